@@ -20,7 +20,6 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 from stepper import Model
 from stepper.envs import StepperVectorEnv, Task
-from stepper.lab.engines import MujocoCrowd
 from stepper.loading import compile_source, origin_of
 
 Array = NDArray[Any]
@@ -71,7 +70,7 @@ def with_an_acceleration(spec: Any) -> Any:
     return spec.compile()
 
 
-class MujocoSim(MujocoCrowd):
+class MujocoSim:
     """Batch of MuJoCo environments with the part of `Stepper`'s interface that tasks use.
 
     Args:
@@ -86,8 +85,9 @@ class MujocoSim(MujocoCrowd):
         if engine not in ("mujoco.batch", "mjbatch"):
             raise ValueError(f"engine is {engine!r}, must be 'mujoco.batch' or 'mjbatch': give one of these")
         m = mujoco_model(model, with_contact_forces=False) if m is None else m
-        super().__init__(m, num_envs, threads=threads, library=engine)
-        self.model = model
+        self._batch: Any = importlib.import_module(engine).Batch(m, num_envs, threads)
+        self._bound: dict[str, Array] = {}
+        self.model, self.num_envs = model, num_envs
         self.timestep = float(m.opt.timestep)
         self.status = np.zeros(num_envs, dtype=np.uint32)
         self.randomized: dict[str, Array] = {}
@@ -103,10 +103,20 @@ class MujocoSim(MujocoCrowd):
             self._batch.forward()
         return np.array(values)
 
+    def bind(self, name: str) -> Array:
+        """Live view of a field of `MjData`, (num_envs, ...), in MuJoCo's unit. Fields of the state are writable."""
+        if name not in self._bound:
+            self._bound[name] = self._batch.bind(name)
+        return self._bound[name]
+
+    def step(self, ctrl: Array | None = None, nstep: int = 1) -> None:
+        """Make steps with controls (num_envs, nu), or with the previous controls."""
+        if ctrl is not None:
+            self.bind("ctrl")[:] = ctrl
+        self._batch.step(nstep=nstep)
+
     # Signature of `Stepper.reset` as tasks call it.
-    def reset(  # type: ignore[override]
-        self, envs: Array | None = None, *, qpos: Array | None = None, qvel: Array | None = None, seed: Any = None
-    ) -> None:
+    def reset(self, envs: Array | None = None, *, qpos: Array | None = None, qvel: Array | None = None, seed: Any = None) -> None:
         """Reset the environments of a mask. The seed is ignored: MuJoCo's physics has no random numbers."""
         ids = np.arange(self.num_envs) if envs is None else np.flatnonzero(envs)
         self._batch.reset(ids)

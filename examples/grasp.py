@@ -61,7 +61,7 @@ class Score:
 def score(policy: Policy, rollouts: int, processor: float) -> Score:
     """Evaluate a policy in 32 episodes with fresh seeds."""
     envs: Any = gymnasium.make_vec(NAME, num_envs=32)
-    observation, _ = envs.reset(seed=ppo.FRESH)
+    observation, _ = envs.reset(seed=ppo.EVALUATION_SEED)
     gain = 0.0
     for _ in range(ACTIONS):
         action = policy(observation)

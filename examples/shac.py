@@ -34,7 +34,7 @@ import torch
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stepper.policies import Policy, describe, evaluate
-from stepper.policies.ppo import FRESH, ActorCritic, Moments
+from stepper.policies.ppo import EVALUATION_SEED, ActorCritic, Moments
 from stepper.policies.ppo_settings import Settings
 from torch import Tensor, nn
 
@@ -347,7 +347,7 @@ def main() -> None:
     folder = out or Path("out/shac", env.replace("/", "_"), f"seed{plan.seed}")
     learner = train(env, minutes, plan, folder)
     print(f"{learner.steps:,} steps; wrote curve.csv and policy.npz to {folder}")
-    print(evaluate(learner.policy(), env, episodes=20, seed=FRESH))
+    print(evaluate(learner.policy(), env, episodes=20, seed=EVALUATION_SEED))
 
 
 if __name__ == "__main__":

@@ -35,7 +35,7 @@ def table() -> str:
     for name, kind in KINDS.items():
         field = name.partition("[")[0]
         if field not in FIELDS and field not in COMPOUNDS:
-            lines.append(_row(f"`{field}`", kind.element, "", kind.unit, kind.says, "", identified(field), ""))
+            lines.append(_row(f"`{field}`", kind.element, "", kind.unit, kind.quantity, "", identified(field), ""))
     return "\n".join(lines).replace("|  |", "| |").replace("|  |", "| |") + "\n"
 
 

@@ -49,15 +49,20 @@ def default(field):
     return f"`{json.dumps(value)}`"
 
 
+def keys(kind):
+    """Public fields of a dataclass."""
+    return [field for field in fields(kind) if not field.name.startswith("_")]
+
+
 def table():
     """All keys, as Markdown."""
     lines = []
     for place, kind in PARTS:
         told = attributes(kind)
         if place:
-            rows = [f"| `{f.name}` | {default(f)} | {told[f.name]} |" for f in fields(kind)]
+            rows = [f"| `{f.name}` | {default(f)} | {told[f.name]} |" for f in keys(kind)]
             lines += [f"\n`{place}`\n", "| key | default | |", "|---|---|---|", *rows]
         else:
-            rows = [f"| `{f.name}` | {default(f)} | {told[f.name]} | {IN_TOML.get(f.name, '')} |" for f in fields(kind)]
+            rows = [f"| `{f.name}` | {default(f)} | {told[f.name]} | {IN_TOML.get(f.name, '')} |" for f in keys(kind)]
             lines += ["| key | default | | in a file |", "|---|---|---|---|", *rows, POLICY]
     return "\n".join(lines).replace("|  |", "| |") + "\n"

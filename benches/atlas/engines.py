@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 import stepper
 from numpy.typing import ArrayLike
-from stepper.lab.engines import MujocoCrowd, MujocoEngine, configured
+from stepper.lab.engines import MujocoBatch, MujocoEngine, configure
 
 from atlas.world import NOT_FINITE, Array, CannotRunError, DivergedError, Touch, World
 
@@ -111,42 +111,42 @@ class _MujocoWorld(World):
         model = self.model
         if self.surfaces.any():
             raise CannotRunError("MuJoCo replaces meshes by their convex hulls")
-        configured(model, engine.settings).opt.timestep = dt
+        configure(model, engine.settings).opt.timestep = dt
         if iterations is not None:
             model.opt.iterations = iterations
         if engine.solref is not None:
             _stiffen(model, engine.solref * dt, restitution)
-        self._crowd = MujocoCrowd(model, num_envs, contacts=True)
+        self._batch = MujocoBatch(model, num_envs, contacts=True)
 
     @property
     def qpos(self) -> Array:
-        return self._crowd.qpos
+        return self._batch.qpos
 
     @property
     def qvel(self) -> Array:
-        return self._crowd.qvel
+        return self._batch.qvel
 
     def set(self, qpos: ArrayLike | None = None, qvel: ArrayLike | None = None) -> None:
         for name, given in (("qpos", qpos), ("qvel", qvel)):
             if given is not None:
-                self._crowd.bind(name)[:] = given
+                self._batch.bind(name)[:] = given
 
     def push(self, body: str, force: ArrayLike, torque: ArrayLike = (0, 0, 0)) -> None:
-        wrench = self._crowd.bind("xfrc_applied")[:, self.body(body)]
+        wrench = self._batch.bind("xfrc_applied")[:, self.body(body)]
         wrench[:, :3], wrench[:, 3:] = force, torque
 
     def touches(self, env: int = 0) -> list[Touch]:
-        d, out, force = self._crowd.data(env), [], np.zeros(6)
+        d, out, force = self._batch.data(env), [], np.zeros(6)
         for i, c in enumerate(d.contact):
             mujoco.mj_contactForce(self.model, d, i, force)
             out.append(Touch((int(c.geom[0]), int(c.geom[1])), c.frame[:3].copy(), float(force[0])))
         return out
 
     def _advance(self, ctrl: Array | None, nstep: int) -> None:
-        self._crowd.step(ctrl, nstep)
+        self._batch.step(ctrl, nstep)
 
     def _check(self) -> None:
-        if self._crowd.restarted.any():
+        if self._batch.restarted.any():
             raise DivergedError("MuJoCo reset an environment because of a bad state")
 
 

@@ -23,7 +23,7 @@ import numpy as np
 from stepper import Model, ModelError, Options, Stepper, load
 from stepper.lab.demo.race import MATCHED, Plan, Track, race, random_control
 from stepper.lab.demo.referee import Referee
-from stepper.lab.engines import Array, Crowd, MujocoCrowd, StepperCrowd, mujoco_model
+from stepper.lab.engines import Array, EngineBatch, MujocoBatch, StepperBatch, mujoco_model
 from stepper.shared.machine import MissingPackageError, allowed_cores, one_core, package_file, provenance, require
 
 MODELS = (
@@ -75,14 +75,14 @@ def fast(model: Model) -> Options:
     return Options(timestep=Stepper(model).timestep, integrator="euler", stabilization="baumgarte", tolerance=1e-3)
 
 
-def crowds(case: Case, plan: Plan, threads: int) -> list[Crowd]:
+def batches(case: Case, plan: Plan, threads: int) -> list[EngineBatch]:
     """Batches to measure: stepper in both precisions with both settings, and MuJoCo with both settings."""
     quick = fast(case.model)
     return [
-        *(StepperCrowd(case.model, plan.num_envs, precision=p, threads=threads) for p in ("f64", "f32")),
-        *(StepperCrowd(case.model, plan.num_envs, precision=p, threads=threads, options=quick, setting="fast") for p in ("f64", "f32")),
-        MujocoCrowd.from_file(case.path, plan.num_peers, threads=threads, settings=MATCHED),
-        MujocoCrowd.from_file(case.path, plan.num_peers, threads=threads),
+        *(StepperBatch(case.model, plan.num_envs, precision=p, threads=threads) for p in ("f64", "f32")),
+        *(StepperBatch(case.model, plan.num_envs, precision=p, threads=threads, options=quick, setting="fast") for p in ("f64", "f32")),
+        MujocoBatch.from_file(case.path, plan.num_peers, threads=threads, settings=MATCHED),
+        MujocoBatch.from_file(case.path, plan.num_peers, threads=threads),
     ]
 
 
@@ -139,18 +139,18 @@ def _quiet(what: str, done: float) -> None:
 def measure(case: Case, plan: Plan) -> dict[str, Any]:
     """Measure a model. Returns all figures as a dictionary for JSON."""
     with one_core():
-        running = crowds(case, plan, threads=1)
+        running = batches(case, plan, threads=1)
         one = race(running, case.control, plan, clock=time.process_time, tick=_quiet, what=case.name, referee=Referee(case.path))
         single = alone(case, plan)
     many: dict[str, Track] = {}
     if len(allowed_cores()) > 1:
-        others = crowds(case, plan, threads=0)
+        others = batches(case, plan, threads=0)
         many = race(others, case.control, plan, clock=time.perf_counter, tick=_quiet, what=case.name, referee=None)
 
     times = {name: track.times["control"] for name, track in one.items()}
     wall = {name: track.times["control"] for name, track in many.items()}
     samples = {name: track.samples["control"] for name, track in one.items()}
-    certificates = {crowd.name: crowd.certificates["control"] for crowd in running if isinstance(crowd, StepperCrowd)}
+    certificates = {batch.name: batch.certificates["control"] for batch in running if isinstance(batch, StepperBatch)}
     return {
         "model": case.name,
         "nv": case.model.nv,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from stepper import Model, Options
 from stepper._options import Precision
-from stepper.lab.engines import Certificate, Crowd, MujocoCrowd, StepperCrowd
+from stepper.lab.engines import Certificate, EngineBatch, MujocoBatch, StepperBatch
 
 from many_contacts.scene import Array, Script
 
@@ -29,7 +29,7 @@ class Effort:
     newton_steps: int = 0
 
 
-class Batch(Crowd, Protocol):
+class Batch(EngineBatch, Protocol):
     """Batch of environments of one engine that can be reset."""
 
     def begin(self, script: Script) -> None:
@@ -46,8 +46,8 @@ class Batch(Crowd, Protocol):
         """Number of environments that the engine has reset or marked as not finite since `begin`."""
 
 
-class Ours(StepperCrowd):
-    """Batch of stepper, with one thread and the arguments of `StepperCrowd`."""
+class Ours(StepperBatch):
+    """Batch of stepper, with one thread and the arguments of `StepperBatch`."""
 
     def __init__(self, model: Model, num_envs: int, *, precision: Precision, options: Options | None, setting: str) -> None:
         super().__init__(model, num_envs, precision=precision, options=options, setting=setting)
@@ -70,7 +70,7 @@ class Ours(StepperCrowd):
         self.sim.mocap_quat[:] = mocap[..., 3:]
 
     def record(self, phase: str) -> None:
-        """Record the last step, as `Crowd.record`."""
+        """Record the last step, as `EngineBatch.record`."""
         effort = self.efforts.setdefault(phase, Effort())
         effort.certificate.add(self.sim)
         newton_steps = int(np.sum(self.sim.newton_steps))
@@ -83,7 +83,7 @@ class Ours(StepperCrowd):
         return sum(effort.certificate.non_finite for effort in self.efforts.values())
 
 
-class Theirs(MujocoCrowd):
+class Theirs(MujocoBatch):
     """Batch of MuJoCo, with one thread."""
 
     def begin(self, script: Script) -> None:

@@ -18,7 +18,7 @@ from typing import Any, TypeAlias
 from comparison.throughput import PLAN, cases
 from stepper import Stepper
 from stepper._options import Precision
-from stepper.lab.engines import StepperCrowd
+from stepper.lab.engines import StepperBatch
 
 
 @contextmanager
@@ -51,10 +51,10 @@ def save_robots(folder: Path, precisions: Iterable[Precision], only: list[str]) 
             sys.stderr.write(f"skipped {case}\n")
             continue
         for precision in precisions:
-            crowd = StepperCrowd(case.model, PLAN.num_envs, precision=precision)
-            with episode(crowd.sim, folder, case.name):
+            batch = StepperBatch(case.model, PLAN.num_envs, precision=precision)
+            with episode(batch.sim, folder, case.name):
                 for step in range(PLAN.steps):
-                    crowd.step(case.control[step // PLAN.hold])
+                    batch.step(case.control[step // PLAN.hold])
 
 
 @dataclass(frozen=True)

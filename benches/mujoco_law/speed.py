@@ -14,7 +14,7 @@ from comparison.throughput import Case, cases, ratio
 from many_contacts.targets import grouped_mean
 from stepper import Options
 from stepper.lab.demo.race import Plan, race
-from stepper.lab.engines import Crowd, MujocoCrowd, MujocoEngine, StepperCrowd
+from stepper.lab.engines import EngineBatch, MujocoBatch, MujocoEngine, StepperBatch
 from stepper.shared.machine import one_core, provenance, require
 
 
@@ -74,17 +74,17 @@ def many_contacts(path: Path) -> str:
 def _measure(case: Case, plan: Plan) -> tuple[float, float]:
     options = Options.from_model(case.model)
     with one_core():
-        ours = [StepperCrowd(case.model, plan.num_envs, precision=p, threads=1, options=options, setting="law") for p in ("f64", "f32")]
-        theirs: list[Crowd] = [
-            MujocoCrowd.from_file(case.path, plan.num_peers, threads=1),
-            MujocoCrowd.from_file(case.path, plan.num_peers, threads=1, settings=Newton("Newton")),
+        ours = [StepperBatch(case.model, plan.num_envs, precision=p, threads=1, options=options, setting="law") for p in ("f64", "f32")]
+        theirs: list[EngineBatch] = [
+            MujocoBatch.from_file(case.path, plan.num_peers, threads=1),
+            MujocoBatch.from_file(case.path, plan.num_peers, threads=1, settings=Newton("Newton")),
         ]
         tracks = race([*ours, *theirs], case.control, plan, clock=time.process_time, tick=lambda *_: None, what=case.name, referee=None)
     times = {name: track.times["control"] for name, track in tracks.items()}
     names = list(times)
     ratios = [min(ratio(times[name], times[peer]) for peer in names[2:]) for name in names[:2]]
     us = [median(times[name]) for name in names]
-    residual = [crowd.certificates["control"].worst_residual for crowd in ours]
+    residual = [batch.certificates["control"].worst_residual for batch in ours]
     steps = float(ours[0].sim.newton_steps.mean())
     print(
         f"| {case.name} | {options.integrator} | {us[0]:.2f} | {us[1]:.2f} | {us[2]:.1f} / {us[3]:.1f} | **{ratios[0]:.1f}** |"

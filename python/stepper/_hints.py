@@ -198,15 +198,19 @@ def hint_keywords(call: str) -> Callable[[type[T]], type[T]]:
 
     def with_hints(kind: type[T]) -> type[T]:
         make: Callable[..., None] = kind.__init__
-        known = list(inspect.signature(kind).parameters)
+        signature = inspect.signature(kind)
+        parameters = list(signature.parameters)
+        known = [name for name in parameters if not name.startswith("_")]
 
         @functools.wraps(make)
         def init(self: T, *given: Any, **named: Any) -> None:
-            if other := next((name for name in named if name not in known), None):
+            if other := next((name for name in named if name not in parameters), None):
                 raise TypeError(unknown_keyword(call, other, known))
             make(self, *given, **named)
 
         kind.__init__ = init  # type: ignore[method-assign,assignment]
+        # Private fields are carried by dataclasses.replace, and are no part of the signature.
+        kind.__signature__ = signature.replace(parameters=[signature.parameters[name] for name in known])  # type: ignore[attr-defined]
         return kind
 
     return with_hints

@@ -16,55 +16,59 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Options(metaclass=Hinting):
-    """Every choice of method that a step makes. Immutable; `dataclasses.replace` makes another.
+    """Numerical methods and tolerances of a step. Immutable: `dataclasses.replace` makes a changed copy.
 
     Out-of-range values raise `ValueError` when a `Stepper` is made with them.
 
     Attributes:
-        timestep: Time step in s; None takes the model's own.
+        timestep: Time step, s; None is the model's.
         contact: Law of contacts, limits, dry friction and equalities.
 
             * "hard": rigid, Signorini's condition and Coulomb's cone, each step solved to the tolerance.
-            * "mujoco": MuJoCo's soft law as its documentation defines it (computation chapter), from the model's solref, solimp, solmix,
-              margins, impratio and cone. The convex problem is solved by Newton's method; `iterations` bounds its steps, and its residual
-              is the velocity in m/s that the remaining imbalance of forces makes in a step. Solver, stabilisation
-              and restitution have no part in it. docs/explanation/mujoco_law.md has what agrees with MuJoCo, and how far.
-        integrator: How velocities and positions advance. None is "midpoint" with hard contact, and with contact="mujoco" what the model's
-            source asks for, or "euler".
+            * "mujoco": MuJoCo's soft contact as its documentation defines it (computation chapter), from the model's solref, solimp,
+              solmix, margins, impratio and cone. Newton's method solves the convex problem, in at most `iterations` steps. The residual is
+              the velocity in m/s that the remaining imbalance of forces causes in a step. `solver`, `stabilization` and restitution have
+              no effect. docs/explanation/mujoco_law.md lists what agrees with MuJoCo, and how closely.
+        integrator: Time integrator. None is "midpoint" with hard contact. With contact="mujoco", None is the integrator of the model's
+            source, or "euler" for models without a source.
 
-            * "midpoint": Moreau's rule, second order in smooth motion. Springs, dampers and servos follow the implicit midpoint rule,
-              stable for any stiffness, which keeps the energy of linear springs. What is much faster than a step rings and decays slowly. A
+            * "midpoint": Moreau's rule, second order in smooth motion. Springs, dampers and servos follow the implicit midpoint rule. It is
+              stable for any stiffness and keeps the energy of linear springs. Oscillations much faster than the time step decay slowly. A
               single body, free or on a ball joint, keeps its angular momentum exactly and its energy without drift.
-            * "implicit": first order. Springs, dampers and servos by backward Euler, velocity-dependent forces at the velocity to be
-              expected: stable for any stiffness, and what is much faster than a step is gone after it.
-            * "euler": semi-implicit, first order, and what MuJoCo calls Euler: implicit in joint damping alone. Springs and servos need
+            * "implicit": backward Euler for springs, dampers and servos, first order. Velocity-dependent forces use the predicted
+              velocity. It is stable for any stiffness, and damps oscillations much faster than the time step within one step.
+            * "euler": semi-implicit, first order, MuJoCo's Euler: implicit in joint damping alone. Springs and servos need
               h^2 k / m < 4, and a tumbling body gains energy.
             * "rk4": Runge-Kutta-Munthe-Kaas of order 4 for environments without an active constraint (contact, limit, dry friction) in
-              this step; the others take a midpoint step, with its errors of momentum and energy. Its smooth step is explicit in everything,
-              so that springs and dampers need h sqrt(k / m) < 2.8 and h d / m < 2.7.
+              this step. The others take a midpoint step, with its errors of momentum and energy. The smooth step is fully explicit:
+              springs and dampers need h sqrt(k / m) < 2.8 and h d / m < 2.7.
 
-            With contact="mujoco" there are MuJoCo's own: "euler" (with the joints' damping implicit, unless the model says otherwise),
-            "implicitfast", "implicit", "discrete", which takes springs, dampers, servos and constraints together at the end of the step,
-            and "rk4", whose four stages each solve the constraints.
+            With contact="mujoco" the integrators are those of MuJoCo: "euler", "implicitfast", "implicit", "discrete" and "rk4". Joint
+            damping is implicit in "euler", unless the model disables that. All of springs, dampers, servos and constraints are evaluated
+            together at the end of the step in "discrete". The constraints are solved in each of the four stages of "rk4".
 
-            With "midpoint" and "implicit" a servo at a bound of its force gives the bound, and none of its stiffness. Fixed tendons whose
-            joints lie on several branches act with an inertia that grows with h^2 k and h d, which keeps them stable too.
-        solver: "pgs" (projected Gauss-Seidel that solves every contact's own Coulomb problem exactly, with Anderson's acceleration),
-            "newton" (augmented-Lagrangian Newton for every environment that the first two sweeps do not solve), or "auto": sweeps, then
-            Newton for the environments that they leave above the tolerance.
-        iterations: Sweeps of the solver at the most ("auto" makes no more than 50), and Newton steps at the most for each island of bodies
-            in contact and pass (docs/development/decisions/bounds.md). A step that runs out of them says NOT_CONVERGED in its status, and
+            With "midpoint" and "implicit", a servo at its force limit exerts that limit and adds no stiffness. Fixed tendons whose
+            joints lie on several branches get an added inertia that grows with h^2 k and h d, which keeps them stable.
+        solver: Solver of the contact problem, with hard contact.
+
+            * "pgs": projected Gauss-Seidel with Anderson acceleration. Each sweep visits all contacts and solves the Coulomb problem of
+              each exactly.
+            * "newton": augmented-Lagrangian Newton for every environment that the first two sweeps do not solve.
+            * "auto": sweeps, then Newton for environments whose residual is still above the tolerance.
+        iterations: Largest number of sweeps ("auto" makes no more than 50). It also bounds the Newton steps of each island of bodies in
+            contact (docs/development/decisions/bounds.md). A step that reaches the bound sets NOT_CONVERGED in `status`, and
             `Stepper.worst_row` names the row. `Stepper.iterations` counts both, `Stepper.newton_steps` Newton steps alone.
-        tolerance: Natural-map residual at which the solver stops, in m/s; None is 1e-6, and 1e-4 with precision="f32". With
-            contact="mujoco" None is besides at most 0.6 % of what gravity adds to a velocity in a step (and at least 1e-6), so that contact
-            forces at rest err by no more at short steps.
-        stabilization: What removes overlap: "baumgarte" (a velocity bias), "split" (a second solve that moves positions only) or "none".
+        tolerance: Natural-map residual at which the solver stops, m/s. None is 1e-6, and 1e-4 with precision="f32". With
+            contact="mujoco", None is the smaller of that and 0.6 % of the velocity that gravity adds in a step, but at least 1e-6. Short
+            steps then have contact forces at rest with the same relative error.
+        stabilization: Method that removes overlap: "baumgarte" (a velocity bias), "split" (a second solve that moves positions only) or
+            "none".
         baumgarte: Fraction of the overlap beyond the slop that is removed per step, 0 to 1.
-        slop: Overlap that is left alone, in m (rad for hinge limits).
-        max_correction_speed: Fastest correction of overlap, in m/s.
-        restitution_threshold: A touching contact slower than this before the step rests instead of bouncing, in m/s.
-        max_contacts: Contacts that one environment has room for; None lets the model decide. Contacts without room are left out and
-            the step says CONTACTS_FULL.
+        slop: Overlap that is not corrected, m (rad for hinge limits).
+        max_correction_speed: Fastest correction of overlap, m/s.
+        restitution_threshold: Approach speed below which a touching contact rests instead of bouncing, m/s.
+        max_contacts: Capacity for contacts of one environment; None is the model's default. Contacts beyond it are left out, and `status`
+            has CONTACTS_FULL.
     """
 
     timestep: float | None = None

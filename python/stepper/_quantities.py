@@ -28,7 +28,7 @@ KINDS: dict[str, str] = {
 
 
 def read(now: Any, name: str, of: Key | Sequence[Key] | None = None) -> Array:
-    """Values of a quantity for all its elements, or for some: see `Stepper.read`.
+    """Values of a quantity for all its elements, or for some, (num_envs, n, ...), in its unit: see `Stepper.read`.
 
     Args:
         now: A stepper, a moment of an environment or the world of a study: all have its attributes.
@@ -46,7 +46,7 @@ def read(now: Any, name: str, of: Key | Sequence[Key] | None = None) -> Array:
 
 
 def inverse_dynamics(sim: Stepper, qacc: ArrayLike) -> Array:
-    """Forces on the joints that would accelerate the present states so: see `Stepper.inverse_dynamics`."""
+    """Joint forces, (num_envs, nv), N and N m, for accelerations, (num_envs, nv), m/s^2 and rad/s^2; see `Stepper.inverse_dynamics`."""
     shape = () if sim.num_envs is None else (sim.num_envs,)
     wanted = np.asarray(qacc, dtype=np.float64)
     if wanted.shape not in ((sim.model.nv,), (*shape, sim.model.nv)):
@@ -63,7 +63,7 @@ def inverse_dynamics(sim: Stepper, qacc: ArrayLike) -> Array:
 
 
 def around_body(sim: Stepper, points: ArrayLike, directions: ArrayLike, body: Key, axes: str) -> tuple[Array, Array]:
-    """Points and directions in the world of rays that belong to a body: see `Stepper.rays`.
+    """Points, m, and directions in the world, (num_envs, n, 3), of rays in the frame of a body, (n, 3), m; see `Stepper.rays`.
 
     Raises:
         ValueError: Unknown axes, or arrays of another shape.
@@ -136,7 +136,7 @@ def _places(model: Model, kind: str, name: str, of: Key | Sequence[Key]) -> Any:
 
 
 def room(shape: tuple[int, ...], dtype: Any, out: Array | None) -> Array:
-    """An array of a shape and scalar type: `out` if it is given, or a new one.
+    """Array of a shape and scalar type, in any unit: `out` if it is given, otherwise a new one.
 
     Raises:
         ValueError: An `out` of another shape or scalar type.
@@ -149,7 +149,7 @@ def room(shape: tuple[int, ...], dtype: Any, out: Array | None) -> Array:
 
 
 def written(values: Array, out: Array | None) -> Array:
-    """A copy of an array, in `out` if it is given.
+    """Copy of an array, (...), in its unit, written to `out` if it is given.
 
     Raises:
         ValueError: An `out` of another shape or scalar type.

@@ -22,18 +22,19 @@ class Status(IntFlag):
     UNRESOLVED = 8
     """The time step is too long for the motion; use a shorter one. There are two cases:
 
-    A joint turns by half a radian or more in a step while inertial forces accelerate it further, or impulses turn it by half a revolution,
-    as levers in a jam. Such a step leaves out centrifugal and gyroscopic forces, limits the increase of kinetic energy to the work done,
-    and limits joint velocities to one radian per step. integrator="euler" has no such check and continues until NON_FINITE.
+    First, a joint turns too far in one step: by half a radian while inertial forces accelerate it further, or by half a revolution from
+    impulses. (Levers in a jam do this.) The step then leaves out centrifugal and gyroscopic forces and limits joint velocities to one
+    radian per step. Its kinetic energy increases by no more than the work done. integrator="euler" has no such check and continues until
+    NON_FINITE.
 
-    A step of integrator="midpoint" creates energy by its error: more than a tenth of the kinetic energy in the step, or so fast
-    that it would double within 0.1 s. Both bounds are twice as high where constraints change the velocity much. The flag does not change
-    the motion. Whipping chains have such steps."""
+    Second, the error of integrator="midpoint" creates energy. The bound is a tenth of the kinetic energy per step, or a rate that doubles
+    it within 0.1 s. Both bounds are twice as high where constraints change the velocity much. The flag does not change the motion.
+    Whipping chains have such steps."""
     TUNNELLED = 16
     """A fast geom may have passed through a thin one in a step. Use a shorter time step."""
     INFEASIBLE = 32
-    """The constraints contradict each other, and a certificate proves it: a combination of impulses that moves nothing, or so little that
-    no velocity within the bounds of position correction (5 `max_correction_speed` in m/s, and 10 times that in rad/s) satisfies them.
+    """The constraints contradict each other. A combination of impulses proves it: it moves nothing, or too little. No velocity within
+    the bounds of position correction then satisfies the constraints (bounds: 5 `max_correction_speed` in m/s, 10 times that in rad/s).
     Examples: a body squeezed between two others, a weld out of reach, a contact whose normal passes through a hinge. The step satisfies
     the constraints as far as possible, in least squares. For links of a robot that overlap at the reference pose, load it with
     `stepper.load(..., overlaps="exclude")`."""
@@ -45,6 +46,10 @@ class Status(IntFlag):
     """A joint or tendon is beyond its range by more than 0.01 rad (slides and tendons: 0.01 m) after a step;
     see `Stepper.max_limit_violation`."""
     EQUALITY_VIOLATED = 256
-    """The position error of an equality is above 1 mm or 1 mrad after a step; `Stepper.max_equality_violation` is the error. Causes: a loop
-    that turns by a tenth of a radian or more in a step, a state or a change of `eq_active` that violates the equality, an equality out of
-    reach (INFEASIBLE), stabilization="none". With contact="mujoco" equalities are soft, and a large load sets the flag."""
+    """The position error of an equality is above 1 mm or 1 mrad after a step; `Stepper.max_equality_violation` is the error. Causes:
+
+    * a closed loop turns by a tenth of a radian or more in a step
+    * `set_state` or a change of `eq_active` violates the equality
+    * the equality is out of reach (INFEASIBLE)
+    * stabilization="none"
+    * contact="mujoco": equalities are soft, and the load is large"""

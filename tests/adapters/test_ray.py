@@ -163,7 +163,7 @@ def test_a_policy_that_fails_is_named_and_a_seed_begins_anew():
     with pytest.raises(ZeroDivisionError, match="no action"):
         envs.rollout(failing, 3)
     for call in (lambda: envs.step(np.zeros((6, 3))), envs.reset):
-        with pytest.raises(RuntimeError, match="begin anew with reset"):
+        with pytest.raises(RuntimeError, match="start again with reset"):
             call()
     observation, _ = envs.reset(seed=0)
     np.testing.assert_array_equal(observation, StepperVectorEnv("Hopper", 6).reset(seed=0)[0])

@@ -27,7 +27,7 @@ def test_a_ball_that_falls_a_millimetre():
         # The weight for a second, less the fall, and what the speed before a rest adds; the last step's force is a thousandth of it.
         assert math.isclose(of["impulse of contacts, N s"], 2 * 9.81 * 1.0, rel_tol=5e-3)
         assert abs(of["first touch, s"] - fall) < 0.003
-        assert of["way that surfaces slide, m"] < 1e-3
+        assert of["sliding distance of surfaces, m"] < 1e-3
 
 
 def test_controls_policies_rewards_and_pictures(tmp_path):
@@ -44,7 +44,7 @@ def test_controls_policies_rewards_and_pictures(tmp_path):
     policies = stepper.lab.compare(model, lambda qpos, qvel: controls[next(step) % 40], seconds=0.2, num_envs=3, reward=reward)
     assert list(policies.figures()) == ["hard", "MuJoCo's law"]
     for name, figures in policies.figures().items():
-        assert math.isnan(figures.pop("way that surfaces slide, m"))
+        assert math.isnan(figures.pop("sliding distance of surfaces, m"))
         same = {key: value for key, value in by_table.figures()[name].items() if key in figures}
         assert figures == same
     assert by_table.table().count("\n") == 13

@@ -245,7 +245,7 @@ def test_what_is_wrong_with_a_view_is_said(tmp_path):
     np.testing.assert_array_equal(shown_envs(sim, None, 2), [0, 1])
     with sim.record(tmp_path / "empty"):
         pass
-    with pytest.raises(stepper.recording.RecordingError, match="no step in it"):
+    with pytest.raises(stepper.recording.RecordingError, match="it has no step to show"):
         RecordedRun(tmp_path / "empty")
 
 
@@ -343,11 +343,11 @@ def command(monkeypatch, capsys):
     (("nothing/Nothing-v5",), "is no file, no recording and no environment"),
     (("CartPole-v1",), "CartPole-v1 is an environment of another simulator"),
     (("tests",), "tests is a folder without run.json"),
-    (("a.xml", "--rerun", "a.rrd"), "--rerun writes a recording, and a.xml is none"),
+    (("a.xml", "--rerun", "a.rrd"), "--rerun converts a recording, and a.xml is none"),
     (("a.xml", "--contact", "soft"), "contact is 'soft', must be 'hard' or 'mujoco'"),
     (("a.xml", "--actions", "none"), "actions is 'none', must be 'random' or 'zero'"),
-    (("a.xml", "--actions", "zero"), "--actions says nothing of a model, and a.xml is one"),
-    (("stepper/Hopper-v5", "--keyframe", "home"), "--keyframe says nothing of an environment, and stepper/Hopper-v5 is one"),
+    (("a.xml", "--actions", "zero"), "--actions has no effect on a model, and a.xml is one"),
+    (("stepper/Hopper-v5", "--keyframe", "home"), "--keyframe has no effect on an environment, and stepper/Hopper-v5 is one"),
     # Its name has what might be the ending of a file.
     (("stepper/dm_control.nothing-nothing-v0",), "is no file, no recording and no environment"),
 ])  # fmt: skip
@@ -361,7 +361,7 @@ def test_a_recording_has_its_own_settings(command, tmp_path, option):
     sim = stepper.Stepper(stepper.load("<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"))
     with sim.record(tmp_path / "run"):
         sim.step()
-    assert f"{option[0]} says nothing of a recording" in command(str(tmp_path / "run"), *option)
+    assert f"{option[0]} has no effect on a recording" in command(str(tmp_path / "run"), *option)
 
 
 def test_a_task_of_dm_control_is_shown(monkeypatch):

@@ -9,7 +9,7 @@ import gymnasium
 import numpy as np
 import pytest
 from envs.cases import needs_gymnasiums
-from stepper.policies import load
+from stepper.policies import load, make
 
 torch = pytest.importorskip("torch", reason="torch is not installed: make training")
 from stepper.policies import ppo as train  # noqa: E402
@@ -136,7 +136,7 @@ def test_it_trains_in_vector_environments_of_others(tmp_path):
     name = "others/Pole-v0"
     gymnasium.register(name, vector_entry_point="stepper.envs:StepperVectorEnv", kwargs={"task": "InvertedPendulum"}, max_episode_steps=20)
     try:
-        envs = train.make(train.Settings(env=name, **SMALL))
+        envs = make(name, SMALL["num_envs"], training=True)
         assert envs.metadata["autoreset_mode"] == gymnasium.vector.AutoresetMode.SAME_STEP
         run = train.train(train.Settings(env=name, steps=2 * PER_ITERATION, **SMALL), tmp_path, quiet=True)
     finally:

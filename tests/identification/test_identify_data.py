@@ -141,7 +141,7 @@ def test_cells_lines_and_names(tmp_path):
     ):
         with pytest.raises(error, match=message):
             stepper.sysid.identify(MODEL, good, parameters)
-    with pytest.raises(ValueError, match="noise is given of 'q'"):
+    with pytest.raises(ValueError, match="noise has 'q'"):
         stepper.sysid.identify(MODEL, good, ["body_mass[box]"], noise={"q": 1.0})
     with pytest.raises(TypeError, match=r"stepper\.sysid\.Episode or the path"):
         stepper.sysid.identify(MODEL, 3, ["body_mass[box]"])

@@ -37,6 +37,15 @@ def test_help_and_wrong_options_need_no_pytorch(option, code, said):
     assert "PyTorch" not in ended.stdout
 
 
+@pytest.mark.skipif(find_spec("typer") is None, reason="typer, which the command line needs, is not installed")
+def test_copy_needs_no_pytorch(tmp_path):
+    copy = tmp_path / "mine.py"
+    code = WITHOUT_TORCH + COMMAND.replace("'--seed', '3'", f"'--copy', {str(copy)!r}")
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert copy.read_text() == (ROOT / "python/stepper/policies/ppo.py").read_text()
+
+
 @pytest.mark.parametrize("script", [EXAMPLE, LEARNER])
 def test_scripts_do_too(script):
     """The example, and a copy of the learner."""

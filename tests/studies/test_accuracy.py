@@ -11,9 +11,9 @@ import stepper
 from stepper.lab.accuracy.candidates import lines, pareto, timesteps
 from stepper.lab.accuracy.costs import saving
 from stepper.lab.accuracy.measure import Ground, measure, reference
-from stepper.lab.accuracy.reference import _judged, converge
+from stepper.lab.accuracy.reference import _assessed, converge
 from stepper.lab.accuracy.traces import Distance, quantity, run
-from stepper.lab.accuracy.tune import Candidate, Tuning, _beside, _cheaper, _lines
+from stepper.lab.accuracy.tune import Candidate, Tuning, _cheaper, _compared, _lines
 from stepper.lab.study import Recorded
 from typer.testing import CliRunner
 
@@ -71,7 +71,7 @@ def test_where_the_second_method_is_not_finite_nothing_is_known():
     runs = [run(study, range(2), timestep=dt) for dt in (0.01, 0.005, 0.0025)]
     lost = replace(runs[-1], points=runs[-1].points.copy())
     lost.points[:, 1] = np.nan
-    found = _judged(runs, [lost, lost], distance, 1e-3)
+    found = _assessed(runs, [lost, lost], distance, 1e-3)
     assert np.isfinite(found.uncertainty[0])
     assert found.uncertainty[1] == math.inf
 
@@ -88,9 +88,9 @@ def test_where_eulers_rule_diverges_the_implicit_rule_judges():
     assert not any(run(study, range(2), integrator="euler", timestep=own.timestep).finite.any() for own in found.runs[-2:])
     assert found.without == ("Euler's rule",)
     assert len(found.second) == 2
-    assert "Euler's rule cannot judge it" in found.words
+    assert "Euler's rule cannot check it" in found.words
     assert "the implicit rule is" in found.words
-    assert found.judged(Distance("m", 0.05)).words.count("the implicit rule is") == 1
+    assert found.with_distance(Distance("m", 0.05)).words.count("the implicit rule is") == 1
     # It is known, and as well as it says.
     finer = converge(study, range(2), distance, target=1e-12, most=6)
     assert np.all(distance(found.trace, finer.trace) <= 1.5 * found.uncertainty)
@@ -102,7 +102,7 @@ def test_a_rule_that_takes_too_long_is_no_judge(monkeypatch):
     found = converge(pendulum(seconds=0.1), range(2), Distance("m", 0.1), target=1e-5, most=2)
     assert found.second == ()
     assert not found.stopped
-    assert "Euler's rule and the implicit rule cannot judge it" in found.words
+    assert "Euler's rule and the implicit rule cannot check it" in found.words
     assert "and there is no other method" in found.words
     assert np.isfinite(found.uncertainty).all()
 
@@ -120,7 +120,7 @@ def test_a_run_that_takes_too_long_is_stopped_and_told(tmp_path, monkeypatch):
     assert {own.stopped for own in found.candidates if own.settings["timestep"] >= 0.005} == {True}
     told = found.document.markdown()
     assert "With the study's own settings, episodes were stopped" in told
-    assert "took far longer than what is right and had to be stopped" in told
+    assert "took far longer than the reference and had to be stopped" in told
     study, distance = replace(scene(), threads=1), Distance("m", 0.1)
     right = converge(study, range(2), distance, target=1e-3, most=2)
     points, _, _ = measure(Ground(study, range(2), distance, right, 2), lines(study, quick=True)[:1], [0.005, 0.0025], lambda *_: None)
@@ -239,21 +239,21 @@ def tuned(own, *others, chosen=0, trials=1):
 
 
 def test_what_is_saved_is_said_of_settings_that_keep_the_budget():
-    keeps = _beside(tuned((0.9e-3, 10.0), (0.8e-3, 5.0)), "batch")
+    keeps = _compared(tuned((0.9e-3, 10.0), (0.8e-3, 5.0)), "batch")
     assert keeps == "The study's own settings take 10, 2.00 times as much, and keep the budget too: their error is 0.0009 m."
     misses = tuned((3e-3, 10.0), (0.8e-3, 18.0))
-    assert "1.80 times what the study's own settings cost (10 us), which miss the budget by 0.002 m: their error is 0.003 m" in _beside(
+    assert "1.80 times what the study's own settings cost (10 us), which miss the budget by 0.002 m: their error is 0.003 m" in _compared(
         misses, "batch"
     )
     assert _cheaper(misses) == "1 of 2 candidates keep the budget in the episodes that chose, and none of them is cheaper."
     diverges = tuned((math.inf, math.nan), (0.8e-3, 5.0))
-    assert _beside(diverges, "batch").startswith("With the study's own settings, an episode diverges. They miss the budget")
-    assert _beside(tuned((0.9e-3, 10.0)), "batch") == "These are the study's own settings."
+    assert _compared(diverges, "batch").startswith("With the study's own settings, an episode diverges. They miss the budget")
+    assert _compared(tuned((0.9e-3, 10.0)), "batch") == "These are the study's own settings."
     unproved = tuned((0.9e-3, 10.0), (0.8e-3, 18.0), (0.95e-3, 12.0), chosen=2, trials=2)
-    assert "and are not proved by others" in _beside(unproved, "batch")
+    assert "and are not proved by others" in _compared(unproved, "batch")
     assert _cheaper(unproved).endswith(
-        "2 of them are cheaper and not proved: 1 failed on held-out episodes; 1 more were not tried, whose errors are no better than of "
-        "one that failed."
+        "2 of them are cheaper and not proved: 1 failed on held-out episodes; 1 not tested, because their errors are "
+        "similar to that of one that failed."
     )
 
 
@@ -272,7 +272,7 @@ def test_the_own_settings_are_tried_in_both_precisions_and_nothing_is_tried_twic
 def test_episodes_that_repeat_those_that_chose_prove_nothing(tmp_path):
     for study in (scene(drive=None), scene(drive=recorded(tmp_path, 13))):
         count = 0 if study.drive is None else 1
-        with pytest.raises(ValueError, match=f"scene: {count} of 17 held-out episodes differ"):
+        with pytest.raises(ValueError, match=f"scene: {count} of 17 held-out episodes are distinct"):
             stepper.lab.tune(replace(study, qvel_noise=0.0), tmp_path, error="1 mm", horizon="0.1 s", coverage=0.8)
 
 
@@ -310,7 +310,7 @@ def test_what_a_scene_does_not_need(tmp_path, saves):
     cones = [own for own in found.spare if own.what.startswith("cones")]
     assert all(own.taken and own.error == 0.0 for own in found.spare if own not in cones and not own.setting)
     # Of the settings, 64 bits are not needed; balls that touch a plane in a point each never need the second tier.
-    bits, tier = spare["64 bits"], spare["the solver's second tier, Newton's method"]
+    bits, tier = spare["64 bits"], spare["the solver's Newton method"]
     assert 0.0 < bits.error < 1e-3
     assert bits.taken == (found.precision == "f32")
     assert tier.error == 0.0
@@ -323,7 +323,7 @@ def test_what_a_scene_does_not_need(tmp_path, saves):
     # What saves nothing, or perhaps nothing, stays.
     saves["share"] = (0.02, -0.01)
     found = stepper.lab.tune(study, tmp_path / "nothing", error="1 mm", horizon="0.1 s", coverage=0.5)
-    assert {own.what for own in found.spare} >= spare.keys() - {"all that is taken out, together"}
+    assert {own.what for own in found.spare} >= spare.keys() - {"all removed parts together"}
     assert not any(own.taken for own in found.spare)
     assert found.smaller is None
     assert not (tmp_path / "nothing/scene/smaller.stepper").exists()

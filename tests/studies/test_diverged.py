@@ -92,7 +92,7 @@ def test_a_ranking_counts_or_names_them(tmp_path):
     found = stepper.lab.rank(study(model=edge, episodes=1, seconds=2.0), tmp_path / "edge", samples=4, setting="MuJoCo")
     lost = int(np.isnan(found.table["outcome.angle"]).sum())
     assert 0 < lost < 16
-    assert f"{lost} of 16 episodes diverged, and count as no success" in str(found)
+    assert f"{lost} of 16 episodes diverged, and count as failures" in str(found)
 
 
 @pytest.mark.parametrize("setting", ["stepper", "MuJoCo"])

@@ -121,12 +121,12 @@ def test_energy_that_a_contact_takes_is_no_error_and_what_it_gives_is():
 
 def test_why_a_scene_has_no_energy_or_momentum():
     limited = '<actuator><motor joint="elbow" forcerange="-1 1"/></actuator>'
-    assert "bounds of their force" in " ".join(Invariants(study(SPACE.format(more=limited))).left_out)
+    assert "force limits" in " ".join(Invariants(study(SPACE.format(more=limited))).left_out)
     assert "bodies may touch the world" in " ".join(Invariants(study(FLOOR)).left_out)
     assert "attached to the world" in " ".join(Invariants(study(LOOP)).left_out)
     saved = Invariants(study(stepper.load(FLOOR)))
     assert saved.kinds == [NORM]
-    assert "no source that MuJoCo reads" in saved.left_out[0]
+    assert "no source that MuJoCo can read" in saved.left_out[0]
 
 
 def test_what_a_drive_pushes_with_is_no_error():

@@ -249,7 +249,7 @@ def test_explain_of_a_run(tmp_path, monkeypatch):
     told = CliRunner().invoke(application(), ["explain", "heap.toml", "--run"])
     assert told.exit_code == 0, told.output
     assert short.output.splitlines()[0] in told.output
-    assert "## What happened beside what could" in told.output
+    assert "## Used parts of the scene" in told.output
     assert "friction of contacts" in told.output
     assert told.output.count("| motion of the bodies |") == 1
 

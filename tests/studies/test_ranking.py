@@ -83,7 +83,7 @@ def test_the_table_of_a_sweep_stays(tmp_path):
         (
             of(ishigami, parameters={"step": stepper.lab.Parameter("options.timestep", low=0.001, high=0.002)}),
             {"parameters": ["step"]},
-            "is a setting of the step",
+            "is an option of the step",
         ),
     ],
 )

@@ -26,7 +26,7 @@ from stepper.lab.study.drives import digest_of
 from stepper.lab.study.episode import Episodes
 from stepper.lab.study.intervals import least_share, trials_for, wilson
 from stepper.lab.study.journal import rows_of
-from stepper.lab.study.parameters import asked_for, model_fields
+from stepper.lab.study.parameters import model_fields, selected
 from stepper.lab.study.points import Point
 from stepper.lab.study.results import JOURNAL, Results
 from stepper.lab.study.sweep import sweep
@@ -289,7 +289,7 @@ def test_settings_that_are_compared_fix_what_they_name(tmp_path):
     found = swept(study, tmp_path)
     ran = {(row["setting"], row["settings"]["iterations"], row["theta"].get("iterations")) for row in found.table.rows}
     assert ran == {("stepper", 20, 20), ("stepper", 50, 50), ("five", 5, None)}
-    assert found.skipped == ("iterations with five: these settings fix iterations themselves",)
+    assert found.skipped == ("iterations with five: these settings fix iterations",)
     assert world_of(study, "five", [study.nominal]).settings()["iterations"] == 5
 
 
@@ -302,7 +302,7 @@ def test_nominal_values_that_mujoco_lacks_are_not_asked_of_it(tmp_path):
     }
     found = stepper.lab.report(still(parameters=parameters, name="alone"), tmp_path)
     assert "MuJoCo" not in found.study.settings
-    assert "MuJoCo cannot run this study: it has no errors of sensors" in str(found)
+    assert "MuJoCo cannot run this study: it has no sensor errors" in str(found)
     del parameters["noise"]
     found = stepper.lab.report(still(parameters=parameters, name="beside"), tmp_path)
     thetas = {row["setting"]: row["theta"] for row in found.sweep.table.rows if row["episode"] == 0}
@@ -551,7 +551,7 @@ def test_controls_of_a_csv_file_are_those_of_the_names_in_its_first_line(tmp_pat
 
 
 @pytest.mark.parametrize(("text", "said"), [
-    ("left,write\n1,2\n", r"other actuators than the model has: \['right'\] are missing, \['write'\] are not the model's"),
+    ("left,write\n1,2\n", r"actuators in its first line differ from the model's: \['right'\] are missing, \['write'\] are unknown"),
     ("1,2,3\n", "it has controls of 3 actuators, and the model has 2: left, right"),
     ("left,right\n1,2\n1\n", "line 3: it is '1', must be 2 numbers"),
     ("1,2\n\n1,two\n", "line 3: it is '1,two', must be 2 numbers"),
@@ -621,7 +621,7 @@ def test_a_study_from_a_file_and_its_pages(tmp_path):
     ):
         assert f"<h2>{title}</h2>" in page
     assert "noise_std 0.01" in page
-    assert "MuJoCo cannot run this study: it has no errors of sensors" in page
+    assert "MuJoCo cannot run this study: it has no sensor errors" in page
     assert found.sweep.table["settings.tolerance"].max() == 1e-6
 
 
@@ -632,12 +632,12 @@ def test_a_study_from_a_file_and_its_pages(tmp_path):
     ('success = ">= 0.3"', "succes = 2|outcome 1 has unknown entries \\['succes'\\]; did you mean success\\?"),
     ("[options]", "[options]\ntimestop = 1|options has unknown entries \\['timestop'\\]; did you mean timestep\\?"),
     ('success = ">= 0.3"', 'success = "big"|success is .big., must be a comparison'),
-    ('measure = "joint hinge"', 'measure = "joint"|must be a function or words'),
+    ('measure = "joint hinge"', 'measure = "joint"|must be a function or a text'),
     ('drive = "drive.py:reach"', 'drive = "drive.py:no"|has no .no.'),
-    ("nominal = 0.8", "|give it a nominal value"),
+    ("nominal = 0.8", "|it has no nominal value"),
     ("high = 0.9", "high = 0.0|low is 0.1, must be below high"),
     ("iterations = 5", "iteration = 5|unknown \\['iteration'\\]; did you mean iterations"),
-    ("seconds = 0.5", "seconds = 0.5\ncontrol = 0.0215|0.005 s, does not divide the time of a control, 0.0215 s; choose one of 0.0071"),
+    ("seconds = 0.5", "seconds = 0.5\ncontrol = 0.0215|0.005 s, does not divide the control period, 0.0215 s; choose one of 0.0071"),
 ])  # fmt: skip
 def test_wrong_files_say_what_and_where(tmp_path, wrong, message):
     new, _, said = message.partition("|")
@@ -666,7 +666,7 @@ def test_a_parameter_that_fits_nothing_is_named(tmp_path):
     ("sensor.nois_std", "no number 'nois_std'; did you mean noise_std"),
     ("actuator.dely", "a Drive has no number 'dely'; did you mean delay"),
     ("actuator.servo.kpp", "a PID has no number 'kpp'; did you mean kp"),
-    ("actuator.gearbox.kp", "a drive has no 'gearbox', it has: motor, servo"),
+    ("actuator.gearbox.kp", "a drive has no 'gearbox', use one of: motor, servo"),
 ])  # fmt: skip
 def test_a_number_that_a_sensor_or_drive_lacks_is_named(selector, said):
     with pytest.raises(ValueError, match=f"parameter 'p': .*{said}"):
@@ -719,9 +719,9 @@ def test_a_selector_with_a_range_is_a_parameter_of_a_sweep(tmp_path):
 def test_two_spellings_of_a_selector_are_one_parameter(texts, names):
     parameters = {name: Parameter("body_mass[object]", low=0.5, high=1.5 + k) for k, name in enumerate(["mass", "heavy"])}
     model = tray().loaded[0]
-    assert list(asked_for(parameters, texts, model)) == names
+    assert list(selected(parameters, texts, model)) == names
     with pytest.raises(ValueError, match=r"'body_mass\[1\]=0.5..9' and '.*', which are the same numbers with another range: give one"):
-        asked_for(parameters, ["body_mass[object]=0.5..1.5", "body_mass[1]=0.5..9"], model)
+        selected(parameters, ["body_mass[object]=0.5..1.5", "body_mass[1]=0.5..9"], model)
 
 
 def test_a_ranking_of_two_spellings_has_one_parameter(tmp_path):
@@ -784,13 +784,13 @@ def judged(tmp_path, **changed):
 
 def test_whose_a_failure_is(tmp_path):
     late = Outcome(name="angle", measure="joint hinge", success=">= 1.0")
-    assert judged(tmp_path / "policy", outcomes=late) == {("policy", "fails though the world is computed more finely and seen as it is")}
+    assert judged(tmp_path / "policy", outcomes=late) == {("policy", "failure even with ideal sensors and a finer time step")}
     biased = stepper.SensorModel(default=stepper.Transfer(bias=-0.4))
     assert judged(tmp_path / "senses", drive=blind, sensors=biased) == {("perception", "success with ideal sensors")}
     nothing = Outcome(name="angle", measure=lambda now: np.full(now.num_envs, np.nan), success=">= 0")
     assert {whose for whose, _ in judged(tmp_path / "nan", outcomes=nothing)} == {"evaluation"}
     declared = Outcome(name="angle", measure="joint hinge", success=">= 1.0", whose="evaluation")
-    assert judged(tmp_path / "declared", outcomes=declared) == {("evaluation", "the study says whose failures of this outcome are")}
+    assert judged(tmp_path / "declared", outcomes=declared) == {("evaluation", "the study declares the cause of failures of this outcome")}
 
 
 def test_a_time_step_that_decides_is_physics(tmp_path):
@@ -854,7 +854,7 @@ def test_one_outcome_decides():
     def outcome(name: str) -> Outcome:
         return Outcome(name=name, measure="joint a", over="max", success="<= 1")
 
-    with pytest.raises(ValueError, match=r"outcomes \['high', 'far'\] all have a success, and one decides"):
+    with pytest.raises(ValueError, match=r"outcomes \['high', 'far'\] have a success, must be one at most"):
         Study(model="<mujoco/>", seconds=1.0, outcomes=(outcome("high"), outcome("far")))
 
 
@@ -898,12 +898,12 @@ def test_what_is_no_episode_is_named(tmp_path):
         ({"mass": math.nan}, {}, "parameter 'mass' is nan, must be a finite number"),
         ({}, {"setting": "6"}, "no settings '6'"),
         ({}, {"number": -1}, "episode is -1, must be 0 or more"),
-        ({}, {"setting": "MuJoCo", "record": tmp_path / "r"}, "MuJoCo, of which there is no view and no recording"),
+        ({}, {"setting": "MuJoCo", "record": tmp_path / "r"}, "run in MuJoCo, which cannot be viewed or recorded"),
     ):
         with pytest.raises(ValueError, match=said):
             study.episode(values, **given)
     assert study.episode({"push": 2.0}, setting="MuJoCo")["settings"]["engine"] == "mujoco"
-    with pytest.raises(ValueError, match="has 3: give it more episodes"):
+    with pytest.raises(ValueError, match="give the study more episodes"):
         random_force().episode({}, 3)
 
 
@@ -987,15 +987,15 @@ def test_the_command_records_an_episode(tmp_path, monkeypatch, capsys):
     for given, said in (
         (("--values", "gaol=0.5"), "did you mean goal?"),
         (("--values", "goal"), "must be NAME=VALUE"),
-        (("--contact", "hard"), "--contact says nothing of a study"),
+        (("--contact", "hard"), "--contact has no effect on a study"),
     ):
         assert stepper_command(monkeypatch, "view", file, *given) == 1
         assert said in capsys.readouterr().err
     assert stepper_command(monkeypatch, "view", tmp_path / "arm.xml", "--episode", "1") == 1
-    assert "--episode is of studies" in capsys.readouterr().err
+    assert "--episode is for studies" in capsys.readouterr().err
 
 
 def test_an_interrupted_command_says_where_its_rows_are(capsys):
     with pytest.raises(KeyboardInterrupt), progress_kept_in(Path("out")):
         raise KeyboardInterrupt
-    assert "finished rows are kept in out, and the same command continues" in capsys.readouterr().err
+    assert "finished rows are kept in out; the same command continues" in capsys.readouterr().err

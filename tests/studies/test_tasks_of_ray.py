@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 import stepper
 from stepper.cli import main
-from stepper.lab.study.over_ray import _guarded, _of_task, _refusal, each
+from stepper.lab.study.jobs import _guarded, _of_task, _refusal, each
 
 ARM = (
     """<mujoco><worldbody><body><joint name="hinge" axis="0 1 0" damping="1"/><geom size=".05" pos=".2 0 0"/></body></worldbody></mujoco>"""
@@ -65,7 +65,7 @@ def test_a_refusal_ends_a_command_with_one_line(tmp_path, monkeypatch, capsys):
         def remote(_):
             return SimpleNamespace(options=lambda **_: SimpleNamespace(remote=lambda *_: object()))
 
-    monkeypatch.setattr("stepper.shared.over_ray.require", lambda *_: Ray)
+    monkeypatch.setattr("stepper.shared.ray_tasks.require", lambda *_: Ray)
     (tmp_path / "arm.xml").write_text(ARM)
     (tmp_path / "study.toml").write_text('model = "arm.xml"\n[[outcomes]]\nname = "angle"\nmeasure = "joint hinge"\n')
     monkeypatch.setattr(sys, "argv", ["stepper", "sweep", str(tmp_path / "study.toml"), "--out", str(tmp_path), "--ray"])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import ray
 import stepper
-from stepper.lab.study.over_ray import WorkerVersionError
+from stepper.lab.study.jobs import WorkerVersionError
 
 ARM = (
     """<mujoco><worldbody><body><joint name="hinge" axis="0 1 0" damping="1"/><geom size=".05" pos=".2 0 0"/></body></worldbody></mujoco>"""

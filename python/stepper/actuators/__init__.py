@@ -1,4 +1,4 @@
-"""Actuators: what becomes of a control before it is a force."""
+"""Drives of actuators: from the control to the force."""
 
 from stepper.actuators.drives import PID, DCMotor, Drive
 from stepper.actuators.model import ActuatorModel

@@ -1,4 +1,4 @@
-"""Drives of actuators: what lies between a control and its force."""
+"""Drives of actuators: delay, filters, servo and motor between a control and its force."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ Envs: TypeAlias = "np.ndarray[Any, Any] | None"
 
 @dataclass(frozen=True, kw_only=True)
 class PID:
-    """A servo that takes the place of an actuator's own law: the control is a set point of the actuator's length (MJCF's gear included).
+    """Servo that replaces the force law of an actuator: the control is a set point of the actuator's length (with MJCF's gear).
 
-    effort = kp (control - length) + integral of ki (control - length) - kd velocity. The integral does not grow where it would drive the
-    effort further beyond its bounds. Every number is one for all environments or an array (num_envs,).
+    effort = kp (control - length) + integral of ki (control - length) - kd velocity. The integral does not grow while the effort is at its
+    bounds and would be driven further beyond them. Every number is a scalar for all environments or an array (num_envs,).
 
     Attributes:
-        kp: N or N m per unit of length.
-        ki: N or N m per unit of length and second.
-        kd: N or N m per unit of velocity.
-        integral_limit: Largest effort of the integral, N or N m; None is none.
-        period: Time between samples in s, with the effort held in between, as a digital controller does it; never shorter than a step.
+        kp: Proportional gain, N or N m per unit of length.
+        ki: Integral gain, N or N m per unit of length and second.
+        kd: Derivative gain, N or N m per unit of velocity.
+        integral_limit: Largest effort of the integral, N or N m; None is no limit.
+        period: Sampling period of a digital controller, s: it holds the effort between samples; at least a time step.
             None is a continuous servo: its stiffness and damping are implicit, so that no time step is too long for them.
     """
 
@@ -51,20 +51,20 @@ class PID:
 
 @dataclass(frozen=True, kw_only=True)
 class DCMotor:
-    """A DC motor behind a gear without backlash. Its numbers are those of its shaft, which turns `gear` times as fast as the actuator.
+    """DC motor behind a gear without backlash. Parameters refer to the motor shaft, which turns `gear` times as fast as the actuator.
 
-    At nominal voltage its torque is stall_torque (1 - speed / no_load_speed): the back-EMF is a damper, and is implicit. Every number but
-    rotor_inertia and gear is one for all environments or an array (num_envs,).
+    At nominal voltage the torque is stall_torque (1 - speed / no_load_speed). The step treats this back-EMF damping implicitly. Every
+    number but rotor_inertia and gear is a scalar for all environments or an array (num_envs,).
 
     Attributes:
-        stall_torque: N m at nominal voltage; None is a motor without a torque-speed curve.
-        no_load_speed: rad/s at nominal voltage.
-        rotor_inertia: kg m^2; the joint gets gear^2 times as much.
-        gear: Turns of the shaft for one of the actuator (rad per unit of its length).
-        efficiency: Share of the power that the gear passes on, both ways: it gives efficiency times the torque to what it drives, and
-            takes 1 / efficiency times the torque to be driven backwards.
-        control: "torque": the effort is a torque that the motor follows as far as its curve, of either sign of the voltage, lets it.
-            "voltage": the effort is the share of the nominal voltage, from -1 to 1.
+        stall_torque: Torque at standstill and nominal voltage, N m; None is a motor without a torque-speed curve.
+        no_load_speed: Speed without load at nominal voltage, rad/s.
+        rotor_inertia: Inertia of the rotor, kg m^2; the joint's armature gets gear^2 times as much.
+        gear: Gear ratio: shaft speed over actuator speed (rad per unit of actuator length).
+        efficiency: Fraction of the power that the gear transmits in either direction. Driving the joint, the torque is multiplied by it;
+            driven back by the joint, the torque is divided by it.
+        control: Unit of the effort. "torque": a torque, N m, limited to the torque-speed curve for voltages of both signs. "voltage": a
+            fraction of the nominal voltage, from -1 to 1.
     """
 
     stall_torque: Number | None = None
@@ -105,17 +105,17 @@ class Drive:
 
     The default is an ideal actuator.
 
-    Control range, delay, servo, lag, the actuator's own law, limits, torque-speed curve, gear and friction. Every number is one for all
-    environments or an array (num_envs,). See docs/reference/actuators.md.
+    The order: control range, delay, servo, lag, force law of the actuator, limits, torque-speed curve, gear, friction. Every number is a
+    scalar for all environments or an array (num_envs,). See docs/reference/actuators.md.
 
     Attributes:
-        delay: s. Between steps the control is what it is on average over the step.
-        delay_steps: The same in steps; the two add up.
+        delay: Delay of the control, s. If it is not a multiple of the time step, a step uses the control's mean over the step.
+        delay_steps: Delay of the control, time steps; it is added to `delay`.
         lag: Time constant in s of a first-order lag of the control, or of the servo's effort; 0 is none.
         limits: Lowest and highest effort, N or N m, in addition to those of the actuator.
-        motor: A motor with its gear.
-        servo: A servo in place of the actuator's own law and control range.
-        friction: Dry friction at the actuator's side of its gear, N or N m; the joint has gear times as much.
+        motor: Motor with its gear.
+        servo: Servo that replaces the force law and the control range of the actuator.
+        friction: Dry friction before the actuator's gear (MJCF), N or N m; at the joint it is gear times as large.
     """
 
     delay: Number = 0.0

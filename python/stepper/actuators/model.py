@@ -71,7 +71,7 @@ class ActuatorModel:
         return self._changed(lambda x: x[index])
 
     def spread(self, mask: np.ndarray[Any, Any]) -> ActuatorModel:
-        """The inverse of `chosen`: rows of the others are 0."""
+        """Model for all environments of a mask, (num_envs,), the inverse of `chosen`: rows of other environments are 0."""
 
         def spread(x: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
             out = np.zeros(len(mask))

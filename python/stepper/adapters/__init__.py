@@ -1,4 +1,4 @@
-"""Environments of `stepper.envs` as other libraries want them: one module for each library, imported by its name.
+"""Adapters of `stepper.envs` to other libraries: one module for each library, imported by its name.
 
     from stepper.adapters.sb3 import StepperVecEnv  # or stepper.adapters.sb3.StepperVecEnv
 

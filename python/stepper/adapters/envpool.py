@@ -21,22 +21,22 @@ Result: TypeAlias = tuple[Array, Array, Array, Array, dict[str, Any]]
 
 
 class StepperPool:
-    """Environments in blocks of `batch_size`, which step on threads of their own between `send` and `recv`.
+    """Environments in blocks of `batch_size`, which step on worker threads between `send` and `recv`.
 
-    Block k has the environments k * batch_size and those that follow. It begins to step when each of them has an action, and `recv`
-    returns blocks in the order in which they began, environments in the order of their ids: what is said, and in which order, follows
-    from seeds and actions alone, however long a block takes. EnvPool returns what is ready first. Arrays are the caller's.
+    Block k has the environments from k * batch_size on. It starts to step when each of them has an action. `recv` returns blocks in the
+    order in which they started, and environments in the order of their ids. Results and their order therefore depend only on seeds and
+    actions, not on timing; EnvPool returns the first block that is ready. Returned arrays belong to the caller.
 
     Args:
-        env: A name that Gymnasium knows, "stepper/Hopper-v5", with the limit of its episodes; or a `Task`, or the class of one.
-        num_envs: Number of environments.
-        batch_size: Environments that `recv` returns, of which num_envs is a multiple; None is all of them.
-        seed: Environment i has the seed `seed + i`, as in `StepperVectorEnv`; None draws one.
-        threads: Threads that step; 0 is all that this process may use. The bits are the same for any number.
-        **settings: Further arguments of `stepper.envs.StepperVectorEnv`. Its autoreset is Gymnasium's NEXT_STEP, as EnvPool's.
+        env: Id of a registered Gymnasium environment, "stepper/Hopper-v5", with its episode limit; or a `Task`, or the class of one.
+        num_envs: Number of environments, a multiple of `batch_size`.
+        batch_size: Number of environments that `recv` returns; None is all of them.
+        seed: Seed. Environment i has `seed + i`, as in `StepperVectorEnv`; None draws one.
+        threads: Number of worker threads; 0 is all cores that this process may use. The bits are the same for any number.
+        **settings: Further arguments of `stepper.envs.StepperVectorEnv`. The autoreset is Gymnasium's NEXT_STEP, as in EnvPool.
 
     Raises:
-        ValueError: Numbers out of their range.
+        ValueError: `num_envs`, `batch_size` or `threads` is out of its range.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class StepperPool:
         self._workers = ThreadPoolExecutor(min(threads, blocks), thread_name_prefix="stepper-pool")
         self._under_way: deque[tuple[int, Future[Result]]] = deque()
         self._actions = np.zeros((blocks, size, flatdim(self._blocks[0].single_action_space)))
-        # Of each environment: whether it has an observation that no action followed yet, and whether it has an action.
+        # For each environment: whether its last observation has no action yet, and whether an action is stored.
         self._waits, self._acts = np.zeros((blocks, size), dtype=bool), np.zeros((blocks, size), dtype=bool)
         self.observation_space, self.action_space = self._blocks[0].single_observation_space, self._blocks[0].single_action_space
         self.all_env_ids = np.arange(num_envs, dtype=np.int32)
@@ -68,18 +68,18 @@ class StepperPool:
 
     @property
     def is_async(self) -> bool:
-        """Whether `recv` returns some of the environments."""
+        """Whether `recv` returns only some of the environments."""
         return len(self._blocks) > 1
 
     @property
     def blocks(self) -> tuple[StepperVectorEnv, ...]:
-        """The vector environments, to be touched only between `recv` and `send`."""
+        """Vector environments of the blocks. Access one only while none of its steps is pending."""
         return tuple(self._blocks)
 
     def async_reset(self) -> None:
-        """Begins new episodes everywhere and returns at once; `recv` returns their observations, with rewards of zero.
+        """Begins new episodes in all environments and returns at once; `recv` returns their observations, with rewards of zero.
 
-        What was sent before is carried out first, and results and errors of it that were not received are dropped.
+        Pending steps finish first; their results and errors are dropped.
         """
         wait([future for _, future in self._under_way])
         self._under_way.clear()
@@ -87,17 +87,17 @@ class StepperPool:
         for block in range(len(self._blocks)):
             seed = None if self._seed is None else self._seed + block * self._size
             self._under_way.append((block, self._workers.submit(self._begin, block, seed)))
-        self._seed = None  # From here on its random numbers go on.
+        self._seed = None  # Later resets continue the random numbers.
 
     def send(self, action: ArrayLike, env_id: ArrayLike | None = None) -> None:
-        """Gives actions to environments, and returns at once; blocks of which all have one step from here on.
+        """Stores actions of environments, and returns at once. Blocks in which every environment has an action start to step.
 
         Args:
-            action: (n, nu).
-            env_id: Environments that it is for, (n,); None is all.
+            action: Actions, (n, nu), in the units of the task.
+            env_id: Ids of their environments, (n,) integers; None is all.
 
         Raises:
-            ValueError: Another shape; an id that there is not or twice, or of an environment without an observation to act on.
+            ValueError: A wrong shape, an unknown or repeated id, or an environment whose last observation was not received yet.
         """
         ids = self.all_env_ids if env_id is None else np.asarray(env_id)
         action = np.asarray(action)
@@ -113,28 +113,29 @@ class StepperPool:
             raise ValueError(f"environments {ids[~waits][:10].tolist()} have no observation to act on: {remedy}")
         self._actions.reshape(-1, width)[ids] = action
         self._waits.flat[ids], self._acts.flat[ids] = False, True
-        # Blocks begin in the order in which they are named, so that it follows from the calls alone.
+        # Blocks start in the order of their ids in `env_id`, so that the order depends only on the calls.
         for block in dict.fromkeys((ids // self._size).tolist()):
             if self._acts[block].all():
                 self._acts[block] = False
                 self._under_way.append((block, self._workers.submit(self._blocks[block].step, self._actions[block].copy())))
 
     def recv(self) -> Result:
-        """Waits for the block that began first.
+        """Waits for the block that started first.
 
-        An error that its step raises is raised here. The other blocks go on; those environments act again after `async_reset`.
+        An error in its step is raised here. Other blocks continue; the environments of this one continue after `async_reset`.
 
         Returns:
-            Observations (batch_size, n), rewards, terminations, truncations (batch_size,), and infos: those of `StepperVectorEnv`, "env_id"
-            (batch_size,) int32, to be given to `send`, and "elapsed_step" (batch_size,), the actions of the episode.
+            Observations (batch_size, n), rewards, terminations and truncations (batch_size,), and infos. To the infos of
+            `StepperVectorEnv` it adds "env_id" (batch_size,) int32, the ids for `send`, and "elapsed_step" (batch_size,) int32, the
+            number of actions in the episode.
 
         Raises:
-            RuntimeError: No block is under way.
+            RuntimeError: No block is stepping.
         """
         if not self._under_way:
             raise RuntimeError("no block is under way: call async_reset, or send actions of all environments of a block, before recv")
         block, future = self._under_way[0]
-        wait([future])  # A caller who is interrupted here may call again.
+        wait([future])  # After an interrupt here, recv can be called again.
         self._under_way.popleft()
         observation, reward, terminated, truncated, infos = future.result()
         self._waits[block] = True
@@ -143,10 +144,10 @@ class StepperPool:
         return observation, reward, terminated, truncated, infos
 
     def reset(self) -> tuple[Array, dict[str, Any]]:
-        """Begins new episodes everywhere and waits for them, where batch_size is num_envs.
+        """Begins new episodes in all environments and waits for them; only for batch_size = num_envs.
 
         Returns:
-            Observations (num_envs, n), and infos as of `recv`.
+            Observations (num_envs, n), and infos of `recv`.
 
         Raises:
             RuntimeError: batch_size is not num_envs.
@@ -158,12 +159,17 @@ class StepperPool:
         return observation, infos
 
     def step(self, action: ArrayLike, env_id: ArrayLike | None = None) -> Result:
-        """`send`, and then `recv`: of the block that waited longest, which need not be that of these actions."""
+        """Calls `send`, then `recv`, which may return another block than that of these actions.
+
+        Args:
+            action: Actions, (n, nu), in the units of the task.
+            env_id: Ids of their environments, (n,) integers; None is all.
+        """
         self.send(action, env_id)
         return self.recv()
 
     def close(self) -> None:
-        """Ends the threads, when what is under way is done."""
+        """Ends the worker threads after the pending steps."""
         self._workers.shutdown()
 
     def __enter__(self) -> StepperPool:

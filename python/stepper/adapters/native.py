@@ -1,4 +1,4 @@
-"""The vector environment that every adapter is made over."""
+"""Construction of the vector environment that every adapter wraps."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from stepper.envs.making import autoreset
 from stepper.shared.environments import known
 
 Env: TypeAlias = str | Task | type[Task]
-"""A name that Gymnasium knows, "stepper/Hopper-v5", with the limit of its episodes; or a `Task`, or the class of one."""
+"""Id of a registered Gymnasium environment, "stepper/Hopper-v5", with its episode limit; or a `Task`, or the class of one."""
 
 
 def with_autoreset(settings: dict[str, Any], mode: AutoresetMode, library: str) -> dict[str, Any]:
@@ -32,13 +32,13 @@ def make_native(env: Env, num_envs: int, **settings: Any) -> StepperVectorEnv:
     """Makes the vector environment of a name or a task.
 
     Args:
-        env: A name that Gymnasium knows, "stepper/Hopper-v5", with the limit of its episodes; or a `Task`, or the class of one.
+        env: Id of a registered Gymnasium environment, "stepper/Hopper-v5", with its episode limit; or a `Task`, or the class of one.
         num_envs: Number of environments.
         **settings: Further arguments of `stepper.envs.StepperVectorEnv`.
 
     Raises:
-        TypeError: A name of an environment that is not stepper's, something else than a name or a task, unknown arguments.
-        gymnasium.error.Error: A name that Gymnasium does not know.
+        TypeError: An environment of another simulator, neither an id nor a task, or unknown arguments.
+        gymnasium.error.Error: An id that is not registered.
     """
     if not isinstance(env, str):
         return StepperVectorEnv(env, num_envs, **settings)

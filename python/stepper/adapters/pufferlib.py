@@ -1,4 +1,4 @@
-"""PufferLib's native vector environment, `PufferEnv`: a batch writes to the buffers that PufferLib shares with its workers."""
+"""PufferLib's native vector environment, `PufferEnv`. It writes to the buffers that PufferLib shares with its workers."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from gymnasium.vector import AutoresetMode  # noqa: E402
 
 
 class StepperPufferEnv(pufferlib.PufferEnv):  # type: ignore[misc]
-    """Environments of one task as the agents of one `PufferEnv`. They begin again within the step that ends an episode, as PufferLib's do.
+    """Environments of one task as the agents of one `PufferEnv`, with PufferLib's autoreset: an episode ends and begins in the same step.
 
-    Infos have "episode_return" and "episode_length", means over the episodes that a step ended, where there are any.
+    After a step that ended episodes, infos have their mean "episode_return" and mean "episode_length".
 
     Args:
-        env: A name that Gymnasium knows, "stepper/Hopper-v5", with the limit of its episodes; or a `Task`, or the class of one.
+        env: Id of a registered Gymnasium environment, "stepper/Hopper-v5", with its episode limit; or a `Task`, or the class of one.
         num_envs: Number of environments, `num_agents` to PufferLib.
-        buf: PufferLib's buffers; None is buffers of its own.
-        seed: Environment i has the seed `seed * num_envs + i` at the first reset: seeds of PufferLib's workers follow on one another.
+        buf: PufferLib's buffers, arrays by name; None allocates them.
+        seed: Seed. Environment i has the seed `seed * num_envs + i` at the first reset, because PufferLib's workers have successive seeds.
         **settings: Further arguments of `stepper.envs.StepperVectorEnv`. Observations are float32.
     """
 
@@ -36,14 +36,22 @@ class StepperPufferEnv(pufferlib.PufferEnv):  # type: ignore[misc]
         super().__init__(buf)
 
     def reset(self, seed: int | None = None) -> tuple[Array, list[dict[str, Any]]]:
-        """Begins new episodes: with `seed`, or that of the constructor; after the first time, None goes on with the random numbers."""
+        """Begins new episodes, with `seed` or that of the constructor. After the first reset, None continues the random numbers."""
         given, self._seed = self._seed if seed is None else seed, None
         self.envs.reset(seed=None if given is None else given * self.num_agents, out=self.observations)
         self.rewards[:], self.terminals[:], self.truncations[:] = 0.0, False, False
         return self.observations, []
 
     def step(self, actions: Array) -> tuple[Array, Array, Array, Array, list[dict[str, Any]]]:
-        """Makes the steps of one action, (num_agents, nu), in every environment. Arrays are PufferLib's buffers."""
+        """Makes the steps of one action in every environment.
+
+        Args:
+            actions: Actions, (num_agents, nu), in the units of the task.
+
+        Returns:
+            PufferLib's buffers: observations (num_agents, n), rewards, terminations and truncations (num_agents,), and a list with at
+            most one info.
+        """
         _, self.rewards[:], self.terminals[:], self.truncations[:], infos = self.envs.step(actions, out=self.observations)
         over = infos.get("_episode")
         if over is None:

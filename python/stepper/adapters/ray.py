@@ -1,4 +1,4 @@
-"""Environments, rollouts and sweeps over Ray's actors, on one machine or many."""
+"""Environments, rollouts and sweeps on Ray, on one machine or a cluster."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from stepper._stepper import Model
 from stepper.adapters.native import Env, make_native
 from stepper.envs.task import Array
 from stepper.shared.machine import require
-from stepper.shared.over_ray import each_task, running_ray
+from stepper.shared.ray_tasks import each_task, running_ray
 
 require("ray", "for stepper.adapters.ray")
 
@@ -31,33 +31,33 @@ from ray.exceptions import ObjectLostError, RayActorError  # noqa: E402
 from stepper.envs.vector import StepperVectorEnv  # noqa: E402
 
 Policy: TypeAlias = Callable[[Array, np.random.Generator], ArrayLike]
-"""Actions (n, nu) of observations (n, k), with random numbers of the block's own."""
+"""Function of observations (n, k) and a random generator of the block that returns actions (n, nu)."""
 Call: TypeAlias = tuple[str, tuple[Any, ...]]
-"""A method of `_Block` and its arguments."""
+"""Name of a method of `_Block`, and its arguments."""
 Results: TypeAlias = list[Any]
-"""What a call returned, for each block."""
+"""Return values of a call, one for each block."""
 
 _LOST = (RayActorError, ObjectLostError)
-"""What is raised where an actor is lost, or what it returned with its machine."""
+"""Errors of Ray when an actor, or the machine with its return value, is lost."""
 _ATTEMPTS = 5
-"""Workers that may be lost one after the other in the same call."""
+"""Number of actors in a row that may be lost in the same call."""
 
 
 class RayVectorEnv(VectorEnv[Array, Array, Array]):
-    """Environments in blocks that Ray's actors step, with the bits of one `StepperVectorEnv`, whatever the number of actors.
+    """Vector environment in blocks that Ray's actors step. It has the bits of one `StepperVectorEnv`, for any number of actors.
 
-    The model is compiled once and shared through Ray's store. If an actor is lost, its blocks are made again on a new one, to the same
-    bits: from their last saved state, or from their seeds, and from the calls since then. Ray is started here if it does not run.
+    The model is compiled once and shared through Ray's object store. If an actor is lost, a new one restores its blocks to the same bits.
+    It starts from their last saved state or their seeds, and repeats the calls since then. Ray is started if it does not run.
 
     Args:
-        env: A name that Gymnasium knows, "stepper/Hopper-v5", with the limit of its episodes; or a `Task`, or the class of one.
+        env: Id of a registered Gymnasium environment, "stepper/Hopper-v5", with its episode limit; or a `Task`, or the class of one.
         num_envs: Number of environments.
-        num_actors: Actors; None is as many as the CPUs that Ray has are enough for, from one to the number of blocks. With more than they
-            are enough for, a warning says so: the first call waits until the cluster has grown.
-        block_size: Environments of a block: what a policy sees at once, so that its bits do not depend on the number of actors.
-        save_every: Calls after which the states of blocks are copied to this process; so many are kept, and made again, after a loss.
-        actor_options: What Ray's `options` of an actor takes, {"resources": ...}; by default it has as many CPUs as it has threads.
-        **settings: Further arguments of `stepper.envs.StepperVectorEnv`; the autoreset is SAME_STEP unless `autoreset_mode` says otherwise.
+        num_actors: Number of actors. None fits Ray's CPUs, with at least one and at most one per block. More than the CPUs allow gives a
+            warning, and the first call waits until the cluster has grown.
+        block_size: Environments per block. A policy acts on one block at a time, so that its bits do not depend on the number of actors.
+        save_every: Number of calls between copies of all states to this process. After a loss, at most that many calls are repeated.
+        actor_options: Arguments of Ray's `options` for an actor, {"resources": ...}. The default has one CPU per thread.
+        **settings: Further arguments of `stepper.envs.StepperVectorEnv`. The default `autoreset_mode` is SAME_STEP.
 
     Raises:
         ValueError: Numbers out of their range, more actors than blocks.
@@ -95,7 +95,7 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         model = ray.put(one.sim.model)
         self._start: Callable[[], Any] = lambda: ray.remote(_Host).options(**options).remote(env, model, settings)
         self._actors = [self._start() for _ in range(count)]
-        # Block b is of actor b % count.
+        # Block b belongs to actor b % count.
         self._shares = [list(range(actor, blocks, count)) for actor in range(count)]
         self._saved: list[bytes | None] = [None] * blocks
         self._calls: list[list[Call]] = [[] for _ in range(blocks)]
@@ -106,13 +106,16 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Begins new episodes; as `StepperVectorEnv.reset`.
+        """Begins new episodes, as `StepperVectorEnv.reset`.
+
+        Returns:
+            Observations (num_envs, n), and infos.
 
         Raises:
-            ValueError: As many seeds as there are not environments, another reset_mask than one of (num_envs,), other options.
+            ValueError: The number of seeds is not num_envs, the reset_mask is not boolean (num_envs,), or an option is unknown.
         """
         seeds = _seeds(seed, self.num_envs)
-        if not self._begun:  # What has none gets one here, so that a block that is lost begins as it did.
+        if not self._begun:  # Environments without a seed get one here, so that a lost block can be repeated.
             seeds = [self._seed + k if value is None else value for k, value in enumerate(seeds)]
         if unknown := set(options or {}) - {"reset_mask"}:
             raise ValueError(f"unknown options {sorted(unknown)}, there is: 'reset_mask'")
@@ -124,7 +127,7 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         super().reset(seed=seed if isinstance(seed, int) else None)
         if seed is not None:
             self._seed, self._rollouts = seeds[0] or 0, 0
-        if mask.all() and None not in seeds:  # What comes depends on nothing that was before.
+        if mask.all() and None not in seeds:  # The next states do not depend on earlier calls.
             self._forget()
         results = self._run([("reset", (seeds[part], mask[part])) for part in self._slices])
         self._begun = True
@@ -132,7 +135,11 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         return observation, infos
 
     def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
-        """Makes the steps of one action, (num_envs, nu), in every environment; as `StepperVectorEnv.step`."""
+        """Makes the steps of one action in every environment, as `StepperVectorEnv.step`.
+
+        Args:
+            actions: Actions, (num_envs, nu), in the units of the task.
+        """
         actions = np.ascontiguousarray(actions, dtype=np.float64)
         if actions.shape != self.action_space.shape:
             raise ValueError(f"actions have shape {actions.shape}, must be {self.action_space.shape}")
@@ -142,22 +149,22 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         return observation, reward, terminated, truncated, infos
 
     def rollout(self, policy: Policy, num_steps: int) -> dict[str, Array]:
-        """Lets a policy act on the actors, without a call for each step. Episodes go on from where they are.
+        """Runs a policy inside the actors for many steps, with one call. Episodes continue from their present state.
 
         Args:
-            policy: Actions (n, nu) of observations (n, k) and a random generator. It is pickled once; it sees a block at a time, and its
-                random numbers follow from the seed of the last reset, the block, and how many rollouts there were since.
-            num_steps: Actions of each environment.
+            policy: Function of observations (n, k) and a random generator that returns actions (n, nu). It is pickled once and is called
+                for one block at a time. The seed of the last reset, the block, and the number of rollouts since seed the generator.
+            num_steps: Number of actions per environment.
 
         Returns:
-            "observation" and "next_observation" (num_steps, num_envs, k), of which the latter is the last one of an episode that is over,
-            "action" (num_steps, num_envs, nu), "reward", "terminated" and "truncated" (num_steps, num_envs), and "last_observation"
-            (num_envs, k), which the policy sees next.
+            Arrays by name: "observation" and "next_observation" (num_steps, num_envs, k), "action" (num_steps, num_envs, nu), "reward",
+            "terminated" and "truncated" (num_steps, num_envs). Where an episode ends, "next_observation" is its last one.
+            "last_observation" (num_envs, k) is the input of the policy's next action.
 
         Raises:
-            ValueError: num_steps below 1, or an autoreset other than SAME_STEP, with which some steps would be none.
-            ResetNeeded: Before the first reset.
-            ray.exceptions.RayTaskError: What the policy raised. Blocks have made different numbers of steps then: begin anew with
+            ValueError: num_steps is below 1, or the autoreset is not SAME_STEP: other modes would ignore some actions.
+            ResetNeeded: `reset` was not called yet.
+            ray.exceptions.RayTaskError: The policy raised an error. Blocks may have made different numbers of steps: call
                 `reset(seed=...)`.
         """
         if num_steps < 1:
@@ -173,8 +180,8 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         return {name: np.concatenate([part[name] for part in parts], axis=axes.get(name, 1)) for name in parts[0]}
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Ends the actors; Ray goes on."""
-        if ray.is_initialized():  # They ended with it otherwise.
+        """Ends the actors; Ray keeps running."""
+        if ray.is_initialized():  # Otherwise they ended with Ray.
             for actor in self._actors:
                 ray.kill(actor)
         self._actors = []
@@ -184,24 +191,24 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
             raise ResetNeeded(f"call reset before {name}")
 
     def _joined(self, results: Results) -> Any:
-        """What `reset` or `step` of all blocks returned, as if it were one."""
+        """Return values of `reset` or `step` of all blocks, concatenated to those of one batch."""
         sizes = [part.stop - part.start for part in self._slices]
         *arrays, infos = zip(*results, strict=True)
         return *(np.concatenate(array) for array in arrays), _join_infos(infos, sizes)
 
     def _forget(self) -> None:
-        """Makes all blocks anew with the next call."""
+        """Drops saved states and calls, so that the next call creates all blocks."""
         self._saved = [None] * len(self._slices)
         self._calls = [[("make", (part.stop - part.start,))] for part in self._slices]
         self._whole, self._made = True, False
 
     def _run(self, calls: list[Call]) -> Results:
-        """Calls a method of every block, and makes those again whose actor is lost."""
+        """Calls a method of every block, and restores the blocks of lost actors."""
         if not self._actors:
             raise RuntimeError("the environments are closed")
         if not self._whole:
-            raise RuntimeError("a call failed or was interrupted in some environments: begin anew with reset(seed=...)")
-        self._whole = False  # Until all have returned.
+            raise RuntimeError("a call failed or was interrupted in some environments: start again with reset(seed=...)")
+        self._whole = False  # Until all blocks have returned.
         before = [[] if self._made else calls_before for calls_before in self._calls]
         pending = [
             actor.run.remote({b: [*before[b], calls[b]] for b in share}) for actor, share in zip(self._actors, self._shares, strict=True)
@@ -210,14 +217,14 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         for k, share in enumerate(self._shares):
             for attempt in range(_ATTEMPTS):
                 try:
-                    said = ray.get(pending[k])
+                    returned = ray.get(pending[k])
                     break
                 except _LOST:
                     if attempt + 1 == _ATTEMPTS:
                         raise
                     pending[k] = self._make_again(k, calls)
             for block in share:
-                results[block] = said[block]
+                results[block] = returned[block]
                 self._calls[block].append(calls[block])
         self._whole = self._made = True
         if max(map(len, self._calls)) > self._save_every:
@@ -225,38 +232,38 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         return results
 
     def _make_again(self, k: int, calls: list[Call]) -> Any:
-        """Starts an actor in place of one that is lost; the result of its calls."""
-        ray.kill(self._actors[k])  # It may be out of reach and not dead.
+        """Replaces a lost actor, and returns the pending result of its calls."""
+        ray.kill(self._actors[k])  # It may be alive but out of reach.
         self._actors[k] = self._start()
         share = self._shares[k]
         states = {b: saved for b in share if (saved := self._saved[b]) is not None}
         return self._actors[k].run.remote({b: [*self._calls[b], calls[b]] for b in share}, states)
 
     def _save(self) -> None:
-        """Copies the states of all blocks here, in place of the calls that led to them."""
+        """Copies the states of all blocks to this process, and drops the calls that led to them."""
         pending = [actor.save.remote() for actor in self._actors]
         for k, share in enumerate(self._shares):
             try:
                 states = ray.get(pending[k])
             except _LOST:
-                continue  # Its calls are kept, and the next call makes it again.
+                continue  # Its calls are kept, and the next call replaces the actor.
             for block in share:
                 self._saved[block], self._calls[block] = states[block], []
 
 
 def rollout(env: Env, policy: Policy, num_envs: int, num_steps: int, *, seed: int | None = None, **settings: Any) -> dict[str, Array]:
-    """Lets a policy act in new environments on Ray's actors: `RayVectorEnv` made, reset, `rollout` and closed.
+    """Runs a policy in new environments inside Ray's actors: makes a `RayVectorEnv`, resets it, calls `rollout` and closes it.
 
     Args:
-        env: As of `RayVectorEnv`.
-        policy: As of `RayVectorEnv.rollout`.
+        env: Environment, as in `RayVectorEnv`.
+        policy: Policy, as in `RayVectorEnv.rollout`.
         num_envs: Number of environments.
-        num_steps: Actions of each.
-        seed: Environment i has the seed `seed + i`; None draws one.
+        num_steps: Number of actions per environment.
+        seed: Seed. Environment i has `seed + i`; None draws one.
         **settings: Further arguments of `RayVectorEnv`.
 
     Returns:
-        As of `RayVectorEnv.rollout`.
+        Arrays by name, as `RayVectorEnv.rollout` returns them.
     """
     envs = RayVectorEnv(env, num_envs, **settings)
     try:
@@ -269,34 +276,34 @@ def rollout(env: Env, policy: Policy, num_envs: int, num_steps: int, *, seed: in
 def sweep(
     run: Callable[..., Any], cases: Iterable[Any], *shared: Any, attempts: int = 3, options: dict[str, Any] | None = None
 ) -> list[Any]:
-    """Calls `run(*shared, case)` for every case on Ray's workers: a model with other frictions, a policy under other laws of contact.
+    """Calls `run(*shared, case)` for every case on Ray's workers. Examples of cases: values of friction, or contact models.
 
     Args:
-        run: What is done; what it returns is pickled.
-        cases: What differs, one for each call.
-        *shared: What does not: models, policies, arrays. Pickled once.
-        attempts: Workers that may be lost with the same case.
-        options: What Ray's `options` of a task takes, {"num_cpus": 2}.
+        run: Function to call. Its return value is pickled.
+        cases: Last arguments, one for each call.
+        *shared: First arguments of all calls: models, policies, arrays. They are pickled once.
+        attempts: Number of workers that may be lost with the same case.
+        options: Arguments of Ray's `options` for a task, {"num_cpus": 2}.
 
     Returns:
-        What the calls returned, in the order of the cases.
+        Return values of the calls, in the order of the cases.
 
     Raises:
-        ray.exceptions.RayTaskError: What `run` raised.
+        ray.exceptions.RayTaskError: `run` raised an error.
     """
     tasks = each_task(running_ray("for stepper.adapters.ray"), run, shared, cases, max_retries=attempts, **(options or {}))
     return [made for _, made in sorted(tasks, key=lambda task: task[0])]
 
 
 class _Host:
-    """An actor: blocks of environments of one model."""
+    """Actor of Ray with blocks of environments of one model."""
 
     def __init__(self, env: Env, model: Model, settings: dict[str, Any]):
         self._env, self._model, self._settings = env, model, settings
         self._blocks: dict[int, _Block] = {}
 
     def run(self, calls: dict[int, list[Call]], states: dict[int, bytes] | None = None) -> dict[int, Any]:
-        """Carries out the calls of blocks, made of states where they are given; what the last of each returned."""
+        """Restores the blocks that have a state, makes the calls of each block, and returns the value of its last call."""
         for block, state in (states or {}).items():
             self._blocks[block] = _Unpickler(io.BytesIO(state), self._model).load()
         results: dict[int, Any] = {}
@@ -327,7 +334,7 @@ class _Block:
         self.observation: Array = np.zeros(0)
 
     def reset(self, seed: list[int | None], mask: Array) -> tuple[Array, dict[str, Any]]:
-        """Begins episodes in the environments of a mask, of which there may be none."""
+        """Begins episodes in the environments of a mask, which may be empty."""
         if not mask.any():
             return self.observation, {}
         self.observation, infos = self.envs.reset(seed=seed, options={"reset_mask": mask})
@@ -335,12 +342,12 @@ class _Block:
 
     def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
         """Makes the steps of one action."""
-        said = self.envs.step(actions)
-        self.observation = said[0]
-        return said
+        returned = self.envs.step(actions)
+        self.observation = returned[0]
+        return returned
 
     def rollout(self, policy: Any, num_steps: int, seed: tuple[int, ...]) -> dict[str, Array]:
-        """Lets a policy act."""
+        """Runs a policy for `num_steps` actions; see `RayVectorEnv.rollout`."""
         policy, draws = ray.get(policy), np.random.default_rng(seed)
         shape, width = self.observation.shape, flatdim(self.envs.single_action_space)
         out: dict[str, Array] = {
@@ -364,7 +371,7 @@ class _Block:
 
 
 class _Pickler(cloudpickle.CloudPickler):  # type: ignore[misc]
-    """Writes a model's place instead of the model, which the reader has."""
+    """Pickler that writes a reference in place of the model, which the reader has."""
 
     def __init__(self, file: io.BytesIO, model: Model):
         super().__init__(file)
@@ -384,11 +391,11 @@ class _Unpickler(pickle.Unpickler):
 
 
 def _count(num_actors: int | None, blocks: int, each: float, cpus: float) -> int:
-    """Number of actors, of which each takes so many CPUs of those that a cluster has."""
+    """Number of actors, if each needs `each` CPUs and the cluster has `cpus`."""
     count = num_actors or max(1, min(blocks, int(cpus // (each or 1))))
     if count * each > cpus:
-        wanted = f"{count} actors with {each:g} CPUs each take {count * each:g}, and the cluster has {cpus:g}"
-        warnings.warn(f"{wanted}: calls wait until it has grown; lower num_actors, threads or num_cpus of actor_options", stacklevel=3)
+        needed = f"{count} actors with {each:g} CPUs each take {count * each:g}, and the cluster has {cpus:g}"
+        warnings.warn(f"{needed}: calls wait until it has grown; lower num_actors, threads or num_cpus of actor_options", stacklevel=3)
     return count
 
 
@@ -404,7 +411,7 @@ def _seeds(seed: int | Sequence[int | None] | None, num_envs: int) -> list[int |
 
 
 def _join_infos(infos: Sequence[dict[str, Any]], sizes: list[int]) -> dict[str, Any]:
-    """Infos of blocks as those of one batch: where a block has none of a name, zeros (or None) and a mask of False."""
+    """Infos of blocks, concatenated to those of one batch. A block without a key gets zeros (or None) and a mask of False."""
     joined: dict[str, Any] = {}
     for name in dict.fromkeys(name for info in infos for name in info):
         example = next(info[name] for info in infos if name in info)

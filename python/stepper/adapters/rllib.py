@@ -1,4 +1,4 @@
-"""RLlib's environments, vectorised natively in each of its env runners."""
+"""Registration of environments with RLlib, with one `StepperVectorEnv` in each env runner."""
 
 from __future__ import annotations
 
@@ -26,13 +26,14 @@ def register_env(name: str, env: Env, **settings: Any) -> None:
             .env_runners(gym_env_vectorize_mode="vector_entry_point", num_envs_per_env_runner=64)
         )
 
-    An env runner makes one `StepperVectorEnv` of its environments then; without that mode it makes them one by one.
+    With this `gym_env_vectorize_mode`, an env runner steps all its environments as one `StepperVectorEnv`. Without it, RLlib steps them one
+    by one.
 
     Args:
-        name: What `config.environment` takes. A name that is taken is registered anew.
-        env: A name that Gymnasium knows, "stepper/Hopper-v5", with the limit of its episodes; or a `Task`, or the class of one.
-        **settings: Further arguments of `stepper.envs.StepperVectorEnv`; `env_config` may have more. Observations are float32 unless
-            `dtype` says otherwise; RLlib asks for Gymnasium's autoreset NEXT_STEP.
+        name: Name for `config.environment`. An earlier registration of the name is replaced.
+        env: Id of a registered Gymnasium environment, "stepper/Hopper-v5", with its episode limit; or a `Task`, or the class of one.
+        **settings: Further arguments of `stepper.envs.StepperVectorEnv`; `env_config` may add more. The default `dtype` of observations
+            is float32. The autoreset is Gymnasium's NEXT_STEP, which RLlib needs.
     """
 
     def create(config: dict[str, Any]) -> gymnasium.Env[Any, Any] | StepperVectorEnv:

@@ -19,19 +19,19 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices,
 
 
 class StepperVecEnv(VecEnv):  # type: ignore[misc]
-    """Environments as Stable-Baselines3 wants them, with the bits of its `DummyVecEnv` of single ones. Arrays are the caller's.
+    """`VecEnv` of Stable-Baselines3, with the bits of its `DummyVecEnv` of single environments. Returned arrays belong to the caller.
 
     Args:
-        env: A name that Gymnasium knows, "stepper/Hopper-v5", with the limit of its episodes; or a `Task`, or the class of one.
+        env: Id of a registered Gymnasium environment, "stepper/Hopper-v5", with its episode limit; or a `Task`, or the class of one.
         num_envs: Number of environments.
-        seed: Seed of the first episodes, as `seed` gives it: environment i has `seed` + i. None draws one.
-        infos: Environments whose infos are filled: "all", or those whose episode is "ended"; those of the others are empty then. A thousand
-            dictionaries in each step take a tenth to a third of its time.
-        episode_statistics: Whether the info of an episode that is over has "episode", as `Monitor` writes it.
+        seed: Seed of the first episodes: environment i has `seed` + i. None draws one.
+        infos: Environments whose info dictionaries are filled: "all", or only those whose episode has "ended". With a thousand
+            environments, "all" takes a tenth to a third of the time of a step.
+        episode_statistics: Whether the info of an ended episode has "episode", in the format of `Monitor`.
         **settings: Further arguments of `stepper.envs.StepperVectorEnv`.
 
     Raises:
-        ValueError: `infos` is neither.
+        ValueError: `infos` is neither "all" nor "ended".
     """
 
     def __init__(
@@ -55,10 +55,10 @@ class StepperVecEnv(VecEnv):  # type: ignore[misc]
             self.seed(seed)
 
     def reset(self) -> Array:
-        """Begins new episodes, with the seeds that `seed` gave.
+        """Begins new episodes, with the seeds of `seed`; returns observations, (num_envs, n).
 
         Raises:
-            ValueError: Options: these environments have none.
+            ValueError: Options were set: these environments have none.
         """
         if any(self._options):
             raise ValueError(f"unknown options {self._options[0]}, there are none")
@@ -69,15 +69,19 @@ class StepperVecEnv(VecEnv):  # type: ignore[misc]
         return observation
 
     def step_async(self, actions: Array) -> None:
-        """Takes actions, (num_envs, nu), for `step_wait`."""
+        """Stores the actions of the next `step_wait`.
+
+        Args:
+            actions: Actions, (num_envs, nu), in the units of the task.
+        """
         self._actions = actions
 
     def step_wait(self) -> VecEnvStepReturn:
         """Makes the steps.
 
         Returns:
-            Observations (num_envs, n), those of new episodes where one is over; rewards (num_envs,) float32; which are over; and infos,
-            which have "terminal_observation" where one is.
+            Observations (num_envs, n), of the new episode where one has ended; rewards (num_envs,) float32; whether episodes have ended,
+            (num_envs,) bool; and infos, with "terminal_observation" where an episode has ended.
 
         Raises:
             RuntimeError: No actions were given.
@@ -89,25 +93,25 @@ class StepperVecEnv(VecEnv):  # type: ignore[misc]
         over = terminated | truncated
         ended = np.flatnonzero(over)
         final, final_infos, episodes = infos.pop("final_obs", None), infos.pop("final_info", {}), infos.pop("episode", None)
-        said = _rows(infos, np.flatnonzero(~over), self.num_envs) if self._all else [{} for _ in range(self.num_envs)]
+        result = _rows(infos, np.flatnonzero(~over), self.num_envs) if self._all else [{} for _ in range(self.num_envs)]
         if self._all:
-            for info in said:
+            for info in result:
                 info["TimeLimit.truncated"] = False
         if ended.size:
             begun, last = _rows(infos, ended, self.num_envs), _rows(final_infos, ended, self.num_envs)
             for k in ended.tolist():
                 self.reset_infos[k] = begun[k]
-                said[k] = last[k] | {"TimeLimit.truncated": bool(truncated[k] and not terminated[k]), "terminal_observation": final[k]}
+                result[k] = last[k] | {"TimeLimit.truncated": bool(truncated[k] and not terminated[k]), "terminal_observation": final[k]}
                 if episodes is not None:
-                    said[k]["episode"] = {name: value[k].item() for name, value in episodes.items()}
-        return observation, reward.astype(np.float32), over, said
+                    result[k]["episode"] = {name: value[k].item() for name, value in episodes.items()}
+        return observation, reward.astype(np.float32), over, result
 
     def close(self) -> None:
         """Closes the environments."""
         self.envs.close()
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """An attribute of the vector environment, once for each environment that is asked for."""
+        """Attribute of the vector environment, repeated for each of the selected environments."""
         value = getattr(self.envs, attr_name)
         return [value for _ in self._get_indices(indices)]
 
@@ -115,7 +119,7 @@ class StepperVecEnv(VecEnv):  # type: ignore[misc]
         """Sets an attribute of the vector environment.
 
         Raises:
-            ValueError: Indices: it has one of all.
+            ValueError: `indices` selects some environments only; all share the attribute.
         """
         self._check_all(indices)
         setattr(self.envs, attr_name, value)
@@ -131,7 +135,7 @@ class StepperVecEnv(VecEnv):  # type: ignore[misc]
         return [result] * self.num_envs
 
     def env_is_wrapped(self, wrapper_class: type[Any], indices: VecEnvIndices = None) -> list[bool]:
-        """Whether environments do what a wrapper does: `Monitor`, with `episode_statistics`."""
+        """Whether the environments record the statistics of `Monitor`, if that is the wrapper class; False for other wrappers."""
         return [self._monitored and issubclass(wrapper_class, Monitor) for _ in self._get_indices(indices)]
 
     def get_images(self) -> Sequence[Array | None]:
@@ -144,7 +148,7 @@ class StepperVecEnv(VecEnv):  # type: ignore[misc]
 
 
 def _rows(infos: dict[str, Any], envs: Array, num_envs: int) -> list[dict[str, Any]]:
-    """Infos of a batch as a dictionary for each environment, empty but for `envs` (n,)."""
+    """Infos of a batch as one dictionary per environment; those of environments outside of `envs`, (n,), are empty."""
     rows: list[dict[str, Any]] = [{} for _ in range(num_envs)]
     for name, value in infos.items():
         if name.startswith("_"):

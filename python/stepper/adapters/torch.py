@@ -1,4 +1,4 @@
-"""PyTorch tensors over the memory that environments write to."""
+"""Vector environment with PyTorch tensors, without copies on the CPU."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ import torch  # noqa: E402
 
 
 class TorchVectorEnv:
-    """Environments whose observations, rewards and actions are tensors over the memory that NumPy has; rewards are copied to float32.
+    """Vector environment whose observations, rewards and actions are PyTorch tensors. On the CPU they share memory with NumPy arrays.
 
-    Observations are written to two buffers in turn: one stands until the call after the next, so that those before and after a step are
-    there at once. Clone what should stand longer, or give a place for it, `envs.step(action, out=storage[t + 1])`.
+    Rewards are copies in float32. Observations alternate between two buffers, so that an observation stays valid until the second call
+    after it. Clone it to keep it longer, or pass the destination: `envs.step(action, out=storage[t + 1])`.
 
     Args:
-        env: A name that Gymnasium knows, "stepper/Hopper-v5", with the limit of its episodes; or a `Task`, or the class of one.
+        env: Id of a registered Gymnasium environment, "stepper/Hopper-v5", with its episode limit; or a `Task`, or the class of one.
         num_envs: Number of environments.
-        device: Where tensors are; on another device than the CPU they are copies, and stand.
-        **settings: Further arguments of `stepper.envs.StepperVectorEnv`; observations are float32 unless `dtype` says otherwise.
+        device: Device of the tensors. On a device other than the CPU they are copies, which stay valid.
+        **settings: Further arguments of `stepper.envs.StepperVectorEnv`. The default `dtype` of observations is float32.
 
     Attributes:
         envs: The vector environment.
@@ -44,16 +44,16 @@ class TorchVectorEnv:
         """Begins new episodes.
 
         Args:
-            seed: As of `StepperVectorEnv.reset`.
-            options: As of `StepperVectorEnv.reset`.
-            out: Tensor on the CPU that observations are written to, (num_envs, n), contiguous; None is the next buffer.
+            seed: Seed or seeds, as in `StepperVectorEnv.reset`.
+            options: Options, as in `StepperVectorEnv.reset`.
+            out: Destination of the observations: a contiguous tensor on the CPU, (num_envs, n); None is the next buffer.
 
         Returns:
-            Observations (num_envs, n), and infos, of arrays.
+            Observations (num_envs, n), and infos, whose values are NumPy arrays.
         """
-        room = self._room(out)
-        _, infos = self.envs.reset(seed=seed, options=options, out=room.numpy())
-        return room.to(self.device), infos
+        destination = self._destination(out)
+        _, infos = self.envs.reset(seed=seed, options=options, out=destination.numpy())
+        return destination.to(self.device), infos
 
     def step(
         self, actions: torch.Tensor, *, out: torch.Tensor | None = None
@@ -61,24 +61,25 @@ class TorchVectorEnv:
         """Makes the steps of one action in every environment.
 
         Args:
-            actions: (num_envs, nu).
-            out: Tensor on the CPU that observations are written to, (num_envs, n), contiguous; None is the next buffer.
+            actions: Actions, (num_envs, nu), in the units of the task.
+            out: Destination of the observations: a contiguous tensor on the CPU, (num_envs, n); None is the next buffer.
 
         Returns:
-            Observations (num_envs, n), rewards (num_envs,) float32, terminations and truncations (num_envs,) bool, and infos, of arrays.
+            Observations (num_envs, n), rewards (num_envs,) float32, terminations and truncations (num_envs,) bool, and infos, whose
+            values are NumPy arrays.
         """
-        room = self._room(out)
-        _, reward, terminated, truncated, infos = self.envs.step(actions.detach().cpu().numpy(), out=room.numpy())
-        said = torch.from_numpy(reward).float(), torch.from_numpy(terminated), torch.from_numpy(truncated)
-        rewards, terminations, truncations = (tensor.to(self.device) for tensor in said)
-        return room.to(self.device), rewards, terminations, truncations, infos
+        destination = self._destination(out)
+        _, reward, terminated, truncated, infos = self.envs.step(actions.detach().cpu().numpy(), out=destination.numpy())
+        outcomes = torch.from_numpy(reward).float(), torch.from_numpy(terminated), torch.from_numpy(truncated)
+        rewards, terminations, truncations = (tensor.to(self.device) for tensor in outcomes)
+        return destination.to(self.device), rewards, terminations, truncations, infos
 
     def close(self) -> None:
         """Closes the environments."""
         self.envs.close()
 
-    def _room(self, out: torch.Tensor | None) -> torch.Tensor:
-        """Where observations are written."""
+    def _destination(self, out: torch.Tensor | None) -> torch.Tensor:
+        """Tensor for the observations: `out`, or the buffer that was not used last."""
         if out is None:
             self._buffers.reverse()
             return self._buffers[0]

@@ -24,7 +24,7 @@ class States(NamedTuple):
 
     Attributes:
         qpos, qvel, act: Configurations, velocities and activations.
-        sensors: Readings of ideal sensors; empty (T, num_envs, 0) unless they were asked for.
+        sensors: Readings of ideal sensors; empty (T, num_envs, 0) without `sensors=True`.
     """
 
     qpos: torch.Tensor
@@ -46,18 +46,18 @@ def rollout(
     sensors: bool = False,
     **settings: Any,
 ) -> States:
-    """Makes `nstep` steps with each of T controls on a copy of a stepper; gradients flow to every tensor that is given.
+    """Makes `nstep` steps with each of T controls on a copy of a stepper; gradients flow to every input tensor.
 
-    The way back is `stepper.derivatives.Rollout.vjp`: finite differences of every control's step over the batch, with checkpoints. Of
-    quaternions gradients are along their tangent space. There is no second derivative.
+    The backward pass is `stepper.derivatives.Rollout.vjp`: finite differences of every control's step over the batch, with checkpoints.
+    Gradients with respect to quaternions lie in their tangent space. There is no second derivative.
 
     Args:
-        sim: The stepper, which is only read. The rollout begins with its state, all of it where no other is given.
-        ctrl: Controls, (T, num_envs, nu), or (T, nu) for all environments; float32 or float64, as every tensor. States have its type.
-        nstep: Steps that each control is held.
-        qpos: Configuration to begin with, (num_envs, nq); None is the stepper's. A state that is given begins without the memory of drives.
-        qvel: Velocity, (num_envs, nv); None is the stepper's.
-        act: Activations, (num_envs, na); None is the stepper's.
+        sim: The stepper, which is only read. The rollout starts from its state, except for the parts given below.
+        ctrl: Controls, (T, num_envs, nu), or (T, nu) for all environments, in their units; float32 or float64. All tensors have its type.
+        nstep: Number of steps for which each control is held.
+        qpos: Initial positions, (num_envs, nq), m and rad; None is the stepper's. A given state starts without the memory of drives.
+        qvel: Initial velocities, (num_envs, nv), m/s and rad/s; None is the stepper's.
+        act: Initial activations, (num_envs, na); None is the stepper's.
         parameters: Values by selector, as `Stepper.randomize` takes them, each (num_envs, ...).
         every: Controls between two checkpoints, see `stepper.derivatives.rollout`.
         sensors: Whether readings of ideal sensors are wanted.

@@ -1,4 +1,4 @@
-"""TorchRL's `EnvBase`, with the environments as its batch."""
+"""TorchRL environment whose batch is a `StepperVectorEnv`."""
 
 from __future__ import annotations
 
@@ -20,15 +20,16 @@ from torchrl.envs import EnvBase  # noqa: E402
 
 
 class StepperTorchRLEnv(EnvBase):  # type: ignore[misc]
-    """Environments of batch size (num_envs,), which reset by masks, as TorchRL asks for. Entries are "observation", "action" and "reward".
+    """TorchRL environment with the batch size (num_envs,) and the entries "observation", "action" and "reward".
 
-    Tensors share the memory that the step has written, and are the caller's.
+    It supports TorchRL's partial resets and partial steps by the masks "_reset" and "_step". Tensors share memory with the arrays of the
+    step and belong to the caller.
 
     Args:
-        env: A name that Gymnasium knows, "stepper/Hopper-v5", with the limit of its episodes; or a `Task`, or the class of one.
+        env: Id of a registered Gymnasium environment, "stepper/Hopper-v5", with its episode limit; or a `Task`, or the class of one.
         num_envs: Number of environments.
-        device: Where tensors are.
-        **settings: Further arguments of `stepper.envs.StepperVectorEnv`; observations are float32 unless `dtype` says otherwise.
+        device: Device of the tensors.
+        **settings: Further arguments of `stepper.envs.StepperVectorEnv`. The default `dtype` of observations is float32.
     """
 
     def __init__(self, env: Env, num_envs: int = 1, *, device: torch.device | str = "cpu", **settings: Any):
@@ -49,42 +50,44 @@ class StepperTorchRLEnv(EnvBase):  # type: ignore[misc]
         self.done_spec = Composite(done=flag, terminated=flag.clone(), truncated=flag.clone(), shape=self.batch_size, device=device)
 
     def _set_seed(self, seed: int | None) -> None:
-        # The next reset takes it: environment i has the seed `seed + i`.
+        # The next reset gives environment i the seed `seed + i`.
         self._seed = seed
 
     def _reset(self, tensordict: TensorDictBase | None = None, **kwargs: Any) -> TensorDictBase:
-        asked = None if tensordict is None else tensordict.get("_reset", None)
-        mask = np.ones(self.batch_size, dtype=bool) if asked is None else asked.cpu().numpy().reshape(self.batch_size)
+        chosen = None if tensordict is None else tensordict.get("_reset", None)
+        mask = np.ones(self.batch_size, dtype=bool) if chosen is None else chosen.cpu().numpy().reshape(self.batch_size)
         seed, self._seed = self._seed, None
         observation, _ = self.envs.reset(seed=seed, options={"reset_mask": mask})
         self._over = self._over & ~mask
         nothing = np.zeros_like(self._over)
         kept = nothing if self._last is None else self._last["terminated"].cpu().numpy()[:, 0] & ~mask
-        self._last = self._said(observation, kept, self._over & ~kept)
+        self._last = self._entries(observation, kept, self._over & ~kept)
         return self._last
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
-        asked = tensordict.get("_step", None)
-        mask = np.ones(self.batch_size, dtype=bool) if asked is None else asked.cpu().numpy().reshape(self.batch_size)
+        chosen = tensordict.get("_step", None)
+        mask = np.ones(self.batch_size, dtype=bool) if chosen is None else chosen.cpu().numpy().reshape(self.batch_size)
         if (mask & self._over).any():
             raise RuntimeError(f"episodes of environments {np.flatnonzero(mask & self._over)[:10].tolist()} are over: reset them")
         if not (mask | self._over).all():
             waiting = np.flatnonzero(~(mask | self._over))[:10].tolist()
-            raise RuntimeError(f"environments {waiting} are left out of a step, which only those whose episode is over may be")
+            raise RuntimeError(
+                f"environments {waiting} are left out of a step by '_step', although their episodes are not over: step or reset them"
+            )
         last = self._last
         observation, reward, terminated, truncated, _ = self.envs.step(tensordict["action"].detach().cpu().numpy())
-        said = self._said(observation, terminated, truncated)
-        said["reward"] = torch.from_numpy(reward).float().to(self.device).unsqueeze(-1)
-        if last is not None and not mask.all():  # Of those that are left out, TorchRL wants what it has of them.
+        result = self._entries(observation, terminated, truncated)
+        result["reward"] = torch.from_numpy(reward).float().to(self.device).unsqueeze(-1)
+        if last is not None and not mask.all():  # Environments that do not step keep their last entries, as TorchRL requires.
             out = torch.from_numpy(~mask).to(self.device)
             for name in ("observation", "done", "terminated", "truncated"):
-                said[name] = torch.where(out.unsqueeze(-1), last[name], said[name])
-        self._over = said["done"].cpu().numpy()[:, 0]
-        self._last = said
-        return said
+                result[name] = torch.where(out.unsqueeze(-1), last[name], result[name])
+        self._over = result["done"].cpu().numpy()[:, 0]
+        self._last = result
+        return result
 
-    def _said(self, observation: Array, terminated: Array, truncated: Array) -> TensorDictBase:
-        """What a reset and a step have in common."""
+    def _entries(self, observation: Array, terminated: Array, truncated: Array) -> TensorDictBase:
+        """Entries that resets and steps have in common: the observation (num_envs, n) and the flags (num_envs, 1)."""
         flags = {"terminated": terminated, "truncated": truncated, "done": terminated | truncated}
         values = {name: torch.from_numpy(flag).to(self.device).unsqueeze(-1) for name, flag in flags.items()}
         return TensorDict({"observation": torch.from_numpy(observation).to(self.device), **values}, self.batch_size, device=self.device)

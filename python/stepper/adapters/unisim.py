@@ -76,15 +76,15 @@ class StepperBackend(SimBackend):  # type: ignore[misc]
 
     @property
     def num_dof_vel(self) -> int:
-        """Velocities without those of floating bases."""
+        """Number of velocities, without the six of a floating base."""
         return self.sim.model.nv - self._base
 
     def get_public_state_widths(self) -> PublicStateWidths:
-        """Widths of qpos and qvel."""
+        """Numbers of coordinates and velocities of an environment (nq, nv)."""
         return PublicStateWidths(nq=self.sim.model.nq, nv=self.sim.model.nv)
 
     def get_actuator_ctrl_range(self) -> Array:
-        """(num_actuators, 2); infinite where a control has no limit."""
+        """Lower and upper limits of the controls, (num_actuators, 2), in the units of the controls; infinite where there is no limit."""
         return np.array(self.sim.model.actuator_ctrlrange)
 
     def get_actuator_names(self) -> tuple[str, ...]:
@@ -92,7 +92,7 @@ class StepperBackend(SimBackend):  # type: ignore[misc]
         return tuple(self.sim.model.actuator_names)
 
     def get_joint_range(self, *, names: Sequence[str] | None = None) -> Array:
-        """Limits of joints of one degree of freedom, (n, 2), in their order or that of the names; infinite where there is none."""
+        """Limits of hinges and slides, (n, 2), rad or m, in their order or that of the names; infinite without limits."""
         model = self.sim.model
         every = [model.joint(k) for k in range(len(model.joint_names))] if names is None else [model.joint(name) for name in names]
         joints = [joint for joint in every if joint.nv == 1 or names is not None]
@@ -101,7 +101,7 @@ class StepperBackend(SimBackend):  # type: ignore[misc]
         return np.array([joint.range if joint.limited else (-np.inf, np.inf) for joint in joints]).reshape(-1, 2)
 
     def get_keyframe_qpos(self, name: str) -> Array:
-        """Configuration of a keyframe, (nq,).
+        """Positions of a keyframe, (nq,), m and rad.
 
         Raises:
             KeyError: No keyframe of that name.
@@ -113,7 +113,7 @@ class StepperBackend(SimBackend):  # type: ignore[misc]
         return np.array(self.sim.model.qpos0)
 
     def get_init_qvel(self) -> Array:
-        """Zeros, (nv,)."""
+        """Initial velocities, (nv,), m/s and rad/s: zero."""
         return np.zeros(self.sim.model.nv)
 
     def get_root_state_layout(self, root_body_name: str) -> RootStateLayout:
@@ -139,15 +139,15 @@ class StepperBackend(SimBackend):  # type: ignore[misc]
         return np.array([known.index(name) for name in names], dtype=np.int32)
 
     def get_dr_capabilities(self) -> DomainRandomizationCapabilities:
-        """None of UniSim's."""
+        """Domain randomization of UniSim's interface that this backend has: none."""
         return DomainRandomizationCapabilities()
 
     def get_tensor_execution(self) -> TensorExecution:
-        """The CPU computes."""
+        """Place of execution: the CPU, with host tensors."""
         return TensorExecution.HOST_BRIDGE
 
     def get_tensor_capabilities(self) -> TensorLifecycleCapabilities:
-        """What is here."""
+        """Features of UniSim's tensor interface that this backend has."""
         return TensorLifecycleCapabilities(
             execution=self.get_tensor_execution(),
             state_views=True,
@@ -201,7 +201,7 @@ class StepperBackend(SimBackend):  # type: ignore[misc]
         """Resets the environments of `env_indices` (n,) int64 to states (n, nq) and (n, nv) float32.
 
         Raises:
-            ValueError: Other shapes, indices that there are not or twice, numbers that are not finite, or a randomization.
+            ValueError: Other shapes, indices out of range or repeated, numbers that are not finite, or a randomization.
             TypeError: Other types.
         """
         n = len(env_indices)
@@ -222,7 +222,7 @@ class StepperBackend(SimBackend):  # type: ignore[misc]
     ) -> None:
         """Resets the environments of a mask (num_envs,) bool to their rows of states (num_envs, nq) and (num_envs, nv) float32."""
         if full_refresh:
-            raise ValueError("full_refresh is True, must be False: what is derived is always of the state")
+            raise ValueError("full_refresh is True, must be False: derived quantities always belong to the present state")
         self._check("reset_mask", reset_mask, (self.num_envs,), torch.bool)
         self._check("qpos", qpos, (self.num_envs, self.sim.model.nq), torch.float32)
         self._check("qvel", qvel, (self.num_envs, self.sim.model.nv), torch.float32)

@@ -1,4 +1,4 @@
-"""The command line: what `stepper --help` lists."""
+"""Command line of stepper, a simulator of rigid bodies in contact."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ COMMANDS = (demo, chart, compare, explain, report, sweep, rank, tune, train, eva
 
 
 def application() -> Typer:
-    """The commands with their options. Made here because typer is optional."""
+    """Typer application with all commands; a function because typer is an optional package."""
     typer = require("typer", "for the command line")
     app: Typer = typer.Typer(help=__doc__, no_args_is_help=True, pretty_exceptions_enable=False)
     for command in COMMANDS:
@@ -26,7 +26,7 @@ def application() -> Typer:
 
 
 def main() -> None:
-    """Entry point of the command `stepper`. What a user can mend is one line on stderr, without a traceback."""
+    """Entry point of the command `stepper`. Errors that a user can correct are one line on stderr, without a traceback."""
     try:
         application()()
     except (ImportError, ModelError, KeyError, OSError, ValueError) as error:

@@ -7,7 +7,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from stepper.cli.options import OUT, RAY_RUNS, VALUES, of_source
+from stepper.cli.options import OUT, RAY_RUNS, VALUES, source_with
 from stepper.lab.accuracy import chart as run
 from stepper.lab.engine_chart import SCENES, Effort, charts
 from stepper.lab.progress import progress, show_files
@@ -28,11 +28,11 @@ def chart(
     ray: bool,
     values: Sequence[str] = (),
 ) -> None:
-    """Error against cost: time steps, integrators, solvers, precisions, laws of contact, MuJoCo and rapier, on your model or study.
+    """Charts error against cost for time steps, integrators, solvers, precisions, laws of contact, MuJoCo and rapier.
 
-    Or on a built-in scene whose right answer is known. Of a model, what is right is converged by the command itself, which says how well it
-    is known; errors are split into what the solver, the time step and the model make of them. Beside them are invariants and distributions
-    of outcomes, which mean something where motions are chaotic.
+    The scene is your model or study, or a built-in scene with a known solution. For a model or study, the command computes a converged
+    reference and its uncertainty. It splits the error into parts of the solver, the time step and the model. It also lists invariants and
+    distributions of outcomes, which stay meaningful in chaotic motion.
 
     Example: stepper chart robot.xml --horizon "0.5 s"
     """
@@ -41,7 +41,8 @@ def chart(
         if ray or budget or values:
             which = "--ray" if ray else "--budget" if budget else "--values"
             raise ValueError(
-                f'"{scene}" is of the built-in scenes, which run in this process to their end; {which} is for models and studies'
+                f'{which} is for models and studies, and "{scene}" is a built-in scene, which always runs to its end in this process: '
+                "leave it out"
             )
         with progress() as tick:
             pictures = charts(names if scene == "all" else [scene], out, Effort.quick() if quick else Effort(), tick)
@@ -50,7 +51,7 @@ def chart(
     if not Path(scene).exists():
         raise ValueError(f'there is no file and no scene "{scene}"; scenes are: {", ".join(names)}, all')
     with progress() as tick:
-        source = of_source(scene, ray=ray, values=values)
+        source = source_with(scene, ray=ray, values=values)
         unit = "rad" if angle else "m"
         found = run(source, out, horizon=horizon, unit=unit, episodes=episodes, quick=quick, budget=budget, tick=tick)
     print(found.document.markdown())
@@ -65,16 +66,16 @@ def register(app: Typer, typer: ModuleType) -> None:
 
     @app.command("chart", help=chart.__doc__)
     def _(
-        scene: str = typer.Argument("all", help="A model (MJCF, URDF, saved), a study (.toml, .py); or chain, box, all."),
+        scene: str = typer.Argument("all", help="Model (MJCF, URDF, saved), study (.toml, .py), or built-in scene: chain, box, all."),
         *,
         out: Path = folder,
-        quick: bool = typer.Option(False, "--quick", help="Fewer repeats, settings and time steps, and two minutes at the most."),
-        horizon: str | None = typer.Option(None, help='Time up to which errors count, "0.5 s"; without it, as far as the motion is known.'),
-        angle: bool = typer.Option(False, "--angle", help="Errors are angles in rad, not distances in m."),
-        episodes: int = typer.Option(8, min=1, help="Episodes, medians of which count."),
-        budget: str | None = typer.Option(
-            None, help='Time that it may take by the clock, "60 s"; what is not done then is stopped, and said.'
+        quick: bool = typer.Option(False, "--quick", help="Fewer repeats, settings and time steps, in at most two minutes."),
+        horizon: str | None = typer.Option(
+            None, help='Simulated time up to which errors count, "0.5 s"; without it, as far as the reference is converged.'
         ),
+        angle: bool = typer.Option(False, "--angle", help="Measure errors as angles in rad, not distances in m."),
+        episodes: int = typer.Option(8, min=1, help="Number of episodes; the chart shows their medians."),
+        budget: str | None = typer.Option(None, help='Bound of the wall-clock time, "60 s"; the report lists the runs that it cut off.'),
         values: list[str] = chosen,
         ray: bool = over,
     ) -> None:

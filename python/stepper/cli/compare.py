@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def compare(model: str, out: Path, *, seconds: float, envs: int, seed: int) -> None:
-    """What changes when contact becomes hard: a model with random controls under both laws of contact, beside MuJoCo, as table and picture.
+    """Compares hard contact, MuJoCo's law of contact, and MuJoCo, on a model with random controls, as a table and a picture.
 
     Example: stepper compare humanoid.xml --seconds 3
     """
@@ -34,7 +34,7 @@ def register(app: Typer, typer: ModuleType) -> None:
         model: str = typer.Argument(help="MJCF, URDF or a saved model."),
         out: Path = folder,
         seconds: float = typer.Option(2.0, help="Length of an episode, s."),
-        envs: int = typer.Option(8, help="Episodes."),
-        seed: int = typer.Option(0, help="Of what is random."),
+        envs: int = typer.Option(8, help="Number of episodes."),
+        seed: int = typer.Option(0, help="Seed of the random controls."),
     ) -> None:
         compare(model, out, seconds=seconds, envs=envs, seed=seed)

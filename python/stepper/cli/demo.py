@@ -19,11 +19,11 @@ def register(app: Typer, typer: ModuleType) -> None:
 
     @app.command("demo")
     def _(
-        num_envs: int = typer.Option(1024, min=1, help="Humanoids."),
-        steps: int = typer.Option(500, min=1, help="Steps of random control."),
-        rest: int = typer.Option(1000, min=0, help="Steps without control after that."),
-        seed: int = typer.Option(0, min=0, help="Of the random control."),
+        num_envs: int = typer.Option(1024, min=1, help="Number of humanoids."),
+        steps: int = typer.Option(500, min=1, help="Number of steps with random controls."),
+        rest: int = typer.Option(1000, min=0, help="Number of steps without controls after them."),
+        seed: int = typer.Option(0, min=0, help="Seed of the random controls."),
         out: Path = folder,
     ) -> None:
-        """A thousand humanoids fall about and lie still, beside MuJoCo: speed, error, and the first charts."""
+        """Compares stepper with MuJoCo on a thousand humanoids that fall and come to rest: speed, errors and charts."""
         demo(Plan(num_envs=num_envs, steps=steps, rest=rest, seed=seed), out)

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 def evaluate(
     policy: Path, env: str, against: str, *, episodes: int, seed: int, margin: float, settings: dict[str, Any], infos: Sequence[str] = ()
 ) -> None:
-    """Returns of a policy over fresh episodes, with a confidence interval; what differs from where it was trained is named first.
+    """Evaluates a policy: its mean return with a confidence interval. It first lists differences from the environment of the training.
 
-    With --against, the same policy from the same starts in a second environment, and whether the mean returns are equivalent.
-    With --info, means of an info too.
+    With --against, it also runs the policy in a second environment from the same initial states, and tests whether the mean returns are
+    equivalent. With --info, it adds the mean of an info.
 
     Example: stepper evaluate half_cheetah.npz stepper/HalfCheetah-v5 --against HalfCheetah-v5
 
@@ -47,19 +47,19 @@ def evaluate(
 
 def register(app: Typer, typer: ModuleType) -> None:
     """Adds the command."""
-    file = typer.Argument(help="A file of Policy.save, which stepper train writes.")
-    asked = typer.Option([], "--info", help="An info whose mean is asked for too, tracking_error say; may be given several times.")
+    file = typer.Argument(help="Policy file of stepper train or Policy.save.")
+    keys = typer.Option([], "--info", help="Key of an info whose mean is added, for example tracking_error. Repeat the option for more.")
 
     @app.command("evaluate", help=evaluate.__doc__)
     def _(
         *,
         policy: Path = file,
-        env: str = typer.Argument(help="An environment by its name, stepper/HalfCheetah-v5 say."),
-        against: str = typer.Option("", help="A second environment, HalfCheetah-v5 say, Gymnasium's own on MuJoCo."),
-        episodes: int = typer.Option(20, min=2, help="Fresh episodes."),
-        seed: int = typer.Option(0, min=0, help="Of the first episode; the others have those that follow."),
-        margin: float = typer.Option(0.02, help="Difference of mean returns that counts as none, as a fraction."),
-        infos: list[str] = asked,
+        env: str = typer.Argument(help="Environment id, for example stepper/HalfCheetah-v5."),
+        against: str = typer.Option("", help="Second environment id, for example HalfCheetah-v5, Gymnasium's environment on MuJoCo."),
+        episodes: int = typer.Option(20, min=2, help="Number of episodes."),
+        seed: int = typer.Option(0, min=0, help="Seed of the first episode; episode k has seed + k."),
+        margin: float = typer.Option(0.02, help="Largest difference of mean returns that counts as equivalent, as a fraction."),
+        infos: list[str] = keys,
         contact: str = typer.Option("", help='Law of contact of the first environment, "mujoco" or "hard".'),
         precision: str = typer.Option("", help='Scalar type of its steps, "f64" or "f32".'),
     ) -> None:

@@ -22,7 +22,9 @@ if TYPE_CHECKING:
 
 
 def explain(source: str, *, run: bool = False, out: Path | None = None) -> None:
-    """What of a model is simulated, what is left out, what rigid bodies cannot model; with --run, what of it a run used, and costs.
+    """Lists the parts of a model that are simulated, those that are left out, and effects that rigid bodies cannot model.
+
+    With --run, also the parts that a run used and the time that they took.
 
     Example: stepper explain robot.xml --run
     """
@@ -30,7 +32,7 @@ def explain(source: str, *, run: bool = False, out: Path | None = None) -> None:
         check_pages()
     study = Study.from_model(Path(source))
     with warnings.catch_warnings():
-        # The report has it.
+        # The report has the warnings.
         warnings.simplefilter("ignore", ModelWarning)
         told = study.loaded[0].explain()
     print(told)
@@ -42,13 +44,13 @@ def explain(source: str, *, run: bool = False, out: Path | None = None) -> None:
 
 
 def _account(study: Study) -> Account:
-    """What a run used and cost, with progress."""
+    """Account of a run: parts of the model that it used, and their cost. It shows progress."""
     with progress() as tick:
         return account(study, tick=tick)
 
 
 def _save(study: Study, told: str, found: Account | None, folder: Path) -> list[Path]:
-    """Writes what was printed as explain.html and explain.md, and the same as explain.json."""
+    """Writes the printed report as explain.html, explain.md and explain.json."""
     folder.mkdir(parents=True, exist_ok=True)
     document = Document(
         f"What of {study.name} is simulated", [Section("The model", text=told), *(found.document.sections if found else [])]
@@ -62,12 +64,12 @@ def _save(study: Study, told: str, found: Account | None, folder: Path) -> list[
 
 def register(app: Typer, typer: ModuleType) -> None:
     """Adds the command."""
-    folder = typer.Option(None, "--out", help=f"{OUT} Without it, nothing is written.")
+    folder = typer.Option(None, "--out", help=f"{OUT} Without it, no files are written.")
 
     @app.command("explain", help=explain.__doc__)
     def _(
-        source: str = typer.Argument(help="A model (MJCF, URDF, saved) or a study (.toml, .py)."),
-        run: bool = typer.Option(False, "--run", help="Run it (a model with random controls), and add what it used and what parts cost."),
+        source: str = typer.Argument(help="Model (MJCF, URDF, saved) or study (.toml, .py)."),
+        run: bool = typer.Option(False, "--run", help="Run it (a model with random controls); add the parts that it used and their cost."),
         out: Path | None = folder,
     ) -> None:
         explain(source, run=run, out=out)

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from typer import Typer
 
 KIND_HELP = (
-    f"field[name,name][column]=low..high, without bounds too, of the kinds {', '.join(KINDS)}. Quote it for the shell. Give several."
+    "Unknown parameter, field[name,name][column]=low..high; the bounds are optional. Quote it for the shell. Repeat the option for more. "
+    f"Fields: {', '.join(KINDS)}."
 )
 
 
@@ -37,13 +38,14 @@ def identify(
     timestep: float | None,
     seed: int,
 ) -> None:
-    """Masses, friction, damping and more from what was measured, each with a 95 % interval, and what the data do not say.
+    """Identifies parameters of a model from measurements: masses, friction, damping and more, each with a 95 % interval.
+
+    It also lists the parameters that the data do not determine.
 
     Example: stepper identify robot.xml push.csv -p 'body_mass[box]' -p 'geom_friction[floor,box][0]=0.05..2'
     """
     read = load(model)
-    # As of `stepper.sysid.identify`, unless something else is asked for.
-    options = None
+    options = None  # Default options of `stepper.sysid.identify`.
     if law == "mujoco":
         options = Options.from_model(read) if timestep is None else replace(Options.from_model(read), timestep=timestep)
     elif law != "hard":
@@ -78,25 +80,25 @@ def _pair(text: str) -> tuple[str, str]:
 def register(app: Typer, typer: ModuleType) -> None:
     """Adds the command."""
     folder = typer.Option("out", "--out", help=OUT)
-    files = typer.Argument(help="Recordings, .csv and .npz files.")
-    wanted = typer.Option(..., "--parameter", "-p", help=KIND_HELP)
-    renamed = typer.Option([], "--column", help='What a column of the file is here: "Fx [N]=wrist_force[0]".')
-    used = typer.Option([], "--channel", help="Channels to use; all without it.")
+    files = typer.Argument(help="Measurements: folders of recordings, .csv and .npz files.")
+    unknowns = typer.Option(..., "--parameter", "-p", help=KIND_HELP)
+    renamed = typer.Option([], "--column", help='Channel of a column whose heading differs, heading=channel: "Fx [N]=wrist_force[0]".')
+    used = typer.Option([], "--channel", help="Channel to use; without it, all. Repeat the option for more.")
 
     @app.command("identify", help=identify.__doc__)
     def _(  # noqa: PLR0917
         model: str = typer.Argument(help="MJCF, URDF or a saved model."),
         data: list[Path] = files,
-        parameter: list[str] = wanted,
+        parameter: list[str] = unknowns,
         out: Path = folder,
         column: list[str] = renamed,
         channel: list[str] = used,
-        keyframe: str | None = typer.Option(None, help="Where logs begin that do not say it."),
-        loss: str = typer.Option("linear", help="linear, soft_l1, huber, cauchy or arctan: how outliers count."),
-        starts: int = typer.Option(4, min=1, help="Searches side by side."),
-        contact: str = typer.Option("hard", help="hard, or mujoco for MuJoCo's law as the file asks for it."),
-        timestep: float | None = typer.Option(None, help="Time step, s; the model's own without it."),
-        seed: int = typer.Option(0, help="Of what is random."),
+        keyframe: str | None = typer.Option(None, help="Keyframe of the initial state, for logs without the initial qpos and qvel."),
+        loss: str = typer.Option("linear", help="Loss function, as in SciPy: linear, soft_l1, huber, cauchy or arctan."),
+        starts: int = typer.Option(4, min=1, help="Number of starting points of the search."),
+        contact: str = typer.Option("hard", help="Law of contact: hard, or mujoco with the settings of the model's file."),
+        timestep: float | None = typer.Option(None, help="Time step, s; without it, the model's."),
+        seed: int = typer.Option(0, help="Seed of the starting points."),
     ) -> None:
         identify(
             model, data, parameter, out, columns=column, channels=channel, keyframe=keyframe, loss=loss, starts=starts, law=contact,

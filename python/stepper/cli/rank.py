@@ -6,7 +6,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from stepper.cli.options import ONLY, OUT, RAY, SEED, STUDY, of_file, progress_kept_in
+from stepper.cli.options import ONLY, OUT, RAY, SEED, STUDY, progress_kept_in, study_of_file
 from stepper.lab.progress import show_files
 from stepper.lab.study import rank as run
 from stepper.lab.study.points import USUAL
@@ -16,14 +16,16 @@ if TYPE_CHECKING:
 
 
 def rank(study: Path, out: Path, *, samples: int, parameters: list[str], setting: str, ray: bool, seed: int | None) -> None:
-    """Which parameters decide an outcome: all drawn from their ranges at once, ranked by Sobol's indices with intervals.
+    """Ranks the parameters of a study by their influence on an outcome: Sobol indices with confidence intervals.
 
-    Goes on where it was stopped: rows are kept as soon as they are known.
+    All parameters are drawn from their ranges at once. The same command continues a stopped run from its finished rows.
 
     Example: stepper rank examples/studies/quadruped.py --samples 128
     """
     with progress_kept_in(out) as tick:
-        found = run(of_file(study, ray=ray, seed=seed), out, samples=samples, parameters=parameters or None, setting=setting, tick=tick)
+        found = run(
+            study_of_file(study, ray=ray, seed=seed), out, samples=samples, parameters=parameters or None, setting=setting, tick=tick
+        )
     print(found.document.markdown())
     show_files(found.files)
 
@@ -40,9 +42,9 @@ def register(app: Typer, typer: ModuleType) -> None:
         study: Path = study_file,
         out: Path = folder,
         *,
-        samples: int = typer.Option(64, min=2, help="A power of 2; points are this times (2 + number of parameters)."),
+        samples: int = typer.Option(64, min=2, help="Base samples, a power of 2. It runs samples x (2 + number of parameters) points."),
         parameter: list[str] = names,
-        setting: str = typer.Option(USUAL, help="Name of the settings, of the study's."),
+        setting: str = typer.Option(USUAL, help="Name of the study's settings to run."),
         seed: int | None = typer.Option(None, min=0, help=SEED),
         ray: bool = over,
     ) -> None:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def replay(folder: Path, threads: int | None) -> None:
-    """Repeats a recording and compares it bit for bit; says at which step and in which field it differs."""
+    """Repeats a recording and compares it bit for bit; prints the first step and field that differ."""
     with progress() as tick:
         result = recording.replay(folder, threads=threads, tick=tick)
     print(result)
@@ -31,6 +31,6 @@ def register(app: Typer, typer: ModuleType) -> None:
     @app.command("replay", help=replay.__doc__)
     def _(
         recording: Path = folder,
-        threads: int | None = typer.Option(None, min=0, help="Threads; as recorded without it."),
+        threads: int | None = typer.Option(None, min=0, help="Number of threads; without it, as recorded."),
     ) -> None:
         replay(recording, threads)

@@ -6,7 +6,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from stepper.cli.options import OUT, RAY, RECORDING, STUDY, of_file, progress_kept_in
+from stepper.cli.options import OUT, RAY, RECORDING, STUDY, progress_kept_in, study_of_file
 from stepper.lab.progress import show_files
 from stepper.lab.study import report as run
 from stepper.recording.format import HEADER, check_files, read_header, reading
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 
 def report(source: Path, out: Path = Path("out"), *, ray: bool = False) -> None:
-    """The simulator report of a study: state, sensors, contacts that decide, settings, perturbations, transfer gap, whose failures are.
+    """Writes the simulator report of a study: its state, sensors, decisive contacts, settings, perturbations, transfer gap and failures.
 
-    Of a recording: what was in force in it, and what failed: physics, sensing or action.
+    For a recording it prints its settings, and its failures in physics, sensing or action.
 
     Example: stepper report examples/studies/tray.toml
     """
@@ -26,13 +26,13 @@ def report(source: Path, out: Path = Path("out"), *, ray: bool = False) -> None:
         report_recording(source)
         return
     with progress_kept_in(out) as tick:
-        found = run(of_file(source, ray=ray), out, tick=tick)
+        found = run(study_of_file(source, ray=ray), out, tick=tick)
     print(found.document.markdown())
     show_files(found.files)
 
 
 def report_recording(recording: Path) -> None:
-    """Prints what was in force in a recording and what failed in it."""
+    """Prints the settings and the failures of a recording."""
     head = read_header(recording)
     check_files(recording, head)
     with reading(recording / HEADER):

@@ -6,7 +6,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from stepper.cli.options import ONLY, OUT, RAY, SEED, STUDY, of_file, progress_kept_in
+from stepper.cli.options import ONLY, OUT, RAY, SEED, STUDY, progress_kept_in, study_of_file
 from stepper.lab.progress import show_files
 from stepper.lab.study import sweep as run
 
@@ -15,14 +15,16 @@ if TYPE_CHECKING:
 
 
 def sweep(study: Path, out: Path, *, parameters: list[str], cliffs: bool, resolution: float, ray: bool, seed: int | None) -> None:
-    """Perturbs every parameter of a study: a table with Wilson's intervals, and the values at which success ends, by bisection.
+    """Sweeps every parameter of a study over its range: success rates with Wilson intervals, and values at which success ends.
 
-    Goes on where it was stopped: rows are kept as soon as they are known.
+    Bisection locates these values (cliffs). The same command continues a stopped run from its finished rows.
 
     Example: stepper sweep examples/studies/tray.toml
     """
     with progress_kept_in(out) as tick:
-        found = run(of_file(study, ray=ray, seed=seed), out, parameters=parameters or None, cliffs=cliffs, resolution=resolution, tick=tick)
+        found = run(
+            study_of_file(study, ray=ray, seed=seed), out, parameters=parameters or None, cliffs=cliffs, resolution=resolution, tick=tick
+        )
     print(found.document.markdown())
     show_files(found.files)
 
@@ -40,8 +42,10 @@ def register(app: Typer, typer: ModuleType) -> None:
         out: Path = folder,
         *,
         parameter: list[str] = names,
-        cliffs: bool = typer.Option(True, help="Locate the values at which success ends."),
-        resolution: float = typer.Option(1e-3, min=1e-12, max=0.5, help="Width of a cliff's bracket over the range of its parameter."),
+        cliffs: bool = typer.Option(True, help="Locate cliffs, the values at which success ends."),
+        resolution: float = typer.Option(
+            1e-3, min=1e-12, max=0.5, help="Precision of a cliff's value, as a fraction of the parameter's range."
+        ),
         seed: int | None = typer.Option(None, min=0, help=SEED),
         ray: bool = over,
     ) -> None:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from stepper.policies.ppo_settings import arguments
+from stepper.policies import ppo_settings
 
 if TYPE_CHECKING:
     from typer import Typer
@@ -15,7 +16,7 @@ def train(words: list[str]) -> None:
     """Trains a policy by proximal policy optimisation (PPO) in PyTorch, evaluates it, and films it.
 
     Every setting of the learner is an option too: --help lists them. A stopped run continues with the same command.
-    To change the learner, write a copy of it with --copy, and train with that file.
+    To change the learner, copy its source with --copy, change the copy, and run that.
 
     Example: stepper train stepper/HalfCheetah-v5 --seed 1 --film half_cheetah.mp4
 
@@ -23,7 +24,11 @@ def train(words: list[str]) -> None:
 
     Example: stepper train --copy my_ppo.py
     """
-    arguments("stepper train").parse_args(words)  # Help and wrong options need no PyTorch, which takes seconds to import.
+    # Help, wrong options and --copy work without PyTorch, which takes seconds to import.
+    given = ppo_settings.arguments("stepper train").parse_args(words)
+    if given.copy is not None:
+        ppo_settings.copy_learner(Path(ppo_settings.__file__).with_name("ppo.py"), given.copy)
+        return
     print("stepper train: importing PyTorch", flush=True)
     from stepper.policies.ppo import main  # noqa: PLC0415
 
@@ -31,8 +36,8 @@ def train(words: list[str]) -> None:
 
 
 def register(app: Typer, typer: ModuleType) -> None:
-    """Adds the command. The learner reads its arguments itself, so that a copy of it has the same ones."""
-    text = "The environment, stepper/HalfCheetah-v5 by default, and options of the learner, which --help lists."
+    """Adds the command. The learner parses its arguments itself, so that a copy of it has the same options."""
+    text = "Environment, stepper/HalfCheetah-v5 by default, and options of the learner; --help lists them."
     words = typer.Argument(None, metavar="[ENV] [OPTIONS]", help=text)
 
     @app.command("train", help=train.__doc__, context_settings={"ignore_unknown_options": True}, add_help_option=False)

@@ -7,7 +7,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from stepper.cli.options import OUT, RAY_RUNS, VALUES, of_source
+from stepper.cli.options import OUT, RAY_RUNS, VALUES, source_with
 from stepper.lab.accuracy import tune as run
 from stepper.lab.progress import progress, show_files
 
@@ -27,12 +27,14 @@ def tune(
     ray: bool,
     values: Sequence[str] = (),
 ) -> None:
-    """The cheapest settings that keep an error budget, proved on held-out episodes, as Options(...); and what the scene does not need.
+    """Finds the cheapest settings within an error budget, tests them on held-out episodes, and prints them as Options(...).
+
+    It also lists parts of the scene that can be removed within the budget.
 
     Example: stepper tune robot.xml --error "1 mm" --horizon "0.5 s"
     """
     with progress() as tick:
-        chosen = of_source(source, ray=ray, values=values)
+        chosen = source_with(source, ray=ray, values=values)
         found = run(chosen, out, error=error, horizon=horizon, coverage=coverage, alone=alone, reduce=reduce, tick=tick)
     print(found.document.markdown())
     show_files(found.files)
@@ -46,14 +48,14 @@ def register(app: Typer, typer: ModuleType) -> None:
 
     @app.command("tune", help=tune.__doc__)
     def _(
-        source: str = typer.Argument(help="A model (MJCF, URDF, saved) or a study (.toml, .py)."),
+        source: str = typer.Argument(help="Model (MJCF, URDF, saved) or study (.toml, .py)."),
         *,
-        error: str = typer.Option(..., help='The budget: "1 mm", "0.5 deg".'),
-        horizon: str = typer.Option(..., help='Time up to which it holds: "1 s".'),
+        error: str = typer.Option(..., help='Error budget: "1 mm", "0.5 deg".'),
+        horizon: str = typer.Option(..., help='Simulated time up to which the error must stay within the budget: "1 s".'),
         out: Path = folder,
-        coverage: float = typer.Option(0.9, help="Share of episodes that must hold, with 95 % confidence."),
-        alone: bool = typer.Option(False, "--alone", help="The cost of one environment alone counts, not that of a batch."),
-        reduce: bool = typer.Option(True, help="Look for what the scene does not need."),
+        coverage: float = typer.Option(0.9, help="Share of episodes that must stay within the budget, with 95 % confidence."),
+        alone: bool = typer.Option(False, "--alone", help="Minimise the cost of a single environment, not of a batch."),
+        reduce: bool = typer.Option(True, help="Search for parts of the scene that can be removed."),
         values: list[str] = chosen,
         ray: bool = over,
     ) -> None:

@@ -1,8 +1,13 @@
 """Derivatives of the step and of rollouts (docs/how-to/derivatives.md).
 
-`perturbations` lists what is moved and by how much, `copies` steps perturbed copies of a batch, `kinks` compares what is active in them,
-`linearize` makes matrices of their differences, `implicit` those at the modes of the solution, and `rollout` takes gradients backwards
-through time with these, or with the means of `smoothing`; `tangent` is between gradients by quaternions and by rotations.
+- `perturbations`: perturbed quantities and the widths of their differences
+- `copies`: perturbed copies of a batch, stepped together
+- `kinks`: comparison of the active contacts and limits of the copies
+- `linearize`: matrices of finite differences
+- `implicit`: matrices by the implicit function theorem, for the contact modes of the solved step
+- `rollout`: gradients backwards through time
+- `smoothing`: randomised smoothing of these gradients
+- `tangent`: conversion between gradients with respect to quaternions and rotation vectors
 """
 
 from stepper.derivatives.kinks import Kink

@@ -1,7 +1,7 @@
 """Perturbed copies of the environments of a stepper, stepped together in lanes and threads.
 
-The stepper itself is only read. Copies begin with all that its environments have: configuration, velocity, activations, impulses that the
-solver starts from, delay lines and integrals of drives, applied forces, mocap poses, and separate parameters.
+The stepper itself is only read. Copies start from the full state of its environments: configuration, velocity, activations, applied forces
+and mocap poses. They also have its per-environment parameters, the solver's warm start, and the delays and integrals of drives.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _kept: WeakKeyDictionary[Stepper, dict[tuple[int, float], Stepper]] = WeakKeyDic
 
 @dataclass(frozen=True)
 class Nominal:
-    """Contents of copies, with the axis of the environments in front, (num_envs, ...).
+    """State of the nominal environments for copies, with the environments as the leading axis.
 
     Attributes:
         fields: "qpos", "qvel", "act", "ctrl" and, flat, every parameter that is perturbed.
@@ -49,7 +49,7 @@ class Nominal:
 
 
 def nominal_of(sim: Stepper, ctrl: ArrayLike | None, blocks: Sequence[Block]) -> Nominal:
-    """Snapshot of the environments of a stepper.
+    """Snapshot of the environments of a stepper, with controls (num_envs, nu) or (nu,).
 
     Raises:
         ValueError: Controls of a wrong shape; a stepper in f32 whose drives have memory.
@@ -90,7 +90,7 @@ def _controls(sim: Stepper, ctrl: ArrayLike | None) -> Array:
 
 
 def rows(sim: Stepper, name: str) -> NDArray[Any]:
-    """An array of a stepper with the axis of the environments in front, also of a single one."""
+    """Array of a stepper with the environments as the leading axis, (num_envs, ...), in its unit, also with `num_envs=None`."""
     value = np.asarray(getattr(sim, name))
     return value[None] if sim.num_envs is None else value
 
@@ -102,7 +102,7 @@ class Part:
     Attributes:
         envs: Slice of the environments.
         count: Copies of each.
-        sim: What steps them, before the first step.
+        sim: Stepper of the copies, before the first step.
         ctrl: Their controls, (len * count, nu).
     """
 
@@ -192,7 +192,7 @@ def copies_of(sim: Stepper, nominal: Nominal, blocks: Sequence[Block], pairs: Pa
 
 
 def ends_of(sim: Stepper, count: int, *, sensors: bool) -> tuple[dict[str, Array], Array]:
-    """States of copies, `count` of each environment, and what they differ by from the first of them, (num_envs, count, rows)."""
+    """Final states of the copies (`count` for each environment), and their differences from the first copy, (num_envs, count, rows)."""
     n = len(sim.qpos) // count
     end = {name: np.array(getattr(sim, name)) for name in STATE}
     end = {name: value.reshape(n, count, value.shape[1]) for name, value in end.items()}
@@ -206,7 +206,7 @@ def ends_of(sim: Stepper, count: int, *, sensors: bool) -> tuple[dict[str, Array
 
 
 def replicas_of(sim: Stepper, nominal: Nominal, count: int, tolerance: float | None = None) -> Stepper:
-    """A stepper with `count` copies of every environment, one after the other, with its options and all that environments have.
+    """Stepper with `count` copies of every environment in a row, with its options and the full state of the environments.
 
     Steps are solved to the stepper's own tolerance, or to another, m/s.
     """

@@ -1,8 +1,8 @@
-"""Derivatives at the modes of the solution, by the implicit function theorem: the step is solved once, not once for every column.
+"""Derivatives by the implicit function theorem, for the contact modes of the solved step: one solve, not one for every column.
 
-Which contacts push, stick and slip, which joints are at a limit or held by dry friction, is that of the solved step. Impulses follow from
-their rows by one linear system for all columns; forces, inertia and geometry are differentiated by differences of a step whose impulses
-follow in this way (`Stepper._differentiate`). docs/development/decisions/implicit_derivatives.md has the formulas, and what they leave out.
+The modes are fixed: which contacts push, stick and slip, which joints are at a limit or held by dry friction. Derivatives of the impulses
+solve one linear system for all columns. Forces, inertia and geometry are differentiated by differences of a step with these impulses
+(`Stepper._differentiate`). docs/development/decisions/implicit_derivatives.md has the formulas and their limits.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from stepper.derivatives.perturbations import ROUNDING, STATE, Array, Block, Ste
 from stepper.shared.fields import RANDOMIZED
 
 STEP = 2.0**-20
-"""Half width of the differences for coordinates of order 1. Modes are held within it and no solver has a part in it: rounding makes 1e-9
-of a column's largest entry, and third derivatives of MuJoCo's cones, the sharpest thing in a step, 1e-7 of it at the worst seen."""
+"""Half width of the differences for coordinates of order 1. Modes are fixed, so that no solver error enters. Errors relative to a column's
+largest entry: 1e-9 by rounding, and at most 1e-7 seen by third derivatives of MuJoCo's friction cones."""
 
 
 def check(sim: Stepper, blocks: Sequence[Block], *, extrapolate: bool, sensors: bool) -> None:
     """Checks the arguments; the binary refuses settings of the step that implicit derivatives do not cover.
 
     Raises:
-        ValueError: Something that only differences of whole steps give.
+        ValueError: An argument that only `method="fd"` supports.
     """
     remedy = "method='fd' gives them"
     parameters = [block.name for block in blocks if block.field in RANDOMIZED]
@@ -45,7 +45,7 @@ def check(sim: Stepper, blocks: Sequence[Block], *, extrapolate: bool, sensors: 
 def where_available(
     sim: Stepper, nominal: Nominal, blocks: Sequence[Block], *, nstep: int, tolerance: float, sensors: bool
 ) -> dict[str, NDArray[Any]] | None:
-    """Derivatives at the modes of the solution, or None where `method="implicit"` refuses the options or the sensors.
+    """Implicit derivatives in all environments, or None if `method="implicit"` does not cover the options or sensors.
 
     Columns of parameters are marked as unsolved.
     """

@@ -1,8 +1,8 @@
 """Kinks: places where a step is not differentiable, seen by comparing perturbed copies with the nominal environment.
 
-Two signs are read. What is active, which the binary compares (`Stepper._find_kinks`): contacts that push, whether they stick or slip,
-joints at their limits, joints held by dry friction, saturated actuators. And slopes on both sides that differ by more than curvature
-explains. docs/how-to/derivatives.md explains what each proves.
+There are two tests. `Stepper._find_kinks` compares the active sets: contacts that push, whether they stick or slip, joints at their limits,
+joints held by dry friction, saturated actuators. The second test compares the slopes on both sides: they may differ by curvature only.
+docs/how-to/derivatives.md explains what each test proves.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ class Kink(IntFlag):
     SLIP = 2
     """Contacts that stick in one and slip in the other; not detected with contact="mujoco"."""
     GAP = 4
-    """A contact or limit that is open by a hair in one and overlaps in the other: an open gap may close within the step, an overlap is
-    not pushed out by velocity. A robot at rest is at this kink; docs/how-to/derivatives.md has settings without it. With method="implicit"
-    also a contact whose damping in the correction of positions begins or ends because equalities move it, where the step jumps a little."""
+    """A contact or limit has a tiny gap in one and overlaps in the other. A gap may close within the step; an overlap adds no velocity.
+    A robot at rest is at this kink; docs/how-to/derivatives.md has settings without it. With method="implicit" the flag has a second
+    cause: equalities move a contact across the depth at which the damping of its position correction begins."""
     LIMIT = 8
     """Slides and hinges that reach a limit or leave it; limits of ball joints and tendons are not detected."""
     DRY_FRICTION = 16
@@ -70,11 +70,11 @@ class Report:
 
 
 class Watch:
-    """Compares copies with their nominal environment after every step.
+    """Comparison of copies with their nominal environment after every step.
 
     Args:
         sim: The copies, row e * count + k for copy k of environment e.
-        stencil: Where they are, of these environments.
+        stencil: Displacements of the copies.
         nstep: Number of steps.
     """
 
@@ -93,7 +93,7 @@ class Watch:
         self._taken = self._where_taken()
 
     def look(self, step: int) -> None:
-        """Reads what is active after a step."""
+        """Compares the active constraints of the copies after a step."""
         causes, distance = self.sim._find_kinks(
             count=self.count,
             sides=self.sides,
@@ -119,11 +119,11 @@ class Watch:
         return taken
 
     def bends(self, changes: Array, slopes: Array, groups: list[slice], noise: float) -> None:
-        """Reads slopes on both sides, at the end of all steps, where there are two points of a column.
+        """Compares the slopes on both sides at the end of all steps, for columns with two points.
 
         Args:
-            changes: As of `Stencil.slopes`.
-            slopes: What that returned for the finest level, (num_envs, columns, n).
+            changes: Results minus the nominal result, (num_envs, levels, points, columns, n), as in `Stencil.slopes`.
+            slopes: Slopes of the finest level, (num_envs, columns, n).
             groups: Rows of a kind, whose slopes are compared with one another.
             noise: Noise of a result.
         """

@@ -1,4 +1,4 @@
-"""Linearization of the step: A and B on tangent spaces, of all environments of a stepper at once."""
+"""Linearization of the step: matrices A and B in tangent coordinates, for all environments at once."""
 
 from __future__ import annotations
 
@@ -25,28 +25,28 @@ sweeps more than 1e-6, and keeps noise out of the derivatives."""
 class Linearization:
     """Derivatives of the state after `nstep` steps.
 
-    Rows and columns of the state are displacements in the coordinates of velocities (`Model.integrate_pos`): of a free or ball joint the
-    rotation vector in the body's frame, whatever quaternion stands in qpos. Shapes are those of a batch; of a `Stepper` with
-    `num_envs=None` the leading axis is absent. n = 2 nv + na: displacements of qpos (m, rad), then qvel (m/s, rad/s), then act.
+    Rows and columns of qpos are displacements in the coordinates of velocities (`Model.integrate_pos`), not entries of qpos. For a free or
+    ball joint they are the rotation vector in the body's frame. With `num_envs=None` in the `Stepper`, the leading axis is absent.
+    n = 2 nv + na: displacements of qpos (m, rad), then qvel (m/s, rad/s), then act.
 
     Attributes:
-        blocks: Derivatives of the state by what `wrt` names, (num_envs, n, *columns), where `columns` is (nv,), (na,), (nu,) or the shape
-            of the parameter's rows. Units are those of the row over those of the column.
-        sensors: Derivatives of the ideal sensors' readings after the steps, likewise (num_envs, nsensordata, *columns); empty unless
-            `sensors=True`.
+        blocks: Derivatives of the state by the name in `wrt`, (num_envs, n, *columns), where `columns` is (nv,), (na,), (nu,) or the
+            shape of the parameter's rows. Units are those of the row over those of the column.
+        sensors: Derivatives of the ideal sensors' readings after the steps, (num_envs, nsensordata, *columns), by the name in `wrt`;
+            empty unless `sensors=True`.
         errors: Estimated error of every entry of `blocks`, with `extrapolate=True`; else empty.
-        kinks: Flags of `Kink` for every column of `blocks`, of all steps together, (num_envs, *columns) uint32.
-        near_kink: Whether any column of an environment has a flag, (num_envs,) bool. Such columns are those of the nominal mode.
-        kinked_steps: The same of every step, (num_envs, nstep) bool.
-        kink_distance: Distance to the nearest kink whose distance can be stated, to first order, in widths of the difference (`step` times
-            the size of the coordinate): beyond 1 it is not reached, infinite where nothing can be stated, (num_envs,).
+        kinks: Flags of `Kink` for every column of `blocks`, over all steps, (num_envs, *columns) uint32.
+        near_kink: Whether any column of an environment has a flag, (num_envs,) bool. Such a column is the slope of the nominal mode.
+        kinked_steps: Whether any column of an environment has a flag in a step, (num_envs, nstep) bool.
+        kink_distance: Estimated distance to the nearest kink, to first order, (num_envs,). Its unit is the width of the difference, which
+            is `step` times the size of the coordinate. Beyond 1 the difference does not reach the kink. Infinite: no estimate.
         step: Half width of the differences for a coordinate of order 1.
         tolerance: Residual to which copies were solved, m/s.
         residual: Largest residual of any copy in the last step, m/s: (num_envs,).
         status: Flags of all copies together, see `stepper.Status`: (num_envs,) uint32.
-        implicit: Whether derivatives are those at the modes of the solution, (num_envs,) bool: false with `method="fd"`, and with
-            `method="implicit"` in environments that the theorem does not cover, which are differentiated by differences.
-        qpos, qvel, act: The nominal state after the steps.
+        implicit: Whether the derivatives are those of the implicit function theorem, (num_envs,) bool. It is False with `method="fd"`,
+            and in environments that the theorem does not cover, where `method="implicit"` falls back to differences.
+        qpos, qvel, act: The nominal state after the steps, (num_envs, nq) m and rad, (num_envs, nv) m/s and rad/s, (num_envs, na).
     """
 
     blocks: dict[str, Array]
@@ -70,7 +70,7 @@ class Linearization:
         """Derivative of the state by the state before, (num_envs, n, n).
 
         Raises:
-            KeyError: `wrt` had not all of "qpos", "qvel" and "act".
+            KeyError: `wrt` lacks "qpos", "qvel" or "act".
         """
         return np.concatenate([self._block(name) for name in STATE], axis=-1)
 
@@ -79,7 +79,7 @@ class Linearization:
         """Derivative of the state by the controls, (num_envs, n, nu).
 
         Raises:
-            KeyError: `wrt` had no "ctrl".
+            KeyError: `wrt` lacks "ctrl".
         """
         return self._block("ctrl")
 
@@ -127,7 +127,10 @@ def linearize(
     extrapolate: bool = False,
     sensors: bool = False,
 ) -> Linearization:
-    """Derivatives of the state after `nstep` steps, in all environments of a stepper: `Stepper.linearize`, whose arguments these are."""
+    """Derivatives of the state after `nstep` steps, in all environments of a stepper.
+
+    The arguments are those of `Stepper.linearize`, such as controls (num_envs, nu) or (nu,).
+    """
     if method not in ("fd", "implicit"):
         raise ValueError(f"method is {method!r}, must be 'fd' or 'implicit'")
     if not isinstance(nstep, int | np.integer) or nstep < 1:

@@ -81,14 +81,15 @@ def pairs_of(flagged: Bools, stencil: Stencil) -> Pairs:
 
 
 def slopes_of(readings: Readings, offsets: Array, groups: Sequence[slice]) -> tuple[Array, Bools, Bools]:
-    """Slopes of the nominal mode, as far as copies keep it.
+    """Slopes of the nominal mode, from the copies that stay in it.
 
-    The widest difference counts whose copies are in the nominal mode, on both sides or on one, and whose slope a quarter of the width
-    confirms: a jump makes it four times as large. Where no copy is in that mode, a slope may be the same on both sides and at two widths.
+    A difference is valid if its copies are in the nominal mode, on both sides or on one. A quarter of its width must give the same slope; a
+    jump would make that slope four times as large. The widest valid difference counts. Without one, a slope counts that is the same on both
+    sides and at two widths.
 
     Args:
         readings: Differences of some pairs.
-        offsets: As in `Pairs`.
+        offsets: Displacements, (pairs, 2, WIDTHS), in the unit of the column, as in `Pairs`.
         groups: Rows that are compared with one another.
 
     Returns:

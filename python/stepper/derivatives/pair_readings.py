@@ -26,8 +26,8 @@ class Reader:
 
     Attributes:
         sim: The stepper, which is only read.
-        nominal: What copies are made of.
-        blocks: What is perturbed.
+        nominal: State of the nominal environments.
+        blocks: Perturbed quantities.
         end: Nominal state after the steps.
         nstep: Number of steps.
         tolerance: Residual to which copies are solved, m/s.

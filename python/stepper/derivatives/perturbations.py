@@ -48,15 +48,15 @@ def step_of(tolerance: float) -> float:
         kinks within the step   k h             their chance is proportional to h, and the jump of the slope is not small
 
     Without kinks h = (3 e / |f'''|)^(1/3) is best. With them the third part is larger than the second for all h < 6 k / |f'''|, and
-    h = sqrt(e / k) is best. With k = 1 and the default tolerance of 1e-13 m/s that is 1e-6, where the noise is 1e-6 at the worst and, as
-    most solutions end far below the tolerance, 1e-9 in the median (measured in docs/how-to/derivatives.md).
+    h = sqrt(e / k) is best. With k = 1 and the default tolerance of 1e-13 m/s, h is 1e-6. The noise is then 1e-6 at worst and 1e-9 in the
+    median, because most solutions end far below the tolerance (docs/how-to/derivatives.md).
     """
     return math.sqrt(max(NOISE_RATIO * tolerance, 4.0 * ROUNDING) / KINK_DENSITY)
 
 
 @dataclass(frozen=True)
 class Block:
-    """Columns of one thing that is perturbed.
+    """Columns of one perturbed quantity: a part of the state, the controls or a parameter.
 
     Attributes:
         name: As in `wrt`: "qpos", "ctrl", "geom_friction[floor]".
@@ -97,7 +97,7 @@ class Stencil:
         """Derivatives of second order of accuracy, or of first order from one point.
 
         Args:
-            changes: Results minus the nominal result, (num_envs, levels, points, columns, n).
+            changes: Results minus the nominal result, (num_envs, levels, points, columns, n), in the units of the rows.
 
         Returns:
             (num_envs, levels, columns, n); 0 where a column is absent.
@@ -112,7 +112,7 @@ class Stencil:
         return np.where(self.central[:, None, :, None], both, one) * (sign / self._divisor(2.0))
 
     def bends(self, changes: Array) -> Array:
-        """Differences between the slopes on both sides of the nominal point, or of the two points on one side; see `slopes`."""
+        """Differences of the slopes on both sides, or of the two points on one side, (num_envs, levels, columns, n)."""
         first, second = changes[:, :, 0], changes[:, :, 1]
         bend: Array = np.abs(np.where(self.central[:, None, :, None], first + second, second - 2.0 * first)) / self._divisor(1.0)
         return bend
@@ -122,7 +122,7 @@ class Stencil:
 
 
 def blocks_of(model: Model, wrt: Sequence[str]) -> list[Block]:
-    """The blocks that `wrt` names.
+    """Blocks of the names in `wrt`.
 
     Raises:
         TypeError: `wrt` is a string or has something else than strings.
@@ -194,19 +194,19 @@ def _absent(model: Model, field: str, places: NDArray[np.int64]) -> NDArray[np.b
 
 
 def stencil_of(model: Model, blocks: Sequence[Block], values: Mapping[str, Array], *, step: float, levels: int, centered: bool) -> Stencil:
-    """Points of all columns.
+    """Points of all columns, at which the step is evaluated.
 
     Coordinates of the state and controls are displaced by `step` in their SI unit, parameters by `step` times their size. Points are on
-    both sides of the nominal one, but for a control that its range, or a parameter that its meaning, lets go to one side only; there they
-    are at one and two steps, with the same order of accuracy.
+    both sides of the nominal one. A control at the end of its range, or a parameter at a bound such as 0, has both points on one side. They
+    are then at one and two steps, with the same order of accuracy.
 
     Args:
         model: The model.
-        blocks: What is perturbed.
-        values: Of every field but qpos its numbers now, (num_envs, size).
+        blocks: Perturbed quantities.
+        values: Present values of every field but qpos, (num_envs, size), in the field's unit.
         step: Half width for a coordinate of order 1.
-        levels: 1, or 2 for extrapolation, of which the second has twice the width.
-        centered: Whether columns have two points, or else one, upwards where that may be.
+        levels: Number of widths: 1, or 2 for extrapolation; the second is twice the first.
+        centered: Whether columns have two points. If False they have one, above the nominal value where the bounds allow it.
     """
     widths, signs, central = [], [], []
     for block in blocks:

@@ -108,9 +108,9 @@ class Rollout:
 
         Args:
             qpos: Gradient of the function by `self.qpos`, (T, num_envs, nq); None is zero.
-            qvel: Gradient by `self.qvel`, likewise.
-            act: Gradient by `self.act`, likewise.
-            sensors: Gradient by `self.sensors`, likewise.
+            qvel: Gradient by `self.qvel`, (T, num_envs, nv); None is zero.
+            act: Gradient by `self.act`, (T, num_envs, na); None is zero.
+            sensors: Gradient by `self.sensors`, (T, num_envs, nsensordata); None is zero.
             smoothing: Derivatives averaged over random displacements, for gradients across kinks; None takes those of the actual steps.
             undetermined: Action at a kink where the nominal mode has no slope (docs/how-to/derivatives.md): "raise" an error, or return
                 "zero" gradients for the environment, flagged in `Gradients.undetermined`.

@@ -20,21 +20,20 @@ from stepper.derivatives.perturbations import Array
 class Smoothing:
     """Randomised smoothing of derivatives, which `Rollout.vjp(smoothing=...)` takes.
 
-    The derivative of a step becomes its mean over normally distributed displacements of the state and the controls, which is the
-    derivative of the mean of the step where the step is continuous (Suh, Pang & Tedrake 2022, "Bundled gradients through contact via
-    randomized smoothing"). What a hair's breadth of a gap hides is felt then, and no kink makes the gradient jump. The rollout itself stays
-    what it is.
+    The derivative of a step is averaged over normally distributed displacements of the state and the controls. Where the step is
+    continuous, this is the derivative of the averaged step (Suh, Pang & Tedrake 2022, "Bundled gradients through contact via randomized
+    smoothing"). The gradient then includes contacts that are nearly closed, and has no jumps at kinks. The rollout itself does not change.
 
     Attributes:
-        samples: Displacements of every environment, an even number: each comes with its opposite.
+        samples: Number of displacements per environment, even: they are drawn in pairs of opposite sign.
         qpos: Standard deviation of displacements of qpos, m and rad.
-        qvel: Of qvel, m/s and rad/s.
-        act: Of act.
-        ctrl: Of the controls.
-        seed: Of the random numbers; every step of a rollout draws others.
+        qvel: Standard deviation of displacements of qvel, m/s and rad/s.
+        act: Standard deviation of displacements of act, in its unit.
+        ctrl: Standard deviation of displacements of the controls, in their units.
+        seed: Seed of the random numbers; each step of a rollout draws new ones.
 
     Raises:
-        ValueError: A number of samples that is odd or none, a standard deviation below 0, or none above 0, or a seed below 0.
+        ValueError: `samples` is odd or below 2, a standard deviation is negative, all are 0, or `seed` is negative.
     """
 
     samples: int = 16

@@ -1,4 +1,4 @@
-"""Gradients by configurations: with the quaternions' four numbers as optimisers hold them, and on tangent spaces."""
+"""Gradients by qpos: conversion between the four numbers of quaternions, for optimisers, and tangent coordinates."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def _rates(quat: Array) -> Array:
 
 
 def to_tangent(model: Model, qpos: Array, gradient: Array) -> Array:
-    """Gradient by displacements, (..., nv), from that by the numbers of qpos, (..., nq)."""
+    """Gradient by displacements, (..., nv), from the gradient by the numbers of qpos, (..., nq)."""
     q, v, quat, rotation = _places(model)
     out = np.zeros((*gradient.shape[:-1], model.nv))
     out[..., v] = gradient[..., q]
@@ -44,7 +44,7 @@ def to_tangent(model: Model, qpos: Array, gradient: Array) -> Array:
 
 
 def from_tangent(model: Model, qpos: Array, gradient: Array) -> Array:
-    """Gradient by the numbers of qpos, (..., nq), from that by displacements, (..., nv): of unit quaternions, along none of which it is."""
+    """Gradient by the numbers of qpos, (..., nq), from the gradient by displacements, (..., nv). It is orthogonal to unit quaternions."""
     q, v, quat, rotation = _places(model)
     out = np.zeros((*gradient.shape[:-1], model.nq))
     out[..., q] = gradient[..., v]

@@ -47,7 +47,7 @@ def expected_digest() -> str:
 
 
 def digest_at(level: str) -> str:
-    """Digest of a process that uses a CPU level.
+    """Digest of the trajectory of the self-test, computed by a new process at a CPU level.
 
     Raises:
         RuntimeError: The process failed; the message has its last line.

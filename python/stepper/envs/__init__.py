@@ -1,11 +1,11 @@
-"""Gymnasium environments, single and in batches. Importing this registers "stepper/HalfCheetah-v5" and its like.
+"""Gymnasium environments, single and vectorised. Importing this package registers their ids, such as "stepper/HalfCheetah-v5".
 
     import gymnasium
     import stepper.envs
 
     envs = gymnasium.make_vec("stepper/HalfCheetah-v5", num_envs=1024)
 
-docs/reference/environments.md lists the tasks and writes a new one. It needs Gymnasium, which `import stepper` does not.
+docs/reference/environments.md lists the tasks, and shows how to write one. The package needs Gymnasium; `import stepper` does not.
 """
 
 from typing import Any

@@ -20,11 +20,11 @@ _KEPT = 64
 
 
 def load_quietly(source: str | ElementTree.Element, *, strict: bool = True) -> Model:
-    """A model of a file, or of an MJCF tree, without warnings about its settings: the `contact` of an environment decides that.
+    """Model of a file or an MJCF tree, without warnings about its settings, which the environment's `contact` overrides.
 
     Args:
         source: Path, or root of a tree.
-        strict: As of `stepper.load`.
+        strict: Whether unsupported elements are errors, as in `stepper.load`.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
@@ -32,7 +32,7 @@ def load_quietly(source: str | ElementTree.Element, *, strict: bool = True) -> M
 
 
 def without(tree: ElementTree.Element, is_unwanted: Callable[[ElementTree.Element], bool]) -> ElementTree.Element:
-    """The tree, from which elements are taken out."""
+    """XML tree without some elements."""
     for parent in list(tree.iter()):
         for child in list(parent):
             if is_unwanted(child):
@@ -41,9 +41,9 @@ def without(tree: ElementTree.Element, is_unwanted: Callable[[ElementTree.Elemen
 
 
 def read_once(read: Callable[P, Model]) -> Callable[P, Model]:
-    """A function that loads a model, with a memory: of the model by its arguments, and of what the model was loaded from.
+    """Decorator that caches a function that loads a model, by its arguments, together with the source of the model.
 
-    `stepper.load` remembers the sources of the last models alone, and one that is read once may be drawn long after.
+    `stepper.load` keeps only the sources of the last models, and a cached model may be drawn much later.
     """
 
     def first(*args: P.args, **kwargs: P.kwargs) -> tuple[Model, Origin | None]:
@@ -63,9 +63,9 @@ def read_once(read: Callable[P, Model]) -> Callable[P, Model]:
 
 
 def once_per_model(function: F) -> F:
-    """A function of a model and further arguments that computes each value once.
+    """Decorator that caches a function of a model and further arguments.
 
-    Its key is the identity of the model. The hash of a model reads all of it, height fields and meshes included, in every call.
+    The key is the identity of the model, because hashing a model reads all its data in every call.
     """
     kept: dict[tuple[Any, ...], tuple[Any, Any]] = {}
 
@@ -82,10 +82,10 @@ def once_per_model(function: F) -> F:
 
 
 def model_file(name: str) -> str:
-    """The path of a model's file.
+    """Path of a model's file.
 
     Args:
-        name: A file of Gymnasium's, as "ant.xml", or a path that begins with "/", "." or "~".
+        name: File of Gymnasium, such as "ant.xml", or a path that begins with "/", "." or "~".
 
     Raises:
         FileNotFoundError: There is no such file.

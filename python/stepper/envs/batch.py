@@ -1,4 +1,4 @@
-"""Episodes of a task in many environments: what single and vector environments have in common."""
+"""Episodes of a task in many environments, the common part of single and vector environments."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ class Batch:
     """Episodes of a task in `num_envs` environments of one `Stepper`.
 
     Args:
-        task: A task, or the class of one, or the name of one of `stepper.envs.TASKS`.
+        task: A task, a class of tasks, or a name in `stepper.envs.TASKS`.
         num_envs: Number of environments.
-        arguments: The task's arguments, where it is given by its class or name.
+        arguments: Arguments of a task that is given by its class or name.
         contact: Law of contact: "mujoco" is `Options.from_model(model)`, "hard" is `Options()`; None is the task's.
-        options: Settings of the step in place of those of `contact`.
+        options: Options of the step, in place of those of `contact`.
         precision: "f64" or "f32".
-        threads: Threads that step; 0 is all that this process may use. The bits are the same for any number.
+        threads: Number of threads; 0 is all cores that this process may use. The bits are the same for any number.
         dtype: Scalar type of observations; None is that of the precision.
         max_episode_steps: Actions after which an episode is truncated; None is no limit.
-        model: What `task.model()` makes, where it is made already.
+        model: Result of `task.model()`, if it exists already.
 
     Raises:
-        ValueError: No task of that name; a law, type or number that is none.
+        ValueError: An unknown task, or an invalid contact, dtype or number.
         TypeError: Arguments that the task does not have.
     """
 
@@ -94,14 +94,14 @@ class Batch:
 
     @property
     def now(self) -> Moment:
-        """Moment after the last step or reset. It reads its quantities again if the stepper has changed since."""
+        """Moment after the last step or reset. Its quantities are recomputed if the stepper has changed since."""
         if self._seen is None or self._seen is not self.sim.xpos:  # The stepper gives the same array until something changes.
             self._reread(np.zeros(self.num_envs, dtype=bool))
             self._seen = self.sim.xpos
         return self._now
 
     def forget(self) -> None:
-        """Forgets the action and the velocity of the last step, as in a batch that has made none."""
+        """Clears the action and the velocity of the last step, as before the first step."""
         self._now = self._moment(np.zeros((self.num_envs, self._actions)))
         position = self.task.position(self._now)
         self._now.velocity = None if position is None else np.zeros_like(position)
@@ -130,9 +130,9 @@ class Batch:
         return {row.name: columns.stop - columns.start for row, columns in self._rows}
 
     def seed(self, envs: Array, seeds: Sequence[int]) -> None:
-        """Restarts the random numbers of the environments `envs` (n,).
+        """Restarts the random numbers of the environments `envs`, (n,).
 
-        Errors of sensors have separate numbers, which follow from the seed of an environment and from its place.
+        Sensor errors have separate random numbers, which depend on the seed and the index of an environment.
         """
         self.streams.seed(envs, seeds)
         self._seeded[envs] = True
@@ -179,7 +179,7 @@ class Batch:
         self._seeded[envs] = False
 
     def set_state(self, qpos: Array | None, qvel: Array | None, mask: Array, envs: Array | None = None) -> None:
-        """Sets configurations and velocities of the environments of a mask; their rows are as of `envs`, see `Stepper.set_state`."""
+        """Sets positions, m and rad, and velocities, m/s and rad/s, of the environments of a mask, (num_envs,); see `Stepper.set_state`."""
         self.sim.set_state(qpos, qvel, mask if envs is None else envs)
         self._reread(mask)
 
@@ -221,15 +221,16 @@ class Batch:
         """Makes the steps of an action.
 
         Args:
-            action: (num_envs, n) float64, nu numbers unless the task has `action_bounds`.
-            begins: Environments that begin an episode in place of it, (num_envs,) bool, whose actions are not read; None is none.
+            action: Actions, (num_envs, n) float64, in the units of the task; n is nu unless the task has `action_bounds`.
+            begins: Environments that begin an episode instead, (num_envs,) bool, and ignore their actions; None is no environment.
 
         Returns:
-            Rewards (num_envs,) float64; which episodes are terminated and truncated, (num_envs,) bool; terms of the rewards. Rows of
-            environments that begin are zero, but in the terms.
+            Rewards (num_envs,) float64, whether episodes are terminated and truncated, (num_envs,) bool, and terms of the rewards. Rewards
+            and
+            flags are zero in environments that begin an episode.
 
         Raises:
-            ValueError: An action that is not finite, before anything is stepped; a reward that is not finite, after it.
+            ValueError: An action that is not finite, before the steps; or a reward that is not finite, after them.
         """
         task = self.task
         action = np.array(action) if begins is None else cleared(action, begins)
@@ -292,7 +293,7 @@ class Batch:
         return self.task.info(self._now)
 
     def room(self, out: Array | None = None) -> Array:
-        """An array for observations, (num_envs, n): `out` if it is given, or a new one.
+        """Array for observations, (num_envs, n): `out` if it is given, otherwise a new one.
 
         Raises:
             ValueError: An `out` of another shape or type.
@@ -300,7 +301,7 @@ class Batch:
         return room((self.num_envs, *self.observation_space.shape), self.dtype, out)
 
     def observation(self, out: Array | None = None) -> Array:
-        """The observation, (num_envs, n), written to an array of `room`: a new one by default."""
+        """Observations, (num_envs, n), written to an array of `room`, by default a new one."""
         out = self.room() if out is None else out
         for row, columns in self._rows:
             value = row.read(self._now)
@@ -320,14 +321,17 @@ class Batch:
 
 
 def _check_episode_state(task: Task, values: Terms, num_envs: int) -> None:
-    """Raises ValueError for values that are not of each environment, and for carried names that there are not."""
+    """Raises ValueError for values without a row for each environment, and for carried names without values."""
     for name, value in values.items():
         if np.shape(value)[:1] != (num_envs,):
             raise ValueError(
                 f"the task's episode_state has {name!r} of shape {np.shape(value)}, must be ({num_envs}, ...): one row for each environment"
             )
     if unknown := sorted(set(task.carried) - set(values)):
-        raise ValueError(f"{type(task).__name__}.carried has {unknown}, episode_state has {', '.join(values) or 'nothing'}: add them there")
+        raise ValueError(
+            f"{type(task).__name__}.carried names {unknown}, which episode_state does not return: return them there, as it returns "
+            f"{', '.join(values) or 'nothing'}"
+        )
 
 
 def _all_finite(values: Array) -> bool:

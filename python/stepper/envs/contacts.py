@@ -1,4 +1,4 @@
-"""Contact forces of geoms, as rewards of legged robots use them."""
+"""Contact forces of geoms, for rewards of legged robots."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from stepper.envs.task import Array, Moment, per_moment
 
 
 def contact_forces(now: Moment, geoms: Sequence[str], against: Sequence[str] | None = None) -> Array:
-    """Normal forces on geoms in the last step, the sum over the contacts of each: (num_envs, n) N.
+    """Normal forces on geoms in the last step, summed over the contacts of each geom, (num_envs, n), N.
 
     Args:
         now: The moment.
         geoms: Names of the n geoms.
-        against: Names of the geoms that they touch; None is any.
+        against: Names of the other geoms of the contacts; None is any.
 
     Raises:
-        KeyError: No geom of a name.
+        KeyError: An unknown geom.
     """
     model, contacts = now.sim.model, _contacts(now)
     columns, others = _columns(model, tuple(geoms)), None if against is None else _columns(model, tuple(against)) >= 0

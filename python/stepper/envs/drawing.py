@@ -15,7 +15,7 @@ RENDER_MODES: tuple[str, ...] = get_args(RenderMode)
 
 
 class Drawing:
-    """Pictures of the environments of a batch, with a renderer that is made for the first of them. It pickles without that.
+    """Pictures of the environments of a batch, with a renderer that is created for the first picture and not pickled.
 
     Args:
         batch: The environments.
@@ -24,7 +24,7 @@ class Drawing:
         **settings: `width`, `height` and `camera_config` of `stepper.viewer.Renderer`.
 
     Raises:
-        ValueError: Another mode.
+        ValueError: An unknown render mode.
     """
 
     def __init__(self, batch: Batch, render_mode: str | None, **settings: Any):
@@ -59,10 +59,10 @@ class Drawing:
 def camera_settings(
     width: int, height: int, camera_id: int | None, camera_name: str | None, camera_config: Mapping[str, Any] | None
 ) -> dict[str, Any]:
-    """Settings of a `Drawing` as Gymnasium's environments have them.
+    """Settings of a `Drawing` from the camera arguments of Gymnasium's environments.
 
     Raises:
-        ValueError: Two cameras.
+        ValueError: Two cameras are given.
     """
     if camera_id is not None and camera_name is not None:
         raise ValueError(f"camera_id={camera_id} and camera_name={camera_name!r} were given: give one of them")

@@ -1,4 +1,4 @@
-"""Arguments of environments: the task, in any of its forms, and the mode of automatic resets."""
+"""Arguments of environments: the task in its forms, and the autoreset mode."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ SETTINGS = (
 
 
 def made_task(task: Task | type[Task] | str, arguments: dict[str, Any]) -> Task:
-    """The task itself, or one of a class or a name with the arguments given.
+    """Task from a task, a class of tasks or a name, with its arguments.
 
     Raises:
-        TypeError: Something else than a task, or arguments that it does not have.
+        TypeError: No task, or unknown arguments of it.
         ValueError: No task of that name.
     """
     if isinstance(task, Task):
         if arguments:
-            raise TypeError(f"{type(task).__name__} is made already: give {sorted(arguments)} to it, not to the environment")
+            raise TypeError(f"{type(task).__name__} exists already: give {sorted(arguments)} to its constructor, not to the environment")
         return task
     if not isinstance(task, str) and not (isinstance(task, type) and issubclass(task, Task)):
         raise TypeError(f"the task is {_in_words(task)}, must be a stepper.envs.Task, the class of one, or the name of one{_remedy(task)}")
@@ -44,10 +44,10 @@ def made_task(task: Task | type[Task] | str, arguments: dict[str, Any]) -> Task:
 
 
 def autoreset(mode: AutoresetMode | str) -> AutoresetMode:
-    """Autoreset mode for a member of Gymnasium's enum, its name or its value.
+    """Autoreset mode from a member of Gymnasium's enum, its name or its value.
 
     Raises:
-        ValueError: Something else.
+        ValueError: An unknown mode.
     """
     text = (mode.name if isinstance(mode, AutoresetMode) else str(mode)).lower()
     found = next((each for each in AutoresetMode if text in (each.name.lower(), each.value.lower())), None)

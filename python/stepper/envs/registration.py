@@ -1,4 +1,4 @@
-"""The names under which Gymnasium finds the environments."""
+"""Registration of the environments with Gymnasium."""
 
 from __future__ import annotations
 

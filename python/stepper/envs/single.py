@@ -1,4 +1,4 @@
-"""One environment as a `gymnasium.Env`."""
+"""Single environment as a `gymnasium.Env`."""
 
 from __future__ import annotations
 
@@ -18,25 +18,26 @@ from stepper.envs.task import Array, Camera, Contact, Moment, Task, Terms
 
 
 class StepperEnv(gymnasium.Env[Array, Array]):
-    """One environment of a task: the bits of an environment of `StepperVectorEnv` with the same seed. It pickles with its state.
+    """Single environment of a task, with the bits of a `StepperVectorEnv` environment with the same seed. It pickles with its state.
 
-    Where its state would not be finite, it keeps its last finite one, and the episode is terminated: info has "non_finite".
+    If a step would give a state that is not finite, the environment keeps its last finite state, the episode is terminated, and its info
+    has "non_finite".
 
     Args:
-        task: A `Task`; or the class of one, or the name of one of `stepper.envs.TASKS`, whose arguments are then given here too.
+        task: A `Task`, a class of tasks, or a name in `stepper.envs.TASKS`. For the latter two, `arguments` are those of the task.
         contact: Law of contact: "mujoco", with the integrator of the model's file, or "hard"; None is the task's.
-        options: Settings of the step in place of those of `contact`.
+        options: Options of the step, in place of those of `contact`.
         precision: "f64" or "f32".
         dtype: Scalar type of observations, float64 or float32; None is that of the precision.
-        max_episode_steps: Actions after which an episode is truncated; None is no limit. `gymnasium.make` has a wrapper for it.
-        render_mode: "rgb_array", and `render()` gives a picture; None, and it gives none. See `stepper.viewer.Renderer` for what
-            pictures need.
+        max_episode_steps: Actions after which an episode is truncated; None is no limit. With `gymnasium.make`, its wrapper truncates.
+        render_mode: "rgb_array" for pictures by `render()`, or None for no pictures. `stepper.viewer.Renderer` lists the requirements.
         width: Width of a picture in pixels.
-        height: Its height.
-        camera_id: Index of a camera of the model's file, or -1 for a free one as the task has it. Without any camera given it is the file's
-            camera "track", and where there is none, the task's.
+        height: Height of a picture in pixels.
+        camera_id: Index of a camera of the model's file, or -1 for the task's free camera. The default is the file's camera "track", or the
+            task's free camera.
         camera_name: Name of a camera of the model's file.
-        default_camera_config: Numbers of a free camera: distance, azimuth, elevation, lookat, trackbodyid, the body that it follows.
+        default_camera_config: Settings of a free camera: distance (m), azimuth and elevation (degrees), lookat (3,), m, and trackbodyid,
+            the followed body.
         **arguments: Arguments of a task that is given by its class or name.
 
     Raises:
@@ -77,7 +78,7 @@ class StepperEnv(gymnasium.Env[Array, Array]):
 
     @property
     def sim(self) -> Stepper:
-        """The stepper, of one environment: its arrays have an axis of length 1 in front."""
+        """Stepper of the environment, whose arrays have a leading axis of length 1."""
         return self._batch.sim
 
     @property
@@ -99,8 +100,8 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         """Begins a new episode.
 
         Args:
-            seed: What it draws follows from it alone. None goes on with the random numbers as they are.
-            options: There are none.
+            seed: Seed of all random numbers; None continues the present ones.
+            options: Must be empty: there are none.
 
         Raises:
             ValueError: Options.
@@ -115,11 +116,11 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         return self._batch.observation()[0], _of_one(self._batch.info())
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Makes the steps of one action, (nu,).
+        """Makes the steps of one action, (nu,), in the units of the task.
 
         Raises:
-            ValueError: An action of another shape, or one that is not finite; nothing is stepped then. A reward that is not finite.
-            ResetNeeded: Before the first reset.
+            ValueError: A wrong shape of the action, or one that is not finite, before the steps. Or a reward that is not finite.
+            ResetNeeded: `reset` was not called yet.
         """
         batch = self._batch
         action = np.asarray(action, dtype=np.float64)
@@ -131,14 +132,14 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         return batch.observation()[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), _of_one(batch.info() | terms)
 
     def get_state(self) -> EnvState:
-        """State of the environment, from which it goes on with the same bits: `set_state` restores it.
+        """State of the environment, for `set_state`. A restored environment continues with the same bits.
 
-        It has the state of the stepper, parameters of `Stepper.randomize`, applied forces, mocap poses, and the episode: episode_state of
-        the task, random numbers of starts and sensors, return and length. Wrappers have separate counts (`TimeLimit`, which
-        `gymnasium.make` puts around an environment), and so have the random numbers of `action_space`.
+        The state contains that of the stepper, parameters of `Stepper.randomize`, applied forces and mocap poses. It also contains the
+        episode: the task's episode_state, random number generators of initial states and sensors, return and length. It does not contain
+        the counters of wrappers, such as `TimeLimit` of `gymnasium.make`, or the random number generator of `action_space`.
 
         Raises:
-            ResetNeeded: Before the first reset.
+            ResetNeeded: `reset` was not called yet.
         """
         if not self._begun:
             raise ResetNeeded("call reset before get_state")
@@ -152,15 +153,15 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         `StepperEnv` with the same task and settings, also from another process.
 
         Args:
-            qpos: Positions (nq,), None keeps them; or a state.
-            qvel: Velocities (nv,); None keeps them. Leave it out with a state.
+            qpos: Positions (nq,), m and rad; None keeps them. Or a state of `get_state`.
+            qvel: Velocities (nv,), m/s and rad/s; None keeps them. Leave it out with a state.
 
         Returns:
-            The observation, (n,).
+            The observation, (n,), in the units of the task.
 
         Raises:
-            ValueError: A wrong shape, a number that is not finite, velocities together with a state, or a state of another task or with
-                other arguments of the task or options of the step. Nothing is changed.
+            ValueError: A wrong shape, a number that is not finite, or velocities together with a state. Or a state of another task, of
+                other arguments, or of other options. Nothing is changed.
         """
         mask = np.ones(1, dtype=bool)
         if not isinstance(qpos, EnvState):
@@ -174,16 +175,16 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         return observation
 
     def render(self) -> Array | None:
-        """A picture, (height, width, 3) uint8; None without a render mode.
+        """Picture of the environment, (height, width, 3) uint8; None without a render mode.
 
         Raises:
-            stepper.viewer.LooksError: The task's model did not come from MJCF, so that its looks are unknown.
+            stepper.viewer.LooksError: The task's model did not come from MJCF, so that its visual elements are unknown.
             RuntimeError: MuJoCo's renderer cannot draw on this machine; the message lists what to install.
         """
         return None if self.render_mode is None else self._drawing.frames([0])[0]
 
     def close(self) -> None:
-        """Frees what pictures took."""
+        """Frees the renderer."""
         self._drawing.close()
 
 

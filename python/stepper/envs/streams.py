@@ -44,16 +44,16 @@ def _word_of(name: str) -> np.uint64:
 
 
 class Streams:
-    """A stream of random numbers for each environment: splitmix64, counted, so that numbers of many streams are one array operation.
+    """Streams of random numbers, one per environment: splitmix64 with counters, so that many streams are one array operation.
 
-    The numbers of an environment depend on its seed and on how many it drew before, and not on its place or its neighbours.
+    The numbers of an environment depend only on its seed and on the count of numbers that it drew before.
 
     Args:
         num_envs: Number of streams.
-        seed: Of the first stream; the others have the seeds that follow.
+        seed: Seed of the first stream; stream i has seed + i.
 
     Attributes:
-        state: A word of each stream, (num_envs,), from which all that it draws next follows.
+        state: State of each stream, (num_envs,) uint64, which determines its next numbers.
         ages: Steps and resets of each environment since it was seeded, (num_envs,).
     """
 
@@ -80,7 +80,7 @@ class Streams:
         self.ages[envs] = 0
 
     def fork(self, name: str) -> Streams:
-        """Streams that follow from these, from their ages, and from a name. Drawing from them leaves these as they are."""
+        """Independent streams that depend on these streams, their ages and a name. Drawing from them does not change these."""
         made = copy.copy(self)
         made.state = _mix(_mix(self.state + _word_of(name)) + self.ages * _GAMMA)
         return made
@@ -108,7 +108,7 @@ class Rng:
         self._streams, self.envs = streams, envs
 
     def uniform(self, low: float, high: float, size: int) -> Array:
-        """Numbers from `low` to `high`, evenly spread, `size` of each environment: (n, size)."""
+        """Uniform random numbers from `low` to `high`, (n, size): `size` for each environment."""
         words = self._streams.words(self.envs, size)
         words >>= _MANTISSA
         numbers = words.astype(np.float64)
@@ -117,12 +117,12 @@ class Rng:
         return numbers
 
     def normal(self, size: int) -> Array:
-        """Numbers of the standard normal distribution, `size` of each environment: (n, size). Box and Muller's method."""
+        """Standard normal random numbers, (n, size): `size` for each environment, by the Box-Muller method."""
         pairs = (size + 1) // 2
         words = (self._streams.words(self.envs, 2 * pairs) >> _MANTISSA).astype(np.float64) * _STEP
         radius, angle = np.sqrt(-2.0 * np.log1p(-words[:, :pairs])), 2.0 * np.pi * words[:, pairs:]
         return np.hstack([radius * np.cos(angle), radius * np.sin(angle)])[:, :size]
 
     def of(self, rows: Array) -> Rng:
-        """Random numbers of some of the environments, a boolean mask (n,): for what is drawn until it fits."""
+        """Random numbers of a subset of the environments, by a boolean mask (n,), for rejection sampling."""
         return Rng(self._streams, self.envs[rows])

@@ -34,19 +34,19 @@ _OWN = ("sim", "task", "dt", "action", "default_qpos", "episode_state", "velocit
 
 
 class Moment:
-    """The batch after a step or a reset.
+    """View of the batch after a step or a reset, which observations, rewards and terminations of a task read.
 
-    It reads as a `Stepper` does: every quantity (`now.qpos`, `now.xpos`, `now.sensordata`) is an attribute, an array (num_envs, ...) that
-    is read at its first use, before the next step; `read(name, of)` and `contacts()` are those of `Stepper`.
+    Every quantity of a `Stepper` (`now.qpos`, `now.xpos`, `now.sensordata`) is an attribute, an array (num_envs, ...). It is computed at
+    its first use, which must precede the next step. `read(name, of)` and `contacts()` are those of `Stepper`.
 
     Attributes:
         sim: The stepper.
         task: The task.
         dt: Time between two observations, s.
-        action: Actions of the step that led here, (num_envs, n), where n is nu but for a task with `action_bounds`; zero in
-            environments that have just begun an episode.
-        default_qpos: The model's reference configuration, (nq,).
-        episode_state: Values of the episodes, not of the stepper: arrays (num_envs, ...) by name; see `Task.episode_state`.
+        action: Actions of the step that led here, (num_envs, n); zero in environments that have just begun an episode. n is nu, except for
+            a task with `action_bounds`.
+        default_qpos: The model's reference configuration, (nq,), m and rad.
+        episode_state: State of the episodes that the stepper does not have: arrays (num_envs, ...) by name; see `Task.episode_state`.
         velocity: Rate of change of `Task.position` over that step, per s; zero in environments that have just begun an episode, None for
             tasks without a position.
     """
@@ -66,9 +66,7 @@ class Moment:
         if name in RENAMED["Moment"]:
             raise no_attribute(Moment, name)
         if self._over:
-            raise RuntimeError(
-                f"{name} was not read at this moment, and the environments went on since: read it before the next step or reset"
-            )
+            raise RuntimeError(f"{name} is a quantity of a past moment, which was not read then: read it before the next step or reset")
         value = self.task.healthy(self) if name == "healthy" else getattr(self.sim, name)
         if callable(value):
             return value  # A method reads the present state: whether the moment is over is checked at every use.
@@ -78,22 +76,23 @@ class Moment:
         return value
 
     def read(self, name: str, of: str | int | Sequence[str | int] | None = None) -> Array:
-        """Values of a quantity for all its elements, or for some by name or index: see `Stepper.read`."""
+        """Values of a quantity for all its elements, or for some by name or index, (num_envs, n, ...), in its unit; see `Stepper.read`."""
         return read(self, name, of)
 
     def rng(self, name: str) -> Rng:
         """Random numbers of all environments for this moment, for noise of an observation.
 
-        They follow from the seed of an environment, from the steps and resets since, and from the name. Equal names give equal numbers,
-        however often and in whatever order they are drawn, so that reading an observation twice gives the same noise.
+        They depend on the seed of an environment, on the steps and resets since, and on the name. Equal names give equal numbers, however
+        often
+        and in any order, so that reading an observation twice gives the same noise.
 
         Args:
-            name: Name of the term that draws, as "height_scan".
+            name: Name of the term, such as "height_scan".
         """
         return Rng(self._streams.fork(name), np.arange(len(self._streams.state)))
 
     def keep(self, name: str, value: Array) -> None:
-        """Holds a quantity, (num_envs, ...), as it is now, in place of its value at the end of the step."""
+        """Keeps the present value of a quantity, (num_envs, ...), in its unit, in place of the value at the end of the step."""
         self.__dict__[name] = self._kept[name] = value
 
     def end_step(self) -> None:
@@ -141,7 +140,7 @@ class Moment:
         Args:
             step_values: `step_values` of the moment in that state.
             kept: Quantities of `keep` there.
-            mask: Environments that took over the state.
+            mask: Environments that took over the state, (num_envs,) bool.
         """
         made = self.reread(mask)
         for name, values in step_values.items():
@@ -194,7 +193,7 @@ class Observation:
     unit: str = ""
 
     def read(self, now: Moment) -> Array:
-        """Values of a moment with noise, before they are clipped: (num_envs, n)."""
+        """Values of a moment with noise before clipping, (num_envs, n), in the unit of the row."""
         value: Array = getattr(now, self.name) if self.func is None else self.func(now)
         flat = value.reshape(len(value), -1)
         flat = flat if self.columns is None else flat[:, self.columns]
@@ -208,8 +207,8 @@ class Reset:
     Attributes:
         sim: The stepper. These environments still have the state in which their last episode ended.
         envs: Indices of the environments, (n,).
-        qpos: Initial configurations, (n, nq): the model's reference, to be changed in place.
-        qvel: Initial velocities, (n, nv): zero, to be changed in place.
+        qpos: Initial positions, (n, nq), m and rad: the model's reference, to be changed in place.
+        qvel: Initial velocities, (n, nv), m/s and rad/s: zero, to be changed in place.
         episode_state: Arrays (num_envs, ...) of `Task.episode_state`, with the rows that the new episodes begin with. Change rows
             `episode_state[name][reset.envs]` alone.
         rng: Random numbers of these environments.
@@ -226,8 +225,9 @@ class Reset:
 class Task(ABC):
     """A task of many environments of one model.
 
-    A task is made to be a frozen dataclass, whose fields are the arguments that `gymnasium.make` takes. All methods work on whole batches:
-    arrays have the axis of the environments in front.
+    Write a task as a frozen dataclass, whose fields are arguments of `gymnasium.make`. All methods work on whole batches: the leading axis
+    of
+    arrays is that of the environments.
     """
 
     contact: ClassVar[Contact] = "hard"
@@ -249,12 +249,12 @@ class Task(ABC):
 
     @abstractmethod
     def model(self) -> Model:
-        """The scene."""
+        """Model of the scene."""
 
     def sensors(self) -> SensorModel | None:
         """Sensor models, for tasks that observe `now.sensordata`. None: ideal sensors.
 
-        Their random numbers follow from the seed of an environment and from its place in the batch.
+        Their random numbers depend on the seed of an environment and on its index in the batch.
         """
         return None
 
@@ -263,9 +263,9 @@ class Task(ABC):
         return None
 
     def action_bounds(self, model: Model) -> tuple[Array, Array]:
-        """Least and largest actions, (n,) each: by default ranges of the model's controls.
+        """Lower and upper bounds of the actions, (n,) each, in the units of the task: by default ranges of the model's controls.
 
-        A task with other ones, as moves of a hand, makes controls of them in `advance`.
+        A task with other actions, such as motions of a hand, converts them to controls in `advance`.
         """
         low, high = model.actuator_ctrlrange.T
         return low, high
@@ -276,26 +276,26 @@ class Task(ABC):
 
     @abstractmethod
     def reward(self, now: Moment) -> tuple[Array, Terms]:
-        """Rewards of the step that led to a moment, (num_envs,), and entries of its info in addition to `info`: terms of the reward."""
+        """Rewards of the step that led to a moment, (num_envs,), and additional entries of its info, such as terms of the reward."""
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:  # noqa: B027
         """Samples initial states of n episodes.
 
         Args:
-            qpos: Configurations, (n, nq): those of the model's reference, to be changed in place.
-            qvel: Velocities, (n, nv): zero, to be changed in place.
+            qpos: Positions, (n, nq), m and rad: the model's reference, to be changed in place.
+            qvel: Velocities, (n, nv), m/s and rad/s: zero, to be changed in place.
             rng: Random numbers of these environments.
         """
 
     def place(self, reset: Reset) -> None:
-        """Sets initial states that depend on `episode_state` or on the simulation, as on the level of a terrain.
+        """Sets initial states that depend on `episode_state` or on the simulation, for example on the level of a terrain.
 
-        By default it calls `sample_state`, so that a task may override it, call it, and move what it sampled.
+        The default calls `sample_state`. An override may call it too, and then move the sampled states.
         """
         self.sample_state(reset.qpos, reset.qvel, reset.rng)
 
     def episode_state(self, num_envs: int) -> Terms:
-        """Initial values of `episode_state`, which the state of the stepper does not have: commands, actions of before.
+        """Initial values of `episode_state`, for data that the stepper does not have, such as commands and previous actions.
 
         Returns:
             Arrays (num_envs, ...) by name, which `now.episode_state` has; `place`, `on_reset`, `advance` and `on_end` write to them. Each
@@ -308,7 +308,7 @@ class Task(ABC):
 
         Args:
             sim: The stepper.
-            episode_state: Arrays of `episode_state`. Change rows of the mask alone, there and in the stepper.
+            episode_state: Arrays of `episode_state`. Change only rows of the mask, there and in the stepper.
             mask: Environments that begin, (num_envs,) bool.
             rng: Random numbers of these environments.
         """
@@ -324,21 +324,21 @@ class Task(ABC):
         """
 
     def healthy(self, now: Moment) -> Array | None:
-        """Environments whose episode may go on, (num_envs,) bool; None is all. A moment has it as `now.healthy`."""
+        """Whether the episode of each environment may continue, (num_envs,) bool; None is all. A moment has it as `now.healthy`."""
         return None
 
     def terminated(self, now: Moment) -> Array | None:
-        """Environments whose episode is over, (num_envs,) bool; None is none. By default those that are not healthy."""
+        """Whether the episode of each environment is over, (num_envs,) bool; None is none. The default is not healthy."""
         return None if now.healthy is None else ~now.healthy
 
     def truncated(self, now: Moment) -> Array | None:
-        """Environments whose episode is cut short where nothing failed, as outside a terrain, (num_envs,) bool; None is none."""
+        """Whether each episode is truncated without failure, for example outside a terrain, (num_envs,) bool; None is none."""
         return None
 
     def position(self, now: Moment) -> Array | None:
-        """Quantity whose rate of change is `now.velocity`, (num_envs, ...); None for none.
+        """Quantity whose rate of change is `now.velocity`, (num_envs, ...); None without one.
 
-        It is read from the states before and after the steps of an action, whatever `now.keep` holds.
+        It is read from the states before and after the steps of an action, regardless of `now.keep`.
         """
         return None
 
@@ -352,9 +352,9 @@ class Task(ABC):
 
 
 class MujocoTask(Task):
-    """A task of Gymnasium's MuJoCo environments, version 5.
+    """Task of Gymnasium's MuJoCo environments, version 5.
 
-    Subclasses have the field `xml_file`: a file of Gymnasium's, or a path that begins with "/", "." or "~".
+    Subclasses have the field `xml_file`: a file of Gymnasium, or a path that begins with "/", "." or "~".
     """
 
     contact = "mujoco"
@@ -369,7 +369,7 @@ class MujocoTask(Task):
 
 
 def per_moment(function: Callable[[Moment], Array]) -> Callable[[Moment], Array]:
-    """Makes a quantity of a moment, `function(now)`, one that is computed once, however often it is read."""
+    """Decorator that caches a function of a moment, `function(now)`, for that moment."""
 
     @functools.wraps(function)
     def quantity(now: Moment) -> Array:
@@ -383,14 +383,14 @@ def per_moment(function: Callable[[Moment], Array]) -> Callable[[Moment], Array]
 
 
 def within(value: Array, bounds: tuple[float, float]) -> Array:
-    """Whether numbers lie between two bounds and on neither."""
+    """Whether numbers, (...), lie strictly between two bounds."""
     low, high = bounds
     inside: Array = (low < value) & (value < high)
     return inside
 
 
 def all_within(value: Array, bounds: tuple[float, float]) -> Array:
-    """Whether all of an environment's numbers, (num_envs, n), lie between two bounds and on neither: (num_envs,)."""
+    """Whether all numbers of each environment, (num_envs, n), lie strictly between two bounds, (num_envs,)."""
     low, high = bounds
     if low < value.min() and value.max() < high:  # What is nearly always so, and quickly seen.
         return np.ones(len(value), dtype=bool)

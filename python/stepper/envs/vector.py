@@ -1,4 +1,4 @@
-"""Many environments as one `gymnasium.vector.VectorEnv`."""
+"""Vector environment as a `gymnasium.vector.VectorEnv`."""
 
 from __future__ import annotations
 
@@ -24,32 +24,37 @@ from stepper.envs.task import Array, Camera, Contact, Moment, Task, Terms
 
 
 class StepperVectorEnv(VectorEnv[Array, Array, Array]):
-    """Environments of one task, stepped together. Arrays that it returns are the caller's; it pickles with its state.
+    """Vector environment of one task. Returned arrays belong to the caller. It pickles with its state.
 
-    An environment whose state would not be finite keeps its last finite one, and its episode is terminated: its info has "non_finite".
+    If a step would give a state that is not finite, the environment keeps its last finite state, its episode is terminated, and its info
+    has "non_finite".
 
     Args:
-        task: A `Task`; or the class of one, or the name of one of `stepper.envs.TASKS`, whose arguments are then given here too.
+        task: A `Task`, a class of tasks, or a name in `stepper.envs.TASKS`. For the latter two, `arguments` are those of the task.
         num_envs: Number of environments.
-        autoreset_mode: When an environment whose episode is over begins another: `AutoresetMode.NEXT_STEP`, with the next call of `step`,
-            whose action it ignores; `SAME_STEP`, within the step that ends it, whose last observation and info are the infos "final_obs"
-            and "final_info"; `DISABLED`, with `reset(options={"reset_mask": mask})` alone. Names work too: "SAME_STEP".
+        autoreset_mode: Gymnasium's `AutoresetMode` or its name: when an environment starts its next episode.
+
+            * "NEXT_STEP": at the next call of `step`, which ignores the action.
+            * "SAME_STEP": within the step that ends the episode; "final_obs" and "final_info" of the infos have its last observation.
+            * "DISABLED": only at `reset(options={"reset_mask": mask})`.
         contact: Law of contact: "mujoco", with the integrator of the model's file, or "hard"; None is the task's.
-        options: Settings of the step in place of those of `contact`.
+        options: Options of the step, in place of those of `contact`.
         precision: "f64" or "f32".
-        threads: Threads that step; 0 is all that this process may use. The bits are the same for any number.
+        threads: Number of threads; 0 is all cores that this process may use. The bits are the same for any number.
         dtype: Scalar type of observations, float64 or float32; None is that of the precision.
         max_episode_steps: Actions after which an episode is truncated; None is no limit. `gymnasium.make_vec` gives the registered one.
         episode_statistics: Whether infos have "episode" where one is over: its return "r", length "l" and duration "t" in s, as
             `RecordEpisodeStatistics` writes them.
-        render_mode: "rgb_array", and `render()` gives a picture of every environment; None, and it gives none. See
-            `stepper.viewer.Renderer` for what pictures need.
+        render_mode: "rgb_array" for a picture of every environment by `render()`, or None for no pictures. `stepper.viewer.Renderer` lists
+            the
+            requirements.
         width: Width of a picture in pixels.
-        height: Its height.
-        camera_id: Index of a camera of the model's file, or -1 for a free one as the task has it. Without any camera given it is the file's
-            camera "track", and where there is none, the task's.
+        height: Height of a picture in pixels.
+        camera_id: Index of a camera of the model's file, or -1 for the task's free camera. The default is the file's camera "track", or the
+            task's free camera.
         camera_name: Name of a camera of the model's file.
-        default_camera_config: Numbers of a free camera: distance, azimuth, elevation, lookat, trackbodyid, the body that it follows.
+        default_camera_config: Settings of a free camera: distance (m), azimuth and elevation (degrees), lookat (3,), m, and trackbodyid,
+            the followed body.
         model: What `task.model()` makes, where it is made already: several batches can share it.
         **arguments: Arguments of a task that is given by its class or name.
 
@@ -182,7 +187,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         """Makes the steps of one action in every environment.
 
         Args:
-            actions: (num_envs, nu).
+            actions: Actions, (num_envs, nu), in the units of the task.
             out: Array that observations are written to, (num_envs, n) of their type; None is a new one.
 
         Returns:
@@ -228,9 +233,9 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
     def get_state(self) -> EnvState:
         """State of all environments, for `set_state`; an environment continues from it with the same bits.
 
-        The state contains that of the stepper, parameters of `Stepper.randomize`, applied forces, mocap poses, active equalities, and the
-        episodes: the task's episode_state, random number generators of initial states and sensors, returns, lengths, and which have
-        ended. It does not contain the counters of wrappers or the random number generator of `action_space`.
+        The state contains that of the stepper, parameters of `Stepper.randomize`, applied forces, mocap poses and active equalities. It
+        also contains the episodes: the task's episode_state, random number generators of initial states and sensors, returns, lengths,
+        and which have ended. It does not contain the counters of wrappers or the random number generator of `action_space`.
 
         Raises:
             ResetNeeded: `reset` was not called yet.
@@ -248,8 +253,8 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         `StepperVectorEnv` with the same task, settings and number of environments, also from another process.
 
         Args:
-            qpos: Positions, (num_envs, nq) or (nq,), None keeps them; or a state, whose row i belongs to environment i.
-            qvel: Velocities, (num_envs, nv) or (nv,); None keeps them. Leave it out with a state.
+            qpos: Positions, (num_envs, nq) or (nq,), m and rad; None keeps them. Or a state, whose row i belongs to environment i.
+            qvel: Velocities, (num_envs, nv) or (nv,), m/s and rad/s; None keeps them. Leave it out with a state.
             envs: Environments to change, a boolean mask (num_envs,) or integer indices (k,), each once; None is all. With indices,
                 positions and velocities have a row for each index, in their order.
 
@@ -257,7 +262,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
             Observations, (num_envs, n).
 
         Raises:
-            ValueError: A wrong shape, a number that is not finite, velocities together with a state, or a state of another task or with
+            ValueError: A wrong shape, a number that is not finite, or velocities together with a state. Or a state of another task or with
                 other arguments of the task or options of the step. Nothing is changed.
             TypeError, IndexError: Indices that are not integers, or out of range.
             ResetNeeded: A state for some environments before the first `reset`.
@@ -282,13 +287,13 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         """A picture of every environment, (height, width, 3) uint8 each; None without a render mode. `stepper.viewer.Renderer` draws some.
 
         Raises:
-            stepper.viewer.LooksError: The task's model did not come from MJCF, so that its looks are unknown.
+            stepper.viewer.LooksError: The task's model did not come from MJCF, so that its visual elements are unknown.
             RuntimeError: MuJoCo's renderer cannot draw on this machine; the message lists what to install.
         """
         return None if self.render_mode is None or self._drawing is None else self._drawing.frames(range(self.num_envs))
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Frees what pictures took."""
+        """Frees the renderer."""
         if self._drawing is not None:
             self._drawing.close()
 

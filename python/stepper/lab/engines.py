@@ -1,4 +1,4 @@
-"""Engines that are compared: environments of one model in stepper or in MuJoCo, stepped together behind one interface."""
+"""Engines with a common interface: batches of environments of one model in stepper or in MuJoCo."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from stepper.shared.machine import require
 Array = NDArray[np.float64]
 
 
-class Crowd(Protocol):
-    """Environments that are stepped together."""
+class EngineBatch(Protocol):
+    """Batch of environments in one engine, stepped together."""
 
     @property
     def name(self) -> str:
@@ -32,20 +32,30 @@ class Crowd(Protocol):
 
     @property
     def qpos(self) -> Array:
-        """Configuration, (num_envs, nq)."""
+        """Positions, (num_envs, nq), m and rad."""
 
     @property
     def qvel(self) -> Array:
-        """Velocity, (num_envs, nv)."""
+        """Velocities, (num_envs, nv), m/s and rad/s."""
 
     def reset(self, qpos: Array, qvel: Array | None = None) -> None:
-        """Resets all environments to qpos, (num_envs, nq) or (nq,), and qvel, of the same form or zero. Clears controls and warm starts."""
+        """Resets all environments, and clears controls and warm starts.
+
+        Args:
+            qpos: Positions, (num_envs, nq) or (nq,), m and rad.
+            qvel: Velocities, (num_envs, nv) or (nv,), m/s and rad/s; None is zero.
+        """
 
     def step(self, ctrl: Array | None = None, nstep: int = 1) -> None:
-        """Makes steps with controls (num_envs, nu), or with those in force. This is the call that is timed."""
+        """Makes steps. Only this method is timed.
+
+        Args:
+            ctrl: Controls, (num_envs, nu), in the actuators' units; None keeps the present ones.
+            nstep: Number of steps.
+        """
 
     def record(self, phase: str) -> None:
-        """Records status and residual of the last step under `phase`. Not timed."""
+        """Records status and residual of the last step under the name of a phase."""
 
 
 @dataclass
@@ -79,7 +89,7 @@ class Certificate:
         self.sweeps += int(np.sum(sim.iterations))
 
 
-class StepperCrowd:
+class StepperBatch:
     """Batch of environments in stepper.
 
     Args:
@@ -87,8 +97,8 @@ class StepperCrowd:
         num_envs: Number of environments.
         precision: "f64" or "f32".
         threads: Threads; 0 is one per core.
-        options: Settings; None is the default.
-        setting: Their name in tables.
+        options: Options of the step; None is the default.
+        setting: Name of the settings in tables.
     """
 
     def __init__(
@@ -108,28 +118,28 @@ class StepperCrowd:
 
     @property
     def qpos(self) -> Array:
-        """See `Crowd.qpos`."""
+        """Positions, (num_envs, nq), m and rad."""
         return np.asarray(self.sim.qpos, dtype=np.float64)
 
     @property
     def qvel(self) -> Array:
-        """See `Crowd.qvel`."""
+        """Velocities, (num_envs, nv), m/s and rad/s."""
         return np.asarray(self.sim.qvel, dtype=np.float64)
 
     def reset(self, qpos: Array, qvel: Array | None = None) -> None:
-        """See `Crowd.reset`."""
+        """Resets all environments to positions (num_envs, nq), m and rad, and velocities (num_envs, nv); see `EngineBatch.reset`."""
         self.sim.reset(qpos=qpos, qvel=qvel)
 
     def step(self, ctrl: Array | None = None, nstep: int = 1) -> None:
-        """See `Crowd.step`."""
+        """Makes steps with controls (num_envs, nu); see `EngineBatch.step`."""
         self.sim.step(ctrl, nstep)
 
     def record(self, phase: str) -> None:
-        """See `Crowd.record`."""
+        """Adds the last step to the certificate of a phase."""
         self.certificates.setdefault(phase, Certificate()).add(self.sim)
 
 
-class MujocoCrowd:
+class MujocoBatch:
     """Batch of environments in MuJoCo, `mujoco.batch.Batch`.
 
     Args:
@@ -138,65 +148,63 @@ class MujocoCrowd:
         threads: Threads; 0 is one per core.
         setting: Name of the settings in tables.
         contacts: Whether `data` has the contacts of the last step, for which each environment keeps an `MjData`.
-        library: Module with the class `Batch`.
     """
 
-    def __init__(
-        self, model: Any, num_envs: int, *, threads: int = 1, setting: str = "", contacts: bool = False, library: str = "mujoco.batch"
-    ) -> None:
+    def __init__(self, model: Any, num_envs: int, *, threads: int = 1, setting: str = "", contacts: bool = False) -> None:
         self.name, self.num_envs = f"MuJoCo {setting}".strip(), num_envs
-        self._batch: Any = require(library, "to run MuJoCo beside stepper").Batch(model, num_envs, threads, *([True] if contacts else []))
+        library = require("mujoco.batch", "to compare stepper with MuJoCo")
+        self._batch: Any = library.Batch(model, num_envs, threads, *([True] if contacts else []))
         self._bound: dict[str, Array] = {}
         for name in ("qpos", "qvel", "ctrl"):
             self.bind(name)
 
     @classmethod
     def from_file(cls, path: str, num_envs: int, *, threads: int = 1, settings: MujocoEngine | None = None) -> Self:
-        """MuJoCo's environments of an MJCF file, with settings as of `mujoco_model`."""
+        """Batch of an MJCF file, with settings as in `mujoco_model`."""
         return cls(mujoco_model(path, settings), num_envs, threads=threads, setting=settings.setting if settings else "defaults")
 
     @property
     def qpos(self) -> Array:
-        """See `Crowd.qpos`."""
+        """Positions, (num_envs, nq), m and rad."""
         return np.array(self._bound["qpos"])
 
     @property
     def qvel(self) -> Array:
-        """See `Crowd.qvel`."""
+        """Velocities, (num_envs, nv), m/s and rad/s."""
         return np.array(self._bound["qvel"])
 
     def reset(self, qpos: Array, qvel: Array | None = None) -> None:
-        """See `Crowd.reset`."""
+        """Resets all environments to positions (num_envs, nq), m and rad, and velocities (num_envs, nv); see `EngineBatch.reset`."""
         self._batch.reset(stage=require("mujoco", "to run MuJoCo").mjtStage.mjSTAGE_NONE.value)
         self.bind("qpos")[:] = qpos
         if qvel is not None:
             self.bind("qvel")[:] = qvel
 
     def bind(self, name: str) -> Array:
-        """A field of `MjData`, (num_envs, ...), which follows the steps; parts of the state may be written to."""
+        """Live view of a field of `MjData`, (num_envs, ...), in MuJoCo's unit. Fields of the state are writable."""
         if name not in self._bound:
             self._bound[name] = self._batch.bind(name)
         return self._bound[name]
 
     def step(self, ctrl: Array | None = None, nstep: int = 1) -> None:
-        """See `Crowd.step`."""
+        """Makes steps with controls (num_envs, nu); see `EngineBatch.step`."""
         if ctrl is not None:
             self._bound["ctrl"][:] = ctrl
         self._batch.step(nstep=nstep)
 
     def record(self, phase: str) -> None:
-        """Does nothing: MuJoCo reports no residual."""
+        """Does nothing, because MuJoCo reports no residual."""
 
     @property
     def restarted(self) -> NDArray[np.bool_]:
-        """Environments that MuJoCo has reset by itself since `reset`, because a state was not finite or huge: (num_envs,)."""
+        """Whether MuJoCo itself reset each environment since `reset`, because a state was not finite or huge, (num_envs,)."""
         kinds = require("mujoco", "to run MuJoCo").mjtWarning
         bad = [kinds.mjWARN_BADQPOS.value, kinds.mjWARN_BADQVEL.value, kinds.mjWARN_BADQACC.value]
         found: NDArray[np.bool_] = self._batch.warning[:, bad, _NUMBER].any(axis=1)
         return found
 
     def data(self, env: int) -> Any:
-        """A copy of the `MjData` of an environment; see `contacts`."""
+        """Copy of the `MjData` of an environment; its contacts need `contacts=True`."""
         return self._batch.get_data(env)
 
 
@@ -205,47 +213,48 @@ _NUMBER = 1
 
 
 def mujoco_model(path: str, settings: MujocoEngine | None = None) -> Any:
-    """MuJoCo's `MjModel` of a file, without sensors, since nobody reads them.
+    """MuJoCo's `MjModel` of a file, with sensors disabled.
 
     Args:
-        path: The MJCF file.
+        path: MJCF file.
         settings: Integrator, cone and solver; None keeps those of the file, or MuJoCo's defaults.
     """
-    return configured(require("mujoco", "to run MuJoCo beside stepper").MjModel.from_xml_path(path), settings)
-
-
-def configured(model: Any, settings: MujocoEngine | None) -> Any:
-    """A model with settings written into it, without sensors."""
-    mujoco = require("mujoco", "to run MuJoCo beside stepper")
-    if settings is not None:
-        settings.configure(mujoco, model)
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
+    model = require("mujoco", "to compare stepper with MuJoCo").MjModel.from_xml_path(path)
+    configure(model, settings)
     return model
 
 
+def configure(model: Any, settings: MujocoEngine | None) -> None:
+    """Writes settings into an `MjModel`, and disables its sensors."""
+    mujoco = require("mujoco", "to compare stepper with MuJoCo")
+    if settings is not None:
+        settings.configure(mujoco, model)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
+
+
 class Engine(Protocol):
-    """A way to step: an engine with its settings."""
+    """Engine with its settings: a line of a chart."""
 
     @property
     def engine(self) -> str:
-        """Name of the engine, one colour family on the chart."""
+        """Name of the engine, which determines the family of colours."""
 
     @property
     def setting(self) -> str:
-        """Settings in a few words, as a line of the chart."""
+        """Name of the settings."""
 
-    def start(self, mjcf: str, dt: float) -> Crowd:
-        """Loads a scene, with time step `dt` in s."""
+    def start(self, mjcf: str, dt: float) -> EngineBatch:
+        """Loads a scene from MJCF text, with the time step `dt`, s."""
 
 
 @dataclass(frozen=True)
 class StepperEngine:
-    """Stepper with its settings.
+    """Stepper with settings.
 
     Attributes:
-        setting: Its name on the chart.
-        options: Settings of the step; the time step is set by the sweep.
-        batch: Environments stepped together.
+        setting: Name on the chart.
+        options: Options of the step, except for the time step.
+        batch: Number of environments stepped together.
         precision: "f64" or "f32".
     """
 
@@ -255,10 +264,10 @@ class StepperEngine:
     precision: Precision = "f64"
     engine: str = "stepper"
 
-    def start(self, mjcf: str, dt: float) -> Crowd:
-        """See `Engine.start`."""
+    def start(self, mjcf: str, dt: float) -> EngineBatch:
+        """Loads a scene from MJCF text, with the time step `dt`, s."""
         options = dataclasses.replace(self.options, timestep=dt)
-        return StepperCrowd(_load(mjcf), self.batch, precision=self.precision, options=options)
+        return StepperBatch(_load(mjcf), self.batch, precision=self.precision, options=options)
 
 
 _load = lru_cache(maxsize=8)(load)
@@ -266,10 +275,10 @@ _load = lru_cache(maxsize=8)(load)
 
 @dataclass(frozen=True)
 class MujocoEngine:
-    """MuJoCo without sensors.
+    """MuJoCo with settings, without sensors.
 
     Attributes:
-        setting: Its name on the chart.
+        setting: Name on the chart.
         integrator: "EULER", "IMPLICIT", "IMPLICITFAST", "DISCRETE" or "RK4".
         cone: "PYRAMIDAL" or "ELLIPTIC".
         solver: "NEWTON", "CG" or "PGS".
@@ -285,14 +294,15 @@ class MujocoEngine:
     noslip: int = 0
     engine: str = "MuJoCo"
 
-    def start(self, mjcf: str, dt: float) -> Crowd:
-        """See `Engine.start`."""
-        model = require("mujoco", "to draw MuJoCo beside stepper").MjModel.from_xml_string(mjcf)
+    def start(self, mjcf: str, dt: float) -> EngineBatch:
+        """Loads a scene from MJCF text, with the time step `dt`, s."""
+        model = require("mujoco", "to compare stepper with MuJoCo").MjModel.from_xml_string(mjcf)
         model.opt.timestep = dt
-        return MujocoCrowd(configured(model, self), 1)
+        configure(model, self)
+        return MujocoBatch(model, 1)
 
     def configure(self, mujoco: Any, model: Any) -> None:
-        """Writes these settings into an `MjModel`; its time step stays."""
+        """Writes these settings into an `MjModel`, except for the time step."""
         model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{self.integrator}")
         model.opt.cone = getattr(mujoco.mjtCone, f"mjCONE_{self.cone}")
         model.opt.solver = getattr(mujoco.mjtSolver, f"mjSOL_{self.solver}")

@@ -1,4 +1,4 @@
-"""What an experiment says while it runs, and of what it wrote."""
+"""Output of an experiment: its progress, and the files that it wrote."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from stepper.shared.progress import Tick
 __all__ = ["Tick", "progress", "show_files"]
 
 PATIENCE = 30.0
-"""Seconds after which a line is written though no tenth is full."""
+"""Longest time between two lines of progress, s."""
 
 
 @contextlib.contextmanager
 def progress() -> Iterator[Tick]:
-    """Progress on stderr, written only when told, so that nothing is written while something is timed.
+    """Display of progress on stderr. It writes only when its function is called, so that timings are not disturbed.
 
-    On a terminal it is a bar. In a file or a pipe it is a line for every tenth, or after half a minute, which is there at once. Both have
-    an estimate of the remaining time.
+    On a terminal it is a bar. In a file or a pipe it is a line for every tenth, or every half a minute. Both have an estimate of the
+    remaining time.
 
     Yields:
-        A function of (what is being done, fraction done).
+        A function of (text, fraction done).
     """
     bars, consoles = require("rich.progress", "to show progress"), require("rich.console", "to show progress")
     console = consoles.Console(stderr=True)
@@ -46,7 +46,7 @@ def progress() -> Iterator[Tick]:
 
 
 def _lines() -> Tick:
-    """Progress as lines."""
+    """Progress as lines, for files and pipes."""
     last: dict[str, tuple[int, float]] = {}
     first: dict[str, tuple[float, float]] = {}
 
@@ -62,7 +62,7 @@ def _lines() -> Tick:
 
 
 def _remaining(done: float, made: float, seconds: float) -> str:
-    """Estimate of the remaining time, from a part that was made in some seconds; empty if nothing says it, or it is below a second."""
+    """Estimate of the remaining time, from the fraction that was done in some seconds; empty without progress, or below a second."""
     left = (1.0 - done) * seconds / made if made > 0 else 0.0
     if left < 1.0:
         return ""
@@ -70,10 +70,6 @@ def _remaining(done: float, made: float, seconds: float) -> str:
 
 
 def show_files(paths: Sequence[Path]) -> None:
-    """Prints what was written.
-
-    Args:
-        paths: The files.
-    """
+    """Prints the paths of files that were written."""
     for path in paths:
         print(f"wrote {path}", flush=True)

@@ -1,4 +1,4 @@
-"""What is timed beside others, in rounds."""
+"""Repeated timing of a run, in rounds that are interleaved with those of other runs."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ from abc import ABC, abstractmethod
 
 
 class Timed(ABC):
-    """A run that is made again and again.
+    """Run that is repeated for timing.
 
     Attributes:
-        times: Mean processor seconds of a run, of every round.
+        times: Mean processor time of a run in every round, s.
     """
 
     times: list[float]
 
     @abstractmethod
     def once(self) -> float:
-        """Processor seconds of one run from the start."""
+        """Processor time of one run from the start, s."""
 
     def measure(self, seconds: float) -> None:
-        """Runs for at least `seconds` and notes the mean of a run."""
+        """Repeats the run for at least `seconds`, and records its mean processor time."""
         runs, total = 0, 0.0
         while total < seconds:
             total += self.once()

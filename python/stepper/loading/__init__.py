@@ -1,4 +1,4 @@
-"""Models from what others wrote: files, text, compiled models."""
+"""Loading of models from files, text and compiled models."""
 
 from stepper.loading.findings import ModelWarning
 from stepper.loading.load import compile_source, is_saved, load

@@ -43,10 +43,9 @@ def load(
             contents decide. Or MJCF or URDF text, or a compiled `mujoco.MjModel`.
         strict: Whether unsupported elements that would change the motion are an error. If False, they are left out, and `Model.omitted`
             and `Model.explain()` list them; `nu` counts only the remaining actuators. Saved models ignore `strict`.
-        package_dirs: Folders to search for meshes of a URDF: folders that contain the package of `package://package/...` or
-            `model://package/...`, the package folders themselves, and base folders of relative paths besides the file's own. None searches
-            for packages in all folders above the file. The folders of ROS_PACKAGE_PATH, AMENT_PREFIX_PATH, GAZEBO_MODEL_PATH and
-            GZ_SIM_RESOURCE_PATH come last.
+        package_dirs: Folders to search for meshes of a URDF: package folders (of `package://package/...` or `model://package/...`), folders
+            that contain packages, and base folders of relative paths. None searches for packages in all folders above the file. The folders
+            of ROS_PACKAGE_PATH, AMENT_PREFIX_PATH, GAZEBO_MODEL_PATH and GZ_SIM_RESOURCE_PATH come last.
         overlaps: Treatment of geoms that overlap at the reference pose (`qpos0`). With "keep", contact pushes them apart. "exclude"
             disables contact between their two bodies permanently (`Model.exclude_overlaps`), except with the ground. A `ModelWarning`,
             `Model.excluded_overlaps` and `Model.explain()` list the pairs.
@@ -104,7 +103,7 @@ def _read(
 
 
 def read_urdf(source: Source) -> Urdf | None:
-    """The URDF that a source is, if it is one."""
+    """URDF of a source; None for other sources."""
     if _is_compiled(source):
         return None
     if _is_text(source):
@@ -122,7 +121,7 @@ def read_urdf(source: Source) -> Urdf | None:
 
 
 def compile_source(source: Source, package_dirs: Sequence[str | os.PathLike[str]] | None = None) -> Any:
-    """The compiled `mujoco.MjModel` of a source that `load` takes, other than a saved model."""
+    """Compiled `mujoco.MjModel` of a source of `load` other than a saved model."""
     if _is_compiled(source):
         return source
     if _is_text(source):
@@ -135,7 +134,7 @@ def _is_text(source: object) -> bool:
 
 
 def is_saved(source: Source) -> bool:
-    """Whether this is the path of a saved model; what is no source at all is an error."""
+    """Whether a source is the path of a saved model. An invalid source is an error."""
     if _is_compiled(source) or _is_text(source):
         return False
     if not isinstance(source, (str, os.PathLike)):

@@ -1,4 +1,4 @@
-"""Sources of models: what a model does not hold, such as colours and meshes that nothing touches, is still in its source."""
+"""Sources of models, which have visual elements that a model does not store, such as colours and visual meshes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Origin:
 
     Attributes:
         source: Path, text or compiled `mujoco.MjModel`.
-        package_dirs: Where meshes of a URDF are found.
+        package_dirs: Folders with the meshes of a URDF.
     """
 
     source: Any
@@ -53,7 +53,7 @@ _remembered: list[_Entry] = []
 
 
 def remember(model: Model, source: Any, package_dirs: Sequence[str | os.PathLike[str]] | None) -> None:
-    """Notes where a model came from."""
+    """Stores the source of a model."""
     folders = None if package_dirs is None else tuple(os.path.abspath(folder) for folder in package_dirs)
     is_path = isinstance(source, os.PathLike) or (isinstance(source, str) and "<" not in source)
     given = os.path.abspath(source) if is_path else source
@@ -69,7 +69,7 @@ def remember(model: Model, source: Any, package_dirs: Sequence[str | os.PathLike
 
 
 def origin_of(model: Model) -> Origin | None:
-    """Origin of a model, or of the one that it is a variant of (`Model.replace`); None where this process did not load it from a source."""
+    """Source of a model, or of the model from which `Model.replace` made it; None if this process did not load it from a source."""
     structure, places = _structure(model), _places(model)
     alike = [entry for entry in reversed(_remembered) if entry.structure == structure]
     same = [entry for entry in alike if entry.places == places]

@@ -1,4 +1,4 @@
-"""Meshes of URDF files: where `package://`, `model://`, `file:` and relative names lead."""
+"""Meshes of URDF files: paths of `package://`, `model://`, `file:` and relative names."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ VARIABLES = {"ROS_PACKAGE_PATH": "", "AMENT_PREFIX_PATH": "share", "GAZEBO_MODEL
 
 
 def resolve_meshes(text: str, place: str, file: Path | None, package_dirs: Sequence[str | os.PathLike[str]] | None) -> str:
-    """A URDF whose meshes of collision are named by where they are.
+    """Text of a URDF with absolute paths of its collision meshes.
 
     Args:
         text: The URDF.
-        place: What messages call it.
-        file: Where it was read from, if from a file.
-        package_dirs: Folders that have packages or meshes, or are a package; None is the folders above the file. The folders of
-            `VARIABLES` come after these.
+        place: Name of the URDF in messages.
+        file: File of the URDF, if it was read from one.
+        package_dirs: Folders with packages or meshes, or packages; None is the folders above the file. The folders of `VARIABLES` come
+            after these.
 
     Returns:
-        The text with absolute names; as it is where it has no mesh, or where MuJoCo's compiler finds all of them by itself.
+        The text with absolute paths; unchanged if it has no mesh, or if MuJoCo's compiler finds all meshes.
 
     Raises:
-        ModelError: A mesh is nowhere; the message names it, its link, and where it was looked for.
+        ModelError: A mesh was not found; the message has its name, its link and the searched folders.
     """
     robot = parse(text)
     if robot is None:

@@ -27,16 +27,19 @@ def add_actuators(kind: Actuators, urdf: Urdf, compiled: Any, description: dict[
     """Adds an actuator to every hinge and slide of a description that no other joint drives (`mimic`).
 
     Args:
-        kind: "position" is a servo with stiffness k = I w^2 and critical damping d = 2 I w, where w = 2 pi `POSITION_FREQUENCY` and I is
-            the effective inertia at the reference pose with all other joints held; "velocity" is a servo with d = I w, where w = 2 pi
-            `VELOCITY_FREQUENCY`; "torque" is a motor. Controls have the bounds of the position, velocity and effort in the file, forces
-            those of the effort.
+        kind: Kind of the actuators. I is a joint's effective inertia at the reference pose with all other joints held.
+
+            * "position": servo with stiffness k = I w^2 and critical damping d = 2 I w, where w = 2 pi `POSITION_FREQUENCY`.
+            * "velocity": servo with damping d = I w, where w = 2 pi `VELOCITY_FREQUENCY`.
+            * "torque": motor.
+
+            Controls have the bounds of the position, velocity or effort in the file, forces those of the effort.
         urdf: The file.
-        compiled: What MuJoCo's compiler made of it.
-        description: Where they are added.
+        compiled: The `mujoco.MjModel` of the file.
+        description: Description to which the actuators are added.
 
     Raises:
-        ModelError: There is nothing to drive, or the limits cannot be read.
+        ModelError: No joint can be driven, or the limits cannot be read.
     """
     if urdf.root is None:
         raise ModelError(f"{urdf.place}: actuators={kind!r} needs the joint limits, and the XML is not well-formed; correct the file")

@@ -1,7 +1,7 @@
-"""Elements of a URDF: which are simulated, which are not, and why.
+"""Elements of a URDF: simulated ones, and others with the reasons why they are left out.
 
-MuJoCo's parser reads some elements and drops the others without a word. `READ` lists the elements and attributes that it reads, `LEFT_OUT`
-has a reason for those that robots of many packages have and that are not simulated; any other gets a separate line.
+MuJoCo's parser reads some elements and silently drops the others. `READ` lists the elements and attributes that it reads. `LEFT_OUT` has a
+reason for common elements that are not simulated. Any other element gets a separate line in the report.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from stepper._stepper import ModelError
-from stepper.loading.urdf_xml import parse, word
+from stepper.loading.urdf_xml import parse, prefixed
 
 Element = ElementTree.Element
 Omission = dict[str, Any]
@@ -83,11 +83,11 @@ _FREE = ("continuous", "revolute", "prismatic")
 
 @dataclass(frozen=True)
 class Urdf:
-    """A URDF while it is read.
+    """URDF with its elements, for reading.
 
     Attributes:
         text: The file.
-        place: What messages call it.
+        place: Name of the URDF in messages.
     """
 
     text: str
@@ -95,7 +95,7 @@ class Urdf:
 
     @cached_property
     def root(self) -> Element | None:
-        """The element `robot`; None where the text is not well-formed, which MuJoCo's parser may accept."""
+        """Element `robot`; None if the text is not well-formed XML, which MuJoCo's parser may accept."""
         return parse(self.text)
 
     @cached_property
@@ -104,7 +104,7 @@ class Urdf:
         return {} if self.root is None else {joint.get("name", ""): joint for joint in self.root.findall("joint")}
 
     def number(self, joint: str, path: str, attribute: str) -> float | None:
-        """A number of a joint, None where it is not given.
+        """Number of an attribute of a joint; None if it is absent.
 
         Raises:
             ModelError: It is not a number.
@@ -122,11 +122,11 @@ class Urdf:
         return value
 
     def speed_limit(self, joint: str) -> float | None:
-        """Highest speed of a joint, rad/s or m/s, None where there is none: 0, which exporters write without a number, is none."""
+        """Speed limit of a joint, rad/s or m/s; None without one. 0 counts as no limit, because exporters write it as a default."""
         return _bound(self.number(joint, "limit", "velocity"))
 
     def effort_limit(self, joint: str) -> float | None:
-        """Highest force or torque of a joint's actuator, N or N m, None where there is none: 0 is none, and the sign does not count."""
+        """Largest force or torque of a joint's actuator, N or N m; None without a limit. 0 counts as no limit, and the sign is ignored."""
         return _bound(abs(self.number(joint, "limit", "effort") or 0.0))
 
 
@@ -135,7 +135,7 @@ def _bound(given: float | None) -> float | None:
 
 
 def refuse_xacro(urdf: Urdf) -> None:
-    """Raises a ModelError where a file is a template of a URDF: its elements would be dropped without a word."""
+    """Raises a ModelError for a xacro template of a URDF, whose elements would be dropped silently."""
     elements = re.sub(r"<!--.*?-->", "", urdf.text, flags=re.DOTALL)
     if "<xacro:" in elements or re.search(r"=\s*[\"'][^\"']*\$[{(]", elements):
         raise ModelError(f"{urdf.place}: it is a template with xacro elements, not a URDF; expand it: xacro FILE > robot.urdf")
@@ -161,16 +161,16 @@ def _left_out(element: Element, path: str, owner: str) -> Iterator[Omission]:
     """Attributes and descendants of an element that are not simulated; `owner` is the name of the link or joint around it."""
     for attribute in element.attrib:
         if attribute not in READ[path]:
-            yield _omission(f"URDF {element.tag} attribute {word(attribute)}", owner or element.get("name", ""), _UNKNOWN)
+            yield _omission(f"URDF {element.tag} attribute {prefixed(attribute)}", owner or element.get("name", ""), _UNKNOWN)
     for child in element:
         # Comments and processing instructions have no name.
         if not isinstance(child.tag, str) or (inner := f"{path}/{child.tag}") in _HIDDEN:
             continue
-        name = owner or child.get("name") or child.get("reference") or f"<{word(child.tag)}>"
+        name = owner or child.get("name") or child.get("reference") or f"<{prefixed(child.tag)}>"
         if inner in READ:
             yield from _left_out(child, inner, name if inner in ("robot/link", "robot/joint") else owner)
         else:
-            yield _omission(f"URDF {word(child.tag)}", name, LEFT_OUT.get(inner, _UNKNOWN))
+            yield _omission(f"URDF {prefixed(child.tag)}", name, LEFT_OUT.get(inner, _UNKNOWN))
 
 
 def _masses(robot: Element) -> Iterator[Omission]:

@@ -23,8 +23,8 @@ def parse(text: str) -> ElementTree.Element | None:
         return None
 
 
-def word(name: str) -> str:
-    """Name of an element or attribute as the file has it: "drake:acceleration" of "{drake}acceleration"."""
+def prefixed(name: str) -> str:
+    """Name of an element or attribute with its prefix, as in the file: "drake:acceleration" for "{drake}acceleration"."""
     namespace, _, local = name.rpartition("}")
     prefix = namespace.removeprefix("{")
     return f"{prefix}:{local}" if prefix and "/" not in prefix else local

@@ -25,12 +25,12 @@ def describe(env: Any) -> Description:
     """Settings of an environment, single or vector.
 
     Args:
-        env: An environment of `stepper.envs` or one of Gymnasium's on MuJoCo; of others, only spaces and versions are said.
+        env: An environment of `stepper.envs` or one of Gymnasium's on MuJoCo. Of other environments, only spaces and versions are listed.
 
     Returns:
-        Engine and versions; the task with its arguments; name and digest of the model; options, time step and steps of an action;
-        precision; rows of the observation; bounds of the actions; theta, the parameters of `Stepper.randomize` that environments have of
-        their own, as least and largest number of each element; models of actuators and sensors.
+        Engine and versions; the task with its arguments; name and digest of the model; options, time step and steps per action;
+        precision; rows of the observation; bounds of the actions; models of actuators and sensors. The key "theta" has the parameters of
+        `Stepper.randomize` that differ between environments: the lowest and highest value of each element.
     """
     base = env.unwrapped
     base = base.envs[0].unwrapped if hasattr(base, "envs") else base

@@ -63,14 +63,14 @@ class Evaluation:
 class Comparison:
     """Comparison of a policy in two environments, from the same starts.
 
-    Two one-sided tests (Schuirmann's): the mean returns are equivalent if the confidence interval of their paired difference at 1 - 2 alpha
-    lies within the margin, which has both tests at the level alpha.
+    Equivalence is tested by two one-sided tests (Schuirmann), each at the level alpha. The mean returns are equivalent if the confidence
+    interval of their paired difference, at 1 - 2 alpha, lies within the margin.
 
     Attributes:
         one: Episodes in the first environment.
-        other: Episodes in the second, from the same starts.
+        other: Episodes in the second environment, from the same initial states.
         margin: Largest difference of mean returns that counts as none, as a fraction of the first's mean return.
-        alpha: Level of each test: with 0.05 two environments that differ by the margin are called equivalent in at most 5 % of cases.
+        alpha: Level of each test. At 0.05, environments that differ by exactly the margin pass as equivalent in at most 5 % of cases.
     """
 
     one: Evaluation
@@ -109,28 +109,38 @@ class Comparison:
         )
 
 
-def make(env: str, num_envs: int | None = None, **settings: Any) -> Any:
-    """An environment by its name, of stepper or of Gymnasium.
+def make(env: str, num_envs: int | None = None, *, training: bool = False, **settings: Any) -> Any:
+    """Makes an environment by its id in Gymnasium's registry, of stepper or of another simulator.
 
     Args:
-        env: Its name, with its module and a colon before it where importing that registers it: "push_task:me/Push-v0".
-        num_envs: Number of environments; None is a single one.
-        **settings: Its arguments.
+        env: Id, with the module that registers it and a colon in front if needed: "push_task:me/Push-v0".
+        num_envs: Number of environments; None makes a single environment, not a vector environment.
+        training: Whether a vector environment is for training: with autoreset SAME_STEP and the infos of `RecordEpisodeStatistics`.
+        **settings: Arguments of the environment.
 
     Raises:
-        ValueError: There is none of that name.
-        MissingPackageError: Gymnasium, or what its MuJoCo environments need, is not installed.
+        ValueError: The id is not registered.
+        MissingPackageError: Gymnasium, or a package that its MuJoCo environments need, is not installed.
     """
-    gymnasium = require("gymnasium", "to evaluate policies")
+    gymnasium = require("gymnasium", "to run policies")
     importlib.import_module("stepper.envs")  # It registers its environments.
     env = known(env)
     try:
-        point = str(gymnasium.spec(env).entry_point)
+        spec = gymnasium.spec(env)
     except gymnasium.error.Error as error:
         raise ValueError(str(error)) from error
-    if point.startswith("gymnasium.envs.mujoco"):
+    if str(spec.entry_point).startswith("gymnasium.envs.mujoco"):
         require("imageio", "for MuJoCo environments of Gymnasium's")
-    return gymnasium.make(env, **settings) if num_envs is None else gymnasium.make_vec(env, num_envs=num_envs, **settings)
+    if num_envs is None:
+        return gymnasium.make(env, **settings)
+    if not training:
+        return gymnasium.make_vec(env, num_envs=num_envs, **settings)
+    mode: dict[str, Any] = {"autoreset_mode": gymnasium.vector.AutoresetMode.SAME_STEP}
+    if is_native(env):
+        return gymnasium.make_vec(env, num_envs=num_envs, **mode, episode_statistics=True, **settings)
+    # A native vector environment takes the mode as an argument. A vector of single environments takes it in `vector_kwargs`.
+    mode = mode if spec.vector_entry_point else {"vector_kwargs": mode}
+    return gymnasium.wrappers.vector.RecordEpisodeStatistics(gymnasium.make_vec(env, num_envs=num_envs, **mode, **settings))
 
 
 def evaluate(
@@ -144,21 +154,24 @@ def evaluate(
     tick: Tick | None = None,
     **settings: Any,
 ) -> Evaluation:
-    """Runs a policy in fresh episodes.
+    """Runs a policy for a number of episodes and collects its returns.
 
     Args:
-        policy: What acts.
-        env: Name of an environment in Gymnasium. Those of `stepper.envs`, and those of which there are only vector environments,
-            run all episodes at once, others one after the other.
-        episodes: How many.
-        seed: Episode k has the seed `seed + k`.
-        starts: Configurations (episodes, nq) and velocities (episodes, nv) that episodes begin from, in place of those of the seeds.
-        infos: Names of infos, one number of each environment, whose means over each episode are taken too.
-        tick: Called with the environment's name and the fraction done.
+        policy: Function of observations, (num_envs, n), that returns actions, (num_envs, nu): a `Policy` or any other.
+        env: Id of an environment in Gymnasium's registry. Environments of `stepper.envs`, and others with vector environments only, run
+            all episodes at once; the rest run one after the other.
+        episodes: Number of episodes, at least 2.
+        seed: Seed of the first episode; episode k has the seed `seed + k`.
+        starts: Initial positions (episodes, nq), m and rad, and velocities (episodes, nv), m/s and rad/s. None draws them from the seeds.
+        infos: Keys of infos with one number per environment; the result has their means over each episode.
+        tick: Called with the environment's id and the fraction done.
         **settings: Arguments of the environment.
 
+    Returns:
+        Returns and lengths of the episodes.
+
     Raises:
-        ValueError: No such environment, settings or infos that it does not have, or fewer than two episodes.
+        ValueError: An unknown environment, setting or info, or fewer than two episodes.
         MissingPackageError: Gymnasium is not installed.
     """
     if episodes < 2:
@@ -169,7 +182,7 @@ def evaluate(
 
 
 def is_native(env: str) -> bool:
-    """Whether environments of a name are those of `stepper.envs`, a task of the user's own among them."""
+    """Whether an id is of an environment on stepper: a task of `stepper.envs` or of the user."""
     gymnasium = require("gymnasium", "to evaluate policies")
     importlib.import_module("stepper.envs")  # It registers its environments.
     spec = gymnasium.registry.get(known(env))
@@ -177,7 +190,7 @@ def is_native(env: str) -> bool:
 
 
 def _is_vector_alone(env: str) -> bool:
-    """Whether a name in Gymnasium has vector environments and no single ones."""
+    """Whether an id in Gymnasium's registry has a vector environment and no single one."""
     spec = require("gymnasium", "to evaluate policies").registry.get(known(env))
     return spec is not None and spec.entry_point is None and spec.vector_entry_point is not None
 
@@ -194,21 +207,21 @@ def compare(
     settings: tuple[dict[str, Any], dict[str, Any]] = ({}, {}),
     tick: Tick | None = None,
 ) -> Comparison:
-    """Runs a policy in two environments from the same starts, those that a stepper environment draws from its seeds.
+    """Runs a policy in two environments from the same initial states, and tests whether its mean returns are equivalent.
 
     Args:
-        policy: What acts.
-        one: An environment, of `stepper.envs` or Gymnasium's own of the same task.
-        other: Another; one of the two is of `stepper.envs`.
-        episodes: In each.
-        seed: Episode k has the seed `seed + k`.
-        margin: See `Comparison`.
-        alpha: See `Comparison`; with 0.025 the interval is one of 95 %.
-        settings: Arguments of the two environments.
-        tick: As of `evaluate`.
+        policy: Function of observations, (num_envs, n), that returns actions, (num_envs, nu): a `Policy` or any other.
+        one: Id of the first environment, of `stepper.envs` or of Gymnasium.
+        other: Id of the second environment, with the same task. At least one of the two is of `stepper.envs`; its seeds draw the states.
+        episodes: Number of episodes in each environment.
+        seed: Seed of the first episode; episode k has the seed `seed + k`.
+        margin: Largest difference of mean returns that counts as equivalent, as a fraction of the first's mean return.
+        alpha: Level of each of the two one-sided tests; 0.025 gives a 95 % interval. See `Comparison`.
+        settings: Arguments of the first and of the second environment.
+        tick: Called with the environment's id and the fraction done.
 
     Raises:
-        ValueError: Neither is one of stepper's; and what `evaluate` raises.
+        ValueError: Neither environment is of stepper, or an error of `evaluate`.
     """
     ours = [(name, given) for name, given in zip((one, other), settings, strict=True) if is_native(name)]
     if not ours:
@@ -229,7 +242,7 @@ def _starts(env: str, episodes: int, seed: int, settings: dict[str, Any]) -> tup
 
 
 def _together(envs: Any, policy: Act, seed: int, starts: tuple[Array, Array] | None, infos: Sequence[str], *, tick: Tick) -> Evaluation:
-    """Every episode in a separate environment. Those that are over go on with another, which is not counted."""
+    """Evaluation with every episode in a separate environment. Later episodes of the same environment do not count."""
     observation, _ = envs.reset(seed=seed)
     if starts is not None:
         observation = envs.unwrapped.set_state(*starts)
@@ -272,7 +285,7 @@ def _one_by_one(env: Any, policy: Act, seeds: range, starts: tuple[Array, Array]
 
 
 def _info(info: Mapping[str, Any], name: str) -> Array:
-    """A number of each environment that a step's info has."""
+    """Values of an info, one number per environment."""
     if name not in info or np.ndim(info[name]) > 1:
         numbers = sorted(key for key, value in info.items() if not key.startswith("_") and np.ndim(value) < 2)
         raise ValueError(f"the infos have no number {name!r}, they have: {', '.join(numbers) or 'none'}")

@@ -18,14 +18,14 @@ Array = NDArray[Any]
 
 
 def check_film(env: str, **settings: Any) -> None:
-    """Checks that an environment can be filmed here, by one picture: before a training whose end is a film.
+    """Renders one frame of an environment, so that a training that ends with a film fails at its start if it cannot render.
 
     Args:
-        env: Name of an environment in Gymnasium's registry.
+        env: Id of an environment in Gymnasium's registry.
         **settings: Arguments of the environment.
 
     Raises:
-        RuntimeError: OpenGL cannot draw here, with the remedy.
+        RuntimeError: OpenGL cannot render on this machine; the message has the remedy.
         MissingPackageError: Gymnasium or MoviePy is not installed.
     """
     require("moviepy", "to write films")
@@ -47,20 +47,20 @@ def film(
     progress: Callable[[int], object] | None = None,
     **settings: Any,
 ) -> None:
-    """Writes the beginning of an episode as a video, by Gymnasium's recorder, which needs MoviePy.
+    """Films the start of an episode as a video, with Gymnasium's `RecordVideo`, which needs MoviePy.
 
     Args:
-        policy: What acts.
-        env: Name of an environment in Gymnasium.
-        file: An mp4; what is there is replaced.
-        actions: Actions of the film, if the episode is not over before.
+        policy: Function of an observation, (n,), that returns an action, (nu,): a `Policy` or any other.
+        env: Id of an environment in Gymnasium's registry.
+        file: Video file, mp4; an existing file is replaced.
+        actions: Number of actions to film; fewer if the episode ends earlier.
         seed: Seed of the episode.
-        progress: Called after each action with the number of actions so far: on a machine without a graphics card a picture takes a
-            tenth of a second or more.
+        progress: Called after each action with the number of actions so far. Without a graphics card a frame takes a tenth of a second
+            or more.
         **settings: Arguments of the environment.
 
     Raises:
-        ValueError: No such environment.
+        ValueError: The id is not registered.
         MissingPackageError: Gymnasium or MoviePy is not installed.
     """
     require("moviepy", "to write films")

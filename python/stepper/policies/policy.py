@@ -45,20 +45,20 @@ class PolicyWarning(UserWarning):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Policy:
-    """A network that gives an action for an observation, the same one every time: the mean of what it was trained to draw.
+    """Deterministic policy network: its action is the mean of the distribution that was trained.
 
-    The observation is less `mean`, over `std`, clipped to `clip`; every layer is `x @ weight + bias`, with the activation after each but
-    the last; its numbers, clipped to -1 and 1, are stretched to the bounds of the actions.
+    The input of the first layer is (observation - mean) / std, clipped to +-`clip`. Every layer is `x @ weight + bias`, with the
+    activation after each but the last. The output is clipped to -1 and 1, and scaled to the bounds of the actions.
 
     Attributes:
-        mean: Of the observations in training, (n,).
+        mean: Mean of the observations in training, (n,).
         std: Standard deviation of the observations, (n,).
         clip: Bound of normalised observations.
         layers: Weights (inputs, outputs) and biases (outputs,) of every layer, float32.
         activation: One of `ACTIVATIONS`.
-        low: Least actions, (nu,).
-        high: Largest actions, (nu,).
-        environment: What it was trained in, as `stepper.policies.describe` gives it.
+        low: Lower bounds of the actions, (nu,).
+        high: Upper bounds of the actions, (nu,).
+        environment: Settings of the environment that it was trained in, from `stepper.policies.describe`.
         training: Notes on the training, as JSON.
     """
 
@@ -93,10 +93,10 @@ class Policy:
         """Actions for observations.
 
         Args:
-            observation: (n,), or (num_envs, n).
+            observation: Observations, (n,) or (num_envs, n).
 
         Returns:
-            (nu,) or (num_envs, nu), float32.
+            Actions, (nu,) or (num_envs, nu), float32.
 
         Raises:
             PolicyError: Observations of another size.

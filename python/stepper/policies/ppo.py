@@ -33,25 +33,23 @@ os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 for name in ("torch", "gymnasium"):
     require(name, "to train", "train")
 
-import gymnasium  # noqa: E402
 import numpy as np  # noqa: E402
 import torch  # noqa: E402
-from gymnasium.vector import AutoresetMode  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
 from torch import Tensor, nn  # noqa: E402
 
 from stepper.envs import StepperVectorEnv  # noqa: E402
-from stepper.policies import Policy, check_film, describe, evaluate, film, is_native  # noqa: E402
-from stepper.policies.ppo_settings import Settings, arguments  # noqa: E402
+from stepper.policies import Policy, check_film, describe, evaluate, film, is_native, make  # noqa: E402
+from stepper.policies.ppo_settings import Settings, arguments, copy_learner  # noqa: E402
 from stepper.shared.environments import known  # noqa: E402
 from stepper.shared.files import in_one_piece  # noqa: E402
 
 Array = NDArray[Any]
 
 
-FRESH = 2**32
-"""The first seed of episodes that no training has seen."""
-TOLD = 5.0
+EVALUATION_SEED = 2**32
+"""Seed of the first evaluation episode, above all seeds of training episodes."""
+PRINT_INTERVAL = 5.0
 """Time between two lines of progress, s."""
 
 
@@ -62,7 +60,7 @@ class Moments:
         self.mean, self.var, self.count = np.zeros(size), np.ones(size), 1e-4
 
     def update(self, batch: Array) -> None:
-        """Takes a batch (n, size) in."""
+        """Updates the moments with a batch of rows, (n, size), in any unit."""
         rows = batch.reshape(-1, len(self.mean)).astype(np.float64)
         shift, total = rows.mean(axis=0) - self.mean, self.count + len(rows)
         self.var = (self.var * self.count + rows.var(axis=0) * len(rows) + shift**2 * self.count * len(rows) / total) / total
@@ -70,7 +68,10 @@ class Moments:
 
 
 class ActorCritic(nn.Module):
-    """Two networks of two hidden layers: means of a Gaussian whose deviation is the same in all states, and the value of a state."""
+    """Actor and critic, with two hidden layers each: the mean of Gaussian actions, and the value of a state.
+
+    The standard deviation of the actions does not depend on the state.
+    """
 
     def __init__(self, observations: int, actions: int, settings: Settings):
         super().__init__()
@@ -79,7 +80,7 @@ class ActorCritic(nn.Module):
         self.log_std = nn.Parameter(torch.full((actions,), float(np.log(settings.initial_std))))
 
     def log_prob(self, mean: Tensor, action: Tensor) -> Tensor:
-        """Logarithms of the density of actions (n, nu) about their means: (n,)."""
+        """Log probability densities of actions (n, nu) for their means (n, nu): (n,)."""
         scaled = (action - mean) * torch.exp(-self.log_std)
         return -0.5 * (scaled * scaled).sum(-1) - self.log_std.sum() - 0.5 * np.log(2.0 * np.pi) * mean.shape[-1]
 
@@ -93,12 +94,13 @@ def _network(inputs: int, hidden: int, outputs: int, gain: float) -> nn.Sequenti
 
 
 class Run:
-    """A training under way: all that a checkpoint has."""
+    """State of a training run: environments, networks, optimizer, running moments and counters."""
 
     def __init__(self, settings: Settings):
         self.settings = settings
         torch.manual_seed(settings.seed)
-        self.envs = make(settings)
+        threads = {"threads": settings.threads} if is_native(settings.env) else {}
+        self.envs = make(settings.env, settings.num_envs, training=True, **settings.environment(), **threads)
         space = self.envs.single_action_space
         self.middle, self.half = (space.high + space.low) / 2, (space.high - space.low) / 2
         size = self.envs.single_observation_space.shape[0]
@@ -112,13 +114,13 @@ class Run:
         self.episodes, self.recent = 0, deque[tuple[float, int]](maxlen=100)
 
     def normal(self, observation: Array) -> Tensor:
-        """Normalised observations, float32."""
+        """Normalised observations, (num_envs, n), float32."""
         scaled = (observation - self.observed.mean) / np.sqrt(self.observed.var + 1e-8)
         return torch.from_numpy(np.clip(scaled, -10.0, 10.0).astype(np.float32))
 
     @torch.no_grad()
     def collect(self) -> dict[str, Tensor]:
-        """Steps all environments through a horizon: samples with their advantages."""
+        """Steps all environments for `horizon` steps; returns samples with their advantages, one tensor (samples, ...) by name."""
         s, net = self.settings, self.net
         shape = (s.horizon, s.num_envs)
         seen = np.empty((*shape, len(self.observed.mean)), dtype=np.float32)
@@ -142,7 +144,7 @@ class Run:
             if over.any():
                 self._count(info, over)
                 cut = np.flatnonzero(truncated & ~terminated)
-                if len(cut):  # An episode that only ran out of time has a value beyond its end.
+                if len(cut):  # A truncated episode is bootstrapped with the value of its last state.
                     final = self.normal(np.stack(list(info["final_obs"][cut])))
                     lasts[t, cut] = net.critic(final).squeeze(-1).numpy()
         values[s.horizon] = net.critic(self.normal(self.observation)).squeeze(-1)
@@ -162,13 +164,13 @@ class Run:
         return samples
 
     def _count(self, info: dict[str, Any], over: Array) -> None:
-        """Notes the episodes that are over."""
+        """Records returns and lengths of the episodes that ended."""
         episode = info.get("episode") or info["final_info"]["episode"]
         self.recent += [(float(r), int(n)) for r, n in zip(episode["r"][over], episode["l"][over], strict=True)]
         self.episodes += int(over.sum())
 
     def update(self, samples: dict[str, Tensor]) -> dict[str, float]:
-        """Improves the networks by samples. Returns how the update went."""
+        """Trains the networks on samples; returns statistics of the update."""
         s, net, count = self.settings, self.net, len(samples["return"])
         old_log_std = net.log_std.detach().clone()
         losses, clipped = [], []
@@ -222,7 +224,7 @@ class Run:
         )
 
     def save(self, file: Path) -> None:
-        """Writes a checkpoint, in one piece. It is a pickle: load only your own."""
+        """Writes a checkpoint atomically. It is a pickle: load only files that you trust."""
         state = {name: value for name, value in self.__dict__.items() if name not in ("net", "optimizer", "envs")}
         state |= {
             "settings": dataclasses.asdict(self.settings),
@@ -237,13 +239,13 @@ class Run:
 
     @classmethod
     def load(cls, file: Path) -> Run:
-        """Goes on from a checkpoint."""
+        """Restores a run from a checkpoint."""
         state = torch.load(file, weights_only=False)
         run = cls(Settings(**state.pop("settings")))
         run.net.load_state_dict(state.pop("net"))
         run.optimizer.load_state_dict(state.pop("optimizer"))
         envs, random = state.pop("envs"), state.pop("random")
-        if envs is None:  # Episodes are new, and what they returned so far is nothing.
+        if envs is None:  # Episodes are new, and have no return yet.
             del state["observation"], state["discounted"]
         else:
             run.envs = envs
@@ -259,35 +261,17 @@ def _divergence(mean: Tensor, log_std: Tensor, new_mean: Tensor, new_log_std: Te
     return float(parts.sum(-1).mean())
 
 
-def make(settings: Settings) -> Any:
-    """The environments to train in."""
-    if is_native(settings.env):
-        return gymnasium.make_vec(
-            settings.env,
-            num_envs=settings.num_envs,
-            **settings.environment(),
-            threads=settings.threads,
-            autoreset_mode=AutoresetMode.SAME_STEP,
-            episode_statistics=True,
-        )
-    mode: dict[str, Any] = {"autoreset_mode": AutoresetMode.SAME_STEP}
-    # A native vector environment takes the mode as an argument. A vector of single environments takes it in `vector_kwargs`.
-    mode = mode if gymnasium.spec(settings.env).vector_entry_point else {"vector_kwargs": mode}
-    envs = gymnasium.make_vec(settings.env, num_envs=settings.num_envs, **mode)
-    return gymnasium.wrappers.vector.RecordEpisodeStatistics(envs)
-
-
 def train(settings: Settings, folder: Path, *, every: float = 30.0, quiet: bool = False) -> Run:
-    """Trains, or goes on with what a folder has.
+    """Trains a policy, or continues the run of a folder.
 
     Args:
-        settings: What to train.
+        settings: Settings of the run.
         folder: Folder for curve.csv, checkpoint.pt and policy.npz.
         every: Time between two checkpoints, s.
-        quiet: Whether nothing is printed.
+        quiet: Whether to print nothing.
 
     Raises:
-        ValueError: The folder has another run.
+        ValueError: The folder has a run with other settings.
     """
     torch.set_num_threads(settings.threads)
     folder.mkdir(parents=True, exist_ok=True)
@@ -298,7 +282,7 @@ def train(settings: Settings, folder: Path, *, every: float = 30.0, quiet: bool 
     if checkpoint.exists():
         run = Run.load(checkpoint)
         theirs, ours = dataclasses.asdict(run.settings), dataclasses.asdict(settings)
-        theirs["steps"], run.settings = settings.steps, settings  # A run may go on for longer.
+        theirs["steps"], run.settings = settings.steps, settings  # A run may continue with more steps.
         if found := [f"{name} is {theirs[name]} there, {ours[name]} here" for name in ours if theirs.get(name) != ours[name]]:
             raise ValueError(f"{folder} has another run: {'; '.join(found)}; give another folder with --out")
     else:
@@ -306,8 +290,9 @@ def train(settings: Settings, folder: Path, *, every: float = 30.0, quiet: bool 
     _cut(curve, run.iteration)
     if not quiet:
         goes_on = f", from step {run.steps:,} on" if run.steps else ""
-        print(f"training for {settings.steps:,} steps{goes_on}; a line every {TOLD:.0f} s, and every update in {curve}", flush=True)
-    told = -np.inf
+        rest = f"a line every {PRINT_INTERVAL:.0f} s, and every update in {curve}"
+        print(f"training for {settings.steps:,} steps{goes_on}; {rest}", flush=True)
+    printed = -np.inf
     saved, begun, spent = time.perf_counter(), time.perf_counter() - run.seconds, time.process_time() - run.processor
     while run.steps < settings.steps:
         progress = run.update(run.collect())
@@ -317,8 +302,8 @@ def train(settings: Settings, folder: Path, *, every: float = 30.0, quiet: bool 
         row = {"iteration": run.iteration, "steps": run.steps, "seconds": round(run.seconds, 2), "processor": round(run.processor, 2)}
         row |= {"episodes": run.episodes, "return": float(returns), "length": float(length)} | progress
         _append(curve, row)
-        if not quiet and (time.perf_counter() - told > TOLD or run.steps >= settings.steps):
-            told = time.perf_counter()
+        if not quiet and (time.perf_counter() - printed > PRINT_INTERVAL or run.steps >= settings.steps):
+            printed = time.perf_counter()
             print(f"{run.steps:>12,} steps {run.seconds:6.0f} s  return {returns:9.1f}  length {length:6.1f}", flush=True)
         if time.perf_counter() - saved > every or run.steps >= settings.steps:
             run.save(checkpoint)
@@ -328,7 +313,7 @@ def train(settings: Settings, folder: Path, *, every: float = 30.0, quiet: bool 
 
 
 def _cut(curve: Path, iteration: int) -> None:
-    """Removes rows after a checkpoint: they are made again."""
+    """Removes the rows of a learning curve after a checkpoint's iteration, which the run repeats."""
     if curve.exists():
         lines = curve.read_text().splitlines(keepends=True)
         curve.write_text("".join(lines[: iteration + 1]))
@@ -344,16 +329,16 @@ def _append(curve: Path, row: dict[str, float]) -> None:
 
 
 def main(words: Sequence[str] | None = None, prog: str | None = None) -> None:
-    """Trains, evaluates, films.
+    """Trains a policy, evaluates it, and films it if `--film` is given.
 
     Args:
         words: Arguments of the command line; None is those of the process.
-        prog: Name of the command in its help; None is that of the file.
+        prog: Name of the command in its help; None is the name of the file.
     """
     given = vars(arguments(prog).parse_args(words))
     env, out, episodes, video, copy = (given.pop(name) for name in ("env", "out", "evaluate", "film", "copy"))
     if copy is not None:
-        _copy_to(copy)
+        copy_learner(Path(__file__), copy)
         return
     if episodes < 2:
         raise ValueError(f"--evaluate is {episodes}, must be at least 2: one episode has no confidence interval")
@@ -367,23 +352,11 @@ def main(words: Sequence[str] | None = None, prog: str | None = None) -> None:
     policy = run.policy()
     print(f"{run.steps:,} steps in {run.seconds:.0f} s, {run.processor:.0f} s of processor time; the run is in {folder}")
     print(f"evaluating {episodes} fresh episodes", flush=True)
-    print(evaluate(policy, env, episodes=episodes, seed=FRESH, **settings.environment()), flush=True)
+    print(evaluate(policy, env, episodes=episodes, seed=EVALUATION_SEED, **settings.environment()), flush=True)
     if video is not None:
         print("filming at most 300 actions", flush=True)
-        film(policy, env, video, actions=300, seed=FRESH, progress=_filmed, **settings.environment())
+        film(policy, env, video, actions=300, seed=EVALUATION_SEED, progress=_filmed, **settings.environment())
         print(f"wrote {video}")
-
-
-def _copy_to(file: Path) -> None:
-    """Writes this file to a new one.
-
-    Raises:
-        ValueError: The file exists.
-    """
-    if file.exists():
-        raise ValueError(f"--copy: {file} exists; name a new file, or remove it")
-    file.write_text(Path(__file__).read_text(encoding="utf-8"), encoding="utf-8")
-    print(f"wrote {file}; change it, and train with: python {file} {Settings.env}")
 
 
 def _filmed(actions: int) -> None:

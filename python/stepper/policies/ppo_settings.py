@@ -1,4 +1,4 @@
-"""Settings of the learner (`stepper.policies.ppo`), those of every task, and their options on the command line; without PyTorch."""
+"""Settings of the learner (`stepper.policies.ppo`), their defaults for each task, and the command line. It does not import PyTorch."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ A stopped run continues with the same command. Settings of a task are those in s
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """Settings of a run. The same settings make the same curve.
+    """Settings of a training run. The same settings give the same learning curve.
 
     Attributes:
-        env: Name of an environment in Gymnasium's registry.
+        env: Id of an environment in Gymnasium's registry.
         seed: Seed of all random numbers.
         steps: Number of environment steps.
-        contact: Law of contact of stepper's environments, "mujoco" or "hard"; empty is the task's own.
+        contact: Law of contact of stepper's environments, "mujoco" or "hard"; empty is the task's default.
         precision: Scalar type of the steps of stepper's environments.
-        num_envs: Environments that step together.
+        num_envs: Number of environments that step together.
         horizon: Steps of each environment between two updates.
         epochs: Passes over the samples of an update.
-        minibatch: Samples of a gradient step; a pass leaves out the rest that does not fill one.
+        minibatch: Samples per gradient step; samples that do not fill a minibatch are skipped.
         hidden: Units of each of the two hidden layers.
         learning_rate: Initial learning rate of Adam.
         target_kl: Target Kullback-Leibler divergence of an update, nats; above twice it the learning rate falls, below half it rises.
@@ -81,11 +81,11 @@ class Settings:
 
     @classmethod
     def of_task(cls, env: str, **given: Any) -> Settings:
-        """Settings of a task in `TASKS`; those of `given` replace them."""
+        """Settings of a task in `TASKS`, with the changes of `given`."""
         return cls(env=env, **{**TASKS.get(env.rpartition("/")[2], {}), **given})
 
     def environment(self) -> dict[str, Any]:
-        """Arguments of the environment: Gymnasium's own have none of these."""
+        """Arguments of the environment: contact and precision, for environments on stepper."""
         given = {"contact": self.contact, "precision": self.precision} if is_native(self.env) else {}
         return {name: value for name, value in given.items() if value}
 
@@ -101,7 +101,7 @@ SMALL: Mapping[str, Any] = {
     "max_grad_norm": 0.5,
     "initial_std": 1.0,
 }
-"""Many small gradient steps, and actions that are far apart at first: for tasks whose episodes end with a fall."""
+"""Settings with many small gradient steps and a large initial spread of actions, for tasks whose episodes end with a fall."""
 
 ROUGH: Mapping[str, Any] = {
     "steps": 100_000_000,
@@ -132,20 +132,36 @@ TASKS: Mapping[str, Mapping[str, Any]] = {
     "G1Rough-v0": {**ROUGH, "steps": 200_000_000},
     "G1Velocity-v0": {"steps": 40_000_000, "epochs": 5, "contact": "mujoco", "hidden": 128, "initial_std": 0.5},
 }
-"""Settings of a task in place of those above, whichever engine steps it; options of the command line go before both."""
+"""Settings of tasks that differ from the defaults of `Settings`, for any simulator. Options of the command line override both."""
+
+
+def copy_learner(source: Path, file: Path) -> None:
+    """Copies the file of a learner.
+
+    Args:
+        source: File of the learner.
+        file: Path of the copy.
+
+    Raises:
+        ValueError: The copy exists already.
+    """
+    if file.exists():
+        raise ValueError(f"--copy: {file} exists; name a new file, or remove it")
+    file.write_text(source.read_text(encoding="utf-8"), encoding="utf-8")
+    print(f"wrote {file}; change it, and train with: python {file} {Settings.env}")
 
 
 def arguments(prog: str | None = None) -> argparse.ArgumentParser:
-    """Reader of the command line: every setting is an option, with its description in `Settings` as help."""
+    """Parser of the command line: every setting is an option, with its description in `Settings` as help."""
     parser = argparse.ArgumentParser(prog=prog, description=ABOUT, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument(
-        "env", nargs="?", default=Settings.env, help=f"a name in Gymnasium's registry, or module:name; {Settings.env} by default"
+        "env", nargs="?", default=Settings.env, help=f"an id in Gymnasium's registry, or module:id; {Settings.env} by default"
     )
-    parser.add_argument("--out", type=Path, help="folder of the run; one in out/train by default")
-    parser.add_argument("--evaluate", type=int, default=20, metavar="EPISODES", help="fresh episodes after the training")
-    parser.add_argument("--film", type=Path, metavar="FILE", help="an mp4 of another episode")
-    parser.add_argument("--copy", type=Path, metavar="FILE", help="write this learner to a new file, to change it; nothing is trained")
-    # Python 3.13 takes the indentation of docstrings away, and older ones keep it.
+    parser.add_argument("--out", type=Path, help="folder of the run; a folder in out/train by default")
+    parser.add_argument("--evaluate", type=int, default=20, metavar="EPISODES", help="number of evaluation episodes after the training")
+    parser.add_argument("--film", type=Path, metavar="FILE", help="video (mp4) of one more episode")
+    parser.add_argument("--copy", type=Path, metavar="FILE", help="copy the learner's source to a new file, for changes, and exit")
+    # Python 3.13 removes the indentation of docstrings; earlier versions keep it.
     texts = dict(re.findall(r"^    (\w+): (.*)$", inspect.cleandoc(str(Settings.__doc__)), re.MULTILINE))
     for field in dataclasses.fields(Settings):
         if field.name != "env":

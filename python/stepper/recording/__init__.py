@@ -1,4 +1,4 @@
-"""Recordings: everything that happened, written down, and repeated bit for bit."""
+"""Recordings: inputs and results of a run on disk, and bit-for-bit replay."""
 
 from stepper.recording.format import HEADER, RecordingError
 from stepper.recording.recorder import Recorder

@@ -34,7 +34,7 @@ CAUSES = {
 
 
 class Failures:
-    """Counts what failed, by cause, sensor and actuator, and keeps where the first of each were."""
+    """Counts of failures by cause, sensor and actuator, with the places of the first ones."""
 
     def __init__(self, sim: Stepper):
         bounds = np.asarray(sim.model.actuator_ctrlrange).reshape(-1, 2)
@@ -57,13 +57,13 @@ class Failures:
     def look(
         self, row: int, fields: dict[str, np.ndarray[Any, Any]], faults: np.ndarray[Any, Any], saturation: np.ndarray[Any, Any]
     ) -> None:
-        """Takes in one row of a recording.
+        """Counts the failures in one row of a recording.
 
         Args:
-            row: Which.
+            row: Number of the row.
             fields: See `stepper.recording.format.FIELDS`.
-            faults: `Stepper.sensor_faults`.
-            saturation: `Stepper.actuator_saturation`.
+            faults: Counts of sensor faults, (num_envs, nsensor), a number of `Stepper.sensor_faults`.
+            saturation: Flags of saturated actuators, (num_envs, nu), of `Stepper.actuator_saturation`.
         """
         ctrl = fields["ctrl"]
         faults, saturation = faults.reshape(len(ctrl), -1, 2), saturation.reshape(len(ctrl), -1)
@@ -102,9 +102,9 @@ class Failures:
             self._first[cause] += [(row, int(env)) for env in environments[:room]]
 
     def summary(self) -> list[dict[str, Any]]:
-        """All failures: cause, flag, in how many calls of `step` of an environment, and the first (row, environment) pairs.
+        """All failures: cause, flag, number of calls of `step` over all environments, and the first (row, environment) pairs.
 
-        Of sensing also "readings", how many of each sensor; of saturated actions "steps", how many of each actuator.
+        Failures of sensing also have "readings", the number for each sensor. Saturation also has "steps", the number for each actuator.
         """
         found = [
             {"whose": whose, "what": what, "meaning": CAUSES[whose, what], "count": count, "first": self._first[whose, what]}

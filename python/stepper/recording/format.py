@@ -1,13 +1,13 @@
-"""The format of a recording, and the one way to read it: what is cut, swapped or edited is refused, with the place.
+"""Format of a recording, and functions to read it. Files that were cut, swapped or edited raise an error with the place.
 
 A recording is a folder:
 
-    run.json         what was in force: versions, machine, options, precision, seed, digest of the model, shapes and units of the fields;
+    run.json         versions, machine, options, precision, seed, digest of the model, shapes and units of the fields;
                      of every file its rows, its calls of step and its SHA-256; what failed; whether it was closed; and its own SHA-256
     model.stepper    the model, as `Model.save` writes it
     00000.npz ...    rows, each file complete in itself
 
-run.json is written again, in one piece, after every file: what a crash loses is the last file alone.
+run.json is replaced atomically after every file: a crash loses only the last file.
 
 Arrays of a file: `kind` (n,) gives the kind of each row (`KINDS`). The rows of steps have the fields of `FIELDS`, stacked in
 their order; the others their arguments, as "row/name".
@@ -55,14 +55,14 @@ COMPARED = tuple(name for name in FIELDS if name not in ("ctrl", "nstep"))
 
 
 class RecordingError(ValueError):
-    """A recording that cannot be read or repeated as it stands: where in it, what is wrong, and what to do."""
+    """Recording that cannot be read or repeated; the message has the place, the problem and the remedy."""
 
 
 @contextmanager
 def reading(place: str | Path) -> Iterator[None]:
-    """Turns whatever goes wrong with the contents of a place into a `RecordingError` that names the place.
+    """Context that turns errors in the contents of a file into a `RecordingError` with the place.
 
-    What the machine lacks (files that cannot be read, memory) stays what it is.
+    OSError and MemoryError stay as they are.
     """
     try:
         yield
@@ -91,10 +91,10 @@ def _digest_of_header(head: Header) -> str:
 
 
 def read_header(folder: Path) -> Header:
-    """The contents of run.json.
+    """Contents of run.json.
 
     Raises:
-        RecordingError: It is not one that this version reads, or it is not what was written.
+        RecordingError: The format is of another version, or the file was changed.
         OSError: It cannot be read.
     """
     file = existing(folder / HEADER, "recording")
@@ -118,10 +118,10 @@ def read_header(folder: Path) -> Header:
 
 
 def check_files(folder: Path, head: Header) -> None:
-    """Refuses a recording whose files are not those that run.json lists.
+    """Checks that the files of a recording are those that run.json lists.
 
     Raises:
-        RecordingError: A file is missing, or there is one too many.
+        RecordingError: A file is missing, or there is an additional one.
     """
     with reading(folder / HEADER):
         listed = [entry["name"] for entry in head["files"]]
@@ -137,10 +137,10 @@ def check_files(folder: Path, head: Header) -> None:
 
 
 def read_rows(folder: Path, head: Header) -> Iterator[tuple[str, str, Arrays]]:
-    """Every row of a recording: where it is, what it was, and its arrays. One file is in memory at a time.
+    """Rows of a recording, each with its place, kind and arrays. One file is in memory at a time.
 
     Raises:
-        RecordingError: A file is missing, too many, or not what was written.
+        RecordingError: A file is missing, additional or changed.
         OSError: A file cannot be read.
     """
     check_files(folder, head)

@@ -1,4 +1,4 @@
-"""Stage 10 on disk: a run as it happened, and the proof that it can be repeated. Its format: `stepper.recording.format`."""
+"""Recorder of a stepper: inputs and results of each call on disk, in the format of `stepper.recording.format`."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ if TYPE_CHECKING:
 
 
 class Recorder:
-    """Writes what a `Stepper` does into a folder. A context manager; `close` ends the recording.
+    """Recorder of the calls and results of a `Stepper` in a folder. It is a context manager; `close` ends the recording.
 
     Args:
-        sim: The stepper; it must not be recorded already.
+        sim: Stepper without another recorder.
         path: The folder, new or empty.
-        chunk: Bytes that are kept in memory before a file is written.
-        note: A label or remark of your own, kept in run.json.
+        chunk: Number of bytes in memory at which a file is written.
+        note: Remark to keep in run.json.
 
     Raises:
-        FileExistsError: There is something in the folder.
-        ValueError: The stepper is being recorded.
+        FileExistsError: The folder is not empty.
+        ValueError: The stepper is recorded already.
 
     Attributes:
         path: The folder.
-        rows: Rows so far.
-        failures: What failed so far, and why.
+        rows: Number of rows so far.
+        failures: Failures so far.
     """
 
     def __init__(self, sim: Stepper, path: str | os.PathLike[str], *, chunk: int = 64 << 20, note: str = ""):
@@ -63,7 +63,7 @@ class Recorder:
         self._add("start", state=_state_bytes(sim), **_parameters(sim.randomized, np.full(sim.num_envs or 1, True)))
 
     def step(self, sim: Stepper, *, ctrl: np.ndarray[Any, Any], nstep: int, applied: list[np.ndarray[Any, Any] | None]) -> None:
-        """Called by the stepper after a call of `step`."""
+        """Called by the stepper after a call of `step` with controls (num_envs, nu)."""
         if not all(_same(now, before) for now, before in zip(applied, self._applied, strict=True)):
             self._applied = [None if now is None else now.copy() for now in applied]
             self._add("applied", **{name: now for name, now in zip(APPLIED, self._applied, strict=True) if now is not None})
@@ -75,7 +75,7 @@ class Recorder:
         self._count("step", sum(value.nbytes for value in row.values()))
 
     def reset(self, _sim: Stepper, **arguments: Any) -> None:
-        """Called by the stepper after a reset, which ended what the user applied: what is applied next is a row again."""
+        """Called by the stepper after a reset. A reset clears applied forces, so that the next ones are recorded again."""
         self._applied = [None] * len(APPLIED)
         self._add("reset", **arguments)
 
@@ -86,7 +86,7 @@ class Recorder:
         self._add("set_state", **arguments)
 
     def randomize(self, sim: Stepper, *, envs: Any = None, fields: dict[str, Any] | None = None) -> None:
-        """Called by the stepper after `randomize`. Of the fields, the rows of the environments that changed are kept."""
+        """Called by the stepper after `randomize`. Only rows of changed environments are recorded."""
         chosen, order = np.zeros(sim.num_envs or 1, dtype=bool), selected(envs, sim.num_envs or 1)
         chosen[order] = True
         rows = {name: values for name, values in (fields or {}).items() if values is not None}
@@ -97,7 +97,7 @@ class Recorder:
         self._add("randomize", envs=chosen, shared=np.array(shared, "U"), **_parameters(rows, chosen))
 
     def close(self) -> None:
-        """Writes the rest and marks the recording in run.json as complete. The stepper goes on unrecorded."""
+        """Writes the remaining rows, and marks the recording as complete. The stepper continues without recording."""
         if self._sim.recorder is self:
             self._sim.recorder = None
             self._flush(closed=True)
@@ -150,7 +150,7 @@ class Recorder:
 
 
 def header(sim: Stepper, note: str = "") -> dict[str, Any]:
-    """Theta: everything that was in force."""
+    """Header of a recording: versions, machine, options, precision, seed and model."""
     return {
         "format": FORMAT,
         "note": note,

@@ -1,4 +1,4 @@
-"""A recording made again, compared bit for bit."""
+"""Replay of a recording, with a bit-for-bit comparison."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from stepper.shared.progress import Tick, silent
 
 @dataclass(frozen=True)
 class Difference:
-    """The first number that a replay did not reproduce.
+    """First number that a replay did not reproduce.
 
     Attributes:
         row: Row of the recording.
         step: Call of `step`, counted from 0.
-        field: What differs.
+        field: Name of the field that differs.
         env: Environment; 0 for a single one.
-        recorded: What was recorded for that environment.
-        replayed: What came out now.
+        recorded: Recorded values of that environment.
+        replayed: Values of the replay.
     """
 
     row: int
@@ -50,11 +50,11 @@ class Replay:
     """Outcome of a replay.
 
     Attributes:
-        rows: Rows that were repeated.
-        steps: Calls of `step` among them.
+        rows: Number of repeated rows.
+        steps: Number of calls of `step` among them.
         difference: The first difference; None when every bit was reproduced.
-        complete: Whether the recording was closed; else its last rows may be missing.
-        versions: Version of stepper that recorded, and this one; bits are promised for equal versions only.
+        complete: Whether the recording was closed; otherwise its last rows may be missing.
+        versions: Version of stepper that recorded, and the present one. Only equal versions guarantee equal bits.
     """
 
     rows: int
@@ -82,15 +82,15 @@ def replay(path: str | os.PathLike[str], *, model: Model | None = None, threads:
 
     Args:
         path: The folder that `Stepper.record` wrote.
-        model: The model that it must belong to; None takes the recording's own.
-        threads: Threads that step; None is as recorded. The bits do not depend on it.
+        model: Model of the recorded stepper; None loads the one in the recording.
+        threads: Number of threads; None is as recorded. The bits do not depend on it.
         tick: Called with "replay" and the fraction of rows.
 
     Raises:
-        TypeError, ValueError: `model` is no model, or `threads` no number of threads.
-        RecordingError: The recording is of another model, a file of it is missing, or something in it is not what was written.
+        TypeError, ValueError: `model` or `threads` is invalid.
+        RecordingError: The recording is of another model, or a file is missing or changed.
         OSError: It cannot be read.
-        MemoryError: It has more environments than there is memory for.
+        MemoryError: The memory does not suffice for its environments.
     """
     if model is not None and not isinstance(model, Model):
         raise TypeError(f"model is {model!r} ({type(model).__name__}), must be a stepper.Model")
@@ -113,7 +113,7 @@ def replay(path: str | os.PathLike[str], *, model: Model | None = None, threads:
 
 
 def recorded_stepper(folder: Path, head: Header, model: Model | None, threads: int | None) -> Stepper:
-    """A stepper as the recorded one was made."""
+    """Stepper with the settings of the recorded one."""
     with reading(folder / MODEL):
         own = Model.from_file(folder / MODEL)
     for digest, whose in [(own.digest, "the model in its folder"), (model.digest if model else own.digest, "the model given")]:
@@ -139,7 +139,7 @@ def recorded_stepper(folder: Path, head: Header, model: Model | None, threads: i
 def repeat(sim: Stepper, kind: str, arrays: Arrays, row: int, step: int) -> Difference | None:
     """Repeats a row of a recording; for a step, returns the differences of the result."""
     if (kind == "start") != (row == 0):
-        raise ValueError(f"it is a {kind}: a recording begins with a start, and has no other")
+        raise ValueError(f"it is a {kind}, must be a start: the first row of a recording is a start, and no other row is")
     if kind == "step":
         ctrl = arrays["ctrl"] if sim.num_envs is not None else arrays["ctrl"][0]
         sim.step(ctrl, nstep=int(arrays["nstep"]))

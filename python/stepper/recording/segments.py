@@ -1,4 +1,4 @@
-"""The motions of a recording as arrays: stretches of equal steps from a known state."""
+"""Segments of a recording as arrays: consecutive steps of equal length from a known state."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ READ = ("qpos", "qvel", "act", "sensordata")
 
 @dataclass(frozen=True)
 class Segment:
-    """Steps of all environments between two events (resets, states that were set, parameters that were drawn).
+    """Steps of all environments between two events: resets, calls of `set_state`, changes of parameters.
 
     Attributes:
         model: The recording's model.
-        row: Row of the recording where it begins.
+        row: First row in the recording.
         period: Time of a call of `step`, s.
-        start: State before it: "qpos", "qvel", "act", (num_envs, ...).
+        start: State before the first step: "qpos", "qvel", "act", (num_envs, ...).
         ctrl: Controls, (T, num_envs, nu).
         readings: "qpos", "qvel", "act" and "sensordata" after every call, (T, num_envs, ...).
-        applied: Applied forces and mocap poses that were in force, (T, num_envs, ...), of those that were given at all.
+        applied: Applied forces and mocap poses by name, (T, num_envs, ...); names that were never set are absent.
     """
 
     model: Model
@@ -42,10 +42,10 @@ class Segment:
 
 
 def segments(path: str | os.PathLike[str]) -> Iterator[Segment]:
-    """Stretches of a recording, in their order. A change of the steps per call begins another.
+    """Segments of a recording, in order. A change of the number of steps per call starts a new segment.
 
     Raises:
-        RecordingError: A file of it is missing, or something in it is not what was written.
+        RecordingError: A file is missing or changed.
         OSError: It cannot be read.
     """
     folder = Path(path)

@@ -1,4 +1,4 @@
-"""Sensors: their errors, devices with data sheets, sensors that are added to a model, and height fields."""
+"""Sensors: sensor errors, devices with data sheets, additional sensors of a model, and height fields."""
 
 from stepper.sensors import devices
 from stepper.sensors.heights import HeightField

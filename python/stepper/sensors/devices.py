@@ -1,7 +1,7 @@
-"""Transfer functions of devices that one can buy, from their data sheets; numbers that a sheet does not give are left ideal.
+"""Transfer functions of commercial devices, from their data sheets. Errors without a number in the sheet are ideal.
 
 Units are those of the readings: rad, rad/s, m/s^2, N, N m. Rates and accelerations are per axis. A sheet's zero-rate or zero-g offset is
-taken for one standard deviation of the bias, in-run stability for the long-run standard deviation of a Gauss-Markov drift of 100 s.
+one standard deviation of the bias. In-run stability is the long-run standard deviation of a Gauss-Markov drift of 100 s.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ _TAU = 100.0
 
 
 def encoder(bits: int, *, turn: float = 2 * math.pi) -> Transfer:
-    """An absolute encoder with that many bits per turn (rad, or m of travel)."""
+    """Transfer function of an absolute encoder with this number of bits per turn (rad, or m of travel)."""
     if not 1 <= bits <= 40:
         raise ValueError(f"bits is {bits}, must be from 1 to 40")
     return Transfer(quantum=turn / 2**bits)
 
 
 def encoder_velocity(bits: int, period: float, *, turn: float = 2 * math.pi) -> Transfer:
-    """The speed that is read from such an encoder as counts per sampling period (s)."""
+    """Transfer function of the speed from an absolute encoder, as counts per sampling period (s)."""
     if period <= 0:
         raise ValueError(f"period is {period} s, must be above 0")
     return Transfer(quantum=encoder(bits, turn=turn).quantum / period, period=period)  # type: ignore[operator]
@@ -99,10 +99,10 @@ DEVICES: dict[str, Callable[[], Transfer]] = {
 
 
 def find(name: str) -> Transfer:
-    """The transfer function of a device.
+    """Transfer function of a device, by name.
 
     Raises:
-        ValueError: There is no such device; the message lists what there is.
+        ValueError: An unknown device; the message lists the known ones.
     """
     if name not in DEVICES:
         raise ValueError(f"no device {name!r}, there are: {', '.join(sorted(DEVICES))}")

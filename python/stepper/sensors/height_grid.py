@@ -16,11 +16,11 @@ _CHUNK = 16384
 class HeightGrid:
     """Heights of a grid of points over a rectangle around the origin.
 
-    Each cell is two triangles, split by the diagonal from its least corner.
+    Each cell is two triangles, split by the diagonal from its corner with the smallest x and y.
 
     Args:
-        top: Heights of the points, (rows, columns): rows along y, columns along x, from the least corner.
-        half: Half the extent in x and y, m: (2,).
+        top: Heights of the points, (rows, columns): rows along y, columns along x, from the corner with the smallest x and y.
+        half: Half the extent in x and y, (2,), m.
     """
 
     def __init__(self, top: Array, half: Array):
@@ -35,7 +35,7 @@ class HeightGrid:
         self._across = np.concatenate([(above - least).ravel(), (far - right).ravel()])
 
     def at(self, places: Array, out: Array) -> None:
-        """Writes heights at places (..., 2) to `out` (...), and NaN for those beyond the border."""
+        """Writes heights, m, at points (..., 2), m, to `out` (...); NaN beyond the border."""
         flat, found = places.reshape(-1, 2), out.reshape(-1)
         for start in range(0, len(flat), _CHUNK):
             rows = slice(start, start + _CHUNK)
@@ -45,9 +45,9 @@ class HeightGrid:
             out[...] = found.reshape(out.shape)
 
     def around(self, places: Array, angles: Array, offsets: Array, out: Array) -> None:
-        """Writes heights at offsets (k, 2) that are turned by angles (n,) and added to places (n, 2) to `out`, (n, k).
+        """Writes heights, m, at offsets (k, 2), m, rotated by angles (n,), rad, around points (n, 2), m, to `out`, (n, k).
 
-        Heights of places beyond the border are NaN.
+        Heights beyond the border are NaN.
         """
         ahead, left = (np.ascontiguousarray(offsets[:, k]) for k in range(2))
         radius = np.sqrt((offsets * offsets).sum(axis=1).max(initial=0.0))

@@ -22,7 +22,7 @@ _UPRIGHT = 1e-9
 
 
 class HeightField:
-    """Heights of a geom that is a height field, at many places of all environments at once.
+    """Heights of a height field at many points of all environments at once.
 
         ground = stepper.sensors.HeightField(model, "terrain")
         ground.heights(sim, places)  # (num_envs, n) m, of places (num_envs, n, 2) in the world
@@ -30,16 +30,16 @@ class HeightField:
         ground.heights(None, places)  # (..., n) m, without a simulation
         ground.around(places, headings, offsets)  # (n, k) m, without a simulation
 
-    Each cell of the grid is two triangles, split by the diagonal from its least corner, as in contacts. A model does not store elevations
-    for reading, so they are read again from the source of the model; `from_elevation` takes an array instead.
+    Each cell of the grid is two triangles, split by the diagonal from its corner with the smallest x and y, as in contacts. Elevations are
+    read from the source of the model, because a model cannot return them; `from_elevation` takes an array instead.
 
     Args:
         model: The scene.
         geom: Name or index of the geom. The field's z axis must be vertical.
-        source: What `stepper.load` takes; None is what the model was loaded from.
+        source: Source of the model, as for `stepper.load`; None is the one from which the model was loaded.
 
     Raises:
-        ValueError: A geom of another kind, a field that is inclined, a source that is not known or of another model.
+        ValueError: The geom is no height field, or its z axis is not vertical; or the source is unknown or of another model.
         KeyError, IndexError: No geom of that name or index.
     """
 
@@ -53,16 +53,20 @@ class HeightField:
         reference = Stepper(model)
         quat = np.asarray(reference.geom_xquat)[found.id]
         if np.abs(quat[1:3]).max() > _UPRIGHT or _moves(model, found.bodyid):
-            raise ValueError(f"{place} is inclined or on a joint: heights under places are those of a field whose z axis is vertical")
+            raise ValueError(
+                f"{place} is inclined or on a joint, and heights need a field whose z axis is vertical: fix it to the world upright"
+            )
         origin = origin_of(model) if source is None else Origin(source)
         if origin is None:
-            raise ValueError(f"the elevations of {place} are not known, as this process did not load the model from MJCF: give source=")
+            raise ValueError(f"the elevations of {place} are unknown, because this process did not load the model from MJCF: give source=")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # They were given when the model was loaded.
             m = copy.copy(compile_source(origin.source, origin.package_dirs))
         field = int(m.geom_dataid[found.id]) if found.id < m.ngeom else -1
         if field < 0 or m.ngeom != model.ngeom or int(m.geom_type[found.id]) != 1:
-            raise ValueError(f"the source is of another model: its geom {found.id} is no height field")
+            raise ValueError(
+                f"the source is of another model: its geom {found.id} is no height field; give the source from which the model was loaded"
+            )
         rows, columns = int(m.hfield_nrow[field]), int(m.hfield_ncol[field])
         start = int(m.hfield_adr[field])
         top = (m.hfield_data[start : start + rows * columns].astype(np.float64) * m.hfield_size[field][2]).reshape(rows, columns)
@@ -72,11 +76,12 @@ class HeightField:
 
     @classmethod
     def from_elevation(cls, elevation: ArrayLike, half: ArrayLike, *, pos: ArrayLike = (0.0, 0.0, 0.0), angle: float = 0.0) -> HeightField:
-        """Height field of an array, without a model. All environments have it at the same place.
+        """Height field from an array, without a model. Its position is the same in all environments.
 
         Args:
-            elevation: Heights of the points above `pos`, (rows, columns) m: rows along y, columns along x, from the least corner.
-            half: Half the extent in x and y, m: (2,).
+            elevation: Heights of the points above `pos`, (rows, columns) m: rows along y, columns along x, from the corner with the
+                smallest x and y.
+            half: Half the extent in x and y, (2,), m.
             pos: Position of the middle, m: (3,).
             angle: Angle about the z axis, rad.
 
@@ -94,13 +99,13 @@ class HeightField:
 
     @property
     def elevation(self) -> Array:
-        """Heights of its points above the geom, (rows, columns) m: rows along y, columns along x, from the least corner."""
+        """Heights of the grid points above the geom, (rows, columns), m: rows along y, columns along x, from the smallest x and y."""
         top: Array = self._grid.top.copy()
         return top
 
     @property
     def half(self) -> Array:
-        """Half its extent in x and y, m: (2,)."""
+        """Half the extent in x and y, (2,), m."""
         half: Array = self._grid.half.copy()
         return half
 
@@ -108,11 +113,11 @@ class HeightField:
         """Heights of the ground in the world.
 
         Args:
-            sim: The stepper, whose environments may have separate places for the geom (`sim.randomize(geom_pos=)`). None is the place
-                of the model, without a simulation.
+            sim: The stepper, whose environments may differ in the position of the geom (`sim.randomize(geom_pos=)`). None uses the
+                position of the model.
             places: World x and y, (num_envs, n, 2) or (n, 2) for all, m; without a stepper (..., 2).
-            beyond: Height of places beyond the field's border, m.
-            out: Array to write to; None is a new one.
+            beyond: Height of points beyond the border of the field, m.
+            out: Destination of the result, m, with its shape, (..., n); None is a new array.
 
         Returns:
             (num_envs, n) float64, m; without a stepper (...).
@@ -135,17 +140,17 @@ class HeightField:
         return _filled(found, beyond)
 
     def scan(self, sim: Stepper, body: str | int, offsets: ArrayLike, *, beyond: float = np.nan, out: Array | None = None) -> Array:
-        """Heights of the ground around a body, of places that turn with its heading, as locomotion policies observe them.
+        """Heights of the ground at points around a body that turn with its heading, an observation of locomotion policies.
 
         Args:
             sim: The stepper.
             body: Name or index of the body.
-            offsets: Places ahead of the body's origin and to its left, (n, 2) m.
-            beyond: Height of places beyond the field's border, m.
-            out: Array to write to; None is a new one.
+            offsets: Positions of the points ahead of the body's origin and to its left, (n, 2), m.
+            beyond: Height of points beyond the border of the field, m.
+            out: Destination of the result, m, with its shape, (..., n); None is a new array.
 
         Returns:
-            (num_envs, n) float64, m: heights in the world. Less `sim.xpos` of the body they are relative to it.
+            Heights in the world, (num_envs, n) float64, m. Subtract `sim.xpos` of the body for heights relative to it.
 
         Raises:
             ValueError: Offsets or an `out` of another shape or scalar type.
@@ -159,14 +164,14 @@ class HeightField:
     def around(
         self, places: ArrayLike, angles: ArrayLike, offsets: ArrayLike, *, beyond: float = np.nan, out: Array | None = None
     ) -> Array:
-        """Heights of the ground around places, without a simulation: the field has the place of the model.
+        """Heights of the ground around points, without a simulation, with the position of the field in the model.
 
         Args:
             places: World x and y, (n, 2) m.
             angles: Headings about the z axis, (n,) rad.
             offsets: Places ahead and to the left, (k, 2) m.
-            beyond: Height of places beyond the field's border, m.
-            out: Array to write to; None is a new one.
+            beyond: Height of points beyond the border of the field, m.
+            out: Destination of the result, m, with its shape, (..., n); None is a new array.
 
         Returns:
             (n, k) float64, m.

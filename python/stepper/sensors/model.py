@@ -1,4 +1,4 @@
-"""Sensors that are not ideal: transfer functions of a model's sensors, by name, in code and in files."""
+"""Sensor models: transfer functions of a model's sensors by name, in code and in files."""
 
 from __future__ import annotations
 
@@ -22,8 +22,9 @@ class SensorModel:
     """Transfer functions of a model's sensors, for `Stepper(..., sensors=)`.
 
     Args:
-        transfers: By the name of the sensor, or a pattern like "*_gyro"; a name goes before patterns, and of patterns the first counts.
-        default: For sensors that none of them fits; None leaves those ideal.
+        transfers: Transfer functions by the name of the sensor, or by a pattern like "*_gyro". Names take precedence over patterns, and
+            the first matching pattern counts.
+        default: Transfer function of all other sensors; None leaves them ideal.
     """
 
     def __init__(self, transfers: Mapping[str, Transfer] | None = None, *, default: Transfer | None = None):
@@ -59,12 +60,12 @@ class SensorModel:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], place: str = "sensors") -> SensorModel:
-        """The inverse of `to_dict`, and the contents of a file; `place` begins messages."""
+        """Sensor model from a dictionary of `to_dict`, or from the contents of a file; `place` precedes messages."""
         named = {name: _read(table, f"{place}: sensor {name!r}") for name, table in named_tables(data, "sensors", place).items()}
         return cls(named, default=_read(data["default"], f"{place}: default") if "default" in data else None)
 
     def to_dict(self) -> dict[str, Any]:
-        """The contents of a file that `from_file` reads; arrays become lists."""
+        """Dictionary in the format of the files of `from_file`; arrays become lists."""
 
         def plain(transfer: Transfer) -> dict[str, Any]:
             given = {name: value for name, value in asdict(transfer).items() if value is not None}
@@ -84,7 +85,7 @@ class SensorModel:
         return [self._row(name, num_envs) for name in names]
 
     def chosen(self, index: np.ndarray[Any, Any]) -> SensorModel:
-        """Copy with the numbers of some environments alone: a mask (num_envs,), or indices, which may repeat."""
+        """Copy with the numbers of some environments, by a mask (num_envs,) or by indices (n,), which may repeat."""
         default = None if self.default is None else _chosen(self.default, index)
         return SensorModel({name: _chosen(transfer, index) for name, transfer in self.named.items()}, default=default)
 

@@ -1,4 +1,4 @@
-"""Sensors that are added to a loaded model: what its file has not, and what MJCF has no word for."""
+"""Sensors that `Model.with_sensors` adds to a loaded model, including some that MJCF does not have."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ RAY_FIELDS = ("distance", "direction", "origin", "point")
 
 @dataclass(frozen=True)
 class RayFan:
-    """A range finder of many rays, or a single one of any direction, for `Model.with_sensors`.
+    """Range finder with one or many rays in any directions, for `Model.with_sensors`.
 
     Attributes:
-        site: Name of the site from which the rays go.
-        rays: Directions in the site's frame, (n, 3), of any length above 0.
-        geoms: Names of the geoms that the rays can meet; None is all but those of the site's own body, and meshes that are only drawn.
-        data: What is read of each ray, in the order of "distance" (m, -1 where nothing is met), "direction", "origin", "point" (world, m).
+        site: Name of the site at which the rays start.
+        rays: Directions in the site's frame, (n, 3), of any positive length.
+        geoms: Names of the geoms that the rays can hit. None is all except those of the site's body and purely visual meshes.
+        data: Readings of each ray, in this order: "distance" (m, -1 without a hit), "direction", "origin", "point" (world, m).
     """
 
     site: str
@@ -37,10 +37,10 @@ class RayFan:
 
 @dataclass(frozen=True)
 class Combination:
-    """A linear combination of readings of other sensors of one dimension, for `Model.with_sensors`.
+    """Linear combination of readings of other sensors with equal dimensions, for `Model.with_sensors`.
 
     Attributes:
-        terms: Coefficients by the names of sensors, of the model or added before.
+        terms: Coefficients by the names of sensors, which are in the model or were added before.
     """
 
     terms: Mapping[str, float]
@@ -48,7 +48,7 @@ class Combination:
 
 @dataclass(frozen=True, kw_only=True)
 class SensorSpec:
-    """Sensor by MuJoCo's word for its type, for `Model.with_sensors`: what a line of MJCF's `<sensor>` would add.
+    """Sensor with a type of MJCF's `<sensor>`, for `Model.with_sensors`.
 
         model.with_sensors({
             "hand": stepper.sensors.SensorSpec(type="framepos", site="grasp", reference_body="base"),
@@ -56,10 +56,10 @@ class SensorSpec:
             "knee": stepper.sensors.SensorSpec(type="jointpos", joint="knee"),
         })
 
-    One of what it is of is named; scenes' sensors (clock, e_potential, e_kinetic) are of nothing.
+    Name exactly one measured element, except for sensors of the whole scene (clock, e_potential, e_kinetic).
 
     Attributes:
-        type: Of joints (jointpos, jointvel, jointactfrc, jointlimitpos, jointlimitvel, jointlimitfrc, ballquat, ballangvel), tendons
+        type: Type. Of joints (jointpos, jointvel, jointactfrc, jointlimitpos, jointlimitvel, jointlimitfrc, ballquat, ballangvel), tendons
             (tendonpos and the like), actuators (actuatorpos, actuatorvel, actuatorfrc), sites (accelerometer, velocimeter, gyro, force,
             torque, magnetometer, touch), subtrees of bodies (subtreecom, subtreelinvel, subtreeangmom), frames (framepos, framequat,
             framexaxis, frameyaxis, framezaxis, framelinvel, frameangvel, framelinacc, frameangacc), scenes.
@@ -67,11 +67,11 @@ class SensorSpec:
         tendon: Name of the fixed tendon.
         actuator: Name of the actuator.
         site: Name of the site.
-        body: Name of the body; of a frame sensor the frame of the body, MJCF's "xbody".
-        inertial: Name of the body, of whose centre of mass and principal axes a frame sensor is: MJCF's "body".
+        body: Name of the body, whose body frame a frame sensor measures: MJCF's "xbody".
+        inertial: Name of the body whose inertial frame (centre of mass, principal axes) a frame sensor measures: MJCF's "body".
         geom: Name of the geom.
-        reference_body: Name of the body in whose frame a frame sensor reads, and against which it moves; without a reference, the world.
-        reference_inertial: Name of the body, of whose centre of mass and principal axes the reference is.
+        reference_body: Name of the body whose frame is the reference of a frame sensor; without a reference, it is the world.
+        reference_inertial: Name of the body whose inertial frame is the reference.
         reference_geom: Name of the geom that is the reference.
         reference_site: Name of the site that is the reference.
     """
@@ -109,8 +109,8 @@ def describe(model: Model, sensors: Mapping[str, RayFan | Combination | SensorSp
     """Fields of the Rust crate's `Sensor`, for every sensor.
 
     Raises:
-        TypeError: Something that is neither.
-        ValueError: A name that nothing has, or directions that are none, with the sensor's name.
+        TypeError: A sensor of another type.
+        ValueError: An unknown name, or a direction of length 0; the message has the sensor's name.
     """
     if not isinstance(sensors, Mapping):
         raise TypeError(f"sensors is {sensors!r}, must be a mapping of names to stepper.sensors.SensorSpec, RayFan and Combination")

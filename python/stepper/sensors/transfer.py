@@ -1,4 +1,4 @@
-"""The transfer function of a sensor: what it makes of the truth."""
+"""Transfer function of a sensor, from the true value to the reading."""
 
 from __future__ import annotations
 
@@ -16,31 +16,31 @@ Number: TypeAlias = "float | ArrayLike"
 
 @dataclass(frozen=True, kw_only=True)
 class Transfer:
-    """The transfer function of a sensor, in the order in which it acts. The default is an ideal sensor.
+    """Transfer function of a sensor: errors between the true value and the reading. The default is an ideal sensor.
 
-    Truth, scale and misalignment, bias, drift, noise, quantisation, limits, sample and hold, delay, dropout. Every number is one for all
-    environments or an array (num_envs,), in the unit of the sensor's readings. Readings that are unit vectors or quaternions are turned by
-    bias, drift and noise as a rotation vector in rad; readings that mean nothing at 0 and below (touch, rangefinder) are left alone there.
+    The errors act in this order: scale and misalignment, bias, drift, noise, quantisation, limits, sample and hold, delay, dropout. Every
+    number is a scalar for all environments or an array (num_envs,), in the unit of the readings. For unit vectors and quaternions, the
+    bias, drift and noise are a rotation vector in rad. Readings of touch sensors and rangefinders that are not positive stay unchanged.
 
     Attributes:
         scale: Factor of every channel; or a matrix (dim, dim) that mixes them.
         scale_std: Standard deviation of the relative error of each channel's factor, drawn at each reset.
-        misalignment_std: Standard deviation of what each channel reads of every other, in rad, drawn at each reset.
+        misalignment_std: Standard deviation of the cross-axis sensitivity between channels, rad, drawn at each reset.
         bias: Bias of every channel, the same in every episode.
-        bias_std: Standard deviation of the part that is added to each channel's bias, drawn at each reset.
-        drift_std: Growth of each channel's drift, per sqrt(s); it is 0 at each reset.
+        bias_std: Standard deviation of a second bias of each channel, drawn at each reset.
+        drift_std: Growth of each channel's drift, per sqrt(s); the drift is 0 at each reset.
         drift_time: Correlation time of the drift in s, which makes it a first-order Gauss-Markov process of standard deviation
             drift_std sqrt(drift_time / 2) in the long run; None is a random walk.
         noise_std: Standard deviation of the white noise of a sample. The half width of uniform noise is sqrt(3) times as large.
         noise: "gaussian" or "uniform".
-        noise_density: Density of Gaussian white noise per sqrt(Hz), as in data sheets: a sample's standard deviation is this over the
-            square root of the sampling time, whatever the time step is.
-        quantum: Readings are whole multiples of it; 0 is none.
+        noise_density: Density of Gaussian white noise per sqrt(Hz), as in data sheets. A sample's standard deviation is the density divided
+            by the square root of the sampling time, for any time step.
+        quantum: Step of quantisation: readings are whole multiples of it; 0 is none.
         limits: Lowest and highest reading.
-        period: Time between samples in s, held in between; None or 0 is every step.
-        delay: s. Between steps readings are interpolated, unless they are held by `period`.
-        jitter: Half width of the delay's scatter, uniform and drawn at every step, in s.
-        dropout: Probability that a sample is lost and the last one held.
+        period: Sampling time, s; the reading is held between samples. None or 0 samples at every step.
+        delay: Delay of the readings, s. Between steps they are interpolated, unless `period` holds them.
+        jitter: Half width of the delay's uniform random part, drawn at every step, s.
+        dropout: Probability that a sample is lost; the reading then keeps its last value.
     """
 
     scale: Number = 1.0

@@ -12,20 +12,21 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class FieldOfView:
-    """A pyramid ahead of a camera, between two distances. What is outside is not seen, and no frame has it.
+    """Field of view of a camera: a pyramid ahead of it, between two distances.
 
-    Positions are those in the camera's frame, as a "framepos" sensor reads them whose reference is a site or body: x to the right, y down,
-    z ahead (MuJoCo's own cameras look along -z: turn them by 180 degrees about x). Of a sensor with a delay, a reading is the position
-    when the frame was taken, so that what is asked is whether it was in view then. A pose is seen where its position is.
+    Positions are in the camera's frame: x to the right, y down, z ahead. (MuJoCo's cameras look along -z: turn them by 180 degrees about
+    x.)
+    A "framepos" sensor with a site or body as reference reads them. With a delayed sensor, the reading is the position at the time of the
+    frame, and the result is whether it was in view then. A pose is in view if its position is.
 
     Attributes:
-        width: Angle between the left and the right edge, rad; one for all environments, or one for each, (num_envs,).
-        height: Angle between the upper and the lower edge, rad; likewise.
-        near: Least distance ahead, m.
-        far: Greatest distance ahead, m.
+        width: Angle between the left and the right edge, rad, a number or (num_envs,).
+        height: Angle between the upper and the lower edge, rad, a number or (num_envs,).
+        near: Smallest distance ahead, m.
+        far: Largest distance ahead, m.
 
     Raises:
-        ValueError: An angle that is not between 0 and pi, a distance that is negative, or near beyond far.
+        ValueError: An angle is not between 0 and pi, a distance is negative, or `near` is beyond `far`.
     """
 
     width: float | Array
@@ -45,13 +46,13 @@ class FieldOfView:
         """Whether positions are in view.
 
         Args:
-            position: In the camera's frame, (num_envs, 3) or (3,) in m. One that is not finite is not seen.
+            position: Positions in the camera's frame, (num_envs, 3) or (3,), m. A position that is not finite is not in view.
 
         Returns:
-            Of each, (num_envs,), or one.
+            Whether each is in view, (num_envs,), or a single bool.
 
         Raises:
-            ValueError: Rows that are no positions.
+            ValueError: `position` has another shape.
         """
         given = np.asarray(position, float)
         if given.ndim == 0 or given.shape[-1] != 3:
@@ -62,16 +63,16 @@ class FieldOfView:
         return found
 
     def detect(self, reading: ArrayLike, last: ArrayLike) -> Array:
-        """Readings of what is in view, and the last ones of what is not, as a tracker holds them.
+        """Readings of a detector, (num_envs, 3 + k): the present ones in view, and the last ones otherwise, as a tracker holds them.
 
         Args:
-            reading: The position in the camera's frame and the further outputs of the detector, (num_envs, 3 and more).
-            last: What it said before, of the same shape; NaN where it has seen nothing yet.
+            reading: Position in the camera's frame, m, and further outputs of the detector, (num_envs, 3 + k).
+            last: Last readings, (num_envs, 3 + k); NaN before the first detection.
 
         Raises:
-            ValueError: Shapes that differ, or rows that begin with no position.
+            ValueError: The shapes differ, or a row has fewer than three numbers.
         """
         given, before = np.asarray(reading, float), np.asarray(last, float)
         if given.shape != before.shape or given.ndim != 2:
-            raise ValueError(f"reading has the shape {given.shape} and last {before.shape}, must be one, (num_envs, 3 and more)")
+            raise ValueError(f"reading has the shape {given.shape} and last {before.shape}, must both be (num_envs, 3 + k)")
         return np.where(self.sees(given[:, :3])[:, None], given, before)

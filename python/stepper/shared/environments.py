@@ -7,9 +7,10 @@ import sys
 
 
 def known(env: str) -> str:
-    """The name of an environment, whose module is imported where it is given before a colon: "push_task:me/Push-v0" is "me/Push-v0" then.
+    """Name of an environment for `gymnasium.make`.
 
-    Modules in the folder where the command was called are found too.
+    A module before a colon is imported: "push_task:me/Push-v0" imports push_task and gives "me/Push-v0". Modules in the working folder
+    are found too.
 
     Raises:
         ValueError: There is no such module.

@@ -1,4 +1,4 @@
-"""Files: whether they are there, how they are written in one piece, and errors of the system in words."""
+"""Files: check that they exist, write them atomically, and explain errors of the operating system."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ def existing(path: str | os.PathLike[str], what: str) -> Path:
 
 @contextlib.contextmanager
 def in_one_piece(path: Path) -> Iterator[BinaryIO]:
-    """A file that takes its name when it is whole. After an exception, as that of Ctrl-C, what was there before is still there.
+    """Atomic writing of a file: it replaces the old file only when it is complete. After an exception the old file is unchanged.
 
     Yields:
-        A stream for writing and reading, which is another file in the same folder.
+        Stream of a temporary file in the same folder, for writing and reading.
     """
     partial = path.with_name(f"{path.name}.part")
     try:
@@ -46,7 +46,7 @@ def in_one_piece(path: Path) -> Iterator[BinaryIO]:
 
 
 def in_words(error: OSError) -> str:
-    """Message of a system error for a user: the file, what is wrong, and what to do, without its number."""
+    """Message of an error of the operating system: the file, the problem, and the remedy, without the error number."""
     if error.errno is None or error.filename is None:
         return str(error)
     name = os.fsdecode(error.filename)

@@ -53,8 +53,8 @@ def require(module: str, purpose: str, extra: str = "") -> ModuleType:
     """Imports an optional module.
 
     Args:
-        module: Its dotted name.
-        purpose: What it is needed for, the end of the sentence "... is needed ".
+        module: Dotted name of the module.
+        purpose: Purpose for the message: the end of the sentence "... is needed ".
         extra: Extra of stepper whose installation is the remedy; that of `INSTALL` by default.
 
     Returns:
@@ -78,9 +78,9 @@ def package_file(package: str, file: str, purpose: str) -> str:
     """Path of a file of an installed package, found without importing it.
 
     Args:
-        package: Its name.
-        file: The path inside it.
-        purpose: As of `require`.
+        package: Name of the package.
+        file: Path inside the package.
+        purpose: Purpose for the message, as in `require`.
 
     Raises:
         MissingPackageError: The package is not installed.

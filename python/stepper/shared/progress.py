@@ -1,12 +1,12 @@
-"""Progress of a long call: how it tells its caller what it is doing."""
+"""Progress of a long call, reported by a callback."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 Tick = Callable[[str, float], None]
-"""Called with what is being done and the fraction done, never while something is timed."""
+"""Callback with the present work as text and the completed fraction (0 to 1); never called during a time measurement."""
 
 
 def silent(what: str, done: float) -> None:
-    """A `Tick` without output."""
+    """A callback that prints nothing."""

@@ -98,7 +98,7 @@ def parse(text: str, where: str = "selector") -> Selector:
 
 
 def parse_start(text: str, where: str = "selector") -> tuple[Selector, str]:
-    """The selector that a text begins with, and the rest of the text; see `parse`."""
+    """Selector at the beginning of a text, and the rest of the text; see `parse`."""
     if not isinstance(text, str):
         raise TypeError(f"{where} is {text!r}, must be a str, as 'geom_friction[floor,box][0]'")
     return _parsed(text, where)
@@ -205,7 +205,7 @@ def numbers_of(model: Model, selector: Selector, where: str = "selector") -> fro
 
 
 def places(model: Model, selector: Selector, where: str = "selector") -> NDArray[np.int64]:
-    """Places of selected numbers in the flat row of their field, in the shape of the values.
+    """Indices of selected numbers in the flat row of their field, (elements, columns) as the values.
 
     Raises:
         ValueError: An unknown field, element or column.

@@ -20,7 +20,7 @@ T = TypeVar("T")
 
 
 def read_file(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """The contents of a TOML (.toml) or JSON (.json) file.
+    """Contents of a TOML (.toml) or JSON (.json) file, as a dictionary.
 
     Raises:
         FileNotFoundError: There is no such file.
@@ -40,7 +40,7 @@ def read_file(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def named_tables(data: Mapping[str, Any], name: str, place: str) -> dict[str, Any]:
-    """The table `name` of tables; raises ValueError for anything else."""
+    """Table `name` in a dictionary of tables; raises ValueError if it is not a table."""
     if unknown := set(data) - {name, "default"}:
         raise ValueError(f"{place}: unknown tables {sorted(unknown)}, must be {name!r} and 'default'")
     tables = data.get(name, {})
@@ -50,7 +50,7 @@ def named_tables(data: Mapping[str, Any], name: str, place: str) -> dict[str, An
 
 
 def by_name(given: Any, default: Any, kind: type[T], what: str) -> dict[str, T]:
-    """A mapping of names to parts of a kind, as a new one; raises TypeError for anything else."""
+    """Copy of a dictionary of names and objects of a class; raises TypeError for other objects."""
     if given is not None and not isinstance(given, Mapping):
         raise TypeError(f"{what}s is {given!r}, must be a mapping of names to stepper.{kind.__name__}")
     named = dict(given or {})
@@ -61,13 +61,13 @@ def by_name(given: Any, default: Any, kind: type[T], what: str) -> dict[str, T]:
 
 
 def fitting(named: Mapping[str, T], default: T | None, name: str) -> T | None:
-    """Entry of a name: by itself, by the first pattern that fits, or by default."""
+    """Entry for a name: the one with this name, else the one of the first pattern that matches, else the default."""
     patterns = [value for pattern, value in named.items() if fnmatch.fnmatchcase(name, pattern)]
     return named.get(name) or (patterns[0] if patterns else default)
 
 
 def check_names(named: Mapping[str, T], names: Sequence[str], kind: str) -> None:
-    """Raises ValueError if a name or pattern fits nothing."""
+    """Raises ValueError if a name or pattern matches nothing."""
     for name in named:
         if name not in names and not fnmatch.filter(names, name):
             raise ValueError(f"no {kind} fits {name!r}, there are: {', '.join(names) or 'none'}")
@@ -84,7 +84,7 @@ def check_number(name: str, value: Any) -> None:
 
 
 def check_numbers(part: Any, *others: str) -> None:
-    """Raises TypeError if an attribute of a dataclass that is a number is none, or ValueError if its `limits` are not two."""
+    """Raises TypeError if a numeric attribute of a dataclass holds no number, ValueError if `limits` are not two numbers."""
     for field in fields(part):
         value = getattr(part, field.name)
         if field.name in others or (value is None and field.default is None):
@@ -99,7 +99,7 @@ def check_numbers(part: Any, *others: str) -> None:
 
 
 def numbers(name: str, value: ArrayLike, num_envs: int, envs: np.ndarray[Any, Any] | None = None) -> list[float]:
-    """One number for all environments, or one for each: of all, or of some."""
+    """A number for all environments, or an array with one number for each environment; `envs` selects some of them."""
     array = np.asarray(value, dtype=np.float64)
     if array.shape not in ((), (1,), (num_envs,)):
         raise ValueError(f"{name} has shape {array.shape}, must be () or ({num_envs},)")

@@ -1,11 +1,25 @@
 """Identification: parameters of a model from what was measured, and how sure that is (docs/how-to/identify.md).
 
-`data` reads what was measured, `parameters` defines the unknowns, `simulate` predicts readings in one batch of environments, `residuals`
-compares them, `fit` searches, `uncertainty` and `findings` give the uncertainty of the answer, `result` is the answer.
-`design` ranks what could be measured next.
-`online` follows parameters sample by sample instead: `mixture` weighs hypotheses about friction, `horizon` estimates under one of them,
-`rivals` compares other frictions, `problem` predicts, `linear` takes derivatives.
-`shift` detects readings of the row before or after.
+Identification from recordings:
+
+- `data`: measurements
+- `parameters`: the unknowns
+- `simulate`: predicted readings, from one batch of environments
+- `residuals`: differences of predicted and measured readings
+- `fit`: the least-squares search
+- `uncertainty`, `findings`: intervals, and parameters that the data do not determine
+- `result`: the estimate
+- `design`: ranking of experiments that could be measured next
+- `shift`: readings that are one sample early or late
+
+Online identification, sample by sample:
+
+- `online`: the tracker
+- `mixture`: weights of hypotheses about friction
+- `horizon`: moving-horizon estimate under one hypothesis
+- `rivals`: other values of friction that may explain the readings
+- `problem`: the data of a tracker, and its predictions
+- `linear`: derivatives over the uncertain range
 """
 
 from stepper.sysid.data import Episode, episodes_of

@@ -1,9 +1,9 @@
 """Measurements: episodes with controls and readings, from recordings, CSV and npz files, and from arrays.
 
-A log (CSV or npz) has a row for every sample, at equal times: `time` in s; `ctrl`, which is in force from that row's time to the next
-one's; and channels, what was read at that time. A channel is named after a sensor of the model, or is "qpos", "qvel" or "act" as a whole,
-or "qpos:elbow" and "qvel:elbow" for a joint. In npz files a channel is an array (rows,) or (rows, dim); in CSV files every column is a
-number, and those of vectors are called "wrist_force[0]", "wrist_force[1]" ... An empty cell, or NaN, was not measured.
+A log (CSV or npz) has a row for every sample, at equal intervals of time. Its columns are `time` in s, `ctrl`, which acts from that row's
+time to the next, and channels, which are readings at that time. The name of a channel is a sensor of the model, or "qpos", "qvel" or "act",
+or "qpos:elbow" and "qvel:elbow" for one joint. In npz files a channel is an array (rows,) or (rows, dim). In CSV files every column is a
+number; columns of a vector are "wrist_force[0]", "wrist_force[1]" ... An empty cell, or NaN, means not measured.
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ FORCES_AND_POSES = tuple(name for name in APPLIED if name != "eq_active")
 
 @dataclass(frozen=True)
 class Episode:
-    """A motion from a known start: what was commanded, and what was read.
+    """Motion from a known initial state, with its controls and readings.
 
     Attributes:
-        ctrl: Controls, (T, nu); each is in force for one period.
-        readings: By channel what was read at the end of each period, (T, dim) or (T,); NaN was not measured. A channel is the name of a
+        ctrl: Controls of each period, (T, nu), in the actuators' units.
+        readings: Readings at the end of each period by channel, (T, dim) or (T,), in its unit; NaN was not measured. A channel is a
             sensor, "qpos", "qvel" or "act", or "qpos:joint" and "qvel:joint".
-        period: Time for which a control is in force, s; a whole multiple of the time step.
-        qpos, qvel, act: State before the first control; None is the model's reference, at rest.
-        start_std: Standard deviations of `qpos` (in the coordinates of velocities) and `qvel`, each a number or (nv,). With them, the true
-            start is estimated too, and what is not known of it widens the intervals. None takes the start as exact.
+        period: Control period, s; a whole multiple of the time step.
+        qpos, qvel, act: Initial state, (nq,) m and rad, (nv,) m/s and rad/s, (na,); None is the model's reference, at rest.
+        start_std: Standard deviations of `qpos` (in the coordinates of velocities) and `qvel`, each a number or (nv,). With
+            them, the initial state is estimated too, and its uncertainty widens the intervals. None is an exact initial state.
         applied: Applied forces and mocap poses by name, (T, ...) as `Stepper` has them.
-        name: For messages.
-        notes: What was assumed when it was read, which `identify` repeats among its warnings.
+        name: Name in messages.
+        notes: Assumptions of the reader of a file, which `identify` adds to its warnings.
     """
 
     ctrl: ArrayLike
@@ -81,7 +81,7 @@ class Episode:
             raise ValueError("it has no readings; name a sensor of the model, qpos or qvel")
         readings = {name: _rows(name, given, len(ctrl)) for name, given in self.readings.items()}
         if not any(np.isfinite(array).any() for array in readings.values()):
-            raise ValueError("no reading is a number")
+            raise ValueError("all readings are NaN; give measured ones")
         qpos = vector("qpos", model.qpos0 if self.qpos is None else self.qpos, model.nq)
         qvel = vector("qvel", np.zeros(model.nv) if self.qvel is None else self.qvel, model.nv)
         act = vector("act", np.zeros(model.na) if self.act is None else self.act, model.na)
@@ -117,7 +117,7 @@ def vector(name: str, given: ArrayLike, size: int) -> Array:
     if array.shape != (size,):
         raise ValueError(f"{name} at the start has shape {array.shape}, must be ({size},)")
     if not np.isfinite(array).all():
-        raise ValueError(f"{name}[{int(np.flatnonzero(~np.isfinite(array))[0])}] at the start is not finite; a start is {size} numbers")
+        raise ValueError(f"{name}[{int(np.flatnonzero(~np.isfinite(array))[0])}] at the start is not finite; give {size} finite numbers")
     return array
 
 
@@ -133,17 +133,17 @@ def episodes_of(
     columns: Mapping[str, str] | None = None,
     start: str | tuple[ArrayLike, ArrayLike] | None = None,
 ) -> list[Episode]:
-    """Episodes of whatever `identify` takes.
+    """Episodes from the data of `identify`.
 
     Args:
         data: Episodes and paths.
-        model: The model that they are of.
+        model: Model of the episodes.
         channels: Channels of files to use; None is all that are readings of sensors (and of logs also qpos, qvel and act).
-        columns: What columns of a CSV file, or arrays of an npz file, are called here: {"Fx [N]": "wrist_force[0]"}.
+        columns: Channels of columns of a CSV file, or of arrays of an npz file, by heading: {"Fx [N]": "wrist_force[0]"}.
         start: Keyframe, or (qpos, qvel), where logs begin without a state in their first row.
 
     Raises:
-        ValueError: A file that has no such thing; the message has the file and the place.
+        ValueError: A file lacks required data; the message has the file and the place.
         OSError: A file cannot be read.
     """
     parts = data if isinstance(data, list | tuple) else [data]
@@ -156,7 +156,7 @@ def episodes_of(
         else:
             raise TypeError(f"data has a {type(part).__name__}, must be stepper.sysid.Episode or the path of a recording, .csv or .npz")
     if not found:
-        raise ValueError("there is no episode in the data")
+        raise ValueError("data has no episode; give an Episode, or the path of a recording, .csv or .npz file")
     return found
 
 

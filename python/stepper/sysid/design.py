@@ -1,8 +1,9 @@
-"""Design of experiments: which of several motions would determine the unknowns best.
+"""Design of experiments: ranking of motions by the information that they give about the unknowns.
 
-An experiment of Jacobian J over noise adds J^T J to the inverse of the covariance. D-optimal is the one with the smallest determinant of
-what is left. The slopes are those at the estimate, and at draws of what was identified, whose logarithms of determinants are averaged
-(Chaloner and Verdinelli 1995): at a friction that holds an experiment determines nothing, and at others that are as likely it slides.
+An experiment with the Jacobian J, in units of the noise, adds J^T J to the inverse of the covariance. The D-optimal experiment leaves the
+covariance with the smallest determinant. The Jacobian is evaluated at the estimate and at samples of its distribution, and the logarithms
+of the determinants are averaged (Chaloner and Verdinelli 1995). One value would mislead: an object that sticks at the estimated friction
+determines nothing, and may slide at a friction that is equally likely.
 """
 
 from __future__ import annotations
@@ -28,11 +29,11 @@ class Prospect:
     """Expected information of an experiment.
 
     Attributes:
-        name: Of the episode.
-        gain: Mean logarithm of the ratio of the volumes of what is known, before and after: half that of the determinants.
-        std: Standard deviations of theta after it, (n,), the median over the draws.
-        shrinks: Ratios of these to those before, (n,).
-        labels: What each number is.
+        name: Name of the episode.
+        gain: Mean logarithm of the ratio of the uncertain volumes before and after: half that of the covariances' determinants.
+        std: Standard deviations of theta after the experiment, (n,), medians over the samples.
+        shrinks: Ratios of the standard deviations after and before, (n,).
+        labels: Labels of the numbers of theta.
     """
 
     name: str
@@ -61,15 +62,15 @@ def design(
     """Ranks experiments by their expected information, the best first.
 
     Args:
-        found: What is known.
-        experiments: Controls and starts, as `Episode(ctrl, {}, period, name="fast push")`; readings are ignored.
-        noise: Standard deviations of the channels that would be read, each a number or one for every column, None those of `found`.
-        options: As of `identify`.
-        actuators: As of `identify`.
-        draws: Number of draws from the distribution of `found`, in addition to the estimate.
-        step: As of `identify`.
-        threads: As of `identify`.
-        seed: Of the draws.
+        found: Present identification.
+        experiments: Controls and initial states of the experiments, as `Episode(ctrl, {}, period, name="fast push")`; readings are ignored.
+        noise: Standard deviations of the channels to read, each a number or (dim,), in its unit; None is those of `found`.
+        options: Options of the step, as in `identify`.
+        actuators: Known attributes of the drives, as in `identify`.
+        draws: Number of samples from the distribution of `found`, in addition to the estimate.
+        step: Half width of the differences, as in `identify`.
+        threads: Number of threads; 0 is all cores.
+        seed: Seed of the samples.
 
     Raises:
         KeyError: A channel that the model does not have.

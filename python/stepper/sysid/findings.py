@@ -1,4 +1,4 @@
-"""Warnings about an estimate: what the data do not determine, and what the model does not explain."""
+"""Warnings about an estimate: undetermined parameters, and readings that the model does not explain."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ROUGH = 0.3
 
 
 def undetermined(blocks: Sequence[Block], std: Array, reach: Array) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    """Mask of the numbers that data do not determine; `std` and `reach` are those of x."""
+    """Mask of the numbers that the data do not determine, (n,); `std` and `reach` are those of x, (n,)."""
     logarithmic = np.concatenate([np.full(block.size, block.kind.log) for block in blocks])
     found: np.ndarray[Any, np.dtype[np.bool_]] = (std > UNKNOWN * reach) | (logarithmic & (std > VAGUE))
     return found
@@ -42,7 +42,7 @@ def warnings_of(
     converged: bool,
     weights: Array,
 ) -> tuple[str, ...]:
-    """Sentences, the gravest first."""
+    """Warnings about an estimate x, (n,), in scales, the most serious first. `reach`, `roughness` and `weights` are of the same numbers."""
     blocks, simulator, n = residuals.blocks, residuals.simulator, residuals.n
     labels = [label for block in blocks for label in block.labels]
     hints = [block.hint for block in blocks for _ in block.labels]

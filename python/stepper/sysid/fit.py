@@ -1,4 +1,4 @@
-"""`stepper.sysid.identify`: parameters of a model from what was measured, with how sure they are."""
+"""`stepper.sysid.identify`: parameters of a model from measurements, with their uncertainty."""
 
 from __future__ import annotations
 
@@ -61,38 +61,40 @@ def identify(
     start: str | tuple[ArrayLike, ArrayLike] | None = None,
     tick: Tick | None = None,
 ) -> Identification:
-    """Finds the parameters with which a model moves and reads as it was measured, and how sure that is.
+    """Identifies parameters of a model from measurements, with their uncertainty.
 
-    SciPy's `least_squares` (trust-region reflective) minimises residuals over their noise within bounds, from several starts side by side.
-    All that it simulates - every episode, start, and parameter a little above and below, for central differences - is one batch.
+    SciPy's `least_squares` (trust-region reflective) minimises residuals over their noise within bounds, from several starts at once. One
+    batch simulates all episodes, starts, and displaced parameters for central differences.
 
     Args:
-        model: The model, with everything that is known.
-        data: `Episode`s, paths of recordings, CSV or npz files, or several of these.
-        parameters: What is sought: `FitParameter`s, or text like "body_mass[box]" and "geom_friction[floor,box][0]=0.1..2".
-        options: Settings of the step; None is hard contact. Where they leave the tolerance open, it is 1e-9 m/s.
-        actuators: What is known of the drives.
-        noise: Standard deviations of channels by name, each a number or one for every column. Of the other channels it is estimated from
-            what the fit leaves.
-        loss: Loss of a residual over its noise, as of `least_squares`; all but "linear" heed outliers less.
+        model: Model with the known parameters.
+        data: Measurements: `Episode`s, paths of recordings, CSV or npz files, or several of these.
+        parameters: Unknown parameters: `FitParameter`s, or texts like "body_mass[box]" and "geom_friction[floor,box][0]=0.1..2".
+        options: Options of the step; None is hard contact. The default tolerance is 1e-9 m/s.
+        actuators: Known attributes of the drives.
+        noise: Standard deviations of channels by name, each a number or (dim,), in the channel's unit. Those of other channels are
+            estimated
+            from the residuals.
+        loss: Loss function of `least_squares`, of a residual over its noise. All but "linear" give outliers less weight.
         f_scale: Residual over noise beyond which a robust loss begins.
-        starts: Searches. One begins where the model is; the others are the best of eight times as many points of Sobol's sequence near it.
-        step: Half width of the differences, relative to positive quantities. Small, because a contact that closes a sample earlier makes
-            a jump, which wide differences take for a slope.
-        max_evaluations: Points that a search may try.
+        starts: Number of searches. One starts at the model; the others start at the best points of a Sobol sequence near it, eight times
+            as long.
+        step: Half width of the differences, relative for positive quantities. It is small, because a contact that closes a sample earlier
+            causes a jump, which a wide difference would count as a slope.
+        max_evaluations: Largest number of evaluations per search.
         threads: As of `Stepper`.
-        seed: Of the sequence of starts.
+        seed: Seed of the Sobol sequence of starts.
         channels: Channels of files to use; None is the sensors of recordings and all of logs.
-        columns: What columns of files are called here.
-        start: Keyframe, or (qpos, qvel), where logs begin without a state.
-        tick: Called with the name of a search and the fraction of its evaluations, of which most searches need a part.
+        columns: Channels of columns of files, by heading.
+        start: Initial state of logs without one: a keyframe, or qpos (nq,), m and rad, and qvel (nv,), m/s and rad/s.
+        tick: Called with the name of a search and the fraction of its evaluations; most searches end early.
 
     Returns:
-        A distribution: `print` shows it, `Identification.sample` gives `Stepper.randomize` what to draw from it.
+        Distribution of the parameters: `print` shows it, `Identification.sample` draws from it for `Stepper.randomize`.
 
     Raises:
-        KeyError: No sensor or coordinate of a name.
-        ValueError: A parameter that is none, data that do not fit the model; the message has the file or episode, and what to do.
+        KeyError: Unknown sensor or coordinate.
+        ValueError: Invalid parameter, or data that do not match the model; the message has the file or episode.
         MissingPackageError: SciPy is not installed.
     """
     optimize = require("scipy.optimize", "to identify parameters")
@@ -217,7 +219,7 @@ def _given_noise(simulator: Simulator, noise: Mapping[str, ArrayLike]) -> Array:
     channels = {channel.name: channel for channel in simulator.channels}
     for name, given in noise.items():
         if name not in channels:
-            raise ValueError(f"noise is given of {name!r}, which is no channel of the data; there are: {', '.join(channels)}")
+            raise ValueError(f"noise has {name!r}, which is no channel of the data; there are: {', '.join(channels)}")
         known[channels[name].lines] = noise_of(channels[name], given)
     return known
 

@@ -1,10 +1,12 @@
-"""Moving-horizon estimate under one hypothesis: a window that moves with the readings, and a normal distribution of what lies before it.
+"""Moving-horizon estimate under one hypothesis: a window of recent samples, and an arrival cost for the samples before it.
 
-Unknown are the parameters and the state where the window begins (Rao, Rawlings and Mayne 2003). Each sample takes Gauss-Newton steps on the
-window's residuals and on the arrival cost, a normal distribution of both, until the estimate settles: one step where motion is smooth (a
-real-time iteration, Diehl 2001), several where a contact begins. Then a Kalman update adds the oldest sample to the arrival cost, and the
-derivatives of the motion carry that to where the window begins next. Readings and states are linearised over what is not known yet
-(linear.py; posterior linearisation, Garcia-Fernandez, Svensson, Morelande and Sarkka 2015), from one batch of environments.
+The unknowns are the parameters and the state at the start of the window (Rao, Rawlings and Mayne 2003). The arrival cost is their normal
+distribution, given all earlier samples. At each sample, Gauss-Newton steps minimise the window's residuals plus the arrival cost: one step
+in smooth motion (a real-time iteration, Diehl 2001), several where a contact begins. Then a Kalman update adds the oldest sample to the
+arrival cost. The derivatives of the motion propagate it to the next start of the window.
+
+Readings and states are linearised over the uncertain range of the unknowns (linear.py), from one batch of environments. This is posterior
+linearisation (Garcia-Fernandez, Svensson, Morelande and Sarkka 2015).
 """
 
 from __future__ import annotations
@@ -19,7 +21,8 @@ import numpy as np
 from stepper.sysid.inertia import Array
 from stepper.sysid.linear import Directions, mean_shift
 from stepper.sysid.problem import Problem, Sample
-from stepper.sysid.rivals import TRIED, WIDE, Verdict, judged, share_of, tried, widened
+from stepper.sysid.rivals import OTHERS_PER_FRICTION, WIDE, Verdict, other_frictions, share_of, verdict_of, widened
+from stepper.sysid.roots import root_of
 
 STEP = 1e-5
 """Least half width of differences, in the scales of parameters and in m/s (rad/s)."""
@@ -80,9 +83,9 @@ class Horizon:
         evidence: Logarithm of the probability density of all readings, but for a constant.
         settled: Whether the last sample's steps have converged.
         rival: Estimate with another friction that explains the window as well or better, or None.
-        newest: Prediction errors of the newest sample over their noise, of what was measured.
-        strange: Mean square of these over their predicted covariance: about 1 for a right model.
-        at: The window about the estimate.
+        newest: Prediction errors of the newest sample's readings over their noise, (k,).
+        normalized_innovation: Normalised innovation squared of the newest sample, per reading: about 1 for a correct model.
+        at: The window linearised about the estimate.
     """
 
     def __init__(self, problem: Problem, mean: Array, cov: Array, begin: tuple[Array, Array, Array]):
@@ -92,7 +95,7 @@ class Horizon:
         self.posterior: Array = cov.copy()
         self.evidence = self._past = 0.0
         self.settled, self.rival = False, None
-        self.newest, self.strange = np.zeros(0), 0.0
+        self.newest, self.normalized_innovation = np.zeros(0), 0.0
         self._holding: list[int] = []
         self._rises: dict[int, Array] = {}
         self._shares: dict[int, float] = {}
@@ -108,11 +111,11 @@ class Horizon:
         return other
 
     def branch(self, x: Array) -> Horizon:
-        """Copy whose estimate is another one, settled in the same window."""
+        """Copy with another start x of the estimate, (n + states,), as theta, converged in the same window."""
         other = self.copy()
         other.x = x.copy()
         other._settle()
-        other.newest, other.strange = self.newest, self.strange
+        other.newest, other.normalized_innovation = self.newest, self.normalized_innovation
         return other
 
     def absorb(self, evidence: float) -> None:
@@ -127,12 +130,12 @@ class Horizon:
         self._settle()
 
     def leave(self) -> None:
-        """The oldest sample leaves a window that is full."""
+        """Removes the oldest sample from a full window."""
         if len(self._samples) == self._problem.length:
             self._advance(self.at)
 
     def low(self) -> Array:
-        """Lower bounds of the parameters, with what was excluded, (n,)."""
+        """Lower bounds of the parameters theta, raised by excluded frictions, (n,)."""
         return np.maximum(self._problem.low, [self._bound(j) for j in range(self._problem.n)])
 
     def _points(self) -> tuple[Array, Directions, Array]:
@@ -144,30 +147,30 @@ class Horizon:
         std = np.sqrt(np.diag(self.posterior))[:n]
         directions = Directions(self.posterior, h, room, np.flatnonzero(std > WIDE * problem.scale).tolist())
         first = 1 + 2 * len(h)
-        points = np.tile(self.x, (first + TRIED * len(problem.kinked), 1))
+        points = np.tile(self.x, (first + OTHERS_PER_FRICTION * len(problem.kinked), 1))
         points[1:first] = directions.points(self.x)
         for k, j in enumerate(problem.kinked):
             bound = self._bound(j)
-            rows = slice(first + k * TRIED, first + (k + 1) * TRIED)
-            points[rows, j] = np.clip(tried(self.x[j], std[j], bound), max(problem.low[j], bound), problem.high[j])
+            rows = slice(first + k * OTHERS_PER_FRICTION, first + (k + 1) * OTHERS_PER_FRICTION)
+            points[rows, j] = np.clip(other_frictions(self.x[j], std[j], bound), max(problem.low[j], bound), problem.high[j])
         # At a bound one side has no width: the prediction is made within bounds.
         spans = np.stack([h, h], axis=1)
         for j in range(n):
             spans[j] = min(self.x[j] + h[j], problem.high[j]) - self.x[j], self.x[j] - max(self.x[j] - h[j], problem.low[j])
         return points, directions, spans
 
-    def _judge(self, at: Linear) -> Verdict:
-        """Verdict of other frictions on the estimate. It raises lower bounds."""
+    def _compare(self, at: Linear) -> Verdict:
+        """Comparison of the estimate with other values of friction. It raises lower bounds."""
         problem = self._problem
         unknown = [bool(self._cov[j, j] > (WIDE * problem.scale[j]) ** 2) for j in problem.kinked]
-        verdict = judged(
+        verdict = verdict_of(
             problem.kinked,
             unknown,
             points=at.points,
             residual=at.residual,
             J=at.J,
             mean=self._mean,
-            cov=self._cov,
+            root=root_of(self._cov),
             first=1 + 2 * len(self.x),
         )
         for j, value in verdict.excluded.items():
@@ -185,8 +188,7 @@ class Horizon:
     def _settle(self) -> None:
         """Gauss-Newton steps until a step is small compared with the standard deviations.
 
-        One step would do where motion is smooth. Where a contact begins, the slopes after the step are others, and a covariance of the
-        slopes before it would be that of another estimate.
+        In smooth motion one step suffices. Where a contact begins, the slopes differ after the step, and so does the covariance.
         """
         n = self._problem.n
         best, self.rival = self._linear(), None
@@ -208,7 +210,7 @@ class Horizon:
                     break
                 share /= 2
             else:
-                # The cost is jagged, as where something begins to slip. It is settled if its slopes do not lead far away.
+                # The cost has kinks, as at the onset of slip. The estimate is settled if the step is short.
                 self.x = best.points[0].copy()
                 far = np.abs(step[:n]) > NEARBY * np.sqrt(np.diag(self.posterior))[:n]
                 far[holding] = False
@@ -222,7 +224,7 @@ class Horizon:
 
     def _hold(self, at: Linear) -> list[int]:
         """Clears the slopes of frictions that hold, and keeps the first rival of this sample."""
-        verdict = self._judge(at)
+        verdict = self._compare(at)
         if self.rival is None and verdict.rival is not None:
             self.rival = at.points[verdict.rival].copy()
         self._holding, self._rises = verdict.holding, verdict.rises
@@ -233,10 +235,10 @@ class Horizon:
         """Compares the newest sample with its prediction."""
         seen = self._problem.seen(self._samples[-1][1])
         self.newest, J = at.expected[-1][seen], at.J[-1][seen]
-        self.strange = 0.0
+        self.normalized_innovation = 0.0
         if len(self.newest):
             expected = J @ self.posterior @ J.T + np.diag(at.noise[-1][seen] ** 2)
-            self.strange = float(self.newest @ np.linalg.solve(expected, self.newest)) / len(self.newest)
+            self.normalized_innovation = float(self.newest @ np.linalg.solve(expected, self.newest)) / len(self.newest)
 
     def _linear(self) -> Linear:
         """The window about the estimate."""
@@ -244,7 +246,7 @@ class Horizon:
         made, residual = self._problem.predict(self._begin, points, list(self._samples), self._now)
         J, curved = directions.derivative(residual[: 1 + 2 * len(self.x)], spans)
         noise = np.sqrt(1 + (curved**2).sum(axis=0))
-        apart = np.linalg.solve(np.linalg.cholesky(self._cov), self.x - self._mean)
+        apart = np.linalg.solve(root_of(self._cov), self.x - self._mean)
         expected = residual[0] + mean_shift(curved)
         cost = float((expected**2).sum() + (apart**2).sum())
         return Linear(points, directions, spans, made, residual, J.transpose(1, 2, 0).copy(), expected, noise, cost)
@@ -252,10 +254,10 @@ class Horizon:
     def _gauss_newton(self, at: Linear) -> tuple[Array, Array]:
         """A step on the window and the arrival cost, and the posterior covariance. It sets the evidence."""
         N = len(self.x)
-        root = np.linalg.cholesky(self._cov)
+        root = root_of(self._cov)
         rows = np.concatenate([(at.J / at.noise[..., None]).reshape(-1, N), np.linalg.solve(root, np.eye(N))])
         left = np.concatenate([(at.expected / at.noise).ravel(), np.linalg.solve(root, at.points[0] - self._mean)])
-        # Columns are of very different sizes.
+        # Columns are scaled, because their sizes differ by many orders of magnitude.
         size = np.linalg.norm(rows, axis=0)
         step = -np.linalg.lstsq(rows / size, left, rcond=None)[0]
         remaining = float(((left + (rows / size) @ step) ** 2).sum())
@@ -263,7 +265,7 @@ class Horizon:
         step = least * min(1.0, FARTHEST / max(float((np.abs(least[: self._problem.n]) / self._problem.scale).max()), 1e-300))
         information = (rows / size).T @ (rows / size)
         inverse = np.linalg.inv(information) / np.outer(size, size)
-        # Laplace's approximation: the cost, and how much of what was possible before is possible still.
+        # Laplace's approximation: the cost, and the ratio of the volumes of the posterior and the prior.
         narrowed = np.linalg.slogdet(information)[1] / 2 + np.log(size).sum() + np.log(np.diag(root)).sum()
         self._shares = {}
         for j, rises in self._rises.items():
@@ -281,7 +283,7 @@ class Horizon:
         self.x[:n] = np.clip(self.x[:n], self.low(), self._problem.high)
 
     def _advance(self, at: Linear) -> None:
-        """The oldest sample leaves the window: the arrival cost takes it in, and goes on to where the window begins next."""
+        """Moves the oldest sample from the window to the arrival cost, and propagates that to the next start of the window."""
         problem, N, m, n = self._problem, len(self.x), len(self._problem.dofs), self._problem.n
         linearized, J, residual = at.points[0], at.J[0] / at.noise[0][:, None], at.expected[0] / at.noise[0]
         expected = J @ self._cov @ J.T + np.eye(len(J))
@@ -305,7 +307,7 @@ class Horizon:
         self._mean = np.concatenate([mean[:n], F[n:] @ (mean - linearized)])
         self._mean[n:] += mean_shift(curved)[0]
         self.x = np.concatenate([self.x[:n], F[n:] @ (self.x - linearized)])
-        # What contacts hold exactly has no variance; without any, it could not be inverted.
+        # Coordinates that contacts hold exactly get a small variance, so that the covariance has an inverse.
         gained = np.diag(problem.gained**2 + np.concatenate([np.zeros(n), np.full(2 * m, (1e-3 * NUDGE) ** 2)]))
         gained[n:, n:] += curved[:, 0].T @ curved[:, 0]
         cov, posterior = (F @ what @ F.T + gained for what in (cov, self.posterior))

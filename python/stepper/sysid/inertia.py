@@ -11,8 +11,8 @@ the triangle inequality too. The log-Cholesky parameters are those of J = U U^T 
 
 so that all of R^10 are bodies: Rucker and Wensing, "Smooth parameterization of rigid-body inertia", IEEE RA-L 7(2), 2022, equation 13.
 
-Here x is measured in the body's own inertial frame (centre of mass and principal axes of the model) and in its radii of gyration, so that
-the model is where all ten numbers are 0, and each of them is of the order of what it changes.
+Here x is measured in the body's inertial frame (centre of mass and principal axes of the model), in units of its radii of gyration. The
+model's inertia then has all ten numbers 0, and a change of 1 is a large change for each of them.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ def second_moments(inertia: Array) -> Array:
 
 
 def principal_moments(moments: Array) -> Array:
-    """The inverse of `second_moments`: I = trace(S) - S."""
+    """Principal moments of inertia, (..., 3), kg m^2, from second moments: I = trace(S) - S."""
     return np.asarray(moments.sum(axis=-1, keepdims=True) - moments)
 
 
 def factor(theta: Array) -> Array:
-    """The triangular factor U (..., 4, 4) of log-Cholesky parameters (..., 10)."""
+    """Triangular factor U, (..., 4, 4), a matrix from log-Cholesky parameters, (..., 10)."""
     alpha, d1, d2, d3, s12, s23, s13, t1, t2, t3 = np.moveaxis(theta, -1, 0)
     U = np.zeros((*theta.shape[:-1], 4, 4))
     for k, d in enumerate((d1, d2, d3)):
@@ -53,9 +53,9 @@ def bodies(theta: Array, mass: float, inertia: Array) -> tuple[Array, Array, Arr
     """Bodies relative to one of a given mass (kg) and principal moments (3,) (kg m^2), which is where theta is 0.
 
     Args:
-        theta: Log-Cholesky parameters, (..., 10).
+        theta: Log-Cholesky parameters theta, (..., 10).
         mass: Mass of that body.
-        inertia: Its principal moments of inertia.
+        inertia: Principal moments of inertia of the model's body, (3,), kg m^2.
 
     Returns:
         Mass (...,); centre of mass (..., 3) in m and principal moments (..., 3); and principal axes, the columns of rotations (..., 3, 3).
@@ -74,7 +74,7 @@ def bodies(theta: Array, mass: float, inertia: Array) -> tuple[Array, Array, Arr
 
 
 def tensor(inertia: Array, axes: Array) -> Array:
-    """Inertia about the centre of mass as xx, yy, zz, xy, xz, yz (..., 6), of principal moments and axes."""
+    """Inertia about the centre of mass, (..., 6) as xx, yy, zz, xy, xz, yz, kg m^2, from principal moments and axes."""
     full = (axes * inertia[..., None, :]) @ np.swapaxes(axes, -1, -2)
     return np.stack([full[..., i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))], axis=-1)
 

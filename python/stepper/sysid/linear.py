@@ -1,9 +1,9 @@
-"""Derivatives over what is not known: differences as wide as a normal distribution, by which a kink counts as much as it is likely.
+"""Derivatives over the uncertain range: differences as wide as the distribution of the unknowns, so that kinks count by their probability.
 
-Where a contact begins, readings have kinks that are nearer to one another than what is known of the state. The slope at one point is then
-that of one piece, and overstates what the readings determine. So the differences are those of the second-order divided-difference
-filter (Norgaard, Poulsen and Ravn 2000): above and below the estimate along the columns of a root of the covariance, sqrt(3) standard
-deviations long. Half their difference is the slope. Curvature shifts the mean of the readings, and what else it leaves counts as noise.
+Where a contact begins, readings have kinks that are closer together than the uncertainty of the state. The slope at one point would be that
+of one smooth piece, and would overstate what the readings determine. The second-order divided-difference filter avoids this (Norgaard,
+Poulsen and Ravn 2000). It takes differences above and below the estimate along the columns of a root of the covariance, sqrt(3)
+standard deviations long. Half the difference is the slope. Curvature shifts the mean of the readings; its remainder counts as noise.
 """
 
 from __future__ import annotations
@@ -15,19 +15,20 @@ import numpy as np
 
 from stepper.sysid.inertia import Array
 from stepper.sysid.residuals import slopes
+from stepper.sysid.roots import RIDGE, root_of
 
 LENGTH = math.sqrt(3.0)
-"""Standard deviations that a difference reaches to either side: right to the fourth moment of a normal distribution."""
+"""Half width of a difference, in standard deviations: exact up to the fourth moment of a normal distribution."""
 
 
 class Directions:
     """Directions along which differences are taken.
 
     Args:
-        covariance: Of x, (n, n).
-        local: Half widths of differences that are the narrowest, (n,).
-        room: Distances from x to its bounds, of those that have some, the smaller one; infinite elsewhere, (n,).
-        apart: Indices of x with local differences along their axes; the other directions are those of the covariance, these fixed.
+        covariance: Covariance of x, (n, n).
+        local: Smallest half widths of differences, (n,), in the unit of x.
+        room: Distance from x to its nearest bound, (n,), in the unit of x; infinite without bounds.
+        apart: Indices of x with local differences along their axes. The other directions are those of the conditional covariance.
 
     Attributes:
         columns: A direction in each column, (n, n).
@@ -40,7 +41,7 @@ class Directions:
         self.columns = np.zeros((n, n))
         self.columns[self._apart, self._apart] = local[self._apart]
         if rest:
-            self.columns[np.ix_(rest, rest)] = LENGTH * _root(_given(covariance, rest))
+            self.columns[np.ix_(rest, rest)] = LENGTH * root_of(_given(covariance, rest), RIDGE)
         for c in rest:
             column = self.columns[:, c]
             narrow = np.abs(column / local).max()
@@ -48,18 +49,18 @@ class Directions:
             column *= (1.0 if narrow >= 1 else 1 / max(narrow, 1e-300)) / max(wide, 1.0)
 
     def points(self, x: Array) -> Array:
-        """Points above and below x along each direction, (2 n, n)."""
+        """Points above and below x, (n,), along each direction, (2 n, n), in the unit of x."""
         out = np.repeat(x[None], 2 * len(x), axis=0)
         out[::2] += self.columns.T
         out[1::2] -= self.columns.T
         return out
 
     def derivative(self, y: Array, spans: Array) -> tuple[Array, Array]:
-        """Slopes after x, (n, T, width), and what curvature adds to them along each direction, (n, T, width).
+        """Slopes with respect to x, (n, T, width), and the contribution of curvature along each direction, (n, T, width).
 
         Args:
-            y: Values at x, and at all of `points`, (1 + 2 n, T, width).
-            spans: Widths of the local differences above and below, (n, 2).
+            y: Values at x, and at all of `points`, (1 + 2 n, T, width), in any unit.
+            spans: Widths of the local differences above and below, (n, 2), in the unit of x.
         """
         above, below = y[1::2], y[2::2]
         along, curved = (above - below) / 2, (above + below - 2 * y[0]) / math.sqrt(18.0)
@@ -72,7 +73,7 @@ class Directions:
 
 
 def mean_shift(curved: Array) -> Array:
-    """Mean over what is not known minus the value at the estimate, (T, width), of what `Directions.derivative` returns as curvature.
+    """Mean over the uncertain range minus the value at the estimate, (T, width), from the curvature of `Directions.derivative`.
 
     Exact for quadratic functions. Without it, a kink shifts every estimate to the same side.
     """
@@ -80,14 +81,7 @@ def mean_shift(curved: Array) -> Array:
 
 
 def _given(covariance: Array, rest: Sequence[int]) -> Array:
-    """Covariance of some numbers where the others are held."""
+    """Conditional covariance of some numbers, with the others fixed."""
     size = 1 / np.sqrt(np.diag(covariance))
-    inverse = np.linalg.inv(covariance * np.outer(size, size) + 1e-12 * np.eye(len(size)))
+    inverse = np.linalg.inv(covariance * np.outer(size, size) + RIDGE * np.eye(len(size)))
     return np.asarray(np.linalg.inv(inverse[np.ix_(rest, rest)]) / np.outer(size[rest], size[rest]))
-
-
-def _root(covariance: Array) -> Array:
-    """Lower root, of numbers of very different sizes."""
-    std = np.sqrt(np.diag(covariance))
-    correlation = covariance / np.outer(std, std)
-    return np.asarray(np.linalg.cholesky(correlation + 1e-12 * np.eye(len(std))) * std[:, None])

@@ -1,8 +1,8 @@
-"""Hypotheses of a tracker about friction, that it held or slipped, each with an estimate and a weight.
+"""Hypotheses of a tracker about friction, sticking or slipping, each with an estimate and a weight.
 
-While friction only just holds, readings often leave open whether it has slipped, and both answers give different masses. An immediate
-decision would make all later intervals too narrow. So a rival starts another hypothesis (a Gaussian sum, Alspach and Sorenson 1972),
-weighed by Laplace's approximation of its evidence. Hypotheses of little weight are dropped.
+Near the onset of slip, readings often do not show whether an object has slipped, and the two cases give different masses. An immediate
+decision would make all later intervals too narrow. A rival therefore starts another hypothesis (a Gaussian sum, Alspach and Sorenson 1972),
+weighted by Laplace's approximation of its evidence. Hypotheses with little weight are dropped.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import numpy as np
 from stepper.sysid.horizon import Horizon
 from stepper.sysid.inertia import Array
 from stepper.sysid.problem import Problem, Sample
+from stepper.sysid.roots import RIDGE, root_of
 
 MOST = 4
 """Largest number of hypotheses."""
@@ -50,7 +51,7 @@ class Mixture:
     high: Array
 
     def mean(self) -> Array:
-        """Mean, (n,)."""
+        """Mean of theta, (n,)."""
         return np.asarray(self.weights @ self.means)
 
     def covariance(self) -> Array:
@@ -79,11 +80,11 @@ class Mixture:
         return (low + high) / 2
 
     def draw(self, count: int, seed: int) -> Array:
-        """Draws, (count, n)."""
+        """Random parameter vectors theta, (count, n)."""
         rng = np.random.default_rng(seed)
         normal = rng.standard_normal((count, len(self.high)))
         chosen = rng.choice(len(self.weights), count, p=self.weights)
-        roots = np.linalg.cholesky(np.stack([cov + 1e-14 * np.diag(np.diag(cov)) for cov in self.covariances]))
+        roots = root_of(self.covariances, RIDGE)
         drawn = self.means[chosen] + np.einsum("cij,cj->ci", roots[chosen], normal)
         return np.asarray(np.clip(drawn, self.lows[chosen], self.high))
 
@@ -107,8 +108,8 @@ def weights_of(hypotheses: Sequence[Horizon]) -> Array:
     return np.asarray(share / share.sum())
 
 
-def taken(hypotheses: Sequence[Horizon], sample: Sample, problem: Problem) -> list[Horizon]:
-    """Hypotheses after a sample, the most probable first."""
+def updated(hypotheses: Sequence[Horizon], sample: Sample, problem: Problem) -> list[Horizon]:
+    """Hypotheses after a new sample, the most probable first. Rivals may add hypotheses, and improbable ones are dropped."""
     for hypothesis in hypotheses:
         hypothesis.take(sample)
     out = list(hypotheses)
@@ -118,7 +119,7 @@ def taken(hypotheses: Sequence[Horizon], sample: Sample, problem: Problem) -> li
         try:
             child = hypothesis.branch(hypothesis.rival)
         except (FloatingPointError, np.linalg.LinAlgError):
-            # Parameters with which nothing finite can be predicted have no probability.
+            # Parameters whose prediction is not finite have no probability.
             continue
         if not any(_alike(child, other, problem) for other in out):
             out.append(child)

@@ -18,19 +18,19 @@ from stepper.sysid.data import vector
 from stepper.sysid.findings import undetermined
 from stepper.sysid.horizon import NUDGE, Horizon
 from stepper.sysid.inertia import Array
-from stepper.sysid.mixture import Mixture, mixture_of, taken
+from stepper.sysid.mixture import Mixture, mixture_of, updated
 from stepper.sysid.parameters import READING, Block, FitParameter, bind, natural, write
 from stepper.sysid.problem import Problem
-from stepper.sysid.rivals import KINKED, TRIED
+from stepper.sysid.rivals import KINKED, OTHERS_PER_FRICTION
 from stepper.sysid.shift import Watch, finding
 from stepper.sysid.simulate import UNTRUSTED, find_channels, noise_of, solved
 
-WANDERS = 0.02
+FRICTION_DRIFT = 0.02
 """Default drift of friction, 1/sqrt(s) of a logarithm."""
 PRIOR = 1.0
-"""Standard deviation of the logarithm of a positive quantity of which nothing is said."""
-COUNTS = 0.05
-"""Weight from which a hypothesis that has not converged makes the result undetermined."""
+"""Default standard deviation of a positive quantity's logarithm before the first sample."""
+LEAST_WEIGHT = 0.05
+"""Weight above which a hypothesis that has not converged makes the result undetermined."""
 
 
 @dataclass(frozen=True)
@@ -42,12 +42,13 @@ class Tracked:
         labels: Names of the parameters.
         values: Estimates in their units, (n,): means over the hypotheses that the readings leave possible.
         interval: 95 % intervals, (n, 2).
-        determined: Whether the readings so far determine each parameter, (n,). It is also False while the estimate has not converged, if
-            recent readings differ from their prediction by far more than their noise, and if readings are shifted (see `warnings`). For an
-            undetermined friction, the lower end of the interval is the largest that held without slip, the upper end the prior knowledge.
+        determined: Whether the readings so far determine each parameter, (n,). It is also False if the estimate has not converged or
+            readings are shifted (see `warnings`). A third case is recent readings that differ from their prediction by far more than
+            their noise. The interval of an undetermined friction starts at the largest value that was needed to prevent slip, and ends
+            at the prior's upper end.
         covariance: Covariance of the parameters, with logarithms for positive ones, (n, n).
-        surprise: Mean square of the prediction errors of this sample, each over its noise: about 1, and much more if the model lacks
-            something.
+        surprise: Mean square of the prediction errors of this sample, each over its noise: about 1 for a correct model, and much more
+            for a wrong one.
         untrusted: Share of unsolved steps in the window.
         seconds: Duration of the update, s.
         warnings: Problems of the data: readings that are one sample late or early relative to their controls.
@@ -65,38 +66,38 @@ class Tracked:
     warnings: tuple[str, ...] = ()
 
     def __getitem__(self, label: str) -> float:
-        """The estimate of a label, as `tracked["body_mass[box]"]`."""
+        """Estimate of a parameter by its label, in its unit: `tracked["body_mass[box]"]`."""
         if label not in self.labels:
             raise KeyError(f"there is no {label!r}, there are: {', '.join(self.labels)}")
         return float(self.values[self.labels.index(label)])
 
 
 class Tracker:
-    """Follows parameters while a robot moves, sample by sample.
+    """Online estimator of parameters, sample by sample, while a robot moves.
 
     Args:
-        model: The model, with everything that is known.
-        parameters: What is followed, as of `identify`; `FitParameter.prior` has their prior. Without one, a positive quantity is
+        model: Model with the known parameters.
+        parameters: Unknown parameters, as in `identify`, with `FitParameter.prior` as their prior. Without a prior, a positive quantity is
             known to a factor of e, and other numbers within their bounds.
-        noise: Standard deviation of each channel by name (a number, or one for every column): sensors, "qpos", "qvel", "qpos:elbow" ...
-            These channels are read.
+        noise: Standard deviation of each channel that is read, by name: sensors, "qpos", "qvel", "qpos:elbow" ... It is a number, or one
+            per column, in the channel's unit.
         period: Time between samples, s: a whole number of time steps.
         window: Length of the window, s.
-        drift: What parameters may change by in a second, in logarithms of what is positive and in scales of the rest: a number, or one for
-            each. 0 are constants, of which None makes all but friction: that has 0.02, since a window takes the moment at which something
-            begins to slide, or stops, for better known than it is.
-        moving: Joints whose state is not exactly known, all of them by default. Each of their degrees of freedom costs four environments.
-        state_noise: What the model lacks: standard deviations of displacement (m or rad) and velocity (m/s or rad/s) that it gains in a
-            second.
-        options: As of `Stepper`. Where they leave the tolerance open, it is 1e-9 m/s.
-        threads: As of `Stepper`.
-        qpos, qvel: State at the beginning, the model's reference and 0 by default.
-        start_std: What is not known of it: standard deviations of displacement and velocity.
+        drift: Standard deviation of a parameter's random change in a second: a number, or (n,). It refers to logarithms of positive
+            quantities, and to scales of others. 0 is constant. None is 0.02 for friction, because a window overestimates the information
+            at the onset of sliding, and 0 for the rest.
+        moving: Joints whose state is uncertain; None is all. Each of their degrees of freedom costs four environments.
+        state_noise: Standard deviations of the random change of displacement (m or rad) and velocity (m/s or rad/s) in a second, which
+            account for errors of the model.
+        options: Options of the step; the default tolerance is 1e-9 m/s.
+        threads: Number of threads; 0 is all cores.
+        qpos, qvel: Initial state, (nq,) m and rad, (nv,) m/s and rad/s; None is the model's reference, and 0.
+        start_std: Standard deviations of the initial displacement (m or rad) and velocity (m/s or rad/s).
 
     Raises:
-        KeyError: No sensor or coordinate of a name.
-        ValueError: No element of a name, what environments of one stepper must share, a window that is too short, shapes
-            that do not fit, or numbers that are not finite.
+        KeyError: Unknown sensor or coordinate.
+        ValueError: An unknown element, a parameter that environments of a stepper must share, a window that is too short, wrong shapes, or
+            numbers that are not finite.
 
     Example:
         parameters = ["body_mass[box]", "geom_friction[left,right,box][0]"]
@@ -142,7 +143,7 @@ class Tracker:
         dofs = list(range(model.nv)) if moving is None else _dofs(model, moving)
         kinds = [block.parameter.kind for block in self.blocks for _ in range(block.size)]
         kinked = [j for j, kind in enumerate(kinds) if kind in KINKED]
-        count = 1 + 2 * (n + 2 * len(dofs)) + TRIED * len(kinked)
+        count = 1 + 2 * (n + 2 * len(dofs)) + OTHERS_PER_FRICTION * len(kinked)
         sim = Stepper(self.model, count, options=solved(options or Options()), threads=threads)
         self.period = period
         for name, seconds in (("period", period), ("window", window)):
@@ -154,7 +155,7 @@ class Tracker:
         if length < 2:
             raise ValueError(f"window is {window:g} s, must be two periods of {period:g} s or more")
         if drift is None:
-            drift = [WANDERS if kind in KINKED else 0.0 for kind in kinds]
+            drift = [FRICTION_DRIFT if kind in KINKED else 0.0 for kind in kinds]
         wander = _spread("drift", drift, n, f"one number, or one for each of {', '.join(self.labels)}", alone=True) * scale
         pair = "two numbers, of displacement (m or rad) and of velocity (m/s or rad/s)"
         gained, unknown = _spread("state_noise", state_noise, 2, pair), _spread("start_std", start_std, 2, pair)
@@ -181,8 +182,8 @@ class Tracker:
             vector("qvel", np.zeros(self.model.nv) if qvel is None else qvel, self.model.nv).copy(),
             np.zeros(self.model.na),
         )
-        mean, std = _known(self.blocks)
-        # An exact start is one that is known to a thousandth of what differences move it by.
+        mean, std = _prior(self.blocks)
+        # An exact start gets a standard deviation of a thousandth of the differences' width.
         cov = np.diag(np.concatenate([std, np.maximum(np.repeat(unknown, m), 1e-3 * NUDGE)]) ** 2)
         self._hypotheses = [Horizon(self._problem, np.concatenate([mean, np.zeros(2 * m)]), cov, begin)]
         span = (high - low) / 2
@@ -191,15 +192,19 @@ class Tracker:
         self._watch: Watch | None = Watch()
 
     def update(self, ctrl: ArrayLike, readings: Mapping[str, ArrayLike]) -> Tracked:
-        """Takes a sample.
+        """Adds a sample, and updates the estimates.
 
         Args:
-            ctrl: Controls that were in force since the sample before, (nu,).
-            readings: Channels by name, as they were at the end of that period; NaN, or a channel that is absent, was not measured.
+            ctrl: Controls since the sample before, (nu,), in the actuators' units.
+            readings: Readings at the end of that period by channel, (dim,) or a number, in the channel's unit. NaN, or an absent channel,
+                means not measured.
+
+        Returns:
+            Estimates after the sample.
 
         Raises:
-            KeyError: A channel that has no noise.
-            ValueError: Shapes that do not fit, numbers that are not finite.
+            KeyError: A channel without noise.
+            ValueError: Wrong shapes, or numbers that are not finite.
             FloatingPointError: The prediction is not finite.
         """
         began = time.perf_counter()
@@ -210,22 +215,22 @@ class Tracker:
         if self._watch is not None:
             self._watch.begin(self)
         self._now += self.period
-        self._hypotheses = taken(self._hypotheses, (given, read), self._problem)
-        best, known = self._hypotheses[0], self._known()
+        self._hypotheses = updated(self._hypotheses, (given, read), self._problem)
+        best, mixture = self._hypotheses[0], self._mixture()
         surprise = float((best.newest**2).mean()) if len(best.newest) else 0.0
-        explained = self._watch is None or self._watch.look(given, read, best.strange)
+        explained = self._watch is None or self._watch.add(given, read, best.normalized_innovation)
         shift = None if self._watch is None else self._watch.found
-        settled = all(h.settled for h, weight in zip(self._hypotheses, known.weights, strict=True) if weight >= COUNTS)
+        settled = all(h.settled for h, weight in zip(self._hypotheses, mixture.weights, strict=True) if weight >= LEAST_WEIGHT)
         flagged = float(((best.at.made["status"].astype(np.int64) & int(UNTRUSTED)) != 0).mean())
         for hypothesis in self._hypotheses:
             hypothesis.leave()
-        covariance = known.covariance()
+        covariance = mixture.covariance()
         std = np.sqrt(np.diag(covariance)) / self._problem.scale
         return Tracked(
             time=self._now,
             labels=self.labels,
-            values=natural(self.blocks, known.mean()),
-            interval=np.stack([natural(self.blocks, known.quantile(z)) for z in (-1.96, 1.96)], axis=1),
+            values=natural(self.blocks, mixture.mean()),
+            interval=np.stack([natural(self.blocks, mixture.quantile(z)) for z in (-1.96, 1.96)], axis=1),
             determined=~undetermined(self.blocks, std, self._reach) & (settled and explained),
             covariance=covariance,
             surprise=surprise,
@@ -235,15 +240,18 @@ class Tracker:
         )
 
     def sample(self, count: int, *, seed: int = 0) -> dict[str, Any]:
-        """Parameters drawn from what is known now, for `Stepper.randomize`.
+        """Random parameters from the present distribution, for `Stepper.randomize`.
 
         Args:
-            count: Environments.
-            seed: Of the draws.
-        """
-        return write(self.blocks, self._known().draw(count, seed), self.model).fields
+            count: Number of environments.
+            seed: Seed of the random numbers.
 
-    def _known(self) -> Mixture:
+        Returns:
+            Arrays by field, (count, ...), in the field's unit.
+        """
+        return write(self.blocks, self._mixture().draw(count, seed), self.model).fields
+
+    def _mixture(self) -> Mixture:
         """Distribution of the parameters."""
         return mixture_of(self._hypotheses, self._problem)
 
@@ -275,8 +283,8 @@ def _dofs(model: Model, names: Sequence[str]) -> list[int]:
     return [dof for joint in joints for dof in range(joint.dofadr, joint.dofadr + joint.nv)]
 
 
-def _known(blocks: Sequence[Block]) -> tuple[Array, Array]:
-    """Mean and standard deviation of theta before the first sample."""
+def _prior(blocks: Sequence[Block]) -> tuple[Array, Array]:
+    """Mean and standard deviation of the parameter vector theta before the first sample, (n,) each."""
     means, stds = [], []
     for block in blocks:
         if block.prior is not None:
@@ -286,7 +294,9 @@ def _known(blocks: Sequence[Block]) -> tuple[Array, Array]:
         else:
             mean, std = block.start, (block.high - block.low) / 4
         if not np.isfinite(std).all():
-            raise ValueError(f"{block.parameter}: nothing bounds it; give a prior, as FitParameter(..., prior=(mean, standard deviation))")
+            raise ValueError(
+                f"{block.parameter}: it has no bounds and no prior; give a prior, as FitParameter(..., prior=(mean, standard deviation))"
+            )
         means.append(mean)
         stds.append(std)
     return np.concatenate(means), np.concatenate(stds)

@@ -1,7 +1,7 @@
-"""Parameters to identify, as numbers theta that an optimiser may move freely within bounds.
+"""Parameters to identify, as a vector theta of numbers that an optimiser varies within bounds.
 
-A kind defines how a parameter is written as theta: positive quantities as logarithms, an inertia as log-Cholesky parameters, others as they
-are. `bind` looks the elements up in a model and gives a block of theta for each parameter.
+A kind defines the numbers of a parameter in theta: logarithms of positive quantities, log-Cholesky parameters of an inertia, and plain
+values of others. `bind` finds the elements in a model and returns a block of theta for each parameter.
 """
 
 from __future__ import annotations
@@ -32,23 +32,30 @@ class Kind:
     Attributes:
         element: Kind of the elements that have it: "body", "geom", "pair" (an explicit pair of geoms), "joint", "actuator" or "sensor".
         unit: Unit of its values.
-        says: Quantity in words.
-        excite: Motion that data need to determine it.
+        quantity: Name of the quantity.
+        excite: Motion that data need to determine it, with {0} for the elements.
         log: Whether theta is the logarithm, so that values stay positive.
-        bounds: Bounds of the value, if not those of `REACH`.
+        bounds: Bounds of the value; None are those of `REACH`.
+        columns: Columns of the field that have the value; None are those of the selector.
+        scaled: Field, and columns of it, that are multiplied by the same factor as the value.
     """
 
     element: str
     unit: str
-    says: str
+    quantity: str
     excite: str
     log: bool = True
     bounds: tuple[float, float] | None = None
+    columns: tuple[int, ...] | None = None
+    scaled: tuple[str, slice] | None = None
 
 
 _UNIT = (0.0, 1.0)
 KINDS = {
-    "body_mass": Kind("body", "kg", "mass; the inertia grows with it", "accelerate or lift {0} while a force is measured"),
+    "body_mass": Kind(
+        "body", "kg", "mass; the inertia grows with it", "accelerate or lift {0} while a force is measured",
+        scaled=("body_inertia", slice(None)),
+    ),
     "body_ipos": Kind("body", "m", "centre of mass in the body's frame", "hold {0} in several poses, or turn it fast", log=False),
     "body_inertia": Kind("body", "kg m^2", "principal moments of inertia, about the model's axes", "turn {0} about three axes, fast"),
     "body_inertial": Kind("body", "", "mass, centre, moments and axes: ten numbers", "lift {0}, and turn it about three axes, fast"),
@@ -64,7 +71,10 @@ KINDS = {
     "dof_damping": Kind("joint", "N s/m or N m s/rad", "viscous damping", "move {0} at several speeds"),
     "dof_armature": Kind("joint", "kg or kg m^2", "added inertia", "accelerate {0}"),
     "dof_frictionloss": Kind("joint", "N or N m", "dry friction", "move {0} slowly, back and forth"),
-    "actuator_gainprm": Kind("actuator", "", "gain, whatever its bias", "drive {0} with large and changing controls"),
+    "actuator_gainprm": Kind(
+        "actuator", "", "gain, whatever its bias", "drive {0} with large and changing controls",
+        columns=(0,), scaled=("actuator_gainprm", slice(1, None)),
+    ),
     "actuator_kp": Kind("actuator", "", "stiffness of a position servo", "drive {0} away from where it is, against a load"),
     "actuator_kv": Kind("actuator", "", "velocity gain of a servo", "move {0} at several speeds"),
     "actuator.delay": Kind("actuator", "s", "delay of the control", "change the control of {0} often", log=False, bounds=(0.0, 0.1)),
@@ -86,14 +96,14 @@ class FitParameter:
         selector: Numbers that change, of the kinds `stepper.sysid.KINDS`: "body_mass[box]", "geom_friction[floor,box][0]",
             "actuator_kp[hip]", "dof_damping[left_*]". Several elements share one parameter: they keep the ratios that they have in the
             model.
-        start: Where the search begins, in the unit of the kind; None is the model's own value.
-        bounds: Lowest and highest value. None is a thousandth to a thousand times the start for what is positive, and what the kind
-            allows for the rest.
-        prior: Mean and standard deviation of what is known beforehand, from a data sheet or a balance; of positive quantities the
-            standard deviation is relative.
+        start: Start of the search, in the unit of the kind; None is the model's value.
+        bounds: Lowest and highest value. None is a thousandth to a thousand times the start for positive quantities, and the bounds of the
+            kind for others.
+        prior: Prior mean and standard deviation, from a data sheet or a balance. For positive quantities the standard deviation is
+            relative.
 
     Raises:
-        ValueError: An unknown kind or spelling, bounds that are none.
+        ValueError: An unknown kind or spelling, or invalid bounds.
     """
 
     selector: str
@@ -124,7 +134,7 @@ class FitParameter:
 
     @classmethod
     def parse(cls, text: str) -> FitParameter:
-        """A parameter from text: "body_mass[box]", with bounds "geom_friction[floor,box][0]=0.1..2"."""
+        """Parameter from a text such as "body_mass[box]", or with bounds "geom_friction[floor,box][0]=0.1..2"."""
         selector, bounds = parse_range(text, "parameters")
         return cls(str(selector), bounds=bounds)
 
@@ -137,7 +147,7 @@ def _no_kind(selector: Selector) -> str:
     columns = [name for name in KINDS if name.startswith(f"{selector.field}[")]
     if columns and selector.columns is None:
         which = ", ".join(
-            f"'{Selector(selector.field, selector.elements or ('*',), (k,))}' ({KINDS[name].says})" for k, name in enumerate(columns)
+            f"'{Selector(selector.field, selector.elements or ('*',), (k,))}' ({KINDS[name].quantity})" for k, name in enumerate(columns)
         )
         return f"parameters has '{selector}', of which each column is a parameter: write {which}"
     if selector.field in KINDS:
@@ -146,7 +156,7 @@ def _no_kind(selector: Selector) -> str:
 
 
 class Variants:
-    """Parameters of several environments, as they are written: what differs from the model, with the axis of the variants in front.
+    """Parameters of several variants of a model: the fields that differ from it, with the variants as the leading axis.
 
     Attributes:
         fields: Arrays of the model's fields by name.
@@ -159,14 +169,14 @@ class Variants:
         self.delays: dict[str, Array] = {}
 
     def of(self, field: str) -> Array:
-        """An array of a field to write to, which begins as the model's."""
+        """Writable array of a field, (count, ...), which starts with the model's values."""
         if field not in self.fields:
             own = np.asarray(getattr(self.model, field), np.float64)
             self.fields[field] = np.tile(own, (self.count, *(1,) * own.ndim))
         return self.fields[field]
 
     def actuators(self, known: ActuatorModel | None, index: Array | None = None) -> ActuatorModel | None:
-        """Drives with these delays in addition to the known attributes; `index` picks a variant for every environment."""
+        """Drives with these delays in addition to the known attributes; `index`, (num_envs,), is the variant of each environment."""
         if not self.delays:
             return None
         drives = {}
@@ -177,14 +187,14 @@ class Variants:
 
 
 class Block:
-    """A parameter of a model, as a piece of theta.
+    """Block of the parameter vector theta, for one parameter of a model.
 
     Attributes:
-        parameter: What it is.
-        labels, units: Of its values.
-        start, low, high: Theta where the search begins, and bounds of theta: (n,).
-        scale: Size of a change of theta that matters: (n,).
-        prior: Mean and standard deviation of theta, or None.
+        parameter: The parameter.
+        labels, units: Labels and units of its values.
+        start, low, high: Start of the search and bounds, in theta, (n,).
+        scale: Size of a significant change of theta, (n,).
+        prior: Mean and standard deviation of theta, (n,) each, or None.
     """
 
     def __init__(self, parameter: FitParameter, model: Model):
@@ -205,23 +215,17 @@ class Block:
 
     @property
     def size(self) -> int:
-        """Count of its numbers."""
+        """Number of elements of theta in the block."""
         return len(self.start)
 
     def _prepare(self, model: Model) -> None:
-        parts = parts_of(model, self._numbers(), "parameters")
-        self.parts = [(part.field, part.index.reshape(-1), part.sign) for part in parts]
+        if check := _CHECKS.get(self.parameter.kind):
+            check(self.parameter, model, self.index)
+        numbers = self.selector if self.kind.columns is None else replace(self.selector, columns=self.kind.columns)
+        self.parts = [(part.field, part.index.reshape(-1), part.sign) for part in parts_of(model, numbers, "parameters")]
         field, places, sign = self.parts[0]
         own = sign * np.asarray(getattr(model, field), np.float64).reshape(-1)[places]
-        if self.parameter.kind == "actuator_gainprm":
-            _check_gain_types(self.parameter, model, self.index)
-        if self.parameter.kind == "actuator_kp":
-            bias = np.asarray(model.actuator_biasprm)[list(self.index)]
-            if not np.allclose(bias[:, 1], -own):
-                raise ValueError(
-                    f"{self.parameter}: {self.names[0]} is no position servo, its bias is {bias[0].tolist()}; identify its actuator_gainprm"
-                )
-        # Where the model's value is 0, all elements have the same one.
+        # If the model's value is 0, all elements have the same value.
         self.ratio = own / own[0] if own[0] > 0 else np.ones(len(own))
         self._interval(own[0])
 
@@ -250,20 +254,14 @@ class Block:
             self.prior = (np.log([mean]) if kind.log else np.array([mean])), np.array([std])
 
     def write(self, theta: Array, variants: Variants) -> None:
-        """Writes what theta (count, size) means into variants."""
+        """Writes the values of theta, (count, size), into variants."""
         value = self.natural(theta) * self.ratio
         before = self._flat(variants, self.parts[0][0])[:, self.parts[0][1]]
         for field, places, sign in self.parts:
             self._flat(variants, field)[:, places] = sign * value
-        if self.parameter.kind == "body_mass":
-            variants.of("body_inertia")[:, list(self.index)] *= (value / before)[..., None]
-        if self.parameter.kind == "actuator_gainprm":
-            # All of the gain grows together, as that of a motor whose current is scaled.
-            variants.of("actuator_gainprm")[:, list(self.index), 1:] *= (value / before)[..., None]
-
-    def _numbers(self) -> Selector:
-        """Selector of the numbers that have the value: of a gain its constant part."""
-        return replace(self.selector, columns=(0,)) if self.parameter.kind == "actuator_gainprm" else self.selector
+        if self.kind.scaled is not None:
+            field, columns = self.kind.scaled
+            variants.of(field)[:, list(self.index), columns] *= (value / before)[..., None]
 
     @staticmethod
     def _flat(variants: Variants, field: str) -> Array:
@@ -271,7 +269,7 @@ class Block:
         return variants.of(field).reshape(variants.count, -1)
 
     def natural(self, theta: Array) -> Array:
-        """Values in their units (..., size) of theta (..., size)."""
+        """Values in their units, (..., size), from theta, (..., size)."""
         return np.exp(theta) if self.kind.log else np.asarray(theta, float)
 
 
@@ -403,11 +401,11 @@ _SAME = {
 
 
 def bind(parameters: Sequence[FitParameter | str], model: Model) -> list[Block]:
-    """Blocks of theta for parameters of a model.
+    """Blocks of the parameter vector, one for each parameter of a model.
 
     Raises:
-        ValueError: A name that no element has, two parameters of one number, a parameter that cannot begin where the model is, one of
-            geoms that an explicit pair overrides.
+        ValueError: An unknown name, two parameters of the same number, or a start outside of the bounds. Or a parameter of geoms whose
+            contact an explicit pair overrides.
     """
     if isinstance(parameters, str | FitParameter):
         parameters = [parameters]
@@ -434,21 +432,21 @@ def bind(parameters: Sequence[FitParameter | str], model: Model) -> list[Block]:
 
 
 def write(blocks: Sequence[Block], theta: Array, model: Model) -> Variants:
-    """Values of theta (count, n) of all blocks."""
+    """Variants of a model with the values of theta, (count, n)."""
     variants = Variants(model, len(theta))
-    # Moments are absolute, and a mass scales those it finds.
+    # Masses come first, because they scale the moments of inertia, and moments are absolute.
     for block, piece in sorted(zip(blocks, split(blocks, theta), strict=True), key=lambda part: part[0].parameter.kind == "body_inertia"):
         block.write(piece, variants)
     return variants
 
 
 def split(blocks: Sequence[Block], theta: Array) -> list[Array]:
-    """The pieces of theta (..., n) that belong to blocks."""
+    """Pieces of theta, (..., n), one for each block."""
     return np.split(theta, np.cumsum([block.size for block in blocks])[:-1], axis=-1)
 
 
 def natural(blocks: Sequence[Block], theta: Array) -> Array:
-    """Values in their units of theta (..., n) of all blocks."""
+    """Values of all blocks in their units, (..., n), from theta, (..., n)."""
     return np.concatenate([block.natural(piece) for block, piece in zip(blocks, split(blocks, theta), strict=True)], axis=-1)
 
 
@@ -473,6 +471,24 @@ def _check_gain_types(parameter: FitParameter, model: Model, index: Sequence[int
                 f'{parameter}: the gaintype of actuator "{actuator.name or actuator.id}" is "{actuator.gaintype}", and gains are '
                 'identified of types "fixed" and "affine" alone; leave it out, or give the source one of these'
             )
+
+
+def _check_servo(parameter: FitParameter, model: Model, index: Sequence[int]) -> None:
+    """Checks that every actuator is a position servo: its bias has the negative gain.
+
+    Raises:
+        ValueError: Another actuator.
+    """
+    for actuator in map(model.actuator, index):
+        if not np.isclose(actuator.biasprm[1], -actuator.gainprm[0]):
+            raise ValueError(
+                f"{parameter}: {actuator.name or f'#{actuator.id}'} is no position servo, its bias is "
+                f"{np.asarray(actuator.biasprm).tolist()}; identify its actuator_gainprm"
+            )
+
+
+_CHECKS = {"actuator_gainprm": _check_gain_types, "actuator_kp": _check_servo}
+"""Checks of the elements of a parameter, by kind."""
 
 
 def _unnamed(parameter: FitParameter, model: Model, index: int) -> list[int]:

@@ -20,21 +20,21 @@ Sample = tuple[Array, dict[str, Array]]
 
 @dataclass(frozen=True)
 class Problem:
-    """Model, parameters and noise that a tracker is given.
+    """Model, parameters and noise of a tracker.
 
     Attributes:
         model: The model.
-        blocks: Parameters that are followed.
-        sim: Environments that predict, as many as a window has points.
+        blocks: Tracked parameters.
+        sim: Stepper for predictions, with an environment for each point of a window.
         nstep: Time steps of a period.
         channels: Channels that are read.
         sigma: Standard deviations of their columns, (width,).
         dofs: Degrees of freedom whose state is uncertain.
         low, high, scale: Bounds and scales of the parameters, (n,).
-        kinked: Indices of parameters that have no slope where nothing slides.
-        drift: Standard deviations of what parameters change by in a second, (n,).
-        gained: Standard deviations that parameters and states gain in a period, (n + states,).
-        period: s.
+        kinked: Indices of frictions, which have no slope while nothing slides.
+        drift: Standard deviations of the random change of parameters in a second, (n,).
+        gained: Standard deviations of the random change of parameters and states in a period, (n + states,).
+        period: Time between samples, s.
         length: Number of samples in a window.
     """
 
@@ -60,7 +60,7 @@ class Problem:
         return len(self.scale)
 
     def seen(self, readings: dict[str, Array]) -> np.ndarray[Any, np.dtype[np.bool_]]:
-        """Mask of the measured columns of the residuals; those of infinite noise are ignored."""
+        """Mask of the measured columns of the residuals, (width,); columns with infinite noise are ignored."""
         parts = []
         for channel in self.channels:
             finite = np.isfinite(readings[channel.name])
@@ -75,7 +75,7 @@ class Problem:
 
         Args:
             begin: qpos, qvel and act where the window begins.
-            points: Parameters, displacements and changes of velocity at the beginning, (count, n + states).
+            points: Parameters theta, displacements (m, rad) and changes of velocity (m/s, rad/s) at the start, (count, n + states).
             samples: Samples of the window.
             now: Time of the last one, s.
 

@@ -1,4 +1,4 @@
-"""Residuals and their Jacobian: predictions minus readings over their noise, for several points of a search in one batch."""
+"""Residuals, which are predictions minus readings over their noise, and their Jacobian, for several points of a search in one batch."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class Linearized:
     """Residuals at a point.
 
     Attributes:
-        residual: Of all readings that were measured, episode after episode and row after row, and then of what was known before, (m,).
-        jacobian: (m, n + starts).
-        data: How many of them are readings.
+        residual: Residuals, (m,): of all measured readings by episode and row, then of the priors.
+        jacobian: Derivatives of the residuals, (m, n + starts).
+        data: Number of residuals of readings.
     """
 
     residual: Array
@@ -34,16 +34,16 @@ class Linearized:
 
 
 class Residuals:
-    """Residuals as a function of x: theta over its scale, and then what is not known of each episode's start over its standard deviation.
+    """Residuals as a function of x: theta over its scale, then uncertain initial states of the episodes over their standard deviations.
 
     Args:
-        simulator: What predicts.
+        simulator: Simulator of the readings.
         step: Half width of central differences, in the scale of every number.
 
     Attributes:
         sigma: Noise of every column of the readings, (width,).
-        n: Count of parameters. x has those of starts behind them.
-        low, high, start: Bounds of x, and where the search begins.
+        n: Number of parameters. In x, coordinates of initial states follow them.
+        low, high, start: Bounds of x and start of the search, (n + starts,).
     """
 
     def __init__(self, simulator: Simulator, step: float):
@@ -63,13 +63,13 @@ class Residuals:
         self.count = sum(int(mask.sum()) for mask in self.masks)
 
     def shifted(self, shift: int) -> Residuals:
-        """Residuals of the same episodes whose readings stand one row earlier or later, with the same noise."""
+        """Residuals of the same episodes with readings shifted by one row, and the same noise."""
         out = Residuals(self.simulator.with_episodes([shifted(episode, shift) for episode in self.simulator.episodes]), self.step)
         out.sigma = self.sigma
         return out
 
     def freed(self, start_std: tuple[float, float]) -> Residuals | None:
-        """Residuals of the same episodes and noise, with estimated starts in place of exact ones; None if no start is exact."""
+        """Residuals of the same episodes and noise, with estimated initial states in place of exact ones; None if none is exact."""
         episodes = self.simulator.episodes
         exact = [start is None for start in self._starts]
         if not any(exact):
@@ -83,8 +83,8 @@ class Residuals:
         """Residuals and Jacobians at several points, from one batch of environments.
 
         Args:
-            points: Each (n + starts,).
-            step: Another half width of the differences.
+            points: Points, each (n + starts,).
+            step: Half width of the differences; None is that of the constructor.
         """
         width = max((len(s) for s in self._starts if s is not None), default=0)
         asked = [self._around(x, self.step if step is None else step, width) for x in points]
@@ -93,7 +93,7 @@ class Residuals:
         return [self._assemble(x, [y[k * each : (k + 1) * each] for y in made], asked[k][1], width) for k, x in enumerate(points)]
 
     def residuals(self, points: Array) -> Array:
-        """Residuals alone, (count, m), of points (count, n + starts)."""
+        """Residuals, (count, m), of points (count, n + starts), without Jacobians."""
         compact = np.zeros((len(points), self.n + self._wide()))
         compact[:, : self.n] = points[:, : self.n]
         made = self._predict(compact, points)
@@ -169,11 +169,13 @@ class Residuals:
 
 
 def slopes(y: Array, spans: Array) -> Array:
-    """Derivatives of readings by central differences; where a reading jumps on one side (a contact closes a sample earlier), the other's.
+    """Derivatives of readings by central differences, (k, T, width).
+
+    If a reading jumps on one side, because a contact closes a sample earlier, the difference on the other side counts.
 
     Args:
-        y: Readings at a point, and then by coordinate above and below, (1 + 2 k, T, width).
-        spans: Distances above and below, (k, 2).
+        y: Readings at a point, and then above and below for each coordinate, (1 + 2 k, T, width).
+        spans: Distances above and below, (k, 2), in the unit of the coordinate.
     """
     # Near a bound one side has hardly a width, and the other counts.
     wide = (spans > 0.1 * spans.max(axis=1, keepdims=True))[..., None, None]
@@ -212,11 +214,11 @@ def _priors(blocks: Sequence[object], scale: Array) -> list[tuple[int, float, fl
 
 
 class Together:
-    """Lets searches that run side by side have their points evaluated in one batch: the last request evaluates for all.
+    """Batching of concurrent searches: each search submits its next point, and the last one evaluates all points in one batch.
 
     Args:
-        residuals: What evaluates.
-        searches: How many there are.
+        residuals: Residuals to evaluate.
+        searches: Number of searches.
     """
 
     def __init__(self, residuals: Residuals, searches: int):
@@ -227,27 +229,27 @@ class Together:
         self._stopped = False
 
     def stop(self) -> None:
-        """Ends all searches at their next points: `ask` raises."""
+        """Ends all searches at their next points, where `ask` raises."""
         with self._turn:
             self._stopped = True
             self._turn.notify_all()
 
     def ask(self, search: int, x: Array) -> Linearized:
-        """The residuals at x, once all other searches have asked too or ended."""
+        """Residuals at x, (n + starts,). Waits until all other searches have submitted a point or ended."""
         with self._turn:
             self._asked[search] = x
             if not self._stopped:
                 self._answer()
                 self._turn.wait_for(lambda: search in self._answers or self._stopped)
             if self._stopped:
-                raise InterruptedError("another search was interrupted")
+                raise InterruptedError("another search was interrupted: run identify again")
             answer = self._answers.pop(search)
         if isinstance(answer, BaseException):
             raise answer
         return answer
 
     def leave(self) -> None:
-        """A search has ended."""
+        """Removes a search that has ended."""
         with self._turn:
             self._active -= 1
             if not self._stopped:

@@ -19,6 +19,7 @@ from stepper.shared.machine import require
 from stepper.sysid.findings import undetermined
 from stepper.sysid.inertia import Array
 from stepper.sysid.parameters import Block, FitParameter, bind, natural, split, write
+from stepper.sysid.roots import RIDGE, root_of
 
 FORMAT = 2
 
@@ -28,9 +29,9 @@ class Search:
     """End of a search from one start.
 
     Attributes:
-        theta: Parameters.
+        theta: Parameter vector, (n,).
         cost: Half the sum of losses.
-        converged: Whether it ended before it ran out of evaluations.
+        converged: Whether the search converged within its evaluations.
     """
 
     theta: Array
@@ -40,23 +41,25 @@ class Search:
 
 @dataclass(frozen=True)
 class Identification:
-    """A normal distribution of theta: logarithms of what is positive, log-Cholesky parameters of inertias, other numbers as they are.
+    """Normal distribution of the parameter vector theta.
+
+    Its numbers are logarithms of positive quantities, log-Cholesky parameters of inertias, and values of other parameters.
 
     Attributes:
-        model: The model that was given.
-        parameters: What was sought.
+        model: Model before the identification.
+        parameters: Identified parameters.
         theta: Estimate, (n,).
-        covariance: Covariance of theta, (n, n). Where data determine nothing it is that of the bounds.
+        covariance: Covariance of theta, (n, n). For undetermined parameters it is that of the bounds.
         information: Inverse covariance by the data and priors alone, with white noise, (n, n).
-        scale: Size of a change of theta that matters, (n,).
-        freedom: Readings minus parameters.
+        scale: Size of a significant change of theta, (n,).
+        freedom: Degrees of freedom: number of readings minus number of parameters.
         noise: Standard deviation of the readings by channel, as given or as estimated.
-        residual: Root mean square of what the fit leaves, by channel.
-        searches: Ends of the searches, each once.
-        evaluations: Points that were tried, each with its Jacobian.
-        steps: Environments times steps.
-        seconds: Time that it took.
-        warnings: What data do not determine, and what the model does not explain.
+        residual: Root mean square of the residuals by channel, in its unit.
+        searches: Distinct ends of the searches.
+        evaluations: Number of evaluated points, each with its Jacobian.
+        steps: Number of environments times steps.
+        seconds: Duration of the identification, s.
+        warnings: Parameters that the data do not determine, and readings that the model does not explain.
     """
 
     model: Model
@@ -114,7 +117,7 @@ class Identification:
     def interval(self, confidence: float = 0.95) -> Array:
         """Confidence intervals of the values, (n, 2).
 
-        Of a positive quantity it is that of its logarithm; bounds cut it off.
+        For a positive quantity, the interval is symmetric in its logarithm. Intervals are clipped to the bounds.
 
         Raises:
             ValueError: A confidence that is not between 0 and 1.
@@ -134,43 +137,46 @@ class Identification:
         return np.concatenate(out)
 
     def __getitem__(self, label: str) -> float:
-        """The estimate of a label, as `result["body_mass[box]"]`."""
+        """Estimate of a parameter by its label, in its unit: `result["body_mass[box]"]`."""
         if label not in self.labels:
             raise KeyError(f"there is no {label!r}, there are: {', '.join(self.labels)}")
         return float(self.values[self.labels.index(label)])
 
     @property
     def estimate(self) -> Model:
-        """The model with the estimates in it; biases and delays are no part of a model, see `drives`."""
+        """Model with the estimated parameters. Biases and delays are not part of a model; see `drives`."""
         fields = write(self.blocks, self.theta[None], self.model).fields
         return self.model.replace(**{name: array[0] for name, array in fields.items()}) if fields else self.model
 
     def drives(self, known: ActuatorModel | None = None) -> ActuatorModel | None:
-        """Known attributes of drives, with the delays that were identified; None where no delay was sought."""
+        """Drives with the identified delays, and known attributes; None if no delay was identified."""
         made = write(self.blocks, self.theta[None], self.model).actuators(known, np.zeros(1, int))
         if made is None or known is None:
             return made
         return ActuatorModel({**known.named, **made.named}, default=known.default)
 
     def draw(self, count: int, seed: int = 0) -> Array:
-        """Draws of theta, (count, n), within bounds."""
+        """Random parameter vectors theta, (count, n), within bounds."""
         low, high = (np.concatenate([getattr(block, end) for block in self.blocks]) for end in ("low", "high"))
-        root = np.linalg.cholesky(self.covariance + 1e-14 * np.diag(np.diag(self.covariance)))
+        root = root_of(self.covariance, RIDGE)
         drawn = self.theta + np.random.default_rng(seed).standard_normal((count, len(self.theta))) @ root.T
         return np.clip(drawn, low, high)
 
     def sample(self, count: int, *, seed: int = 0, actuators: ActuatorModel | None = None) -> dict[str, Any]:
         """Parameters drawn from the distribution: `sim.randomize(**result.sample(sim.num_envs))`.
 
-        The stepper's model is `result.estimate`, or another that has all that was sought.
+        The stepper's model must be `result.estimate`, or another with all identified elements.
 
         Args:
-            count: Environments.
-            seed: Of the draws.
-            actuators: What the stepper's drives are, for delays.
+            count: Number of environments.
+            seed: Seed of the random numbers.
+            actuators: The stepper's actuator model, for delays.
+
+        Returns:
+            Arrays by field, (count, ...), in the field's unit.
 
         Raises:
-            ValueError: The principal axes of an inertia were sought, which all environments of a stepper share: see `models`.
+            ValueError: Principal axes of an inertia were identified, which all environments of a stepper share: see `models`.
         """
         variants = write(self.blocks, self.draw(count, seed), self.model)
         if shared := sorted(set(variants.fields) - RANDOMIZED.keys()):
@@ -179,14 +185,14 @@ class Identification:
         return {**variants.fields, **({} if delays is None else {"actuators": delays})}
 
     def models(self, count: int, *, seed: int = 0) -> list[Model]:
-        """Models with the draws of `sample`, for parameters that environments must share."""
+        """Models with the random parameters of `sample`, for parameters that environments must share."""
         fields = write(self.blocks, self.draw(count, seed), self.model).fields
         return [self.model.replace(**{name: array[k] for name, array in fields.items()}) for k in range(count)]
 
     def weakest(self) -> tuple[float, dict[str, float]]:
-        """The combination that is known least: its standard deviation over its scale, and what it is made of, the largest first.
+        """Least determined combination of parameters: its standard deviation over its scale, and its coefficients, the largest first.
 
-        Of two positive quantities {"body_mass[box]": 0.7, "geom_friction[box][0]": -0.7} is their ratio.
+        Example: {"body_mass[box]": 0.7, "geom_friction[box][0]": -0.7} is the ratio of two positive quantities.
         """
         labels = [f"{block.parameter}[{k}]" if block.size > 1 else block.labels[0] for block in self.blocks for k in range(block.size)]
         values, vectors = np.linalg.eigh(self.covariance / np.outer(self.scale, self.scale))
@@ -205,7 +211,7 @@ class Identification:
         return f"the least certain {what} (standard deviation {std:.2g} of its scale): {block.hint}"
 
     def table(self, confidence: float = 0.95) -> str:
-        """Values, intervals and what they are of, as a Markdown table."""
+        """Table of values and intervals, in Markdown."""
         lines = [f"| | value | {100 * confidence:g} % interval | unit | in the model |", "|---|---|---|---|---|"]
         start = natural(self.blocks, np.concatenate([block.start for block in self.blocks]))
         rows = zip(self.labels, self.values, self.interval(confidence), self.units, start, self.determined, strict=True)
@@ -220,7 +226,7 @@ class Identification:
         return "\n".join([*lines, *(f"warning: {text}" for text in self.warnings)])
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes a JSON file, which `load` reads."""
+        """Writes a JSON file, for `load`."""
         kept = {
             "format": FORMAT,
             "model": self.model.digest,
@@ -237,7 +243,7 @@ class Identification:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], model: Model) -> Identification:
-        """Reads what `save` wrote.
+        """Reads a file of `save`.
 
         Raises:
             ValueError: Another format, or another model; the message names it.

@@ -1,6 +1,8 @@
-"""Frictions other than the estimate: which of them hold, which are excluded, which is a rival, and how far slopes can be trusted.
+"""Comparison of an estimated friction with other values, by predictions of the window of readings.
 
-Friction that holds has no slope: less of it would slip, more changes nothing. So each window is also predicted with other frictions.
+While an object sticks, the readings have no slope with respect to friction: a larger value changes nothing, and a much smaller one would
+slip. Each window is therefore also predicted with other frictions. They show whether the object sticks, and which values are excluded. They
+also show whether another value is a rival of the estimate, and how much information of the slopes is reliable.
 """
 
 from __future__ import annotations
@@ -26,8 +28,8 @@ NEAREST = 0.005
 """Smallest such distance, as a logarithm."""
 ABOVE_BOUND = 0.02
 """Distance of another friction from the lower bound, as a logarithm: the bound can rise by it with every sample."""
-TRIED = len(OTHERS) + 3
-"""Number of other frictions."""
+OTHERS_PER_FRICTION = len(OTHERS) + 3
+"""Number of other values that are compared with each friction."""
 BETTER = 1.0
 """Decrease of the cost from which a larger friction is a rival, and increase up to which a larger friction holds as well."""
 LOWER = 0.0
@@ -35,14 +37,14 @@ LOWER = 0.0
 the prior in which friction slips a little."""
 EXCLUDED = 12.0
 """Difference of costs from which a smaller friction is a rival of a known one, and a value is excluded: 3.5 standard deviations."""
-NOTHING = 0.01
-"""Information from slopes over information before, below which slopes are not checked."""
-TELLING = 2.0
-"""Squared distance over the variance by the slopes from which the cost there can confirm the slopes."""
+LEAST_GAIN = 0.01
+"""Information from slopes, relative to the information before, below which slopes are not checked."""
+LEAST_DISTANCE = 2.0
+"""Squared distance, relative to the variance by the slopes, from which the cost of another friction counts in this check."""
 POSSIBLE = 9.0
-"""Increase of the cost up to which a friction counts in this check: three standard deviations."""
+"""Increase of the cost up to which another friction counts in this check: three standard deviations."""
 LEAST = 0.04
-"""Smallest share of the slopes' information that counts: intervals grow five times at the most."""
+"""Smallest share of the slopes' information that is kept: intervals become at most five times as wide."""
 
 
 @dataclass(frozen=True)
@@ -51,9 +53,9 @@ class Verdict:
 
     Attributes:
         rival: Index of the point whose friction explains the window best, as a rival; None if there is none.
-        holding: Indices of frictions that hold: the window has no slope in them.
-        excluded: Largest value that is excluded, by the index of the friction.
-        rises: Of frictions that do not hold, distances of the other values, and by how much they raise the cost, (k, 2).
+        holding: Indices of frictions at which the object sticks, so that the window has no slope with respect to them.
+        excluded: Largest excluded value, by the index of the friction.
+        rises: Distance of each other value and its increase of the cost, (k, 2), by the index of a friction at which the object slips.
     """
 
     rival: int | None
@@ -62,35 +64,36 @@ class Verdict:
     rises: dict[int, Array]
 
 
-def tried(x: float, std: float, bound: float) -> Array:
-    """Other frictions to compare with x, (TRIED,)."""
+def other_frictions(x: float, std: float, bound: float) -> Array:
+    """Other values to compare with a friction x, (OTHERS_PER_FRICTION,), logarithms."""
     last = bound + ABOVE_BOUND if math.isfinite(bound) else x + 2 * OTHERS[0]
     near = float(np.clip(NEAR * std, NEAREST, -OTHERS[1] / 2))
     return np.array([*(x + step for step in (*OTHERS, -near, near)), last])
 
 
-def judged(
-    kinked: list[int], unknown: list[bool], *, points: Array, residual: Array, J: Array, mean: Array, cov: Array, first: int
+def verdict_of(
+    kinked: list[int], unknown: list[bool], *, points: Array, residual: Array, J: Array, mean: Array, root: Array, first: int
 ) -> Verdict:
-    """Verdict of other frictions on an estimate.
+    """Compares an estimate with other values of its frictions.
 
     Args:
         kinked: Indices of frictions.
-        unknown: Whether the readings before the window leave each of them unknown.
+        unknown: Whether the readings before the window leave each of them undetermined.
         points: The estimate and all other points, (count, N).
-        residual: Their residuals, (count, T, width).
+        residual: Residuals of the points over their noise, (count, T, width).
         J: Derivatives at the estimate, (T, width, N).
         mean: Mean of the arrival cost, (N,).
-        cov: Its covariance, (N, N).
+        root: Root of its covariance, (N, N).
         first: Index of the first point with another friction.
     """
     rival, gain, holding = None, 0.0, []
     excluded: dict[int, float] = {}
     rises: dict[int, Array] = {}
+    whitening = np.asarray(np.linalg.inv(root), np.float64)
     for k, j in enumerate(kinked):
-        index = np.array([0, *range(first + k * TRIED, first + (k + 1) * TRIED)])
+        index = np.array([0, *range(first + k * OTHERS_PER_FRICTION, first + (k + 1) * OTHERS_PER_FRICTION)])
         values = points[index, j]
-        window, known = _profiles(j, points[index], residual[index], J=J, mean=mean, cov=cov)
+        window, known = _profiles(j, points[index], residual[index], J=J, mean=mean, whitening=whitening)
         gone = values[(values < values[window.argmin()]) & (window > window.min() + EXCLUDED)]
         if len(gone):
             excluded[j] = float(gone.max())
@@ -106,29 +109,32 @@ def judged(
 
 
 def share_of(rises: Array, step: float, *, before: float, after: float) -> float:
-    """Share of the slopes' information on a friction that costs farther away confirm, from `LEAST` to 1.
+    """Share of the slopes' information on a friction that the costs of other values confirm, from `LEAST` to 1.
 
-    Where friction begins to slip, the cost rises less towards larger values than the slope at the estimate predicts.
+    At the onset of slip, the cost rises less towards larger values than the slope at the estimate predicts.
 
     Args:
-        rises: Distances of other values from the estimate, and by how much they raise the cost, (k, 2).
-        step: Distance of the least cost from the estimate, by the slopes.
+        rises: Distances of other values from the estimate, and their increases of the cost, (k, 2).
+        step: Distance of the smallest cost from the estimate, by the slopes.
         before: Variance of the friction before the window.
         after: Variance by the slopes.
     """
     gained = 1 / after - 1 / before
-    if gained * before < NOTHING:
+    if gained * before < LEAST_GAIN:
         return 1.0
     shares = [
         ((rise + 2 * apart * step / after) / apart**2 - 1 / before) / gained
         for apart, rise in rises
-        if apart**2 >= TELLING * after and rise <= POSSIBLE
+        if apart**2 >= LEAST_DISTANCE * after and rise <= POSSIBLE
     ]
     return float(np.clip(min(shares, default=1.0), LEAST, 1.0))
 
 
 def widened(covariance: Array, j: int, before: float, share: float) -> Array:
-    """Covariance with only a share of the information on a friction that was gained since a variance; other numbers widen along with it."""
+    """Covariance that keeps only a share of the information gained on a friction j since its variance was `before`, (N, N).
+
+    Variances of correlated numbers increase accordingly.
+    """
     after = float(covariance[j, j])
     gained = 1 / after - 1 / before
     if share >= 1 or gained <= 0:
@@ -138,29 +144,37 @@ def widened(covariance: Array, j: int, before: float, share: float) -> Array:
     return np.asarray(covariance + (variance - after) * np.outer(along, along))
 
 
-def _profiles(j: int, points: Array, residual: Array, *, J: Array, mean: Array, cov: Array) -> tuple[Array, Array]:
+def _profiles(j: int, points: Array, residual: Array, *, J: Array, mean: Array, whitening: Array) -> tuple[Array, Array]:
     """Costs of points with other values of the friction j, minimised over all other numbers by the slopes.
 
+    Without prior knowledge of the friction, the arrival cost is that of the other numbers alone: its minimum over the friction.
+
+    Args:
+        j: Index of the friction.
+        points: The estimate and points with other values of the friction, (count, N).
+        residual: Residuals of the points over their noise, (count, T, width).
+        J: Derivatives at the estimate, (T, width, N).
+        mean: Mean of the arrival cost, (N,).
+        whitening: Inverse root of its covariance, (N, N).
+
     Returns:
-        Costs by the window, with what is known of the other numbers; costs with what is known of friction too.
+        Costs without prior knowledge of the friction, and with it, (count,) each.
     """
     N = points.shape[1]
-    whole = np.linalg.inv(np.linalg.cholesky(cov))
     left = residual.reshape(len(points), -1)
     others = np.delete(np.arange(N), j)
     slope = J.reshape(-1, N)[:, others]
-    root = np.linalg.inv(np.linalg.cholesky(cov[np.ix_(others, others)]))
-    apart = points - mean
-    window = _least(np.concatenate([slope, root]), np.concatenate([left, apart[:, others] @ root.T], axis=1))
-    known = _least(np.concatenate([slope, whole[:, others]]), np.concatenate([left, apart @ whole.T], axis=1))
-    return window, known
+    rows = np.concatenate([slope, whitening[:, others]])
+    free = np.concatenate([np.zeros(len(slope)), whitening[:, j]])
+    apart = np.concatenate([left, (points - mean) @ whitening.T], axis=1)
+    return _least(np.column_stack([rows, free]), apart), _least(rows, apart)
 
 
 def _holds(residual: Array, values: Array, window: Array, *, unknown: bool) -> bool:
-    """Whether friction holds at the estimate, the first of the points.
+    """Whether the object sticks at the estimated friction, which is the first of the points.
 
-    An unknown friction holds if the largest value predicts the same. A known one may slip a little where the true one does not: it counts
-    as holding if the largest value explains the window as well, unless that slides too.
+    An undetermined friction sticks if the largest value predicts the same readings. A determined friction may slip a little where the true
+    one sticks. It counts as sticking if the largest value explains the window equally well and also sticks.
     """
     *_, second, largest = np.argsort(values)
     if unknown:
@@ -173,6 +187,6 @@ def _same(one: Array, other: Array) -> bool:
 
 
 def _least(A: Array, b: Array) -> Array:
-    """Least sums of squares of rows b (count, m) minus what the columns of A (m, k) span, (count,)."""
+    """Squared distances of the rows of b, (count, m), from the column space of A, (m, k): (count,)."""
     Q = np.linalg.qr(A / np.linalg.norm(A, axis=0))[0]
     return np.asarray((b**2).sum(axis=1) - ((b @ Q) ** 2).sum(axis=1))

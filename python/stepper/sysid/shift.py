@@ -25,8 +25,8 @@ LOUD = 1.5
 """Mean square of residuals over the given noise above which shifts are tried."""
 RECENT = 15
 """Number of samples over which a tracker's surprise is averaged."""
-STRANGE = 3.0
-"""Mean surprise above which the tracker's model does not explain the readings."""
+UNEXPLAINED = 3.0
+"""Mean normalised innovation squared above which the tracker's model does not explain the readings."""
 STRETCH = 100
 """Number of samples after which the copy from which shifted trackers start is replaced."""
 CAUGHT_UP = 2
@@ -139,20 +139,26 @@ class Watch:
             self._origin = twin_of(tracker)
             self._samples, self._surprise = [], self._surprise[-RECENT:]
 
-    def look(self, ctrl: Array, readings: Mapping[str, Array], surprise: float) -> bool:
-        """Adds a sample; returns whether the model explains the recent readings."""
+    def add(self, ctrl: Array, readings: Mapping[str, Array], surprise: float) -> bool:
+        """Adds a sample; returns whether the model explains the recent readings.
+
+        Args:
+            ctrl: Controls, (nu,).
+            readings: Readings of the sample by channel.
+            surprise: Normalised innovation squared of the sample, per reading.
+        """
         self._samples.append((ctrl, readings))
         self._surprise.append(surprise)
         if self.found is not None:
             return False
         recent = self._surprise[-RECENT:]
-        strange = len(recent) == RECENT and float(np.mean(recent)) > STRANGE
-        if strange and not self._twins:
+        unexplained = len(recent) == RECENT and float(np.mean(recent)) > UNEXPLAINED
+        if unexplained and not self._twins:
             self._twins = {shift: _Twin(copy.copy(self._origin), shift) for shift in (LATE, EARLY)}
         if self._twins:
             self._follow()
             return False
-        return not strange
+        return not unexplained
 
     def _follow(self) -> None:
         """Advances the copies, and compares them once they have caught up."""
@@ -180,11 +186,11 @@ class _Twin:
         if self.done(samples):
             return
         k = self._at
-        beside = k + self._shift
+        neighbour = k + self._shift
         absent = {name: np.full(np.shape(row), np.nan) for name, row in samples[k][1].items()}
         try:
-            self._tracker.update(samples[k][0], samples[beside][1] if beside >= 0 else absent)
-            self._surprise.append(self._tracker._hypotheses[0].strange)
+            self._tracker.update(samples[k][0], samples[neighbour][1] if neighbour >= 0 else absent)
+            self._surprise.append(self._tracker._hypotheses[0].normalized_innovation)
         except (FloatingPointError, np.linalg.LinAlgError):
             self._surprise.append(np.inf)
         self._at += 1

@@ -1,7 +1,7 @@
-"""Predictions: what a model would have read in the episodes, for many parameters at once, one set per environment.
+"""Predicted readings of episodes for many parameter vectors at once, with one vector per environment.
 
-Environments are variants times episodes. What `Stepper.randomize` takes goes into lanes; fields that all environments of a stepper share
-(principal axes of an inertia) get a stepper for each of their values.
+The number of environments is variants times episodes. Fields of `Stepper.randomize` differ between environments. Other fields, such as
+principal axes of an inertia, get a separate stepper for each value.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ UNTRUSTED = Status.NOT_CONVERGED | Status.NON_FINITE | Status.CONTACTS_FULL | St
 
 @dataclass(frozen=True)
 class Channel:
-    """A channel of the data: where its prediction is.
+    """Channel of the data, and the source of its prediction.
 
     Attributes:
-        name: Its name.
-        field: Field of `rollout` that it is read from.
+        name: Name of the channel.
+        field: Field of `rollout` with the prediction.
         columns: Columns of that field.
         dofs: For "qpos", degrees of freedom in which displacements are measured.
         quaternion: Whether the reading is a quaternion.
-        lines: Slice of the rows' columns.
-        sensor: Index of its sensor, or -1.
+        lines: Columns of the channel in the rows of readings.
+        sensor: Index of the sensor, or -1.
     """
 
     name: str
@@ -58,7 +58,7 @@ def channels_of(model: Model, episodes: Sequence[Episode]) -> list[Channel]:
     """All channels of the episodes.
 
     Raises:
-        KeyError: Nothing in the model has a channel's name.
+        KeyError: The model has no sensor or coordinate of a channel's name.
         ValueError: A channel with another number of columns than the model's.
     """
     found: dict[str, Channel] = {}
@@ -99,7 +99,7 @@ def find_channels(model: Model, names: Iterable[str]) -> list[Channel]:
     """Channels of these names, one after another.
 
     Raises:
-        KeyError: Nothing in the model has a channel's name.
+        KeyError: The model has no sensor or coordinate of a channel's name.
     """
     found: list[Channel] = []
     for name in names:
@@ -121,12 +121,12 @@ def noise_of(channel: Channel, given: ArrayLike) -> Array:
 
 
 def compared(model: Model, channel: Channel, rows: Array, measured: Array) -> Array:
-    """Predictions of a channel, (T, count, dim): as they are, or as displacements from what was measured.
+    """Predictions of a channel, (T, count, dim), in its unit. Coordinates and orientations are displacements from the measured ones.
 
     Args:
         model: The model.
         channel: The channel.
-        rows: Its field, (T, count, columns of the field).
+        rows: Predictions of its field, (T, count, columns), in its unit.
         measured: Its readings, (T, columns of the channel); where one is NaN, the displacement is 0.
     """
     own = rows[..., list(channel.columns)]
@@ -142,24 +142,25 @@ def compared(model: Model, channel: Channel, rows: Array, measured: Array) -> Ar
 
 
 def solved(options: Options) -> Options:
-    """Options with a tolerance that differences can be taken at."""
+    """Options whose solver tolerance is small enough for finite differences; a tolerance that the user has set is kept."""
     return options if options.tolerance is not None else replace(options, tolerance=TOLERANCE)
 
 
 class Simulator:
-    """Predicts readings of episodes.
+    """Simulator of the readings of episodes.
 
     Args:
-        model: The model, with what is sought where the search begins.
+        model: Model with the unknown parameters at the start of the search.
         episodes: Checked episodes.
-        blocks: What is sought.
-        options, threads, actuators: As of `Stepper`.
+        blocks: Unknown parameters.
+        options, threads, actuators: Arguments of `Stepper`.
 
     Attributes:
-        measured: Readings of each episode, (T, width); NaN was not measured. Coordinates and quaternions are compared as displacements, and
-            are 0 where there was a reading.
+        measured: Readings of each episode, (T, width); NaN was not measured. Coordinates and quaternions are compared as displacements,
+            with
+            0 for each reading.
         untrusted: Share of the steps of the last call with a flag of `UNTRUSTED`.
-        steps: Environments times steps so far.
+        steps: Number of environments times steps so far.
     """
 
     def __init__(
@@ -219,11 +220,12 @@ class Simulator:
         return out
 
     def predict(self, theta: Array, starts: Sequence[tuple[Array, Array] | None] | None = None) -> list[Array]:
-        """Readings of every episode, (count, T, width) each.
+        """Predicted readings of every episode, (count, T, width) each, in the units of the channels.
 
         Args:
-            theta: Parameters, (count, n).
-            starts: Of each episode displacements of qpos (count, nv) and of qvel (count, nv) at its start; None is as given.
+            theta: Parameter vectors, (count, n).
+            starts: Displacements of the initial qpos (count, nv), m and rad, and qvel (count, nv), m/s and rad/s, of each episode; None is
+                0.
         """
         # Parameters of sensors alone do not change the motion, so that one simulation serves all of them.
         moving = np.array([block.parameter.kind not in READING for block in self.blocks for _ in range(block.size)])

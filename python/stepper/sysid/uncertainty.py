@@ -1,14 +1,14 @@
 """Uncertainty of an estimate: its covariance with noise that may be correlated in time, and what the data do not determine.
 
-The estimate solves sum_t s_t = 0 of the scores s_t = J_t^T psi(r_t), so its covariance is the sandwich H^-1 S H^-1 with H = J^T W J and
-S the covariance of the scores' sum: of white noise S = H, of correlated noise (coloured sensors, what the model leaves out) it is larger.
-S is estimated twice, and the larger counts:
+The estimate solves sum_t s_t = 0 of the scores s_t = J_t^T psi(r_t). Its covariance is the sandwich H^-1 S H^-1, where H = J^T W J and S is
+the covariance of the sum of scores. White noise has S = H; correlated noise (coloured sensors, model errors) has a larger S. S is
+estimated in two ways, and the larger counts:
 
-- as sum_c J_c^T Gamma_c J_c with the autocovariance Gamma_c of each column of the readings, that of an autoregression of its residuals
-  whose order is Akaike's (as Den Haan and Levin 1997 do for scores), corrected for its bias in short series (Kendall 1954). The Jacobian
-  is known, and only the noise is estimated, so that a hundred samples suffice;
-- as the long-run covariance of the scores themselves, with Bartlett's kernel (Newey and West 1987) after a first-order whitening (Andrews
-  and Monahan 1992), which needs more data, but sees residuals that are large where the Jacobian is.
+- S = sum_c J_c^T Gamma_c J_c, where Gamma_c is the autocovariance of column c of the readings. Gamma_c comes from an autoregression of the
+  residuals, of Akaike's order (Den Haan and Levin 1997), corrected for its bias in short series (Kendall 1954). The Jacobian is known and
+  only the noise is estimated: a hundred samples suffice.
+- S = the long-run covariance of the scores, with Bartlett's kernel (Newey and West 1987) after first-order whitening (Andrews and Monahan
+  1992). It needs more data, and detects residuals that are large where the Jacobian is large.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ class Uncertainty:
     """Information of the data on parameters x.
 
     Attributes:
-        covariance: Covariance of x, (n, n), finite also where data determine nothing: there it is that of the bounds.
-        information: H of the data and what was known before, (n, n), without bounds.
-        inflation: Standard deviations over those of white noise, (n,).
-        effect: Root of the sum of squares of how the readings change with each parameter, in standard deviations of their noise, (n,).
+        covariance: Covariance of x, (n, n), finite: for undetermined numbers it is that of the bounds.
+        information: Information matrix H of the data and the priors, (n, n), without bounds.
+        inflation: Ratios of the standard deviations to those of white noise, (n,).
+        effect: Norm of the readings' derivatives with respect to each parameter, in standard deviations of their noise, (n,).
     """
 
     covariance: Array
@@ -47,7 +47,7 @@ class Uncertainty:
 
 
 def weights_of(loss: str, z: Array) -> Array:
-    """Derivative of SciPy's loss rho at z = (r / f_scale)^2."""
+    """Derivative of SciPy's loss rho at z = (r / f_scale)^2, (m,)."""
     if loss == "linear":
         return np.ones_like(z)
     if loss == "soft_l1":
@@ -60,7 +60,7 @@ def weights_of(loss: str, z: Array) -> Array:
 
 
 def slopes_of(loss: str, r: Array) -> Array:
-    """Derivative of the score r rho'(r^2), at least a little above 0."""
+    """Derivative of the score r rho'(r^2), (m,), at least a small positive number."""
     step = 1e-4
     up, down = r + step, r - step
     return np.maximum((up * weights_of(loss, up**2) - down * weights_of(loss, down**2)) / (2 * step), 1e-3)
@@ -71,10 +71,10 @@ def uncertainty(J: Array, r: Array, times: np.ndarray[Any, np.dtype[np.int64]], 
 
     Args:
         J: Jacobian of the residuals, (m, n + others). Columns beyond n (starts of episodes) are eliminated.
-        r: Residuals, (m,): readings first, then what was known before.
+        r: Residuals, (m,): readings first, then priors.
         times: Episode, row and column of each reading, (k, 3).
-        reach: Half of the width of the bounds, (n,): a priori standard deviation where data determine nothing.
-        loss: As of `least_squares`.
+        reach: Half width of the bounds, (n,): standard deviation of undetermined numbers.
+        loss: Loss function of `least_squares`.
         f_scale: Residual beyond which a robust loss begins.
     """
     n = len(reach)

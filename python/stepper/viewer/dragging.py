@@ -1,4 +1,4 @@
-"""A body that is pulled: a spring and a damper between a point of it and the pointer."""
+"""Dragging of a body: a spring and a damper between a point of the body and the pointer."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ FREQUENCY = 10.0
 
 @dataclass
 class Drag:
-    """A pull at a point of a body. The force is that of MuJoCo's viewer: critically damped, of the mass that is felt at the point.
+    """Spring and damper that pull a point of a body, as in MuJoCo's viewer. The damping is critical for the effective mass at the point.
 
     Attributes:
-        env: Environment.
-        body: Body.
-        point: Where it is pulled, in the body's frame: (3,) m.
-        target: Where it is pulled to, in the world: (3,) m.
-        mass: Mass that is felt there, kg.
+        env: Index of the environment.
+        body: Index of the body.
+        point: Pulled point in the body's frame, (3,), m.
+        target: Position of the pointer in the world, (3,), m.
+        mass: Effective mass at the point, kg.
     """
 
     env: int
@@ -35,7 +35,7 @@ class Drag:
 
     @classmethod
     def begin(cls, sim: Stepper, env: int, body: int, place: Array) -> Drag | None:
-        """A pull at a place of the world, (3,) m; None where the body cannot move."""
+        """Drag that starts at a point of the world, (3,), m; None if the body cannot move."""
         mass = felt_mass(sim, env, body, place)
         if mass is None:
             return None
@@ -61,7 +61,7 @@ class Drag:
 
 
 def felt_mass(sim: Stepper, env: int, body: int, place: Array) -> float | None:
-    """Mass that a force at a place of a body feels, kg: the harmonic mean over the three directions. None where the place cannot move."""
+    """Effective mass at a point of a body, (3,) m, in kg: the harmonic mean over the three directions. None if the point cannot move."""
     matrices_of_mass = np.asarray(sim.mass_matrix(), np.float64)
     mass = matrices_of_mass if sim.num_envs is None else matrices_of_mass[env]
     if not len(mass):

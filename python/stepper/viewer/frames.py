@@ -1,4 +1,4 @@
-"""Data that a view shows at one time: of some environments of a `Stepper`, or of a recording."""
+"""Frames of a view: poses, contacts and scalars of some environments of a `Stepper` or of a recording at one time."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ Envs: TypeAlias = "int | range | list[int] | None"
 
 @dataclass(frozen=True)
 class Frame:
-    """A moment of n environments.
+    """Frame of n environments: their poses, contacts and scalars at one time.
 
     Attributes:
         time: Simulated time, s: (n,).
-        geom_xpos: Places of the geoms, m: (n, ngeom, 3).
-        geom_xquat: Orientations of the geoms: (n, ngeom, 4).
-        xpos: Places of the bodies, m: (n, nbody, 3).
-        xquat: Orientations of the bodies: (n, nbody, 4).
+        geom_xpos: Positions of the geoms, (n, ngeom, 3), m.
+        geom_xquat: Orientations of the geoms, (n, ngeom, 4), quaternions (w, x, y, z).
+        xpos: Positions of the bodies, (n, nbody, 3), m.
+        xquat: Orientations of the bodies, (n, nbody, 4), quaternions (w, x, y, z).
         center: Centres of mass of the scenes, m: (n, 3).
         contact_env: Row, from 0 to n - 1, of each contact: (k,).
-        contact_pos: Places of the contacts, m: (k, 3).
-        contact_force: Forces on the second geoms in world axes, N: (k, 3).
+        contact_pos: Positions of the contacts, (k, 3), m.
+        contact_force: Forces on the second geoms in world axes, (k, 3), N.
         status: Flags, see `stepper.Status`: (n,).
         residual: Residuals of the last steps, m/s: (n,).
         max_penetration: Largest penetrations of the last call of `step`, m: (n,).
@@ -50,7 +50,7 @@ class Frame:
 
 
 def shown_envs(sim: Stepper, envs: Envs, most: int) -> Array:
-    """Indices of the environments that are shown: a number of them from the first on, or those of a list; None is all up to `most`.
+    """Indices of the environments to show, (n,), from their number or a list; None is all up to `most`.
 
     Raises:
         ValueError: There are fewer environments.
@@ -65,7 +65,7 @@ def shown_envs(sim: Stepper, envs: Envs, most: int) -> Array:
 
 
 def frame_of(sim: Stepper, envs: Array, *, energy: bool = False) -> Frame:
-    """A moment of some environments of a stepper; energies are zero unless requested."""
+    """Frame of some environments of a stepper, by their indices, (n,); energies are zero unless requested."""
     listed = sim.contacts()
     row = np.full((sim.num_envs or 1), -1)
     row[envs] = np.arange(len(envs))
@@ -84,7 +84,7 @@ def frame_of(sim: Stepper, envs: Array, *, energy: bool = False) -> Frame:
 
 
 def sizes_of(sim: Stepper, envs: Array, scene: Scene) -> Array:
-    """Sizes that the geoms of some environments are drawn with now, (n, ngeom, 3) m: the scene's, but for those that were randomized."""
+    """Present sizes of the drawn geoms in some environments, (n, ngeom, 3), m: those of the scene, or randomized ones."""
     sizes = np.tile(scene.sizes, (len(envs), 1, 1))
     if "geom_size" in sim.randomized:
         sized = sized_geoms(sim.model)
@@ -93,14 +93,14 @@ def sizes_of(sim: Stepper, envs: Array, scene: Scene) -> Array:
 
 
 def own_of(sim: Stepper, name: str, envs: Array) -> Array:
-    """A field of the model as some environments have it: (n, ...)."""
+    """Values of a field of the model in some environments, (n, ...), in the field's unit."""
     shared = np.asarray(getattr(sim.model, name))
     own: Array = np.broadcast_to(sim.randomized.get(name, shared), (sim.num_envs or 1, *shared.shape))[envs]
     return own
 
 
 def some_of(sim: Stepper, name: str, envs: Array) -> Array:
-    """A quantity of some environments, also of a stepper without an axis of environments: (n, ...)."""
+    """Values of a quantity in some environments, by indices (n,): (n, ...), in its unit, also with `num_envs=None`."""
     values = np.asarray(getattr(sim, name))
     chosen: Array = (values[None] if sim.num_envs is None else values)[envs]
     return chosen

@@ -1,4 +1,4 @@
-"""A view of a simulation that runs: pause, step, speed, reset, and bodies that are dragged."""
+"""View of a running simulation, with pause, step, speed, reset and dragging of bodies."""
 
 from __future__ import annotations
 
@@ -51,25 +51,26 @@ def scene_for(model: Model, source: Any) -> Scene:
 
 
 class View:
-    """A view of a `Stepper` in the browser, with a web server. A context manager.
+    """View of a `Stepper` in the browser, with a web server. It is a context manager.
 
         with stepper.viewer.view(sim) as view:
             while view.open:
                 sim.step(policy(sim))
                 view.update()
 
-    Bodies are dragged with Ctrl and the left button: by a spring, whose force and torque are added to `sim.xfrc_applied` while it pulls.
-    Numbers that are written there meanwhile, by a reset or by the user, take the place of both.
+    Drag a body with Ctrl and the left mouse button. A spring then adds its force and torque to `sim.xfrc_applied`. A reset, or a value that
+    the user writes there meanwhile, replaces both.
 
     Args:
         sim: The stepper.
-        envs: Environments that are shown: a number of them, or a list; None is all up to 16.
-        source: What the model was loaded from, as `stepper.load` takes it, for its colours and meshes; None is what this process loaded it
-            from. Without any, colours are plain, and meshes and height fields are not drawn.
-        host: Address that the server listens at: by default that of this machine alone.
-        port: Its port; the next free one where that is taken.
+        envs: Number of environments to show, or a list of indices; None is all, up to 16.
+        source: Source of the model, as for `stepper.load`, with its colours and meshes. None is the source from which this process loaded
+            it.
+            Without a source, colours are plain, and meshes and height fields are not drawn.
+        host: Address of the server; the default accepts connections from this machine only.
+        port: Port of the server, or the next free one.
         spacing: Distance between neighbouring environments, m; None is one and a half times the scene's extent.
-        reset: What the button "reset" does; None is `sim.reset()`.
+        reset: Function of the button "reset"; None is `sim.reset()`.
 
     Raises:
         LooksError: The source is of another model.
@@ -111,12 +112,12 @@ class View:
 
     @property
     def open(self) -> bool:
-        """Whether it was not closed yet."""
+        """Whether the view is open."""
         return self.window.open
 
     @property
     def paused(self) -> bool:
-        """Whether `update` waits."""
+        """Whether the view is paused, so that `update` waits."""
         return bool(self._pause.value)
 
     @paused.setter
@@ -125,10 +126,10 @@ class View:
         self._wake.set()
 
     def update(self) -> None:
-        """Shows the present state, if a picture is due, and keeps the time: called after every step, or every few.
+        """Shows the present state, if a frame is due, and keeps real time. Call it after every step, or every few.
 
-        It waits until the clock, times the speed, is where the simulation is; while the view is paused, until it goes on or is asked for
-        a step.
+        It waits until the clock, times the speed, reaches the simulated time. While the view is paused it waits for the user to continue
+        or to make a single step.
         """
         if not self.open:
             self._release()
@@ -155,7 +156,8 @@ class View:
         """Steps and shows until the view is closed or Ctrl-C ends it.
 
         Args:
-            advance: What makes a step; None is `sim.step` with controls from sliders, one for each actuator, for all environments.
+            advance: Function that makes one step. None is `sim.step` with controls from sliders, one slider per actuator for all
+                environments.
         """
         step = self._sliders() if advance is None else advance
         try:
@@ -177,7 +179,7 @@ class View:
         self.window.show(frame_of(self.sim, self.envs), sizes_of(self.sim, self.envs, self.window.scene), pull=pull)
 
     def close(self) -> None:
-        """Stops the server; the next `update`, or the end of `run`, lets go of what is dragged. Any thread may call it."""
+        """Stops the server. The next `update`, or the end of `run`, releases a dragged body. Any thread may call it."""
         self.window.close()
 
     def __enter__(self) -> View:
@@ -200,13 +202,13 @@ class View:
         reset.on_click(lambda _: self.ask_reset())
 
     def step_once(self) -> None:
-        """Pauses, and lets `update` return once more: what the button "step" does."""
+        """Pauses the view and makes a single step, like the button "step"."""
         with self._lock:
             self._steps += 1
         self.paused = True
 
     def ask_reset(self) -> None:
-        """Lets the next `update` reset the simulation: what the button "reset" does."""
+        """Resets the simulation at the next `update`, like the button "reset"."""
         with self._lock:
             self._asked_reset = True
         self._wake.set()

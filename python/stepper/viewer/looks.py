@@ -1,4 +1,4 @@
-"""MuJoCo's model of a scene, for what stepper's has not: colours, lights, cameras, and meshes that nothing touches."""
+"""Visual elements of a scene, from MuJoCo's model: colours, lights, cameras and visual meshes, which stepper's model lacks."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ _POSES = ("geom_pos", "geom_quat", "body_pos", "body_quat")
 
 
 class LooksError(ValueError):
-    """A scene of which there is no picture: what is missing, and what to do."""
+    """Scene that cannot be drawn; the message has the missing part and the remedy."""
 
 
 def looks_of(model: Model, source: Any = None) -> Any | None:
-    """MuJoCo's model of a scene: a copy, with the places and sizes that stepper's model has.
+    """`mujoco.MjModel` of a scene for drawing, with the positions and sizes of stepper's model.
 
     Args:
         model: The scene.
-        source: What `stepper.load` takes, or an `Origin`; None is what the model was loaded from.
+        source: Source of the model, as for `stepper.load`, or an `Origin`; None is the one from which the model was loaded.
 
     Returns:
-        A `mujoco.MjModel`; None where the source of the model is not known.
+        The model; None if its source is unknown.
 
     Raises:
-        LooksError: The source has not the bodies, joints and geoms of the model.
+        LooksError: The source has other bodies, joints or geoms than the model.
     """
     origin = source if isinstance(source, Origin) else Origin(source) if source is not None else origin_of(model)
     if origin is None:
@@ -89,6 +89,6 @@ def _check_same(model: Model, m: Any) -> None:
 
 
 def row(sim: Stepper, name: str, env: int) -> Array:
-    """A quantity of one environment, also of a stepper without an axis of environments."""
+    """Value of a quantity in one environment, (...), in its unit, with or without an axis of environments."""
     values = np.asarray(getattr(sim, name))
     return values if sim.num_envs is None else values[env]

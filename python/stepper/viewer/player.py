@@ -1,4 +1,4 @@
-"""A view of a recording: play, pause, speed, and a slider over its moments."""
+"""View of a recording, with play, pause, speed and a slider over its frames."""
 
 from __future__ import annotations
 
@@ -24,19 +24,18 @@ SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4")
 
 
 class Player:
-    """A view of a recording in the browser, with a web server. A context manager.
+    """View of a recording in the browser, with a web server. It is a context manager.
 
     Args:
-        path: A folder that `Stepper.record` wrote.
-        envs: Environments that are shown: a number of them, or a list; None is all up to 16.
-        source: What the recorded model was loaded from, for its colours and meshes; None is the file that the recording names, if it is
-            still there.
-        host: Address that the server listens at: by default that of this machine alone.
-        port: Its port; the next free one where that is taken.
+        path: Folder that `Stepper.record` wrote.
+        envs: Number of environments to show, or a list of indices; None is all, up to 16.
+        source: Source of the recorded model, with its colours and meshes; None is the file that the recording names, if it still exists.
+        host: Address of the server; the default accepts connections from this machine only.
+        port: Port of the server, or the next free one.
         spacing: Distance between neighbouring environments, m; None is one and a half times the scene's extent.
 
     Raises:
-        RecordingError: It cannot be read.
+        RecordingError: The recording cannot be read.
         LooksError: The source given is of another model.
         MissingPackageError: viser is not installed.
         ValueError: No such environments.
@@ -79,11 +78,11 @@ class Player:
 
     @property
     def open(self) -> bool:
-        """Whether it was not closed yet."""
+        """Whether the view is open."""
         return self.window.open
 
     def seek(self, index: int) -> None:
-        """Shows a moment, from 0 on."""
+        """Shows a frame by its number, from 0."""
         with self._lock:
             if index != self._shown and self.open:
                 self._shown = index
@@ -92,7 +91,7 @@ class Player:
                 self.window.show(frame, sizes_of(self.run_of.sim, self.run_of.envs, self.window.scene))
 
     def run(self) -> None:
-        """Plays, from the beginning again after the end, until the view is closed or Ctrl-C ends it."""
+        """Plays the recording in a loop until the view is closed or Ctrl-C ends it."""
         times = _clock_of(self.run_of)
         at, before = float(times[0]), time.monotonic()
         try:
@@ -140,7 +139,7 @@ class Player:
 
 
 def recorded_scene(run: RecordedRun, source: Any = None) -> Scene:
-    """Drawing of a recording: by the source given, or by the file that it names, or without either."""
+    """Drawing of a recording, with the given source, the file that it names, or no source."""
     if source is None and run.source is not None:
         try:
             return scene_for(run.sim.model, run.source)

@@ -1,4 +1,4 @@
-"""Moments of a recording, in any order."""
+"""Frames of a recording, with random access."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ _SAID = ("status", "residual", "max_penetration")
 
 
 class RecordedRun:
-    """Frames of some environments of a recording: a moment after each call of `step`.
+    """Frames of some environments of a recording, one after each call of `step`.
 
-    States are those that were recorded. Contacts are not in a recording: those of a moment are of the step that follows it, which is made
-    again, with the controls, applied forces and parameters that were in force.
+    States are the recorded ones. A recording has no contacts: to show them, the step that follows a frame is computed again, with the
+    recorded controls, applied forces and parameters.
 
     Args:
-        path: A folder that `Stepper.record` wrote.
-        envs: Environments: a number of them, or a list; None is all up to `most`.
-        most: See `envs`.
+        path: Folder that `Stepper.record` wrote.
+        envs: Number of environments, or a list of indices; None is all, up to `most`.
+        most: Largest number of environments with `envs=None`.
 
     Raises:
-        RecordingError: It cannot be read, or has no step.
+        RecordingError: The folder cannot be read, or has no step.
         ValueError: No such environments.
 
     Attributes:
-        sim: A stepper as the recorded one was made.
+        sim: Stepper with the settings of the recorded one.
         envs: Indices of the environments, (n,).
-        source: The file that its model was loaded from, where that is known.
-        time: Simulated time of the first of them after each call, s: (frames,).
+        source: File from which the model was loaded, if known.
+        time: Simulated time of the first environment after each call, s: (frames,).
     """
 
     def __init__(self, path: str | os.PathLike[str], envs: Envs = None, *, most: int = 16):
@@ -65,17 +65,17 @@ class RecordedRun:
             elif kind in ("start", "randomize"):
                 self._parameters.append((len(self._applied), arrays))
         if not self._applied:
-            raise RecordingError(f"{folder}: there is no step in it, so that there is nothing to see")
+            raise RecordingError(f"{folder}: it has no step to show; give another recording")
         self._columns = {name: np.array(rows) for name, rows in columns.items()}
         self._in_force = -1
         self.time = self._columns["time"][:, 0]
 
     def __len__(self) -> int:
-        """Number of moments."""
+        """Number of frames."""
         return len(self._applied)
 
     def __getitem__(self, index: int) -> Frame:
-        """A moment, from 0 on or, negative, from the end."""
+        """Frame by its number, from 0; negative numbers count from the end."""
         index = range(len(self))[index]
         self._set_parameters(index)
         state = {name: self._whole(name, self._columns[name][index]) for name in _STATE}

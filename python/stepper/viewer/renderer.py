@@ -1,4 +1,4 @@
-"""Pictures by MuJoCo's own renderer."""
+"""Pictures by MuJoCo's renderer."""
 
 from __future__ import annotations
 
@@ -28,27 +28,28 @@ _CONFIG = ("distance", "azimuth", "elevation", "lookat", "trackbodyid")
 
 
 class Renderer:
-    """Pictures of the environments of a `Stepper` by MuJoCo's renderer, which must be installed with a platform for OpenGL.
+    """Renderer of pictures of a `Stepper`'s environments, by MuJoCo's renderer, which needs a platform for OpenGL.
 
-    On Linux without a screen, and without the environment variable MUJOCO_GL, it draws by EGL.
+    On Linux without a screen it uses EGL, unless the environment variable MUJOCO_GL is set.
 
     Args:
         model: The scene.
         width: Width of a picture in pixels.
-        height: Its height.
-        camera: Name or index of a camera of the file. None is a free camera by `camera_config`; without that the file's camera "track", and
-            without that a free camera by `default_config`.
-        camera_config: Numbers of a free camera: distance (m), azimuth and elevation (degrees), lookat (3,) in m, and trackbodyid, the body
-            whose centre of mass (with all that hangs from it) the camera follows in x and y; -1 is none.
-        default_config: What a task has for `camera_config` by default.
-        source: What the model was loaded from, as `stepper.load` takes it; None is what this process loaded it from.
-        lamp: Whether a scene without a light gets one. Without it MuJoCo's headlight is all there is, in which a picture is nearly black.
+        height: Height of a picture in pixels.
+        camera: Name or index of a camera of the file. None is the first of these: a free camera by `camera_config`, the file's camera
+            "track", a free camera by `default_config`.
+        camera_config: Settings of a free camera: distance (m), azimuth and elevation (degrees), lookat (3,) in m, and trackbodyid. The
+            camera
+            follows the centre of mass of that body's subtree in x and y; -1 is none.
+        default_config: Default of `camera_config`, from a task.
+        source: Source of the model, as for `stepper.load`; None is the one from which this process loaded it.
+        lamp: Whether to add a light to a scene without one. MuJoCo's headlight alone gives nearly black pictures.
 
     Raises:
-        LooksError: The MJCF of the model is missing, or it is of another one.
+        LooksError: The MJCF of the model is missing, or is of another model.
         MissingPackageError: MuJoCo or its renderer is not installed.
-        RuntimeError: There is no platform for OpenGL; the message lists what to install.
-        ValueError: No such camera; a number that a camera does not have.
+        RuntimeError: No platform for OpenGL is available; the message lists packages to install.
+        ValueError: An unknown camera, or an unknown setting of a camera.
     """
 
     def __init__(
@@ -64,7 +65,7 @@ class Renderer:
         lamp: bool = True,
     ):
         if camera is not None and camera_config is not None:
-            raise ValueError("a camera of the file and numbers of a free one were given: give one of them")
+            raise ValueError("camera and camera_config are both given: give one of them")
         if width < 1 or height < 1:
             raise ValueError(f"the size of a picture is {width} x {height}, must be 1 x 1 or more")
         self._mujoco = mujoco = require("mujoco", "to draw pictures")
@@ -87,7 +88,7 @@ class Renderer:
         self._freeing = weakref.finalize(self, self._renderer.close)
 
     def render(self, sim: Stepper, env: int = 0) -> Array:
-        """A picture of an environment as it is now: (height, width, 3) uint8."""
+        """Picture of an environment's present state, (height, width, 3) uint8."""
         mujoco, m, d = self._mujoco, self._m, self._d
         d.qpos[:] = row(sim, "qpos", env)
         if m.nmocap:
@@ -135,7 +136,7 @@ class Renderer:
     def _free(self, camera: Any, config: Mapping[str, Any]) -> int:
         """Makes a free camera of numbers, which begins with all of the scene in view as Gymnasium's does; the body that it follows."""
         if unknown := set(config) - set(_CONFIG):
-            raise ValueError(f"a camera has no {sorted(unknown)}, it has: {', '.join(_CONFIG)}")
+            raise ValueError(f"camera_config has {sorted(unknown)}, must be of: {', '.join(_CONFIG)}")
         camera.type = self._mujoco.mjtCamera.mjCAMERA_FREE
         camera.lookat[:] = np.median(self._d.geom_xpos, axis=0)
         camera.distance = self._m.stat.extent

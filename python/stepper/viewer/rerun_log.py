@@ -1,4 +1,4 @@
-"""Logs for Rerun: what moves, what touches, and the status of steps, over time."""
+"""Logs for Rerun: poses, contacts and the status of steps over time."""
 
 from __future__ import annotations
 
@@ -27,22 +27,21 @@ LOGGED = 4
 
 
 class RerunLog:
-    """A .rrd file of a simulation that runs, for the Rerun viewer. A context manager; `close` ends the file.
+    """Log of a running simulation as a .rrd file for the Rerun viewer. It is a context manager; `close` ends the file.
 
         with stepper.viewer.RerunLog(sim, "run.rrd") as log:
             for _ in range(1000):
                 sim.step()
                 log.log()
 
-    It has for each environment its bodies with their geoms, contacts with their forces, and the scalars residual, max_penetration,
-    contacts, status,
-    potential and kinetic energy.
+    For each environment it has the bodies with their geoms, contacts with forces, and these scalars: residual, max_penetration, contacts,
+    status, potential and kinetic energy.
 
     Args:
         sim: The stepper.
-        path: The file; what is there is replaced.
-        envs: Environments that are logged: a number of them, or a list; None is all up to 4.
-        source: What the model was loaded from, as of `stepper.viewer.View`.
+        path: File to write; an existing one is replaced.
+        envs: Number of environments to log, or a list of indices; None is all, up to 4.
+        source: Source of the model, as for `stepper.viewer.View`.
 
     Raises:
         MissingPackageError: Rerun is not installed.
@@ -56,7 +55,7 @@ class RerunLog:
         self._passed, self._before = 0.0, 0.0
 
     def log(self) -> None:
-        """Adds the present moment."""
+        """Adds the present state."""
         frame = frame_of(self._sim, self.envs, energy=True)
         now = float(frame.time[0])
         # The time goes on when an episode begins again.
@@ -65,7 +64,7 @@ class RerunLog:
         self._writer.write(self._passed, frame)
 
     def close(self) -> None:
-        """Ends the file."""
+        """Writes the remaining data and closes the file."""
         self._writer.close()
 
     def __enter__(self) -> RerunLog:
@@ -78,20 +77,20 @@ class RerunLog:
 def log_rerun(
     recording: str | os.PathLike[str], path: str | os.PathLike[str], *, envs: Envs = None, source: Any = None, tick: Tick | None = None
 ) -> int:
-    """Writes a recording as a .rrd file for the Rerun viewer; see `RerunLog` for what is in it.
+    """Writes a recording as a .rrd file for the Rerun viewer; its contents are those of `RerunLog`.
 
     Args:
-        recording: A folder that `Stepper.record` wrote.
-        path: The file; what is there is replaced.
-        envs: Environments that are logged: a number of them, or a list; None is all up to 4.
-        source: What the recorded model was loaded from, as of `stepper.viewer.Player`.
-        tick: Called with "log" and the fraction of moments.
+        recording: Folder that `Stepper.record` wrote.
+        path: File to write; an existing one is replaced.
+        envs: Number of environments to log, or a list of indices; None is all, up to 4.
+        source: Source of the recorded model, as for `stepper.viewer.Player`.
+        tick: Called with "log" and the fraction of frames.
 
     Returns:
-        Number of moments.
+        Number of frames.
 
     Raises:
-        RecordingError: It cannot be read.
+        RecordingError: The recording cannot be read.
         MissingPackageError: Rerun is not installed.
     """
     run = RecordedRun(recording, envs, most=LOGGED)

@@ -1,4 +1,4 @@
-"""Drawing of a model: instances of a few meshes, each in the frame of a geom.
+"""Drawing of a model by instances of a few meshes, each in the frame of a geom.
 
 A sphere, ellipsoid, cylinder or box is one mesh of unit size, scaled; a capsule is a cylinder and two spheres. So a batch of robots is
 drawn as a handful of meshes with many instances, whatever the sizes of their geoms.
@@ -28,12 +28,12 @@ Axes: TypeAlias = tuple[int, int, int]
 
 @dataclass(frozen=True)
 class Mesh:
-    """Triangles.
+    """Triangle mesh.
 
     Attributes:
-        vertices: (n, 3) float32, m.
-        faces: (m, 3) int32.
-        flat: Whether its faces meet in edges.
+        vertices: Vertices, (n, 3) float32, m.
+        faces: Indices of the vertices of each face, (m, 3) int32.
+        flat: Whether faces are flat, with sharp edges.
     """
 
     vertices: Array
@@ -43,15 +43,15 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Part:
-    """Instances of one mesh for each environment: what one handle of a viewer draws.
+    """Instances of one mesh for each environment, drawn with one handle of the viewer.
 
     Attributes:
-        name: Of its mesh.
+        name: Name of the mesh.
         mesh: The mesh.
         geom: Geoms that the instances belong to, (n,).
-        axes: Which of the three sizes of its geom scales each axis of the mesh, (n, 3); 3 is none.
-        end: Place of the mesh on the z axis of its geom, in multiples of the second size: (n,).
-        rgba: Their colours, (n, 4) from 0 to 1.
+        axes: Index of the geom's size that scales each axis of the mesh, (n, 3); 3 is no scaling.
+        end: Position of the mesh on the z axis of its geom, (n,), in multiples of the second size.
+        rgba: Colours, (n, 4), from 0 to 1.
         group: MuJoCo's group of geoms, which are shown or hidden together.
     """
 
@@ -66,17 +66,17 @@ class Part:
 
 @dataclass(frozen=True)
 class Scene:
-    """All that is drawn of a model.
+    """Drawing of a model.
 
     Attributes:
         parts: Instances of meshes.
-        planes: Geoms that are floors: planes that are larger than all that moves.
-        sizes: Sizes that all geoms are drawn with, (ngeom, 3) m: the model's, and the file's of planes that are drawn as tiles.
+        planes: Floors: planes that are larger than all moving geoms.
+        sizes: Sizes of all drawn geoms, (ngeom, 3), m: those of the model; for planes drawn as tiles, those of the file.
         rgba: Colours of all geoms, (ngeom, 4).
-        shown: Groups of geoms that are shown at first.
-        center: Middle of all that is not fixed to the world at the reference configuration, (3,) m; of everything where all is.
-        extent: Diagonal of the box around that, m: the length that arrows and distances are measured by.
-        missing: Geoms that are not drawn because their meshes are not known.
+        shown: Groups of geoms that are visible initially.
+        center: Middle of all moving geoms at the reference pose, (3,), m; of all geoms if none moves.
+        extent: Diagonal of the bounding box of these geoms, m, which sets the scale of arrows and distances.
+        missing: Geoms that are not drawn because their meshes are unknown.
     """
 
     parts: tuple[Part, ...]
@@ -94,7 +94,7 @@ def scene_of(model: Model, looks: Any | None) -> Scene:
 
     Args:
         model: The model.
-        looks: Its `mujoco.MjModel`, of `looks_of`; None is none: then meshes and height fields are missing, and colours plain.
+        looks: `mujoco.MjModel` of `looks_of`. With None, meshes and height fields are missing, and colours are plain.
     """
     rgba = np.tile(PLAIN, (model.ngeom, 1)) if looks is None else _colours(looks)
     groups = [0] * model.ngeom if looks is None else looks.geom_group.tolist()
@@ -188,16 +188,16 @@ def _texture_colours(looks: Any) -> list[Array]:
 
 
 def instances(part: Part, sizes: Array, xpos: Array, xquat: Array) -> tuple[Array, Array, Array]:
-    """Poses of the instances of a part, environment by environment.
+    """Poses of the instances of a part, by environment.
 
     Args:
         part: The part, of k instances.
-        sizes: Sizes of the geoms, (n, ngeom, 3) m, or (1, ngeom, 3) where all environments have the same.
-        xpos: Places of the geoms, (n, ngeom, 3) m.
-        xquat: Their orientations, (n, ngeom, 4).
+        sizes: Sizes of the geoms, (n, ngeom, 3), m, or (1, ngeom, 3) for all environments.
+        xpos: Positions of the geoms, (n, ngeom, 3), m.
+        xquat: Orientations of the geoms, (n, ngeom, 4), quaternions (w, x, y, z).
 
     Returns:
-        Places (n k, 3), orientations (n k, 4) and scales (n k, 3) of its mesh.
+        Positions (n k, 3), m, orientations (n k, 4) and scales (n k, 3) of the part's mesh.
     """
     n, k = len(xpos), len(part.geom)
     size = np.concatenate([sizes[:, part.geom], np.ones((len(sizes), k, 1))], axis=2)

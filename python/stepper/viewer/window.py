@@ -1,4 +1,4 @@
-"""A window in the browser that shows moments of environments side by side."""
+"""Window in the browser that shows environments side by side."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ _FLOOR = (0.42, 0.46, 0.52)
 
 
 class Window:
-    """A web server that shows environments.
+    """Web server that shows environments in the browser.
 
     Args:
-        scene: What is drawn of the model.
+        scene: Drawing of the model.
         model: The model.
-        count: How many environments are shown.
-        host: Address that the server listens at; "0.0.0.0" is all of this machine's.
-        port: Its port; the next free one where that is taken.
+        count: Number of environments to show.
+        host: Address of the server; "0.0.0.0" also accepts connections from other machines.
+        port: Port of the server, or the next free one.
         spacing: Distance between neighbouring environments, m; None is one and a half times the scene's extent.
-        title: What the page is called.
+        title: Title of the page.
     """
 
     def __init__(
@@ -73,17 +73,17 @@ class Window:
 
     @property
     def frame(self) -> Frame | None:
-        """The moment that is shown; None before the first."""
+        """Present frame; None before the first."""
         return self._frame
 
     @property
     def pull(self) -> Array | None:
-        """From where to where something is pulled, (2, 3) m; None where nothing is."""
+        """Ends of the spring of a dragged body, (2, 3), m; None if no body is dragged."""
         return self._pull
 
     @property
     def offsets(self) -> Array:
-        """Offsets at which the environments are shown, (n, 3) m: in rows of a square."""
+        """Offsets of the shown environments, (n, 3), m, in a square grid."""
         columns = int(np.ceil(np.sqrt(self.count)))
         k = np.arange(self.count)
         across = (k % columns - (columns - 1) / 2) * self._spacing
@@ -91,12 +91,12 @@ class Window:
         return np.stack([across, back, np.zeros(self.count)], axis=1)
 
     def show(self, frame: Frame, sizes: Array, *, pull: Array | None = None) -> None:
-        """Sends a moment.
+        """Sends a frame to the browser.
 
         Args:
-            frame: The moment.
-            sizes: Sizes that the geoms are drawn with, (n, ngeom, 3) m.
-            pull: From where to where something is pulled, (2, 3) m.
+            frame: The frame.
+            sizes: Sizes of the drawn geoms, (n, ngeom, 3), m.
+            pull: Ends of the spring of a dragged body, (2, 3), m; None if no body is dragged.
         """
         with self._lock:
             self._frame, self._sizes, self._pull = frame, sizes, pull
@@ -106,7 +106,7 @@ class Window:
         self._write(frame)
 
     def due(self) -> bool:
-        """Whether a picture may be sent now; if so, the next is due after that."""
+        """Whether a frame is due now, by the frame rate. If so, the time of the next one is set."""
         now = time.monotonic()
         if now - self._sent < 1.0 / FRAMES:
             return False
@@ -120,7 +120,7 @@ class Window:
             self.server.stop()
 
     def on_pull(self, respond: Callable[[str, int, int, Array], None]) -> None:
-        """Calls `respond(phase, row, geom, place)` when something is dragged with Ctrl: phase is "start", "update" or "end"."""
+        """Calls `respond(phase, row, geom, place)` while a geom is dragged with Ctrl; phase is "start", "update" or "end"."""
         for part, handle in zip(self.scene.parts, self._parts, strict=True):
             self._listen(part, handle, respond)
 

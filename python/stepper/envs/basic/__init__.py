@@ -1,4 +1,4 @@
-"""Small tasks of stepper's own, a file each, whose scenes are in them: to begin with, and to copy."""
+"""Small tasks of stepper, one file each with its scene: examples for a first task of your own."""
 
 from stepper.envs.basic.falling_block import FallingBlock
 from stepper.envs.basic.grasp import Grasp

@@ -1,4 +1,4 @@
-"""The textbook's falling block: how long does it stay up?"""
+"""Falling block with a thruster, as in the textbook: it is to stay above the floor."""
 
 from __future__ import annotations
 
@@ -28,23 +28,23 @@ SCENE = """
   <sensor><jointpos name="height" joint="height"/><jointvel name="velocity" joint="height"/></sensor>
 </mujoco>
 """
-"""Height 0 is touching the floor; the thruster has half the weight of 1 kg."""
+"""At height 0 the block touches the floor; the largest force of the thruster is half the weight of the block (1 kg)."""
 HEIGHT, VELOCITY = 0.20, -0.10
-"""At the beginning, m and m/s."""
+"""Initial height, m, and velocity, m/s."""
 LOWEST, STEPS = 0.05, 50
-"""Height above which a step is worth 1, m; steps of an episode."""
+"""Height above which the reward of a step is 1, m; steps of an episode."""
 OPTIONS = Options(integrator="euler", restitution_threshold=0.0)
 """The textbook's recursion: v <- v - g dt, then h <- h + v dt; below the floor h <- 0 and v <- -e v, however slow."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FallingBlock(Task):
-    """Stay up by pushing, up or down, with at most half the weight. Every episode draws a restitution.
+    """Keep the block up with a thruster that pushes up or down with at most half its weight. Every episode draws a restitution.
 
     Attributes:
-        frame_skip: Steps for each action, of 20 ms.
+        frame_skip: Time steps (20 ms each) per action.
         restitution: Least and largest restitution.
-        noise: Standard deviation of what the sensors of height (m) and velocity (m/s) add to the truth; rewards count true heights.
+        noise: Standard deviation of the noise of the sensors of height (m) and velocity (m/s); rewards use the true height.
     """
 
     camera: ClassVar[Camera] = {"distance": 1.5, "elevation": -15.0, "lookat": (0.0, 0.0, 0.2)}
@@ -53,11 +53,11 @@ class FallingBlock(Task):
     noise: float = 0.0
 
     def model(self) -> Model:
-        """The block over the floor."""
+        """Model of the block over the floor."""
         return _scene()
 
     def sensors(self) -> SensorModel | None:
-        """Noise, if there is any."""
+        """Sensor noise, if it is set."""
         return SensorModel(default=Transfer(noise_std=self.noise)) if self.noise else None
 
     def observations(self) -> tuple[Observation, ...]:
@@ -65,7 +65,7 @@ class FallingBlock(Task):
         return (Observation("sensordata"),)
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
-        """1 where the block is up."""
+        """1 where the block is above the height, else 0."""
         height = now.qpos[:, 0]
         return (height > LOWEST).astype(np.float64), {"height": height}
 
@@ -78,11 +78,11 @@ class FallingBlock(Task):
         return {"restitution": np.zeros(num_envs)}
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """Falling from 0.2 m."""
+        """Initial height and velocity of every environment."""
         qpos[:], qvel[:] = HEIGHT, VELOCITY
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draws the restitution: of two geoms the larger counts, and the floor's is zero."""
+        """Draws the restitution of the block. A contact uses the larger one of its two geoms; that of the floor is 0."""
         episode_state["restitution"][mask] = rng.uniform(*self.restitution, 1)[:, 0]
         sim.randomize(mask, geom_restitution=np.stack([np.zeros_like(episode_state["restitution"]), episode_state["restitution"]], axis=1))
 

@@ -1,4 +1,4 @@
-"""A gripper lifts a box as gently as it can."""
+"""A gripper lifts a box with small forces."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ SCENE = f"""
 """
 """Two fingers and a hand in a plane, moved by forces, and a box that lies somewhere between them."""
 OPTIONS = Options(integrator="euler", stabilization="baumgarte", baumgarte=1.0, slop=0.0)
-"""Hard contact without the kink of a box at rest (docs/how-to/derivatives.md)."""
+"""Hard contact that is differentiable for a box at rest (docs/how-to/derivatives.md)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Grasp(Task):
-    """Lift the box, with little force of the fingers.
+    """Lift the box with small forces of the fingers.
 
     Friction holds the box if each finger presses with m g / (2 mu) at least: 6.5 N with the default numbers.
 
@@ -68,7 +68,7 @@ class Grasp(Task):
     mass_scale: tuple[float, float] = (1.0, 1.0)
 
     def model(self) -> Model:
-        """The gripper and the box."""
+        """Model of the gripper and the box."""
         return _scene()
 
     def observations(self) -> tuple[Observation, ...]:
@@ -76,18 +76,18 @@ class Grasp(Task):
         return Observation("qpos"), Observation("qvel")
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
-        """1 where the box is as high as it should be and nothing presses."""
+        """Reward: 1 where the box is at the target height and the fingers apply no force."""
         miss = (now.qpos[:, 4] - self.rise) / self.rise
         reward: Array = 1.0 - np.square(miss) - self.weight * square_sum(now.action[:, 1:])
         return reward, {"rise": now.qpos[:, 4]}
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """The box somewhere within 5 mm of the middle, fingers up to 5 mm farther from it."""
+        """Random initial state: the box within 5 mm of the middle, the fingers up to 5 mm farther from it than in the model."""
         qpos[:, 3] += rng.uniform(-0.005, 0.005, 1)[:, 0]
         qpos[:, 1:3] -= rng.uniform(0.0, 0.005, 2)
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draws friction and mass, where they are ranges."""
+        """Draws the friction and the mass of the box, if they are given as ranges."""
         model, fields = sim.model, {}
         if self.friction[0] != self.friction[1]:
             rows = np.tile(model.geom_friction, (len(mask), 1, 1))

@@ -1,4 +1,4 @@
-"""Locomotion of legged robots that packages ship, by the names that the tasks are registered under."""
+"""Locomotion tasks with legged robots from installed packages, by their registered names."""
 
 from stepper.envs.locomotion.g1 import G1Rough, G1Velocity
 from stepper.envs.locomotion.go1 import Go1Rough, Go1Velocity

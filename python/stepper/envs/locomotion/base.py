@@ -1,4 +1,4 @@
-"""Motion of the base of a legged robot, whose joint is the first and free."""
+"""Motion of the base of a legged robot. Its free joint is the first of the model."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from stepper.shared.rotations import matrices
 
 @per_moment
 def frame(now: Moment) -> Array:
-    """Axes of the base in the world, columns: (num_envs, 3, 3)."""
+    """Rotation matrices of the base, (num_envs, 3, 3)."""
     return matrices(now.qpos[:, 3:7])
 
 
 def in_base(now: Moment, vectors: Array) -> Array:
-    """Vectors of the world (num_envs, 3) in the frame of the base."""
+    """Vectors of the world, (num_envs, 3), in the frame of the base."""
     turned: Array = np.einsum("ni,nij->nj", vectors, frame(now))
     return turned
 
 
 @per_moment
 def linear_velocity(now: Moment) -> Array:
-    """Velocity of the base in the frame of the base: (num_envs, 3) m/s."""
+    """Velocity of the base in its frame, (num_envs, 3), m/s."""
     return in_base(now, now.qvel[:, :3])
 
 
 @once_per_model
 def stance(model: Model) -> Array:
-    """Angles of the joints in the keyframe "stance": (nu,) rad."""
+    """Joint angles of the keyframe "stance", (nu,), rad."""
     angles: Array = np.array(model.keyframe("stance").qpos[7:])
     return angles

@@ -1,4 +1,4 @@
-"""Unitree's humanoid G1 follows a commanded velocity: randomised, pushed, with latency."""
+"""Unitree's humanoid G1 follows a commanded velocity, with random parameters, pushes and latency."""
 
 from __future__ import annotations
 
@@ -62,9 +62,9 @@ _MOTORS = {
 
 @dataclass(frozen=True, kw_only=True)
 class G1Velocity(VelocityTask):
-    """A humanoid of 29 joints, mjlab's, whose package has to be installed (`pip install --no-deps mjlab`): only the file is read.
+    """Humanoid with 29 joints. It needs the robot's file of mjlab (`pip install --no-deps mjlab`).
 
-    Feet touch the ground, and no other part.
+    Only feet collide with the ground.
     """
 
     MOTORS: ClassVar[Mapping[str, tuple[float, float, float]]] = {
@@ -92,9 +92,9 @@ _RUNNING_ARMS = {"shoulder_pitch": 0.5, "shoulder_roll": 0.2, "shoulder_yaw": 0.
 
 @dataclass(frozen=True, kw_only=True)
 class G1Rough(RoughTask):
-    """A humanoid of 29 joints on rough terrain, mjlab's, whose package has to be installed (`pip install --no-deps mjlab`).
+    """Humanoid with 29 joints on rough terrain. It needs the robot's file of mjlab (`pip install --no-deps mjlab`).
 
-    Feet touch the terrain, and no other part. mjlab's terms of angular momentum and of self-collisions are left out.
+    Only feet collide with the terrain. mjlab's terms of angular momentum and of self-collisions are left out.
     """
 
     WEIGHTS: ClassVar[Mapping[str, float]] = {**RoughTask.WEIGHTS, "body_ang_vel": -0.05}

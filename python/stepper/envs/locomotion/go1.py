@@ -1,4 +1,4 @@
-"""Unitree's Go1 follows a commanded velocity, as locomotion people train it: randomised, pushed, with latency."""
+"""Unitree's Go1 follows a commanded velocity, with random parameters, pushes and latency."""
 
 from __future__ import annotations
 
@@ -41,10 +41,10 @@ _STANDS = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class Go1Velocity(VelocityTask):
-    """A quadruped of 12 joints, mjlab's, whose package has to be installed (`pip install --no-deps mjlab`): only the file is read.
+    """Quadruped with 12 joints. It needs the robot's file of mjlab (`pip install --no-deps mjlab`).
 
-    Feet, trunk and head touch the ground, and no other part. In addition to the terms of all such tasks, a foot that lands
-    gains by its time in the air.
+    Only feet, trunk and head collide with the ground. In addition to the terms of `VelocityTask`, the reward has a term for the time that
+    a landing foot was in the air.
     """
 
     WEIGHTS: ClassVar[Mapping[str, float]] = {**VelocityTask.WEIGHTS, "torque": 1e-4, "change": 0.05, "stride": 3.0}
@@ -57,21 +57,21 @@ class Go1Velocity(VelocityTask):
         return _scene(self.roughness)
 
     def episode_state(self, num_envs: int) -> Terms:
-        """As of other robots, and how long each foot is in the air, and what those that landed gained."""
+        """Episode state of `VelocityTask`, with the air time of each foot, s, and the reward of landed feet."""
         return super().episode_state(num_envs) | {"air": np.zeros((num_envs, 4)), "stride": np.zeros(num_envs)}
 
     def terms(self, now: Moment) -> Terms:
-        """As of other robots, and strides where the command is to move."""
+        """Terms of `VelocityTask`, with a term for strides while the command is to move."""
         return super().terms(now) | {"stride": now.episode_state["stride"] * (square_sum(command(now)) > _STANDS**2)}
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Commands, pushes, latency and parameters; feet have not been in the air."""
+        """Draws commands, pushes, latency and parameters, and clears the air times of the feet."""
         super().on_reset(sim, episode_state, mask, rng)
         episode_state["air"][mask] = 0.0
         episode_state["stride"][mask] = 0.0
 
     def advance(self, now: Moment) -> None:
-        """Makes the steps: those within the latency with the action before. Looks which feet landed."""
+        """Makes the steps of an action, the first ones with the previous action (latency), and detects landings of feet."""
         super().advance(now)
         air, feet = now.episode_state["air"], now.sim.site_xpos[:, _feet(now.sim.model)]
         stands = feet[..., 2] - self.ground(feet[..., :2]) < _FOOT + _CLEAR
@@ -85,7 +85,7 @@ _LEGS = ("FR", "FL", "RR", "RL")
 
 @dataclass(frozen=True, kw_only=True)
 class Go1Rough(RoughTask):
-    """A quadruped of 12 joints on rough terrain, mjlab's, whose package has to be installed (`pip install --no-deps mjlab`).
+    """Quadruped with 12 joints on rough terrain. It needs the robot's file of mjlab (`pip install --no-deps mjlab`).
 
     Feet, shanks, thighs, trunk and head touch the terrain, and the robot does not touch itself.
     """

@@ -1,4 +1,4 @@
-"""Robots of mjlab: its package has to be installed, and of it only the robot's file is read."""
+"""Robots of mjlab. Only the robot's file of the installed package is read."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ class Servo:
     """Motor and gear of a joint.
 
     Attributes:
-        inertia: Of the motor's rotors as the joint feels it, kg m^2.
+        inertia: Inertia of the motor's rotors, reflected to the joint, kg m^2.
         torque: Largest torque, N m.
-        stance: Angle at the beginning, rad.
+        stance: Initial angle, rad.
     """
 
     inertia: float
@@ -58,7 +58,7 @@ class Looks:
 
 
 def plain_ground(roughness: float) -> Ground:
-    """A plane, with bumps of a greatest height on it, m; 0 is flat ground."""
+    """Plane with bumps up to a height, m; 0 is flat ground."""
 
     def ground(attributes: dict[str, str]) -> tuple[list[Element], list[Element]]:
         floor = Element("geom", {"name": "floor", "type": "plane", "size": "0 0 0.05", **attributes})
@@ -90,16 +90,16 @@ def scene(
     servo: Callable[[str], Servo],
     looks: Looks,
 ) -> Model:
-    """A robot on the ground, without what it only looks like, with servos, rotors and a keyframe "stance".
+    """Scene with a robot on the ground, without visual elements, with servos, rotors and a keyframe "stance".
 
     Args:
-        file: Of the robot, in mjlab's package.
-        robot: What an error calls it.
-        height: Of its base at the beginning, m.
+        file: File of the robot in mjlab's package.
+        robot: Name of the robot in errors.
+        height: Initial height of the base, m.
         ground: The ground, from the attributes of its geoms.
         geom: Attributes of a geom of the robot, by its name.
         servo: The servo of a joint, by its name.
-        looks: What is drawn.
+        looks: Visual elements.
     """
     path = Path(package_file("mjlab", file, f"for its {robot}, whose file it has"))
     tree = ElementTree.fromstring(path.read_text("utf-8"))

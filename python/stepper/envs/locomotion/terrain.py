@@ -1,4 +1,4 @@
-"""Rough ground: a height field of smooth bumps, the same for all environments, which begin at different places of it."""
+"""Rough ground: a height field of smooth bumps, shared by all environments, which start at different positions on it."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def _heights() -> Array:
 
 
 def height(xy: Array) -> Array:
-    """Height of the ground as a share of its greatest, at places (..., 2) in m; 0 outside the field. Between points it is bilinear."""
+    """Height of the ground relative to its largest, at points (..., 2), m; 0 outside the field. It is bilinear between grid points."""
     heights = _heights()
     last = len(heights) - 1
     at = (np.asarray(xy, dtype=np.float64) + HALF) * (last / (2.0 * HALF))
@@ -46,11 +46,11 @@ def height(xy: Array) -> Array:
 
 
 def elements(greatest: float, attributes: dict[str, str]) -> tuple[Element, Element]:
-    """The asset and the geom of the field in MJCF.
+    """MJCF elements of the field: its asset and its geom.
 
     Args:
-        greatest: Its greatest height, m.
-        attributes: Further ones of the geom.
+        greatest: Largest height of the field, m.
+        attributes: Further attributes of the geom.
     """
     heights = _heights()
     # MJCF has the rows of a field as one sees them from above: that of the greatest y first.

@@ -1,4 +1,4 @@
-"""A legged robot follows a commanded velocity: what such tasks have in common, whatever the robot."""
+"""Base of tasks in which a legged robot follows a commanded velocity."""
 
 from __future__ import annotations
 
@@ -34,33 +34,33 @@ _UNDER = np.stack(np.meshgrid(*[np.linspace(-0.4, 0.4, 9)] * 2), axis=-1).reshap
 
 @dataclass(frozen=True, kw_only=True)
 class VelocityTask(Task):
-    """Follow a velocity in x and y and about z, commanded in the frame of the base, which is the model's first body, on a free joint.
+    """Task: follow a commanded velocity in x, y and about z, in the frame of the base, which is the first body and has a free joint.
 
-    The model has a servo for each other joint, in their order, and a keyframe "stance" that episodes begin about. Actions are set points of
-    the servos. Each episode draws parameters (friction of the feet, mass and centre of mass of the base, gains of the servos), a
-    latency of the actions, two commands, one of ten of which is to stand, and three pushes, which change the base's velocity at once.
+    The model needs a servo for each other joint, in their order, and a keyframe "stance" near which episodes start. Actions are set points
+    of the servos. Each episode draws friction of the feet, mass and centre of mass of the base, and gains of the servos. It also draws a
+    latency of the actions, three sudden pushes, and two commands. One command in ten is to stand still.
 
     Attributes:
-        frame_skip: Steps for each action.
+        frame_skip: Steps per action.
         max_command: Largest commands, m/s and rad/s.
-        max_latency: Largest latency, steps: at most frame_skip, as an action is late by one action at most.
-        max_push: Largest change of the velocities in x and y, m/s.
-        episode_steps: Actions of an episode, in which commands and pushes are spread.
-        friction: Least and largest friction of the feet, geoms whose names have "foot".
-        mass_scale: Least and largest factor of the mass of the base.
-        gain_scale: Least and largest factor of the gains of the servos.
+        max_latency: Largest latency of the actions, in steps: at most frame_skip.
+        max_push: Largest change of the base's velocity in x and y by a push, m/s.
+        episode_steps: Actions per episode, over which commands and pushes are spread.
+        friction: Lowest and highest friction coefficient of the feet, which are the geoms with "foot" in their names.
+        mass_scale: Lowest and highest factor of the mass of the base.
+        gain_scale: Lowest and highest factor of the gains of the servos.
         center_shift: Largest shift of the base's centre of mass in each direction, m.
-        noise: Errors of what it is told of itself, times those of `ERRORS`; 0 is the truth. With errors there are sensors: velocity and
-            rates of turn of the IMU, the vertical, encoders.
+        noise: Factor of the sensor errors `ERRORS`; 0 is none. With errors, the IMU's velocity and rates of turn, the vertical and the
+            encoders are noisy.
         motors: Whether servos have the torque-speed curves and the dry friction of motors (`MOTORS`) instead of torques at any speed.
-        roughness: Greatest height of the ground's bumps, m, which are about a metre wide; 0 is flat ground.
-        sight: Farthest place ahead and aside whose ground it sees, m: heights of 25 places around the base, which turn with it, and
-            the height of the base. 0 is nowhere.
-        weights: Weights of the terms of the reward, of some or all; the others are those of `WEIGHTS`.
+        roughness: Largest height of the ground's bumps, m, which are about a metre wide; 0 is flat ground.
+        sight: Half width of the grid of ground heights that the robot observes, m. The grid has 25 points around the base and turns with
+            it; the height of the base is observed too. 0 is no grid.
+        weights: Weights of some or all terms of the reward; the others are those of `WEIGHTS`.
 
     Raises:
         TypeError: A class without `lowest`.
-        ValueError: A latency or roughness out of its range, a weight of a term that there is not, a model without what is said above.
+        ValueError: A latency or roughness out of its range, a weight of an unknown term, or a model that lacks a part named above.
     """
 
     WEIGHTS: ClassVar[Mapping[str, float]] = {
@@ -117,7 +117,7 @@ class VelocityTask(Task):
             if not getattr(self, name) >= 0.0:
                 raise ValueError(f"{name} is {getattr(self, name)}, must be at least 0")
         if self.motors and not self.MOTORS:
-            raise ValueError(f"{type(self).__name__} has no `MOTORS`: give it the curves of its motors, or leave motors=False")
+            raise ValueError(f"{type(self).__name__} has no `MOTORS`: define the curves of its motors in the class, or leave motors=False")
         if unknown := sorted(set(self.weights or {}) - set(self.WEIGHTS)):
             raise ValueError(f"weights has {unknown}, terms of the reward are {', '.join(self.WEIGHTS)}")
 
@@ -126,11 +126,11 @@ class VelocityTask(Task):
         raise NotImplementedError(f"{type(self).__name__} has no `robot`: give it the model")
 
     def model(self) -> Model:
-        """The robot, with what observes it where that has errors."""
+        """Model of the robot, with additional sensors if `noise` is above 0."""
         return _sensed(self.robot(), self.imu) if self.noise else self.robot()
 
     def sensors(self) -> SensorModel | None:
-        """Uniform errors of what is observed."""
+        """Sensor model with uniform errors of the observed quantities."""
         if not self.noise:
             return None
         errors = {row: Transfer(noise="uniform", noise_std=self.noise * width / math.sqrt(3.0)) for row, width in self.ERRORS.items()}
@@ -139,7 +139,7 @@ class VelocityTask(Task):
         return SensorModel({**named, **{f"{row} {joint}": errors[row] for row in ("angles", "rates") for joint in joints}})
 
     def actuators(self) -> ActuatorModel | None:
-        """Curves and friction of the motors."""
+        """Actuator model with torque-speed curves and friction of the motors."""
         if not self.motors:
             return None
         drives = {}
@@ -166,7 +166,7 @@ class VelocityTask(Task):
     def _check(self, model: Model) -> None:
         """Raises ValueError for a model that the task cannot be of."""
         if "stance" not in model.keyframe_names:
-            raise ValueError('the model has no keyframe "stance", about which episodes begin: give it <key name="stance" qpos=.../>')
+            raise ValueError('the model has no keyframe "stance", from which episodes start: give it <key name="stance" qpos=.../>')
         if not any("foot" in name for name in model.geom_names):
             raise ValueError('no geom of the model has "foot" in its name, and friction is drawn for those: name the geoms of the feet so')
         if self.roughness and "terrain" not in model.geom_names:
@@ -190,7 +190,7 @@ class VelocityTask(Task):
         )
 
     def terms(self, now: Moment) -> Terms:
-        """Terms of the reward without their weights: how well the command is followed, less what is rough."""
+        """Terms of the reward without weights: agreement with the command, and costs of rough motion."""
         velocity, angular, wanted = linear_velocity(now), now.qvel[:, 3:6], command(now)
         return {
             "linear": np.exp(-square_sum(velocity[:, :2] - wanted[:, :2]) / 0.25),
@@ -204,7 +204,7 @@ class VelocityTask(Task):
         }
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
-        """Sum of the terms, 0 at least; "tracking_error" is the distance from the command in x and y, m/s."""
+        """Reward: sum of the weighted terms, at least 0. The info "tracking_error" is the velocity error in x and y, m/s."""
         weights = {**self.WEIGHTS, **(self.weights or {})}
         terms = {f"reward_{name}": weights[name] * term for name, term in self.terms(now).items()}
         error = np.sqrt(square_sum(linear_velocity(now)[:, :2] - command(now)[:, :2]))
@@ -213,22 +213,22 @@ class VelocityTask(Task):
         return np.maximum(total, 0.0), {"tracking_error": error} | terms
 
     def healthy(self, now: Moment) -> Array:
-        """The base is upright and off the ground."""
+        """Whether the base is upright and above the ground, (num_envs,)."""
         above = now.qpos[:, 2] - self.ground(now.qpos[:, :2])
         healthy: Array = (vertical(now)[:, 2] > self.steepest) & (above > self.lowest)
         return healthy
 
     def ground(self, xy: Array) -> Array:
-        """Height of the ground at places (..., 2), m."""
+        """Height of the ground, m, at points (..., 2), m."""
         heights: Array = self.roughness * terrain.height(xy) if self.roughness else np.zeros(xy.shape[:-1])
         return heights
 
     def info(self, now: Moment) -> Terms:
-        """The command."""
+        """Info: the command."""
         return {"command": command(now)}
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """In its stance with some noise, in any direction, with some velocity; on rough ground anywhere, above what is under it."""
+        """Initial states: the stance with noise, a random heading and velocity; on rough ground at a random position above the surface."""
         turn = rng.uniform(-np.pi, np.pi, 1)[:, 0]
         qpos[:] = self.model().keyframe("stance").qpos
         qpos[:, 3:7] = about_vertical(turn)
@@ -239,7 +239,7 @@ class VelocityTask(Task):
             qpos[:, 2] += self.ground(qpos[:, None, :2] + _UNDER).max(axis=1)
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Commands, pushes, latency and parameters."""
+        """Draws commands, pushes, latency and parameters."""
         count, model = len(rng.envs), sim.model
         commands = rng.uniform(-1.0, 1.0, 3 * _COMMANDS).reshape(count, _COMMANDS, 3) * self.max_command
         commands[rng.uniform(0.0, 1.0, _COMMANDS) < _STANDS] = 0.0
@@ -269,7 +269,7 @@ class VelocityTask(Task):
         sim.randomize(mask, **fields)
 
     def advance(self, now: Moment) -> None:
-        """Makes the steps: those within the latency with the action before."""
+        """Makes the steps of an action, the first ones with the previous action (latency)."""
         episode_state, sim = now.episode_state, now.sim
         episode_state["step"] += 1
         pushed = episode_state["push_steps"] == episode_state["step"][:, None]
@@ -321,7 +321,7 @@ def _columns(model: Model, row: str) -> tuple[int, int]:
 
 
 def stance_of(now: Moment) -> Array:
-    """Angles at the beginning, rad: (nu,)."""
+    """Initial joint angles, (nu,), rad."""
     return stance(now.sim.model)
 
 
@@ -337,14 +337,14 @@ def _ground_around(now: Moment) -> Array:
 
 
 def vertical(now: Moment) -> Array:
-    """The vertical in the frame of the base: (num_envs, 3)."""
+    """Vertical unit vector in the frame of the base, (num_envs, 3)."""
     upwards: Array = frame(now)[:, 2]
     return upwards
 
 
 @per_moment
 def command(now: Moment) -> Array:
-    """The command in force: (num_envs, 3), m/s and rad/s."""
+    """Present command, (num_envs, 3), m/s and rad/s."""
     episode_state = now.episode_state
     length = -(-now.task.episode_steps // _COMMANDS)
     which = np.minimum(episode_state["step"] // length, _COMMANDS - 1)

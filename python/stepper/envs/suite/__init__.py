@@ -1,4 +1,4 @@
-"""Tasks of dm_control's suite, a file for each of its domains, by the names that dm_control has for them."""
+"""Tasks of dm_control's suite by dm_control's names, with a file for each domain."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""dm_control's acrobot: two links, of which the second is driven."""
+"""dm_control's acrobot: two links, with an actuator on the second."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Acrobot(SuiteTask):
     """Bring the tip to the target above, and hold it there.
 
     Attributes:
-        sparse: Whether the reward is 1 in the target and else 0.
+        sparse: Whether the reward is sparse: 1 in the target, 0 elsewhere.
     """
 
     file = "acrobot.xml"
@@ -27,7 +27,7 @@ class Acrobot(SuiteTask):
     sparse: bool = False
 
     def observations(self) -> tuple[Observation, ...]:
-        """Sines and cosines of both links, velocities: (6,)."""
+        """Sines and cosines of both links, and velocities: (6,)."""
         return (
             Observation("horizontal", func=lambda now: rotations(now)[:, 1:, 0, 2]),
             Observation("vertical", func=lambda now: rotations(now)[:, 1:, 2, 2]),
@@ -35,10 +35,10 @@ class Acrobot(SuiteTask):
         )
 
     def score(self, now: Moment) -> Array:
-        """1 in the target, less with the distance from it."""
+        """Score: 1 in the target, decreasing with the distance from it."""
         target, tip = (now.site_xpos[:, now.sim.model.site(name).id] for name in ("target", "tip"))
         return tolerance(norm(target - tip), 0.0, _TARGET, margin=0.0 if self.sparse else 1.0)
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """At rest, both angles anywhere on the circle."""
+        """Initial states: at rest, with uniform random angles."""
         qpos[:] = rng.uniform(-np.pi, np.pi, 2)

@@ -1,4 +1,4 @@
-"""The planar arm with a hand that dm_control's manipulator and stacker have in common."""
+"""Planar arm with a hand, shared by dm_control's manipulator and stacker."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _TOUCH = ("palm_touch", "finger_touch", "thumb_touch", "fingertip_touch", "thumb
 
 
 def arm_scene(file: str, *, unused: Set[str], placed: Set[str]) -> Model:
-    """A file with the arm without the bodies that are not used, in which those that a task places are mocap bodies."""
+    """Scene of a file with the arm, without unused bodies. Bodies that a task places are mocap bodies."""
     tree = without(source_tree(file), lambda element: element.tag == "body" and element.get("name") in unused)
     for body in tree.iter("body"):
         if body.get("name") in placed:
@@ -26,7 +26,7 @@ def arm_scene(file: str, *, unused: Set[str], placed: Set[str]) -> Model:
 
 
 def arm_observations() -> tuple[Observation, ...]:
-    """Arm and hand, and what touches it: (33,)."""
+    """Angles and velocities of arm and hand, and touch sensors: (33,)."""
     return (
         Observation("arm_pos", func=_angles),
         Observation("arm_vel", func=lambda now: now.qvel[:, [now.sim.model.joint(name).dofadr for name in _JOINTS]], unit="rad/s"),
@@ -36,7 +36,7 @@ def arm_observations() -> tuple[Observation, ...]:
 
 
 def draw_arm(model: Model, qpos: Array, rng: Rng) -> None:
-    """Draws angles within their limits, with finger and thumb alike; changes qpos (n, nq)."""
+    """Draws random angles within their limits, with equal angles of finger and thumb, into qpos, (n, nq), rad."""
     for joint in map(model.joint, _JOINTS):
         low, high = joint.range if joint.limited else (-np.pi, np.pi)
         qpos[:, joint.qposadr] = rng.uniform(low, high, 1)[:, 0]
@@ -44,12 +44,12 @@ def draw_arm(model: Model, qpos: Array, rng: Rng) -> None:
 
 
 def pose(now: Moment, body: str) -> Array:
-    """Place of a body in its plane, m, and its orientation: (num_envs, 4)."""
+    """Position of a body in its plane, m, and its orientation, (num_envs, 4)."""
     index = now.sim.model.body(body).id
     return np.concatenate([now.xpos[:, index, ::2], now.xquat[:, index, ::2]], axis=1)
 
 
 def _angles(now: Moment) -> Array:
-    """Sine and cosine of each joint of the arm: (num_envs, 8, 2)."""
+    """Sine and cosine of each joint of the arm, (num_envs, 8, 2)."""
     angles = now.qpos[:, [now.sim.model.joint(name).qposadr for name in _JOINTS]]
     return np.stack([np.sin(angles), np.cos(angles)], axis=2)

@@ -1,4 +1,4 @@
-"""Base of the tasks of dm_control's suite: their models, rewards that fall off outside a range, and random poses."""
+"""Base of the tasks of dm_control's suite: models, `tolerance` for rewards, and random initial poses."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from stepper.shared.rotations import matrices
 class SuiteTask(Task):
     """A task of dm_control's suite (Tassa et al. 2018, https://arxiv.org/abs/1801.00690), under MuJoCo's law by default.
 
-    Observations are the entries of dm_control's, one after the other. What they have of bodies is that of the present state: dm_control,
-    too, evaluates the state after a step before it observes. No episode terminates but those of `LQR`.
+    Observations are the entries of dm_control's observations, concatenated. Quantities of bodies are those of the present state, as in
+    dm_control. Only episodes of `LQR` terminate.
     """
 
     contact = "mujoco"
@@ -34,11 +34,11 @@ class SuiteTask(Task):
     """Actions of an episode: dm_control's time limit over its time step of control. None is no limit."""
 
     def model(self) -> Model:
-        """The scene of the file, which is read once."""
+        """Scene of the file, which is loaded once."""
         return scene(self.file)
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
-        """From 0 to 1, but for `LQR`."""
+        """Reward, (num_envs,): the score, from 0 to 1 except for `LQR`."""
         return self.score(now), {}
 
     def score(self, now: Moment) -> Array:
@@ -48,7 +48,7 @@ class SuiteTask(Task):
 
 @read_once
 def scene(file: str) -> Model:
-    """The model of a file of dm_control's suite.
+    """Model of a file of dm_control's suite.
 
     Raises:
         MissingPackageError: dm_control is not installed.
@@ -57,7 +57,7 @@ def scene(file: str) -> Model:
 
 
 def source_tree(file: str) -> ElementTree.Element:
-    """A file of dm_control's suite to be added to, without what it only looks like.
+    """XML tree of a file of dm_control's suite, without elements that only affect rendering.
 
     Raises:
         MissingPackageError: dm_control is not installed.
@@ -72,7 +72,7 @@ def source_tree(file: str) -> ElementTree.Element:
 
 
 def open_floor(tree: ElementTree.Element, half_side: float, ball: Set[tuple[str, str]]) -> ElementTree.Element:
-    """A file's arena without its walls and what is there for its ball, by tag and name, on a floor of that half side, m."""
+    """Scene of a file without walls and ball, on a floor with this half side, m. `Elements` to remove are given by tag and name."""
     for floor in tree.iterfind(".//geom[@name='floor']"):
         floor.set("size", f"{half_side!r} {half_side!r} {floor.get('size', '').split()[2]}")
     return without(tree, lambda element: element.get("name", "").startswith("wall_") or (element.tag, element.get("name")) in ball)
@@ -80,13 +80,13 @@ def open_floor(tree: ElementTree.Element, half_side: float, ball: Set[tuple[str,
 
 @once_per_model
 def hinges(model: Model) -> tuple[Joint, ...]:
-    """The hinges of a model, in its order."""
+    """Indices of the hinges of a model, in order."""
     return tuple(joint for joint in map(model.joint, range(model.njnt)) if joint.type == "hinge")
 
 
 @per_moment
 def rotations(now: Moment) -> Array:
-    """MuJoCo's xmat: rotation matrices of the bodies, (num_envs, nbody, 3, 3)."""
+    """Rotation matrices of the bodies (MuJoCo's xmat), (num_envs, nbody, 3, 3)."""
     return matrices(now.xquat)
 
 
@@ -97,13 +97,13 @@ def rotation(now: Moment, body: str) -> Array:
 
 
 def reading(now: Moment, *sensors: str) -> Array:
-    """Readings of sensors, one after the other: (num_envs, n)."""
+    """Concatenated readings of sensors, (num_envs, n), in their units."""
     found = [now.sim.model.sensor(name) for name in sensors]
     return np.concatenate([now.sensordata_ideal[:, sensor.adr : sensor.adr + sensor.dim] for sensor in found], axis=1)
 
 
 def norm(vectors: Array) -> Array:
-    """Lengths of vectors (num_envs, n): (num_envs,)."""
+    """Norms of vectors (num_envs, n): (num_envs,), in the same unit."""
     lengths: Array = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
     return lengths
 
@@ -127,15 +127,15 @@ def tolerance(
     fall: str = "gaussian",
     value: float = 0.1,
 ) -> Array:
-    """dm_control's `rewards.tolerance`: 1 where a number lies within bounds, and less outside.
+    """Score of numbers, (...), dm_control's `rewards.tolerance`: 1 within bounds, decreasing to 0 outside.
 
     Args:
-        x: Numbers.
-        low: Lower bound.
-        high: Upper bound.
-        margin: Distance from the bounds at which it is `value`; with 0 it is 0 everywhere outside the bounds.
-        fall: How it falls: "gaussian", "linear", "quadratic", "reciprocal" or "long_tail".
-        value: At the margin.
+        x: Numbers, (...), in any unit.
+        low: Lower bound, in the unit of x.
+        high: Upper bound, in the unit of x.
+        margin: Distance from the bounds at which the score is `value`; 0 makes the score 0 outside the bounds.
+        fall: Shape of the decrease: "gaussian", "linear", "quadratic", "reciprocal" or "long_tail".
+        value: Score at the margin.
     """
     inside = (low <= x) & (x <= high)
     if np.all(np.asarray(margin) == 0.0):
@@ -146,15 +146,15 @@ def tolerance(
 
 
 def small_control(now: Moment) -> Array:
-    """Mean over the actuators of what is 1 without control and 0 at 1: (num_envs,)."""
+    """Score of small controls, (num_envs,): mean over the actuators of 1 at control 0, decreasing to 0 at control 1."""
     mean: Array = tolerance(now.action, margin=1.0, fall="quadratic", value=0.0).mean(axis=1)
     return mean
 
 
 def randomize_joints(model: Model, qpos: Array, rng: Rng) -> None:
-    """Draws hinges and slides within their limits, hinges without any from the whole circle, and orientations; changes qpos (n, nq).
+    """Draws random joint positions into qpos, (n, nq), m and rad: limited joints within their limits, other hinges on the circle.
 
-    Orientations of free bodies have positive numbers alone, as dm_control draws them; slides without limits stay.
+    Quaternions of free bodies have positive numbers only, as in dm_control. Slides without limits keep their position.
     """
     for joint in (model.joint(k) for k in range(model.njnt)):
         at = joint.qposadr
@@ -166,13 +166,13 @@ def randomize_joints(model: Model, qpos: Array, rng: Rng) -> None:
             quat = rng.uniform(0.0, 1.0, 4)
             qpos[:, at + 3 : at + 7] = quat / norm(quat)[:, None]
         else:
-            raise NotImplementedError(f"joint {joint.name!r} is a ball: no task of the suite that is here has one")
+            raise NotImplementedError(f"joint {joint.name!r} is a ball: the tasks of this package have none")
 
 
 def randomize_without_overlap(
     model: Model, qpos: Array, rng: Rng, randomize: Callable[[Model, Array, Rng], None] = randomize_joints
 ) -> None:
-    """Draws configurations (n, nq) as `randomize` does, which changes them in place, again and again until nothing touches."""
+    """Draws positions qpos, (n, nq), m and rad, in place by the function `randomize`, until no geoms touch."""
     again = np.ones(len(qpos), dtype=bool)
     while again.any():
         some = qpos[again]
@@ -182,9 +182,9 @@ def randomize_without_overlap(
 
 
 def lift_until_free(model: Model, qpos: Array, height: int) -> None:
-    """Sets a coordinate of qpos (n, nq), a height, to the least whole number of centimetres, up to 127, at which nothing touches.
+    """Sets a height in qpos, (n, nq), m, to the smallest whole number of centimetres, up to 127, at which no geoms touch.
 
-    What touches at a height must touch below, too.
+    It assumes that geoms which touch at a height also touch at all lower heights.
     """
     low = np.zeros(len(qpos), dtype=np.int64)
     for step in (64, 32, 16, 8, 4, 2, 1):
@@ -194,7 +194,7 @@ def lift_until_free(model: Model, qpos: Array, height: int) -> None:
 
 
 def overlapping(model: Model, qpos: Array, mocap_pos: Array | None = None, mocap_quat: Array | None = None) -> Array:
-    """Whether anything touches in configurations (n, nq), with mocap bodies where they are posed or the file has them: (n,) bool."""
+    """Whether geoms touch at positions qpos (n, nq), m and rad: (n,) bool. Mocap bodies have the given poses or those of the file."""
     probe = Stepper(model, len(qpos), options=Options(contact="mujoco", integrator="euler"))
     probe.reset(qpos=qpos)
     if mocap_pos is not None:
@@ -209,7 +209,7 @@ def overlapping(model: Model, qpos: Array, mocap_pos: Array | None = None, mocap
 
 
 def settle(sim: Stepper, mask: Array, steps: int) -> None:
-    """Makes steps without control of the environments of a mask alone."""
+    """Makes steps without controls, only in the environments of a mask, (num_envs,)."""
     probe = Stepper(sim.model, int(mask.sum()), options=sim.options, precision=sim.precision)
     probe.reset(qpos=sim.qpos[mask])
     probe.step(nstep=steps)
@@ -217,14 +217,14 @@ def settle(sim: Stepper, mask: Array, steps: int) -> None:
 
 
 def place(sim: Stepper, mask: Array, qpos: Array, qvel: Array) -> None:
-    """Sets states (n, nq), (n, nv) of the n environments of a mask."""
+    """Sets positions (n, nq), m and rad, and velocities (n, nv), m/s and rad/s, of the n environments of a mask."""
     all_qpos, all_qvel = np.array(sim.qpos, dtype=np.float64), np.array(sim.qvel, dtype=np.float64)
     all_qpos[mask], all_qvel[mask] = qpos, qvel
     sim.set_state(all_qpos, all_qvel, mask)
 
 
 def move_geom(sim: Stepper, mask: Array, geom: str, pos: Array, columns: Any = slice(None)) -> None:
-    """Gives the environments of a mask a separate place for a geom: coordinates (n, ...) of its body's frame, m."""
+    """Sets the position of a geom in its body's frame, (n, ...), m, in the n environments of a mask."""
     places = np.array(sim.randomized.get("geom_pos", np.tile(sim.model.geom_pos, (sim.num_envs or 1, 1, 1))))
     chosen = places[mask]
     chosen[:, sim.model.geom(geom).id, columns] = pos

@@ -19,8 +19,8 @@ class Cartpole(SuiteTask):
     """Balance the poles of a cart, from near balance or from below.
 
     Attributes:
-        swing_up: Whether the first pole begins below.
-        sparse: Whether the reward is 1 near balance and else 0, instead of a smooth one.
+        swing_up: Whether the first pole starts hanging down.
+        sparse: Whether the reward is sparse: 1 near balance, 0 elsewhere; otherwise it is smooth.
         poles: Number of poles, one on top of the other.
     """
 
@@ -31,11 +31,11 @@ class Cartpole(SuiteTask):
     poles: int = 1
 
     def model(self) -> Model:
-        """The cart with its poles."""
+        """Model of the cart with its poles."""
         return _scene(self.poles)
 
     def observations(self) -> tuple[Observation, ...]:
-        """Place of the cart, cosines and sines of the poles, velocities: (1 + 3 poles + 1,)."""
+        """Position of the cart, cosines and sines of the poles, and velocities: (1 + 3 poles + 1,)."""
         return (
             Observation("cart", func=lambda now: now.qpos[:, :1], unit="m"),
             Observation("poles", func=lambda now: rotations(now)[:, 2:, [2, 0], 2]),
@@ -43,7 +43,7 @@ class Cartpole(SuiteTask):
         )
 
     def score(self, now: Moment) -> Array:
-        """Poles upright, the cart in the middle, little control and slow poles."""
+        """Score: product of terms for upright and slow poles, a centred cart and small controls."""
         cart, upright = now.qpos[:, 0], rotations(now)[:, 2:, 2, 2]
         if self.sparse:
             inside: Array = tolerance(cart, -0.25, 0.25) * tolerance(upright, 0.995, 1.0).prod(axis=1)
@@ -55,7 +55,7 @@ class Cartpole(SuiteTask):
         return reward
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """Near balance; or in the middle with the first pole below."""
+        """Initial states: near balance, or at the centre with the first pole hanging down."""
         if self.swing_up:
             qpos[:] = rng.normal(qpos.shape[1])
             qpos[:, :2] *= 0.01
@@ -69,7 +69,7 @@ class Cartpole(SuiteTask):
 
 @read_once
 def _scene(poles: int) -> Model:
-    """dm_control's model with as many poles."""
+    """Model of dm_control with this number of poles."""
     if poles < 1:
         raise ValueError(f"poles is {poles}, must be at least 1")
     tree = source_tree("cartpole.xml")

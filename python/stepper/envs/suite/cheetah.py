@@ -21,22 +21,22 @@ class Cheetah(SuiteTask):
     frame_skip: int = 1
 
     def observations(self) -> tuple[Observation, ...]:
-        """Configuration without x, velocities: (17,)."""
+        """Positions without x, and velocities: (17,)."""
         return (
             Observation("position", func=lambda now: now.qpos[:, 1:], unit="m, rad"),
             Observation("velocity", func=lambda now: now.qvel, unit="m/s, rad/s"),
         )
 
     def score(self, now: Moment) -> Array:
-        """Velocity of the centre of mass in x, over 10 m/s."""
+        """Score: velocity of the centre of mass in x, divided by 10 m/s."""
         return tolerance(reading(now, "torso_subtreelinvel")[:, 0], _SPEED, float("inf"), margin=_SPEED, fall="linear", value=0.0)
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """Limited joints anywhere within their limits; the root stays."""
+        """Initial states: limited joints at random within their limits, the root at the reference."""
         root = qpos[:, :3].copy()
         randomize_joints(self.model(), qpos, rng)
         qpos[:, :3] = root
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Falls for 200 steps before an episode begins."""
+        """Steps the robot without controls for 200 steps, so that it lies on the ground."""
         settle(sim, mask, 200)

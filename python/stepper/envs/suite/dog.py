@@ -34,14 +34,14 @@ _SOLES = ("palm_L", "palm_R", "sole_L", "sole_R")
 class Dog(SuiteTask):
     """Stand; or move forwards; or fetch a ball.
 
-    What it feels is as stepper's sensors have it. The accelerometer and the forces at the feet are of the change of velocity in the
-    last step, as those of `Quadruped` are. A sole feels the contacts of the last step that are within its volume after the step, in
-    dm_control those that were before it: they differ where a foot moves, and the reward then by up to a tenth. At the first observation
-    of an episode the activations pull already, in dm_control they do not yet.
+    Sensors are those of stepper and differ from dm_control's. The accelerometer and the forces at the feet use the mean acceleration over
+    the last step, as in `Quadruped`. A sole senses the contacts of the last step that are within its volume after the step; dm_control
+    uses the volume before it. Where a foot moves they differ, and the reward by up to a tenth. Muscle forces act from the first
+    observation of an episode on; in dm_control they start one step later.
 
     Attributes:
-        move_speed: Speed from which on the reward is 1, m/s; 0 to stand.
-        fetch: Whether there is a ball, which has to be brought to the middle.
+        move_speed: Forward speed that earns the full reward of 1, m/s; 0 to stand.
+        fetch: Whether the task is to bring a ball to the middle.
     """
 
     file = "dog.xml"
@@ -50,11 +50,11 @@ class Dog(SuiteTask):
     fetch: bool = False
 
     def model(self) -> Model:
-        """The scene; without a ball, the floor is as large as one gets in an episode."""
+        """Scene. Without a ball, the floor is as large as the distance of an episode."""
         return _scene(None if self.fetch else _EPISODE * (self.move_speed or 1.0))
 
     def observations(self) -> tuple[Observation, ...]:
-        """Hinges, heights and verticals, velocity, what it feels, activations: (223,); with a ball (232,)."""
+        """Joint angles, heights, vertical directions, velocity, touch and inertial sensors, and activations: (223,); with a ball (232,)."""
         rows = (
             Observation("joint_angles", func=lambda now: now.qpos[:, [joint.qposadr for joint in hinges(now.sim.model)]], unit="rad"),
             # dm_control spells it so.
@@ -76,7 +76,7 @@ class Dog(SuiteTask):
         )
 
     def score(self, now: Moment) -> Array:
-        """High, upright and on its feet; and fast, or at the ball, and with it in the middle."""
+        """Score: product of terms for height, upright posture and feet on the ground, and for speed or the position of the ball."""
         heights, weight = _standing(now.sim.model)
         high = tolerance(_heights(now), heights, float("inf"), margin=heights)
         upright = tolerance(_verticals(now)[:, :, 2], _UPRIGHT, float("inf"), margin=_UPRIGHT + 1.0, fall="linear", value=0.0)
@@ -92,7 +92,7 @@ class Dog(SuiteTask):
         return reward
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """On its feet, in any direction, pushed; the ball somewhere in flight towards the middle."""
+        """Initial states: standing, with a random heading and velocity; the ball flies towards the middle from a random place."""
         model = self.model()
         root = model.joint("root")
         qpos[:, root.qposadr + 3 : root.qposadr + 7] = about_vertical(rng.uniform(0.0, 2.0 * np.pi, 1)[:, 0])
@@ -107,7 +107,7 @@ class Dog(SuiteTask):
         qvel[:, ball.dofadr : ball.dofadr + 3] = np.hstack([speed * (0.05 * rng.normal(2) - outwards), rising])
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Activations are anywhere within the bounds of the controls."""
+        """Draws random activations within the bounds of the controls."""
         low, high = sim.model.actuator_ctrlrange.T
         act = np.array(sim.act)
         act[mask] = low + (high - low) * rng.uniform(0.0, 1.0, len(low))

@@ -20,13 +20,13 @@ _DAMPING = 0.03
 
 @dataclass(frozen=True, kw_only=True)
 class Finger(SuiteTask):
-    """Keep the body spinning."""
+    """Task: keep the body spinning."""
 
     file = "finger.xml"
     frame_skip: int = 2
 
     def model(self) -> Model:
-        """The scene, with less damping of the hinge than the file has."""
+        """Scene, with a smaller hinge damping than in the file."""
         model = scene(self.file)
         damping = np.array(model.dof_damping)
         damping[model.joint("hinge").dofadr] = _DAMPING
@@ -42,18 +42,18 @@ class Finger(SuiteTask):
         )
 
     def score(self, now: Moment) -> Array:
-        """1 where it spins, one way."""
+        """Score: 1 if the body spins in the right direction, else 0."""
         spins: Array = (reading(now, "hinge_velocity")[:, 0] <= -_SPEED).astype(np.float64)
         return spins
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """At rest, with angles within their limits, where nothing touches."""
+        """Initial states: at rest, with random angles within their limits, without contacts."""
         randomize_without_overlap(scene(self.file), qpos, rng)
 
 
 @dataclass(frozen=True, kw_only=True)
 class FingerTurn(Finger):
-    """Turn the body until its tip is in the target, which is a mocap body: each environment has it elsewhere.
+    """Turn the body until its tip is in the target, which is a mocap body with a random position in each environment.
 
     Attributes:
         target_size: Radius of the target, m.
@@ -74,12 +74,12 @@ class FingerTurn(Finger):
         )
 
     def score(self, now: Moment) -> Array:
-        """1 in the target."""
+        """Score: 1 in the target, else 0."""
         inside: Array = (self._distance(now) <= 0.0).astype(np.float64)
         return inside
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """The target is anywhere on the circle of the tip."""
+        """Draws a random target on the circle of the tip."""
         model, angle = sim.model, rng.uniform(-np.pi, np.pi, 1)[:, 0]
         offsets = model.geom("cap1").size.sum() * np.stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)], axis=1)
         sim.mocap_pos[mask, model.body("target").mocapid] = model.body("spinner").pos + offsets

@@ -37,7 +37,7 @@ class Fish(SuiteTask):
         )
 
     def score(self, now: Moment) -> Array:
-        """Upright; and in the target."""
+        """Score: upright; with `swim`, the product with a term for the distance to the target."""
         upright = rotation(now, "torso")[:, 2, 2]
         if not self.swim:
             return tolerance(upright, 1.0, 1.0, margin=1.0)
@@ -46,7 +46,7 @@ class Fish(SuiteTask):
         return (7.0 * tolerance(norm(_to_target(now)), 0.0, radii, margin=2.0 * radii) + 0.5 * (upright + 1.0)) / 8.0
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """At rest, with any orientation and small angles."""
+        """Initial states: at rest, with a random orientation and small random angles."""
         quat = rng.normal(4)
         qpos[:, 3:7] = quat / norm(quat)[:, None]
         model = self.model()
@@ -55,7 +55,7 @@ class Fish(SuiteTask):
             qpos[:, at : at + 1] = rng.uniform(-0.2, 0.2, 1)
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """The target is anywhere in a box."""
+        """Draws a random target in a box."""
         if self.swim:
             move_geom(sim, mask, "target", np.hstack([rng.uniform(-0.4, 0.4, 2), rng.uniform(0.1, 0.3, 1)]))
 

@@ -37,7 +37,7 @@ class Hopper(SuiteTask):
         )
 
     def score(self, now: Moment) -> Array:
-        """The torso above the foot; and fast, or with little control."""
+        """Score: product of terms for the torso above the foot, and for speed or small controls."""
         model, centers = now.sim.model, now.xipos
         height = centers[:, model.body("torso").id, 2] - centers[:, model.body("foot").id, 2]
         standing = tolerance(height, _HEIGHT, 2.0)
@@ -47,5 +47,5 @@ class Hopper(SuiteTask):
         return standing * (small_control(now) + 4.0) / 5.0
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """At rest, with angles within their limits and the torso at any angle."""
+        """Initial states: at rest, with random angles within their limits and a random torso angle."""
         randomize_joints(self.model(), qpos, rng)

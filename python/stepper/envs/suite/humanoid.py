@@ -20,8 +20,8 @@ class Humanoid(SuiteTask):
     """Stand; or walk and run in any direction.
 
     Attributes:
-        move_speed: Speed from which on the reward is 1, m/s; 0 to stand.
-        pure_state: Whether it observes configuration and velocities, and nothing that follows from them.
+        move_speed: Speed that earns the full reward of 1, m/s; 0 to stand.
+        pure_state: Whether the observation is qpos and qvel only.
     """
 
     file = "humanoid.xml"
@@ -50,7 +50,7 @@ class Humanoid(SuiteTask):
         )
 
     def score(self, now: Moment) -> Array:
-        """The head high and the torso upright, with little control, at rest or fast enough."""
+        """Score: product of terms for head height, upright torso, small controls, and speed."""
         standing = tolerance(_head_height(now), _HEIGHT, float("inf"), margin=_HEIGHT / 4.0)
         upright = tolerance(rotation(now, self.torso)[:, 2, self.upwards], 0.9, float("inf"), margin=1.9, fall="linear", value=0.0)
         velocity = reading(now, f"{self.torso}_subtreelinvel")[:, :2]
@@ -63,7 +63,7 @@ class Humanoid(SuiteTask):
         return reward
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """At rest, with angles within their limits and any orientation, where nothing touches."""
+        """Initial states: at rest, with random angles and a random orientation, without contacts."""
         randomize_without_overlap(self.model(), qpos, rng)
 
 

@@ -1,4 +1,4 @@
-"""dm_control's linear-quadratic regulator: masses in a row on springs, of which the first are driven."""
+"""dm_control's linear-quadratic regulator: masses in a row on springs, with actuators on the first ones."""
 
 from __future__ import annotations
 
@@ -28,7 +28,8 @@ class LQR(SuiteTask):
     Attributes:
         bodies: Number of masses.
         driven: Number of masses that are driven, the first ones.
-        model_seed: What the springs follow from: those of dm_control's environment with `task_kwargs={"random": model_seed}`, bit for bit.
+        model_seed: Seed of the random springs. They equal those of dm_control's environment with `task_kwargs={"random": model_seed}`, bit
+            for bit.
     """
 
     file = "lqr.xml"
@@ -43,14 +44,14 @@ class LQR(SuiteTask):
         return _scene(self.bodies, self.driven, self.model_seed)
 
     def observations(self) -> tuple[Observation, ...]:
-        """Places and velocities: (2 bodies,)."""
+        """Positions and velocities: (2 bodies,)."""
         return (
             Observation("position", func=lambda now: now.qpos, unit="m"),
             Observation("velocity", func=lambda now: now.qvel, unit="m/s"),
         )
 
     def score(self, now: Moment) -> Array:
-        """1 less what the state and the control cost; velocities cost nothing."""
+        """Score: 1 minus costs of positions and controls; velocities have no cost."""
         reward: Array = 1.0 - 0.5 * (norm(now.qpos) ** 2 + _CONTROL_COST * norm(now.action) ** 2)
         return reward
 
@@ -60,7 +61,7 @@ class LQR(SuiteTask):
         return over
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """At rest, on a sphere of radius sqrt(2)."""
+        """Initial states: at rest, with random positions on a sphere of radius sqrt(2)."""
         direction = rng.normal(self.bodies)
         qpos[:] = np.sqrt(2.0) * direction / norm(direction)[:, None]
 

@@ -40,11 +40,11 @@ class Manipulator(SuiteTask):
         return "peg" if self.peg else "ball"
 
     def model(self) -> Model:
-        """The scene with what this task needs of it."""
+        """Scene with the objects of this task."""
         return _scene(self.peg, self.insert)
 
     def observations(self) -> tuple[Observation, ...]:
-        """Arm and hand, what touches it, the object, the target: (44,)."""
+        """Arm and hand, touch sensors, the object and the target: (44,)."""
         thing = self._object
         return (
             *arm_observations(),
@@ -56,7 +56,7 @@ class Manipulator(SuiteTask):
         )
 
     def score(self, now: Moment) -> Array:
-        """The object at the target; for a peg, less for the hand about it."""
+        """Score: the object at the target; for a peg, also the hand in its grasp pose."""
         if not self.peg:
             return _near(now, "ball", "target_ball")
         grasping = (_near(now, "peg_grasp", "grasp") + _near(now, "peg_pinch", "pinch")) / 2.0
@@ -97,7 +97,7 @@ class Manipulator(SuiteTask):
 
 
 def _near(now: Moment, one: str, other: str) -> Array:
-    """1 where two sites are close, and less elsewhere."""
+    """Score of the distance of two sites, (num_envs,): 1 when close, decreasing with the distance."""
     places = [now.site_xpos[:, now.sim.model.site(name).id] for name in (one, other)]
     return tolerance(norm(places[0] - places[1]), 0.0, _CLOSE, margin=2.0 * _CLOSE)
 

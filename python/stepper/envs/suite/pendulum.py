@@ -29,9 +29,9 @@ class Pendulum(SuiteTask):
         )
 
     def score(self, now: Moment) -> Array:
-        """1 within 8 degrees."""
+        """Score: 1 within 8 degrees of upright, else 0."""
         return tolerance(rotation(now, "pole")[:, 2, 2], _UPRIGHT, 1.0)
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """At rest anywhere on the circle."""
+        """Initial states: at rest, with a uniform random angle."""
         qpos[:] = rng.uniform(-np.pi, np.pi, 1)

@@ -18,10 +18,10 @@ _PARALLEL = 0.9
 
 @dataclass(frozen=True, kw_only=True)
 class PointMass(SuiteTask):
-    """Bring the mass to the middle.
+    """Task: bring the mass to the middle.
 
     Attributes:
-        turned: Whether each control pulls in a separate direction, which is drawn for each episode and which nothing observes.
+        turned: Whether the directions of the controls are random in each episode, and not observed.
     """
 
     file = "point_mass.xml"
@@ -37,14 +37,14 @@ class PointMass(SuiteTask):
         return np.full(model.nu, -1.0), np.full(model.nu, 1.0)
 
     def observations(self) -> tuple[Observation, ...]:
-        """Place and velocity: (4,)."""
+        """Position and velocity: (4,)."""
         return (
             Observation("position", func=lambda now: now.qpos, unit="m"),
             Observation("velocity", func=lambda now: now.qvel, unit="m/s"),
         )
 
     def score(self, now: Moment) -> Array:
-        """1 in the target, less with the distance from it and with control."""
+        """Score: 1 in the target, decreasing with the distance from it and with the controls."""
         model = now.sim.model
         target = model.geom("target")
         size = float(target.size[0])
@@ -52,15 +52,15 @@ class PointMass(SuiteTask):
         return tolerance(away, 0.0, size, margin=size) * (small_control(now) + 4.0) / 5.0
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """At rest, anywhere within the limits."""
+        """Initial states: at rest, at a random position within the limits."""
         randomize_joints(self.model(), qpos, rng)
 
     def episode_state(self, num_envs: int) -> Terms:
-        """Directions in which the controls pull, rows: along the axes unless they are drawn."""
+        """Directions of the controls in rows, (num_envs, 2, 2): the axes, or random ones."""
         return {"directions": np.tile(np.eye(2), (num_envs, 1, 1))}
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draws directions that are not too much alike."""
+        """Draws random directions of the controls that are not nearly parallel."""
         if not self.turned:
             return
         count = len(rng.envs)

@@ -38,13 +38,12 @@ _WORKSPACE, _TARGET = 0.3, 0.4
 class Quadruped(SuiteTask):
     """Move forwards; or fetch a ball.
 
-    What its accelerometer reads and its toes feel is as stepper's sensors have it: of the change of velocity in the last step,
-    (v+ - v) / h, in the pose after it. dm_control's are of the acceleration before that step, without the damping of joints that the step
-    takes implicitly.
+    Sensors are those of stepper. The accelerometer and the touch sensors of the toes use the mean acceleration (v+ - v) / h over the last
+    step, in the pose after it. The sensors of dm_control use the acceleration before that step, without implicit joint damping.
 
     Attributes:
-        move_speed: Speed from which on the reward is 1, m/s.
-        fetch: Whether there is a ball, which has to be brought to the middle.
+        move_speed: Forward speed that earns the full reward of 1, m/s.
+        fetch: Whether the task is to bring a ball to the middle.
     """
 
     file = "quadruped.xml"
@@ -71,7 +70,7 @@ class Quadruped(SuiteTask):
         return (*rows, Observation("ball_state", func=_ball, unit="m, m/s, rad/s"), Observation("target_position", func=_target, unit="m"))
 
     def score(self, now: Moment) -> Array:
-        """Upright, and fast; or near the ball, and with it near the middle."""
+        """Score: product of terms for an upright torso, and for speed or for the positions of robot and ball."""
         upright = tolerance(rotation(now, "torso")[:, 2, 2], 1.0, float("inf"), margin=2.0, fall="linear", value=0.0)
         if not self.fetch:
             speed, wanted = reading(now, "velocimeter")[:, 0], self.move_speed

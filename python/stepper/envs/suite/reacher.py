@@ -36,11 +36,11 @@ class Reacher(SuiteTask):
         )
 
     def score(self, now: Moment) -> Array:
-        """1 where the finger is in the target."""
+        """Score: 1 with the finger in the target, else 0."""
         return tolerance(norm(_to_target(now)), 0.0, self.target_size + _FINGER)
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """At rest, with angles within their limits."""
+        """Initial states: at rest, with random angles within their limits."""
         randomize_joints(self.model(), qpos, rng)
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:

@@ -23,7 +23,7 @@ _MOST_BOXES = 4
 class Stacker(SuiteTask):
     """Bring a box to a target, which may be on other boxes, and let go of it.
 
-    The target is a mocap body: each environment has it elsewhere.
+    The target is a mocap body with a random position in each environment.
 
     Attributes:
         boxes: Number of boxes, 1 to 4.
@@ -47,7 +47,7 @@ class Stacker(SuiteTask):
         )
 
     def score(self, now: Moment) -> Array:
-        """A box at the target, and the hand away from it."""
+        """Score: product of terms for a box at the target and the hand away from it."""
         size = float(now.sim.model.geom("target").size[0])
         nearest = np.min([_to_target(now, box) for box in self._names], axis=0)
         away = tolerance(_to_target(now, "grasp"), 0.1, float("inf"), margin=_CLOSE)
@@ -55,7 +55,7 @@ class Stacker(SuiteTask):
         return reward
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """At rest, the arm and the boxes anywhere, where nothing touches."""
+        """Initial states: at rest, with random poses of arm and boxes, without contacts."""
         randomize_without_overlap(self.model(), qpos, rng, self._draw)
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:

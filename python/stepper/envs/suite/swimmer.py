@@ -41,15 +41,15 @@ class Swimmer(SuiteTask):
         )
 
     def score(self, now: Moment) -> Array:
-        """1 in the target, less with the distance from it."""
+        """Score: 1 in the target, decreasing with the distance from it."""
         return tolerance(norm(_to_target(now)), 0.0, _SIZE, margin=5.0 * _SIZE, fall="long_tail")
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """At rest, with angles within their limits, in any direction."""
+        """Initial states: at rest, with random angles within their limits and a random heading."""
         randomize_joints(self.model(), qpos, rng)
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """The target is near in a fifth of the episodes."""
+        """Draws a random target, which is near the swimmer in a fifth of the episodes."""
         box = np.where(rng.uniform(0.0, 1.0, 1) < 0.2, 0.3, 2.0)
         move_geom(sim, mask, "target", box * rng.uniform(-1.0, 1.0, 2), slice(0, 2))
 
@@ -72,7 +72,7 @@ def _velocities(now: Moment) -> Array:
 
 @read_once
 def _scene(links: int) -> Model:
-    """dm_control's model with as many links."""
+    """Model of dm_control with this number of links."""
     if links < 3:
         raise ValueError(f"links is {links}, must be at least 3")
     tree = source_tree("swimmer.xml")

@@ -17,7 +17,7 @@ class Walker(SuiteTask):
     """Stand; or walk and run to the right.
 
     Attributes:
-        move_speed: Speed from which on the reward is 1, m/s; 0 to stand.
+        move_speed: Speed that earns the full reward of 1, m/s; 0 to stand.
     """
 
     file = "walker.xml"
@@ -33,7 +33,7 @@ class Walker(SuiteTask):
         )
 
     def score(self, now: Moment) -> Array:
-        """High and upright, and fast enough."""
+        """Score: product of terms for height, upright posture and speed."""
         standing = tolerance(now.xpos[:, 1, 2], _HEIGHT, float("inf"), margin=_HEIGHT / 2.0)
         stand: Array = (3.0 * standing + (1.0 + rotations(now)[:, 1, 2, 2]) / 2.0) / 4.0
         if self.move_speed == 0.0:
@@ -42,5 +42,5 @@ class Walker(SuiteTask):
         return stand * (5.0 * tolerance(speed, wanted, float("inf"), margin=wanted / 2.0, fall="linear", value=0.5) + 1.0) / 6.0
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """At rest, with angles within their limits and the torso at any angle."""
+        """Initial states: at rest, with random angles within their limits and a random torso angle."""
         randomize_joints(self.model(), qpos, rng)

@@ -1,4 +1,4 @@
-"""Gymnasium's MuJoCo tasks, version 5, one file each, by the names that they are registered under."""
+"""Gymnasium's MuJoCo tasks, version 5, one file each, by their registered names."""
 
 from stepper.envs.task import Task
 from stepper.envs.tasks.ant import Ant

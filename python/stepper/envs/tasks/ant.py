@@ -13,11 +13,11 @@ from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Te
 
 @dataclass(frozen=True, kw_only=True)
 class Ant(MujocoTask):
-    """Run in x without falling. The arguments are those of Gymnasium's environment.
+    """Task: run in x without falling. The arguments are those of Gymnasium's environment.
 
-    The torso's place, and that about which torques of contacts are taken, are those of the present state. MuJoCo's, after a step of Runge
-    and Kutta's method, are those of its last stage, which differ by the third power of the time step. Quaternions are of unit length from
-    the reset on; Gymnasium's first observation has them with the noise.
+    The torso's position and the reference point of contact torques are those of the present state. After a Runge-Kutta step, MuJoCo's are
+    those of its last stage, which differ by O(h^3) for the time step h. Quaternions are normalised at the reset; Gymnasium's first
+    observation has them with noise.
     """
 
     camera: ClassVar[Camera] = {"distance": 4.0}
@@ -37,7 +37,7 @@ class Ant(MujocoTask):
     include_cfrc_ext_in_observation: bool = True
 
     def observations(self) -> tuple[Observation, ...]:
-        """Configuration without x and y, velocities, torques and forces of contacts on the bodies within their range: (105,)."""
+        """Positions without x and y, velocities, and clipped contact torques and forces on the bodies: (105,)."""
         rows = (
             Observation("qpos", columns=slice(2 * int(self.exclude_current_positions_from_observation), None)),
             Observation("qvel"),
@@ -46,7 +46,7 @@ class Ant(MujocoTask):
         return (*rows, contacts) if self.include_cfrc_ext_in_observation else rows
 
     def position(self, now: Moment) -> Array:
-        """Place in x and y of the main body, m: (num_envs, 2)."""
+        """Position of the main body in x and y, (num_envs, 2), m."""
         body = self.main_body
         if isinstance(body, str):
             body = now.sim.model.body_names.index(body)
@@ -54,18 +54,18 @@ class Ant(MujocoTask):
         return xy
 
     def healthy(self, now: Moment) -> Array:
-        """The torso's height is within its range."""
+        """Whether the torso's height is within its range, (num_envs,)."""
         low, high = self.healthy_z_range
         z = now.qpos[:, 2]
         healthy: Array = (low <= z) & (z <= high)
         return healthy
 
     def terminated(self, now: Moment) -> Array | None:
-        """Unhealthy environments, unless they may go on."""
+        """Whether each environment is unhealthy, (num_envs,); never with `terminate_when_unhealthy=False`."""
         return ~now.healthy if self.terminate_when_unhealthy else None
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
-        """Velocity in x and a bonus for being healthy, less squares of the control and of the contacts' forces."""
+        """Reward: velocity in x plus a bonus for being healthy, minus costs of squared controls and contact forces."""
         x_velocity, y_velocity = now.velocity.T
         forward, survive = self.forward_reward_weight * x_velocity, self.healthy_reward * now.healthy
         control = self.ctrl_cost_weight * square_sum(now.action)
@@ -75,12 +75,12 @@ class Ant(MujocoTask):
         return forward + survive - (control + contact), terms
 
     def info(self, now: Moment) -> Terms:
-        """Place of the torso."""
+        """Info: position of the torso, m."""
         x, y = now.qpos[:, :2].T
         return {"x_position": x, "y_position": y, "distance_from_origin": np.hypot(x, y)}
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """Uniform noise of positions, normal noise of velocities."""
+        """Initial states: the reference pose with uniform noise on positions and normal noise on velocities."""
         scale = self.reset_noise_scale
         qpos += rng.uniform(-scale, scale, qpos.shape[1])
         qvel += scale * rng.normal(qvel.shape[1])
@@ -88,6 +88,6 @@ class Ant(MujocoTask):
 
 @per_moment
 def _contact_forces(now: Moment) -> Array:
-    """Torques and forces of contacts within their range: (num_envs, nbody, 6)."""
+    """Clipped contact torques (N m) and forces (N) on the bodies, (num_envs, nbody, 6)."""
     forces: Array = np.clip(now.cfrc_ext, *now.task.contact_force_range)
     return forces

@@ -11,7 +11,7 @@ from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Te
 
 @dataclass(frozen=True, kw_only=True)
 class HalfCheetah(MujocoTask):
-    """Run to the right, with little control. The arguments are those of Gymnasium's environment. An episode never terminates."""
+    """Task: run to the right with small controls. The arguments are those of Gymnasium's environment. An episode never terminates."""
 
     camera: ClassVar[Camera] = {"distance": 4.0}
 
@@ -23,29 +23,29 @@ class HalfCheetah(MujocoTask):
     exclude_current_positions_from_observation: bool = True
 
     def observations(self) -> tuple[Observation, ...]:
-        """Configuration without x, velocities: (17,)."""
+        """Positions without x, and velocities: (17,)."""
         return (
             Observation("qpos", columns=slice(int(self.exclude_current_positions_from_observation), None)),
             Observation("qvel"),
         )
 
     def position(self, now: Moment) -> Array:
-        """Place in x, m: (num_envs,)."""
+        """Position in x, (num_envs,), m."""
         x: Array = now.qpos[:, 0]
         return x
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
-        """Velocity in x less the control's squares."""
+        """Reward: velocity in x minus a cost of squared controls."""
         forward = self.forward_reward_weight * now.velocity
         control = self.ctrl_cost_weight * square_sum(now.action)
         return forward - control, {"x_velocity": now.velocity, "reward_forward": forward, "reward_ctrl": -control}
 
     def info(self, now: Moment) -> Terms:
-        """Place of the robot."""
+        """Info: position of the robot, m."""
         return {"x_position": now.qpos[:, 0]}
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """Uniform noise of positions, normal noise of velocities."""
+        """Initial states: the reference pose with uniform noise on positions and normal noise on velocities."""
         scale = self.reset_noise_scale
         qpos += rng.uniform(-scale, scale, qpos.shape[1])
         qvel += scale * rng.normal(qvel.shape[1])

@@ -14,11 +14,11 @@ from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Te
 
 @dataclass(frozen=True, kw_only=True)
 class Humanoid(MujocoTask):
-    """Walk in x without falling. The arguments are those of Gymnasium's environment.
+    """Task: walk in x without falling. The arguments are those of Gymnasium's environment.
 
-    Centres of mass, inertias and velocities of bodies are those of the present state. MuJoCo's, after a step of Runge and Kutta's method,
-    are those of its last stage, which differ by the third power of the time step. Quaternions are of unit length from the reset on;
-    Gymnasium's first observation has them with the noise.
+    Centres of mass, inertias and velocities of bodies are those of the present state. After a Runge-Kutta step, MuJoCo's are those of its
+    last stage, which differ by O(h^3) for the time step h. Quaternions are normalised at the reset; Gymnasium's first observation has them
+    with noise.
     """
 
     camera: ClassVar[Camera] = {"trackbodyid": 1, "distance": 4.0, "lookat": (0.0, 0.0, 2.0), "elevation": -20.0}
@@ -40,7 +40,7 @@ class Humanoid(MujocoTask):
     include_cfrc_ext_in_observation: bool = True
 
     def observations(self) -> tuple[Observation, ...]:
-        """Configuration without x and y, velocities, and the tables of `BODY_TABLES` that are included: (348,)."""
+        """Positions without x and y, velocities, and the included tables of `BODY_TABLES`: (348,)."""
         return (
             Observation("qpos", columns=slice(2 * int(self.exclude_current_positions_from_observation), None)),
             Observation("qvel"),
@@ -48,20 +48,20 @@ class Humanoid(MujocoTask):
         )
 
     def position(self, now: Moment) -> Array:
-        """Place in x and y of the centre of mass, m: (num_envs, 2)."""
+        """Position of the centre of mass in x and y, (num_envs, 2), m."""
         xy: Array = now.subtree_com[:, 0, :2]
         return xy
 
     def healthy(self, now: Moment) -> Array:
-        """The torso's height is within its range."""
+        """Whether the torso's height is within its range, (num_envs,)."""
         return within(now.qpos[:, 2], self.healthy_z_range)
 
     def terminated(self, now: Moment) -> Array | None:
-        """Unhealthy environments, unless they may go on."""
+        """Whether each environment is unhealthy, (num_envs,); never with `terminate_when_unhealthy=False`."""
         return ~now.healthy if self.terminate_when_unhealthy else None
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
-        """Velocity in x and a bonus for being healthy, less squares of the control and of the contacts' forces."""
+        """Reward: velocity in x plus a bonus for being healthy, minus costs of squared controls and contact forces."""
         x_velocity, y_velocity = now.velocity.T
         forward, survive = self.forward_reward_weight * x_velocity, self.healthy_reward * now.healthy
         control = self.ctrl_cost_weight * square_sum(now.action)
@@ -71,12 +71,12 @@ class Humanoid(MujocoTask):
         return forward + survive - (control + contact), terms
 
     def info(self, now: Moment) -> Terms:
-        """Place of the torso, and the tendons."""
+        """Info: position of the torso, m, and lengths and velocities of the tendons."""
         x, y = now.qpos[:, :2].T
         return {"x_position": x, "y_position": y, **tendons(now), "distance_from_origin": np.hypot(x, y)}
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """Uniform noise of positions and velocities."""
+        """Initial states: the reference pose with uniform noise on positions and velocities."""
         scale = self.reset_noise_scale
         qpos += rng.uniform(-scale, scale, qpos.shape[1])
         qvel += rng.uniform(-scale, scale, qvel.shape[1])

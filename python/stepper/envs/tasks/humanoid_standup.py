@@ -1,4 +1,4 @@
-"""Gymnasium's HumanoidStandup-v5: a humanoid that lies and is to rise."""
+"""Gymnasium's HumanoidStandup-v5: a lying humanoid that must stand up."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Te
 
 @dataclass(frozen=True, kw_only=True)
 class HumanoidStandup(MujocoTask):
-    """Rise. The arguments are those of Gymnasium's environment. An episode never terminates.
+    """Task: stand up. The arguments are those of Gymnasium's environment. An episode never terminates.
 
-    What the observation has of bodies is that of the present state, and quaternions are of unit length, as in `Humanoid`.
+    Quantities of bodies in the observation are those of the present state, and quaternions are normalised, as in `Humanoid`.
     """
 
     camera: ClassVar[Camera] = {"trackbodyid": 1, "distance": 4.0, "lookat": (0.0, 0.0, 0.8925), "elevation": -20.0}
@@ -35,7 +35,7 @@ class HumanoidStandup(MujocoTask):
     include_cfrc_ext_in_observation: bool = True
 
     def observations(self) -> tuple[Observation, ...]:
-        """Configuration without x and y, velocities, and the tables of `BODY_TABLES` that are included: (348,)."""
+        """Positions without x and y, velocities, and the included tables of `BODY_TABLES`: (348,)."""
         return (
             Observation("qpos", columns=slice(2 * int(self.exclude_current_positions_from_observation), None)),
             Observation("qvel"),
@@ -43,9 +43,9 @@ class HumanoidStandup(MujocoTask):
         )
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
-        """Height over the time step, and 1, less squares of the control and of the contacts' forces.
+        """Reward: height over the time step, plus 1, minus costs of squared controls and contact forces.
 
-        `uph_cost_weight` has no part in it, as in Gymnasium's environment.
+        `uph_cost_weight` has no effect, as in Gymnasium's environment.
         """
         up = now.qpos[:, 2] / now.sim.timestep
         control = self.ctrl_cost_weight * square_sum(now.action)
@@ -53,12 +53,12 @@ class HumanoidStandup(MujocoTask):
         return up - control - impact + 1.0, {"reward_linup": up, "reward_quadctrl": -control, "reward_impact": -impact}
 
     def info(self, now: Moment) -> Terms:
-        """Place of the torso, and the tendons."""
+        """Info: position of the torso, m, and lengths and velocities of the tendons."""
         x, y, z = now.qpos[:, :3].T
         return {"x_position": x, "y_position": y, "z_distance_from_origin": z - now.default_qpos[2], **tendons(now)}
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """Uniform noise of positions and velocities."""
+        """Initial states: the reference pose with uniform noise on positions and velocities."""
         scale = self.reset_noise_scale
         qpos += rng.uniform(-scale, scale, qpos.shape[1])
         qvel += rng.uniform(-scale, scale, qvel.shape[1])

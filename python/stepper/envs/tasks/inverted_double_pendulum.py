@@ -15,10 +15,10 @@ WITHIN = (-10.0, 10.0)
 
 @dataclass(frozen=True, kw_only=True)
 class InvertedDoublePendulum(MujocoTask):
-    """Keep the tip of the second pole above 1 m. The arguments are those of Gymnasium's environment.
+    """Task: keep the tip of the second pole above 1 m. The arguments are those of Gymnasium's environment.
 
-    The place of the tip is that of the present state. MuJoCo's, after a step of Runge and Kutta's method, is that of its last stage, which
-    differs by the third power of the time step. With contact="hard" the margin of the cart's limit narrows its range by 0.01 m.
+    The position of the tip is that of the present state. After a Runge-Kutta step, MuJoCo's is that of its last stage, which differs by
+    O(h^3) for the time step h. With contact="hard" the margin of the cart's limit narrows its range by 0.01 m.
     """
 
     strict: ClassVar[bool] = False  # The margin of the cart's limit is what is left out.
@@ -30,7 +30,7 @@ class InvertedDoublePendulum(MujocoTask):
     reset_noise_scale: float = 0.1
 
     def observations(self) -> tuple[Observation, ...]:
-        """Place of the cart, sines and cosines of the angles, velocities and the force of the cart's limit within 10: (9,)."""
+        """Position of the cart, sines and cosines of the angles, velocities, and the clipped constraint force on the cart: (9,)."""
         return (
             Observation("qpos", columns=slice(0, 1)),
             Observation("sin", func=lambda now: np.sin(now.qpos[:, 1:])),
@@ -40,12 +40,12 @@ class InvertedDoublePendulum(MujocoTask):
         )
 
     def healthy(self, now: Moment) -> Array:
-        """The tip is above 1 m."""
+        """Whether the tip is above 1 m, (num_envs,)."""
         high: Array = now.site_xpos[:, 0, 2] > 1.0
         return high
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
-        """A bonus while the tip is high, less squares of its distance from (0, 2) m and of the velocities of the joints."""
+        """Reward: a bonus while the tip is high, minus squares of its distance from (0, 2) m and of the joint velocities."""
         x, _, z = now.site_xpos[:, 0].T
         survive = self.healthy_reward * now.healthy
         distance = 0.01 * x**2 + (z - 2.0) ** 2
@@ -54,7 +54,7 @@ class InvertedDoublePendulum(MujocoTask):
         return survive - distance - velocity, terms
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """Uniform noise of positions, normal noise of velocities."""
+        """Initial states: the reference pose with uniform noise on positions and normal noise on velocities."""
         scale = self.reset_noise_scale
         qpos += rng.uniform(-scale, scale, qpos.shape[1])
         qvel += scale * rng.normal(qvel.shape[1])

@@ -13,7 +13,7 @@ from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Te
 
 @dataclass(frozen=True, kw_only=True)
 class InvertedPendulum(MujocoTask):
-    """Keep the pole within 0.2 rad of upright. The arguments are those of Gymnasium's environment."""
+    """Task: keep the pole within 0.2 rad of upright. The arguments are those of Gymnasium's environment."""
 
     camera: ClassVar[Camera] = {"distance": 2.04}
 
@@ -22,21 +22,21 @@ class InvertedPendulum(MujocoTask):
     reset_noise_scale: float = 0.01
 
     def observations(self) -> tuple[Observation, ...]:
-        """Configuration, velocities: (4,)."""
+        """Positions and velocities: (4,)."""
         return Observation("qpos"), Observation("qvel")
 
     def healthy(self, now: Moment) -> Array:
-        """The pole is upright."""
+        """Whether the pole is upright, (num_envs,)."""
         upright: Array = np.abs(now.qpos[:, 1]) <= 0.2
         return upright
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
-        """1 while the pole is upright."""
+        """Reward: 1 while the pole is upright."""
         survive = now.healthy.astype(np.int64)
         return survive, {"reward_survive": survive}
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """Uniform noise of positions and velocities."""
+        """Initial states: the reference pose with uniform noise on positions and velocities."""
         scale = self.reset_noise_scale
         qpos += rng.uniform(-scale, scale, qpos.shape[1])
         qvel += rng.uniform(-scale, scale, qvel.shape[1])

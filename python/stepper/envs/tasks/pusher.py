@@ -16,10 +16,10 @@ NEAREST = 0.17
 
 @dataclass(frozen=True, kw_only=True)
 class Pusher(MujocoTask):
-    """Push the cylinder to the goal. The arguments are those of Gymnasium's environment. An episode never terminates.
+    """Task: push the cylinder to the goal. The arguments are those of Gymnasium's environment. An episode never terminates.
 
-    Places of bodies, in the observation and in the reward, are those before the last of the `frame_skip` steps, with either law of contact:
-    so `mj_step` leaves them, and so the task is published. After a reset they are those of the present state.
+    Positions of bodies, in the observation and in the reward, are those before the last of the `frame_skip` steps. The published task has
+    this delay, because `mj_step` computes positions at the start of a step. After a reset they are those of the present state.
     """
 
     camera: ClassVar[Camera] = {"distance": 4.0}
@@ -31,7 +31,7 @@ class Pusher(MujocoTask):
     reward_control_weight: float = 0.1
 
     def observations(self) -> tuple[Observation, ...]:
-        """Angles of the arm, their velocities, places of fingertips, cylinder and goal: (23,)."""
+        """Angles of the arm, their velocities, and positions of fingertips, cylinder and goal: (23,)."""
         return (
             Observation("qpos", columns=slice(0, 7)),
             Observation("qvel", columns=slice(0, 7)),
@@ -41,7 +41,7 @@ class Pusher(MujocoTask):
         )
 
     def advance(self, now: Moment) -> None:
-        """Makes the steps of an action, and keeps where bodies are before the last."""
+        """Makes the steps of an action, and stores positions of bodies before the last step."""
         now.sim.step(now.action, self.frame_skip - 1)
         now.keep("xpos", now.sim.xpos)
         before = now.sim.status
@@ -49,7 +49,7 @@ class Pusher(MujocoTask):
         now.keep("status", before | now.sim.status)
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
-        """Less the distances of the cylinder from the fingertips and from the goal, and the control's squares."""
+        """Reward: minus the distances of the cylinder from the fingertips and from the goal, and a cost of squared controls."""
         cylinder = _place(now, "object")
         near = -self.reward_near_weight * np.sqrt(square_sum(cylinder - _place(now, "tips_arm")))
         distance = -self.reward_dist_weight * np.sqrt(square_sum(cylinder - _place(now, "goal")))
@@ -57,7 +57,7 @@ class Pusher(MujocoTask):
         return distance + control + near, {"reward_dist": distance, "reward_ctrl": control, "reward_near": near}
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """The cylinder is anywhere in a rectangle of 0.3 m by 0.4 m but near the goal; the arm has uniform noise of velocities."""
+        """Initial states: the cylinder at random in a rectangle of 0.3 m by 0.4 m, away from the goal; the arm with random velocities."""
         again = np.ones(len(qpos), dtype=bool)
         while again.any():
             some = rng.of(again)
@@ -69,6 +69,6 @@ class Pusher(MujocoTask):
 
 
 def _place(now: Moment, body: str) -> Array:
-    """Position of a body, m: (num_envs, 3)."""
+    """Position of a body, (num_envs, 3), m."""
     place: Array = now.xpos[:, now.sim.model.body_names.index(body)]
     return place

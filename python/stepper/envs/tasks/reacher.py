@@ -12,10 +12,10 @@ from stepper.envs.task import Array, Moment, MujocoTask, Observation, Terms, per
 
 @dataclass(frozen=True, kw_only=True)
 class Reacher(MujocoTask):
-    """Bring the fingertip to the target. The arguments are those of Gymnasium's environment. An episode never terminates.
+    """Task: bring the fingertip to the target. The arguments are those of Gymnasium's environment. An episode never terminates.
 
-    The place of the fingertip is that of the present state. MuJoCo's, after a step of Runge and Kutta's method, is that of its last stage,
-    which differs by the third power of the time step.
+    The position of the fingertip is that of the present state. After a Runge-Kutta step, MuJoCo's is that of its last stage, which differs
+    by O(h^3) for the time step h.
     """
 
     xml_file: str = "reacher.xml"
@@ -24,7 +24,7 @@ class Reacher(MujocoTask):
     reward_control_weight: float = 1.0
 
     def observations(self) -> tuple[Observation, ...]:
-        """Cosines and sines of the angles, place of the target, velocities of the angles, fingertip less target in x and y: (10,)."""
+        """Cosines and sines of the angles, position of the target, angular velocities, and fingertip minus target in x and y: (10,)."""
         return (
             Observation("cos", func=lambda now: np.cos(now.qpos[:, :2])),
             Observation("sin", func=lambda now: np.sin(now.qpos[:, :2])),
@@ -34,13 +34,13 @@ class Reacher(MujocoTask):
         )
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
-        """Less the distance and the control's squares."""
+        """Reward: minus the distance to the target and a cost of squared controls."""
         distance = -self.reward_dist_weight * np.sqrt(square_sum(_to_target(now)))
         control = -self.reward_control_weight * square_sum(now.action)
         return distance + control, {"reward_dist": distance, "reward_ctrl": control}
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """Uniform noise of the arm; the target is anywhere within 0.2 m of the middle, evenly spread, and stands still."""
+        """Initial states: the arm with uniform noise; the target at rest, uniformly distributed within 0.2 m of the origin."""
         qpos += rng.uniform(-0.1, 0.1, qpos.shape[1])
         radius, angle = 0.2 * np.sqrt(rng.uniform(0.0, 1.0, 1)[:, 0]), rng.uniform(-np.pi, np.pi, 1)[:, 0]
         qpos[:, -2:] = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
@@ -50,7 +50,7 @@ class Reacher(MujocoTask):
 
 @per_moment
 def _to_target(now: Moment) -> Array:
-    """From the target to the fingertip, m: (num_envs, 3)."""
+    """Vector from the target to the fingertip, (num_envs, 3), m."""
     names = now.sim.model.body_names
     difference: Array = now.xpos[:, names.index("fingertip")] - now.xpos[:, names.index("target")]
     return difference

@@ -12,7 +12,7 @@ from stepper.envs.task import Array, Moment, MujocoTask, Observation, Terms, squ
 
 @dataclass(frozen=True, kw_only=True)
 class Swimmer(MujocoTask):
-    """Swim in x, with little control. The arguments are those of Gymnasium's environment. An episode never terminates."""
+    """Task: swim in x with small controls. The arguments are those of Gymnasium's environment. An episode never terminates."""
 
     xml_file: str = "swimmer.xml"
     frame_skip: int = 4
@@ -22,19 +22,19 @@ class Swimmer(MujocoTask):
     exclude_current_positions_from_observation: bool = True
 
     def observations(self) -> tuple[Observation, ...]:
-        """Configuration without x and y, velocities: (8,)."""
+        """Positions without x and y, and velocities: (8,)."""
         return (
             Observation("qpos", columns=slice(2 * int(self.exclude_current_positions_from_observation), None)),
             Observation("qvel"),
         )
 
     def position(self, now: Moment) -> Array:
-        """Place in x and y, m: (num_envs, 2)."""
+        """Position in x and y, (num_envs, 2), m."""
         xy: Array = now.qpos[:, :2]
         return xy
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
-        """Velocity in x less the control's squares."""
+        """Reward: velocity in x minus a cost of squared controls."""
         x_velocity, y_velocity = now.velocity.T
         forward = self.forward_reward_weight * x_velocity
         control = self.ctrl_cost_weight * square_sum(now.action)
@@ -42,12 +42,12 @@ class Swimmer(MujocoTask):
         return forward - control, terms
 
     def info(self, now: Moment) -> Terms:
-        """Place of the robot."""
+        """Info: position of the robot, m."""
         x, y = now.qpos[:, :2].T
         return {"x_position": x, "y_position": y, "distance_from_origin": np.hypot(x, y)}
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """Uniform noise of positions and velocities."""
+        """Initial states: the reference pose with uniform noise on positions and velocities."""
         scale = self.reset_noise_scale
         qpos += rng.uniform(-scale, scale, qpos.shape[1])
         qvel += rng.uniform(-scale, scale, qvel.shape[1])

@@ -11,7 +11,7 @@ from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Te
 
 @dataclass(frozen=True, kw_only=True)
 class Walker2d(MujocoTask):
-    """Walk to the right without falling. The arguments are those of Gymnasium's environment."""
+    """Task: walk to the right without falling. The arguments are those of Gymnasium's environment."""
 
     camera: ClassVar[Camera] = {"trackbodyid": 2, "distance": 4.0, "lookat": (0.0, 0.0, 1.15), "elevation": -20.0}
 
@@ -27,39 +27,39 @@ class Walker2d(MujocoTask):
     exclude_current_positions_from_observation: bool = True
 
     def observations(self) -> tuple[Observation, ...]:
-        """Configuration without x, velocities within 10 m/s and rad/s: (17,)."""
+        """Positions without x, and velocities clipped to 10 m/s and rad/s: (17,)."""
         return (
             Observation("qpos", columns=slice(int(self.exclude_current_positions_from_observation), None)),
             Observation("qvel", clip=(-10.0, 10.0)),
         )
 
     def position(self, now: Moment) -> Array:
-        """Place in x, m: (num_envs,)."""
+        """Position in x, (num_envs,), m."""
         x: Array = now.qpos[:, 0]
         return x
 
     def healthy(self, now: Moment) -> Array:
-        """Height and angle are within their ranges."""
+        """Whether height and angle are within their ranges, (num_envs,)."""
         healthy: Array = within(now.qpos[:, 1], self.healthy_z_range) & within(now.qpos[:, 2], self.healthy_angle_range)
         return healthy
 
     def terminated(self, now: Moment) -> Array | None:
-        """Unhealthy environments, unless they may go on."""
+        """Whether each environment is unhealthy, (num_envs,); never with `terminate_when_unhealthy=False`."""
         return ~now.healthy if self.terminate_when_unhealthy else None
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
-        """Velocity in x and a bonus for being healthy, less the control's squares."""
+        """Reward: velocity in x plus a bonus for being healthy, minus a cost of squared controls."""
         forward, survive = self.forward_reward_weight * now.velocity, self.healthy_reward * now.healthy
         control = self.ctrl_cost_weight * square_sum(now.action)
         terms = {"x_velocity": now.velocity, "reward_forward": forward, "reward_ctrl": -control, "reward_survive": survive}
         return forward + survive - control, terms
 
     def info(self, now: Moment) -> Terms:
-        """Place of the robot; the height is that above the model's reference."""
+        """Info: position of the robot, m. The height is measured from the reference pose."""
         return {"x_position": now.qpos[:, 0], "z_distance_from_origin": now.qpos[:, 1] - now.default_qpos[1]}
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """Uniform noise of positions and velocities."""
+        """Initial states: the reference pose with uniform noise on positions and velocities."""
         scale = self.reset_noise_scale
         qpos += rng.uniform(-scale, scale, qpos.shape[1])
         qvel += rng.uniform(-scale, scale, qvel.shape[1])

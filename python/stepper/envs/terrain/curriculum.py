@@ -14,7 +14,7 @@ from stepper.envs.terrain.generator import Terrain
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TerrainCurriculum:
-    """Levels of environments on a terrain: each has a column of tiles, and moves to a harder or easier row when an episode ends.
+    """Curriculum of a terrain: an environment has a column of tiles, and moves to a harder or easier row after an episode.
 
         class Walk(Task):
             carried = TerrainCurriculum.carried
@@ -30,13 +30,13 @@ class TerrainCurriculum:
                 distance = levels.distance(now.episode_state, envs, now.qpos[envs])
                 levels.move(now.episode_state, envs, up=distance > 4.0, down=distance < 2.0)
 
-    The model's first joint is free: an episode begins near the middle of its tile, above the highest point near it.
+    The model's first joint must be free. An episode starts near the middle of its tile, above the highest point around it.
 
     Attributes:
         terrain: The terrain.
         max_init_level: Hardest row in which an environment begins after a reset with a seed.
-        spread: Farthest place from the middle of the tile in x and y, m.
-        footprint: Half the side of the square around the place whose highest point counts, m.
+        spread: Largest distance of the initial position from the middle of the tile in x and y, m.
+        footprint: Half side of the square around the initial position whose highest point counts, m.
     """
 
     carried: ClassVar[tuple[str, ...]] = ("terrain_level", "terrain_type")
@@ -100,14 +100,14 @@ class TerrainCurriculum:
 
 
 def stage_of(steps: Array, stages: Sequence[tuple[int, tuple[float, ...]]]) -> Array:
-    """Values of the stage that each environment has reached: a curriculum of commands.
+    """Values of the present stage of each environment, for a curriculum of commands.
 
     Args:
         steps: Actions of each environment, (n,): count them in `Task.episode_state`, under a name in `Task.carried`.
-        stages: Number of actions from which on a stage holds, ascending from 0, and its values (k,), as the largest commands.
+        stages: First number of actions of each stage, ascending from 0, and its values (k,), such as the largest commands.
 
     Returns:
-        (n, k).
+        Values of each environment, (n, k), in the unit of the stages.
 
     Raises:
         ValueError: Stages that do not begin with 0, or do not ascend.

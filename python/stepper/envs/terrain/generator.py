@@ -27,13 +27,13 @@ _BASE = 0.5
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Terrain:
-    """Square tiles in rows along x, from the easiest to the hardest, and a column along y for each kind; the middle is at the origin.
+    """Terrain of square tiles: rows along x from easy to hard, and a column along y for each kind. Its middle is at the origin.
 
         ground = Terrain(sub_terrains={"rough": RandomRough(), "stairs": PyramidStairs()}, seed=1)
         ground.add_to(spec)  # a height field "terrain" in a mujoco.MjSpec
         ground.origins  # (num_rows, 2, 3) m, middles of the tiles on the surface
 
-    Equal arguments give equal terrains. The random numbers of a tile depend on the seed, its row and its column alone.
+    Equal arguments give equal terrains. The random numbers of a tile depend only on the seed, its row and its column.
 
     Attributes:
         sub_terrains: Kinds by name, a column each.
@@ -45,7 +45,7 @@ class Terrain:
         seed: Seed of everything random.
 
     Raises:
-        ValueError: No kinds, no rows, a tile or border that is not a whole number of cells, difficulties out of their range.
+        ValueError: No kinds or rows, a tile or border that is not a whole number of cells, or difficulties out of range.
     """
 
     sub_terrains: Mapping[str, SubTerrain]
@@ -70,7 +70,7 @@ class Terrain:
 
     @property
     def difficulties(self) -> Array:
-        """Difficulty of each row, (num_rows,)."""
+        """Difficulty of each row, (num_rows,), from 0 to 1."""
         return np.linspace(*self.difficulty_range, self.num_rows)
 
     @property
@@ -88,7 +88,7 @@ class Terrain:
 
     @functools.cached_property
     def elevation(self) -> Array:
-        """Heights of the points, (rows along y, columns along x) m, from the least corner. They have single precision, as MuJoCo's."""
+        """Heights of the grid points, (rows, columns), m: rows along y, columns along x, in single precision as MuJoCo's."""
         border, cells = round(self.border_width / self.horizontal_scale), round(self.size / self.horizontal_scale)
         shape = [2 * border + cells * count + 1 for count in (len(self.sub_terrains), self.num_rows)]
         heights = np.zeros(shape)
@@ -103,7 +103,7 @@ class Terrain:
 
     @functools.cached_property
     def ground(self) -> HeightField:
-        """The terrain as a height field to read from, without a simulation."""
+        """Height field for reading heights, without a simulation."""
         return HeightField.from_elevation(self.elevation, self.half)
 
     @functools.cached_property
@@ -114,15 +114,15 @@ class Terrain:
         return np.concatenate([places, self.height(places)[..., None]], axis=-1)
 
     def height(self, xy: Array) -> Array:
-        """Heights of the surface at places (..., 2), m; 0 outside the terrain."""
+        """Heights of the surface, m, at points (..., 2), m; 0 outside the terrain."""
         return self.ground.heights(None, xy, beyond=0.0)
 
     def leaves(self, xy: Array, margin: float = 0.3) -> Array:
-        """Whether places (..., 2) are outside the terrain or nearer to its border than a margin, m: for `Task.truncated`."""
+        """Whether points (..., 2), m, are outside the terrain or closer to its border than a margin, m, (...); for `Task.truncated`."""
         return np.asarray(np.any(np.abs(xy) > self.half - margin, axis=-1))
 
     def boxes(self) -> Array:
-        """The terrain as boxes: middles and half sides, (n, 2, 3) m. They have vertical walls, but cost more than a height field.
+        """Boxes of the terrain: middles and half sides, (n, 2, 3), m. They have vertical walls, but cost more than a height field.
 
         Raises:
             ValueError: A kind that does not consist of boxes.
@@ -162,7 +162,7 @@ class Terrain:
         spec.worldbody.add_geom(name=name, type=kind, hfieldname=name, pos=[0.0, 0.0, lowest], **attributes)
 
     def mjcf(self, name: str = "terrain", **attributes: str) -> tuple[str, str]:
-        """MJCF of the height field: what belongs into `<asset>`, and what belongs into `<worldbody>`."""
+        """MJCF texts of the height field: one for `<asset>`, and one for `<worldbody>`."""
         asset, geom = self.elements(name, **attributes)
         return tostring(asset, encoding="unicode"), tostring(geom, encoding="unicode")
 

@@ -41,13 +41,13 @@ class SubTerrain(ABC):
 
         Args:
             x: Coordinates from the middle, (n,) m, ascending.
-            y: Likewise, (m,) m.
+            y: Coordinates from the middle, (m,), m, ascending.
             size: Side of the tile, m.
             difficulty: From 0, easiest, to 1, hardest.
             rng: Random numbers of this tile.
 
         Returns:
-            (m, n) m, without the border, which the terrain makes flat.
+            Heights, (m, n), m, without the border, which the terrain makes flat.
         """
 
 
@@ -70,10 +70,10 @@ class BoxTerrain(SubTerrain):
 
 @dataclass(frozen=True, kw_only=True)
 class Flat(BoxTerrain):
-    """Flat ground, whatever the difficulty."""
+    """Flat ground, for any difficulty."""
 
     def boxes(self, size: float, difficulty: float, rng: np.random.Generator) -> Array:
-        """One box."""
+        """Box of the ground, (1, 2, 3), m."""
         return np.array([_box(-size / 2, size / 2, -size / 2, size / 2, -_THICKNESS, 0.0)])
 
 
@@ -102,7 +102,7 @@ class PyramidSlope(SubTerrain):
     """Slopes to a platform in the middle.
 
     Attributes:
-        slope_range: Rise per distance.
+        slope_range: Slope, rise over run, at the lowest and highest difficulty.
         platform_width: Side of the platform, m.
         inverted: Whether slopes go down to the middle.
     """
@@ -143,7 +143,7 @@ class PyramidStairs(BoxTerrain):
     Attributes:
         step_height_range: Height of a step, m.
         step_width: Depth of a tread, m.
-        platform_width: Least side of the platform, m.
+        platform_width: Smallest side of the platform, m.
         inverted: Whether stairs go down to the middle.
     """
 
@@ -154,7 +154,7 @@ class PyramidStairs(BoxTerrain):
     inverted: bool = False
 
     def boxes(self, size: float, difficulty: float, rng: np.random.Generator) -> Array:
-        """A box for each step and all that is above it; of inverted stairs four for each step."""
+        """Boxes of the stairs, (n, 2, 3), m: one for each step and all above it, or four for each step of inverted stairs."""
         step, outer = _at(self.step_height_range, difficulty), size / 2 - self.border_width
         count = max(0, int((outer - self.platform_width / 2) / self.step_width + _EDGE))
         halves = outer - self.step_width * np.arange(count + 1)
@@ -170,7 +170,7 @@ class PyramidStairs(BoxTerrain):
 
 @dataclass(frozen=True, kw_only=True)
 class Gap(BoxTerrain):
-    """A gap all around a platform in the middle.
+    """Gap around a platform in the middle.
 
     Attributes:
         gap_width_range: Width of the gap, m.
@@ -197,7 +197,7 @@ class SteppingStones(BoxTerrain):
     Attributes:
         stone_size_range: Side of a stone, m.
         stone_distance_range: Distance of the stones, m.
-        height_variation: Greatest difference of a stone's top from 0, m.
+        height_variation: Largest height difference of a stone's top from 0, m.
         platform_width: Side of the platform, m.
         depth: Depth of the pit, m.
     """
@@ -224,13 +224,13 @@ class SteppingStones(BoxTerrain):
 
 @dataclass(frozen=True, kw_only=True)
 class DiscreteObstacles(BoxTerrain):
-    """Boxes on flat ground, around a free place in the middle.
+    """Boxes on flat ground, around a free square in the middle.
 
     Attributes:
-        height_range: Greatest height of a box, m; the least is half of it.
-        width_range: Least and greatest side of a box, m, whatever the difficulty.
-        num_obstacles: Number of boxes; those that would reach into the free place are left out.
-        platform_width: Side of the free place, m.
+        height_range: Largest height of a box, m; the smallest is half of it.
+        width_range: Smallest and largest side of a box, m, for any difficulty.
+        num_obstacles: Number of boxes; those that would reach into the free square are left out.
+        platform_width: Side of the free square, m.
     """
 
     height_range: Range = (0.02, 0.2)

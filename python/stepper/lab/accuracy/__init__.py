@@ -1,9 +1,15 @@
-"""How wrong a simulation is, and what less would do: error against cost, settings for an error budget, what a scene does not need.
+"""Accuracy of a simulation: error against cost, settings for an error budget, and parts of a scene that can be removed.
 
-`traces` runs episodes and measures how far two runs are apart, `reference` converges one, `candidates` are the settings that are
-compared, `costs` times them. `chart` puts all of it together: `measure` runs the candidates within a `budget` of time, `invariants` and
-`distributions` are errors that mean something under chaos, `dots` are the points in numbers, `tables` and `draw` write them. `tune`
-chooses, `needs` leaves out, `account` says what was used and what it cost.
+- `traces`: runs of episodes, and distances between runs
+- `reference`, `closed_form`: converged or exact runs, from which errors are measured
+- `candidates`: settings that are compared
+- `costs`: processor time of settings
+- `chart`, `measure`, `budget`: error against cost, within a bound of time
+- `invariants`, `distributions`: errors that stay meaningful in chaotic motion
+- `dots`, `tables`, `draw`: numbers, documents and pictures of a chart
+- `tune`: the cheapest settings within an error budget
+- `needs`: parts of a scene that can be removed
+- `account`: parts of a scene that a run used, and their cost
 """
 
 from stepper.lab.accuracy.account import Account, account

@@ -1,7 +1,7 @@
-"""What happened in a run beside what could, and what the parts of a scene cost: share of a step, bytes of an environment.
+"""Account of a run: parts of the scene that it used, and the time and memory of each part.
 
-The parts are taken out one after the other, from what is read to what moves, and each step is timed from the same states of a run of the
-whole. What is left is the motion of the bodies. A part's share is what the step is cheaper for without it, so that shares add up.
+The parts are removed one after the other, sensors first and actuators last. Steps are timed from the same states of the full scene's run.
+The motion of the bodies remains. A part's share is the reduction of the step's time by its removal, so that shares add up.
 """
 
 from __future__ import annotations
@@ -32,23 +32,24 @@ from stepper.shared.progress import Tick, silent
 Array = NDArray[np.float64]
 Description = dict[str, Any]
 _BATCHES = 4
-"""Batches of states that are stepped from."""
+"""Number of batches of states from which steps are timed."""
 _ROUNDS = 11
+"""Number of timed rounds."""
 _LEAST = 4e-3
-"""Rounds, and processor seconds of one at the least."""
+"""Shortest duration of a round, s of processor time."""
 _USED = 1e-9
-"""Share of its cone, or torque over the peak force in m, above which a contact uses friction."""
+"""Share of the cone, or torque over peak force in m, above which a contact counts as using friction."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """What a part of a scene costs.
+    """Cost of a part of a scene.
 
     Attributes:
-        name: In words.
-        share: Of the time of a step of a batch.
-        time: Microseconds of one core for a step of one environment.
-        memory: Bytes of an environment.
+        name: Name of the part.
+        share: Share of the time of a batch's step.
+        time: Time of one core for a step of one environment, microseconds.
+        memory: Memory of an environment, bytes.
     """
 
     name: str
@@ -59,13 +60,13 @@ class Part:
 
 @dataclass(frozen=True)
 class Use:
-    """What could happen, and what did.
+    """Number of elements of one kind in a scene, and the number that a run used.
 
     Attributes:
-        name: In words.
-        could: How many, or the bound; None where there is none.
-        did: How many, or the largest.
-        words: Further.
+        name: Kind of the elements.
+        could: Number in the scene, or a bound; None without one.
+        did: Number that the run used, or the largest value.
+        words: Remark.
     """
 
     name: str
@@ -76,14 +77,13 @@ class Use:
 
 @dataclass(frozen=True)
 class Account:
-    """Costs and events of a run.
+    """Used parts and costs of a run.
 
     Attributes:
-        study: What was run.
-        uses: What could happen, and what did.
-        parts: What the scene is made of, with costs; the whole first. Empty for a model without a source, of which nothing can be taken
-            out.
-        document: In words.
+        study: The study.
+        uses: Elements of the scene, and those that the run used.
+        parts: Parts of the scene with their costs; the whole scene first. Empty for a model without a source.
+        document: The account as a document.
     """
 
     study: Study
@@ -96,25 +96,25 @@ class Account:
 
 
 def account(source: Any, *, episodes: int = 4, tick: Tick | None = None) -> Account:
-    """Runs episodes of a study or model, says what of the scene they used, and measures what each part of it costs.
+    """Runs episodes of a study or model, lists the parts of the scene that they used, and measures the cost of each part.
 
     Args:
-        source: A study or the file of one; or a model as of `stepper.load`, which gets random controls for a second.
-        episodes: How many, at the nominal point.
-        tick: Called with what is being done and the fraction done.
+        source: A study or its file; or a model, as for `stepper.load`, which gets random controls for one second.
+        episodes: Number of episodes, at the nominal point.
+        tick: Called with a text and the fraction done.
 
     Raises:
-        ValueError: No episode.
+        ValueError: `episodes` is below 1.
     """
     if episodes < 1:
         raise ValueError(f"episodes is {episodes}, must be at least 1")
-    study, told = Study.from_model(source), tick or silent
-    told("run", 0.0)
+    study, progress = Study.from_model(source), tick or silent
+    progress("run", 0.0)
     seen = touching(study, range(episodes))
-    told("run", 1.0)
+    progress("run", 1.0)
     uses = tuple(_uses(study, seen))
-    parts = tuple(_costs(study, range(episodes), told))
-    document = Document(f"What {study.name} uses, and what it costs")
+    parts = tuple(_costs(study, range(episodes), progress))
+    document = Document(f"Parts and costs of {study.name}")
     document.sections += [_used(uses, seen, episodes), _spent(study, parts)]
     return Account(study, uses, parts, document)
 
@@ -143,28 +143,28 @@ def _uses(study: Study, seen: Touching) -> Iterator[Use]:
 
 def _used(uses: tuple[Use, ...], seen: Touching, episodes: int) -> Section:
     words = [
-        f"{counted(seen.steps, 'step')} of {counted(episodes, 'episode')} at the nominal point. `stepper tune` takes out what is not "
-        "used, and proves on other episodes what that changes."
+        f"{counted(seen.steps, 'step')} of {counted(episodes, 'episode')} at the nominal point. `stepper tune` removes unused parts, and "
+        "measures on other episodes what that changes."
     ]
     return Section(
-        "What happened beside what could", words, ("", "could", "did", ""), [[use.name, use.could, use.did, use.words] for use in uses]
+        "Used parts of the scene", words, ("", "in the scene", "used", ""), [[use.name, use.could, use.did, use.words] for use in uses]
     )
 
 
 def _spent(study: Study, parts: tuple[Part, ...]) -> Section:
     if not parts:
-        return Section("Costs", ["The model has no source to take anything out of; give MJCF, URDF or an MjModel."])
+        return Section("Costs", ["The model has no source from which parts can be removed; give MJCF, URDF or an MjModel."])
     words = [
-        f"One core of {cpu_name()}, {study.precision}, batches of {BATCH}, the least of {_ROUNDS} rounds. Steps from the same states of "
-        "the run, the parts taken out one after the other: a share is what the step is cheaper for without that part too, so that shares "
-        "add up. It is negative where the rest is harder to solve without the part; less than a tenth is within what timing scatters on a "
-        "busy machine."
+        f"One core of {cpu_name()}, {study.precision}, batches of {BATCH}, the smallest of {_ROUNDS} rounds. Parts are removed one after "
+        "the other, and steps start from the same states of the run. A share is the reduction of the step's time by the removal of that "
+        "part, so that shares add up. It is negative if the rest is harder to solve without the part. Shares below a tenth may be noise "
+        "of the timing on a busy machine."
     ]
     rows = [[part.name, part.share, part.time, part.memory] for part in parts]
     return Section("Costs", words, ("part", "share of the step", "us of a step of an environment", "bytes of an environment"), rows)
 
 
-# What is taken out, in this order, from what is read to what moves.
+# Parts that are removed, in this order.
 
 
 def _no_sensors(made: Description) -> None:
@@ -218,11 +218,11 @@ _REST = "motion of the bodies"
 
 
 _States = tuple[Array, Array, Array, Array]
-"""qpos, qvel, act and ctrl of a batch."""
+"""State of a batch: qpos, qvel, act and ctrl."""
 
 
 class _Steps(Timed):
-    """Steps of a model from states of a run: one that warms the solver, and one that counts."""
+    """Steps of a model from states of a run: one step that gives the solver its warm start, and one that is timed."""
 
     def __init__(self, model: Model, study: Study, states: list[_States], options: Any):
         sensors = study.sensors if model.nsensordata else None
@@ -231,7 +231,7 @@ class _Steps(Timed):
         self._states, self.times = states, []
 
     def once(self) -> float:
-        """Processor seconds of the steps that count."""
+        """Processor time of the timed steps, s."""
         total, sim = 0.0, self.sim
         for qpos, qvel, act, ctrl in self._states:
             sim.set_state(qpos=qpos, qvel=qvel, act=act if sim.model.na else None)
@@ -244,7 +244,7 @@ class _Steps(Timed):
 
 
 def _states(study: Study, episodes: range) -> tuple[list[_States], Any]:
-    """Batches of states from all of some episodes, and the options in force."""
+    """Batches of states of some episodes, and the options of their stepper."""
     world = world_of(study, USUAL, [study.nominal] * len(episodes), sensors=None)
     assert isinstance(world, StepperWorld)
     sim = world.sim
@@ -254,7 +254,7 @@ def _states(study: Study, episodes: range) -> tuple[list[_States], Any]:
         rows.append((world.qpos.copy(), world.qvel.copy(), np.array(sim.act, float), np.array(sim.ctrl, float)))
 
     drive_through(study, world, episodes, look)
-    # Controls come into force with the step after the state.
+    # A control acts from the step after the state on.
     every = [np.concatenate([row[k] for row in (rows[1:] if k == 3 else rows[:-1])]) for k in range(4)]
     chosen = np.random.default_rng(0).permutation(np.resize(np.arange(len(every[0])), max(BATCH, min(len(every[0]), _BATCHES * BATCH))))
     cut = [chosen[first : first + BATCH] for first in range(0, len(chosen) - BATCH + 1, BATCH)]
@@ -262,7 +262,7 @@ def _states(study: Study, episodes: range) -> tuple[list[_States], Any]:
 
 
 def _costs(study: Study, episodes: range, tick: Tick) -> Iterator[Part]:
-    """The whole, every part that the scene has, and the rest."""
+    """Costs of the whole scene, of each of its parts, and of the rest."""
     compiled = study.loaded[1]
     if compiled is None:
         return
@@ -284,11 +284,11 @@ def _costs(study: Study, episodes: range, tick: Tick) -> Iterator[Part]:
                 case.measure(_LEAST)
             tick("costs", (number + 1) / _ROUNDS)
     steps = len(states) * BATCH
-    # The least of the rounds: what else runs on the machine only adds, and more than the parts differ by.
+    # The smallest of the rounds, because other load on the machine only adds time.
     spent = [1e6 * min(case.times) / steps for case in cases]
-    room = [case.sim.memory()["per_env"] for case in cases]
-    yield Part(names[0], 1.0, spent[0], room[0])
+    memory = [case.sim.memory()["per_env"] for case in cases]
+    yield Part(names[0], 1.0, spent[0], memory[0])
     for k, name in enumerate([*names[1:], _REST]):
         last = k == len(names) - 1
-        own, bytes_of = (spent[k], room[k]) if last else (spent[k] - spent[k + 1], room[k] - room[k + 1])
+        own, bytes_of = (spent[k], memory[k]) if last else (spent[k] - spent[k + 1], memory[k] - memory[k + 1])
         yield Part(name, own / spent[0], own, bytes_of)

@@ -1,4 +1,4 @@
-"""The time that a chart may take: shares of it for what is done one after the other, and when a run has to stop."""
+"""Time budget of a chart: shares of its stages, and the time at which each must end."""
 
 from __future__ import annotations
 
@@ -7,51 +7,51 @@ import time
 from dataclasses import dataclass
 
 QUICK = 120.0
-"""Seconds that a quick chart may take where nothing else is asked for."""
+"""Default time budget of a quick chart, s."""
 _DRAWING = (20.0, 0.15)
-"""Seconds that are kept for pictures and pages, and the share of the budget that they are at the most."""
+"""Time reserved for pictures and pages, s, and its largest share of the budget."""
 
 
 @dataclass(frozen=True)
 class Stage:
-    """A part of the work, and when it has to be done.
+    """Stage of the work, with the time at which it must end.
 
     Attributes:
-        end: By `time.time`, which tasks on other machines know too; infinite without a budget.
+        end: End by `time.time`, which is valid on other machines too, s; infinite without a budget.
     """
 
     end: float = math.inf
 
     @property
     def left(self) -> float:
-        """Seconds; not below 0."""
+        """Remaining time, s; not below 0."""
         return max(0.0, self.end - time.time())
 
     @property
     def limited(self) -> bool:
-        """Whether there is an end."""
+        """Whether the stage has an end."""
         return math.isfinite(self.end)
 
     def within(self, seconds: float) -> Stage:
-        """A stage within this one that ends after some seconds at the latest."""
+        """Stage inside this one that lasts at most `seconds`."""
         return Stage(min(self.end, time.time() + seconds))
 
     def one(self, share: float) -> Stage:
-        """A stage within this one, which has a share of what is left.
+        """Stage inside this one, with a share of the remaining time.
 
-        One of k runs that are to come has 1/k: one that does not come to its end takes nothing from the others, and one that is done before
-        leaves them the rest.
+        The first of k remaining runs has the share 1/k. A run that does not finish then takes no time from the others, and one that
+        finishes early leaves them its rest.
         """
         return Stage(time.time() + share * self.left) if self.limited else self
 
 
 @dataclass(frozen=True)
 class Budget:
-    """The time that a chart may take, from when it is made.
+    """Time budget of a chart.
 
     Attributes:
-        seconds: Of the clock on the wall; infinite for all that it takes.
-        begin: By `time.time`.
+        seconds: Wall-clock time, s; infinite for no bound.
+        begin: Start by `time.time`, s.
     """
 
     seconds: float
@@ -59,10 +59,10 @@ class Budget:
 
     @classmethod
     def from_seconds(cls, seconds: float) -> Budget:
-        """A budget that begins now."""
+        """Budget that starts now."""
         return cls(seconds, time.time())
 
     def stage(self, share: float) -> Stage:
-        """What has to be done when a share of the budget is spent, of that which pictures leave."""
+        """Stage that ends when a share of the budget is spent, after the time for pictures is set aside."""
         drawing = min(_DRAWING[0], _DRAWING[1] * self.seconds)
         return Stage(self.begin + share * (self.seconds - drawing)) if math.isfinite(self.seconds) else Stage()

@@ -1,4 +1,4 @@
-"""Ways to step that a chart compares and a tuning chooses from: settings of stepper, MuJoCo and rapier, at several time steps."""
+"""Candidate settings of a chart or a tuning: settings of stepper, MuJoCo and rapier, at several time steps."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from stepper.lab.study.study import Study
 
 @dataclass(frozen=True)
 class Line:
-    """Settings at several time steps: a line of a chart.
+    """Line of a chart: settings at several time steps.
 
     Attributes:
         engine: "stepper", "MuJoCo" or "rapier".
-        name: The settings in a few words.
-        settings: As of `world_of`, without the time step.
-        law: Of contact: "hard", "mujoco" or "rapier".
+        name: Name of the settings.
+        settings: Changed settings, as in `world_of`, without the time step.
+        law: Law of contact: "hard", "mujoco" or "rapier".
     """
 
     engine: str
@@ -94,7 +94,7 @@ def no_rapier(study: Study) -> str | None:
 
 
 def timesteps(study: Study, *, coarser: int = 3, finer: int = 3) -> list[float]:
-    """Time steps about the study's own, each about twice the one before, that divide the time of a control; s, ascending."""
+    """Time steps around the study's, each about twice the one before, that divide the control period; s, ascending."""
     own = steps_of(study, study.options.timestep or float(study.loaded[0].timestep))
     counts = {max(1, round(own * 2.0**k)) for k in range(-coarser, finer + 1)}
     return sorted(study.hold / count for count in counts)

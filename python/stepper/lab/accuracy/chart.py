@@ -1,7 +1,6 @@
-"""Error against cost on the user's own model, with errors split into what the solver, the time step and the model make of them.
+"""Chart of error against cost on the user's model, with errors split into parts of the solver, the time step and the model.
 
-Beside the errors of single motions, which mean something as far as motions can be known, are those that mean something later: invariants,
-and distributions of outcomes.
+Errors of single motions are meaningful as long as the reference is converged. Later, invariants and distributions of outcomes are.
 """
 
 from __future__ import annotations
@@ -37,16 +36,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Chart:
-    """What a chart shows.
+    """Result of a chart.
 
     Attributes:
-        study: What was run.
-        distance: What errors are.
-        reference: What is right.
-        dots: By line, then time step.
-        skipped: What could not be run, with the reason.
-        document: In words.
-        files: What was written.
+        study: The study.
+        distance: Measure of errors.
+        reference: Reference, from which errors are measured.
+        dots: Points of the chart, by settings, then time step.
+        skipped: Settings that could not be run, with the reasons.
+        document: The chart as a document.
+        files: Files that were written.
     """
 
     study: Study
@@ -72,29 +71,29 @@ def chart(
     budget: str | float | None = None,
     tick: Tick | None = None,
 ) -> Chart:
-    """Error against cost for time steps, integrators, solvers, precisions, laws of contact, MuJoCo and rapier, on a model of one's own.
+    """Charts error against cost for time steps, integrators, solvers, precisions, laws of contact, MuJoCo and rapier.
 
-    The reference is the study's closed form (`Study.exact`), or converged by halving the time step
-    (`stepper.lab.accuracy.reference`). Sensors are ideal. Of a study over Ray, settings are run as tasks, and costs are measured
-    here.
+    The reference is the study's closed form (`Study.exact`), or a run that is converged by halving the time step
+    (`stepper.lab.accuracy.reference`). Sensors are ideal. With `Study.ray`, settings are run as tasks of Ray, and costs are measured in
+    this process.
 
     Args:
-        source: A study or the file of one; or a model as of `stepper.load`, which gets random controls.
-        out: The folder that has a folder for every study.
-        horizon: Time up to which errors count: "0.5 s", "500 ms", or a number of seconds, as of `tune`; None is as far as the median
-            episode is known to 0.1 mm (1 mrad).
+        source: A study or its file; or a model, as for `stepper.load`, which gets random controls.
+        out: Output folder; the files are in its folder NAME, the name of the study.
+        horizon: Simulated time up to which errors count: "0.5 s", "500 ms", or a number of seconds. None is the time up to which the
+            reference of the median episode is known to 0.1 mm (1 mrad).
         unit: "m" for the largest distance of a body, geom or site, "rad" for the largest angle of a body.
-        episodes: How many, medians of which count.
-        quick: Fewer settings, time steps and repeats.
-        budget: Time that all of it may take by the clock: "60 s", or a number of seconds. What is not done by then is stopped, and the row
-            says so. None is two minutes of a quick chart, and else all that it takes.
-        tick: Progress.
+        episodes: Number of episodes; the chart shows their medians.
+        quick: Whether to use fewer settings, time steps and repeats.
+        budget: Bound of the wall-clock time: "60 s", or a number of seconds. Runs that it cuts off are marked in the table. None is no
+            bound, or two minutes with `quick`.
+        tick: Called with a text and the fraction done.
 
     Returns:
-        Points, and what was written: OUT/NAME/chart.html, .md, .png, .csv, .npz.
+        The chart. OUT/NAME has chart.html, chart.md, chart.png, chart.csv, chart.npz.
 
     Raises:
-        ValueError: A model without joints, a horizon that is not within the episodes, a budget in which nothing is known of what is right.
+        ValueError: A model without joints, a horizon outside of the episodes, or a budget too short for any reference.
     """
     seconds = (QUICK if quick else math.inf) if budget is None else quantity(budget, name="budget", units=("s",))[0]
     clock = Budget.from_seconds(seconds)
@@ -102,13 +101,13 @@ def chart(
     study = replace(check_moves(Study.from_model(source)), threads=1)
     if unit not in TARGET:
         raise ValueError(f'unit is {unit!r}, must be "m" or "rad"')
-    asked = None if horizon is None else quantity(horizon, name="horizon", units=("s",))[0]
-    if asked is not None and not study.hold <= asked <= study.seconds * (1 + 1e-9):
-        raise ValueError(f"horizon is {asked:g} s, must be between a control, {study.hold:g} s, and an episode, {study.seconds:g} s")
+    until = None if horizon is None else quantity(horizon, name="horizon", units=("s",))[0]
+    if until is not None and not study.hold <= until <= study.seconds * (1 + 1e-9):
+        raise ValueError(f"horizon is {until:g} s, must be between a control period, {study.hold:g} s, and an episode, {study.seconds:g} s")
     told: Tick = tick or (lambda _what, _done: None)
     numbers, most = range(episodes), 4 if quick else 7
     stage = clock.stage(REFERENCE)
-    distance, right = reference(study, numbers, asked, unit, most, stage=stage, tick=lambda done: told("reference", done))
+    distance, right = reference(study, numbers, until, unit, most, stage=stage, tick=lambda done: told("reference", done))
     ground = Ground(study, numbers, distance, right, most, clock)
     steps = timesteps(study, coarser=2 if quick else 3, finer=1 if quick else 3)
     points, skipped, laws = measure(ground, lines(study, quick=quick), steps, told)
@@ -127,7 +126,7 @@ def _dots(ground: Ground, points: Sequence[Point], invariants: Invariants, *, qu
     study, limit = ground.study, ground.budget.stage(INVARIANTS)
     nothing, kept = np.full(len(ground.episodes), np.nan), [dict[str, Array]() for _ in points]
     usual = study.options.timestep or float(study.loaded[0].timestep)
-    # The study's own time step first: where the clock ends it, all settings have that before some have more.
+    # The study's time step comes first, so that it is done for all settings if the budget ends early.
     late: set[int] = set()
     for done, k in enumerate(sorted(range(len(points)), key=lambda k: abs(math.log(points[k].timestep / usual)))):
         trace = points[k].trace
@@ -136,7 +135,7 @@ def _dots(ground: Ground, points: Sequence[Point], invariants: Invariants, *, qu
         errors = {} if trace is None or k in late else invariants.measure(trace)
         kept[k] = {kind.label: errors.get(kind, nothing) for kind in invariants.kinds}
         told("invariants", (done + 1) / len(points))
-    # What is not finite has no place in a picture of costs, and steps that are not solved take as long as steps may.
+    # Diverged runs are not timed: steps that cannot be solved use all their iterations.
     timed = [k for k, point in enumerate(points) if math.isfinite(float(np.median(point.errors["total"])))]
     with one_core():
         spent = costs(

@@ -1,4 +1,4 @@
-"""What is right by a study's closed form, in place of runs that are converged."""
+"""Reference from a study's closed form, in place of a converged run."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from stepper.lab.study.worlds import StepperWorld
 
 Array = NDArray[np.float64]
 _BEGINS = 1e-9
-"""m, rad and those over s by which a closed form may begin elsewhere than the episodes."""
+"""Largest difference between the start of a closed form and that of the episodes, m, rad, m/s, rad/s."""
 
 
 def right_of(
@@ -35,7 +35,7 @@ def right_of(
     stage: Stage | None = None,
     tick: Callable[[float], None] | None = None,
 ) -> Reference:
-    """What is right: by the study's closed form where it has one, else by runs that are converged (`converge`)."""
+    """Reference of episodes: the study's closed form if it has one, otherwise a converged run (`converge`)."""
     if study.exact is None:
         return converge(study, episodes, distance, target=target, most=most, law=law, stage=stage, tick=tick)
     trace = closed_form(study, episodes)
@@ -56,10 +56,10 @@ def right_of(
 
 
 def closed_form(study: Study, episodes: Sequence[int]) -> Trace:
-    """Episodes as the study's closed form has them, after every control, with what its outcomes make of them.
+    """Trace of episodes from the study's closed form, after every control period, with outcomes.
 
     Raises:
-        ValueError: It gives other shapes than it must, numbers that are not finite, or begins elsewhere than the episodes.
+        ValueError: The closed form returns wrong shapes, numbers that are not finite, or another initial state than the episodes'.
     """
     assert study.exact is not None
     world = world_of(study, USUAL, [study.nominal] * len(episodes), sensors=None)
@@ -77,7 +77,7 @@ def closed_form(study: Study, episodes: Sequence[int]) -> Trace:
         if made.shape != shape:
             raise ValueError(f"{study.name}: exact, {name}, gives {what} of shape {made.shape}, must be (T, num_envs, n{what[0]}): {shape}")
         if not np.isfinite(made).all():
-            raise ValueError(f"{study.name}: exact, {name}, gives {what} that is not finite")
+            raise ValueError(f"{study.name}: exact, {name}, gives {what} that is not finite: it must be finite at all times")
         if (apart := float(np.abs(made[0] - own).max(initial=0.0))) > _BEGINS:
             raise ValueError(
                 f"{study.name}: exact, {name}, begins {apart:.2g} away from where the episodes do, in {what}: at time 0 it must give the "
@@ -90,5 +90,5 @@ def closed_form(study: Study, episodes: Sequence[int]) -> Trace:
         world.sim.reset(qpos=rows[0][k], qvel=rows[1][k])
         world.time = np.full(world.num_envs, time)
         seen.look(world)
-    # No run can be told to take too long beside what took no steps.
+    # With an infinite duration, no run counts as much slower than the reference.
     return replace(seen.trace(world, study.controls, math.inf), settings={"exact": name}, timestep=math.nan)

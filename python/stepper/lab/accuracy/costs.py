@@ -1,4 +1,4 @@
-"""What settings cost: processor time of one core for a simulated second of one environment, alone and in a batch."""
+"""Cost of settings: processor time of one core for a simulated second of one environment, alone and in a batch."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from stepper.lab.timing import Timed
 BATCH = 32
 """Environments of a batch: two groups of lanes in 32 bits, four in 64."""
 _APART = 4
-"""Environments of a batch of MuJoCo and rapier, which step one after the other, so that more tell no more."""
+"""Environments of a batch in MuJoCo and rapier. They step one after the other, so that more give the same cost."""
 _LONG = 0.1
-"""Processor seconds from which on a run that nothing warmed counts: caches are filled in thousandths of one."""
+"""Duration from which on a first run counts, s of processor time: filling the caches takes milliseconds."""
 
 _PAIRS, _PAIR_SECONDS = 8, 0.01
-"""Rounds in which two are compared, and processor seconds of one in each, at the least."""
+"""Number of rounds in which two settings are compared, and shortest duration of a round, s of processor time."""
 
 
 class _Case(Timed):
-    """A run that is repeated: recorded controls and forces, so that nothing but steps is timed."""
+    """Repeated run with recorded controls and forces, so that only steps are timed."""
 
     def __init__(self, study: Study, settings: Mapping[str, Any], trace: Trace, num_envs: int, stage: Stage | None = None):
         self.world: World = world_of(study, USUAL, [study.nominal] * num_envs, **(dict(settings) | {"sensors": None}))
@@ -43,7 +43,7 @@ class _Case(Timed):
         self.times: list[float] = []
 
     def once(self) -> float:
-        """Processor seconds of the steps of one run; infinite where the clock ended it before."""
+        """Processor time of the steps of one run, s; infinite if the time budget ended it."""
         world = self.world
         held = [bool(np.isnan(row).any()) for row in self._ctrl]
         world.start(self._qpos, self._qvel, self._study.keyframe, self._study.seed)
@@ -61,7 +61,7 @@ class _Case(Timed):
 
     @property
     def cost(self) -> float:
-        """Microseconds for a simulated second of one environment; NaN where the clock left no time for it."""
+        """Microseconds of one core for a simulated second of one environment; NaN if the time budget ended before."""
         times = [own for own in self.times if math.isfinite(own)]
         return 1e6 * median(times) / (self._num_envs * len(self._ctrl) * self._study.hold) if times else math.nan
 
@@ -76,23 +76,23 @@ def costs(
     tick: Callable[[float], None] | None = None,
     stage: Stage | None = None,
 ) -> list[tuple[float, float]]:
-    """Costs of settings. Rounds are interleaved; medians count. Call it inside `stepper.shared.machine.one_core()`.
+    """Measures costs of settings: medians over interleaved rounds. Call it inside `stepper.shared.machine.one_core()`.
 
     Args:
-        study: The study; its threads are not read.
-        settings: Of each case, with its time step.
-        traces: What each did, whose controls are repeated.
-        repeats: Rounds.
-        seconds: Least time of a case in a round, s.
+        study: The study; its threads are not used.
+        settings: Settings of each case, with the time step.
+        traces: Run of each case, whose controls are repeated.
+        repeats: Number of rounds.
+        seconds: Shortest time of a case in a round, s.
         tick: Called with the fraction done.
-        stage: When it has to be done: rounds end with it, and what no round has got to costs NaN; None is never.
+        stage: Stage of the time budget; cases without a round until its end cost NaN. None is no bound.
 
     Returns:
-        (alone, in a batch) in microseconds for a simulated second of one environment, of each settings.
+        Cost of each case alone and in a batch, microseconds of one core for a simulated second of one environment.
     """
     stage = stage or Stage()
     sizes = [(1, _APART if own.get("engine", "stepper") != "stepper" else BATCH) for own in settings]
-    # Alone first, and the study's own time step: where the clock ends it, all settings have that before some have more.
+    # Single environments and the study's time step come first, so that they are done for all settings if the budget ends early.
     usual = study.options.timestep or float(study.loaded[0].timestep)
     far = [abs(math.log(float(own.get("timestep") or usual) / usual)) for own in settings]
     order = sorted(((n, k) for k, both in enumerate(sizes) for n in enumerate(both)), key=lambda own: (own[0][0], far[own[1]]))
@@ -119,17 +119,17 @@ def costs(
 
 
 def saving(own: tuple[Study, Mapping[str, Any]], less: tuple[Study, Mapping[str, Any]], trace: Trace) -> tuple[float, float]:
-    """Share of the time of a batch that a study with some settings saves beside another one, of rounds in each of which both run.
+    """Measures the share of a batch's time that a study saves compared with another one, in rounds that run both.
 
     Call it inside `stepper.shared.machine.one_core()`.
 
     Args:
-        own: A study, and settings as of `world_of`.
-        less: What may take less time.
-        trace: Whose controls are repeated.
+        own: A study, and changed settings as in `world_of`.
+        less: The study and settings that may take less time.
+        trace: Run whose controls are repeated.
 
     Returns:
-        The median, and its lower bound: the second least of eight, below which it is in nine of 256 cases (3.5 %).
+        Median share, and its lower bound: the second smallest of eight rounds. The true median is below it in 3.5 % of cases.
     """
     cases = [_Case(study, settings, trace, BATCH) for study, settings in (own, less)]
     for case in cases:

@@ -1,7 +1,8 @@
-"""Outcomes where single motions mean nothing: by how much their mean, or the share of successes, differs from that of the converged runs.
+"""Distributions of outcomes: differences of means and of shares of successes from those of the converged runs.
 
-Episode k of every run begins alike and has the same random controls, so that differences are taken episode by episode. Where motions are
-chaotic the pairs are as good as independent, and the interval is as wide as that makes it; where they are not, it is narrower.
+They stay meaningful in chaotic motion, where single motions cannot be compared. Episode k of every run has the same start and the same
+random controls, so that differences are taken pair by pair. In chaotic motion the pairs are nearly independent; otherwise they correlate,
+and the interval is narrower.
 """
 
 from __future__ import annotations
@@ -18,14 +19,14 @@ from stepper.lab.study.study import Study
 
 @dataclass(frozen=True)
 class Shift:
-    """By how much outcomes of some settings differ from those of the converged runs.
+    """Difference of an outcome with some settings from that of the converged runs.
 
     Attributes:
         name: "mean NAME" or "successes".
-        value: Settings' own less the reference's; NaN where the clock stopped either.
-        low: Lower end of the interval that has the true difference with 95 %; NaN of one episode.
-        high: Its upper end.
-        count: Episodes of which it was computed: those that were finite in both.
+        value: Value with the settings minus that of the reference; NaN if the time budget stopped either.
+        low: Lower end of the 95 % interval of the difference; NaN with a single episode.
+        high: Upper end of the interval.
+        count: Number of episodes that were finite in both.
     """
 
     name: str
@@ -36,28 +37,28 @@ class Shift:
 
     @property
     def words(self) -> str:
-        """The difference with its interval."""
+        """Text with the difference and its interval."""
         if math.isnan(self.value):
             return "-"
         return f"{self.value:+.3g}" + ("" if math.isnan(self.low) else f" [{self.low:+.3g}, {self.high:+.3g}]")
 
 
 def names(study: Study) -> list[str]:
-    """What is compared: the mean of every outcome, and the share of successes."""
+    """Names of the compared quantities: the mean of every outcome, and the share of successes."""
     return [f"mean {outcome.name}" for outcome in study.all_outcomes] + (["successes"] if study.decisive else [])
 
 
 def shifts(study: Study, own: Trace, right: Trace) -> list[Shift]:
-    """Differences of outcomes, as of `names`.
+    """Differences of outcomes, in the order of `names`.
 
-    The interval of a mean is Student's, of differences of pairs. That of successes is R. G. Newcombe's tenth method (Statistics in
-    Medicine 17, 1998), of two of Wilson's intervals, for independent samples: pairs that go together make it no less safe. An episode that
+    The interval of a mean is Student's, for differences of pairs. That of successes combines two Wilson intervals (R. G. Newcombe's tenth
+    method, Statistics in Medicine 17, 1998). It assumes independent samples, and is conservative for pairs that correlate. An episode that
     was not finite is no success.
 
     Args:
         study: The study.
-        own: Episodes with the settings.
-        right: The converged runs.
+        own: Run with the settings.
+        right: Converged run.
     """
     if own.stopped or right.stopped:
         return [Shift(name, math.nan, math.nan, math.nan, 0) for name in names(study)]
@@ -75,7 +76,7 @@ def shifts(study: Study, own: Trace, right: Trace) -> list[Shift]:
 
 
 def newcombe(one: int, two: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Interval of a difference of two shares, of as many trials each."""
+    """Interval of the difference of two shares with the same number of trials, by Newcombe's method."""
     p, q = one / trials, two / trials
     (a, b), (c, d) = wilson(one, trials, confidence), wilson(two, trials, confidence)
     return p - q - math.hypot(p - a, d - q), p - q + math.hypot(b - p, q - c)

@@ -12,27 +12,27 @@ from stepper.lab.accuracy.distributions import Shift
 
 @dataclass(frozen=True)
 class Dot:
-    """Settings at one time step: a point of a chart. Errors are medians over episodes, in the unit of the distance.
+    """Point of a chart: settings at one time step. Errors are medians over episodes, in the unit of the distance (m or rad).
 
     Attributes:
         engine: "stepper", "MuJoCo" or "rapier".
-        setting: In a few words.
-        timestep: s.
-        error: From the reference; infinite where runs are not finite, and NaN where the clock stopped them before the horizon.
-        least: Of all episodes.
-        most: Of all episodes.
-        solver: From the same run solved to 1e-9 m/s in 64 bits; NaN of peers.
-        step: Of that run from the converged one of the same law.
-        model: Of that from the reference: softness, and the friction cone.
-        alone: Microseconds of one core for a simulated second of one environment, stepped alone; NaN where it was not measured.
-        batch: The same in a batch.
-        depth: Deepest overlap of all episodes as the engine says, m.
-        residual: Largest residual of all episodes, m/s; NaN of peers.
-        outcome: Mean of the outcome that decides, or the first, of episodes that were finite; NaN without one.
-        share: Share of successes; NaN without one. What was not finite is none.
-        invariants: Largest errors of invariants of all episodes by name; NaN where there is none to be measured.
-        shifts: By how much outcomes differ from those of the converged runs.
-        notes: What has to be said of it: what was stopped, what was not finite.
+        setting: Name of the settings.
+        timestep: Time step, s.
+        error: Distance from the reference; infinite if runs are not finite, NaN if the time budget stopped them before the horizon.
+        least: Smallest error of all episodes.
+        most: Largest error of all episodes.
+        solver: Part of the solver: distance from the same run solved to 1e-9 m/s in 64 bits; NaN for MuJoCo and rapier.
+        step: Part of the time step: distance of that run from the converged run with the same law of contact.
+        model: Part of the model (softness, friction cone): distance of that converged run from the reference.
+        alone: Microseconds of one core for a simulated second of one environment, stepped alone; NaN if not measured.
+        batch: Microseconds of one core for a simulated second of one environment, stepped in a batch; NaN if not measured.
+        depth: Deepest overlap of all episodes in the engine's contacts, m.
+        residual: Largest residual of all episodes, m/s; NaN for MuJoCo and rapier.
+        outcome: Mean of the outcome with the success, or of the first one, over finite episodes; NaN without outcomes.
+        share: Share of successes, where episodes that were not finite are failures; NaN without a condition of success.
+        invariants: Largest errors of invariants over all episodes, by name; NaN if not measured.
+        shifts: Differences of outcomes from those of the converged runs.
+        notes: Remarks: runs that were stopped, or not finite.
     """
 
     engine: str
@@ -61,7 +61,7 @@ class Dot:
 
     @property
     def row(self) -> dict[str, object]:
-        """As a row of a table, with a column for every number."""
+        """Row of a table: values by the names of its columns."""
         return dict(self._columns())
 
     def _columns(self) -> Iterator[tuple[str, object]]:
@@ -75,6 +75,6 @@ class Dot:
 
 
 def front(dots: Sequence[Dot], cost: str, engine: str | None = None) -> list[Dot]:
-    """Points that nothing is both cheaper and more accurate than, by cost ("alone" or "batch")."""
+    """Pareto front: points to which no other is both cheaper and more accurate, by the cost "alone" or "batch"."""
     own = [dot for dot in dots if math.isfinite(dot.error) and math.isfinite(getattr(dot, cost)) and engine in (None, dot.engine)]
     return [own[k] for k in pareto([getattr(dot, cost) for dot in own], [dot.error for dot in own])]

@@ -68,12 +68,12 @@ def draw(study: Study, distance: Distance, right: Reference, dots: Sequence[Dot]
 
 
 def draw_later(study: Study, dots: Sequence[Dot], *, path: Path) -> Path | None:
-    """Draws what means something where motions are chaotic: invariants, and outcomes beside those of the converged runs.
+    """Draws the errors that stay meaningful in chaotic motion: invariants, and differences of outcomes from the converged runs.
 
     Returns:
-        The file; None where there is nothing of that.
+        The file; None if there is nothing to draw.
     """
-    # An invariant that all keep to the last digit needs no panel.
+    # An invariant without any error needs no panel.
     kept = [name for name in dots[0].invariants if any(dot.invariants[name] > 0 for dot in dots)] if dots else []
     told = [shift.name for shift in next((dot.shifts for dot in dots if dot.shifts), ())]
     told = [name for name in told if any(shift.name == name and math.isfinite(shift.value) for dot in dots for shift in dot.shifts)]
@@ -136,7 +136,7 @@ def _panel(panel: Axes, dots: Sequence[Dot], cost: str, colours: dict[str, str],
 
 
 def _scale(panel: Axes, axes: str, *, there: bool) -> None:
-    """Logarithmic axes, which need numbers; where there are none the panel says so."""
+    """Sets logarithmic axes, or writes a note into a panel without points."""
     if not there:
         panel.text(0.5, 0.5, "nothing was measured: see the notes of the rows", transform=panel.transAxes, ha="center", fontsize=11)
         return

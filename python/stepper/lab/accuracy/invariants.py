@@ -1,21 +1,21 @@
-"""What a right motion keeps whatever it is: errors that mean something where no single motion is right any more.
+"""Invariants: errors of laws that every correct motion satisfies. They stay meaningful in chaotic motion, where trajectories diverge.
 
-They are computed from configurations and velocities after every control alone, by the kinematics, the energies and the narrow phase of
-MuJoCo's library, in the same way for every engine: an engine's own account of itself has no part in them. Which of them a scene has follows
-from its model; what it does not have, and why, is said.
+They are computed from positions and velocities after every control period, in the same way for every engine. MuJoCo's library computes
+kinematics, energies and overlaps; an engine's own diagnostics are not used. The model determines the invariants of a scene. The chart lists
+those that do not apply, with the reasons.
 
-* **penetration**, m: the deepest overlap of two geoms that may collide. Solids do not overlap.
-* **limits**, m and rad: how far a slide or tendon (m), a hinge or ball joint (rad) is beyond its range.
-* **loops**, m and rad: how far connections and welds, joints that are coupled and tendons of a fixed length are from closed.
-* **quaternion norm**: how far the norm of the orientation of a free or ball joint is from 1.
-* **energy**, J: of a scene without a way for energy to come in, kinetic and potential energy (gravity, springs) over that of the start;
-  motors and position servos may do work, which is subtracted: with a control that is held it is a function of the positions alone, force
-  times way, and a servo's damping only takes. Where nothing dissipates either, the largest difference from the start, in both directions.
-* **momentum**, kg m/s, and **angular momentum**, kg m2/s: where nothing is attached to the world and nothing can touch it, that of all
-  bodies less what gravity gave, and that about their common centre of mass, from the start.
+* **penetration**, m: the deepest overlap of two geoms that may collide.
+* **limits**, m and rad: largest violation of the range of a slide or tendon (m), or of a hinge or ball joint (rad).
+* **loops**, m and rad: largest position error of connections, welds, coupled joints and tendons of fixed length.
+* **quaternion norm**: largest deviation of an orientation's norm from 1, for free and ball joints.
+* **energy**, J: increase of kinetic and potential energy (gravity, springs) since the start, minus the work of motors and servos. The work
+  of a held control is force times displacement; damping of servos only removes energy. In scenes without dissipation, it is the largest
+  difference from the start in both directions.
+* **momentum**, kg m/s, and **angular momentum**, kg m2/s: largest change since the start, minus the impulse of gravity. The angular
+  momentum is about the common centre of mass. They apply to scenes in which no body is attached to the world or can touch it.
 
-The last three are conserved or bounded by laws of mechanics, and no engine that solves its equations breaks them; all are zero in a right
-motion with hard contact. A law of soft contact has depths and limits of its own: these numbers say how much it gives.
+Energy and momentum are conserved or bounded by the laws of mechanics. All invariants are zero in a correct motion with hard contact. Soft
+contact has finite penetrations and violations of limits by definition: these numbers are a measure of its softness.
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ from stepper.shared.machine import require
 
 Array = NDArray[np.float64]
 _RESTS = 1e-6
-"""m and rad of overlap, beyond a limit or of an open loop, with which an episode may begin for its energy to be compared."""
+"""Largest overlap, violation of a limit or of a loop at the start of an episode whose energy is compared, m and rad."""
 
 
 @dataclass(frozen=True)
 class Invariant:
-    """What a right motion keeps.
+    """Quantity that a correct motion keeps.
 
     Attributes:
-        name: In a word or two.
-        unit: Of its error.
+        name: Name of the quantity.
+        unit: Unit of its error.
     """
 
     name: str
@@ -66,7 +66,15 @@ ANGULAR = Invariant("angular momentum", "kg m2/s")
 
 @dataclass(frozen=True)
 class _Measured:
-    """What a state says of itself: errors of positions by invariant; energy, momentum (3), angular momentum (3), lengths of actuators."""
+    """Measurements of a state.
+
+    Attributes:
+        errors: Position errors by invariant, m or rad.
+        energy: Kinetic and potential energy, J.
+        momentum: Momentum, (3,), kg m/s.
+        angular: Angular momentum about the centre of mass, (3,), kg m^2/s.
+        lengths: Lengths of the actuators, (nu,), m or rad.
+    """
 
     errors: dict[Invariant, float]
     energy: float
@@ -76,11 +84,11 @@ class _Measured:
 
 
 class Invariants:
-    """The invariants of a study's scene at the nominal point.
+    """Invariants of a study's scene at the nominal point.
 
     Attributes:
-        kinds: Those that it has.
-        left_out: The others, each with its reason.
+        kinds: Invariants that apply to the scene.
+        left_out: Invariants that do not apply, each with the reason.
     """
 
     def __init__(self, study: Study):
@@ -91,7 +99,7 @@ class Invariants:
         if any(model.joint(j).type in ("free", "ball") for j in range(model.njnt)):
             self.kinds.append(NORM)
         if self._model is None:
-            self.left_out.append("all but norms of quaternions, as the model has no source that MuJoCo reads")
+            self.left_out.append("all but norms of quaternions, because the model has no source that MuJoCo can read")
             return
         self._mujoco = require("mujoco", "to measure invariants")
         self._data = self._mujoco.MjData(self._model)
@@ -110,19 +118,22 @@ class Invariants:
         self.kinds += [LOOPS[unit] for unit in ("m", "rad") if unit in units]
         inflow, losses = _inflow(self._study, m, mujoco), _losses(m, mujoco, self.kinds)
         if inflow:
-            self.left_out.append(f"energy, as {inflow}")
+            self.left_out.append(f"energy, because {inflow}")
         else:
             self.kinds.append(ENERGY if losses else CONSERVED)
         if outside := _outside(self._study, m, mujoco):
-            self.left_out.append(f"momentum, as {outside}")
+            self.left_out.append(f"momentum, because {outside}")
         else:
             self.kinds += [MOMENTUM, ANGULAR]
 
     def measure(self, trace: Trace) -> dict[Invariant, Array]:
-        """Largest error of every invariant in every episode, as far as the run got and was finite: (episodes,).
+        """Largest error of every invariant in every episode, (episodes,), in its unit, over the finite part of the run.
 
-        NaN where there is nothing to say: of an episode that was not finite within its first control; of energy, where an episode begins
-        with an overlap or an open loop, whose closing gives energy; of energy and momentum, where the drive pushes bodies.
+        Values are NaN in these cases:
+
+        * The episode diverged within its first control period.
+        * Energy: the episode starts with an overlap or an open loop, whose correction adds energy.
+        * Energy and momentum: the drive applies forces to bodies.
         """
         found = {kind: np.full(len(trace.qpos), np.nan) for kind in self.kinds}
         for e in range(len(trace.qpos)):
@@ -142,9 +153,9 @@ class Invariants:
             return errors
         seen = [self._state(qpos, qvel) for qpos, qvel in path]
         for kind in seen[0].errors:
-            # The start is given, and no engine's doing.
+            # Errors of the start do not count.
             errors[kind] = max(own.errors[kind] for own in seen[1:])
-        # What a drive pushes bodies with does work between the controls, which positions after them do not say.
+        # The work of applied forces cannot be computed from the positions after the control periods.
         pushed = bool(trace.applied[:count, e].any())
         begins = all(own <= _RESTS for own in seen[0].errors.values()) and not pushed
         for kind in (ENERGY, CONSERVED):
@@ -187,7 +198,7 @@ class Invariants:
             if kind in self.kinds:
                 errors[kind] = self._over_limits(unit)
         errors |= {kind: 0.0 for kind in LOOPS.values() if kind in self.kinds}
-        # By hand for what `efc_pos` has, which is scaled for welds.
+        # Computed from `efc_pos`, which is scaled for welds.
         rows = np.flatnonzero(np.asarray(d.efc_type[: d.nefc]) == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY))
         for e in dict.fromkeys(int(x) for x in np.asarray(d.efc_id)[rows]):
             own = np.asarray(d.efc_pos)[rows[np.asarray(d.efc_id)[rows] == e]]
@@ -233,16 +244,16 @@ class Invariants:
         return ("m",) if int(kind) in (int(kinds.mjEQ_CONNECT), int(kinds.mjEQ_TENDON)) else ()
 
     def _parts(self, e: int, rows: Array) -> dict[str, Array]:
-        """An equality's error by unit, of its rows."""
+        """Error of an equality by unit, from its rows of `efc_pos`."""
         units = self._units(e)
         if self._model.eq_type[e] != self._mujoco.mjtEq.mjEQ_WELD:
             return {unit: rows for unit in units}
         scale = float(self._model.eq_data[e, 10])
-        # The rows of the orientation are the vector part of a quaternion, half of the angle, times the scale.
+        # The rows of the orientation are the vector part of a quaternion (half the angle) times the scale.
         return {"m": rows[:3]} | ({"rad": 2.0 * rows[3:] / scale} if scale > 0 else {})
 
     def _work(self, trace: Trace, e: int, seen: list[_Measured]) -> Array:
-        """Work of the actuators since the start without what their damping takes, (1 + T,) J."""
+        """Work of the actuators since the start, without the loss by their damping, (1 + T,), J."""
         m, done, off = self._model, [0.0], self._mujoco.mjtDisableBit
         if m.nu == 0 or m.opt.disableflags & int(off.mjDSBL_ACTUATION):
             return np.zeros(len(seen))
@@ -259,7 +270,7 @@ class Invariants:
 
 
 def _nominal(study: Study) -> Any:
-    """MuJoCo's model at the nominal point, None where there is none. What MuJoCo does not have, restitution say, no invariant asks for."""
+    """`mujoco.MjModel` at the nominal point; None without one. No invariant depends on fields that MuJoCo lacks, such as restitution."""
     model, compiled = study.loaded
     if compiled is None:
         return None
@@ -269,11 +280,11 @@ def _nominal(study: Study) -> Any:
     return with_fields(require("mujoco", "to measure invariants"), compiled, known)
 
 
-# What a scene has of that which an invariant must not have.
+# Properties of a scene that exclude an invariant.
 
 
 def _inflow(study: Study, m: Any, mujoco: Any) -> str | None:
-    """How energy may come in that is not accounted for; None where it cannot."""
+    """Reason why energy may enter without being accounted for; None if it cannot."""
     kinds = mujoco.mjtGain, mujoco.mjtBias, mujoco.mjtDyn
     plain = [
         m.actuator_gaintype[k] == kinds[0].mjGAIN_FIXED
@@ -289,21 +300,21 @@ def _inflow(study: Study, m: Any, mujoco: Any) -> str | None:
     found = [
         ("the study has actuator pipelines", study.actuators is not None or any(p.kind == "actuator" for p in study.parameters.values())),
         (
-            "work of actuators with activations, delays, muscles, bounds of their force, or on sites and bodies does not follow from "
+            "the work of actuators with activations, delays, muscles, force limits, or on sites and bodies cannot be computed from "
             "positions",
             not all(plain),
         ),
-        ("bounds of the force of joints' actuators take away from it", bool(np.any(m.jnt_actfrclimited)) and m.nu > 0),
-        ("what carries bodies against gravity does work", bool(np.any(m.body_gravcomp != 0))),
+        ("joints limit the force of their actuators (actuatorfrcrange)", bool(np.any(m.jnt_actfrclimited)) and m.nu > 0),
+        ("gravity compensation does work", bool(np.any(m.body_gravcomp != 0))),
         ("wind does work", bool(np.any(m.opt.wind != 0)) and bool(m.opt.density or m.opt.viscosity)),
-        ("surfaces that move do work", bool(np.any(np.asarray(study.loaded[0].geom_surfacevel) != 0))),
-        ("bodies deform", m.nflex > 0),
+        ("moving surfaces do work", bool(np.any(np.asarray(study.loaded[0].geom_surfacevel) != 0))),
+        ("the scene has flexes", m.nflex > 0),
     ]
     return next((words for words, there in found if there), None)
 
 
 def _along_positions(m: Any, mujoco: Any, k: int) -> bool:
-    """Whether an actuator pulls along a hinge, a slide or a tendon, whose length says which way it has gone."""
+    """Whether an actuator acts on a hinge, a slide or a tendon, so that its displacement is a change of length."""
     kinds, joints = mujoco.mjtTrn, mujoco.mjtJoint
     if m.actuator_trntype[k] == kinds.mjTRN_TENDON:
         return True
@@ -313,7 +324,7 @@ def _along_positions(m: Any, mujoco: Any, k: int) -> bool:
 
 
 def _losses(m: Any, mujoco: Any, kinds: list[Invariant]) -> bool:
-    """Whether energy may go out."""
+    """Whether the scene may dissipate energy."""
     touches = {PENETRATION, *LIMITS.values(), *LOOPS.values()} & set(kinds)
     damped = any(np.any(own != 0) for own in (m.dof_damping, m.dof_frictionloss, m.tendon_damping, m.tendon_frictionloss))
     servo = bool(m.nu and np.any(m.actuator_biasprm[:, 2] != 0))
@@ -321,7 +332,7 @@ def _losses(m: Any, mujoco: Any, kinds: list[Invariant]) -> bool:
 
 
 def _outside(study: Study, m: Any, mujoco: Any) -> str | None:
-    """What of the world acts on the bodies; None where nothing does."""
+    """Reason why the world may exert forces on the bodies; None if it cannot."""
     free = int(mujoco.mjtJoint.mjJNT_FREE)
     roots = [b for b in range(1, m.nbody) if m.body_parentid[b] == 0]
     moving = [b for b in roots if m.body_weldid[b] != 0]
@@ -335,12 +346,12 @@ def _outside(study: Study, m: Any, mujoco: Any) -> str | None:
     found = [
         ("some bodies are attached to the world", bool(attached) or not moving),
         ("bodies may touch the world", meets or bool(m.npair)),
-        ("equalities, tendons or mocap bodies may hold them", bool(m.neq or m.ntendon or m.nmocap)),
+        ("equalities, tendons or mocap bodies may exert forces", bool(m.neq or m.ntendon or m.nmocap)),
         ("free joints have damping or friction", held),
         ("actuators may push against the world", any(_on_world(m, mujoco, k) for k in range(m.nu))),
-        ("there is air or water", bool(m.opt.density or m.opt.viscosity)),
+        ("the scene has fluid forces", bool(m.opt.density or m.opt.viscosity)),
         ("gravity is compensated", bool(np.any(m.body_gravcomp != 0))),
-        ("armature of joints is inertia that momentum does not have", bool(np.any(m.dof_armature != 0))),
+        ("armature adds inertia that the momentum does not include", bool(np.any(m.dof_armature != 0))),
     ]
     return next((words for words, there in found if there), None)
 

@@ -1,7 +1,7 @@
-"""Points of a chart: what settings did at a time step, how wrong that was, and where the error comes from, as far as there is time.
+"""Points of a chart: runs of settings at time steps, their errors, and the sources of the errors, within a time budget.
 
-First all settings are run, then the laws of contact are converged, then the runs are solved again with nothing left for the solver. What
-the clock stops has its reason beside it, and what was found before it stays.
+First all settings run. Then a converged run of each law of contact is computed. Last, the runs are repeated with a tight solver tolerance.
+Runs that the budget stops get a note with the reason; earlier results are kept.
 """
 
 from __future__ import annotations
@@ -21,24 +21,33 @@ from stepper.lab.accuracy.candidates import Line
 from stepper.lab.accuracy.closed_form import right_of
 from stepper.lab.accuracy.reference import TIGHT, Reference, converge, patience
 from stepper.lab.accuracy.traces import Distance, Trace, run
-from stepper.lab.study.over_ray import each
+from stepper.lab.study.jobs import each
 from stepper.lab.study.study import Study
 
 Array = NDArray[np.float64]
 TARGET = {"m": 1e-4, "rad": 1e-3}
-"""Uncertainty to which a reference is converged, and up to which time it is known where no horizon is given."""
+"""Target uncertainty of a reference, by unit. Without a horizon, errors count up to the time at which the reference exceeds it."""
 REFERENCE, RUNS, LAWS, SOURCES, INVARIANTS, COSTS = 0.3, 0.55, 0.65, 0.71, 0.77, 1.0
-"""Shares of a budget after which the reference, the runs, the laws, the sources of errors, invariants and costs have to be done."""
+"""Shares of a budget at which the reference, the runs, the laws, the sources of errors, invariants and costs must be finished."""
 
 
 _SLOWER, _LEAST = 10.0, 10.0
-"""How many times as long as the reference's finest run a run may take, and seconds that it may take in any case: what takes longer has
-blown up, as a rule, and has no place on a chart."""
+"""Largest ratio of a run's duration to that of the reference's finest run, and duration that is always allowed, s. Slower runs have usually
+diverged."""
 
 
 @dataclass(frozen=True)
 class Ground:
-    """What all points of a chart are measured against."""
+    """Common basis of all points of a chart.
+
+    Attributes:
+        study: The study.
+        episodes: Numbers of the episodes.
+        distance: Measure of errors.
+        right: Reference, from which errors are measured.
+        most: Largest number of halvings of the time step for converged runs.
+        budget: Time budget.
+    """
 
     study: Study
     episodes: Sequence[int]
@@ -50,14 +59,14 @@ class Ground:
 
 @dataclass(frozen=True)
 class Point:
-    """What settings did at a time step.
+    """Run of settings at a time step, with its errors.
 
     Attributes:
         line: The settings.
-        timestep: s.
-        trace: The run; None where there was no time for it.
-        errors: By name: "total", "solver", "step", "model", (episodes,); NaN where the clock stopped what they need.
-        notes: What has to be said of it.
+        timestep: Time step, s.
+        trace: The run; None if the budget left no time for it.
+        errors: Errors by name: "total", "solver", "step", "model", (episodes,), m or rad; NaN if the budget stopped a run that they need.
+        notes: Remarks.
     """
 
     line: Line
@@ -77,9 +86,10 @@ def reference(
     stage: Stage | None = None,
     tick: Callable[[float], None] | None = None,
 ) -> tuple[Distance, Reference]:
-    """What is right, and how far: up to a horizon, or as far as it is known, and no farther than there was time for.
+    """Reference, and the distance with its horizon.
 
-    A closed form is known to the end.
+    The horizon is the given one, or the time up to which the reference is converged. It is shorter if the budget ended the reference's
+    runs earlier. A closed form is exact to the end.
     """
     law = {"contact": "mujoco"} if study.options.contact == "mujoco" else None
     distance = Distance(unit, horizon or study.seconds)
@@ -88,7 +98,7 @@ def reference(
     if horizon is None or horizon > reached * (1 + 1e-9):
         known = float(np.median(right.known)) if horizon is None else reached
         distance = Distance(unit, min(max(study.hold, known), reached))
-        right = right.judged(distance)
+        right = right.with_distance(distance)
     return distance, right
 
 
@@ -98,7 +108,7 @@ def measure(
     """Runs all lines at all time steps.
 
     Returns:
-        Points; what could not be run at all; and the converged runs of the laws of contact, by a line's label.
+        Points; lines that could not be run, with the reasons; and the converged runs of the laws of contact, by a line's label.
     """
     study = ground.study
     made: dict[int, list[tuple[Trace | None, str]] | str] = {}
@@ -108,12 +118,12 @@ def measure(
     could = {number: own for number, own in sorted(made.items()) if not isinstance(own, str)}
     skipped = [f"{all_lines[number].label}: {own}" for number, own in sorted(made.items()) if isinstance(own, str)]
     laws = _laws(ground, [all_lines[number] for number in could], lambda done: tick("laws of contact", done))
-    wanted = {_solved_key(all_lines[n], dt): (all_lines[n], dt) for n in could for dt in steps if all_lines[n].engine == "stepper"}
+    distinct = {_solved_key(all_lines[n], dt): (all_lines[n], dt) for n in could for dt in steps if all_lines[n].engine == "stepper"}
     solved: dict[str, tuple[Trace | None, str]] = {}
-    jobs = [(*own, 1.0 / (len(wanted) - k)) for k, own in enumerate(wanted.values())]
+    jobs = [(*own, 1.0 / (len(distinct) - k)) for k, own in enumerate(distinct.values())]
     for number, last in each(study, jobs, functools.partial(_solved, ground)):
-        solved[list(wanted)[number]] = last
-        tick("sources of errors", len(solved) / len(wanted))
+        solved[list(distinct)[number]] = last
+        tick("sources of errors", len(solved) / len(distinct))
     points = []
     for number, row in could.items():
         line = all_lines[number]
@@ -124,7 +134,7 @@ def measure(
 
 
 def _laws(ground: Ground, lines: Sequence[Line], tick: Callable[[float], None]) -> dict[str, Reference | str]:
-    """Converged runs of the laws of contact of lines, or why there is none."""
+    """Converged runs of the laws of contact of lines, or the reason why one failed."""
     laws: dict[str, Reference | str] = {ground.study.options.contact: ground.right}
     first = {_law(line): line for line in reversed(lines) if _law(line) not in laws}
     jobs = [(line, 1.0 / (len(first) - k)) for k, line in enumerate(reversed(first.values()))]
@@ -135,22 +145,22 @@ def _laws(ground: Ground, lines: Sequence[Line], tick: Callable[[float], None]) 
 
 
 def _law(line: Line) -> str:
-    """What lines share that have one converged run."""
+    """Key of a line's law of contact: lines with equal keys share a converged run."""
     return line.law if line.engine == "stepper" else json.dumps(line.settings, sort_keys=True)
 
 
 def _solved_key(line: Line, dt: float) -> str:
-    """What lines share that are one run when nothing is left for the solver."""
+    """Key of a line at a time step without solver settings: lines with equal keys share the run with a tight tolerance."""
     return json.dumps({name: own for name, own in line.settings.items() if name not in TIGHT} | {"timestep": dt}, sort_keys=True)
 
 
 def _runs(ground: Ground, steps: Sequence[float], count: int, study: Study, own: tuple[int, Line]) -> list[tuple[Trace | None, str]] | str:
-    """One of so many lines at all time steps, each with what has to be said of it; or why it could not be run."""
+    """Runs of a line at all time steps, each with a note; or the reason why it could not be run."""
     (number, line), stage = own, ground.budget.stage(RUNS)
     made: dict[float, tuple[Trace | None, str]] = {}
     left = (count - number) * len(steps)
     try:
-        # Long time steps first, which take the least time: the others have what they leave.
+        # Long time steps come first. They take the least time, and leave the rest to the others.
         for k, dt in enumerate(sorted(steps, reverse=True)):
             made[dt] = _run(ground, stage.one(1.0 / (left - k)), line.settings | {"timestep": dt}, study)
         return [made[dt] for dt in steps]
@@ -159,7 +169,7 @@ def _runs(ground: Ground, steps: Sequence[float], count: int, study: Study, own:
 
 
 def _solved(ground: Ground, study: Study, own: tuple[Line, float, float]) -> tuple[Trace | None, str]:
-    """A line at a time step with nothing left for the solver, up to the horizon, with a share of the time that is left."""
+    """Run of a line at a time step with a tight solver tolerance, up to the horizon, with a share of the remaining time."""
     line, dt, share = own
     return _run(
         ground, ground.budget.stage(SOURCES).one(share), line.settings | TIGHT | {"timestep": dt}, study, until=ground.distance.horizon
@@ -179,9 +189,9 @@ def _run(ground: Ground, stage: Stage, settings: dict[str, Any], study: Study, u
 
 
 def _converged(ground: Ground, study: Study, own: tuple[Line, float]) -> Reference | str:
-    """The converged run of a line's law, with a share of the time that is left, or why there is none."""
+    """Converged run of a line's law, with a share of the remaining time; or the reason why it failed."""
     line, share = own
-    # Hard contact is converged by one rule for all lines; MuJoCo's law by that of the line, as the study's own may be of hard contact.
+    # Hard contact has one integrator for all lines. MuJoCo's law has that of the line, because the study's may be one of hard contact.
     law = None if line.law == "hard" else {name: own for name, own in line.settings.items() if name != "precision"}
     distance, stage = ground.distance, ground.budget.stage(LAWS)
     if stage.limited and not stage.left:

@@ -1,4 +1,4 @@
-"""What a scene does not need: what nothing uses in the episodes of a study, taken out one by one, and what taking it out changes."""
+"""Removable parts of a scene: parts that a study's episodes do not use, removed one by one, and the effects of removing them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 from stepper._stepper import Model
 from stepper.lab.accuracy.costs import saving
 from stepper.lab.accuracy.traces import Distance, Trace, run
-from stepper.lab.study.over_ray import each
+from stepper.lab.study.jobs import each
 from stepper.lab.study.study import Study
 from stepper.lab.study.touching import Touching, pair_friction, pairs_of_bodies, pairs_that_may_touch, touching
 from stepper.loading import describe
@@ -21,30 +21,29 @@ from stepper.shared.machine import one_core
 
 Description = dict[str, Any]
 _Cut = tuple[str, str, Callable[[Description], None]]
-"""What a scene may do without, why, and what takes it out of a description."""
+"""Removable part: its name, the reason, and the function that removes it from a description."""
 _NO_FRICTION = 1e-9
-"""Ratio of tangential and normal force below which a contact has no friction."""
+"""Ratio of tangential to normal force below which a contact counts as frictionless."""
 _HOLDS = 0.9
-"""Share of its cone that a contact may use for it to be one that never slides."""
+"""Largest share of the friction cone used by a contact that counts as never sliding."""
 _WIDER = 2.0
-"""Ratio of the friction of the check to that in force: what never slides moves as before."""
+"""Factor of the friction in the test of contacts that never slide: their motion must not change."""
 _FAR = 0.01
-"""Share of a joint's range that it keeps from a limit which it does not need."""
+"""Smallest distance to a limit of a joint that does not need it, as a share of its range."""
 
 
 @dataclass(frozen=True)
 class Spare:
-    """What a scene may do without.
+    """Part of a scene that may be removable.
 
     Attributes:
-        what: In words, with numbers.
-        why: What was seen.
-        error: Largest change of all episodes, in the unit of the distance; NaN where it was not taken out.
-        saved: Share of the processor time of a batch, median of rounds; NaN where it was not taken out.
-        least: Lower bound of that.
-        taken: Whether it is out of the smaller model, or of the settings: nothing changes by more than the budget, and it saves time beyond
-            doubt.
-        setting: What does without it, as an argument, where that is no model but a setting.
+        what: Name of the part, with numbers.
+        why: Observation that makes it removable.
+        error: Largest change of all episodes without the part, m or rad; NaN if it was not removed.
+        saved: Saved share of a batch's processor time, median of rounds; NaN if it was not measured.
+        least: Lower bound of `saved`.
+        taken: Whether the smaller model or settings lack the part. The change must be within the budget, and `least` above 0.
+        setting: Argument that removes the part, if that is an option and not a change of the model.
     """
 
     what: str
@@ -58,14 +57,14 @@ class Spare:
 
 @dataclass(frozen=True)
 class Bench:
-    """What a scene is looked at with.
+    """Setup of the measurements: episodes of a study with some settings.
 
     Attributes:
         study: The study.
-        episodes: In which it is looked.
-        settings: With which it is run.
-        distance: That a change is measured by.
-        trace: The episodes with these settings.
+        episodes: Numbers of the episodes.
+        settings: Changed settings, as in `world_of`.
+        distance: Measure of changes.
+        trace: Run of the episodes with these settings.
     """
 
     study: Study
@@ -75,7 +74,7 @@ class Bench:
     trace: Trace
 
     def errors(self, smaller: Sequence[Model], tick: Callable[[float], None]) -> list[float]:
-        """Largest change that each of some smaller models makes; infinite where the drive or a measure reads what is gone."""
+        """Largest change of the motion with each smaller model, m or rad; infinite if the drive or a measure reads a removed part."""
         found: dict[int, float] = {}
         for number, error in each(self.study, smaller, self._error):
             found[number] = error
@@ -89,43 +88,43 @@ class Bench:
             return math.inf
 
     def saved(self, smaller: Model) -> tuple[float, float]:
-        """Share of the time of a batch that a smaller model saves, and its lower bound."""
+        """Saved share of a batch's time with a smaller model, and its lower bound."""
         with one_core():
             return saving((self.study, self.settings), (self._with(smaller), self.settings), self.trace)
 
     def cheaper(self, before: Mapping[str, Any], after: Mapping[str, Any]) -> tuple[float, float, float]:
-        """What changes between two settings beside those of the bench, and the share of the time that the second saves, with its bound."""
+        """Change of the motion between two settings, the share of time that the second saves, and the lower bound of that share."""
         one, other = {**self.settings, **before}, {**self.settings, **after}
         error = float(self.distance(run(self.study, self.episodes, **one), run(self.study, self.episodes, **other)).max())
         with one_core():
             return error, *saving((self.study, one), (self.study, other), self.trace)
 
-    def tried(self, cut: _Cut, smaller: Model, error: float, budget: float) -> Spare:
-        """What taking something out changes and saves."""
+    def spare(self, cut: _Cut, smaller: Model, error: float, budget: float) -> Spare:
+        """Result of removing a part, with the time that it saves."""
         what, why, _ = cut
         saved, least = self.saved(smaller) if math.isfinite(error) else (math.nan, math.nan)
         return Spare(what, why, error, saved, least, error <= budget and least > 0)
 
     def _with(self, smaller: Model) -> Study:
-        # The drive reads its parameters, and nominal values are in force; sensors are ideal here, and may be gone.
+        # The drive reads the parameters. Sensors are ideal and may be removed, so that their parameters are dropped.
         kept = {name: own for name, own in self.study.parameters.items() if own.kind != "sensor"}
         return replace(self.study, model=smaller, parameters=kept, sensors=None)
 
 
 def spares(bench: Bench, budget: float, tick: Callable[[float], None]) -> tuple[list[Spare], Model | None]:
-    """Takes out what the episodes do not use, one by one and then together.
+    """Removes unused parts of a scene, one by one and then together.
 
     Args:
         bench: The study with its episodes.
-        budget: Change that is allowed.
+        budget: Largest allowed change of the motion, m or rad.
         tick: Called with the fraction done.
 
     Returns:
-        What was found; and the smaller model, None where nothing could be taken out.
+        Parts with the effects of their removal, and the smaller model; None if no part can be removed.
     """
     model, compiled = bench.study.loaded
     if compiled is None:
-        why = "the model has no source to take anything out of; give MJCF, URDF or an MjModel"
+        why = "the model has no source from which parts can be removed; give MJCF, URDF or an MjModel"
         return [Spare("nothing", why, math.nan, math.nan, math.nan, False)], None
     seen = touching(bench.study, bench.episodes, **bench.settings)
     found = list(_settings(bench, seen, budget))
@@ -136,7 +135,7 @@ def spares(bench: Bench, budget: float, tick: Callable[[float], None]) -> tuple[
     errors = bench.errors(models, lambda done: tick(0.9 * done))
     taken: list[_Cut] = []
     for own, smaller, error in zip(tries, models, errors, strict=False):
-        found.append(bench.tried(own, smaller, error, budget))
+        found.append(bench.spare(own, smaller, error, budget))
         if found[-1].taken:
             taken.append(own)
     found += [Spare(what, why, error, math.nan, math.nan, False) for (what, why, _), error in zip(wide, errors[len(tries) :], strict=True)]
@@ -144,26 +143,26 @@ def spares(bench: Bench, budget: float, tick: Callable[[float], None]) -> tuple[
         return found, None
     together = _smaller(whole, [cut for _, _, cut in taken])
     (error,) = bench.errors([together], lambda done: tick(0.9 + 0.1 * done))
-    found.append(bench.tried(("all that is taken out, together", "", lambda _: None), together, error, budget))
+    found.append(bench.spare(("all removed parts together", "", lambda _: None), together, error, budget))
     return found, together if found[-1].taken else None
 
 
 def _settings(bench: Bench, seen: Touching, budget: float) -> Iterator[Spare]:
-    """What the settings have and the episodes do not need: 64 bits, and the solver's second tier."""
+    """Settings that the episodes may not need: 64 bits, and the solver's Newton method."""
     own = bench.settings
     bits = own.get("precision", bench.study.precision)
     error, saved, least = bench.cheaper({"precision": "f64"}, {"precision": "f32"})
     fits = error <= budget and least > 0
-    why = "the settings above have 32" if bits == "f32" else "tried in 32"
+    why = "the chosen settings have 32" if bits == "f32" else "measured with 32"
     yield Spare("64 bits", why, error, saved, least, fits and bits == "f32", 'precision="f32"')
     solver = own.get("solver", bench.study.options.solver)
     if solver == "auto" and not seen.newton_steps:
         error, saved, least = bench.cheaper({}, {"solver": "pgs"})
-        yield Spare("the solver's second tier, Newton's method", "no step used it", error, saved, least, False, 'solver="pgs"')
+        yield Spare("the solver's Newton method", "no step used it", error, saved, least, False, 'solver="pgs"')
 
 
 def _smaller(whole: Description, cuts: Sequence[Callable[[Description], None]]) -> Model:
-    # Vertices and the like stay shared: no cut changes them.
+    # Meshes and height fields stay shared, because no cut changes them.
     made = {name: value if name in ("meshes", "height_fields") else copy.deepcopy(value) for name, value in whole.items()}
     for cut in cuts:
         cut(made)
@@ -171,27 +170,27 @@ def _smaller(whole: Description, cuts: Sequence[Callable[[Description], None]]) 
 
 
 def _pairs(model: Model, compiled: Any, seen: Touching, whole: Description) -> list[_Cut]:
-    """Pairs of bodies that may collide and never came near, with the explicit pairs of their geoms; and explicit pairs of the others."""
+    """Pairs of bodies that may collide and never came near, with their explicit pairs; and unused explicit pairs of other bodies."""
     bodies = {pair.geoms: _bodies(model, pair.geoms) for pair in seen.pairs}
     may = pairs_that_may_touch(model, compiled)
     never = sorted(may - set(bodies.values()))
     apart = set(never) | {_ordered(own) for own in whole["excludes"]}
-    # Without its explicit pair, two geoms whose masks meet may collide by those, unless their bodies are excluded: nothing is gained.
+    # Without their explicit pair, geoms with matching masks still collide, unless their bodies are excluded. Removing it saves nothing.
     idle = [geoms for geoms in _explicit(whole) if geoms not in bodies and (_bodies(model, geoms) in apart or not _meet(model, geoms))]
     of_near = [geoms for geoms in idle if _bodies(model, geoms) not in never]
 
     def cut(made: Description) -> None:
         known = {_ordered(own) for own in made["excludes"]}
         made["excludes"] += [list(own) for own in never if own not in known]
-        # No exclusion takes these out.
+        # Exclusions do not apply to explicit pairs.
         _without_pairs(made, set(idle) - set(of_near))
 
     found: list[_Cut] = []
     if never:
-        found.append((f"{len(never)} of {len(may)} pairs of bodies", "no contact of theirs came within reach of a step", cut))
+        found.append((f"{len(never)} of {len(may)} pairs of bodies", "they never came near enough to touch within a step", cut))
     if of_near:
         what = f"{len(of_near)} of {len(whole['pairs'])} explicit pairs of geoms"
-        why = "no contact of theirs came within reach of a step; other geoms of their bodies do, or their bodies are excluded"
+        why = "they never came near enough to touch within a step, unlike other geoms of their bodies; or their bodies are excluded"
         found.append((what, why, lambda made: _without_pairs(made, set(of_near))))
     return found
 
@@ -201,7 +200,7 @@ def _without_pairs(made: Description, gone: set[tuple[int, int]]) -> None:
 
 
 def _explicit(whole: Description) -> dict[tuple[int, int], int]:
-    """Places of the explicit pairs in a description, by their geoms, the lower first."""
+    """Indices of the explicit pairs in a description, by their geoms, the lower index first."""
     return {_ordered(pair["geoms"]): k for k, pair in enumerate(whole["pairs"])}
 
 
@@ -222,11 +221,11 @@ def _ordered(pair: Sequence[int]) -> tuple[int, int]:
 
 
 def _frictionless(model: Model, seen: Touching, whole: Description) -> list[_Cut]:
-    """Friction of geoms, and of explicit pairs, whose contacts use none."""
+    """Friction of geoms and explicit pairs whose contacts have no tangential forces."""
     pressed = {pair.geoms: pair for pair in seen.pairs if pair.impulse > 0}
     idle = {key for key, pair in pressed.items() if pair.used <= _NO_FRICTION and pair.twists <= _NO_FRICTION * pair.peak}
     explicit = _explicit(whole)
-    # Friction of an explicit pair is its own, and none of its geoms'.
+    # An explicit pair has separate friction, which does not depend on its geoms.
     busy = {g for key in pressed.keys() - idle - explicit.keys() for g in key}
     geoms = sorted(g for g in {g for key in idle - explicit.keys() for g in key} - busy if model.geom(g).condim > 1)
     pairs = sorted(k for key, k in explicit.items() if key in idle and whole["pairs"][k]["condim"] > 1)
@@ -238,25 +237,24 @@ def _frictionless(model: Model, seen: Touching, whole: Description) -> list[_Cut
             made["pairs"][k]["condim"] = 1
 
     what = " and ".join(f"{len(own)} {name}" for own, name in ((geoms, "geoms"), (pairs, "explicit pairs of geoms")) if own)
-    return [(f"friction of {what}", "no contact of theirs has a tangential force", cut)] if what else []
+    return [(f"friction of {what}", "none of their contacts has a tangential force", cut)] if what else []
 
 
 def cones(model: Model, seen: Touching, whole: Description) -> list[_Cut]:
-    """Cones of contacts that never slide, which rows of friction without a bound would do for, and what makes them wider.
+    """Friction cones of contacts that never slide, with functions that widen them.
 
-    A contact that stays within its cone moves as it would without one. Whether it does is asked twice: of every contact, how much of its
-    cone it uses; and of the motion, whether a wider cone changes it. Rows without a cone are nothing that a step offers, so nothing is
-    taken out.
+    A contact that stays inside its cone moves as without a bound on friction. There are two tests: the used share of each contact's cone,
+    and the change of the motion with a wider cone. The engine has no friction without a bound, so that nothing is removed.
     """
     pressed = {pair.geoms: pair for pair in seen.pairs if pair.impulse > 0}
     holds = {key for key, pair in pressed.items() if _NO_FRICTION < pair.cone <= _HOLDS and pair.twists <= _NO_FRICTION * pair.peak}
-    # Geoms that slide nowhere: the friction of others is that of their sliding, too.
+    # Geoms without sliding contacts. The friction of a geom affects all its contacts.
     steady = {g for key in holds for g in key} - {g for key in pressed.keys() - holds for g in key}
     explicit = _explicit(whole)
     friction = np.asarray(model.geom_friction, float)
     wide = {k: _WIDER * max(pressed[key].friction for key in holds if k in key) for k in steady}
     raised = np.array([[wide.get(k, own), *rest] for k, (own, *rest) in enumerate(friction.tolist())]).reshape(friction.shape)
-    # Of a pair without a steady geom, or whose friction is that of the other one, the cone stays as it is.
+    # The cone of a pair stays the same if it has no such geom, or takes its friction from the other geom.
     widened = {key for key in holds if key in explicit or pair_friction(model, raised, *key, {}) >= _WIDER * pressed[key].friction}
     if not widened:
         return []
@@ -270,22 +268,22 @@ def cones(model: Model, seen: Touching, whole: Description) -> list[_Cut]:
 
     what = f"cones of {len(widened)} of {len(pressed)} pairs of geoms that touch"
     why = (
-        f"none slides: a contact uses {worst.cone:.0%} of its cone at the most ({' - '.join(worst.names)}, which leaves a margin of "
+        f"none slides: a contact uses at most {worst.cone:.0%} of its cone ({' - '.join(worst.names)}, which leaves a margin of "
         f"{1 - worst.cone:.0%}); the change is that of cones {_WIDER:g} times as wide"
     )
     return [(what, why, wider)]
 
 
 def _limits(model: Model, seen: Touching) -> list[_Cut]:
-    """Limits that no joint came near."""
+    """Limits that their joints never came near."""
     far = []
     for k in range(model.njnt):
         joint = model.joint(k)
         if not joint.limited or joint.nq != 1:
             continue
         low, high = joint.range
-        room = _FAR * (high - low) if np.isfinite(high - low) else _FAR
-        if seen.reach[0, joint.qposadr] > low + room and seen.reach[1, joint.qposadr] < high - room:
+        margin = _FAR * (high - low) if np.isfinite(high - low) else _FAR
+        if seen.reach[0, joint.qposadr] > low + margin and seen.reach[1, joint.qposadr] < high - margin:
             far.append(k)
     if not far:
         return []
@@ -299,7 +297,7 @@ def _limits(model: Model, seen: Touching) -> list[_Cut]:
 
 
 def _sensors(model: Model, seen: Touching) -> list[_Cut]:
-    """Sensors, where neither the drive nor an outcome reads any."""
+    """Sensors, if neither the drive nor an outcome reads any."""
     if not model.sensors or seen.senses:
         return []
 

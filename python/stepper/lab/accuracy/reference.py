@@ -1,15 +1,16 @@
-"""What is right: a run whose time steps are halved until it says how well it is known, by two methods.
+"""Reference of a study: a run that is converged by halving the time step, with an estimate of its uncertainty.
 
-The first method is the midpoint rule, at steps h, h/2, h/4 and so on; the second, at the finest of these steps, is Euler's rule, whose
-errors are of another kind. Three runs give an observed order p = log2(|x(h) - x(h/2)| / |x(h/2) - x(h/4)|), and Richardson's estimate of
-the error of the last, |x(h/2) - x(h/4)| / (2^p - 1), holds where the order is that of the rule in smooth motion. Across impacts, sticking
-and sliding it is not: errors of single impacts add up with any sign, orders wander, and the estimate is then the difference of the last
-two runs itself. Where the two methods differ by more than twice the second one's own difference of two steps, the rest is uncertainty
-too. Euler's rule diverges with stiff damping of light links: then the implicit rule, whose errors are of first order too, is the second
-method.
+The first method is the midpoint rule, with the steps h, h/2, h/4 and so on. Three runs give an observed order,
+p = log2(|x(h) - x(h/2)| / |x(h/2) - x(h/4)|). In smooth motion p is the order of the rule, and Richardson's estimate of the last run's
+error is |x(h/2) - x(h/4)| / (2^p - 1). Across impacts, sticking and sliding the order varies, and the estimate is the difference of the
+last two runs.
 
-A clock may end it: with fewer halvings, without the second method, or with runs that got through the beginning of the episodes alone. What
-is known is then known less well, or not as far, and the words say so.
+The second method checks the first: Euler's rule, at the two finest steps, whose errors are different. If the methods differ by more than
+twice the difference of the second one's two runs, the excess is added to the uncertainty. Euler's rule diverges with stiff damping of light
+links. The implicit rule, also of first order, then replaces it.
+
+A time budget may end the computation early: with fewer halvings, without the second method, or with shorter runs. The uncertainty is then
+larger, or the known time shorter, and `Reference.words` mentions it.
 """
 
 from __future__ import annotations
@@ -31,41 +32,42 @@ from stepper.lab.study.study import Study
 
 Array = NDArray[np.float64]
 _HARD: dict[str, Any] = {"contact": "hard", "integrator": "midpoint"}
-"""The law and the rule of the first method, whatever a study's own options are."""
+"""Law of contact and integrator of the first method, for any options of the study."""
 TIGHT: dict[str, Any] = {"tolerance": 1e-9, "iterations": 200, "precision": "f64"}
-"""Settings with which the solver leaves next to nothing. Rounding of a humanoid's contacts is some 1e-11 m/s: what asks for that sweeps to
-the end in most steps, and takes twenty times as long."""
+"""Settings of a tight solve. Evidence: contacts of a humanoid have rounding errors of about 1e-11 m/s. A tolerance near that uses all
+iterations in most steps and takes twenty times as long."""
 _SECOND = {"euler": "Euler's rule", "implicit": "the implicit rule"}
-"""Rules of the second method: the first one that stays finite and ends in time counts."""
+"""Integrators of the second method. The first one counts that stays finite and finishes in time."""
 _LEAST, _LOOK = 2.0, 1e-4
-"""Seconds that a run may always take, and those of a step for looking at the clock."""
+"""Duration that a run may always take, and time per step to read the clock, s."""
 _SLOWER = 3.0
-"""How many times as long as the first method the second one may take."""
+"""Largest ratio of the second method's duration to the first's."""
 _SHARE = 0.4
-"""Share of what is left of the clock that one run of a reference may take."""
+"""Largest share of the remaining time for one run of a reference."""
 _ROUNDING = 1e-11
-"""m or rad below which differences of two runs are rounding and what the solver leaves."""
+"""Difference of two runs that counts as rounding, m or rad."""
 _SMOOTH = (1.6, 2.6)
-"""Observed orders of the midpoint rule that are taken for those of smooth motion."""
+"""Range of observed orders of the midpoint rule in smooth motion."""
 
 
 @dataclass(frozen=True)
 class Reference:
-    """A run that is taken for right, and how well it is known.
+    """Converged run, from which errors are measured, and its uncertainty.
 
     Attributes:
-        runs: The three finest runs of the first method, the finest last; two, or one of which nothing is known, where the clock ended it.
-        second: Runs of the second method at the two finest steps; none where it does not apply.
-        target: Uncertainty that was asked for.
-        uncertainty: Of every episode up to the horizon, in the unit of the distance: (episodes,).
-        orders: Observed in every episode: (episodes,); NaN where a difference is rounding.
-        extrapolates: Whether Richardson's estimate holds, of every episode: (episodes,).
-        methods: Distance of the two methods, (episodes,); NaN with one method.
-        known: Time up to which the last two runs of every episode differ by no more than the target, s: (episodes,).
-        stopped: Whether the clock ended it, and not the target.
-        rule: Of the second method, in words.
-        without: Rules that could not be the second method, since they diverge or take too long.
-        exact: Name of the closed form that the only run is of; none of a run that is converged.
+        runs: The three finest runs of the first method, the finest last. Fewer if the time budget ended; a single run has no uncertainty
+            estimate.
+        second: Runs of the second method at the two finest steps; empty if it does not apply.
+        target: Target of the uncertainty, m or rad.
+        uncertainty: Uncertainty of every episode up to the horizon, (episodes,), m or rad.
+        orders: Observed order of every episode, (episodes,); NaN if a difference is rounding.
+        extrapolates: Whether Richardson's estimate applies to each episode, (episodes,).
+        methods: Distance of the two methods, (episodes,), m or rad; NaN with one method.
+        known: Time up to which the last two runs of an episode differ by no more than the target, (episodes,), s.
+        stopped: Whether the time budget ended the halving before the target was reached.
+        rule: Name of the second method.
+        without: Names of integrators that diverge or take too long for the second method.
+        exact: Name of the closed form; empty for converged runs.
     """
 
     runs: tuple[Trace, ...]
@@ -83,40 +85,40 @@ class Reference:
 
     @property
     def trace(self) -> Trace:
-        """The finest run."""
+        """Finest run."""
         return self.runs[-1]
 
     @property
     def timestep(self) -> float:
-        """Of the finest run, s."""
+        """Time step of the finest run, s."""
         return self.trace.timestep
 
-    def judged(self, distance: Distance) -> Reference:
-        """The same runs by another distance, up to another horizon."""
+    def with_distance(self, distance: Distance) -> Reference:
+        """Reference of the same runs, with its uncertainty by another distance or up to another horizon."""
         if self.exact:
             return self
-        found = _judged(self.runs, self.second, distance, self.target)
+        found = _assessed(self.runs, self.second, distance, self.target)
         return replace(found, stopped=self.stopped, rule=self.rule, without=self.without)
 
     @property
     def words(self) -> str:
-        """What it is, in a sentence or two."""
+        """Description for people: time step, order, second method and uncertainty."""
         if self.exact:
             return f"the closed form {self.exact}"
         smooth, n = int(self.extrapolates.sum()), len(self.extrapolates)
         orders = self.orders[np.isfinite(self.orders)]
         told = [f"time steps halved to {1e6 * self.timestep:.4g} us", f"observed order {np.median(orders):.1f}" if len(orders) else ""]
         if self.stopped:
-            told.append(f"no further, as the clock stopped it at {self.trace.reached:.3g} s of simulated time")
+            told.append(f"stopped by the time budget at {self.trace.reached:.3g} s of simulated time")
         if len(self.runs) == 1:
-            told.append("a single run, of which nothing is known")
+            told.append("a single run, without an estimate of its uncertainty")
         if smooth < n:
             told.append(
                 f"no extrapolation in {n - smooth} of {n} episodes, whose orders are not those of smooth motion (impacts, sticking)"
             )
         if self.without:
             alone = "" if self.second else ", and there is no other method"
-            told.append(f"{' and '.join(self.without)} cannot judge it, diverging or taking more than {_SLOWER:g} times as long{alone}")
+            told.append(f"{' and '.join(self.without)} cannot check it, diverging or taking more than {_SLOWER:g} times as long{alone}")
         if np.isfinite(self.methods).all():
             told.append(f"{self.rule} is {np.median(self.methods):.1e} away")
         told.append(f"uncertainty {np.median(self.uncertainty):.1e} (median), {self.uncertainty.max():.1e} (largest)")
@@ -124,20 +126,20 @@ class Reference:
 
 
 def patience(study: Study, of: Trace, timestep: float, *, slower: float = _SLOWER, least: float = _LEAST) -> float:
-    """Seconds that a run may take beside one that is there: a motion that blew up takes as many iterations as there may be at every step.
+    """Duration after which a run is stopped, s. Runs that diverge use all iterations in every step and take much longer than others.
 
     Args:
         study: The study.
-        of: The run that is there, which a good one need not be much slower than.
-        timestep: Of the run, s.
-        slower: How many times as long it may take.
-        least: Seconds that it may take in any case.
+        of: Comparable run.
+        timestep: Time step of the new run, s.
+        slower: Largest ratio of the durations.
+        least: Duration that is always allowed, s.
     """
     return max(least, slower * of.spent) + _LOOK * study.seconds / timestep
 
 
 def check_moves(study: Study) -> Study:
-    """The study; ValueError for a model without joints, whose error is nothing whatever the settings."""
+    """Checks that a study's model has joints: without any, all errors would be zero. Returns the study."""
     model = study.loaded[0]
     if model.nv == 0:
         raise ValueError(f"{model.name or study.name} has no joints, so that nothing moves: give it some, as <freejoint/> to what flies")
@@ -157,22 +159,22 @@ def converge(
     until: float = math.inf,
     stage: Stage | None = None,
 ) -> Reference:
-    """Converges a run: halves the time step until every episode is known to a target, or often enough, or as long as there is time.
+    """Converges a run: halves the time step until the uncertainty of every episode reaches a target.
 
     Args:
         study: The study.
-        episodes: Their numbers.
-        distance: Of two runs.
-        target: Uncertainty that is asked for, in the unit of the distance; it decides `Reference.known` too.
-        most: Halvings of the study's time step at the most, at least 2.
+        episodes: Numbers of the episodes.
+        distance: Measure of the difference of two runs.
+        target: Target of the uncertainty, m or rad, which also defines `Reference.known`.
+        most: Largest number of halvings of the study's time step, at least 2.
         setting: Name of the settings.
-        law: Settings in place of hard contact by the midpoint rule; MuJoCo's, say, which Euler's rule does not judge.
+        law: Settings in place of hard contact with the midpoint rule, for example those of MuJoCo's law. They have no second method.
         tick: Called with the fraction done.
-        until: Simulated time up to which it is run, s.
-        stage: When it has to be done; None is never.
+        until: Simulated time of the runs, s.
+        stage: Stage of the time budget; None is no bound.
 
     Raises:
-        ValueError: The clock stopped the first run within its first control.
+        ValueError: The budget ended the first run within its first control period.
     """
     base, stage = _HARD if law is None else law, stage or Stage()
     tight = TIGHT if base.get("engine", "stepper") == "stepper" else {}
@@ -180,7 +182,7 @@ def converge(
     runs: list[Trace] = []
     stopped = False
     for k in range(most + 1):
-        # A run takes twice the one before it, and the second method runs at the two finest steps.
+        # A run takes twice as long as the one before it, and the second method repeats the two finest.
         need = 0.0 if not runs else runs[-1].spent * (2.0 if law is not None else 5.0)
         if stopped := bool(stage.limited and len(runs) >= 2 and need > stage.left):
             break
@@ -190,17 +192,17 @@ def converge(
         last = run(study, episodes, setting, **settings, until=until, stage=stage.one(_SHARE), tick=told)
         if stopped := last.stopped:
             if len(runs) < 2 and len(last.time):
-                # Better the beginning of the episodes than nothing.
+                # A reference of the beginning of the episodes.
                 runs, until = [*runs, last], last.reached
                 continue
             break
         runs = [*runs[-2:], last]
-        if len(runs) == 3 and _judged(runs, (), distance, target).uncertainty.max() <= target:
+        if len(runs) == 3 and _assessed(runs, (), distance, target).uncertainty.max() <= target:
             break
     if not runs:
         raise ValueError(
-            f"the first control ({study.hold:g} s) of what is right was not done in {_SHARE:.0%} of the time for it: give it more with "
-            "--budget (budget=), or fewer --episodes"
+            f"the budget is too short for a reference: its first control period ({study.hold:g} s) took more than {_SHARE:.0%} of the "
+            "time for it; give more time with --budget (budget=), or fewer --episodes"
         )
     second: list[Trace] = []
     rule, without = _SECOND["euler"], list[str]()
@@ -211,18 +213,18 @@ def converge(
             break
         sound = made is not None and _sound(made, runs)
         if made is not None and (sound or not second):
-            # Of rules that end, one that diverges where the first method does not is better than none: then nothing is known.
+            # A rule that diverges where the first method does not still counts: the uncertainty is then infinite.
             second, rule = made, name
         if sound:
             break
         without.append(name)
     if tick:
         tick(1.0)
-    return replace(_judged(runs, second, distance, target), stopped=stopped, rule=rule, without=tuple(without))
+    return replace(_assessed(runs, second, distance, target), stopped=stopped, rule=rule, without=tuple(without))
 
 
 def _by(integrator: str, runs: Sequence[Trace], again: Callable[..., Trace], stage: Stage, study: Study) -> list[Trace] | None:
-    """Runs by another rule at the time steps of some; None where one takes far longer, or the clock ends it."""
+    """Runs with another integrator at the time steps of given runs; None if one takes far longer or the budget ends."""
     made: list[Trace] = []
     for of in runs:
         settings = _HARD | TIGHT | {"integrator": integrator, "timestep": of.timestep}
@@ -233,12 +235,12 @@ def _by(integrator: str, runs: Sequence[Trace], again: Callable[..., Trace], sta
 
 
 def _sound(second: Sequence[Trace], runs: Sequence[Trace]) -> bool:
-    """Whether the second method is finite wherever the first one is."""
+    """Whether the second method is finite in all episodes in which the first is."""
     return all(bool((own.finite | ~of.finite).all()) for own, of in zip(second, runs[-2:], strict=True))
 
 
-def _judged(runs: Sequence[Trace], second: Sequence[Trace], distance: Distance, target: float) -> Reference:
-    """How well the last of up to three runs is known."""
+def _assessed(runs: Sequence[Trace], second: Sequence[Trace], distance: Distance, target: float) -> Reference:
+    """Reference of up to three runs, with the uncertainty of the last."""
     nothing = np.full(len(runs[-1].qpos), np.nan)
     one = distance(runs[-3], runs[-2]) if len(runs) == 3 else nothing
     two = distance(runs[-2], runs[-1]) if len(runs) > 1 else np.full(len(nothing), np.inf)
@@ -251,10 +253,10 @@ def _judged(runs: Sequence[Trace], second: Sequence[Trace], distance: Distance, 
     methods = nothing.copy()
     if len(second) == 2:
         methods = distance(runs[-1], second[-1])
-        # Of a rule of first order the last difference is the error; across impacts it can be twice that.
+        # The error of a first-order rule is about its last difference; across impacts it can be twice that.
         with np.errstate(invalid="ignore"):
             own = np.maximum(own, methods - 2.0 * distance(second[0], second[1]))
-    # Infinite less infinite, and a run that the clock stopped before the horizon: nothing is known.
+    # NaN comes from infinite distances, or from a run that was stopped before the horizon: the uncertainty is infinite.
     own = np.where(np.isnan(own), np.inf, own)
     if len(runs) == 1:
         return Reference(tuple(runs), tuple(second), target, own, orders, smooth, methods, np.zeros(len(own)))

@@ -1,4 +1,4 @@
-"""What a chart says and writes: its document, its table, and the numbers of every episode."""
+"""Files of a chart: its document, its table, and the numbers of every episode."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ from stepper.shared.machine import package_version, provenance
 
 @dataclass(frozen=True)
 class Found:
-    """All that a chart has found.
+    """Data of a chart.
 
     Attributes:
-        ground: What points are measured against.
-        points: What every settings did at every time step.
-        dots: The same in numbers.
-        skipped: What could not be run, with the reason.
+        ground: Study, reference and budget.
+        points: Runs of all settings at all time steps.
+        dots: Numbers of these runs.
+        skipped: Settings that could not be run, with the reasons.
         laws: Converged runs of the laws of contact, by a label.
-        invariants: What the scene keeps.
+        invariants: Invariants of the scene.
     """
 
     ground: Ground
@@ -100,9 +100,12 @@ def _sections(found: Found, picture: Path, later: Path | None) -> list[Section]:
 
     fronts = [dot for dot in dots if id(dot) in best]
     return [
-        Section("What it shows", _words(found), picture=picture),
+        Section("Error against cost", _words(found), picture=picture),
         Section(
-            "Pareto fronts", ["Nothing else is cheaper, alone or in a batch, and more accurate."], (*head, *more), list(map(row, fronts))
+            "Pareto fronts",
+            ["Points to which no other is both cheaper, alone or in a batch, and more accurate."],
+            (*head, *more),
+            list(map(row, fronts)),
         ),
         Section("All points", [], (*head, *more), list(map(row, dots))),
         _kept(found, later),
@@ -122,19 +125,19 @@ def _words(found: Found) -> list[str]:
         + (
             ""
             if right.exact
-            else f" Up to {np.median(right.known):.3g} s (median; {right.known.min():.3g} s at least) its last two runs are one to "
-            f"{TARGET[unit]:g} {unit}; later no single motion is right, and invariants and outcomes are what can be compared."
+            else f" Its last two runs agree to {TARGET[unit]:g} {unit} up to {np.median(right.known):.3g} s (median; at least "
+            f"{right.known.min():.3g} s). Later, compare invariants and outcomes instead of single motions."
         ),
         f"Costs are processor time of one core: microseconds for a simulated second of one environment, alone and of {BATCH} in a "
         "batch, with recorded controls. MuJoCo and rapier step one environment after the other in both.",
-        "solver: what the solver left and rounding, from the same run solved to 1e-9 m/s in 64 bits. step: that run from the "
-        "converged one of its law of contact. model: that one from the reference (softness, friction cone): hard contact is what is "
-        "right here, unless the study's options have MuJoCo's law."
+        "The error has three parts. solver: distance from the same run solved to 1e-9 m/s in 64 bits. step: distance of that run from "
+        "the converged run with its law of contact. model: distance of that converged run from the reference (softness, friction cone). "
+        "The reference has hard contact, unless the study's options have MuJoCo's law."
         + (f" Uncertainty of the converged runs, {unit} (median): {'; '.join(laws)}." if laws else ""),
     ]
     if math.isfinite(ground.budget.seconds):
         words.append(
-            f"All of it had {ground.budget.seconds:g} s by the clock. "
+            f"The budget was {ground.budget.seconds:g} s of wall-clock time. "
             + (f"{stopped} of {len(found.dots)} rows have a note on what was stopped or not finite." if stopped else "Nothing was stopped.")
         )
     return [*words, *(f"Not run: {reason}." for reason in found.skipped)]
@@ -143,8 +146,8 @@ def _words(found: Found) -> list[str]:
 def _kept(found: Found, picture: Path | None) -> Section:
     kinds, left = [kind.label for kind in found.invariants.kinds], found.invariants.left_out
     words = [
-        "What a right motion keeps however chaotic it is: largest errors of all episodes, after every control and to their end, computed "
-        "from positions and velocities in the same way for all engines. docs/reference/studies.md has the definitions."
+        "Errors of laws that every correct motion satisfies, also a chaotic one: the largest of all episodes, after every control period, "
+        "computed from positions and velocities in the same way for all engines. docs/reference/studies.md has the definitions."
         if kinds
         else "The scene has none."
     ]
@@ -157,14 +160,14 @@ def _distributions(found: Found) -> Section:
     study, right = found.ground.study, found.ground.right
     title = "Distributions of outcomes"
     if not study.all_outcomes:
-        return Section(title, ["Left out: the study has no outcome. Give it one, and chances can be compared where motions cannot."])
+        return Section(title, ["Left out: the study has no outcome. Give it one to compare outcomes where motions are chaotic."])
     if right.trace.stopped:
         return Section(title, [f"Left out: the clock stopped the converged runs at {right.trace.reached:.3g} of {study.seconds:g} s."])
     count = counted(len(right.uncertainty), "episode")
     words = [
-        f"By how much a mean, or the share of successes, differs from that of the converged runs, over {count}, with the interval that has "
-        "the difference with 95 %: Student's of pairs, and Newcombe's of two shares. Where it has 0, these episodes do not tell settings "
-        "from the reference; --episodes makes it narrower."
+        f"Differences of means, and of shares of successes, from those of the converged runs, over {count}, with 95 % intervals (Student's "
+        "for pairs, Newcombe's for shares). If the interval contains 0, these episodes do not distinguish the settings from the reference; "
+        "more --episodes make it narrower."
     ]
     rows = [
         [dot.label, 1e3 * dot.timestep, *(shift.words for shift in dot.shifts), "; ".join(dot.notes)] for dot in found.dots if dot.shifts

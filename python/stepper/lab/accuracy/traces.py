@@ -1,7 +1,7 @@
-"""Runs of a study's episodes with some settings: where every body is after every control, and how far two runs are apart.
+"""Runs of a study's episodes: positions of all bodies after every control period, and distances between runs.
 
-A run has an end that a clock may set: what it saw until then is a trace of its own, shorter than the others. An episode is over for good
-where its state is not finite: what engines do with it then (stepper holds the last finite state, MuJoCo starts anew) is no motion.
+A time budget may end a run, whose trace is then shorter. An episode ends when its state is not finite. What engines do afterwards is not
+recorded: stepper keeps the last finite state, MuJoCo resets.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from stepper.lab.accuracy.budget import Stage
 from stepper.lab.study.batches import running, world_of
+from stepper.lab.study.jobs import each
 from stepper.lab.study.outcomes import Watch
-from stepper.lab.study.over_ray import each
 from stepper.lab.study.points import USUAL
 from stepper.lab.study.study import Study
 from stepper.lab.study.worlds import StepperWorld, World
@@ -34,25 +34,25 @@ _UNITS |= {"deg": ("rad", np.pi / 180), "s": ("s", 1.0), "ms": ("s", 1e-3)}
 
 @dataclass(frozen=True)
 class Trace:
-    """Episodes of one run.
+    """Record of the episodes of one run.
 
     Attributes:
-        time: After every control, s: (T,). Fewer controls than the study has, where the run was stopped.
-        points: Positions of bodies, geoms and sites, (T, episodes, nbody + ngeom + nsite, 3) in m; NaN from where an episode is not finite.
-        xquat: Orientations of the bodies, (T, episodes, nbody, 4).
-        ctrl: Controls, (T, episodes, nu); NaN where those in force were held.
-        applied: Forces and torques on the bodies, (T, episodes, nbody, 6).
-        qpos: Where episodes start, (episodes, nq).
-        qvel: How fast, (episodes, nv).
-        path: Configurations over time, (T, episodes, nq), and velocities, (T, episodes, nv); NaN as points.
-        finite: Whether an episode was finite to the end of the run: (episodes,).
-        outcomes: By name, (episodes,); NaN where the run was stopped, and of what is not finite.
-        depth: Deepest overlap, m: (episodes,).
-        residual: Largest one, m/s; NaN in MuJoCo: (episodes,).
-        settings: In force.
-        timestep: s.
-        spent: Seconds that it took.
-        stopped: Whether the clock stopped it.
+        time: Times after the control periods, (T,), s. Fewer than the study's control periods if the run was stopped.
+        points: Positions of bodies, geoms and sites, (T, episodes, nbody + ngeom + nsite, 3), m; NaN after an episode was not finite.
+        xquat: Orientations of the bodies, (T, episodes, nbody, 4), quaternions (w, x, y, z).
+        ctrl: Controls, (T, episodes, nu); NaN where the drive held the ones before.
+        applied: Forces (N) and torques (N m) on the bodies, (T, episodes, nbody, 6).
+        qpos: Initial positions, (episodes, nq), m and rad.
+        qvel: Initial velocities, (episodes, nv), m/s and rad/s.
+        path: Positions over time, (T, episodes, nq), m and rad, and velocities, (T, episodes, nv), m/s and rad/s; NaN as `points`.
+        finite: Whether each episode was finite to the end of the run, (episodes,).
+        outcomes: Outcomes by name, (episodes,); NaN if the run was stopped or is not finite.
+        depth: Deepest overlap, (episodes,), m.
+        residual: Largest residual, (episodes,), m/s; NaN in MuJoCo.
+        settings: Settings of the engine.
+        timestep: Time step, s.
+        spent: Duration of the run, s.
+        stopped: Whether the time budget stopped the run.
     """
 
     time: Array
@@ -74,7 +74,7 @@ class Trace:
 
     @property
     def reached(self) -> float:
-        """Simulated time that the run got to, s."""
+        """Simulated time at the end of the run, s."""
         return float(self.time[-1]) if len(self.time) else 0.0
 
 
@@ -88,16 +88,16 @@ def run(
     tick: Callable[[float], None] | None = None,
     **changed: Any,
 ) -> Trace:
-    """Runs episodes of the nominal point with ideal sensors, whose errors would depend on the time step.
+    """Runs episodes at the nominal point. Sensors are ideal, because sensor errors would depend on the time step.
 
     Args:
         study: The study.
-        episodes: Their numbers.
+        episodes: Numbers of the episodes.
         setting: Name of the settings.
-        until: Simulated time after which nothing more is asked for, s; outcomes are NaN where that is before the end of an episode.
-        stage: When it has to stop; None is never. It stops between steps, in MuJoCo and rapier between controls.
-        tick: Called with the fraction done after every control.
-        **changed: As of `world_of`.
+        until: Simulated time of the run, s; outcomes are NaN if it is shorter than an episode.
+        stage: Stage of the time budget; None is no bound. A run stops between steps, in MuJoCo and rapier between control periods.
+        tick: Called with the fraction done after every control period.
+        **changed: Changed settings, as in `world_of`.
     """
     begun, stage = time.time(), stage or Stage()
     world = world_of(study, setting, [study.nominal] * len(episodes), **(changed | {"sensors": None}))
@@ -117,7 +117,7 @@ def run(
 
 
 class Seen:
-    """What a run has seen so far."""
+    """Recorder of a run's trace."""
 
     def __init__(self, study: Study, world: World):
         self._study, self._nu = study, world.model.nu
@@ -127,7 +127,7 @@ class Seen:
         self._watch: Watch | None = None
 
     def look(self, now: World) -> None:
-        """Takes in the start, and then what follows every control."""
+        """Records the start, and at later calls the state after a control period."""
         if self._watch is None or self._start is None:
             self._start, self._watch = (now.qpos.copy(), now.qvel.copy()), Watch(tuple(self._study.all_outcomes), now)
             return
@@ -143,14 +143,14 @@ class Seen:
             array[lost] = np.nan
         self.rows.append((float(now.time[0]), shown, held, np.array(now.xfrc_applied, float)))
         if lost.any() and isinstance(now, StepperWorld):
-            # A state that is not finite, and one that is about to be, take as many iterations as there may be, step after step.
+            # Diverged environments are reset, because they would use all iterations in every step.
             now.sim.reset(lost, qpos=self._start[0], qvel=self._start[1])
 
     def trace(self, world: World, controls: int, spent: float) -> Trace:
-        """All of it; what is not finite to the end, or not seen to the end, has no outcome."""
+        """Trace of the run. Episodes that are not finite, or were not run to their end, have no outcome."""
         assert self._start is not None
         assert self._watch is not None
-        told, model, count = world.certificate(), world.model, len(self.rows)
+        worst, model, count = world.certificate(), world.model, len(self.rows)
         shapes = ((model.nbody + model.ngeom + model.nsite, 3), (model.nbody, 4), (model.nq,), (model.nv,))
         over = [np.array([row[1][k] for row in self.rows], float).reshape(count, world.num_envs, *shape) for k, shape in enumerate(shapes)]
         lost = ~self.finite if count == self._study.controls else np.ones(world.num_envs, np.bool_)
@@ -165,8 +165,8 @@ class Seen:
             path=(over[2], over[3]),
             finite=self.finite,
             outcomes={name: np.where(lost, np.nan, value) for name, value in self._watch.values(world).items()},
-            depth=told["max_penetration"],
-            residual=told["residual"],
+            depth=worst["max_penetration"],
+            residual=worst["residual"],
             settings=world.settings(),
             timestep=world.timestep,
             spent=spent,
@@ -181,13 +181,13 @@ def runs(
     patience: Sequence[float],
     tick: Callable[[float], None] | None = None,
 ) -> list[Trace]:
-    """Runs of the same episodes with several settings, over Ray where the study says so.
+    """Runs of the same episodes with several settings, on Ray if `study.ray` is set.
 
     Args:
         study: The study.
-        episodes: Their numbers.
-        settings: As of `world_of`, of every run.
-        patience: Seconds after which each is stopped.
+        episodes: Numbers of the episodes.
+        settings: Changed settings of each run, as in `world_of`.
+        patience: Duration after which each run is stopped, s.
         tick: Called with the fraction done.
     """
     made: dict[int, Trace] = {}
@@ -204,36 +204,39 @@ def _one(episodes: Sequence[int], study: Study, own: tuple[Mapping[str, Any], fl
 
 
 def _points(now: World) -> Array:
-    # Origins of bodies alone would not see a link that turns about its own: geoms and sites are farther out.
+    # The origin of a body does not move when the body turns about it; geoms and sites do.
     return np.concatenate([now.xpos, now.geom_xpos, now.site_xpos], axis=1)
 
 
 @dataclass(frozen=True)
 class Distance:
-    """How far two runs are apart: the largest distance of a body, geom or site, in m, or angle of a body, in rad, up to a horizon.
+    """Distance of two runs: the largest distance of a body, geom or site (m), or the largest angle of a body (rad), up to a horizon.
 
     Attributes:
         unit: "m" or "rad".
-        horizon: s.
+        horizon: Simulated time up to which differences count, s.
     """
 
     unit: str
     horizon: float
 
     def over_time(self, one: Trace, other: Trace) -> Array:
-        """Largest so far, after every control that both have seen: (T, episodes); infinite where a run is not finite."""
+        """Largest difference so far after every control period of both runs, (T, episodes), m or rad; infinite if a run is not finite."""
         seen = min(len(one.time), len(other.time))
         if self.unit == "m":
             apart = np.linalg.norm(one.points[:seen] - other.points[:seen], axis=3)
         else:
-            # By the vector part of the difference: 1 - cos loses half of the digits.
+            # From the vector part of the difference, because 1 - cos loses half of the digits.
             product = _between(one.xquat[:seen], other.xquat[:seen])
             apart = 2.0 * np.arctan2(np.linalg.norm(product[..., 1:], axis=3), np.abs(product[..., 0]))
         far: Array = np.where(np.isfinite(apart), apart, np.inf).max(axis=2)
         return np.maximum.accumulate(far, axis=0)
 
     def __call__(self, one: Trace, other: Trace) -> Array:
-        """Largest up to the horizon, (episodes,); NaN where the clock stopped a run before it, and infinite where that was not finite."""
+        """Largest difference up to the horizon, (episodes,), m or rad.
+
+        It is NaN if a run was stopped before the horizon, and infinite if a run is not finite.
+        """
         short, long = sorted((one, other), key=lambda trace: len(trace.time))
         last = max(1, int(np.searchsorted(long.time, self.horizon * (1 + 1e-9), side="right")))
         far = self.over_time(one, other)
@@ -244,22 +247,22 @@ class Distance:
 
 
 def _between(a: Array, b: Array) -> Array:
-    """conj(a) b of unit quaternions (w, x, y, z)."""
+    """Product conj(a) b of unit quaternions (w, x, y, z), (..., 4)."""
     w, v = a[..., :1], -a[..., 1:]
     x, u = b[..., :1], b[..., 1:]
     return np.concatenate([w * x - (v * u).sum(axis=-1, keepdims=True), w * u + x * v + np.cross(v, u)], axis=-1)
 
 
 def quantity(given: str | float, *, name: str, units: Sequence[str]) -> tuple[float, str]:
-    """A number with its unit, e.g. "1 mm": (1e-3, "m"). A plain number is of the base unit, where there is one alone.
+    """Value in a base unit, and that unit, from a text such as "1 mm", which gives (1e-3, "m").
 
     Args:
-        given: The words, or the number.
-        name: What errors call it.
-        units: Base units that it may have: of "m", "rad", "s".
+        given: Text, or a number if there is only one base unit.
+        name: Name of the argument in errors.
+        units: Allowed base units, of "m", "rad", "s".
 
     Raises:
-        ValueError: It is none.
+        ValueError: The text has another form or unit, or the number is not positive.
     """
     known = [unit for unit, (base, _) in _UNITS.items() if base in units]
     if isinstance(given, int | float | np.number) and not isinstance(given, bool) and len(units) == 1:

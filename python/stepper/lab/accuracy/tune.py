@@ -1,4 +1,4 @@
-"""The cheapest settings that keep an error budget, proved on episodes that had no part in the choice; and what the scene does not need."""
+"""Tuning: the cheapest settings within an error budget, tested on held-out episodes, and removable parts of the scene."""
 
 from __future__ import annotations
 
@@ -28,37 +28,37 @@ from stepper.lab.progress import Tick
 from stepper.lab.study.batches import steps_of
 from stepper.lab.study.document import Document, Section, check_pages, counted
 from stepper.lab.study.intervals import least_share, trials_for
-from stepper.lab.study.over_ray import each
+from stepper.lab.study.jobs import each
 from stepper.lab.study.study import Study
 from stepper.shared.machine import one_core, provenance
 
 Array = NDArray[np.float64]
 _KNOWN = 0.1
-"""Share of the budget to which the reference is converged."""
+"""Uncertainty of the reference, as a share of the error budget."""
 _BETTER = 0.8
-"""Error of the next candidate at the most, over that of one that failed on held-out episodes."""
+"""Largest ratio of the next candidate's error to that of a candidate that failed on held-out episodes."""
 
 _BETWEEN = 3
-"""Rounds in which time steps are tried between the longest that keeps the budget and the next one."""
+"""Number of rounds of bisection between the longest time step within the budget and the next longer one."""
 _NEAR = 1.25
-"""Ratio of costs up to which candidates are timed again beside the cheapest."""
+"""Cost relative to the cheapest up to which candidates are timed a second time."""
 OWN = "the study's own"
-"""Name of a study's own settings among candidates."""
+"""Name of a study's settings among candidates."""
 _PART = 16
-"""Held-out episodes that are stepped together, here or as a task of Ray."""
+"""Number of held-out episodes that are stepped together, in this process or as a task of Ray."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """Settings that were tried.
+    """Candidate settings, with their error and cost.
 
     Attributes:
-        settings: As of `Study.settings`, with the time step.
-        name: In a few words.
-        error: Largest of the episodes that it was chosen by, the reference's uncertainty included; infinite where one diverged, or where
-            the run was stopped, as it took far longer than what is right.
-        alone: Microseconds of one core for a simulated second of one environment, stepped alone; NaN where the error is above the budget.
-        batch: The same in a batch.
+        settings: Changed settings, as in `Study.settings`, with the time step.
+        name: Name of the settings.
+        error: Largest error of the training episodes plus the reference's uncertainty, m or rad. Infinite if an episode diverged or the
+            run was stopped because it took far longer than the reference.
+        alone: Microseconds of one core for a simulated second of one environment, stepped alone; NaN if the error exceeds the budget.
+        batch: Microseconds of one core for a simulated second of one environment, stepped in a batch; NaN likewise.
         stopped: Whether the run was stopped.
     """
 
@@ -72,16 +72,16 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Trial:
-    """A candidate on episodes that had no part in its choice.
+    """Test of a candidate on held-out episodes, which were not used to choose it.
 
     Attributes:
-        candidate: Which.
-        episodes: How many that differ from one another and from all before them; others prove nothing.
-        held: In how many the error, with the reference's uncertainty, is within the budget.
-        unknown: In how many the reference itself is not known to half the budget; they do not count as held.
-        worst: Largest error.
-        share: Share of episodes that hold with the confidence.
-        confidence: Of that: of the first trial half the doubt that is allowed, of each further one half of what is left.
+        candidate: The candidate.
+        episodes: Number of distinct episodes; repeated ones prove nothing.
+        held: Number of episodes whose error plus the reference's uncertainty is within the budget.
+        unknown: Number of episodes whose reference is uncertain by more than half the budget; they count as failures.
+        worst: Largest error, m or rad.
+        share: Lower bound of the share of episodes within the budget.
+        confidence: Confidence of that bound. The first trial uses half of the allowed doubt, each further trial half of the rest.
     """
 
     candidate: Candidate
@@ -95,22 +95,22 @@ class Trial:
 
 @dataclass(frozen=True)
 class Tuning:
-    """What was found.
+    """Result of a tuning.
 
     Attributes:
-        study: What was tuned.
-        budget: Allowed error, in the unit of the distance.
-        distance: What errors are.
-        chosen: The cheapest settings that keep the budget and were proved; None where none do.
-        options: What to give to `stepper.Stepper`; None likewise.
-        precision: Likewise.
-        usual: What the study has by itself.
-        candidates: All, the study's own among them, those within the budget first, by cost.
-        trials: Of the candidates that were chosen, in their order.
-        spare: What the scene does not need.
-        smaller: The model without it; None where nothing was taken out.
-        document: In words.
-        files: What was written.
+        study: The study.
+        budget: Allowed error, m or rad.
+        distance: Measure of errors.
+        chosen: The cheapest settings that passed the test on held-out episodes; None if there are none.
+        options: Options of these settings for `stepper.Stepper`; None without chosen settings.
+        precision: Precision of these settings; None without chosen settings.
+        usual: Candidate with the study's settings.
+        candidates: All candidates, those within the budget first, by cost.
+        trials: Tests on held-out episodes, in their order.
+        spare: Parts of the scene that may be removable.
+        smaller: Model without the removable parts; None if there are none.
+        document: The tuning as a document.
+        files: Files that were written.
     """
 
     study: Study
@@ -144,30 +144,30 @@ def tune(
     reduce: bool = True,
     tick: Tick | None = None,
 ) -> Tuning:
-    """The cheapest settings of hard contact that keep an error budget, and what the scene does not need.
+    """Finds the cheapest settings of hard contact within an error budget, and parts of the scene that can be removed.
 
-    Settings are chosen by some episodes and proved by others, which had no part in the choice: with the confidence, at least the share
-    `coverage` of episodes is within the budget. Errors are those of time step, solver and precision, from the study's closed form
-    (`Study.exact`) or a reference of the same law of contact that is converged to a tenth of the budget. Of a study over Ray, candidates,
-    held-out episodes and smaller models are run as tasks; the first reference and all costs are of this process.
+    Some episodes choose the settings, and held-out episodes test them: with the given confidence, at least the share `coverage` of episodes
+    is within the budget. Errors are those of time step, solver and precision. They are measured from the study's closed form
+    (`Study.exact`), or from a reference with the same law of contact that is converged to a tenth of the budget. With `Study.ray`,
+    candidates, held-out episodes and smaller models run as tasks of Ray. The first reference and all costs are computed in this process.
 
     Args:
-        source: A study or the file of one; or a model as of `stepper.load`, which gets random controls.
-        out: The folder that has a folder for every study.
-        error: The budget with its unit: "1 mm", "0.5 deg".
-        horizon: Time up to which it holds: "1 s", "500 ms", or a number of seconds.
-        coverage: Share of episodes that must hold.
-        confidence: Of that.
-        episodes: By which settings are chosen.
-        alone: Whether the cost of one environment alone counts, not that of a batch.
-        reduce: Whether to look for what the scene does not need.
-        tick: Progress.
+        source: A study or its file; or a model, as for `stepper.load`, which gets random controls.
+        out: Output folder; the files are in its folder NAME, the name of the study.
+        error: Error budget with its unit: "1 mm", "0.5 deg".
+        horizon: Simulated time up to which the error must stay within the budget: "1 s", "500 ms", or a number of seconds.
+        coverage: Share of episodes that must stay within the budget.
+        confidence: Confidence of the coverage.
+        episodes: Number of episodes that choose the settings.
+        alone: Whether to minimise the cost of a single environment instead of a batch.
+        reduce: Whether to search for removable parts of the scene.
+        tick: Called with a text and the fraction done.
 
     Returns:
-        What was found. OUT/NAME has tune.html, tune.md, tune.json, and smaller.stepper where something could be taken out.
+        The tuning. OUT/NAME has tune.html, tune.md, tune.json, and smaller.stepper if parts were removed.
 
     Raises:
-        ValueError: A budget or horizon that is none, a model without joints, a study of MuJoCo's law, or one whose episodes repeat one
+        ValueError: An invalid budget or horizon, a model without joints, or a study with MuJoCo's law. Or a study whose episodes repeat one
             another, so that held-out ones prove nothing.
     """
     budget, unit = quantity(error, name="error", units=("m", "rad"))
@@ -178,16 +178,16 @@ def tune(
     check_pages()
     study = Study.from_model(source)
     if study.options.contact != "hard":
-        raise ValueError('the study has contact="mujoco", whose settings are those of its file; tuning chooses among those of hard contact')
+        raise ValueError('the study has contact="mujoco", and tuning chooses settings of hard contact: give it contact="hard"')
     study = replace(check_moves(study), threads=1, seconds=max(study.hold, math.ceil(round(seconds / study.hold, 9)) * study.hold))
     told: Tick = tick or (lambda _what, _done: None)
     distance = Distance(unit, seconds)
     enough = trials_for(coverage, 1 - (1 - confidence) / 2)
-    if (count := len(_fresh(study, range(episodes, episodes + enough), {}))) < enough:
+    if (count := len(_distinct(study, range(episodes, episodes + enough), {}))) < enough:
         raise ValueError(
-            f"{study.name}: {count} of {enough} held-out episodes differ from one another and from those that choose, all of which must "
-            f"for a coverage of {coverage} with the confidence {confidence}; give it qpos_noise, qvel_noise, a start or a drive that is "
-            "random, more recorded episodes, or ask for less"
+            f"{study.name}: {count} of {enough} held-out episodes are distinct, and a coverage of {coverage} with the confidence "
+            f"{confidence} needs all of them; give it qpos_noise, qvel_noise, a random start or drive, or more recorded episodes, or lower "
+            "coverage or confidence"
         )
     right = right_of(study, range(episodes), distance, target=_KNOWN * budget, tick=lambda done: told("reference", done))
     usual, candidates = _candidates(study, range(episodes), distance, right, budget, alone=alone, told=told)
@@ -202,7 +202,7 @@ def tune(
             continue
         doubt = (1 - confidence) / 2.0 ** (len(trials) + 1)
         count = trials_for(coverage, 1 - doubt)
-        held_out = _fresh(study, range(first, first + count), candidate.settings)
+        held_out = _distinct(study, range(first, first + count), candidate.settings)
         if len(held_out) < count:
             exhausted = True
             break
@@ -212,10 +212,10 @@ def tune(
         if trials[-1].share >= coverage:
             chosen = candidate
             break
-        # What is no better by the episodes that chose would fail on others too.
+        # Candidates with a similar error would fail on held-out episodes too.
         bound = _BETTER * candidate.error
     told("held-out episodes", 1.0)
-    # Of what diverges nobody can say what it needs.
+    # Parts are searched with settings that do not diverge.
     seen = chosen or (usual if math.isfinite(usual.error) else min(candidates, key=lambda own: own.error))
     spare, smaller = _not_needed(study, range(episodes), seen, distance, budget=budget, told=told) if reduce else ([], None)
     options, precision = _options(study, chosen)
@@ -228,8 +228,8 @@ def tune(
 
 
 @dataclass
-class _Tried:
-    """Settings of a line at a number of steps to a control, and what came of them."""
+class _Case:
+    """Settings of a line with a number of steps per control period, and the result of their run."""
 
     name: str
     line: dict[str, Any]
@@ -241,10 +241,10 @@ class _Tried:
 
 
 def _lines(study: Study) -> list[tuple[str, dict[str, Any]]]:
-    """The study's own settings first, also in the other precision, then those of a chart, without what is the same twice."""
+    """Distinct lines: the study's settings in both precisions, then those of a chart."""
     other = "f32" if study.precision == "f64" else "f64"
     named: list[tuple[str, dict[str, Any]]] = [(OWN, {}), (f"{OWN}, {other}", {"precision": other})]
-    # A line that says nothing of its precision is of 64 bits, whatever the study's is.
+    # A line without a precision has 64 bits, for any precision of the study.
     named += [(line.name, {"precision": "f64"} | line.settings) for line in hard_lines()]
     kept: dict[str, tuple[str, dict[str, Any]]] = {}
     for name, given in named:
@@ -258,10 +258,10 @@ def _lines(study: Study) -> list[tuple[str, dict[str, Any]]]:
 def _candidates(
     study: Study, episodes: Sequence[int], distance: Distance, right: Reference, budget: float, *, alone: bool, told: Tick
 ) -> tuple[Candidate, list[Candidate]]:
-    """The study's own settings, and all that were tried, those among them, with their errors and costs.
+    """Candidate with the study's settings, and all candidates including it, with their errors and costs.
 
-    First every line at time steps about the study's own, each twice the one before; then, of lines that might be cheaper than the cheapest,
-    at time steps between the longest that keeps the budget and the next one.
+    First, every line runs at time steps around the study's, each twice the one before. Then lines that may beat the cheapest candidate run
+    at time steps between the longest within the budget and the next longer one.
     """
     by = 0 if alone else 1
     timestep = study.options.timestep or float(study.loaded[0].timestep)
@@ -270,18 +270,18 @@ def _candidates(
     lines = _lines(study)
     tick = functools.partial(told, "candidates")
 
-    def tried(wanted: Sequence[tuple[str, dict[str, Any], int]], done: tuple[float, float]) -> list[_Tried]:
-        # The study's own time step as it is written, not as a quotient.
-        settings = [line | {"timestep": timestep if steps == own else study.hold / steps} for _, line, steps in wanted]
+    def cases_of(chosen: Sequence[tuple[str, dict[str, Any], int]], done: tuple[float, float]) -> list[_Case]:
+        # The study's time step keeps its exact value; others are quotients of the control period.
+        settings = [line | {"timestep": timestep if steps == own else study.hold / steps} for _, line, steps in chosen]
         patient = [patience(study, right.trace, own["timestep"]) for own in settings]
         traces = runs(study, episodes, settings, patient, tick=lambda part: tick(done[0] + (done[1] - done[0]) * part))
         errors = [math.inf if trace.stopped else float((distance(trace, right.trace) + right.uncertainty).max()) for trace in traces]
         return [
-            _Tried(name, line, steps, given, trace, error)
-            for (name, line, steps), given, trace, error in zip(wanted, settings, traces, errors, strict=True)
+            _Case(name, line, steps, given, trace, error)
+            for (name, line, steps), given, trace, error in zip(chosen, settings, traces, errors, strict=True)
         ]
 
-    def time(some: Sequence[_Tried], repeats: int, done: tuple[float, float]) -> None:
+    def time(some: Sequence[_Case], repeats: int, done: tuple[float, float]) -> None:
         with one_core():
             spent = costs(
                 study,
@@ -294,17 +294,16 @@ def _candidates(
         for one, cost in zip(some, spent, strict=True):
             one.cost = cost
 
-    found = tried([(name, line, steps) for name, line in lines for steps in counts], (0.0, 0.8))
+    found = cases_of([(name, line, steps) for name, line in lines for steps in counts], (0.0, 0.8))
     usual = next(one for one in found if one.name == OWN and one.steps == own)
-    # What does not keep the budget may cost what it wants.
+    # Only settings within the budget are timed, and the study's unless they diverge.
     keep = [one for one in found if one.error <= budget]
-    # Steps of what diverged take as long as steps may, and cost nothing that anybody would pay.
     first = [usual] if math.isfinite(usual.error) else []
     time([*first, *(one for one in keep if one is not usual)], 3, (0.0, 0.5))
-    between: list[_Tried] = []
+    between: list[_Case] = []
     for _ in range(_BETWEEN if keep else 0):
         best = min(one.cost[by] for one in keep if one not in between)
-        wanted = []
+        chosen = []
         for name, line in lines:
             of_line = [one for one in found if one.name == name]
             longest = min((one for one in of_line if one.error <= budget), key=lambda one: one.steps, default=None)
@@ -313,19 +312,19 @@ def _candidates(
             failed = max((one.steps for one in of_line if one.steps < longest.steps), default=longest.steps)
             middle = (failed + longest.steps) // 2
             timed = min((one for one in of_line if math.isfinite(one.cost[by])), key=lambda one: one.steps)
-            # A step costs the same, or more where it is longer.
+            # The bound assumes that a longer step costs at least as much.
             if failed < middle < longest.steps and timed.cost[by] * (failed + 1) / timed.steps < best:
-                wanted.append((name, line, middle))
-        made = tried(wanted, (0.8, 1.0))
+                chosen.append((name, line, middle))
+        made = cases_of(chosen, (0.8, 1.0))
         found += made
         between += [one for one in made if one.error <= budget]
         keep += [one for one in made if one.error <= budget]
-        if not wanted:
+        if not chosen:
             break
     tick(1.0)
     if keep:
         near = _NEAR * min(one.cost[by] for one in keep if math.isfinite(one.cost[by]))
-        # Again, side by side: an order that decides should not be that of two different moments.
+        # A second timing in interleaved rounds, so that changes of the machine's load do not decide the order.
         time([*first, *between, *(one for one in keep if one is not usual and one.cost[by] <= near)], 7, (0.5, 1.0))
     told("costs", 1.0)
     candidates = {id(one): Candidate(one.settings, one.name, one.error, *one.cost, stopped=one.trace.stopped) for one in found}
@@ -335,26 +334,26 @@ def _candidates(
 def _not_needed(
     study: Study, episodes: Sequence[int], seen: Candidate, distance: Distance, *, budget: float, told: Tick
 ) -> tuple[list[Spare], Model | None]:
-    """What the scene does not need with some settings, and the smaller model; nothing where an episode diverges with them."""
+    """Removable parts of the scene with some settings, and the smaller model; none if an episode diverges with them."""
     found: tuple[list[Spare], Model | None] = ([], None)
     if math.isfinite(seen.error):
         bench = Bench(study, episodes, seen.settings, distance, run(study, episodes, **seen.settings))
-        found = spares(bench, budget, lambda done: told("what is not needed", done))
-    told("what is not needed", 1.0)
+        found = spares(bench, budget, lambda done: told("removable parts", done))
+    told("removable parts", 1.0)
     return found
 
 
-def _fresh(study: Study, episodes: range, settings: Mapping[str, Any]) -> list[int]:
-    """Episodes whose motion and controls are those of none before, from episode 0 on."""
+def _distinct(study: Study, episodes: range, settings: Mapping[str, Any]) -> list[int]:
+    """Episodes whose motion and controls differ from those of all earlier ones, from episode 0 on."""
     trace = run(study, range(episodes.stop), **settings)
     seen: set[bytes] = set()
     found = []
     for e in range(episodes.stop):
         own = (trace.qpos[e], trace.qvel[e], trace.ctrl[:, e], trace.applied[:, e], trace.points[:, e], trace.xquat[:, e])
-        told = hashlib.sha256(b"".join(np.ascontiguousarray(part).tobytes() for part in own)).digest()
-        if told not in seen and e >= episodes.start:
+        digest = hashlib.sha256(b"".join(np.ascontiguousarray(part).tobytes() for part in own)).digest()
+        if digest not in seen and e >= episodes.start:
             found.append(e)
-        seen.add(told)
+        seen.add(digest)
     return found
 
 
@@ -371,7 +370,7 @@ def _trial(study: Study, candidate: Candidate, episodes: Sequence[int], distance
 
 
 def _held_out(candidate: Candidate, distance: Distance, budget: float, study: Study, episodes: Sequence[int]) -> tuple[Array, Array]:
-    """Errors of episodes, and how far what is right is unknown."""
+    """Errors of held-out episodes, and the uncertainty of their reference, (episodes,) each, m or rad."""
     right = right_of(study, episodes, distance, target=_KNOWN * budget)
     stage = Stage().within(patience(study, right.trace, candidate.settings["timestep"]))
     trace = run(study, episodes, stage=stage, **candidate.settings)
@@ -387,7 +386,7 @@ def _options(study: Study, chosen: Candidate | None) -> tuple[Options | None, st
 
 
 def words_of(options: Options, precision: str | None) -> str:
-    """Options as code, without what is as by default."""
+    """Python expression of options and precision, without defaults."""
     usual = Options()
     own = {f.name: getattr(options, f.name) for f in fields(Options) if getattr(options, f.name) != getattr(usual, f.name)}
     told = ", ".join(f"{name}={value!r}" for name, value in own.items())
@@ -401,10 +400,11 @@ def _sections(found: Tuning, right: Reference, *, coverage: float, confidence: f
         trial = found.trials[-1]
         words += [
             f"`{words_of(found.options, found.precision)}`",
-            f"It takes {getattr(found.chosen, cost):.4g} us of one core for a simulated second of one environment. {_beside(found, cost)}",
+            f"It takes {getattr(found.chosen, cost):.4g} us of one core for a simulated second of one environment. "
+            f"{_compared(found, cost)}",
             _cheaper(found),
             f"{trial.held} of {trial.episodes} held-out episodes are within the budget: with {trial.confidence:.1%} confidence at least "
-            f"{trial.share:.1%} of episodes are ({coverage:.0%} were asked for, with {confidence:.0%} over all trials). The largest "
+            f"{trial.share:.1%} of episodes are (required: {coverage:.0%}, with {confidence:.0%} over all trials). The largest "
             f"error is {trial.worst:.2g} {unit}.",
         ]
     else:
@@ -418,8 +418,8 @@ def _sections(found: Tuning, right: Reference, *, coverage: float, confidence: f
         )
     if exhausted:
         words.append(
-            "The study has too few different episodes to try the next candidate: give it qpos_noise, qvel_noise, a start or a drive "
-            "that is random, or more recorded episodes."
+            "The study has too few distinct episodes to test the next candidate: give it qpos_noise, qvel_noise, a random start or "
+            "drive, or more recorded episodes."
         )
     trials = [
         [t.candidate.name, 1e3 * t.candidate.settings["timestep"], t.held, t.episodes, t.unknown, t.worst, t.share, t.confidence]
@@ -434,7 +434,7 @@ def _sections(found: Tuning, right: Reference, *, coverage: float, confidence: f
         Section("Result", words),
         Section(
             "Proof",
-            ["Episodes that had no part in the choice; each trial has its own."] if trials else ["No candidate to prove."],
+            ["Held-out episodes, which did not choose the settings; each trial has new ones."] if trials else ["No candidate to test."],
             heads,
             trials,
         ),
@@ -442,27 +442,27 @@ def _sections(found: Tuning, right: Reference, *, coverage: float, confidence: f
             "Candidates within the budget",
             [
                 f"{len(kept)} of {len(found.candidates)}, the cheapest first; errors are the largest of the episodes that chose."
-                + (f" {counted(stopped, 'run')} took far longer than what is right and had to be stopped." if stopped else "")
+                + (f" {counted(stopped, 'run')} took far longer than the reference and had to be stopped." if stopped else "")
             ],
             ("settings", "time step, ms", f"error, {unit}", "alone, us", "batch, us"),
             rows,
         ),
         Section(
-            "What the scene does not need",
+            "Removable parts of the scene",
             [
-                "Of the episodes that chose. What changes no body by more than the budget, and saves time in seven rounds of eight and "
-                f"more, is taken out{'; smaller.stepper is the model without it' if found.smaller is not None else ''}."
+                "Measured on the episodes that chose. A part is removed if no body moves differently by more than the budget, and seven of "
+                f"eight rounds save time{'; smaller.stepper is the model without these parts' if found.smaller is not None else ''}."
             ]
             if spare
-            else ["Nothing was looked for, or everything is used."],
-            ("what", "why", f"change, {unit}", "time saved, share", "at least", "taken out"),
+            else ["None: the search was off, or everything is used."],
+            ("part", "reason", f"change, {unit}", "time saved, share", "at least", "removed"),
             spare,
         ),
     ]
 
 
-def _beside(found: Tuning, cost: str) -> str:
-    """What the chosen settings cost beside the study's own, and whether those keep the budget."""
+def _compared(found: Tuning, cost: str) -> str:
+    """Comparison of the chosen settings with the study's: ratio of costs, and whether the study's are within the budget."""
     assert found.chosen is not None
     unit, usual = found.distance.unit, found.usual
     if found.chosen is usual:
@@ -487,28 +487,27 @@ def _beside(found: Tuning, cost: str) -> str:
 
 def _usual_error(usual: Candidate, unit: str) -> str:
     if usual.stopped:
-        return "With the study's own settings, episodes were stopped: they took far longer than what is right, as motions that blew up do."
+        return "With the study's own settings, episodes were stopped: they took far longer than the reference, as diverging motions do."
     if not math.isfinite(usual.error):
         return "With the study's own settings, an episode diverges."
     return f"The study's own settings have an error of {usual.error:.2g} {unit}."
 
 
 def _cheaper(found: Tuning) -> str:
-    """Why nothing cheaper was chosen."""
+    """Note on cheaper candidates, with the reason why none was chosen."""
     assert found.chosen is not None
     kept = [own for own in found.candidates if own.error <= found.budget]
     before = kept.index(found.chosen)
-    tried = len(found.trials) - 1
-    told = f"{len(kept)} of {counted(len(found.candidates), 'candidate')} keep the budget in the episodes that chose"
+    tested = len(found.trials) - 1
+    within = f"{len(kept)} of {counted(len(found.candidates), 'candidate')} keep the budget in the episodes that chose"
     if not before:
-        return f"{told}, and none of them is cheaper."
-    # The others have an error that is no better than that of one which failed.
-    left = "" if tried == before else f"; {before - tried} more were not tried, whose errors are no better than of one that failed"
-    return f"{told}. {before} of them are cheaper and not proved: {tried} failed on held-out episodes{left}."
+        return f"{within}, and none of them is cheaper."
+    left = "" if tested == before else f"; {before - tested} not tested, because their errors are similar to that of one that failed"
+    return f"{within}. {before} of them are cheaper and not proved: {tested} failed on held-out episodes{left}."
 
 
 def _taken(own: Spare, budget: float) -> str:
-    """Whether something is taken out, or why not."""
+    """Whether a part is removed, or the reason why it is not."""
     if own.taken:
         return f"yes: {own.setting}" if own.setting else "yes"
     if math.isnan(own.saved):
@@ -541,7 +540,7 @@ def _save(found: Tuning, folder: Path) -> list[Path]:
 
 
 def _plain(value: Any) -> Any:
-    """The same with null for numbers that are not finite, which JSON does not have."""
+    """Copy of a value with None for numbers that are not finite, which JSON does not have."""
     if isinstance(value, dict):
         return {name: _plain(own) for name, own in value.items()}
     if isinstance(value, list | tuple):

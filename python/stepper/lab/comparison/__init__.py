@@ -1,6 +1,8 @@
-"""One model under both laws of contact, and beside MuJoCo: what differs.
+"""Comparison of hard contact, MuJoCo's law of contact and MuJoCo on one model.
 
-`trial` steps an engine and keeps what it did, `comparison` says it, `draw` shows it.
+- `trial`: run of one engine, recorded step by step
+- `comparison`: figures of all engines as a table
+- `draw`: picture
 """
 
 from stepper.lab.comparison.comparison import Comparison, compare

@@ -1,4 +1,4 @@
-"""`stepper.lab.compare`: the same episodes under hard contact, under MuJoCo's law and in MuJoCo, and what differs."""
+"""`stepper.lab.compare`: comparison of the same episodes with hard contact, with MuJoCo's law of contact and in MuJoCo."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from stepper.shared.machine import require
 from stepper.shared.progress import Tick, silent
 
 ONSET = 1e-3
-"""rad or m by which configurations differ where motions have parted."""
+"""Difference of a position above which two motions count as different, rad or m."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Courses of the engines, hard contact first.
+    """Comparison of engines in the same episodes.
 
     Attributes:
-        courses: What every engine did.
+        courses: Records of the engines, hard contact first.
         rewarded: Whether a reward was given.
     """
 
@@ -37,7 +37,7 @@ class Comparison:
     rewarded: bool
 
     def figures(self) -> dict[str, dict[str, float]]:
-        """Figures by engine and name; every name says its unit. Means are over environments."""
+        """Figures by engine and name; names include the units. Means are over environments."""
         return {course.name: self._figures(course) for course in self.courses}
 
     def _figures(self, course: Course) -> dict[str, float]:
@@ -51,7 +51,7 @@ class Comparison:
             "energy at the end, J": float(course.energy[-1].mean()),
             "peak force of a contact, N": float(course.force.max()),
             "impulse of contacts, N s": float(course.impulse.sum(axis=0).mean()),
-            "way that surfaces slide, m": float(course.slip.sum(axis=0).mean()),
+            "sliding distance of surfaces, m": float(course.slip.sum(axis=0).mean()),
             "first touch, s": float(np.median(first)),
             "touches that begin": float(course.begins.sum(axis=0).mean()),
             "touching, share of time": float((course.pairs > 0).mean()),
@@ -60,7 +60,7 @@ class Comparison:
         return out | ({"return": float(course.reward.sum(axis=0).mean())} if self.rewarded else {})
 
     def table(self) -> str:
-        """The figures as a Markdown table."""
+        """Table of the figures, in Markdown."""
         figures = self.figures()
         names = list(figures)
         lines = ["| | " + " | ".join(names) + " |", "|" + "---|" * (len(names) + 1)]
@@ -70,7 +70,7 @@ class Comparison:
         return "\n".join(lines)
 
     def draw(self, path: str | Path) -> Path:
-        """Writes a picture of overlap, force, energy and way from hard contact over time.
+        """Writes a picture of overlap, force, energy and difference from hard contact over time.
 
         Raises:
             MissingPackageError: matplotlib is not installed.
@@ -94,26 +94,28 @@ def compare(
     seed: int = 0,
     tick: Tick | None = None,
 ) -> Comparison:
-    """Runs the same episodes under hard contact, under MuJoCo's law and, where it is installed, in MuJoCo itself.
+    """Runs the same episodes with hard contact, with MuJoCo's law of contact, and in MuJoCo if it is installed.
 
     Args:
-        source: As of `load`. Of a `Model`, or where MuJoCo is not installed, MuJoCo has no part and nobody measures how surfaces slide.
-        drive: Controls (steps, nu) or (steps, num_envs, nu), of which the last are held, or a policy: a function of configurations
-            (num_envs, nq) and velocities (num_envs, nv) that returns controls (num_envs, nu) or (nu,). None draws controls at random.
+        source: Source of the model, as for `stepper.load`. With a `Model`, or without MuJoCo, MuJoCo and the sliding distance are left
+            out.
+        drive: Controls (steps, nu) or (steps, num_envs, nu), in their units, of which the last are held. Or a policy: a function of qpos
+            (num_envs, nq) and qvel (num_envs, nv) that returns controls (num_envs, nu) or (nu,). None draws random controls.
         seconds: Length of an episode, s.
-        num_envs: Episodes.
-        options: Settings of both laws; their `contact` is not read, and MuJoCo's law has the integrator that the source asks for.
-        start: Configurations (num_envs, nq) and velocities (num_envs, nv); None puts a little noise on the reference.
+        num_envs: Number of episodes.
+        options: Options of the step for both laws; `contact` is ignored, and MuJoCo's law has the integrator of the source.
+        start: Initial positions (num_envs, nq), m and rad, and velocities (num_envs, nv), m/s and rad/s. None is the reference pose with
+            small random velocities.
         hold: Time for which a random control is held, s.
-        reward: A function of (qpos, qvel) before the step, controls (num_envs, nu) and (qpos, qvel) after it that returns (num_envs,).
-        seed: Of what is random.
+        reward: Function of (qpos, qvel) before the step, controls (num_envs, nu) and (qpos, qvel) after it, which returns (num_envs,).
+        seed: Seed of the random numbers.
         tick: Called with the name of an engine and the fraction of its steps.
 
     Returns:
-        What differs: `print` shows it, `Comparison.draw` makes a picture.
+        The comparison: `print` shows its table, `Comparison.draw` writes a picture.
 
     Raises:
-        ValueError: For lengths that are not positive, or a start of another shape.
+        ValueError: A length is not positive, or `start` has wrong shapes.
     """
     for name, value in (("seconds", seconds), ("num_envs", num_envs), ("hold", hold)):
         if not value > 0:
@@ -144,7 +146,7 @@ def compare(
 
 
 def _load(source: Any) -> tuple[Model, Any]:
-    """The model, and MuJoCo's where there is one."""
+    """Model of a source, and its `mujoco.MjModel`; None without MuJoCo or for saved models."""
     if isinstance(source, Model):
         return source, None
     if importlib.util.find_spec("mujoco") is None:
@@ -163,7 +165,7 @@ def _load(source: Any) -> tuple[Model, Any]:
 
 
 def _start(model: Model, num_envs: int, rng: np.random.Generator) -> tuple[Array, Array]:
-    """The reference, with different small velocities: so that episodes differ, and nothing overlaps that did not."""
+    """Reference pose with small random velocities: episodes differ, and no overlap is added. Shapes (num_envs, nq), (num_envs, nv)."""
     qpos = np.tile(np.asarray(model.qpos0, float), (num_envs, 1))
     return qpos, rng.normal(0.0, 0.01, (num_envs, model.nv))
 

@@ -1,4 +1,4 @@
-"""The picture of a comparison."""
+"""Picture of a comparison."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from stepper.shared.machine import require
 
 
 def draw(courses: Sequence[Course], path: Path) -> Path:
-    """Four panels over time, medians over episodes with the range between quarters; a colour for each engine."""
+    """Draws four quantities over time, as medians over episodes with the range between quartiles, in one colour for each engine."""
     require("matplotlib", "to draw the comparison")
     from matplotlib.figure import Figure  # noqa: PLC0415  (optional)
 
@@ -27,7 +27,7 @@ def draw(courses: Sequence[Course], path: Path) -> Path:
             low, middle, high = np.quantile(value, (0.25, 0.5, 0.75), axis=1)
             if panel is panels[1, 1] and course is hard:
                 continue
-            # Two engines with one law lie on one another.
+            # Dashed, because the lines of MuJoCo's law and MuJoCo overlap.
             panel.plot(time, middle, "--" if number > 1 else "-", color=f"C{number}", label=course.name, linewidth=1.2)
             panel.fill_between(time, low, high, color=f"C{number}", alpha=0.2, linewidth=0)
     titles = ("deepest overlap, mm", "largest normal force, N", "energy, J", "largest difference of the configuration from hard contact")

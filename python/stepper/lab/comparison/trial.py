@@ -1,4 +1,4 @@
-"""Record of one engine in the same episodes, step by step."""
+"""Run of one engine for a comparison, recorded step by step."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from stepper.shared.progress import Tick, silent
 Array = NDArray[np.float64]
 
 Drive = Array | Callable[[Array, Array], Any]
-"""Controls (steps, nu) or (steps, num_envs, nu), or a policy: configurations (num_envs, nq) and velocities (num_envs, nv) to controls."""
+"""Controls (steps, nu) or (steps, num_envs, nu), or a policy: a function of qpos (num_envs, nq) and qvel (num_envs, nv)."""
 
 
 @dataclass(frozen=True)
@@ -24,18 +24,18 @@ class Course:
     """Record of one engine, for every step and environment.
 
     Attributes:
-        name: Of the engine.
-        timestep: s.
-        qpos: Configurations after every step, (steps, num_envs, nq).
-        depth: Deepest overlap, (steps, num_envs) in m.
-        overshoot: Farthest beyond a limit, (steps, num_envs) in rad or m.
-        energy: Potential and kinetic energy after every step, (steps, num_envs) in J.
-        force: Largest normal force of a contact, (steps, num_envs) in N.
-        impulse: Sum of normal impulses, (steps, num_envs) in N s.
-        slip: Way that touching surfaces slide on one another, (steps, num_envs) in m; NaN where nobody could measure it.
+        name: Name of the engine.
+        timestep: Time step, s.
+        qpos: Positions after every step, (steps, num_envs, nq), m and rad.
+        depth: Deepest overlap, (steps, num_envs), m.
+        overshoot: Largest violation of a limit, (steps, num_envs), rad or m.
+        energy: Potential and kinetic energy after every step, (steps, num_envs), J.
+        force: Largest normal force of a contact, (steps, num_envs), N.
+        impulse: Sum of normal impulses, (steps, num_envs), N s.
+        slip: Sliding distance of touching surfaces in the step, (steps, num_envs), m; NaN if it was not measured.
         pairs: Number of pairs of geoms that touch, (steps, num_envs).
         begins: Number of pairs that touch and did not in the step before, (steps, num_envs).
-        reward: (steps, num_envs)
+        reward: Reward of every step, (steps, num_envs).
     """
 
     name: str
@@ -53,7 +53,7 @@ class Course:
 
 
 class Slip:
-    """Measures how touching surfaces slide, in the states of any engine: by MuJoCo's contact points and velocities at the state."""
+    """Meter of the sliding of touching surfaces, in states of any engine. It uses MuJoCo's contact points and velocities."""
 
     def __init__(self, compiled: Any) -> None:
         self._mujoco = require("mujoco", "to measure how surfaces slide")
@@ -61,7 +61,13 @@ class Slip:
         self._data = self._mujoco.MjData(compiled)
 
     def speed(self, qpos: Array, qvel: Array, pairs: set[tuple[int, int]]) -> float:
-        """Sum over the pairs of geoms that push of the largest speed at which their surfaces slide, m/s."""
+        """Sum over touching pairs of geoms of the largest sliding speed of their surfaces, m/s.
+
+        Args:
+            qpos: Positions, (nq,), m and rad.
+            qvel: Velocities, (nv,), m/s and rad/s.
+            pairs: Pairs of geoms that exert forces on each other.
+        """
         mujoco, data, most = self._mujoco, self._data, dict.fromkeys(pairs, 0.0)
         data.qpos[:], data.qvel[:] = qpos, qvel
         mujoco.mj_fwdPosition(self._model, data)
@@ -95,10 +101,10 @@ def run(
     Args:
         name: Name of the engine.
         world: The environments, at their start.
-        drive: Controls.
+        drive: Controls or policy, as in `compare`.
         steps: Number of steps.
-        slip: Meter of sliding; None for none.
-        reward: As of `compare`.
+        slip: Meter of sliding; None does not measure it.
+        reward: Reward function, as in `compare`.
         tick: Called after every step with the name and the fraction of the steps.
     """
     qpos, qvel = np.array(world.qpos), np.array(world.qvel)

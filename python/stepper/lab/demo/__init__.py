@@ -1,4 +1,4 @@
-"""The demo: a thousand humanoids fall about and lie still, beside MuJoCo."""
+"""Demo: a thousand humanoids fall and come to rest, in stepper and in MuJoCo."""
 
 from stepper.lab.demo.race import Plan, demo
 

@@ -1,4 +1,4 @@
-"""The main job: a thousand humanoids fall about and lie still, beside MuJoCo, speed and error in one table."""
+"""Race of the demo: a thousand humanoids fall and come to rest in stepper and in MuJoCo, with speed and errors in one table."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from stepper._stepper import Model
 from stepper.lab.demo.referee import Measured, Referee
 from stepper.lab.demo.report import show
 from stepper.lab.engine_chart import SCENES, Effort, charts
-from stepper.lab.engines import Array, Crowd, MujocoCrowd, MujocoEngine, StepperCrowd
+from stepper.lab.engines import Array, EngineBatch, MujocoBatch, MujocoEngine, StepperBatch
 from stepper.lab.progress import Tick, progress, show_files
 from stepper.loading import load
 from stepper.shared.machine import allowed_cores, one_core, package_file, provenance, require
@@ -26,16 +26,16 @@ MATCHED = MujocoEngine("implicitfast, elliptic", "IMPLICITFAST", "ELLIPTIC", "NE
 
 @dataclass(frozen=True)
 class Plan:
-    """What the demo does.
+    """Settings of the demo.
 
     Attributes:
-        num_envs: Humanoids in stepper.
-        steps: Steps of random control.
-        rest: Steps without control after that.
-        seed: Of the random control.
-        peers: Humanoids in MuJoCo, which is slower; they get the controls of the first ones. None is a quarter.
-        hold: Steps that a random control is held.
-        chunk: Steps of one engine before it is the next one's turn. Everything is measured at the end of a chunk.
+        num_envs: Number of humanoids in stepper.
+        steps: Number of steps with random controls.
+        rest: Number of steps without controls after them.
+        seed: Seed of the random controls.
+        peers: Number of humanoids in MuJoCo, which is slower, with the controls of stepper's first ones. None is a quarter.
+        hold: Number of steps for which a random control is held.
+        chunk: Number of steps of one engine before the next engine's turn. Everything is measured at the end of a chunk.
     """
 
     num_envs: int = 1024
@@ -53,20 +53,20 @@ class Plan:
 
     @property
     def num_peers(self) -> int:
-        """Humanoids in MuJoCo."""
-        wanted = max(1, self.num_envs // 4) if self.peers is None else self.peers
-        return min(self.num_envs, wanted)
+        """Number of humanoids in MuJoCo."""
+        peers = max(1, self.num_envs // 4) if self.peers is None else self.peers
+        return min(self.num_envs, peers)
 
 
 @dataclass
 class Track:
-    """One engine's way through the plan.
+    """Measurements of one engine in the race.
 
     Attributes:
         times: Microseconds per step and environment of every chunk, by phase ("control", "rest").
-        samples: What the referee found at the end of every chunk, by phase.
-        own: (contacts per environment, deepest overlap in m) as stepper's own contacts have it, by phase.
-        after_control: qpos (num_envs, nq) when the control ended.
+        samples: Measurements of the referee at the end of every chunk, by phase.
+        own: Contacts per environment and deepest overlap (m) in stepper's contacts, by phase.
+        after_control: Positions at the end of the controls, (num_envs, nq), m and rad.
     """
 
     times: dict[str, list[float]] = field(default_factory=lambda: {"control": [], "rest": []})
@@ -76,7 +76,7 @@ class Track:
 
 
 def humanoid_path() -> str:
-    """The MJCF file of dm_control's humanoid.
+    """Path of the MJCF file of dm_control's humanoid.
 
     Raises:
         MissingPackageError: dm_control is not installed.
@@ -92,7 +92,7 @@ def random_control(path: str, plan: Plan) -> Array:
         plan: Number of steps, how long each control is held, the seed.
 
     Returns:
-        Uniform in the actuators' ranges, in -1 to 1 where there is none, (ceil(steps / hold), num_envs, nu).
+        Controls, (k, num_envs, nu) with k = ceil(steps / hold), uniform in the actuators' ranges, or from -1 to 1.
     """
     mujoco = require("mujoco", "to read the model")
     model = mujoco.MjModel.from_xml_path(path)
@@ -100,87 +100,94 @@ def random_control(path: str, plan: Plan) -> Array:
     return np.random.default_rng(plan.seed).uniform(low, high, (-(-plan.steps // plan.hold), plan.num_envs, model.nu))
 
 
-def _own_contacts(crowd: StepperCrowd, sample: int = 32) -> tuple[float, float]:
-    found = [crowd.sim.contacts(env)["distance"] for env in range(min(sample, crowd.num_envs))]
+def _own_contacts(batch: StepperBatch, sample: int = 32) -> tuple[float, float]:
+    found = [batch.sim.contacts(env)["distance"] for env in range(min(sample, batch.num_envs))]
     deepest = max(-float(np.min(distance, initial=0.0)) for distance in found)
     return sum(map(len, found)) / len(found), deepest
 
 
-def _chunk(crowd: Crowd, control: Array, plan: Plan, steps: range, clock: Callable[[], float]) -> float:
+def _chunk(batch: EngineBatch, control: Array, plan: Plan, steps: range, clock: Callable[[], float]) -> float:
     """Makes some steps of the plan; returns microseconds per step and environment."""
-    quiet, spent = np.zeros((crowd.num_envs, control.shape[2])), 0.0
+    quiet, spent = np.zeros((batch.num_envs, control.shape[2])), 0.0
     for step in steps:
-        ctrl = control[step // plan.hold, : crowd.num_envs] if step < plan.steps else quiet
+        ctrl = control[step // plan.hold, : batch.num_envs] if step < plan.steps else quiet
         start = clock()
-        crowd.step(ctrl)
+        batch.step(ctrl)
         spent += clock() - start
-        crowd.record("control" if step < plan.steps else "rest")
-    return 1e6 * spent / (len(steps) * crowd.num_envs)
+        batch.record("control" if step < plan.steps else "rest")
+    return 1e6 * spent / (len(steps) * batch.num_envs)
 
 
-def _look(crowd: Crowd, track: Track, phase: str, referee: Referee, plan: Plan) -> None:
-    track.samples[phase].append(referee.measure(crowd.qpos[: plan.num_peers], crowd.qvel[: plan.num_peers]))
-    if isinstance(crowd, StepperCrowd):
-        track.own[phase].append(_own_contacts(crowd))
+def _look(batch: EngineBatch, track: Track, phase: str, referee: Referee, plan: Plan) -> None:
+    track.samples[phase].append(referee.measure(batch.qpos[: plan.num_peers], batch.qvel[: plan.num_peers]))
+    if isinstance(batch, StepperBatch):
+        track.own[phase].append(_own_contacts(batch))
 
 
 def race(
-    crowds: Sequence[Crowd], control: Array, plan: Plan, *, clock: Callable[[], float], tick: Tick, what: str, referee: Referee | None
+    batches: Sequence[EngineBatch],
+    control: Array,
+    plan: Plan,
+    *,
+    clock: Callable[[], float],
+    tick: Tick,
+    what: str,
+    referee: Referee | None,
 ) -> dict[str, Track]:
-    """Steps all crowds through the plan, in turns of a chunk each, so that what else the machine does falls on all alike.
+    """Steps all batches through the plan. They take turns of a chunk each, so that other load of the machine affects all alike.
 
     Args:
-        crowds: Who runs.
-        control: From `random_control`.
-        plan: The plan.
-        clock: Seconds: processor time on one core, wall time on many.
-        tick: Progress.
-        what: Its text.
-        referee: Who measures at the end of every chunk; None leaves that out.
+        batches: Batches of the engines.
+        control: Controls from `random_control`, (k, num_envs, nu), in the actuators' units.
+        plan: Settings of the race.
+        clock: Clock, s: processor time on one core, wall time on many.
+        tick: Called with `what` and the fraction done.
+        what: Text for the progress.
+        referee: Referee that measures at the end of every chunk; None does not measure.
 
     Returns:
-        By name, the way of each.
+        Measurements of each engine by its name.
     """
-    tracks = {crowd.name: Track() for crowd in crowds}
+    tracks = {batch.name: Track() for batch in batches}
     phases = [("control", 0, plan.steps), ("rest", plan.steps, plan.steps + plan.rest)]
-    order = list(crowds)
+    order = list(batches)
     for phase, first, last in phases:
         for begin in range(first, last, plan.chunk):
             steps = range(begin, min(begin + plan.chunk, last))
-            for crowd in order:
-                tracks[crowd.name].times[phase].append(_chunk(crowd, control, plan, steps, clock))
+            for batch in order:
+                tracks[batch.name].times[phase].append(_chunk(batch, control, plan, steps, clock))
                 if referee:
-                    _look(crowd, tracks[crowd.name], phase, referee, plan)
+                    _look(batch, tracks[batch.name], phase, referee, plan)
             order = order[1:] + order[:1]
             tick(what, steps.stop / (plan.steps + plan.rest))
         if phase == "control":
-            for crowd in crowds:
-                tracks[crowd.name].after_control = crowd.qpos
+            for batch in batches:
+                tracks[batch.name].after_control = batch.qpos
     return tracks
 
 
-def _crowds(model: Model, path: str, plan: Plan, threads: int) -> list[Crowd]:
+def _batches(model: Model, path: str, plan: Plan, threads: int) -> list[EngineBatch]:
     return [
-        StepperCrowd(model, plan.num_envs, threads=threads),
-        StepperCrowd(model, plan.num_envs, precision="f32", threads=threads),
-        MujocoCrowd.from_file(path, plan.num_peers, threads=threads, settings=MATCHED),
-        MujocoCrowd.from_file(path, plan.num_peers, threads=threads),
+        StepperBatch(model, plan.num_envs, threads=threads),
+        StepperBatch(model, plan.num_envs, precision="f32", threads=threads),
+        MujocoBatch.from_file(path, plan.num_peers, threads=threads, settings=MATCHED),
+        MujocoBatch.from_file(path, plan.num_peers, threads=threads),
     ]
 
 
 def _ratios(ours: Track, theirs: Track) -> dict[str, float]:
-    """How many times faster, by phase: the median of the ratios of chunks that ran one after the other."""
+    """Speed relative to another engine, by phase: the median ratio of the times of successive chunks."""
     pairs = {phase: list(zip(times, theirs.times[phase], strict=True)) for phase, times in ours.times.items() if times}
     return {phase: median(their / our for our, their in both) for phase, both in pairs.items()}
 
 
-def _engine_figures(crowd: Crowd, one: Track, many: Track, peers: dict[str, Track]) -> dict[str, object]:
+def _engine_figures(batch: EngineBatch, one: Track, many: Track, peers: dict[str, Track]) -> dict[str, object]:
     """Figures of one engine; rates are medians over the chunks."""
     rates = {phase: 1e6 / median(times) for phase, times in one.times.items() if times}
     spread = {phase: [1e6 / max(times), 1e6 / min(times)] for phase, times in one.times.items() if times}
     samples = one.samples["control"] + one.samples["rest"]
     figures: dict[str, object] = {
-        "num_envs": crowd.num_envs,
+        "num_envs": batch.num_envs,
         "steps_per_second_one_core": rates,
         "steps_per_second_one_core_slowest_fastest_chunk": spread,
         "ratio_one_core": {name: _ratios(one, theirs) for name, theirs in peers.items()},
@@ -189,23 +196,23 @@ def _engine_figures(crowd: Crowd, one: Track, many: Track, peers: dict[str, Trac
         "contacts_mean": {phase: float(np.mean([s.contacts for s in found])) for phase, found in one.samples.items() if found},
         "at_the_end": dataclasses.asdict(samples[-1]),
     }
-    if isinstance(crowd, StepperCrowd):
+    if isinstance(batch, StepperBatch):
         own = one.own["control"] + one.own["rest"]
-        figures["certificates"] = {phase: dataclasses.asdict(certificate) for phase, certificate in crowd.certificates.items()}
+        figures["certificates"] = {phase: dataclasses.asdict(certificate) for phase, certificate in batch.certificates.items()}
         figures["own_contacts"] = {"mean": float(np.mean([c for c, _ in own])), "worst_penetration": max(d for _, d in own)}
         same = one.after_control is not None and many.after_control is not None and np.array_equal(one.after_control, many.after_control)
         figures["same_bits_on_one_and_all_cores"] = bool(same)
-        figures["timestep"] = crowd.sim.timestep
-        figures["options"] = dataclasses.asdict(crowd.sim.options)
+        figures["timestep"] = batch.sim.timestep
+        figures["options"] = dataclasses.asdict(batch.sim.options)
     return figures
 
 
 def measure(plan: Plan, tick: Tick) -> dict[str, object]:
-    """Runs the plan on one core and its controlled part on all cores.
+    """Runs the whole plan on one core, and its phase with controls on all cores.
 
     Args:
-        plan: What to do.
-        tick: Progress.
+        plan: Settings of the race.
+        tick: Called with a text and the fraction done.
 
     Returns:
         All figures and settings, ready for JSON.
@@ -213,13 +220,13 @@ def measure(plan: Plan, tick: Tick) -> dict[str, object]:
     path = humanoid_path()
     model, control, referee = load(path), random_control(path, plan), Referee(path)
     with one_core() as core:
-        crowds = _crowds(model, path, plan, threads=1)
-        one = race(crowds, control, plan, clock=time.process_time, tick=tick, what="one core", referee=referee)
+        batches = _batches(model, path, plan, threads=1)
+        one = race(batches, control, plan, clock=time.process_time, tick=tick, what="one core", referee=referee)
     short = dataclasses.replace(plan, rest=0, peers=plan.num_peers)
-    others = _crowds(model, path, short, threads=0)
+    others = _batches(model, path, short, threads=0)
     many = race(others, control, short, clock=time.perf_counter, tick=tick, what="all cores", referee=None)
-    peers = {crowd.name: one[crowd.name] for crowd in crowds if isinstance(crowd, MujocoCrowd)}
-    figures = {crowd.name: _engine_figures(crowd, one[crowd.name], many[crowd.name], peers) for crowd in crowds}
+    peers = {batch.name: one[batch.name] for batch in batches if isinstance(batch, MujocoBatch)}
+    figures = {batch.name: _engine_figures(batch, one[batch.name], many[batch.name], peers) for batch in batches}
     return {
         "model": "dm_control/suite/humanoid.xml",
         "plan": dataclasses.asdict(plan) | {"peers": plan.num_peers},
@@ -231,14 +238,14 @@ def measure(plan: Plan, tick: Tick) -> dict[str, object]:
 
 
 def demo(plan: Plan, out: Path) -> dict[str, object]:
-    """Runs, shows progress, prints the table, writes `demo.json` and the charts.
+    """Runs the demo: prints the table, and writes `demo.json` and the charts.
 
     Args:
-        plan: What to do.
-        out: The folder, made if it is not there.
+        plan: Settings of the race.
+        out: Output folder, which is created if necessary.
 
     Returns:
-        What `measure` returned.
+        Figures and settings of `measure`.
     """
     require("rich", "for the demo's table")
     out.mkdir(parents=True, exist_ok=True)

@@ -28,10 +28,10 @@ class Measured:
 
 
 class Referee:
-    """Measures states of any engine with one yardstick: MuJoCo's collision detection and inertia matrix at the given qpos, qvel.
+    """Referee that measures states of all engines in the same way, with MuJoCo's collision detection and inertia matrix.
 
-    Points nearer than `NEAR` to where the pair's contact pushes (the surface, or the model's margin above it) count as touching, so that
-    neither an engine that rests a micrometre above the floor nor one that sinks in gains by it.
+    Points count as touching if their distance is below `NEAR`, measured from the surface or from the model's margin above it. A body that
+    rests a micrometre above the floor and one that sinks in therefore both touch it.
     """
 
     NEAR = 1e-4
@@ -39,7 +39,7 @@ class Referee:
     def __init__(self, path: str) -> None:
         self._mujoco = require("mujoco", "to measure both engines alike")
         self._model = self._mujoco.MjModel.from_xml_path(path)
-        # A gap as wide as what the margin grows by: contacts are found further away, and push where they did.
+        # Margin and gap grow by the same length: contacts are found farther away, and exert forces at the same distance as before.
         self._model.geom_margin[:] += 10 * self.NEAR
         self._model.geom_gap[:] += 10 * self.NEAR
         self._data = self._mujoco.MjData(self._model)
@@ -48,8 +48,8 @@ class Referee:
         """Measures environments.
 
         Args:
-            qpos: (n, nq).
-            qvel: (n, nv).
+            qpos: Positions, (n, nq), m and rad.
+            qvel: Velocities, (n, nv), m/s and rad/s.
 
         Returns:
             Contacts, penetration and kinetic energy.

@@ -1,4 +1,4 @@
-"""The demo's table."""
+"""Table of the demo."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ LENGTHS = ((1.0, "m"), (1e-3, "mm"), (1e-6, "um"), (1e-9, "nm"))
 
 
 def length(metres: float) -> str:
-    """A length for people, e.g. "3.2 mm"."""
+    """Text of a length with a suitable unit, such as "3.2 mm"."""
     for unit, name in LENGTHS:
         if abs(metres) >= unit:
             return f"{metres / unit:.3g} {name}"
@@ -44,8 +44,8 @@ def _rows(peers: Sequence[str]) -> list[tuple[str, Callable[[Figures], str]]]:
 
 
 def _certified(figures: Figures, form: Callable[[Figures], str]) -> str:
-    """What an engine says of its own steps, by phase."""
-    return " / ".join(form(certificate) for certificate in figures.get("certificates", {}).values()) or "not told"
+    """Text of an engine's certificates, by phase; "not reported" for MuJoCo."""
+    return " / ".join(form(certificate) for certificate in figures.get("certificates", {}).values()) or "not reported"
 
 
 def _notes(figures: Figures) -> list[str]:
@@ -71,16 +71,16 @@ def _notes(figures: Figures) -> list[str]:
 
 
 def show(figures: Figures) -> None:
-    """Prints the table, speed and error together, and how it was measured.
+    """Prints the table of speeds and errors, with notes on the measurement.
 
     Args:
-        figures: From `stepper.lab.demo.race.measure`.
+        figures: Figures of `stepper.lab.demo.race.measure`.
     """
     consoles, tables = require("rich.console", "to print the table"), require("rich.table", "to print the table")
     console = consoles.Console(highlight=False)
     if not console.is_terminal:
         console = consoles.Console(highlight=False, width=150)
-    table = tables.Table(title="Humanoids that fall about and lie still")
+    table = tables.Table(title="Humanoids that fall and come to rest")
     table.add_column("")
     for name in figures["engines"]:
         table.add_column(name, justify="right")

@@ -1,6 +1,9 @@
-"""Speed against accuracy: one scene, many engines, settings and time steps, in one process on one core.
+"""Charts of built-in scenes: error against cost of engines, settings and time steps, in one process on one core.
 
-`scenes` says what is right, `run` sweeps and times, `draw` makes the picture and the table, `files` writes them.
+- `scenes`: scenes with known solutions
+- `run`: errors and times of all engines and time steps
+- `draw`: picture and table
+- `files`: output files
 """
 
 from stepper.lab.engine_chart.draw import draw, write_csv

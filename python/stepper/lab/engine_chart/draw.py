@@ -29,12 +29,12 @@ LEAST_ERROR = 1e-16
 
 
 def write_csv(path: Path, scene: Scene, rows: Sequence[Row], provenance: Mapping[str, object]) -> None:
-    """Writes the rows, under comment lines that say what they are and where they come from.
+    """Writes the rows of a chart as CSV, after comment lines with the scene and the provenance.
 
     Args:
-        path: The file.
+        path: CSV file.
         scene: The scene.
-        rows: Its points.
+        rows: Points of the scene's chart.
         provenance: Command, machine and versions.
     """
     notes = {"title": scene.title, "error": scene.error_label, "reference": scene.reference, "duration_s": scene.duration}
@@ -91,7 +91,7 @@ def _legends(figure: Figure, axes: Axes, markers: Mapping[float, str]) -> None:
 
 
 def _columns(lines: Sequence[Line2D]) -> list[Line2D]:
-    """Labelled lines, ours in the left column and the others in the right one, the shorter column filled up with nothing."""
+    """Labelled lines in two columns of a legend, stepper's on the left. Blank entries fill up the shorter column."""
     blank = require("matplotlib.lines", "to draw a chart").Line2D
     named = [line for line in lines if not str(line.get_label()).startswith("_")]
     left = [line for line in named if str(line.get_label()).startswith("stepper")]
@@ -106,10 +106,10 @@ def draw(path: Path, scene: Scene, rows: Sequence[Row], note: str = "") -> None:
     """Draws error against cost, both logarithmic; down and left is better.
 
     Args:
-        path: The picture, PNG.
+        path: PNG file.
         scene: The scene.
-        rows: Its points.
-        note: A small line under the title: machine and versions.
+        rows: Points of the scene's chart.
+        note: Line below the title: machine and versions.
 
     Raises:
         MissingPackageError: matplotlib is not installed.

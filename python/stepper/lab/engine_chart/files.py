@@ -1,4 +1,4 @@
-"""Charts of scenes, swept, drawn and written into files."""
+"""Files of the charts of built-in scenes."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from stepper.shared.machine import one_core, package_version, provenance, requir
 
 
 def charts(names: Sequence[str], out: Path, effort: Effort, tick: Tick) -> list[Path]:
-    """Sweeps scenes and writes `chart-NAME.png` and `chart-NAME.csv`.
+    """Measures scenes and writes `chart-NAME.png` and `chart-NAME.csv`.
 
     Args:
         names: Names in `SCENES`.
-        out: The folder, made if it is not there.
-        effort: How long to measure.
-        tick: Progress.
+        out: Output folder, which is created if necessary.
+        effort: Number and duration of the measurements.
+        tick: Called with a text and the fraction done.
 
     Returns:
-        The pictures.
+        Paths of the pictures.
     """
     require("matplotlib", "to draw a chart")
     out.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""The sweep: errors once, times in interleaved repeats, medians."""
+"""Measurements of a chart: errors of all engines, settings and time steps once, and times in interleaved rounds."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from statistics import median
 import numpy as np
 
 from stepper.lab.engine_chart.scenes import Scene
-from stepper.lab.engines import Array, Crowd, Engine
+from stepper.lab.engines import Array, Engine, EngineBatch
 from stepper.lab.timing import Timed
 
 
 @dataclass(frozen=True)
 class Effort:
-    """How long to measure.
+    """Number and duration of the measurements.
 
     Attributes:
-        repeats: Timed rounds over all cases, interleaved; their median counts.
-        seconds: Least time that one case runs in one round, in s.
-        smallest: Time steps below this are left out, in s.
+        repeats: Number of timed rounds over all cases, whose median counts.
+        seconds: Shortest time of a case in a round, s.
+        smallest: Smallest time step, s; smaller ones are left out.
     """
 
     repeats: int = 7
@@ -31,13 +31,13 @@ class Effort:
 
     @classmethod
     def quick(cls) -> Effort:
-        """A rough picture in a few seconds."""
+        """Effort of a rough chart in a few seconds."""
         return cls(repeats=3, seconds=0.004, smallest=2e-4)
 
 
 @dataclass(frozen=True)
 class Row:
-    """One point of a chart.
+    """Point of a chart.
 
     Attributes:
         scene: Name of the scene.
@@ -66,7 +66,7 @@ class Row:
 class _Case(Timed):
     engine: Engine
     dt: float
-    run: Crowd
+    run: EngineBatch
     qpos: Array
     qvel: Array
     nstep: int
@@ -74,7 +74,7 @@ class _Case(Timed):
     times: list[float] = field(default_factory=list)
 
     def once(self) -> float:
-        """Processor seconds of one run from the start; the reset is not timed, nor what other programs take."""
+        """Processor time of one run from the start, s, without the reset."""
         self.run.reset(self.qpos, self.qvel)
         begin = time.process_time()
         self.run.step(nstep=self.nstep)
@@ -130,12 +130,12 @@ def _with_slopes(rows: list[Row]) -> list[Row]:
 def sweep(scene: Scene, effort: Effort | None = None, progress: Callable[[float], None] | None = None) -> list[Row]:
     """Runs every engine of a scene at every time step.
 
-    Every case is one call that makes all its steps, so Python's share is a microsecond a run. Times are taken in rounds over all cases,
-    so that whatever else the machine does falls on all of them alike. Call it inside `stepper.shared.machine.one_core()`.
+    A case makes all its steps in one call, so that Python takes a microsecond per run. Rounds over all cases are interleaved, so that other
+    load of the machine affects all alike. Call it inside `stepper.shared.machine.one_core()`.
 
     Args:
-        scene: What to run.
-        effort: How long to measure.
+        scene: The scene.
+        effort: Number and duration of the measurements; None is the default.
         progress: Called with the fraction done, 0 to 1.
 
     Returns:

@@ -1,6 +1,6 @@
-"""Scenes whose right answer is known: what is simulated, what is right, how far off a result is.
+"""Built-in scenes with known solutions, and the measures of their errors.
 
-A new scene is a function that returns a `Scene`, named in `SCENES`.
+To add a scene, write a function that returns a `Scene`, and add it to `SCENES`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stepper._options import Options
-from stepper.lab.engines import Array, Crowd, Engine, MujocoEngine, StepperEngine
+from stepper.lab.engines import Array, Engine, EngineBatch, MujocoEngine, StepperEngine
 from stepper.shared.machine import require
 
 TIMESTEPS = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2)
@@ -23,25 +23,26 @@ GRAVITY = 9.81
 
 @dataclass(frozen=True)
 class Scene:
-    """A scene of a chart.
+    """Scene of a chart.
 
     Attributes:
-        name: On the command line and in file names.
-        title: One line over the picture.
-        mjcf: The model.
-        start: (qpos (nq,), qvel (nv,)) of the run, from a run that has been loaded (which may let it settle) and the time step in s.
-        duration: Simulated time in s.
-        error: From (qpos at the start, qpos at the end), both (nq,), the error in `unit`.
-        error_label: What the error is, for the axis, with its unit.
-        reference: Where the right answer comes from.
-        engines: The lines of the chart.
-        timesteps: The sweep, s.
+        name: Name on the command line and in file names.
+        title: Title of the picture.
+        mjcf: Model, as MJCF text.
+        start: Function of a batch and the time step (s) that returns the initial qpos (nq,), m and rad, and qvel (nv,), m/s and rad/s. It
+            may step the batch to let it settle.
+        duration: Simulated time, s.
+        error: Function of qpos at the start and at the end, (nq,) each, that returns the error.
+        error_label: Label of the error's axis, with its unit.
+        reference: Source of the solution.
+        engines: Engines with settings, one for each line of the chart.
+        timesteps: Time steps, s.
     """
 
     name: str
     title: str
     mjcf: str
-    start: Callable[[Crowd, float], tuple[Array, Array]]
+    start: Callable[[EngineBatch, float], tuple[Array, Array]]
     duration: float
     error: Callable[[Array, Array], float]
     error_label: str
@@ -65,16 +66,16 @@ def _chain_mjcf() -> str:
 
 
 def chain_state() -> tuple[Array, Array]:
-    """(qpos, qvel) in rad and rad/s, both (5,): the first link stands out sideways, the others lie straight behind it, at rest."""
+    """Initial state of the chain at rest, straight and horizontal: qpos (5,), rad, and qvel (5,), rad/s."""
     qpos = np.zeros(CHAIN_LINKS)
     qpos[0] = 0.5 * math.pi
     return qpos, np.zeros(CHAIN_LINKS)
 
 
 def chain_reference(rtol: float = CHAIN_RTOL) -> Array:
-    """Joint angles of the chain at the end, (5,) in rad.
+    """Joint angles of the chain at the end, (5,), rad.
 
-    q'' = -M(q)^-1 bias(q, q') with both from MuJoCo, integrated by scipy's DOP853. It knows nothing of either engine's stepping.
+    SciPy's DOP853 integrates q'' = -M(q)^-1 bias(q, q'), with M and bias from MuJoCo. It uses no time stepping of either engine.
     """
     mujoco = require("mujoco", "for the reference solution of the chain")
     integrate = require("scipy.integrate", "for the reference solution of the chain")
@@ -95,7 +96,7 @@ def chain_reference(rtol: float = CHAIN_RTOL) -> Array:
 
 
 def chain() -> Scene:
-    """A chain of 5 hinged links that falls from the horizontal; the error is that of its angles after 1 s."""
+    """Scene with a chain of 5 hinged links that falls from the horizontal. The error is that of its angles after 1 s."""
     right = chain_reference()
     agree = float(np.max(np.abs(right - chain_reference(1e-11))))
     return Scene(
@@ -137,8 +138,8 @@ def _box_mjcf() -> str:
       <body pos="0 0 {BOX_HALF[2]}"><freejoint/><geom type="box" size="{size}" mass="1"/></body></worldbody></mujoco>"""
 
 
-def _box_start(run: Crowd, dt: float) -> tuple[Array, Array]:
-    """Settles, so that no engine begins by sinking into the floor, then gives the box its speed."""
+def _box_start(run: EngineBatch, dt: float) -> tuple[Array, Array]:
+    """Initial state of the box: it settles first, so that no engine starts by sinking into the floor, and then gets its speed."""
     qpos = np.array([0.0, 0.0, BOX_HALF[2], 1.0, 0.0, 0.0, 0.0])
     run.reset(qpos, np.zeros(6))
     run.step(nstep=round(BOX_SETTLE / dt))
@@ -148,7 +149,7 @@ def _box_start(run: Crowd, dt: float) -> tuple[Array, Array]:
 
 
 def box() -> Scene:
-    """A box thrown along the floor, 30 degrees off the axes; the error is that of the place where it is after 1 s."""
+    """Scene with a box that slides along the floor, 30 degrees off the axes. The error is that of its position after 1 s."""
     distance = BOX_SPEED**2 / (2.0 * BOX_FRICTION * GRAVITY)
     right = distance * np.array([math.cos(BOX_ANGLE), math.sin(BOX_ANGLE)])
     return Scene(
@@ -173,4 +174,4 @@ def box() -> Scene:
 
 
 SCENES: dict[str, Callable[[], Scene]] = {"chain": chain, "box": box}
-"""Every scene that `stepper chart` knows, by name."""
+"""Built-in scenes of `stepper chart` by name."""

@@ -1,8 +1,13 @@
-"""Studies: a model, what drives it, what counts, and what may be otherwise, in one command.
+"""Studies: episodes of a model with a drive, outcomes and uncertain parameters.
 
-`study` is what a user writes (`files` reads it), made of `parameters`, `outcomes` and `drives` over `worlds`, which are the environments of
-one engine. `batches` runs points of it in lanes and keeps every row in a `journal`; `sweep` perturbs one parameter at a time, `ranking`
-all at once, `whose` tells whose a failure is, `touching` what touches, `report` writes all of it down.
+- `study`: the definition of a study; `files` reads it from TOML
+- `parameters`, `outcomes`, `drives`, `policy_files`: its parts
+- `worlds`, `rapier`: environments of one engine
+- `points`, `batches`, `jobs`: episodes at values of the parameters, in batches, optionally on Ray
+- `journal`, `table`, `results`: finished rows on disk
+- `sweep`: one parameter at a time; `ranking`: all at once
+- `whose`: causes of failures; `touching`: statistics of contacts
+- `report`, `document`, `draw`: documents and pictures
 """
 
 from stepper.lab.study.drives import Policy, Recorded

@@ -1,7 +1,7 @@
-"""Episodes of a study in lanes: points that share settings are one batch, and every row is kept as soon as it is known.
+"""Batches of episodes of a study: points with the same settings are stepped together, and finished rows are kept in the journal.
 
-Which episodes make a batch follows from the points alone, not from what the journal has already: a study that goes on after a kill runs an
-unfinished batch anew as it was, and keeps the rows that it did not have.
+Batches depend only on the points, not on the rows that the journal has. A study that was killed repeats an unfinished batch as a whole, and
+keeps the rows that the journal lacks.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from stepper._options import Options, Precision
 from stepper.lab.study import drives
+from stepper.lab.study.jobs import each
 from stepper.lab.study.journal import Journal, Row
 from stepper.lab.study.outcomes import Watch
-from stepper.lab.study.over_ray import each
 from stepper.lab.study.parameters import Theta, actuator_model, model_fields, sensor_model
 from stepper.lab.study.points import Point
 from stepper.lab.study.rapier import RapierWorld
@@ -34,26 +34,26 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class _Batch:
-    """Episodes that are stepped together: (point, episode) of each."""
+    """Batch of episodes: point and number of each."""
 
     setting: str
     episodes: tuple[tuple[Point, int], ...]
 
 
 def run_points(study: Study, points: Sequence[Point], journal: Journal, tick: Callable[[float], None] | None = None) -> list[Row]:
-    """Runs all episodes of points that the journal does not have.
+    """Runs all episodes of some points whose rows the journal lacks.
 
     Args:
         study: The study.
-        points: Where it is run.
-        journal: What is known; it is told what becomes known.
+        points: The points.
+        journal: Journal of finished rows, to which new rows are added.
         tick: Called with the fraction done.
 
     Returns:
         Rows of all episodes of the points, in their order.
 
     Raises:
-        ValueError: A time step that does not divide the time of a control, a value that the model cannot have.
+        ValueError: A time step that does not divide the control period, or a value that the model cannot have.
     """
     keys = {(_name(point), e): study.key(point.theta, point.setting, e) for point in points for e in range(study.episodes)}
     batches = list(_batches(study, points))
@@ -69,7 +69,7 @@ def run_points(study: Study, points: Sequence[Point], journal: Journal, tick: Ca
         journal.append({"key": key} | rows[key] for key in dict.fromkeys(missing[left[number]]))
         if tick:
             tick((len(batches) - len(left) + done + 1) / len(batches))
-    # A row is found by what it follows from. Names are the study's, and may be others than when it was written.
+    # Keys do not contain the names of settings and parameters, which may have changed since a row was written.
     return [
         journal.rows[keys[_name(point), e]] | {"setting": point.setting, "theta": dict(point.theta)}
         for point in points
@@ -86,8 +86,8 @@ def _batches(study: Study, points: Sequence[Point]) -> Iterator[_Batch]:
     groups: dict[str, list[Point]] = {}
     noisy = together(study)
     for point in {_name(point): point for point in points}.values():
-        # Errors of sensors follow from the place in the batch: every point is one batch, uncut, so that an episode has the same ones at
-        # every point, and no other episode has them.
+        # Sensor errors depend on the place in the batch. Every point is then one batch, so that an episode has the same errors at every
+        # point, and episodes differ in their errors.
         key = _name(point) if noisy else group_of(study, point)
         groups.setdefault(key, []).append(point)
     for group in groups.values():
@@ -98,12 +98,12 @@ def _batches(study: Study, points: Sequence[Point]) -> Iterator[_Batch]:
 
 
 def together(study: Study) -> bool:
-    """Whether all episodes of a point are one batch: errors of sensors follow from the place in the batch."""
+    """Whether all episodes of a point must be one batch, because sensor errors depend on the place in the batch."""
     return study.sensors is not None or any(p.kind == "sensor" for p in study.parameters.values())
 
 
 def group_of(study: Study, point: Point) -> str:
-    """What points must share to be stepped together."""
+    """Key of the group of a point: points with equal keys can be stepped together."""
     shared = {name: value for name, value in point.theta.items() if study.parameters[name].kind == "options"}
     fields = model_fields(study.parameters, study.loaded[0], [point.theta])
     engine, _, options, _ = options_of(study, point.setting, point.theta)
@@ -113,22 +113,22 @@ def group_of(study: Study, point: Point) -> str:
 
 
 def options_of(study: Study, setting: str, theta: Theta, **changed: Any) -> tuple[str, Precision, Options, dict[str, Any]]:
-    """Engine, precision and options of a point, and all settings that it changes but engine and precision; arguments as of `world_of`."""
+    """Engine, precision, options, and the changed settings without engine and precision; the arguments are those of `world_of`."""
     given: dict[str, Any] = {study.parameters[n].leaf: v for n, v in theta.items() if study.parameters[n].kind == "options"}
-    # Settings that are compared fix what they name: a parameter's value has no part in that.
+    # Named settings override values of parameters.
     given |= study.setting(setting) | changed
     engine, precision = given.pop("engine", "stepper"), given.pop("precision", study.precision)
     return engine, precision, replace(study.options, **given) if engine == "stepper" else study.options, given
 
 
 def world_of(study: Study, setting: str, thetas: Sequence[Theta], **changed: Any) -> World:
-    """Environments at values of parameters, one for each, with settings in force that all of them share.
+    """World of a study with one environment for each set of parameter values, and common settings.
 
     Args:
         study: The study.
         setting: Name of the settings.
-        thetas: Values of parameters of every environment.
-        **changed: Settings in place of those: as of `Study.settings`, and "sensors"; or of rapier (engine="rapier").
+        thetas: Values of the parameters of each environment.
+        **changed: Changed settings, as in `Study.settings`; or sensors=None for ideal sensors; or those of engine="rapier".
     """
     model, compiled = study.loaded
     ideal = changed.pop("sensors", "given") is None
@@ -161,14 +161,14 @@ def world_of(study: Study, setting: str, thetas: Sequence[Theta], **changed: Any
 
 
 def begin(study: Study, world: World, episodes: Sequence[int]) -> None:
-    """Starts episodes."""
+    """Starts episodes with these numbers in the environments of a world."""
     world.episodes = np.array(episodes)
     qpos, qvel = starts(study, world, episodes)
     world.start(qpos, qvel, study.keyframe, study.seed)
 
 
 def starts(study: Study, world: World, episodes: Sequence[int]) -> tuple[Array, Array]:
-    """Configurations (num_envs, nq) and velocities (num_envs, nv) that episodes start with."""
+    """Initial positions (num_envs, nq), m and rad, and velocities (num_envs, nv), m/s and rad/s, of episodes."""
     model, generators = world.model, study.generators(episodes)
     if study.start is not None:
         qpos, qvel = (np.array(x, float) for x in study.start(world, generators))
@@ -185,32 +185,32 @@ def starts(study: Study, world: World, episodes: Sequence[int]) -> tuple[Array, 
 
 
 def steps_of(study: Study, timestep: float) -> int:
-    """Steps of a control.
+    """Number of steps in a control period.
 
     Raises:
-        ValueError: The time step does not divide the time of a control.
+        ValueError: The time step does not divide the control period.
     """
     count = round(study.hold / timestep)
     if count < 1 or abs(count * timestep - study.hold) > 1e-6 * study.hold:
         near = ", ".join(f"{study.hold / n:g}" for n in (max(1, count - 1), max(1, count), count + 1))
-        raise ValueError(f"the time step, {timestep:g} s, does not divide the time of a control, {study.hold:g} s; choose one of {near}")
+        raise ValueError(f"the time step, {timestep:g} s, does not divide the control period, {study.hold:g} s; choose one of {near}")
     return count
 
 
 def running(study: Study, world: World, episodes: Sequence[int], *, by_step: bool = False) -> Iterator[bool]:
-    """Runs episodes to their end, piece by piece.
+    """Runs episodes to their end, in pieces.
 
     Args:
         study: The study.
         world: Environments, one for each episode.
-        episodes: Their numbers.
-        by_step: Whether a piece is a step; else it is the time of a control.
+        episodes: Numbers of the episodes.
+        by_step: Whether a piece is one step; otherwise it is a control period.
 
     Yields:
-        After the start and after every piece, whether outcomes look: at the start and after every control.
+        Whether outcomes must be measured now: at the start and after every control period.
 
     Raises:
-        ValueError: The drive remembers something and has no `begin`.
+        ValueError: The drive keeps state between batches and has no `begin`.
     """
     nstep = steps_of(study, world.timestep)
     begin(study, world, episodes)
@@ -233,7 +233,7 @@ def running(study: Study, world: World, episodes: Sequence[int], *, by_step: boo
 
 
 def _check_controls(drive: Any, world: World, ctrl: Any) -> None:
-    """Raises ValueError for controls that are not finite of an episode whose state is: they are the drive's, and no engine's."""
+    """Raises ValueError for controls that are not finite although the episode's state is: the drive caused them, not the engine."""
     if ctrl is None or np.isfinite(ctrl).all():
         return
     rows = np.broadcast_to(np.asarray(ctrl, float), (world.num_envs, world.model.nu))
@@ -248,7 +248,7 @@ def _check_controls(drive: Any, world: World, ctrl: Any) -> None:
 
 
 def outcomes_of(watch: Watch, world: World) -> dict[str, Array]:
-    """The value of every outcome at the end of episodes, by name, (num_envs,); NaN, which is no success, of those that diverged."""
+    """Final value of every outcome by name, (num_envs,), in its unit; NaN, which is no success, where the episode diverged."""
     return {name: np.where(world.diverged, np.nan, value) for name, value in watch.values(world).items()}
 
 
@@ -260,8 +260,8 @@ def drive_through(
     Args:
         study: The study.
         world: Environments, one for each episode.
-        episodes: Their numbers.
-        look: Called at the start and after every control.
+        episodes: Numbers of the episodes.
+        look: Called at the start and after every control period.
         each: Called after every step.
     """
     for number, looks in enumerate(running(study, world, episodes, by_step=each is not None)):
@@ -272,12 +272,12 @@ def drive_through(
 
 
 def run_episodes(study: Study, setting: str, thetas: Sequence[Theta], episodes: Sequence[int], **changed: Any) -> list[Row]:
-    """Outcomes of episodes that are stepped together, one row for each, without keys. Settings as of `world_of`."""
+    """Runs a batch of episodes; returns a row for each, without keys. The arguments are those of `world_of`."""
     return rows_in(world_of(study, setting, thetas, **changed), study, setting, thetas, episodes)
 
 
 def rows_in(world: World, study: Study, setting: str, thetas: Sequence[Theta], episodes: Sequence[int]) -> list[Row]:
-    """As `run_episodes`, in environments that are there."""
+    """Runs a batch of episodes in a given world; returns a row for each, without keys."""
     seen: list[Watch] = []
 
     def look(now: World) -> None:
@@ -315,5 +315,5 @@ def _rows(study: Study, setting: str, members: Sequence[tuple[Theta, int]], worl
 
 
 def number(value: Any) -> int | float:
-    """A plain number of NumPy's."""
+    """Python number of a NumPy number."""
     return int(value) if isinstance(value, np.integer) else float(value)

@@ -1,4 +1,4 @@
-"""What is told of a study: sections of words, tables and pictures, as Markdown and as one HTML file that needs no other."""
+"""Documents with texts, tables and pictures, as Markdown and as a self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from stepper.shared.machine import require
 
 @dataclass
 class Section:
-    """A part of a document.
+    """Section of a document.
 
     Attributes:
-        title: Its heading.
-        words: Paragraphs; `code` in back quotes.
-        head: Of the table.
-        rows: Of the table.
-        picture: A PNG.
-        text: What is set as it is, line by line.
+        title: Heading.
+        words: Paragraphs, with `code` in back quotes.
+        head: Headings of the table's columns.
+        rows: Rows of the table.
+        picture: PNG file.
+        text: Preformatted text.
     """
 
     title: str
@@ -38,13 +38,13 @@ class Section:
 
 @dataclass
 class Document:
-    """Sections under a title."""
+    """Document: a title and sections."""
 
     title: str
     sections: list[Section] = field(default_factory=list)
 
     def markdown(self) -> str:
-        """As Markdown; pictures are links beside the file."""
+        """Text as Markdown, with links to pictures in the same folder."""
         parts = [f"# {self.title}"]
         for section in self.sections:
             parts += [f"## {section.title}", *section.words]
@@ -59,12 +59,12 @@ class Document:
         return "\n\n".join(parts) + "\n"
 
     def html(self) -> str:
-        """As a page that carries its pictures."""
+        """Text as an HTML page that contains its pictures."""
         page: str = _template().render(title=self.title, sections=self.sections)
         return page
 
     def save(self, folder: Path, name: str) -> list[Path]:
-        """Writes NAME.html and NAME.md."""
+        """Writes NAME.html and NAME.md to a folder; returns their paths."""
         files = [folder / f"{name}.html", folder / f"{name}.md"]
         for file, text in zip(files, (self.html(), self.markdown()), strict=True):
             file.write_text(text, encoding="utf-8")
@@ -72,7 +72,7 @@ class Document:
 
 
 def check_pages() -> None:
-    """Raises MissingPackageError if pages cannot be written: called before hours of running, not after.
+    """Checks that HTML pages can be written. Call it before a long run, not after.
 
     Raises:
         MissingPackageError: jinja2 is not installed.
@@ -86,7 +86,7 @@ def counted(number: int, what: str) -> str:
 
 
 def cell(value: Any) -> str:
-    """A value in a table: four digits of what is no whole number, a dash for what is none."""
+    """Text of a value in a table: real numbers with four digits, a dash for None and NaN."""
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return "-"
     if isinstance(value, bool) or not isinstance(value, int | float):
@@ -96,7 +96,7 @@ def cell(value: Any) -> str:
 
 @functools.cache
 def _template() -> Any:
-    """The template of a page, which escapes all that it is given."""
+    """Template of a page, which escapes its texts."""
     check_pages()
     jinja2, markupsafe = importlib.import_module("jinja2"), importlib.import_module("markupsafe")
 

@@ -1,4 +1,4 @@
-"""Pictures of a sweep: shares of successes and the outcome over every parameter, and where success ends."""
+"""Pictures of a sweep: shares of successes and outcomes over each parameter, and the values at which success ends."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ COLOURS = (
 )
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*", "<", ">", "h", "p")
 WIDEST = 1400
-"""Width of a picture at the most, pixels: that of a page."""
+"""Largest width of a picture, pixels: that of a page."""
 DPI = 130
 _COLUMNS = 3
 _LABEL = 44
 """Letters of a line of the legend."""
 _ANNOTATED = 5
-"""Settings at the most whose cliffs the panels of a sweep name; more are read in `draw_cliffs`."""
+"""Largest number of settings for which panels print the values of cliffs; `draw_cliffs` shows them for more."""
 
 
 def draw(sweep: Sweep, path: Path) -> Path:
@@ -43,10 +43,9 @@ def draw(sweep: Sweep, path: Path) -> Path:
 
 
 def figure_of(sweep: Sweep) -> Any:
-    """Shares of successes with Wilson's intervals, and beneath them means of the outcome with standard errors, over every parameter.
+    """Figure of a sweep: shares of successes with Wilson intervals, and below them mean outcomes with standard errors, per parameter.
 
-    Every point stands at its value. Values that a bisection tried are points too, without intervals, so that the end of success is as
-    steep as it was found to be.
+    Values of a bisection are points without intervals, so that the curve is as steep as the cliff.
 
     Raises:
         MissingPackageError: matplotlib is not installed.
@@ -84,7 +83,7 @@ def figure_of(sweep: Sweep) -> Any:
 
 
 def draw_cliffs(sweep: Sweep, path: Path) -> Path | None:
-    """Draws where success ends with each of the settings into a PNG file; see `cliffs_of`.
+    """Draws the values at which success ends, for each of the settings, into a PNG file; see `cliffs_of`.
 
     Raises:
         MissingPackageError: matplotlib is not installed.
@@ -98,7 +97,7 @@ def draw_cliffs(sweep: Sweep, path: Path) -> Path | None:
 
 
 def cliffs_of(sweep: Sweep) -> Any | None:
-    """Where success ends with each of the settings, a panel for every parameter; None where no parameter has cliffs of two settings.
+    """Figure of the values at which success ends, with a panel for each parameter that has cliffs with two settings; None without any.
 
     Raises:
         MissingPackageError: matplotlib is not installed.
@@ -123,7 +122,7 @@ def cliffs_of(sweep: Sweep) -> Any | None:
             row = settings.index(cliff.setting)
             colour, middle = COLOURS[row % len(COLOURS)], (cliff.low + cliff.high) / 2
             panel.errorbar([middle], [row], xerr=[(cliff.high - cliff.low) / 2], fmt="o", color=colour, capsize=2, markersize=4)
-            # Above the bracket, which may be longer than the number.
+            # The text is above the bracket, which may be wider than the text.
             panel.annotate(f"{middle:.4g}", (middle, row), xytext=(0, 4), textcoords="offset points", ha="center", fontsize=8, color=colour)
         panel.margins(x=0.25)
         panel.set_xlabel(_name(sweep, name))
@@ -136,7 +135,7 @@ def cliffs_of(sweep: Sweep) -> Any | None:
 
 
 def _panel(panel: Axes, sweep: Sweep, name: str, *, shares: bool) -> None:
-    """A panel of a parameter: shares of successes, or the outcome."""
+    """Panel of a parameter: shares of successes, or the outcome."""
     study, parameter = sweep.study, sweep.study.parameters[name]
     settings = [USUAL, *study.settings]
     words = any(isinstance(value, str) for value in parameter.levels())
@@ -168,7 +167,7 @@ def _panel(panel: Axes, sweep: Sweep, name: str, *, shares: bool) -> None:
 
 
 def _series(panel: Axes, sweep: Sweep, name: str, number: int, *, shares: bool) -> None:
-    """Points of the settings of a number. Markers of later settings are smaller, so that those that lie on one another are all seen."""
+    """Points of one of the settings. Markers of later settings are smaller, so that overlapping markers stay visible."""
     settings = [USUAL, *sweep.study.settings]
     setting, colour = settings[number], COLOURS[number % len(COLOURS)]
     points, levels = sweep.points(name, setting), sweep.levels_of(name, setting)
@@ -203,7 +202,7 @@ def _wrapped(setting: str) -> str:
 
 
 def _legend_columns(labels: Sequence[str], width: float) -> int:
-    """Columns of a legend in a picture of a width in inches: a letter takes 0.08, a marker and the space beside it 0.7."""
+    """Number of columns of a legend, for a picture's width in inches. A letter takes 0.08 inches, a marker with its margin 0.7."""
     longest = max(len(line) for label in (*labels, "where success ends") for line in label.split("\n"))
     return max(1, min(4, int(width / (0.08 * longest + 0.7))))
 
@@ -213,11 +212,11 @@ def _line(**look: Any) -> Any:
 
 
 def _bars(levels: Sequence[Level], *, shares: bool) -> tuple[list[float], list[float], list[float]]:
-    """Values with what is below and above them."""
+    """Values, and lengths of the error bars below and above them."""
     if shares:
         y = [level.share for level in levels]
         if all(level.episodes == 1 for level in levels):
-            # One trial says nothing of a share: its interval is nearly all there is.
+            # The interval of a single trial spans nearly the whole axis.
             return y, [0.0] * len(y), [0.0] * len(y)
         return (
             y,

@@ -1,4 +1,4 @@
-"""What drives a study: recorded controls, a script, a policy, or controls at random."""
+"""Drives of a study, which compute its controls: recordings, scripts, policies and random controls."""
 
 from __future__ import annotations
 
@@ -25,21 +25,22 @@ from stepper.lab.study.worlds import World
 
 Array = NDArray[np.float64]
 FILES = "stepper_study_"
-"""How names of modules begin that are files of studies."""
+"""Prefix of the module names of files of studies."""
 Drive = Callable[[World], Any]
-"""From a `World`, controls (num_envs, nu) or (nu,), or None, which holds those in force. One with a method `begin(now)` is told of
-starts."""
+"""Function of a `World` that returns controls (num_envs, nu) or (nu,), or None to hold the present ones. Its method `begin(now)`, if it has
+one, is called at the start of each batch."""
 
 
 class Recorded:
-    """Controls of a file, one after the other; the last is held.
+    """Drive that plays recorded controls, one per control period, and holds the last.
 
     Args:
-        path: An .npz with "ctrl": (T, nu), or (T, n, nu) for the episodes 0 to n - 1, after which they repeat. Or a .csv with a line for
-            every control and a column for every actuator, whose first line may have their names, in any order.
+        path: File with the controls, in the actuators' units. An .npz file has "ctrl" (T, nu), or (T, n, nu) for the episodes 0 to n - 1,
+            after which they repeat. A .csv file has a line per control period and a column per actuator; its first line may have the
+            actuators' names, in any order.
 
     Raises:
-        ValueError: The file has no such numbers.
+        ValueError: The file has no such controls.
     """
 
     def __init__(self, path: str | os.PathLike[str]):
@@ -61,17 +62,17 @@ class Recorded:
         self._places: list[int] | None = None
 
     def begin(self, now: World) -> None:
-        """Goes back to the first row.
+        """Returns to the first row.
 
         Raises:
-            ValueError: The actuators of the file are not those of the model.
+            ValueError: The actuators of the file differ from those of the model.
         """
         own, known = self.ctrl.shape[-1], [name or f"#{k}" for k, name in enumerate(now.model.actuator_names)]
         if self.names is not None and sorted(self.names) != sorted(known):
             missing, more = sorted(set(known) - set(self.names)), sorted(set(self.names) - set(known))
             raise ValueError(
-                f"{self._path}: its first line names other actuators than the model has: {missing or 'none'} are missing, {more or 'none'} "
-                "are not the model's"
+                f"{self._path}: the actuators in its first line differ from the model's: {missing or 'none'} are missing, "
+                f"{more or 'none'} are unknown; correct the line"
             )
         if own != now.model.nu:
             raise ValueError(f"{self._path}: it has controls of {own} actuators, and the model has {now.model.nu}: {', '.join(known)}")
@@ -79,7 +80,7 @@ class Recorded:
         self._row = 0
 
     def __call__(self, now: World) -> Array:
-        """The next row."""
+        """Next row of controls, (nu,) or (num_envs, nu), in the actuators' units."""
         row: Array = self.ctrl[min(self._row, len(self.ctrl) - 1)]
         self._row += 1
         if self._places is not None:
@@ -88,7 +89,7 @@ class Recorded:
 
 
 def _read_csv(path: Path) -> tuple[list[str] | None, Array]:
-    """Names of the actuators, None where the first line has none, and controls (T, nu)."""
+    """Names of the actuators, or None if the first line has none, and controls (T, nu)."""
     with path.open(newline="", encoding="utf-8-sig") as file:
         lines = [(number, row) for number, row in enumerate(csv.reader(file), 1) if row]
     names = None
@@ -97,7 +98,7 @@ def _read_csv(path: Path) -> tuple[list[str] | None, Array]:
     width = len(names) if names is not None else len(lines[0][1]) if lines else 0
     for number, row in lines:
         if len(row) != width or not all(map(_is_number, row)):
-            raise ValueError(f"{path}, line {number}: it is {','.join(row)!r}, must be {width} numbers, one of each actuator")
+            raise ValueError(f"{path}, line {number}: it is {','.join(row)!r}, must be {width} numbers, one per actuator")
     return names, np.array([[float(value) for value in row] for _, row in lines]).reshape(len(lines), width)
 
 
@@ -110,11 +111,11 @@ def _is_number(text: str) -> bool:
 
 
 class Random:
-    """Controls at random within their ranges (without a range: -1 to 1), each episode its own, whatever batch it is in.
+    """Drive with uniform random controls within their ranges (without a range: -1 to 1). They depend on the episode, not on its batch.
 
     Args:
-        seed: Of what is random.
-        hold: Controls for which one is held.
+        seed: Seed of the random numbers.
+        hold: Number of control periods for which a random control is held.
     """
 
     def __init__(self, seed: int, hold: int = 1):
@@ -122,14 +123,14 @@ class Random:
         self._streams: list[np.random.Generator] = []
 
     def begin(self, now: World) -> None:
-        """Begins the streams of the episodes anew."""
+        """Restarts the random numbers of the episodes."""
         self._count = 0
         self._streams = [np.random.default_rng([self.seed, int(e), 1]) for e in now.episodes]
         bounds = np.asarray(now.model.actuator_ctrlrange, float).reshape(now.model.nu, 2)
         self._low, self._high = np.where(np.isfinite(bounds), bounds, [-1.0, 1.0]).T
 
     def __call__(self, _: World) -> Array | None:
-        """New controls, or None while the old ones are held."""
+        """New controls, (num_envs, nu), in the actuators' units; None while the old ones are held."""
         self._count += 1
         if (self._count - 1) % self.hold:
             return None
@@ -137,18 +138,21 @@ class Random:
 
 
 class Policy:
-    """A policy: from observations (num_envs, nsensordata), controls (num_envs, nu).
+    """Drive by a policy, which maps sensor readings (num_envs, nsensordata) to controls (num_envs, nu).
 
     Args:
-        act: A function, whose tensors of torch may come back; a module of torch, which gets tensors; or a file that ends in
-            .onnx (ONNX Runtime), .pt, .pth or .ts (TorchScript), or .npz (`stepper.policies`). A network for one
-            observation is asked row by row.
+        act: Policy, in one of these forms:
 
-            One that remembers has a method `begin(now)`, called at the start of each batch. Of a module of torch and of a TorchScript, each
-            batch has a copy as it was given, with the buffers of then; the `reset()` of a TorchScript is called.
+            * a function of arrays that returns an array or a torch tensor
+            * a `torch.nn.Module`, which gets tensors
+            * a file: .onnx (ONNX Runtime), .pt, .pth or .ts (TorchScript), or .npz (`stepper.policies`)
+
+            A network for single observations is called row by row. A policy with internal state needs a method `begin(now)`, which is
+            called at the start of each batch. Modules and TorchScripts need none: each batch uses a fresh copy, and calls the `reset()` of
+            a TorchScript.
 
     Raises:
-        ValueError: A file that holds no policy.
+        ValueError: The file has no policy.
         MissingPackageError: ONNX Runtime or torch is not installed.
     """
 
@@ -158,12 +162,12 @@ class Policy:
         self.act = Network(act) if is_module(act) else act
 
     def begin(self, now: World) -> None:
-        """Tells the policy of a start, where it wants to know."""
+        """Calls the policy's `begin` at the start of a batch, if it has one."""
         if hasattr(self.act, "begin"):
             self.act.begin(now)
 
     def __call__(self, now: World) -> Array:
-        """Controls for what the sensors say."""
+        """Controls for the present sensor readings, (num_envs, nu) or (nu,), in the actuators' units."""
         made = self.act(now.sensordata)
         controls = np.asarray(made.detach().cpu().numpy() if hasattr(made, "detach") else made, float)
         if controls.shape not in ((now.num_envs, now.model.nu), (now.model.nu,)):
@@ -175,10 +179,14 @@ class Policy:
 
 
 def find(reference: str, folder: Path) -> Any:
-    """What "module:name" or "file.py:name" stands for; files are found beside the study.
+    """Object of a reference "module:name" or "file.py:name".
+
+    Args:
+        reference: The reference.
+        folder: Folder of the study, to which paths of files are relative.
 
     Raises:
-        ValueError: There is no such module, file or name.
+        ValueError: No such module, file or name.
     """
     place, _, name = reference.rpartition(":")
     if not place or not name:
@@ -193,9 +201,9 @@ def find(reference: str, folder: Path) -> Any:
 
 
 def load_file(path: Path) -> ModuleType:
-    """The module of a file, imported once."""
+    """Module of a file, imported once."""
     path = path.resolve()
-    # Not the bare stem, which another module may have.
+    # The stem alone may be the name of another module.
     name = f"{FILES}{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:8]}"
     if name not in sys.modules:
         spec = importlib.util.spec_from_file_location(name, path)
@@ -212,14 +220,16 @@ def load_file(path: Path) -> ModuleType:
 
 
 def digest_of(thing: Any) -> str:
-    """SHA-256 of a drive or measure.
+    """SHA-256 of a drive or measure: equal digests mean equal rows.
 
-    Of a function: its name, the file that it is in, its defaults, what it holds from around it, and the object that it is a method of; of
-    an object: its class likewise, its `state_dict()` where it has one, and its attributes, and theirs, but for those that begin with an
-    underscore, which are its memory; or its attribute `digest`, where it has one; of numbers, words and arrays: themselves.
+    * Function: its name, file, default arguments, closure variables, and the object of which it is a method.
+    * Object with an attribute `digest`: that attribute.
+    * Other object: its class, its `state_dict()` if it has one, and its attributes, recursively. Attributes whose names begin with an
+      underscore are internal state and do not count.
+    * Number, text or array: its value.
 
     Raises:
-        TypeError: It holds something of which there is no digest; named with the remedy.
+        TypeError: A part has no digest; the message has the remedy.
     """
     found = _Digest()
     found.take(thing, name_of(thing))
@@ -227,36 +237,36 @@ def digest_of(thing: Any) -> str:
 
 
 class Memory:
-    """What a drive without a method `begin` remembers of a batch, which would go on in the next one.
+    """Check that a drive without a method `begin` keeps no state from one batch to the next.
 
     Args:
         drive: The drive, before its batch.
     """
 
     def __init__(self, drive: Any):
-        # A policy's begin is that of what acts, where that has one. Networks are copied for each batch.
+        # `Policy.begin` calls the begin of its function. Networks are copied for each batch.
         self._drive = drive.act if isinstance(drive, Policy) else drive
-        self._told = hasattr(self._drive, "begin") or isinstance(self._drive, PolicyFile | Network)
-        self._before = {} if self._told else self._held()
+        self._restarts = hasattr(self._drive, "begin") or isinstance(self._drive, PolicyFile | Network)
+        self._before = {} if self._restarts else self._held()
 
     def check(self) -> None:
-        """Raises ValueError where something that had a value has another one after the batch.
+        """Raises ValueError if an attribute or closure variable changed during the batch.
 
-        What had none before - nothing, None, or empty - may be a cache, which no row follows from.
+        Those that were missing, None or empty before may be caches, and are not checked.
         """
-        if self._told:
+        if self._restarts:
             return
         now = self._held()
         changed = [name for name, before in self._before.items() if before is not None and now.get(name, before) != before]
         if changed:
             raise ValueError(
                 f"the drive {name_of(self._drive)} has changed {', '.join(changed)} in a batch and has no method begin(now): the next "
-                "batch would go on with it, and rows would depend on the batches. Make it a class with a begin that forgets (one that "
-                "does nothing, if no control follows from it)"
+                "batch would continue with the changed value, and rows would depend on the batches. Make it a class with a method "
+                "begin(now) that resets it (an empty method, if no control depends on it)"
             )
 
     def _held(self) -> dict[str, str | None]:
-        """Digests of attributes and of what a function holds from around it; None of what is empty or has no digest."""
+        """Digests of attributes and closure variables by name; None for those that are empty or have no digest."""
         owner = getattr(self._drive, "__self__", self._drive)
         held = {} if isinstance(owner, ModuleType) else dict(getattr(owner, "__dict__", {}))
         names = getattr(getattr(self._drive, "__code__", None), "co_freevars", ())
@@ -276,18 +286,18 @@ def _state_of(value: Any) -> str | None:
 
 
 class _Digest:
-    """A SHA-256 of values of any kind. Each part has its type and length in front, so that no two values give the same bytes."""
+    """SHA-256 of values of any type. Each part is preceded by its type and length, so that different values give different bytes."""
 
     def __init__(self) -> None:
         self._hash = hashlib.sha256()
-        # By address, with the thing itself, which keeps the address its own.
+        # By address, with the object itself, so that its address is not used again.
         self._seen: dict[int, tuple[int, Any]] = {}
 
     def hexdigest(self) -> str:
         return self._hash.hexdigest()
 
     def take(self, value: Any, where: str) -> None:
-        """Adds a value; `where` is what errors call it."""
+        """Adds a value; `where` names it in errors."""
         if value is None or isinstance(value, int | float | complex | str | bytes | Path):
             self._part(type(value).__qualname__, repr(value).encode())
         elif isinstance(value, np.ndarray | np.generic) and value.dtype.hasobject:
@@ -348,7 +358,7 @@ class _Digest:
             self._part("function", name_of(value).encode())
             self._part("module", str(getattr(value, "__module__", None)).encode())
             self._part("file", b"" if file is None else file.read_bytes())
-            # Functions of a file that have one name: lambdas, and those within functions.
+            # Lambdas and nested functions of a file may share a name.
             if hasattr(value, "__code__") and (file is None or "<" in value.__qualname__):
                 self._part("code", _code(value.__code__))
             self.take(getattr(value, "__defaults__", None), f"{where}: defaults")
@@ -357,7 +367,7 @@ class _Digest:
             for name, cell in zip(names, getattr(value, "__closure__", None) or (), strict=True):
                 self._part("around it", name.encode())
                 with contextlib.suppress(ValueError):
-                    # Of a name that has no value yet.
+                    # Reading raises ValueError for a variable that has no value yet.
                     self.take(cell.cell_contents, f"{where}: {name}")
         if not isinstance(owner, ModuleType):
             self.take(owner, where)
@@ -374,11 +384,11 @@ class _Digest:
 
     def _object(self, value: Any, where: str) -> None:
         self.take(type(value), where)
-        told = getattr(value, "digest", None)
-        if isinstance(told, str | bytes):
-            self.take(told, where)
+        digest = getattr(value, "digest", None)
+        if isinstance(digest, str | bytes):
+            self.take(digest, where)
         elif hasattr(value, "detach"):
-            # A tensor. NumPy has no bfloat16, which float32 has every value of.
+            # A tensor. NumPy has no bfloat16; float32 represents all its values.
             tensor = value.detach().cpu()
             self.take(str(tensor.dtype), where)
             self.take(np.asarray((tensor.float() if "bfloat16" in str(tensor.dtype) else tensor).numpy()), where)
@@ -394,12 +404,12 @@ class _Digest:
         slots = [name for base in type(value).__mro__ for name in _names(base.__dict__.get("__slots__", ()))]
         if state is None and not slots and not hasattr(value, "__dict__"):
             raise TypeError(
-                f"{where}: a {type(value).__qualname__} has no digest, so that the rows of a study could not be told from those of another "
-                "one; give it, or what holds it, an attribute `digest`, a str that says what it is, or begin its name with an underscore "
-                "if rows do not follow from it"
+                f"{where}: a {type(value).__qualname__} has no digest, so that the journal could not distinguish rows of different ones. "
+                "Give it, or the object that has it, an attribute `digest`, a str that identifies its value; or begin its name with an "
+                "underscore if rows do not depend on it"
             )
         held = getattr(value, "__dict__", {}) | {name: getattr(value, name) for name in slots if hasattr(value, name)}
-        # The parts of a module of torch: their weights are in the state, what they compute is not.
+        # Submodules of a torch module: `state_dict` has their weights, not their types.
         kept = {name: own for name, own in held.items() if not name.startswith("_") or (state is not None and name == "_modules")}
         self._mapping("attributes", kept, where, ".{}")
 
@@ -409,7 +419,7 @@ def _names(slots: str | Iterable[str]) -> list[str]:
 
 
 def _file_of(thing: Any) -> Path | None:
-    """The file of a function or of the class of an object; None of what was typed in."""
+    """File of a function or of the class of an object; None if it was defined interactively."""
     owner = thing if inspect.isroutine(thing) or inspect.isclass(thing) else type(thing)
     try:
         file = inspect.getsourcefile(owner)
@@ -419,14 +429,14 @@ def _file_of(thing: Any) -> Path | None:
 
 
 def _code(code: CodeType) -> bytes:
-    # The order of a set of words is another in every process.
-    told = (sorted(c, key=repr) if isinstance(c, frozenset) else c for c in code.co_consts)
-    constants = b"".join(_code(c) if isinstance(c, CodeType) else repr(c).encode() + b"\0" for c in told)
+    # The order of a set of strings differs between processes.
+    ordered = (sorted(c, key=repr) if isinstance(c, frozenset) else c for c in code.co_consts)
+    constants = b"".join(_code(c) if isinstance(c, CodeType) else repr(c).encode() + b"\0" for c in ordered)
     return b"\0".join([code.co_code, constants, repr(code.co_names).encode()])
 
 
 def name_of(thing: Any) -> str:
-    """A drive or measure in words: the name of its file, and its own."""
+    """Name of a drive or measure, with the name of its file in front."""
     if isinstance(thing, str) or thing is None:
         return str(thing or "nothing")
     if isinstance(thing, Policy):

@@ -1,4 +1,4 @@
-"""One episode of a study by itself, as it is in the table: its row, a recording of it, and its steps for those who look on."""
+"""Single episodes of a study, with the bits that they have in its tables: rows, recordings, and stepwise runs for the viewer."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ if TYPE_CHECKING:
 
 
 class Episodes:
-    """Episodes of one point of a study, to be run or watched.
+    """Selected episodes at one point of a study, to run or to show.
 
-    With errors of sensors, which follow from the place in a batch, all episodes of the point are stepped, whatever is asked for: an episode
-    has then the errors that it has in the table.
+    With a sensor model, errors depend on the place in a batch. All episodes of the point are then stepped, so that the selected ones have
+    the errors that they have in the tables.
 
     Args:
         study: The study.
-        values: Of parameters, by name or selector; the others are nominal.
-        numbers: Of the episodes that are asked for.
+        values: Values of parameters, by name or selector; the others are nominal.
+        numbers: Numbers of the selected episodes, from 0.
         setting: Name of the settings.
 
     Raises:
@@ -40,7 +40,7 @@ class Episodes:
         study: The study.
         world: The environments.
         episodes: Number of each environment's episode.
-        asked: Environments of the episodes that were asked for.
+        shown: Indices of the environments with the selected episodes.
     """
 
     def __init__(self, study: Study, values: Mapping[str, Value], numbers: Sequence[int], setting: str = USUAL):
@@ -49,45 +49,45 @@ class Episodes:
                 raise ValueError(f"episode is {number!r}, must be 0 or more")
         if together(study) and max(numbers) >= study.episodes:
             raise ValueError(
-                f"episode is {max(numbers)}, and {study.name}, whose sensors have errors of each episode's own, has {study.episodes}: give "
-                "it more episodes"
+                f"episode is {max(numbers)}, must be below episodes, which is {study.episodes} in {study.name}, because its sensor errors "
+                "differ between episodes: give the study more episodes"
             )
         study = study.at({name: value for name, value in values.items() if name not in study.parameters})
         point = point_at(study, values, setting)
         self.study = study
         self.episodes = list(range(study.episodes)) if together(study) else list(numbers)
-        self.asked = [self.episodes.index(number) for number in numbers]
+        self.shown = [self.episodes.index(number) for number in numbers]
         self._point = point
         self.world = world_of(study, setting, [point.theta] * len(self.episodes))
 
     @property
     def sim(self) -> Stepper:
-        """What steps.
+        """Stepper of the environments.
 
         Raises:
-            ValueError: MuJoCo does.
+            ValueError: The settings run in MuJoCo.
         """
         if isinstance(self.world, StepperWorld):
             return self.world.sim
-        raise ValueError(f"settings {self._point.setting!r} are of MuJoCo, of which there is no view and no recording: choose others")
+        raise ValueError(f"settings {self._point.setting!r} run in MuJoCo, which cannot be viewed or recorded: choose other settings")
 
     def rows(self, record: str | os.PathLike[str] | None = None) -> list[Row]:
-        """Runs the episodes, and records them where a folder is given.
+        """Runs the episodes, and records them if a folder is given.
 
         Returns:
-            A row for each that was asked for, as in the table of a sweep.
+            A row for each selected episode, as in the table of a sweep.
         """
         study, point = self.study, self._point
         with nullcontext() if record is None else self.sim.record(record, note=self.note):
             made = rows_in(self.world, study, point.setting, [point.theta] * len(self.episodes), self.episodes)
-        return [made[env] for env in self.asked]
+        return [made[env] for env in self.shown]
 
     def watched(self) -> Iterator[dict[str, Any] | None]:
-        """Runs the episodes step by step from the start.
+        """Runs the episodes step by step, and repeats them without end.
 
         Yields:
-            None after the start and after every step but the last; after that the outcomes of those that were asked for, by name, NaN
-            where an episode diverged. It then begins anew, for ever.
+            None after the start and after every step but the last. After the last step, the outcomes of the selected episodes by name;
+            NaN where an episode diverged.
         """
         outcomes = tuple(self.study.all_outcomes)
         while True:
@@ -98,14 +98,14 @@ class Episodes:
                     watch.look(self.world)
                     controls += 1
                 watch = watch or Watch(outcomes, self.world)
-                # A moment before the end, so that the state that was reached is the one that is seen.
+                # Yielded before the next reset, so that the viewer shows the final state.
                 last = looks and controls == self.study.controls
-                yield {name: value[self.asked] for name, value in outcomes_of(watch, self.world).items()} if last else None
+                yield {name: value[self.shown] for name, value in outcomes_of(watch, self.world).items()} if last else None
 
     @property
     def note(self) -> str:
-        """What they are, in words."""
+        """Description for people: study, seed, episodes, settings, and values of parameters."""
         values = ", ".join(f"{name} {value}" for name, value in self._point.theta.items())
         numbers = ", ".join(map(str, self.episodes))
-        told = f"study {self.study.name}, seed {self.study.seed}, episode {numbers}, settings {self._point.setting}"
-        return f"{told}, {values}" if values else told
+        text = f"study {self.study.name}, seed {self.study.seed}, episode {numbers}, settings {self._point.setting}"
+        return f"{text}, {values}" if values else text

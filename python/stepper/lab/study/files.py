@@ -1,14 +1,14 @@
-"""Studies from files: TOML, or Python that has a `Study` named `study`.
+"""Studies from files: TOML, or Python with a `Study` named `study`.
 
 name = "grasp"
-model = "grasp.xml"                    # beside this file; or "module:function", "file.py:function", or MJCF itself
-drive = "grasp.py:lift"                # a script; or "controls.npz", "controls.csv", "random"; or, in its place,
-                                       # policy = "file.py:function", "walker.onnx", "walker.pt", "walker.npz", which takes observations
+model = "grasp.xml"                    # path relative to this file; or "module:function", "file.py:function", or MJCF text
+drive = "grasp.py:lift"                # a function; or "controls.npz", "controls.csv", "random". Instead of a drive, a policy:
+                                       # policy = "file.py:function", "walker.onnx", "walker.pt", "walker.npz"
 seconds = 1.0
 episodes = 16
-sensors = "sensors.toml"               # as of SensorModel.from_file; or tables; actuators likewise
+sensors = "sensors.toml"               # a file for SensorModel.from_file, or tables; actuators likewise
 
-[options]                              # as of Options
+[options]                              # attributes of Options
 
 [[outcomes]]
 name = "lifted"
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
 
 def check_keys(given: Iterable[str], known: Collection[str], place: str) -> None:
-    """Raises ValueError for entries of a table that mean nothing, with those that were perhaps meant."""
+    """Raises ValueError for unknown entries of a table, with similar known ones."""
     unknown = sorted(set(given) - set(known))
     if unknown:
         guesses = "".join(near(name, known) for name in unknown[:1])
@@ -56,13 +56,13 @@ def check_keys(given: Iterable[str], known: Collection[str], place: str) -> None
 
 
 def read_study(path: Path, kind: type[Study]) -> Study:
-    """The study of a file; see `Study.from_file`."""
+    """Study of a file; see `Study.from_file`."""
     if path.suffix == ".py":
         module = load_file(path)
         study = getattr(module, "study", None)
         if not isinstance(study, kind):
             raise ValueError(f"{path}: it has no stepper.lab.Study named study")
-        # One without a name is called by its file, as in TOML.
+        # The default name is that of the file, as in TOML.
         return replace(study, name=path.stem) if study.name == kind.name else study
     data = read_file(path)
     try:
@@ -73,10 +73,10 @@ def read_study(path: Path, kind: type[Study]) -> Study:
 
 def _made(data: dict[str, Any], path: Path, kind: type[Study]) -> Study:
     folder, given = path.resolve().parent, dict(data)
-    known = {field.name for field in fields(kind)} | {"policy"}
+    known = {field.name for field in fields(kind) if not field.name.startswith("_")} | {"policy"}
     check_keys(given, known, "the study")
     if "model" not in given:
-        raise ValueError("model is missing: the path of an MJCF, URDF or saved model")
+        raise ValueError("model is missing: give the path of an MJCF, URDF or saved model")
     given.setdefault("name", path.stem)
     given["model"] = _model(given["model"], folder)
     if "policy" in given:
@@ -101,7 +101,7 @@ def _made(data: dict[str, Any], path: Path, kind: type[Study]) -> Study:
 
 
 def _tables(own: dict[str, Any], name: str) -> dict[str, Any]:
-    """Tables by name, of which that of "default" is for all others."""
+    """Tables by name; "default" is the table of all elements without one."""
     return {name: {k: v for k, v in own.items() if k != "default"}} | ({"default": own["default"]} if "default" in own else {})
 
 
@@ -124,7 +124,7 @@ def _drive(source: str, folder: Path) -> Callable[[Any], Any]:
     if source.endswith((".npz", ".csv")):
         return Recorded(folder / source)
     found: Callable[[Any], Any] = find(source, folder)
-    # A class is made anew: a drive with a memory.
+    # A class is instantiated: a drive with internal state.
     return found() if isinstance(found, type) else found
 
 

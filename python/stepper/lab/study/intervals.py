@@ -1,4 +1,4 @@
-"""Intervals by SciPy: of shares, Wilson's for an estimate, Clopper and Pearson's bound for a promise; Student's of means."""
+"""Confidence intervals by SciPy: Wilson's interval and Clopper and Pearson's bound of a probability, Student's interval of a mean."""
 
 from __future__ import annotations
 
@@ -31,25 +31,25 @@ def wilson(successes: int, trials: int, confidence: float = 0.95) -> tuple[float
     Args:
         successes: Number of successes.
         trials: Number of trials, at least 1.
-        confidence: Probability that the interval has the true value.
+        confidence: Probability that the interval contains the true value.
 
     Returns:
-        Its ends.
+        Lower and upper end.
     """
     low, high = _trial(successes, trials, "two-sided").proportion_ci(confidence, method="wilson")
     return float(low), float(high)
 
 
 def least_share(successes: int, trials: int, confidence: float = 0.95) -> float:
-    """Clopper and Pearson's lower bound of a probability (Biometrika 26, 1934), for any number of trials.
+    """Lower bound of a probability, by Clopper and Pearson (Biometrika 26, 1934); exact for any number of trials.
 
-    The probability p at which `successes` and more of the trials have the probability 1 - confidence.
+    It is the probability p at which at least `successes` of the trials succeed with the probability 1 - confidence.
     """
     return float(_trial(successes, trials, "greater").proportion_ci(confidence, method="exact").low)
 
 
 def trials_for(share: float, confidence: float) -> int:
-    """Trials of which all must succeed for `least_share` to be at least `share`: ln(1 - confidence) / ln(share), rounded up."""
+    """Number of trials that must all succeed to prove a share: ln(1 - confidence) / ln(share), rounded up. See `least_share`."""
     return math.ceil(math.log(1 - confidence) / math.log(share))
 
 
@@ -57,11 +57,11 @@ def student(values: Sequence[float], confidence: float = 0.95) -> tuple[float, f
     """Student's interval of the mean of independent values (Biometrika 6, 1908).
 
     Args:
-        values: At least two.
-        confidence: Probability that the interval has the mean.
+        values: Independent values, at least two.
+        confidence: Probability that the interval contains the mean.
 
     Returns:
-        Its ends.
+        Lower and upper end, in the unit of the values.
     """
     n = len(values)
     if n < 2:

@@ -1,7 +1,7 @@
 """The journal of a study: an SQLite file of finished rows.
 
-Each call of `append` is one transaction. A process that is killed while it writes loses the rows of that call, which is one batch; the
-batch would run again as a whole if it lacked a single row. Other processes may read the file at any time.
+Each call of `append` is one transaction with the rows of one batch. A process that is killed while it writes loses these rows, and the next
+run repeats the batch. Other processes may read the file at any time.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _RESTART = "restore the file, or delete it to run the study from the start"
 
 
 def diverged(row: Row) -> bool:
-    """Whether an episode is lost to its engine: it has no outcome, and is no success."""
+    """Whether an episode diverged. It then has no outcome and counts as a failure."""
     return bool(int(row["certificate"]["status"]) & Status.NON_FINITE)
 
 
@@ -67,7 +67,7 @@ class Journal:
         lines = [(row["key"], text := json.dumps(row, separators=(",", ":")), zlib.crc32(text.encode())) for row in rows]
         with _explained(self.path), self._file:
             self._file.executemany("INSERT INTO rows VALUES (?, ?, ?)", lines)
-        # As they will be read.
+        # Parsed from JSON, so that they equal the rows that a later run reads.
         self.rows |= {key: json.loads(text) for key, text, _ in lines}
 
     def close(self) -> None:

@@ -16,33 +16,45 @@ from stepper._stepper import Model
 
 Array = NDArray[np.float64]
 Measure = Callable[[Any], Any]
-"""From a `World`, a number of every environment, (num_envs,)."""
+"""Function of a `World` that returns one number per environment, (num_envs,)."""
 
 OVER = ("end", "change", "max", "min", "mean")
 WHOSE = ("physics", "perception", "policy", "evaluation")
 _COMPARED = {">=": operator.ge, "<=": operator.le, ">": operator.gt, "<": operator.lt}
 _AXES = {"x": 0, "y": 1, "z": 2}
-_KINDS = {"body": "body", "site": "site", "joint": "joint", "jointvel": "joint", "sensor": "sensor", "force": "body"}
-"""Kinds of elements that the first words of measures name."""
+_QUANTITIES = {
+    "body": ("body", "xpos"),
+    "site": ("site", "site_xpos"),
+    "joint": ("joint", "qpos"),
+    "jointvel": ("joint", "qvel"),
+    "sensor": ("sensor", "sensordata_ideal"),
+    "force": ("body", "body_contact_force"),
+}
+"""Kind of element, and quantity of `World.read`, by the first word of a measure."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """A number that an episode ends with, and what of it is a success.
+    """Result of an episode: a measured number, and optionally a condition of success.
 
     Attributes:
-        name: What it is called in tables.
-        measure: A function of the world that returns a number of every environment, (num_envs,). The world reads as a `Stepper` does, so
-            that a reward or an observed quantity of a task is a measure too. Or words: "body NAME x", "site NAME z",
-            "joint NAME" (its position), "jointvel NAME", "sensor NAME 0" (a reading without error), "force NAME x" (of all contacts on a
-            body, world axes), without an axis the norm.
-        over: Which of its values counts: at the "end", the "change" from the start, the "max", "min" or "mean" of what is seen at the start
-            and after every control.
-        success: A comparison such as ">= 0.05"; None is a number without success.
-        margin: Nearness to the threshold within which the outcome is the evaluation's and not the episode's, in the unit of the measure.
-        unit: Of the measure.
-        whose: Whose a failure is, where that is known: "physics", "perception", "policy" or "evaluation"; None is told by running the
-            episode again (`stepper report`).
+        name: Name in tables.
+        measure: Function of the world that returns one number per environment, (num_envs,). The world has the attributes of a `Stepper`,
+            so that rewards and observations of a task are measures too. Or a text:
+
+            * "body NAME x", "site NAME z": coordinate of a position, m
+            * "joint NAME", "jointvel NAME": position (m or rad) or velocity of a joint
+            * "sensor NAME 0": channel of a sensor, without errors
+            * "force NAME x": contact force on a body, world axes, N
+
+            A text without an axis or channel is the norm.
+        over: Value that counts: the last one ("end"), the last minus the first ("change"), or the "max", "min" or "mean". Values are
+            measured at the start and after every control period.
+        success: Condition of success, a comparison such as ">= 0.05"; None is no condition.
+        margin: Distance to the threshold below which a failure counts as one of the evaluation, in the unit of the measure.
+        unit: Unit of the measure, for tables.
+        whose: Cause of failures, if known: "physics", "perception", "policy" or "evaluation". None: `stepper report` repeats the episode
+            with changes to find the cause.
     """
 
     name: str
@@ -61,42 +73,42 @@ class Outcome:
         if self.success is not None:
             _compare(self.success, self.name)
         if isinstance(self.measure, str):
-            words_of(self.measure)
+            measure_of(self.measure)
 
     def check(self, model: Model) -> None:
-        """Checks that the model has the element that the words of the measure name.
+        """Checks that the model has the element in the text of the measure.
 
         Raises:
-            ValueError: It has no such element.
+            ValueError: The model has no such element.
         """
         if isinstance(self.measure, str):
             word, name = self.measure.split()[:2]
-            kind = _KINDS[word]
+            kind, _ = _QUANTITIES[word]
             names = list(getattr(model, f"{kind}_names"))
             if name not in names:
                 raise ValueError(f"outcome {self.name!r}: measure is {self.measure!r}: {unknown(kind, name, names)}")
 
     @property
     def threshold(self) -> float | None:
-        """The number that success compares with."""
+        """Number with which `success` compares; None without a condition of success."""
         return None if self.success is None else _compare(self.success, self.name)[1]
 
     def succeeds(self, value: Array) -> NDArray[np.bool_]:
-        """Which values are a success; what is not finite is none."""
+        """Whether each value, (n,), satisfies the condition of success, (n,). Values that are not finite do not."""
         assert self.success is not None
         compare, threshold = _compare(self.success, self.name)
         return np.asarray(np.isfinite(value) & compare(value, threshold))
 
     def read(self, now: Any) -> Array:
-        """The measure of every environment, (num_envs,) float64.
+        """Value of the measure in every environment, (num_envs,) float64, in its unit.
 
         Raises:
-            ValueError: A measure of another shape.
+            ValueError: The measure has another shape.
         """
-        value = np.asarray(words_of(self.measure)(now) if isinstance(self.measure, str) else self.measure(now), dtype=np.float64)
+        value = np.asarray(measure_of(self.measure)(now) if isinstance(self.measure, str) else self.measure(now), dtype=np.float64)
         if value.shape != (now.num_envs,):
             raise ValueError(
-                f"outcome {self.name!r}: the measure has the shape {value.shape}, must be ({now.num_envs},), one of each environment"
+                f"outcome {self.name!r}: the measure has the shape {value.shape}, must be ({now.num_envs},), one number per environment"
             )
         return value
 
@@ -111,31 +123,26 @@ def _compare(text: str, name: str) -> tuple[Any, float]:
     raise ValueError(f'outcome {name!r}: success is {text!r}, must be a comparison such as ">= 0.05"')
 
 
-def words_of(text: str) -> Measure:
-    """The function that the words of a measure stand for.
+def measure_of(text: str) -> Measure:
+    """Measure from its text, such as "body cube z".
 
     Raises:
-        ValueError: They stand for none.
+        ValueError: The text has another form.
     """
-    kind, *rest = text.split()
-    readers = {
-        "body": lambda now, name: now.read("xpos", name),
-        "site": lambda now, name: now.read("site_xpos", name),
-        "joint": lambda now, name: now.read("qpos", name),
-        "jointvel": lambda now, name: now.read("qvel", name),
-        "sensor": lambda now, name: now.read("sensordata_ideal", name),
-        "force": lambda now, name: now.read("body_contact_force", name)[:, :3],
-    }
-    if kind not in readers or not 1 <= len(rest) <= 2:
+    word, *rest = text.split()
+    if word not in _QUANTITIES or not 1 <= len(rest) <= 2:
         raise ValueError(
-            f'the measure is {text!r}, must be a function or words such as "body cube z": {", ".join(readers)}, a name, an axis'
+            f'the measure is {text!r}, must be a function or a text such as "body cube z": {", ".join(_QUANTITIES)}, a name, an axis'
         )
+    _, quantity = _QUANTITIES[word]
     axis = None if len(rest) == 1 else _AXES.get(rest[1], int(rest[1]) if rest[1].isdigit() else None)
     if len(rest) == 2 and axis is None:
         raise ValueError(f"the measure is {text!r}: its last word is {rest[1]!r}, must be x, y, z or a number")
 
     def measure(now: Any) -> Array:
-        value: Array = np.asarray(readers[kind](now, rest[0]), float)
+        value: Array = np.asarray(now.read(quantity, rest[0]), float)
+        if word == "force":
+            value = value[:, :3]  # Without the torque.
         if axis is not None:
             return value[:, axis]
         return value[:, 0] if value.shape[1] == 1 else np.asarray(np.linalg.norm(value, axis=1))
@@ -144,7 +151,7 @@ def words_of(text: str) -> Measure:
 
 
 class Watch:
-    """What outcomes see of an episode, step by step, in O(1) memory."""
+    """Accumulator of the outcomes of a batch of episodes. Its memory does not grow with the length of an episode."""
 
     def __init__(self, outcomes: tuple[Outcome, ...], now: Any):
         self._outcomes = outcomes
@@ -153,7 +160,7 @@ class Watch:
         self._low, self._high, self._sum = ([x.copy() for x in self._first] for _ in range(3))
 
     def look(self, now: Any) -> None:
-        """Takes in what follows a control."""
+        """Adds the values after a control period."""
         self._count += 1
         for k, outcome in enumerate(self._outcomes):
             if outcome.over in ("end", "change"):
@@ -163,7 +170,7 @@ class Watch:
             self._sum[k] = self._sum[k] + value
 
     def values(self, now: Any) -> dict[str, Array]:
-        """The value of every outcome at the end, by name, (num_envs,)."""
+        """Final value of every outcome by name, (num_envs,), in its unit."""
         found = {}
         for k, outcome in enumerate(self._outcomes):
             if outcome.over in ("end", "change"):

@@ -1,6 +1,6 @@
-"""Parameters of a study: numbers of a model, its sensors, its actuators, its settings or its drive that may vary, and how far.
+"""Parameters of a study: numbers of a model, its sensors, its actuators, its settings or its drive that may vary, and their ranges.
 
-A selector (`stepper.shared.selectors`) says which numbers a parameter changes:
+A selector (`stepper.shared.selectors`) names the numbers that a parameter changes:
 
     geom_friction[floor,box][0]                 a field of `stepper.Model` that `Model.replace` takes, or a part of it
     actuator_kp[hip], actuator_kv[hip]          gains of servos
@@ -36,7 +36,7 @@ Theta = Mapping[str, Value]
 """Values of parameters by name."""
 
 ROWS_FROM_NOTHING = ("jnt_stiffness", "dof_frictionloss")
-"""Fields of which a batch must have some for an environment to have any."""
+"""Fields whose value 0 removes a row from the compiled model, so that a batch with any positive value must be compiled with one."""
 CHOICES = {"contact", "integrator", "solver", "stabilization", "precision"}
 """Settings that are words."""
 COUNTS = {"iterations", "max_contacts"}
@@ -44,7 +44,7 @@ COUNTS = {"iterations", "max_contacts"}
 SETTINGS = frozenset(field.name for field in fields(Options)) | {"precision"}
 LEVELS = 5
 _HEADS = ("sensor", "actuator", "options", "drive")
-"""Beginnings of selectors of what is no field of the model."""
+"""First words of selectors that are not fields of the model."""
 OF_MODEL = frozenset({"field", "sensor", "actuator"})
 """Kinds of selectors that name elements of the model."""
 
@@ -57,13 +57,14 @@ class Parameter:
     Attributes:
         selector: Numbers that change, `field[names][columns]` (docs/reference/what_can_vary.md): "geom_friction[floor,box][0]",
             "actuator.delay[hip]", "options.timestep", "drive".
-        how: "set" to the value, "scale" by it, or "add" it. With body_mass, inertia is scaled alike: the same shape of another density.
-        low: Least plausible value.
-        high: Greatest one.
-        values: Values of a sweep in place of five between low and high; words too for settings.
-        nominal: The value where nothing is perturbed; None leaves the model as it is.
-        unit: Of the value.
-        source: Where the range comes from: a data sheet, a measurement, a paper.
+        how: Operation with the value: "set" replaces the number, "scale" multiplies it, "add" adds to it. With body_mass, the inertia is
+            multiplied by the same factor as the mass, as with a change of density.
+        low: Lowest plausible value.
+        high: Highest plausible value.
+        values: Values of a sweep, in place of five values between low and high; settings may have words.
+        nominal: Value at the nominal point; None keeps the model's.
+        unit: Unit of the value, for tables.
+        source: Source of the range: a data sheet, a measurement, a paper.
     """
 
     selector: str = dataclasses.field(kw_only=False)
@@ -105,7 +106,7 @@ class Parameter:
 
     @property
     def parsed(self) -> Selector:
-        """The selector, as field, elements and columns."""
+        """Selector, parsed into field, elements and columns."""
         return parse(self.selector)
 
     @property
@@ -116,12 +117,12 @@ class Parameter:
 
     @property
     def leaf(self) -> str:
-        """Field of the selector behind its first dot."""
+        """Field of the selector after its first dot."""
         return self.parsed.field.partition(".")[2]
 
     @property
     def unchanged(self) -> Value | None:
-        """The value that changes nothing: the nominal one; or 1 of a factor, 0 of a sum."""
+        """Value that changes nothing: the nominal value, or else 1 for "scale" and 0 for "add"; None for "set"."""
         return self.nominal if self.nominal is not None else {"scale": 1.0, "add": 0.0}.get(self.how)
 
     def levels(self) -> list[Value]:
@@ -134,10 +135,10 @@ class Parameter:
         return [round(x) for x in made] if self.leaf in COUNTS else [float(x) for x in made]
 
     def check_value(self, value: Any, where: str) -> None:
-        """Raises ValueError for what is no value of this parameter; `where` is what the message calls it."""
+        """Raises ValueError for an invalid value of this parameter; `where` names it in the message."""
         if self.kind == "options" and self.leaf in CHOICES:
             if not isinstance(value, str):
-                raise ValueError(f"{where} is {value!r}, must be a word: it is {self.leaf}")
+                raise ValueError(f"{where} is {value!r}, must be a text, because {self.leaf} is a choice among names")
         elif isinstance(value, str) and self.kind == "drive":
             known = [own for own in (*(self.values or ()), self.nominal) if isinstance(own, str)]
             if value not in known:
@@ -148,7 +149,7 @@ class Parameter:
             raise ValueError(f"{where} is {value!r}, must be a whole number")
 
     def change(self, before: Any, value: Any) -> Any:
-        """A number with this parameter at a value."""
+        """Changed number: `before`, replaced by, multiplied by or increased by `value`."""
         return value if self.how == "set" else before * value if self.how == "scale" else before + value
 
 
@@ -156,17 +157,17 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float | np.number) and not isinstance(value, bool) and math.isfinite(value)
 
 
-def asked_for(parameters: Mapping[str, Parameter], wanted: Sequence[str], model: Model) -> dict[str, Parameter]:
-    """Parameters by the texts that a user gives: names of a study's parameters, or selectors with a range.
+def selected(parameters: Mapping[str, Parameter], texts: Sequence[str], model: Model) -> dict[str, Parameter]:
+    """Parameters by name, from names of a study's parameters or from selectors with a range.
 
     Two spellings of one selector with the same range are one parameter.
 
     Raises:
-        ValueError: A text that is neither, or a selector of the same numbers as another text with another range.
+        ValueError: A text that is neither, or two selectors of the same numbers with different ranges.
     """
     found: dict[str, Parameter] = {}
     changed: dict[str, frozenset[tuple[str, int]]] = {}
-    for text in wanted:
+    for text in texts:
         name, own = (text, parameters[text]) if text in parameters else _with_range(text, parameters)
         # A study may have several parameters of the same numbers, by their names.
         others = [other for other in found if not {name, other} <= parameters.keys()]
@@ -180,7 +181,7 @@ def asked_for(parameters: Mapping[str, Parameter], wanted: Sequence[str], model:
 
 
 def _with_range(text: str, parameters: Mapping[str, Parameter]) -> tuple[str, Parameter]:
-    """Name and parameter of a selector with its range."""
+    """Name and parameter from a selector with its range."""
     selector, bounds = parse_range(text, "parameters") if _selects(text) else (None, None)
     if selector is None or bounds is None:
         raise ValueError(_no_parameter(text, parameters, "give a selector with its range, as 'geom_friction[floor][0]=0.2..1'"))
@@ -207,11 +208,11 @@ def _selects(text: str) -> bool:
     return field in FIELDS or field in COMPOUNDS or field.partition(".")[0] in _HEADS[:3]
 
 
-def moved(parameters: Mapping[str, Parameter], values: Mapping[str, Value]) -> dict[str, Parameter]:
-    """Parameters with these nominal values, by name or selector.
+def with_nominal(parameters: Mapping[str, Parameter], values: Mapping[str, Value]) -> dict[str, Parameter]:
+    """Parameters with new nominal values, by name or selector.
 
     Raises:
-        ValueError: A text that is neither, or a value that a parameter may not have.
+        ValueError: A text that is neither, or an invalid value of a parameter.
     """
     found = dict(parameters)
     for text, value in values.items():
@@ -224,7 +225,7 @@ def moved(parameters: Mapping[str, Parameter], values: Mapping[str, Value]) -> d
 
 
 def check(parameters: Mapping[str, Parameter], model: Model) -> None:
-    """Raises ValueError for a parameter that changes nothing of a model, named."""
+    """Raises ValueError, with the name, for a parameter that a model does not have."""
     for name, parameter in parameters.items():
         try:
             if parameter.kind == "field":
@@ -236,10 +237,10 @@ def check(parameters: Mapping[str, Parameter], model: Model) -> None:
                 rows_of(model, "actuator", parameter.parsed.elements, _where(parameter))
                 part, _, leaf = parameter.leaf.rpartition(".")
                 if part not in _PARTS:
-                    raise ValueError(f"selector is {parameter.selector!r}: a drive has no {part!r}, it has: motor, servo")
+                    raise ValueError(f"selector is {parameter.selector!r}: a drive has no {part!r}, use one of: motor, servo")
                 _number_of(_PARTS[part], leaf)
             elif parameter.kind == "drive" and parameter.unchanged is None:
-                raise ValueError("give it a nominal value, which the drive reads where nothing is perturbed")
+                raise ValueError("it has no nominal value, which the drive reads at the nominal point: give it one")
         except (AttributeError, TypeError, ValueError) as error:
             raise ValueError(f"parameter {name!r}: {error}") from None
     _check_pairs(parameters, model)
@@ -288,17 +289,17 @@ def _places(parameter: Parameter, model: Model) -> list[tuple[str, NDArray[np.in
     for part in parts_of(model, selector):
         chosen = part.index.reshape(-1)
         if part.field in ("body_mass", "body_inertia"):
-            # A body without mass cannot have some.
+            # Bodies without mass stay without mass.
             chosen = chosen[np.asarray(getattr(model, part.field), float).reshape(-1)[chosen] > 0]
         found.append((part.field, chosen, part.sign))
     return found
 
 
 def model_fields(parameters: Mapping[str, Parameter], model: Model, thetas: Sequence[Theta]) -> dict[str, Array]:
-    """Fields that differ from those of a model, one row for every theta: (n, *shape).
+    """Fields of a model that the parameters change, with a row for each set of values: (n, *shape), in the field's unit.
 
     Raises:
-        ValueError: A parameter that fits nothing of the model.
+        ValueError: A parameter that the model does not have.
     """
     made: dict[str, Array] = {}
     for name, parameter in parameters.items():
@@ -318,7 +319,7 @@ def model_fields(parameters: Mapping[str, Parameter], model: Model, thetas: Sequ
 
 
 def _scale_inertia(made: dict[str, Array], model: Model, before: Array) -> None:
-    """Scales inertia as a parameter has changed masses from those before it; what other parameters made of either stays."""
+    """Multiplies inertias by the ratio of the masses after and before a parameter's change, (n, nbody)."""
     masses, own = made["body_mass"], np.asarray(model.body_inertia, float)
     rows = made.setdefault("body_inertia", np.tile(own, (len(masses), 1, 1)))
     rows *= np.divide(masses, before, out=np.ones_like(masses), where=before > 0)[:, :, None]
@@ -327,7 +328,7 @@ def _scale_inertia(made: dict[str, Array], model: Model, before: Array) -> None:
 def sensor_model(
     parameters: Mapping[str, Parameter], base: SensorModel | None, model: Model, thetas: Sequence[Theta]
 ) -> SensorModel | None:
-    """Transfer functions with the values of parameters, a number for every theta; None for ideal sensors."""
+    """Sensor model with the values of parameters, a number for each set of values; None for ideal sensors."""
     given = {name: p for name, p in parameters.items() if p.kind == "sensor" and any(name in theta for theta in thetas)}
     if not given:
         return base
@@ -351,10 +352,10 @@ def _numbers(parameter: Parameter, before: Any, values: Sequence[Value | None]) 
 def actuator_model(
     parameters: Mapping[str, Parameter], base: ActuatorModel | None, model: Model, thetas: Sequence[Theta]
 ) -> ActuatorModel | None:
-    """Drives with the values of parameters, a number for every theta; None for ideal actuators.
+    """Actuator model with the values of parameters, a number for each set of values; None for ideal actuators.
 
     Raises:
-        ValueError: A number of a servo or motor that the drive does not have.
+        ValueError: A parameter of a servo or motor that the drive does not have.
     """
     given = {name: p for name, p in parameters.items() if p.kind == "actuator" and any(name in theta for theta in thetas)}
     if not given:
@@ -373,7 +374,7 @@ def _driven(own: Drive, parameter: Parameter, values: Sequence[Value | None], pl
     part, _, leaf = parameter.leaf.rpartition(".")
     holder: Drive | PID | DCMotor | None = own if not part else getattr(own, part, None)
     if holder is None or not hasattr(holder, leaf):
-        raise ValueError(f"{place} has no {parameter.leaf}; give the study actuators with one")
+        raise ValueError(f"{place} has no {parameter.leaf}; give the study an actuator model with one")
     changed: dict[str, Any] = {leaf: _numbers(parameter, getattr(holder, leaf), values)}
     if isinstance(holder, Drive):
         return replace(holder, **changed)

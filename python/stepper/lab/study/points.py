@@ -1,4 +1,4 @@
-"""Points of a study: values of its parameters and settings, what of them applies, and the check of those that a user asks for."""
+"""Points of a study: values of its parameters, and settings."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ if TYPE_CHECKING:
     from stepper.lab.study.study import Study
 
 USUAL = "stepper"
-"""Name of the settings that a study runs with by itself."""
+"""Name of the study's default settings."""
 _LACKING = {"midpoint", "auto"}
 """Integrator and solver that MuJoCo does not have."""
 
 
 @dataclass(frozen=True)
 class Point:
-    """Where a study is run.
+    """Point of a study: values of its parameters, and settings.
 
     Attributes:
-        theta: Values of parameters; those that are not named are as the model has them.
+        theta: Values of parameters by name; others have the model's values.
         setting: Name of the settings.
     """
 
@@ -33,21 +33,21 @@ class Point:
 
 
 def inapplicable(study: Study, setting: str, parameter: Parameter) -> str | None:
-    """Why a parameter has no part in some settings; None where it has one."""
+    """Reason why a parameter has no effect with some settings; None if it has one."""
     given = study.setting(setting)
     if parameter.kind == "options" and parameter.leaf in given:
-        return f"these settings fix {parameter.leaf} themselves"
+        return f"these settings fix {parameter.leaf}"
     if given.get("engine") == "mujoco":
         return _lacking(parameter)
     if parameter.parsed.field == "geom_restitution" and given.get("contact", study.options.contact) == "mujoco":
-        return "restitution has no part in MuJoCo's law"
+        return "MuJoCo's law of contact has no restitution"
     return None
 
 
 def _lacking(parameter: Parameter) -> str | None:
-    """What of a parameter MuJoCo does not have."""
+    """Reason why MuJoCo cannot apply a parameter; None if it can."""
     if parameter.kind in ("sensor", "actuator"):
-        return "MuJoCo has no errors of sensors and no drives"
+        return "MuJoCo has no sensor errors and no drives"
     if parameter.kind == "options" and parameter.leaf not in MUJOCO_SETTINGS:
         return f"MuJoCo has no {parameter.leaf}"
     if parameter.kind == "options" and (words := _LACKING & {*parameter.levels(), parameter.nominal}):
@@ -58,15 +58,15 @@ def _lacking(parameter: Parameter) -> str | None:
 
 
 def nominal_of(study: Study, setting: str) -> dict[str, Value]:
-    """Theta of the unperturbed point with some settings: without the parameters that have no part in them."""
+    """Nominal values of the parameters that have an effect with some settings."""
     return {name: value for name, value in study.nominal.items() if not inapplicable(study, setting, study.parameters[name])}
 
 
 def point_at(study: Study, values: Mapping[str, Value], setting: str = USUAL) -> Point:
-    """The point of values that a user asks for; what is not named is nominal.
+    """Point with given values of parameters by name; the others are nominal.
 
     Raises:
-        ValueError: No parameter of a name, one that has no part in the settings, or a value that is none of its.
+        ValueError: An unknown parameter, one that has no effect with the settings, or a value outside of its range.
     """
     theta = nominal_of(study, setting)
     for name, value in values.items():
@@ -74,7 +74,7 @@ def point_at(study: Study, values: Mapping[str, Value], setting: str = USUAL) ->
             known = ", ".join(study.parameters) or "none"
             raise ValueError(f"{study.name} has no parameter {name!r}{near(name, study.parameters) or ','} there are: {known}")
         if reason := inapplicable(study, setting, study.parameters[name]):
-            raise ValueError(f"parameter {name!r} has no part in {setting!r}: {reason}")
+            raise ValueError(f"parameter {name!r} has no effect with the settings {setting!r}: {reason}; leave it out")
         study.parameters[name].check_value(value, f"parameter {name!r}")
         theta[name] = value
     return Point(theta, setting)

@@ -1,8 +1,8 @@
-"""Policies that others have exported: ONNX, TorchScript, and files of `stepper.policies`.
+"""Exported policies: ONNX, TorchScript, and files of `stepper.policies`.
 
-A policy takes observations (num_envs, n) and returns controls (num_envs, nu). A network that was exported for one observation at a time is
-asked row by row. What can run code of its own when it is read is refused: pickles of torch.save, and programs of torch.export, whose
-reader takes pickles too.
+A policy maps observations (num_envs, n) to controls (num_envs, nu). A network that was exported for single observations is called row by
+row. Formats that can execute code while they are read are refused: pickles of torch.save, and programs of torch.export, which may contain
+pickles.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ Array = NDArray[Any]
 
 
 class PolicyFile(ABC):
-    """A policy of a file.
+    """Policy of a file.
 
     Attributes:
         path: The file.
-        digest: SHA-256 of its bytes, of which the rows of a study follow.
+        digest: SHA-256 of its bytes, a part of the keys of a study's rows.
     """
 
     endings: ClassVar[tuple[str, ...]]
@@ -44,12 +44,12 @@ class PolicyFile(ABC):
         """Controls (num_envs, nu) for observations (num_envs, n)."""
 
     def __reduce__(self) -> tuple[type[PolicyFile], tuple[Path]]:
-        # Sessions and scripts do not pickle; files are read anew.
+        # Sessions and scripts do not pickle; the file is read again.
         return type(self), (self.path,)
 
 
 class _Onnx(PolicyFile):
-    """A network of ONNX Runtime on one thread of the CPU."""
+    """ONNX network, run by ONNX Runtime on one thread of the CPU."""
 
     endings = (".onnx",)
 
@@ -61,12 +61,12 @@ class _Onnx(PolicyFile):
         settings.log_severity_level = 3
         try:
             self._session = runtime.InferenceSession(str(path), settings, providers=["CPUExecutionProvider"])
-        except Exception as error:  # ONNX Runtime has a class for each of its codes, and their base is Exception.
+        except Exception as error:  # The errors of ONNX Runtime have no narrower base class.
             raise ValueError(f"{path}: ONNX Runtime cannot read it: {error}") from error
         inputs = self._session.get_inputs()
         if len(inputs) != 1:
             names = ", ".join(f"{one.name} {one.shape}" for one in inputs)
-            raise ValueError(f"{path}: it has the inputs {names}; a policy has one, the observations (num_envs, n)")
+            raise ValueError(f"{path}: it has the inputs {names}, must have one, the observations (num_envs, n): export it with one")
         (self._input,) = inputs
         kinds: dict[str, type[np.floating[Any]]] = {"tensor(float)": np.float32, "tensor(double)": np.float64}
         if self._input.type not in kinds:
@@ -78,10 +78,12 @@ class _Onnx(PolicyFile):
         self._single = len(shape) == 1 or shape[0] == 1
 
     def __call__(self, observation: Array) -> Array:
-        """See `PolicyFile`."""
+        """Controls (num_envs, nu) for observations (num_envs, n)."""
         size, given = self._input.shape[-1], observation.astype(self._type)
         if isinstance(size, int) and given.shape[1] != size:
-            raise ValueError(f"{self.path}: it takes {size} numbers, and the model's sensors give {given.shape[1]}")
+            raise ValueError(
+                f"{self.path}: it takes {size} numbers, and the model's sensors give {given.shape[1]}: use the model of its training"
+            )
         if not self._single:
             made: Array = self._session.run(None, {self._input.name: given})[0]
             return made
@@ -90,13 +92,13 @@ class _Onnx(PolicyFile):
 
 
 class Network:
-    """A module of torch as a policy, without gradients.
+    """Policy of a `torch.nn.Module`, without gradients.
 
-    Each start takes a copy of the module as it was given, whose `reset()` is called where a TorchScript has one: what a network
-    remembers, in buffers or elsewhere, is of one batch alone.
+    Each batch uses a fresh copy of the module, so that internal state such as buffers does not pass from one batch to the next. The
+    `reset()` of a TorchScript is called, if it has one.
 
     Attributes:
-        module: As it was given; it is never called itself.
+        module: Original module, which is copied and never called.
     """
 
     def __init__(self, module: Any):
@@ -105,13 +107,13 @@ class Network:
         self._playing: Any = None
 
     def begin(self, _: Any = None) -> None:
-        """Forgets."""
+        """Replaces the working copy by a fresh one."""
         self._playing = copy.deepcopy(self.module)
         if isinstance(self.module, self._torch.jit.ScriptModule) and hasattr(self.module, "reset"):
             self._playing.reset()
 
     def __call__(self, observation: Array) -> Any:
-        """Controls for observations, which it is given in the precision and on the device of its first parameter."""
+        """Controls (num_envs, nu) for observations (num_envs, n), in the precision and on the device of the module's first parameter."""
         if self._playing is None:
             self.begin()
         own = next(self.module.parameters(), self._torch.zeros(0))
@@ -120,7 +122,7 @@ class Network:
 
 
 class _Torch(PolicyFile):
-    """A TorchScript, on the CPU without gradients."""
+    """Policy of a TorchScript file, on the CPU without gradients."""
 
     endings = (".pt", ".pth", ".ts")
 
@@ -129,22 +131,22 @@ class _Torch(PolicyFile):
         torch = require("torch", "to run a policy of torch")
         if not _is_script(path):
             raise ValueError(
-                f"{path}: it is no TorchScript (torch.jit.save); a pickle of torch.save and a program of torch.export are not read, as "
-                "they can run any code: load it yourself and give stepper.lab.Policy the module"
+                f"{path}: it is no TorchScript (torch.jit.save); a pickle of torch.save and a program of torch.export are not read, "
+                "because they can run any code: load it yourself and give stepper.lab.Policy the module"
             )
         self._network = Network(torch.jit.load(str(path), map_location="cpu"))
 
     def begin(self, now: Any) -> None:
-        """See `Network`."""
+        """Replaces the working copy of the network by a fresh one."""
         self._network.begin(now)
 
     def __call__(self, observation: Array) -> Any:
-        """See `PolicyFile`."""
+        """Controls (num_envs, nu) for observations (num_envs, n)."""
         return self._network(observation)
 
 
 class _Own(PolicyFile):
-    """A file of `stepper.policies`."""
+    """Policy of a file of `stepper.policies`."""
 
     endings = (".npz",)
 
@@ -153,47 +155,47 @@ class _Own(PolicyFile):
         self._policy = load(path)
 
     def __call__(self, observation: Array) -> Array:
-        """See `PolicyFile`."""
+        """Controls (num_envs, nu) for observations (num_envs, n)."""
         return self._policy(observation)
 
 
-_KINDS: tuple[type[PolicyFile], ...] = (_Onnx, _Torch, _Own)
-ENDINGS = tuple(ending for kind in _KINDS for ending in kind.endings)
+_FORMATS: tuple[type[PolicyFile], ...] = (_Onnx, _Torch, _Own)
+ENDINGS = tuple(ending for kind in _FORMATS for ending in kind.endings)
 PROGRAM = ".pt2"
-"""How programs of torch.export end, which are refused."""
+"""Suffix of programs of torch.export, which are refused."""
 
 
 def read_policy(path: str | os.PathLike[str]) -> PolicyFile:
     """Reads a policy.
 
     Args:
-        path: A file that ends in .onnx (ONNX Runtime), .pt, .pth or .ts (TorchScript), or .npz (`stepper.policies`).
+        path: File with the suffix .onnx (ONNX Runtime), .pt, .pth or .ts (TorchScript), or .npz (`stepper.policies`).
 
     Raises:
-        ValueError: Another ending, or a file that holds no policy of its kind.
+        ValueError: Another suffix, or a file without a policy of that format.
         OSError: The file cannot be read.
         MissingPackageError: ONNX Runtime or torch is not installed.
     """
     file = Path(path)
-    for kind in _KINDS:
+    for kind in _FORMATS:
         if file.suffix.lower() in kind.endings:
             return kind(file)
     if file.suffix.lower() == PROGRAM:
         raise ValueError(
-            f"{file}: a program of torch.export is not read, as it can run any code: load it yourself, where you trust it, with "
+            f"{file}: a program of torch.export is not read, because it can run any code: if you trust it, load it yourself with "
             "torch.export.load(...).module() and give stepper.lab.Policy the module"
         )
     raise ValueError(f"{file}: the ending is {file.suffix!r}, must be one of {', '.join(ENDINGS)}, or give a function")
 
 
 def is_module(thing: Any) -> bool:
-    """Whether it is a module of torch, which is not imported for that."""
+    """Whether an object is a `torch.nn.Module`. The check does not import torch."""
     torch = sys.modules.get("torch")
     return torch is not None and isinstance(thing, torch.nn.Module)
 
 
 def _is_script(path: Path) -> bool:
-    """Whether an archive is a TorchScript, from the names in it."""
+    """Whether a file is a TorchScript, by the names of the entries in its archive."""
     if not zipfile.is_zipfile(path):
         return False
     with zipfile.ZipFile(path) as archive:

@@ -1,8 +1,8 @@
-"""Which parameters decide an outcome, all of them drawn from their ranges at once: Sobol's indices, with intervals.
+"""Global sensitivity of an outcome to the parameters of a study: Sobol indices, with confidence intervals.
 
-The total index of a parameter is the share of the outcome's variance that is left when all others are known; its first index is the share
-that it explains alone, and the difference of the two is what it does together with others. Both are estimated by Saltelli's design: two
-matrices of points A and B, and for each parameter A with that parameter's column of B.
+All parameters are drawn from their ranges at once. The total index of a parameter is the share of the outcome's variance that remains when
+all others are known. The first-order index is the share that the parameter explains alone; the difference is due to interactions. Both are
+estimated with Saltelli's design: matrices of points A and B, and for each parameter the matrix A with that parameter's column of B.
 
 A. Saltelli et al., "Variance based sensitivity analysis of model output", Computer Physics Communications 181 (2010) 259-270.
 """
@@ -24,7 +24,7 @@ from stepper.lab.study.batches import run_points
 from stepper.lab.study.document import Document, Section, counted
 from stepper.lab.study.intervals import wilson
 from stepper.lab.study.journal import diverged
-from stepper.lab.study.parameters import asked_for
+from stepper.lab.study.parameters import selected
 from stepper.lab.study.points import USUAL, Point, inapplicable
 from stepper.lab.study.report import in_force, study_of
 from stepper.lab.study.results import Results
@@ -40,16 +40,16 @@ _RESAMPLES = 499
 
 @dataclass(frozen=True)
 class Rank:
-    """How much a parameter decides.
+    """Influence of a parameter on the outcome.
 
     Attributes:
-        parameter: Its name.
-        total: Total index: share of the variance that is left when all others are known.
-        total_interval: About 95 %, by bootstrap over the points: of 64 samples of a success that few points flip, 89 to 93 % hold it.
-        first: First index: share of the variance that it explains alone. Sampling makes it negative where it is small.
-        first_interval: 95 %.
-        thirds: Of the lowest, middle and highest third of its range: share of successes, or mean of an outcome without success.
-        intervals: 95 % of the thirds: Wilson's of shares, else two standard errors.
+        parameter: Name of the parameter.
+        total: Total Sobol index: share of the outcome's variance that remains when all other parameters are known.
+        total_interval: 95 % interval of `total`, by bootstrap over the points. With 64 samples of a rare success it covers 89 to 93 %.
+        first: First-order Sobol index: share of the variance that the parameter explains alone. Small values may come out negative.
+        first_interval: 95 % interval of `first`.
+        thirds: Share of successes (or mean outcome) in the lowest, middle and highest third of the parameter's range.
+        intervals: 95 % intervals of `thirds`: Wilson's for shares, two standard errors for means.
     """
 
     parameter: str
@@ -63,17 +63,17 @@ class Rank:
 
 @dataclass(frozen=True)
 class Ranking:
-    """What a ranking found.
+    """Result of a ranking.
 
     Attributes:
         study: The study.
         setting: Name of the settings.
-        ranks: By total index, the largest first.
-        outcome: Mean of the outcome over all independent points: the share of successes where there is one.
-        interval: 95 % of that.
-        table: All episodes.
-        document: In words.
-        files: What was written.
+        ranks: Parameters, the largest total index first.
+        outcome: Share of successes (or mean outcome) over all independent points.
+        interval: 95 % interval of `outcome`.
+        table: Table of all episodes.
+        document: The ranking as a document.
+        files: Files that were written.
     """
 
     study: Study
@@ -98,35 +98,35 @@ def rank(
     setting: str = USUAL,
     tick: Tick | None = None,
 ) -> Ranking:
-    """Draws all parameters of a study from their ranges at once, and ranks them by how much of the outcome each decides.
+    """Ranks the parameters of a study by their influence on the outcome, with Sobol indices.
 
-    The outcome is the success, where the study has one, else the number that is measured; of several episodes at a point, their mean. What
-    was run before is not run again, as in `stepper.lab.sweep`.
+    All parameters are drawn from their ranges at once. The outcome is the success, if the study has a condition of success, otherwise the
+    measured number; it is averaged over the episodes of a point. Finished episodes are kept on disk and not repeated.
 
     Args:
-        study: A study, or the file of one.
-        out: The folder that has a folder for every study.
-        samples: Points of each of the two matrices, a power of 2. Points in all are samples times (2 + number of parameters).
+        study: A study, or its file.
+        out: Output folder; the files are in its folder NAME, the name of the study.
+        samples: Number of base samples, a power of 2. The number of points is samples times (2 + number of parameters).
         parameters: Names, or selectors with a range, as "geom_friction[floor][0]=0.2..1"; None is all that have a range.
         setting: Name of the settings.
-        tick: Progress.
+        tick: Called with a text and the fraction done.
 
     Returns:
-        What was found. OUT/NAME has rank.html, rank.md, rank.png, rank_table.csv, rank_table.npz.
+        The ranking. OUT/NAME has rank.html, rank.md, rank.png, rank_table.csv, rank_table.npz.
 
     Raises:
-        ValueError: No outcome, fewer than two parameters with a range, a parameter that has no part in the settings or makes batches of its
-            own, samples that are no power of 2; or an outcome that is not finite, or the same at every point.
+        ValueError: The study has no outcome, or fewer than two parameters with a range. A parameter has no effect with the settings, or is
+            an option of the step. `samples` is no power of 2. The outcome is not finite, or the same at every point.
         MissingPackageError: SciPy is not installed.
     """
     study = study_of(study)
     if parameters is not None:
-        chosen = asked_for(study.parameters, parameters, study.loaded[0])
+        chosen = selected(study.parameters, parameters, study.loaded[0])
         study, parameters = replace(study, parameters={**study.parameters, **chosen}), list(chosen)
     names = _names(study, parameters, setting)
     if samples < 2 or samples & (samples - 1):
         raise ValueError(f"samples is {samples}, must be a power of 2, of 2 and more")
-    # Imported before hours of running, not after.
+    # Imported before a long run, not after.
     stats = require("scipy.stats", "to rank parameters")
     first, second, mixed = _design(stats, study, names, samples)
     points = [_point(study, names, row, setting) for row in np.concatenate([first, second, *mixed])]
@@ -142,8 +142,8 @@ def rank(
             thirds, intervals = _thirds(study, independent, column)
             ends = [(float(low), float(high)) for low, high in (total_ends[k], first_ends[k])]
             if study.decisive is not None:
-                # Of n pairs that end alike there is nothing to resample: Wilson's bound of the share that does not, as if each went from 0
-                # to 1, is the least upper end. A parameter that changed a pair cannot have less.
+                # If all n pairs end alike, the bootstrap has nothing to resample. The upper end is then at least Wilson's bound of the
+                # share of pairs that differ, each counted as a change from 0 to 1.
                 bound = min(1.0, wilson(0, n)[1] / (2.0 * float(values[: 2 * n].var())))
                 ends = [(0.0, bound)] * 2 if total[k] == 0.0 else [(low, max(high, bound)) for low, high in ends]
             ranks.append(Rank(name, float(total[k]), ends[0], float(first_order[k]), ends[1], thirds, intervals))
@@ -156,27 +156,27 @@ def rank(
     return Ranking(study, setting, tuple(ranks), ranking.outcome, ranking.interval, table, document, tuple(files))
 
 
-def _names(study: Study, asked: Sequence[str] | None, setting: str) -> list[str]:
-    """Parameters that are ranked."""
+def _names(study: Study, chosen: Sequence[str] | None, setting: str) -> list[str]:
+    """Names of the parameters to rank."""
     if not study.all_outcomes:
-        raise ValueError("the study has no outcome, so there is nothing to decide; give it one")
+        raise ValueError("the study has no outcome, so there is nothing to rank by; give it one")
     study.setting(setting)
     ranged = [name for name, p in study.parameters.items() if p.low is not None and p.high is not None and p.kind != "options"]
-    names = ranged if asked is None else list(asked)
+    names = ranged if chosen is None else list(chosen)
     for name in names:
         if name not in ranged:
             raise ValueError(
-                f"parameter {name!r} has no low and high, or is a setting of the step, which environments of a batch share: sweep it"
+                f"parameter {name!r} has no low and high, or is an option of the step, which environments of a batch share: sweep it"
             )
         if reason := inapplicable(study, setting, study.parameters[name]):
-            raise ValueError(f"parameter {name!r} has no part in the settings {setting!r}: {reason}; name the parameters to rank")
+            raise ValueError(f"parameter {name!r} has no effect with the settings {setting!r}: {reason}; name the parameters to rank")
     if len(names) < 2:
         raise ValueError(f"{study.name} has {counted(len(names), 'parameter')} with low and high, must have two for a ranking")
     return names
 
 
 def _design(stats: Any, study: Study, names: Sequence[str], samples: int) -> tuple[Array, Array, list[Array]]:
-    """A and B, (samples, parameters), and for each parameter A with its column of B."""
+    """Matrices of Saltelli's design, (samples, parameters): A, B, and for each parameter A with its column of B."""
     sampler = stats.qmc.Sobol(d=2 * len(names), rng=np.random.default_rng([study.seed, 2]))
     unit = sampler.random(samples)
     low, high = (np.array([getattr(study.parameters[name], end) for name in names], float) for end in ("low", "high"))
@@ -191,16 +191,16 @@ def _design(stats: Any, study: Study, names: Sequence[str], samples: int) -> tup
 
 
 def _indices(stats: Any, study: Study, values: Array, n: int) -> tuple[Array, Array, Array, Array]:
-    """Total and first indices, (parameters,), and the ends of their intervals, (parameters, 2).
+    """Total and first-order indices, (parameters,), and the ends of their intervals, (parameters, 2).
 
-    Percentiles over resampled points: the corrected ones of SciPy's own bootstrap are nothing for a parameter that decides nothing.
+    Intervals are percentiles over resampled points. The corrected percentiles of SciPy's bootstrap are NaN for parameters without effect.
     """
     rows = values.reshape(-1, n)
 
     def of(some: NDArray[np.int64]) -> tuple[Array, Array]:
         a, b, *mixed = rows[:, some]
         if np.ptp([a, b]) == 0.0:
-            # Of a resample in which nothing varies no share is known.
+            # A resample without variance has no shares of it.
             return np.full(len(mixed), np.nan), np.full(len(mixed), np.nan)
         found = stats.sobol_indices(func={"f_A": a[None], "f_B": b[None], "f_AB": np.array(mixed)[:, None]}, n=n)
         return found.total_order, found.first_order
@@ -218,7 +218,7 @@ def _point(study: Study, names: Sequence[str], row: Array, setting: str) -> Poin
 
 
 def _values(study: Study, rows: Sequence[dict[str, Any]]) -> Array:
-    """The outcome of every point: mean over its episodes."""
+    """Outcome of every point, (points,): mean over its episodes."""
     name = measured(study)
     if study.decisive is not None:
         values = np.array([row["success"] for row in rows], float)
@@ -233,11 +233,11 @@ def _values(study: Study, rows: Sequence[dict[str, Any]]) -> Array:
         )
     points: Array = values.reshape(-1, study.episodes).mean(axis=1)
     if np.ptp(points) == 0.0:
-        same, or_else = f"{name} is the same at all {len(points)} points", "ask for another outcome"
+        same, or_else = f"{name} is the same at all {len(points)} points", "choose another outcome"
         if study.decisive is not None:
             same = f"as many episodes succeed at all {len(points)} points, {points[0]:.0%} of them by {name} {study.decisive.success}"
-            or_else = f"ask for another success, or for none: then {name} itself is ranked"
-        raise ValueError(f"{same}, so that no parameter decides it; widen their ranges, or {or_else}")
+            or_else = f"change the condition of success, or remove it: the ranking then uses {name} itself"
+        raise ValueError(f"{same}, so that no parameter has an effect; widen their ranges, or {or_else}")
     return points
 
 
@@ -248,7 +248,7 @@ def _thirds(study: Study, values: Array, column: Array) -> tuple[tuple[float, ..
 
 
 def _average(study: Study, values: Array) -> tuple[float, tuple[float, float]]:
-    """Mean over points, and its interval. Points are independent, episodes of one are not: each point counts as one trial."""
+    """Mean over points, and its interval. Each point counts as one trial, because only points are independent, not their episodes."""
     mean = float(values.mean())
     if study.decisive is not None:
         return mean, wilson(round(float(values.sum())), len(values))
@@ -260,17 +260,17 @@ def _sections(found: Ranking, samples: int, picture: Path | None) -> list[Sectio
     study = found.study
     share = study.decisive is not None
     what = f"the success of {measured(study)}" if share else measured(study)
-    told = f"{found.outcome:.3g} ({found.interval[0]:.3g} to {found.interval[1]:.3g})"
+    mean = f"{found.outcome:.3g} ({found.interval[0]:.3g} to {found.interval[1]:.3g})"
     words = [
         f"All of {counted(len(found.ranks), 'parameter')} drawn at once from their ranges, uniformly: "
         f"{samples * (2 + len(found.ranks))} points of {counted(study.episodes, 'episode')}, with the settings {found.setting!r}. "
-        f"Mean of {what} over them: {told}.",
-        f"The total index is the share of the variance of {what} that is left when all other parameters are known; the first index is what "
-        "the parameter explains alone, and the rest it does together with others. Intervals are about 95 %, by bootstrap over the points; "
-        "parameters whose intervals of the total index overlap are in no certain order.",
+        f"Mean of {what} over them: {mean}.",
+        f"The total index is the share of the variance of {what} that remains when all other parameters are known. The first index is the "
+        "share that the parameter explains alone; the difference is due to interactions. Intervals are about 95 %, by bootstrap over the "
+        "points. Parameters whose intervals of the total index overlap are in no certain order.",
     ]
     if lost := sum(map(diverged, found.table.rows)):
-        words.append(f"{lost} of {counted(len(found.table), 'episode')} diverged, and count as no success.")
+        words.append(f"{lost} of {counted(len(found.table), 'episode')} diverged, and count as failures.")
     head = ("parameter", "range", "total index", "95 %", "first index", "95 %", "lowest third", "middle", "highest third", "source")
     rows = []
     for own in found.ranks:
@@ -287,7 +287,7 @@ def _sections(found: Ranking, samples: int, picture: Path | None) -> list[Sectio
 
 
 def _draw(found: Ranking, path: Path) -> Path:
-    """Indices as bars with their intervals, and the outcome over the thirds of each range."""
+    """Picture of the indices as bars with intervals, and of the outcome over the thirds of each range."""
     figure = require("matplotlib.figure", "to draw a ranking").Figure(
         figsize=(9.0, 1.2 + 0.42 * len(found.ranks)), dpi=130, layout="constrained"
     )
@@ -310,7 +310,7 @@ def _draw(found: Ranking, path: Path) -> Path:
     outcome = found.study.decisive or found.study.all_outcomes[0]
     unit = f", {outcome.unit}" if outcome.unit and found.study.decisive is None else ""
     right.set_xlabel(f"share of successes ({outcome.name} {outcome.success})" if outcome.success else f"mean {outcome.name}{unit}")
-    # Beneath, where no interval is.
+    # Below the panels, where it covers no interval.
     entries = zip(left.get_legend_handles_labels(), right.get_legend_handles_labels(), strict=True)
     handles, labels = (ours + theirs for ours, theirs in entries)
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False, fontsize=8)

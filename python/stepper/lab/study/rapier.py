@@ -1,7 +1,8 @@
-"""Environments in rapier, the peer with hard contact: free bodies, hinges and slides with simple shapes, of what MuJoCo's compiler made.
+"""Environments in rapier, another engine with hard contact, built from MuJoCo's compiled model.
 
-Rapier (https://rapier.rs, the package rapier3d) computes in 32 bits. States are in MuJoCo's layout, and places of bodies, sensors of
-position and depths are what MuJoCo's kinematics and narrow phase make of them, so that all engines are looked at through one glass.
+Rapier (https://rapier.rs, the package rapier3d) computes in 32 bits. Scenes may have free bodies, hinges and slides with simple shapes.
+States are in MuJoCo's layout. MuJoCo's kinematics and narrow phase compute body poses, position sensors and penetrations from them, so that
+all engines are measured in the same way.
 """
 
 from __future__ import annotations
@@ -21,30 +22,30 @@ from stepper.shared.machine import INSTALL, require
 
 Array = NDArray[np.float64]
 SETTINGS = ("timestep", "iterations")
-"""What rapier is set to: the time step, and iterations of its solver (4 by default)."""
+"""Settings of rapier: the time step, and the iterations of its solver (4 by default)."""
 _ZERO = 1e-12
 
 
 def not_installed() -> str | None:
-    """How to install rapier where it is not."""
+    """Message with the command that installs rapier, or None if it is installed."""
     return None if importlib.util.find_spec("rapier3d") else f"it is not installed: {INSTALL['rapier3d']}"
 
 
 def lacks(compiled: Any, model: Model) -> str | None:
-    """What of a scene rapier does not have, or has in another sense than MJCF, in a few words; None where it has all.
+    """Reason why rapier cannot run a scene: an element that it lacks or defines differently from MJCF. None if it can.
 
     Args:
-        compiled: MuJoCo's model.
-        model: stepper's.
+        compiled: The scene's `mujoco.MjModel`.
+        model: The scene's `stepper.Model`.
     """
     mujoco = require("mujoco", "to run a study in rapier")
     if np.any(np.asarray(model.geom_restitution) != 0):
-        return "its restitution is not stepper's"
+        return "it defines restitution differently from stepper"
     return next((words for words, lacking in _LACKS if lacking(compiled, mujoco)), None)
 
 
 _Lack = Callable[[Any, Any], bool]
-"""Whether MuJoCo's model, with MuJoCo's library, has what rapier lacks."""
+"""Test of an `MjModel`, with the library MuJoCo as second argument, for an element that rapier lacks."""
 
 
 def _colliding(m: Any) -> NDArray[np.intp]:
@@ -82,33 +83,33 @@ def _senses_accelerations(m: Any, mujoco: Any) -> bool:
 
 
 _LACKS: tuple[tuple[str, _Lack], ...] = (
-    ("it has no actuators as MJCF means them", lambda m, _: m.nu > 0),
+    ("it has no actuators in the sense of MJCF", lambda m, _: m.nu > 0),
     ("it has no tendons", lambda m, _: m.ntendon > 0),
-    ("it has no equalities as MJCF means them", lambda m, _: m.neq > 0),
-    ("it has no bodies that deform as MJCF means them", lambda m, _: m.nflex > 0),
-    ("mocap bodies are not taken there", lambda m, _: m.nmocap > 0),
-    ("it has no air or water", lambda m, _: bool(m.opt.density or m.opt.viscosity)),
-    ("it has no compensation of gravity", lambda m, _: bool(np.any(m.body_gravcomp != 0))),
-    ("it has free bodies, hinges and slides, one joint a body, and the model has other joints", _other_joints),
-    ("its joints have no damping, armature, friction or springs as MJCF means them", _joint_forces),
-    ("planes, spheres, boxes, capsules and cylinders are taken there, and the model has other shapes that collide", _other_shapes),
-    ("its contacts have friction along the surface or none, of all geoms alike (condim 3 or 1)", _other_friction),
-    ("it has no margins, priorities, exclusions and explicit pairs as MJCF means them", _other_contacts),
-    ("its contacts' forces and accelerations are not read", _senses_accelerations),
+    ("it has no equalities in the sense of MJCF", lambda m, _: m.neq > 0),
+    ("it has no flexes", lambda m, _: m.nflex > 0),
+    ("mocap bodies are not supported", lambda m, _: m.nmocap > 0),
+    ("it has no fluid forces (density, viscosity)", lambda m, _: bool(m.opt.density or m.opt.viscosity)),
+    ("it has no gravity compensation", lambda m, _: bool(np.any(m.body_gravcomp != 0))),
+    ("it supports free joints, hinges and slides, one joint per body, and the model has others", _other_joints),
+    ("its joints have no damping, armature, friction or springs in the sense of MJCF", _joint_forces),
+    ("it supports planes, spheres, boxes, capsules and cylinders, and the model has other colliding shapes", _other_shapes),
+    ("it supports condim 3 or condim 1 for all geoms alike, and the model has others", _other_friction),
+    ("it has no margins, priorities, exclusions and explicit pairs in the sense of MJCF", _other_contacts),
+    ("its contact forces and accelerations cannot be read, and the model has sensors of them", _senses_accelerations),
 )
 
 
 class RapierWorld(MujocoWorld):
-    """Environments in rapier, one world each; MuJoCo's data beside them are what looks at their states."""
+    """World of the engine rapier, with a rapier scene for each environment. MuJoCo's data compute the derived quantities of its states."""
 
     engine = "rapier"
 
     def __init__(self, plan: Plan, num_envs: int, settings: Mapping[str, Any]):
         reason = not_installed()
         if plan.compiled is None:
-            reason = reason or "the model has no source that MuJoCo reads"
+            reason = reason or "the model has no source that MuJoCo can read"
         if reason := reason or lacks(plan.compiled, plan.model):
-            raise ModelError(f"rapier cannot run this: {reason}")
+            raise ModelError(f"rapier cannot run this study: {reason}")
         if unknown := set(settings) - set(SETTINGS):
             raise ValueError(f"rapier has no settings {sorted(unknown)}, there are: {', '.join(SETTINGS)}")
         super().__init__(replace(plan, mujoco={name: own for name, own in settings.items() if name == "timestep"}), num_envs)
@@ -119,7 +120,7 @@ class RapierWorld(MujocoWorld):
         self._lost = np.zeros(num_envs, np.bool_)
 
     def start(self, qpos: Array, qvel: Array, keyframe: str | int | None, seed: int) -> None:
-        """See `World.start`. Worlds are made anew: nothing of the contacts before is left."""
+        """Begins an episode in new rapier scenes, so that no contacts of earlier episodes remain; otherwise as `World.start`."""
         super().start(qpos, qvel, keyframe, seed)
         self._scenes = [_Scene(self._rapier, self._mujoco, model, self._iterations) for model in self._models]
         for scene, q, v in zip(self._scenes, qpos, qvel, strict=True):
@@ -127,13 +128,13 @@ class RapierWorld(MujocoWorld):
         self._behind, self._depth[:], self._lost[:] = False, 0.0, False
 
     def advance(self, ctrl: Any, nstep: int) -> None:
-        """See `World.advance`."""
+        """Makes steps, and updates the certificate, as `World.advance` describes."""
         self.step(ctrl, nstep)
         for env, data in enumerate(self._now()):
             self._depth[env] = max(self._depth[env], max((float(-c.dist) for c in data.contact), default=0.0))
 
     def step(self, ctrl: Any, nstep: int) -> None:
-        """See `World.step`. There are no controls: a model with actuators is refused."""
+        """Makes steps, as `World.step` describes. There are no controls, because models with actuators are refused."""
         for env, scene in enumerate(self._scenes):
             scene.push(self._applied[env])
             for _ in range(nstep):
@@ -143,26 +144,26 @@ class RapierWorld(MujocoWorld):
 
     @property
     def qpos(self) -> Array:
-        """See `Stepper.qpos`."""
+        """Positions, (num_envs, nq), m and rad."""
         self._read()
         return super().qpos
 
     @property
     def qvel(self) -> Array:
-        """See `Stepper.qvel`."""
+        """Velocities, (num_envs, nv), m/s and rad/s."""
         self._read()
         return super().qvel
 
     def contacts(self) -> NDArray[np.void]:
-        """Raises ModelError: rapier's contact forces are not read."""
-        raise ModelError("rapier cannot run this: its contacts' forces are not read, and the study's drive or outcome asks for them")
+        """Raises ModelError, because rapier's contact forces cannot be read."""
+        raise ModelError("rapier cannot run this study: its drive or an outcome reads contact forces, which rapier does not give")
 
     def _now(self) -> list[Any]:
         self._read()
         return super()._now()
 
     def _read(self) -> None:
-        """States of the scenes into MuJoCo's data; a scene whose state is not finite leaves the last one that was."""
+        """Copies states of the scenes to MuJoCo's data. A scene whose state is not finite keeps its last finite one."""
         if not self._behind:
             return
         self._behind = False
@@ -175,7 +176,7 @@ class RapierWorld(MujocoWorld):
             data.time = self.time[env]
 
     def certificate(self) -> dict[str, NDArray[Any]]:
-        """See `World.certificate`: whether the state was finite, and the depth after every control."""
+        """Quality of the steps, (num_envs,): whether the state was finite, and the penetration after every control period, m."""
         self._read()
         nothing = np.full(self.num_envs, np.nan)
         return {
@@ -187,20 +188,20 @@ class RapierWorld(MujocoWorld):
         }
 
     def settings(self) -> dict[str, Any]:
-        """See `World.settings`."""
-        told = self._rapier.IntegrationParameters()
+        """All settings of the step, with defaults filled in."""
+        defaults = self._rapier.IntegrationParameters()
         return {
             "engine": self.engine,
             "contact": "rapier",
             "timestep": self.timestep,
-            "iterations": self._iterations or told.num_solver_iterations,
+            "iterations": self._iterations or defaults.num_solver_iterations,
             "precision": "f32",
         }
 
 
 @dataclass(frozen=True)
 class RapierJoint:
-    """A joint between two bodies, 0 for the world: its frame is at its anchor, with the axis along x, in both bodies."""
+    """Joint between two bodies, where 0 is the world. In both bodies its frame is at the anchor, with the axis along x."""
 
     body: int
     parent: int
@@ -213,7 +214,7 @@ class RapierJoint:
 
 
 class RapierScene:
-    """A rapier world of a model, with states in MuJoCo's layout.
+    """Rapier world of a model, with states in MuJoCo's layout.
 
     Args:
         rapier: The library rapier3d.
@@ -232,7 +233,7 @@ class RapierScene:
         self.joints: list[RapierJoint] = []
 
     def put(self, qpos: Array, qvel: Array) -> None:
-        """Sets the state."""
+        """Sets the state: qpos (nq,), m and rad, and qvel (nv,), m/s and rad/s."""
         m, d, mujoco = self._model, self._data, self._mujoco
         d.qpos[:], d.qvel[:] = qpos, qvel
         mujoco.mj_kinematics(m, d)
@@ -259,7 +260,7 @@ class RapierScene:
         return self._reference
 
     def state(self) -> tuple[Array, Array]:
-        """Configuration and velocity in MuJoCo's layout."""
+        """Positions (nq,), m and rad, and velocities (nv,), m/s and rad/s, in MuJoCo's layout."""
         m = self._model
         qpos, qvel = np.array(m.qpos0, float), np.zeros(m.nv)
         for joint in self.joints:
@@ -267,7 +268,7 @@ class RapierScene:
             q, v = joint.qpos, joint.qvel
             if joint.kind == self._mujoco.mjtJoint.mjJNT_FREE:
                 r = self.world.rigid_bodies[self.bodies[joint.body]].rotation
-                # The orientation as rapier has it: how far its norm drifts is seen.
+                # The orientation is not normalised, so that a drift of its norm is visible.
                 qpos[q : q + 7], qvel[v : v + 6] = [*place, r.w, r.i, r.j, r.k], [*linear, *_rotate(_conjugate(turn), spin)]
                 continue
             base, base_turn, base_linear, base_spin = self._motion(joint.parent)
@@ -291,7 +292,7 @@ class RapierScene:
         return qpos, qvel
 
     def _motion(self, b: int) -> tuple[Array, Array, Array, Array]:
-        """Place and orientation of a body's frame, velocity of its origin, angular velocity; world axes."""
+        """Position (m), orientation, linear velocity (m/s) and angular velocity (rad/s) of a body's frame, in world axes."""
         if b == 0:
             return np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3), np.zeros(3)
         own = self.world.rigid_bodies[self.bodies[b]]
@@ -304,7 +305,7 @@ class RapierScene:
 
 
 class _Scene(RapierScene):
-    """A world that is built from MuJoCo's model. Bodies without joints are parts of those that they are fixed to."""
+    """Rapier scene built from MuJoCo's model. Bodies without joints are merged with the bodies to which they are fixed."""
 
     def __init__(self, rapier: Any, mujoco: Any, model: Any, iterations: int | None):
         super().__init__(rapier, mujoco, model, rapier.PhysicsWorld(gravity=_tuple(model.opt.gravity)))
@@ -321,12 +322,12 @@ class _Scene(RapierScene):
             self._collider(int(g))
         for b, handle in self.bodies.items():
             if b:
-                # Until then a body has neither the mass nor the centre that it was given.
+                # Before this call a body does not have its given mass and centre of mass.
                 self.world.rigid_bodies[handle].recompute_mass_properties_from_colliders(self.world.colliders)
         self.joints = [self._joint(j) for j in range(model.njnt)]
 
     def push(self, applied: Array) -> None:
-        """Forces and torques on bodies, (nbody, 6), in force until the next."""
+        """Applies forces (N) and torques (N m) to bodies, (nbody, 6), which act until the next call."""
         done: set[int] = set()
         for b in range(1, self._model.nbody):
             root = int(self._model.body_weldid[b])

@@ -1,4 +1,4 @@
-"""The simulator report of a study: what the simulator is, what decides in it, how far it can be wrong, and whose its failures are."""
+"""Simulator report of a study: state and sensors, decisive contacts, settings, perturbations, transfer gap, and causes of failures."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ from stepper.sensors import Transfer
 from stepper.shared.machine import package_version
 
 LAW, PEER = "MuJoCo's law", "MuJoCo"
-"""Names of the settings that a report adds beside a study's own."""
+"""Names of the settings that a report adds to those of the study."""
 
 
 @dataclass(frozen=True)
 class Report:
-    """What was found, and where it is written.
+    """Result of a sweep or of a simulator report.
 
     Attributes:
         study: The study, with the settings that the report added.
-        sweep: Levels, cliffs, table.
-        verdicts: Whose every failure is.
-        document: All of it in words.
-        files: What was written.
+        sweep: Levels, cliffs and table of the sweep.
+        verdicts: Causes of the failures.
+        document: The report as a document.
+        files: Files that were written.
     """
 
     study: Study
@@ -62,24 +62,25 @@ def sweep(
     resolution: float = RESOLUTION,
     tick: Tick | None = None,
 ) -> Report:
-    """Perturbs every parameter of a study, one at a time: a table with Wilson's intervals, and the values at which success ends.
+    """Sweeps each parameter of a study over its range, one at a time, and locates the values at which success ends (cliffs).
 
-    What was run before is not run again: rows are kept in OUT/NAME/journal.sqlite as soon as they are known.
+    Finished episodes are kept in OUT/NAME/journal.sqlite and not repeated.
 
     Args:
-        study: A study, or the file of one.
-        out: The folder that has a folder for every study.
+        study: A study, or its file.
+        out: Output folder; the files are in its folder NAME, the name of the study.
         parameters: Names, or selectors with a range, as "geom_friction[floor][0]=0.2..1"; None is all of the study.
-        cliffs: Whether the end of success is located.
-        resolution: Width of a cliff's bracket over the range of its parameter, between 0 and 1.
-        tick: Progress.
+        cliffs: Whether to locate the values at which success ends, by bisection.
+        resolution: Width of a cliff's bracket as a fraction of its parameter's range, between 0 and 1.
+        tick: Called with a text and the fraction done.
 
     Returns:
-        What was found. OUT/NAME has table.csv, table.npz (table.parquet with pyarrow), sweep.html, sweep.md, sweep.png, in_force.json.
+        The sweep. OUT/NAME has table.csv, table.npz (table.parquet with pyarrow), sweep.html, sweep.md, sweep.png, in_force.json.
 
     Raises:
-        ValueError: No outcome, an unknown parameter, a resolution that is none, a time step that does not divide the time of a control.
-        JournalError: The folder's journal is damaged, or another process writes it.
+        ValueError: No outcome, an unknown parameter, a resolution outside of its range, or a time step that does not divide the control
+            period.
+        JournalError: The journal is damaged, or another process has it open.
     """
     study = study_of(study)
     with Results(study, out) as results:
@@ -95,21 +96,23 @@ def sweep(
 
 
 def report(study: Study | str | os.PathLike[str], out: str | os.PathLike[str] = "out", *, tick: Tick | None = None) -> Report:
-    """A simulator report: state, sensors, the contacts that decide, settings, perturbations, transfer gap, whose failures are.
+    """Writes the simulator report of a study.
+
+    It describes state and sensors, decisive contacts, settings, perturbations, the transfer gap, and the causes of failures.
 
     Args:
-        study: A study, or the file of one.
-        out: The folder that has a folder for every study.
-        tick: Progress.
+        study: A study, or its file.
+        out: Output folder; the files are in its folder NAME, the name of the study.
+        tick: Called with a text and the fraction done.
 
     Returns:
-        What was found. OUT/NAME has report.html, report.md and what `sweep` writes.
+        The report. OUT/NAME has report.html, report.md and the files of `sweep`.
 
     Raises:
-        ValueError: As of `sweep`.
-        JournalError: As of `sweep`.
+        ValueError: An error of `sweep`.
+        JournalError: The journal is damaged, or another process has it open.
     """
-    study = beside(study_of(study))
+    study = with_peers(study_of(study))
     with Results(study, out) as results:
         found = run_sweep(study, results.journal, tick=tick)
         some = range(min(study.episodes, study.batch))
@@ -135,12 +138,12 @@ def report(study: Study | str | os.PathLike[str], out: str | os.PathLike[str] = 
 
 
 def study_of(source: Study | str | os.PathLike[str]) -> Study:
-    """A study, or that of a file."""
+    """Study from a study or its file."""
     return source if isinstance(source, Study) else Study.from_file(Path(source))
 
 
-def beside(study: Study) -> Study:
-    """The study with MuJoCo's law and MuJoCo among its settings, where they can run it and it does not have them."""
+def with_peers(study: Study) -> Study:
+    """Study with settings for MuJoCo's law of contact and for MuJoCo, if they can run it and it lacks them."""
     given = {name: study.setting(name) for name in study.settings}
     more: dict[str, dict[str, Any]] = {}
     if study.options.contact == "hard" and not any(own.get("contact") == "mujoco" for own in given.values()):
@@ -155,15 +158,15 @@ def _has_peer(study: Study) -> bool:
 
 
 def no_peer(study: Study) -> str | None:
-    """Why MuJoCo cannot run a study; None where it can."""
+    """Reason why MuJoCo cannot run a study; None if it can."""
     model, compiled = study.loaded
     if package_version("mujoco-core") is None:
         return "it is not installed"
     if compiled is None:
-        return "the model has no source that it reads"
+        return "the model has no source that MuJoCo can read"
     in_force = any(study.parameters[name].kind in ("sensor", "actuator") for name in study.nominal)
     if in_force or study.sensors is not None or study.actuators is not None:
-        return "it has no errors of sensors and no drives"
+        return "it has no sensor errors and no drives"
     if model.nu != compiled.nu or model.nsensordata != compiled.nsensordata:
         return "stepper leaves out actuators or sensors of the model, so that controls and readings are not the same"
     return None
@@ -188,8 +191,8 @@ def _summary(study: Study, found: Sweep, verdicts: Sequence[Verdict]) -> list[Se
         what = "the share of successes" if study.decisive else measured(study)
         words.append(f"Range of {what} over each parameter: " + ", ".join(f"{name} {cell(value)}" for name, value in found.ranking) + ".")
     if lost := Counter(row["setting"] for row in found.table.rows if diverged(row)):
-        told = ", ".join(f"{count} with {setting}" for setting, count in lost.most_common())
-        words.append(f"Diverged, and so no success: {told}, of {len(found.table)} episodes.")
+        counts_of = ", ".join(f"{count} with {setting}" for setting, count in lost.most_common())
+        words.append(f"Diverged, and so no success: {counts_of}, of {len(found.table)} episodes.")
     if verdicts:
         counts = Counter(verdict.whose for verdict in verdicts)
         words.append("Failures: " + ", ".join(f"{whose} {count}" for whose, count in counts.most_common()) + ".")
@@ -209,7 +212,7 @@ def _state(study: Study) -> list[Section]:
     head = ("joint", "type", "body", "qpos", "qvel", "unit", "limits", "damping", "stiffness", "armature", "dry friction")
     words = [
         f"qpos ({model.nq}), qvel ({model.nv}), activations ({model.na}); controls ({model.nu}), each held for {study.hold:g} s. The next "
-        "state follows from these; beside them survive only the memory of sensors and drives, if there are any."
+        "state follows from these, and from the internal state of sensors and drives, if there are any."
     ]
     return [Section("State variables", words, head, rows)]
 
@@ -223,7 +226,7 @@ def _observation(study: Study) -> list[Section]:
         rows.append(
             [sensor["name"] or f"#{k}", sensor["type"], f"{sensor['adr']} to {sensor['adr'] + sensor['dim'] - 1}", _transfer_words(own)]
         )
-    words = ["Truth, scale and misalignment, bias, drift, noise, quantisation, limits, sample and hold, delay, dropout, in this order."]
+    words = ["Errors act in this order: scale and misalignment, bias, drift, noise, quantisation, limits, sample and hold, delay, dropout."]
     return [Section("Observation map", words if rows else ["The model has no sensors."], head, rows)]
 
 
@@ -285,14 +288,14 @@ def _settings(study: Study, found: Sweep) -> list[Section]:
     usual = columns[USUAL]
     rows = [[setting, _differences(own, {} if setting == USUAL else usual)] for setting, own in columns.items()]
     words = [
-        "Of the study's own settings all that is in force, and of each of the others what differs from these. Tolerances are residuals in "
-        "m/s in stepper, and MuJoCo's own in MuJoCo."
+        "All settings of the study, and the differences of the others from these. Tolerances of stepper are residuals in m/s; MuJoCo "
+        "defines its tolerance differently."
     ]
     return [Section("Solver settings in force", words, ("settings", "in force"), rows)]
 
 
 def _differences(own: dict[str, Any], usual: dict[str, Any]) -> str:
-    """Settings that are not as usual, in words; "no NAME" is one that an engine does not have."""
+    """Differences between settings as text; "no NAME" is a setting that an engine does not have."""
     names = list(dict.fromkeys((*usual, *own)))
     changed = [name for name in names if own.get(name) != usual.get(name)]
     told = [f"no {name}" if own.get(name) is None else f"{name} {cell(own[name])}" for name in changed]
@@ -320,9 +323,9 @@ def _perturbations(found: Sweep, folder: Path) -> list[Section]:
     rows = [_level_row(study, level) for level in found.levels]
     words = [
         f"One parameter at a time, {counted(study.episodes, 'episode')} each, the same starts and random numbers at every point. "
-        "Intervals are Wilson's; changes are of the same episode, +- one standard error; unsolved counts episodes in which a step says "
-        "that it was not solved, finite or resolved, and diverged those of them whose state was not finite or huge, or in which MuJoCo "
-        "began anew by itself: they have no outcome, are no success, and have no part in means.",
+        "Intervals are Wilson's. Changes are differences from the same episodes at the nominal point, +- one standard error. Unsolved "
+        "episodes have a step that was not solved, not finite or unresolved. Diverged ones among them had a state that was not finite or "
+        "huge, or MuJoCo reset itself; they have no outcome, count as failures, and are left out of means.",
         *_repeated(found.levels),
         *(f"Not run: {reason}." for reason in found.skipped),
     ]
@@ -330,14 +333,14 @@ def _perturbations(found: Sweep, folder: Path) -> list[Section]:
 
 
 def _repeated(levels: Sequence[Level]) -> list[str]:
-    """Why some levels have no interval."""
+    """Note on levels without an interval, with the reason."""
     fewest = min((level for level in levels), key=lambda level: level.different / level.episodes)
     if fewest.different == fewest.episodes:
         return []
     return [
-        f"Levels whose episodes repeat one another bit for bit have no interval, for they are no independent trials: there are as few as "
-        f"{fewest.different} different of {counted(fewest.episodes, 'episode')}. Give the study qpos_noise, qvel_noise, a start or a drive "
-        "that is random, or episodes=1."
+        f"Levels whose episodes repeat one another bit for bit have no interval, because they are no independent trials: as few as "
+        f"{fewest.different} different of {counted(fewest.episodes, 'episode')}. Give the study qpos_noise, qvel_noise, a random start or "
+        "drive, or episodes=1."
     ]
 
 
@@ -369,7 +372,7 @@ def _cliffs(found: Sweep, folder: Path, *, searched: bool = True) -> list[Sectio
     head = ("settings", "parameter", "at", "+-", "share below", "share above")
     rows = [[c.setting, c.parameter, (c.low + c.high) / 2, (c.high - c.low) / 2, c.below, c.above] for c in found.cliffs]
     words = ["Where the share of successes crosses one half, located by bisection between neighbouring values of the table."]
-    words = words if rows else ["Within the ranges of the parameters, success crosses one half nowhere."]
+    words = words if rows else ["The share of successes crosses one half nowhere within the ranges of the parameters."]
     picture = draw_cliffs(found, folder / "cliffs.png") if package_version("matplotlib") else None
     return [Section("Cliffs", words, head, rows, picture)]
 
@@ -420,8 +423,8 @@ def _failures(verdicts: Sequence[Verdict], found: Sweep) -> list[Section]:
         theta = ", ".join(f"{name} {cell(value)}" for name, value in row["theta"].items()) or "nominal"
         rows.append([whose, rule, count, f"{row['setting']}: {theta}, episode {row['episode']}"])
     words = [
-        "Every failed episode of stepper, of all points above, and every one of MuJoCo that diverged. It is run again with one thing made "
-        "ideal at a time, and the first rule that fits counts, in this order.",
+        "All failed episodes of stepper at all points above, and those of MuJoCo that diverged. Each is repeated with one part made ideal "
+        "at a time, and the first rule that applies gives the cause:",
         ". ".join(f"{whose}: {rule}" for whose, rule in RULES) + ".",
     ]
     return [
@@ -439,21 +442,21 @@ def _left_out(study: Study) -> list[Section]:
 
 
 def in_force(study: Study, count: int, table: str = "table") -> list[Section]:
-    """Digests and versions, and where those of every one of the rows are.
+    """Section with digests and versions of a run, and the names of the files with those of each row.
 
     Args:
         study: The study.
-        count: Rows of its table.
-        table: Name of the files that have them.
+        count: Number of rows of its table.
+        table: Name of the table's files.
     """
-    told = study.in_force
+    used = study.in_force
     rows = [
-        ["model", told["model"]["sha256"]],
-        ["drive", f"{told['drive']['name']} {told['drive']['sha256']}"],
-        *([f"outcome {outcome['name']}", f"{outcome['measure']} {outcome['sha256']}"] for outcome in told["outcomes"]),
-        ["versions", ", ".join(f"{name} {version}" for name, version in told["versions"].items())],
-        ["binary", told["binary"]],
-        ["seed", told["seed"]],
+        ["model", used["model"]["sha256"]],
+        ["drive", f"{used['drive']['name']} {used['drive']['sha256']}"],
+        *([f"outcome {outcome['name']}", f"{outcome['measure']} {outcome['sha256']}"] for outcome in used["outcomes"]),
+        ["versions", ", ".join(f"{name} {version}" for name, version in used["versions"].items())],
+        ["binary", used["binary"]],
+        ["seed", used["seed"]],
         [
             "rows",
             f"{count}, each with its theta, settings and tolerance in force in {table}.csv; in_force.json has the rest, with notes",

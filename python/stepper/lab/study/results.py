@@ -1,4 +1,4 @@
-"""The folder of a study: its journal, what was in force, its table, its pages."""
+"""Folder of a study: its journal, in_force.json, table and pages."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ IN_FORCE, JOURNAL = "in_force.json", "journal.sqlite"
 
 
 class Results:
-    """A study's folder, kept from other processes while it is open where `Journal` can do that.
+    """Folder of a study. While it is open, its `Journal` locks it for other processes.
 
     Args:
         study: The study.
-        out: The folder that has a folder for every study, by name.
+        out: Output folder, with a folder for each study by name.
     """
 
     def __init__(self, study: Study, out: str | os.PathLike[str]):
@@ -30,21 +30,21 @@ class Results:
         self.folder = Path(out) / study.name
         self.journal = Journal(self.folder / JOURNAL, study.name)
         try:
-            self._tell(study)
+            self._write_in_force(study)
         except BaseException:
             self.journal.close()
             raise
 
-    def _tell(self, study: Study) -> None:
-        """Adds what is in force to in_force.json, in one piece."""
+    def _write_in_force(self, study: Study) -> None:
+        """Adds `Study.in_force` to in_force.json, under its digest."""
         file = self.folder / IN_FORCE
-        told: dict[str, Any] = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
+        entries: dict[str, Any] = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
         text = json.dumps(study.in_force, sort_keys=True, default=str)
         name = hashlib.sha256(text.encode()).hexdigest()[:16]
-        if name in told:
+        if name in entries:
             return
         with in_one_piece(file) as stream:
-            stream.write((json.dumps(told | {name: json.loads(text)}, indent=2, sort_keys=True) + "\n").encode())
+            stream.write((json.dumps(entries | {name: json.loads(text)}, indent=2, sort_keys=True) + "\n").encode())
 
     def __enter__(self) -> Results:
         return self

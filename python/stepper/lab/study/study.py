@@ -1,4 +1,4 @@
-"""`stepper.lab.Study`: a model, what drives it, what counts, and what may be otherwise; run in lanes, kept in a journal."""
+"""`stepper.lab.Study`: the definition of a study, with its model, drive, outcomes and parameters."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from stepper.actuators import ActuatorModel
 from stepper.lab.study import drives
 from stepper.lab.study.episode import Episodes
 from stepper.lab.study.outcomes import Outcome
-from stepper.lab.study.parameters import OF_MODEL, Parameter, Theta, Value, check, moved
+from stepper.lab.study.parameters import OF_MODEL, Parameter, Theta, Value, check, with_nominal
 from stepper.lab.study.points import USUAL
 from stepper.lab.study.worlds import World
 from stepper.loading import compile_source, is_saved, load
@@ -34,54 +34,75 @@ from stepper.shared.machine import package_version, require
 
 Array = NDArray[np.float64]
 Start = Callable[[World, list[np.random.Generator]], tuple[Any, Any]]
-"""From a `World` and a generator for every environment, qpos (num_envs, nq) and qvel (num_envs, nv)."""
+"""Function of a `World` and a generator per environment that returns qpos (num_envs, nq), m and rad, and qvel (num_envs, nv), m/s and
+rad/s."""
 
 Exact = Callable[[World, Array], tuple[Any, Any]]
-"""From a `World` at the start and times (T,) in s from 0 on, qpos (T, num_envs, nq) and qvel (T, num_envs, nv)."""
+"""Function of a `World` at the start and times (T,), s, that returns qpos (T, num_envs, nq), m and rad, and qvel (T, num_envs, nv), m/s
+and rad/s."""
 
 _HOLD = 0.02
-"""s that a control is held where a study does not say it."""
+"""Default control period, s."""
 _ROWS = 3
-"""Part of what a row follows from: another number where the same study gives other rows.
+"""Version of the rows, which is a part of their keys. It grows when the same study gives other rows.
 
 2: Episodes that diverge have no outcome. 3: Inverse weights of MuJoCo's law follow masses, inertias, centres of mass and armatures.
 """
 
 
+class _Source:
+    """Source of a study's model, loaded at the first use. Copies of a study by `dataclasses.replace` share it."""
+
+    def __init__(self, model: Any):
+        self.model = model
+
+    @cached_property
+    def loaded(self) -> tuple[Model, Any]:
+        """The model, and the `mujoco.MjModel` of the same source; None for saved models and models made in code."""
+        source = self.model() if callable(self.model) else self.model
+        if isinstance(source, Model):
+            return source, None
+        with warnings.catch_warnings():
+            # The report lists these warnings.
+            warnings.simplefilter("ignore")
+            compiled = None if is_saved(source) else compile_source(source)
+            return load(source if compiled is None else compiled, strict=False), compiled
+
+
 @hint_keywords("stepper.lab.Study")
 @dataclass(frozen=True, kw_only=True)
 class Study(metaclass=Hinting):
-    """Episodes of a model under a drive, measured, where parameters may be other than one thinks.
+    """Experiment on a model: episodes with a drive, measured outcomes, and parameters that are uncertain.
 
-    Names in selectors and in the words of measures are looked up in the model at once, which loads it.
+    If selectors or measures contain names of elements, the study loads its model at once to check them.
 
     Attributes:
-        model: As of `stepper.load`, or a `Model`, or a function that returns one of those.
-        name: In tables, and the folder of its results; of a file that says none, the file's stem.
-        drive: What controls it: a function of a `World` that returns controls, `Recorded(path)`, `Policy(function)`, "random", or None for
-            no controls (those of the keyframe, else 0).
-        outcomes: What is measured; one of them may have a success, which decides. None is nothing: such a study can be charted and tuned.
-        parameters: What may be otherwise, by name.
-        settings: Other ways to run the same episodes, by name: attributes of `Options` and "precision"; or {"engine": "mujoco"} with
+        model: Source of the model, as for `stepper.load`, or a `Model`, or a function that returns one of these.
+        name: Name in tables and of the folder of results; for studies in files the default is the name of the file.
+        drive: Source of the controls: a function of a `World`, `Recorded(path)`, `Policy(function)`, or "random". None holds the controls
+            of the keyframe, or 0.
+        outcomes: Measured results of an episode. At most one has a condition of success. None is enough for `chart` and `tune`.
+        parameters: Uncertain parameters by name.
+        settings: Alternative settings for the same episodes, by name: attributes of `Options` and "precision". Or {"engine": "mujoco"} with
             MuJoCo's integrator, cone, solver, impratio, noslip_iterations, iterations, tolerance, timestep.
         seconds: Length of an episode, s.
-        control: Time that a control is held, s, whatever the time step is; None is the multiple of the model's time step nearest to 20 ms.
-        episodes: Episodes of every point.
-        seed: Of everything random. Episode k has the same start, random controls and errors of sensors at every point.
-        start: Where episodes start; None is the keyframe or the model's reference, with noise.
-        keyframe: Of the model, to start from.
-        exact: What is right, where a closed form is known: a function of a `World` at the start and of times (T,) that returns
-            qpos (T, num_envs, nq) and qvel (T, num_envs, nv). `chart` and `tune` measure errors from it, in place of converging runs.
-        qpos_noise: Standard deviation of starts in m and rad.
-        qvel_noise: Standard deviation of starts in m/s and rad/s.
-        options: Settings of the step.
+        control: Control period, s, for any time step; None is the multiple of the model's time step that is nearest to 20 ms.
+        episodes: Number of episodes at each point.
+        seed: Seed of all random numbers. Episode k has the same start, random controls and sensor errors at every point.
+        start: Function that returns the initial states; None is the keyframe or the model's reference.
+        keyframe: Keyframe of the initial state, by name or index.
+        exact: Closed-form solution, if known: a function of a `World` at the start and of times (T,), s. It returns
+            qpos (T, num_envs, nq) and qvel (T, num_envs, nv). `chart` and `tune` use it as the reference instead of a converged run.
+        qpos_noise: Standard deviation of noise on initial positions, m and rad.
+        qvel_noise: Standard deviation of noise on initial velocities, m/s and rad/s.
+        options: Options of the step.
         precision: "f64" or "f32".
-        sensors: What sensors make of the truth.
-        actuators: What becomes of controls.
-        batch: Episodes that are stepped together at the most. With errors of sensors, which follow from the place in a batch, all episodes
-            of a point are stepped together whatever it is: their memory is that of `episodes` environments.
-        threads: Threads that step; 0 is all.
-        ray: Whether batches run as tasks of Ray, on all machines of its cluster; the rows are the same.
+        sensors: Errors of the sensors; None is ideal sensors.
+        actuators: Drives of the actuators; None is ideal actuators.
+        batch: Largest number of episodes that are stepped together. With a sensor model all episodes of a point are stepped together,
+            because sensor errors depend on the place in a batch.
+        threads: Number of threads that step; 0 is all cores.
+        ray: Whether to run batches as tasks of Ray, on all machines of its cluster. The rows are the same.
     """
 
     model: Any
@@ -106,8 +127,11 @@ class Study(metaclass=Hinting):
     batch: int = 256
     threads: int = 1
     ray: bool = False
+    _source: _Source | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        source = self._source if self._source is not None and self._source.model is self.model else _Source(self.model)
+        object.__setattr__(self, "_source", source)
         self._check_kinds()
         object.__setattr__(self, "parameters", dict(self.parameters))
         object.__setattr__(self, "settings", {name: dict(given) for name, given in self.settings.items()})
@@ -125,19 +149,19 @@ class Study(metaclass=Hinting):
             raise TypeError(f"exact is {self.exact!r}, must be a function of a world and times that returns qpos and qvel, or None")
         names = [outcome.name for outcome in self.all_outcomes]
         if len(set(names)) < len(names):
-            raise ValueError(f"two outcomes have one name: {names}")
-        judged = [outcome.name for outcome in self.all_outcomes if outcome.success is not None]
-        if len(judged) > 1:
-            raise ValueError(f"outcomes {judged} all have a success, and one decides: make one measure of them, or leave the others' out")
+            raise ValueError(f"outcomes have the names {names}, which must differ: rename one")
+        decisive = [outcome.name for outcome in self.all_outcomes if outcome.success is not None]
+        if len(decisive) > 1:
+            raise ValueError(f"outcomes {decisive} have a success, must be one at most: combine the measures, or leave out a success")
         if USUAL in self.settings:
-            raise ValueError(f"settings {USUAL!r} are the study's own options; choose another name")
+            raise ValueError(f"settings has the name {USUAL!r}, which stands for the study's options: choose another name")
         for name, given in self.settings.items():
             self.setting(name, given)
         if any(isinstance(o.measure, str) for o in self.all_outcomes) or any(p.kind in OF_MODEL for p in self.parameters.values()):
             _ = self.loaded
 
     def _check_kinds(self) -> None:
-        """Raises TypeError and ValueError for outcomes and parameters that are none."""
+        """Raises TypeError or ValueError for outcomes and parameters of wrong types."""
         if self.outcomes is not None and not isinstance(self.outcomes, Outcome):
             if isinstance(self.outcomes, str) or not isinstance(self.outcomes, Sequence):
                 raise TypeError(f"outcomes is {self.outcomes!r}, must be a stepper.lab.Outcome or a list of them")
@@ -156,11 +180,11 @@ class Study(metaclass=Hinting):
 
     @classmethod
     def from_model(cls, source: Any, **changed: Any) -> Study:
-        """A study of a model alone: random controls, from slightly different velocities. A study is given back as it is, but for changes.
+        """Study of a model, with random controls and small random initial velocities.
 
         Args:
-            source: As of `load`; or a study, or the file of one (.toml, or .py with a name `study`).
-            **changed: Attributes of the study.
+            source: Source of a model, as for `stepper.load`. A study, or the file of one, is also accepted and returned with the changes.
+            **changed: Attributes of the study to set.
         """
         if isinstance(source, Study):
             return replace(source, **changed)
@@ -174,25 +198,23 @@ class Study(metaclass=Hinting):
         """Reads a study from a TOML file, or from a Python file that has a `Study` named `study`.
 
         Raises:
-            ValueError: What the file says is no study; named with the file.
+            ValueError: The file has no valid study; the message has its path.
         """
-        # A circle otherwise: files make studies.
+        # Imported here, because files.py imports this module.
         from stepper.lab.study.files import read_study  # noqa: PLC0415
 
         return read_study(Path(path), cls)
 
     @cached_property
     def loaded(self) -> tuple[Model, Any]:
-        """The model, and MuJoCo's of the same source where there is one."""
-        source = self.model() if callable(self.model) else self.model
-        with warnings.catch_warnings():
-            # The report has what runs otherwise than the source asks for.
-            warnings.simplefilter("ignore")
-            if isinstance(source, Model):
-                model, compiled = source, None
-            else:
-                compiled = None if is_saved(source) else compile_source(source)
-                model = load(source if compiled is None else compiled, strict=False)
+        """The model, and the `mujoco.MjModel` of the same source; None for saved models and models made in code.
+
+        Raises:
+            ModelError: The model cannot be loaded.
+            ValueError: A parameter or measure names an element that the model does not have.
+        """
+        assert self._source is not None
+        model, compiled = self._source.loaded
         check(self.parameters, model)
         for outcome in self.all_outcomes:
             outcome.check(model)
@@ -200,7 +222,7 @@ class Study(metaclass=Hinting):
 
     @cached_property
     def hold(self) -> float:
-        """Time that a control is held, s."""
+        """Control period, s: the time for which a control is held."""
         if self.control is not None:
             return self.control
         timestep = self.options.timestep or float(self.loaded[0].timestep)
@@ -208,33 +230,33 @@ class Study(metaclass=Hinting):
 
     @property
     def controls(self) -> int:
-        """Controls of an episode."""
+        """Number of control periods in an episode."""
         return max(1, round(self.seconds / self.hold))
 
     @property
     def all_outcomes(self) -> tuple[Outcome, ...]:
-        """What is measured, however many."""
+        """Outcomes as a tuple."""
         return (self.outcomes,) if isinstance(self.outcomes, Outcome) else tuple(self.outcomes or ())
 
     @property
     def decisive(self) -> Outcome | None:
-        """The outcome whose success counts."""
+        """Outcome with the condition of success; None without one."""
         return next((outcome for outcome in self.all_outcomes if outcome.success is not None), None)
 
     @property
     def nominal(self) -> dict[str, Any]:
-        """Theta of the unperturbed point."""
+        """Values of the parameters at the nominal point, by name."""
         return {name: p.nominal for name, p in self.parameters.items() if p.nominal is not None}
 
     def driven(self) -> Any:
-        """The drive, for one batch; None holds what is in force."""
+        """Drive for one batch; None holds the initial controls."""
         return drives.Random(self.seed) if isinstance(self.drive, str) else self.drive
 
     def setting(self, name: str, given: Mapping[str, Any] | None = None) -> dict[str, Any]:
-        """What settings of a name change.
+        """Options that the settings of a name change.
 
         Raises:
-            ValueError: No settings of that name, or no such setting.
+            ValueError: No settings of that name, or an unknown option.
         """
         if name == USUAL:
             return {}
@@ -252,7 +274,7 @@ class Study(metaclass=Hinting):
 
     @cached_property
     def identity(self) -> dict[str, Any]:
-        """Everything that a row follows from but theta, settings and episode, as plain values with digests."""
+        """Plain values and digests that determine all rows, together with parameters, settings and episode."""
         model, _ = self.loaded
         measured = [
             {
@@ -281,14 +303,14 @@ class Study(metaclass=Hinting):
 
     @property
     def notes(self) -> list[str]:
-        """What of the model's source is left out, and what it asks for that is by default otherwise."""
+        """Elements of the model's source that are left out, and its settings that the default options do not use."""
         model, _ = self.loaded
         left = [f"{kind} {name}: {reason}" for kind, name, reason in model.omitted]
-        return left + [f"asked for, and by default otherwise: {line}" for line in model.deviations]
+        return left + [f"set in the file, not used by the default options: {line}" for line in model.deviations]
 
     @cached_property
     def in_force(self) -> dict[str, Any]:
-        """`identity` with what it ran on, the interpreter and the digest of the binary, and with `notes`."""
+        """Identity of the study, with machine, interpreter, digest of the binary, and `notes`."""
         binary = hashlib.sha256(Path(_stepper.__file__).read_bytes()).hexdigest()
         return self.identity | {
             "notes": self.notes,
@@ -301,7 +323,7 @@ class Study(metaclass=Hinting):
 
     @cached_property
     def _compiled_digest(self) -> str | None:
-        """SHA-256 of MuJoCo's model, which has what stepper's leaves out (its solver's settings); None where there is none."""
+        """SHA-256 of the `mujoco.MjModel`, which includes settings that stepper leaves out; None without one."""
         compiled = self.loaded[1]
         if compiled is None:
             return None
@@ -311,9 +333,9 @@ class Study(metaclass=Hinting):
         return hashlib.sha256(buffer.tobytes()).hexdigest()
 
     def key(self, theta: Theta, setting: str, episode: int) -> str:
-        """What tells a row from all others: a digest of everything that it follows from."""
+        """Key of a row in the journal: a digest of everything that determines it."""
         given = self.setting(setting)
-        # Of MuJoCo's rows alone: what stepper does not read makes none of its rows anew.
+        # Only for rows of MuJoCo: a change that stepper does not read keeps stepper's rows.
         compiled = [self._compiled_digest] if given.get("engine") == "mujoco" else []
         own = {name: [value, str(p.parsed), p.how] for name, value in sorted(theta.items()) for p in [self.parameters[name]]}
         return _digest([self._identity_digest, own, given, episode, *compiled])
@@ -331,45 +353,46 @@ class Study(metaclass=Hinting):
         setting: str = USUAL,
         record: str | os.PathLike[str] | None = None,
     ) -> dict[str, Any]:
-        """Runs one episode: the same, to the bit, as in the tables of `sweep`, `report` and `rank`.
+        """Runs one episode. It has the same bits as in the tables of `sweep`, `report` and `rank`.
 
         Args:
-            values: Of parameters, by name or selector; the others are nominal.
-            number: Which episode; it has its own start, random controls and errors of sensors.
-            seed: In place of the study's own.
+            values: Values of parameters, by name or selector; the others are nominal.
+            number: Number of the episode, which determines its start, random controls and sensor errors.
+            seed: Seed in place of the study's.
             setting: Name of the settings.
-            record: A new folder for a recording, which `stepper view` shows and `stepper.replay` repeats. It has a row for every control.
-                With errors of sensors, which follow from the place in a batch, it has an environment for every episode of the point.
+            record: New folder for a recording, which `stepper view` shows and `stepper.replay` repeats. It has a row for every control
+                period. With a sensor model, it has an environment for every episode of the point.
 
         Returns:
-            Its row: "theta", "outcomes" by name, "success", "certificate" (what the steps say of themselves), "settings" in force.
+            Row of the episode: "theta" (values of parameters), "outcomes" by name, "success", "certificate" (worst status, residual and
+            violations of its steps), "settings" of the engine.
 
         Raises:
-            ValueError: No such parameter, value, settings or episode; a recording of MuJoCo.
-            FileExistsError: There is something in the folder.
+            ValueError: No such parameter, value, settings or episode; or a recording of MuJoCo.
+            FileExistsError: The folder is not empty.
         """
         study = self if seed is None else replace(self, seed=seed)
         (row,) = Episodes(study, values or {}, [number], setting).rows(record)
         return row
 
     def at(self, values: Mapping[str, Value]) -> Study:
-        """The study with these nominal values.
+        """Copy of the study with other nominal values.
 
         Args:
             values: Numbers or words by name of a parameter, or by selector, as "geom_friction[floor][0]".
 
         Raises:
-            ValueError: No such parameter, or a value that it may not have.
+            ValueError: No such parameter, or an invalid value.
         """
-        return replace(self, parameters=moved(self.parameters, values))
+        return replace(self, parameters=with_nominal(self.parameters, values))
 
     def generators(self, episodes: Sequence[int]) -> list[np.random.Generator]:
-        """Random numbers of the starts of episodes."""
+        """Random number generators of the initial states of episodes."""
         return [np.random.default_rng([self.seed, int(e), 0]) for e in episodes]
 
 
 def _force_types(model: Model) -> list[str]:
-    """Types of the gain and bias of every actuator: the digest of a model does not have them, and parameters of gains depend on them."""
+    """Gain and bias types of every actuator. Parameters of gains depend on them, and the digest of a model does not include them."""
     return [f"{actuator.gaintype} {actuator.biastype}" for actuator in map(model.actuator, range(model.nu))]
 
 

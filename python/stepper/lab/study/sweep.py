@@ -1,4 +1,4 @@
-"""The perturbation table of a study: every parameter through its range, one at a time, with intervals; and where success ends."""
+"""Sweep of a study: each parameter over its range, one at a time, and the values at which success ends."""
 
 from __future__ import annotations
 
@@ -15,40 +15,39 @@ from stepper.lab.progress import Tick
 from stepper.lab.study.batches import run_points
 from stepper.lab.study.intervals import wilson
 from stepper.lab.study.journal import Journal, Row, diverged
-from stepper.lab.study.parameters import COUNTS, Value, asked_for
+from stepper.lab.study.parameters import COUNTS, Value, selected
 from stepper.lab.study.points import USUAL, Point, inapplicable, nominal_of
 from stepper.lab.study.study import Study
 from stepper.lab.study.table import Table
 
 CLIFF = 0.5
-"""Share of successes that is crossed at a cliff."""
+"""Share of successes that defines a cliff: it is above on one side and below on the other."""
 RESOLUTION = 1e-3
-"""Width of a cliff's bracket over the range of its parameter."""
+"""Width of a cliff's bracket, as a fraction of its parameter's range."""
 _AT_ONCE = 7
-"""Points between the ends of a bracket that are tried together: they share a batch."""
-Tried = list[tuple[float, list[Row]]]
-"""Values of a parameter with the episodes of each."""
+"""Number of points inside a bracket that one round of a bisection runs as one batch."""
+Bisected = list[tuple[float, list[Row]]]
+"""Values of a parameter with the rows of their episodes."""
 UNSOLVED = Status.NOT_CONVERGED | Status.NON_FINITE | Status.CONTACTS_FULL | Status.UNRESOLVED | Status.TUNNELLED | Status.INFEASIBLE
 
 
 @dataclass(frozen=True)
 class Level:
-    """Episodes at one value of one parameter, all else nominal.
+    """Statistics of the episodes at one value of one parameter, with all others nominal.
 
     Attributes:
         setting: Name of the settings.
-        parameter: Its name; "" is the nominal point.
-        value: Its value; None at the nominal point.
-        episodes: How many.
-        successes: How many of them; None where the study has no success.
-        different: How many episodes do not repeat another one bit for bit, which without noise of the start or a random drive all may do.
-        interval: Wilson's of the share of successes, 95 %; NaN where episodes repeat one another, which are no independent trials.
-        mean: Of the outcome that decides, or the first one, of the episodes that did not diverge; NaN where all did.
-        spread: Standard deviation over episodes.
-        change: Mean over episodes of the difference from the same episode at the nominal point, of those that diverged in neither; its
-            standard error.
-        unsolved: Episodes in which a step says that it could not be taken as it should.
-        diverged: Those of them that diverged, which have no outcome and are no success.
+        parameter: Name of the parameter; "" is the nominal point.
+        value: Value of the parameter; None at the nominal point.
+        episodes: Number of episodes.
+        successes: Number of successful episodes; None if the study has no condition of success.
+        different: Number of distinct episodes. Without random starts or drives, episodes may repeat one another bit for bit.
+        interval: Wilson's 95 % interval of the share of successes; NaN if episodes repeat one another, as these are not independent trials.
+        mean: Mean of the outcome with the success, or of the first one, over the episodes that did not diverge; NaN if all did.
+        spread: Standard deviation of that outcome over episodes.
+        change: Mean difference from the same episodes at the nominal point, without those that diverged, and its standard error.
+        unsolved: Number of episodes with a step that was not solved, not finite, or unresolved (flags of `Status`).
+        diverged: Number of episodes that diverged. They have no outcome and count as failures.
     """
 
     setting: str
@@ -66,19 +65,19 @@ class Level:
 
     @property
     def share(self) -> float:
-        """Share of successes; NaN without any to count."""
+        """Share of successes; NaN if the study has no condition of success."""
         return math.nan if self.successes is None else self.successes / self.episodes
 
 
 @dataclass(frozen=True)
 class Cliff:
-    """Where success ends as a parameter grows.
+    """Bracket of a value of a parameter at which the share of successes crosses one half.
 
     Attributes:
         setting: Name of the settings.
-        parameter: Its name.
-        low: Below it success is `below`.
-        high: Above it success is `above`.
+        parameter: Name of the parameter.
+        low: Lower end of the bracket, in the parameter's unit.
+        high: Upper end of the bracket.
         below: Share of successes at `low`.
         above: Share of successes at `high`.
     """
@@ -93,15 +92,15 @@ class Cliff:
 
 @dataclass(frozen=True)
 class Sweep:
-    """What a sweep found.
+    """Result of a sweep.
 
     Attributes:
-        study: What was swept.
-        levels: By settings, then parameters, then values; the nominal point first.
-        cliffs: Where success ends.
-        table: All episodes.
-        skipped: What was not run, with the reason.
-        bisected: Levels between those, at which the ends of success were located.
+        study: The study.
+        levels: Levels by settings, then parameters, then values; the nominal point first.
+        cliffs: Values at which success ends.
+        table: Table of all episodes.
+        skipped: Parameters that were not run with some settings, with the reasons.
+        bisected: Additional levels of the bisections.
     """
 
     study: Study
@@ -112,11 +111,11 @@ class Sweep:
     bisected: tuple[Level, ...] = field(default=())
 
     def levels_of(self, parameter: str, setting: str = USUAL) -> list[Level]:
-        """Levels of a parameter ("" is the nominal point) with settings."""
+        """Levels of a parameter ("" is the nominal point) with one of the settings."""
         return [level for level in self.levels if (level.parameter, level.setting) == (parameter, setting)]
 
     def points(self, parameter: str, setting: str = USUAL) -> list[Level]:
-        """Levels of a parameter with settings, those of bisections among them, in the order of their values where these are numbers."""
+        """Levels of a parameter with one of the settings, including those of bisections; numbers are in order."""
         found = self.levels_of(parameter, setting)
         found += [level for level in self.bisected if (level.parameter, level.setting) == (parameter, setting)]
         words = any(isinstance(level.value, str) for level in found)
@@ -124,10 +123,11 @@ class Sweep:
 
     @property
     def ranking(self) -> list[tuple[str, float]]:
-        """Parameters by how far the outcome moves over their range, with the study's own settings.
+        """Parameters in the order of their effect, with the study's default settings.
 
         Returns:
-            (name, range of the share of successes, or of the mean of what has no success).
+            Pairs of a name and its effect: the largest minus the smallest share of successes over the parameter's range; without a
+            condition of success, the same of the mean outcome.
         """
         found = []
         for name in self.study.parameters:
@@ -147,27 +147,27 @@ def sweep(
     resolution: float = RESOLUTION,
     tick: Tick | None = None,
 ) -> Sweep:
-    """Takes every parameter through its range, one at a time, with all settings of a study.
+    """Sweeps each parameter over its range, one at a time, with all settings of a study.
 
     Args:
         study: The study; it must have parameters and an outcome.
-        journal: What is known of it.
+        journal: Journal of its finished rows.
         parameters: Names, or selectors with a range, as "geom_friction[floor][0]=0.2..1"; None is all of the study.
-        cliffs: Whether the end of success is located.
-        resolution: Width of a cliff's bracket over the range of its parameter, between 0 and 1.
-        tick: Progress.
+        cliffs: Whether to locate the values at which success ends.
+        resolution: Width of a cliff's bracket as a fraction of its parameter's range, between 0 and 1.
+        tick: Called with a text and the fraction done.
 
     Returns:
         Levels and cliffs.
 
     Raises:
-        ValueError: No outcome, an unknown parameter, a resolution that is none.
+        ValueError: No outcome, an unknown parameter, or a resolution outside of its range.
     """
     if not 0 < resolution < 1:
         raise ValueError(f"resolution is {resolution}, must be between 0 and 1: the width of a cliff's bracket over the range")
     if not study.all_outcomes:
         raise ValueError("the study has no outcome, so there is nothing to compare; give it one")
-    chosen = study.parameters if parameters is None else asked_for(study.parameters, parameters, study.loaded[0])
+    chosen = study.parameters if parameters is None else selected(study.parameters, parameters, study.loaded[0])
     names, study = list(chosen), replace(study, parameters={**study.parameters, **chosen})
     settings, skipped = [USUAL, *study.settings], []
     cells: list[tuple[str, str, Value | None]] = [(setting, "", None) for setting in settings]
@@ -190,9 +190,9 @@ def sweep(
         brackets = [bracket for own in groups for bracket in _brackets(study, own, resolution)]
         progress = _Progress(f"cliffs of {study.name}", sum(_rounds(*bracket) for bracket in brackets), tick)
         for one, other, width in brackets:
-            cliff, tried = _bisect(study, one, other, width, lambda points: _shares(study, points, journal, progress))
+            cliff, bisected = _bisect(study, one, other, width, lambda points: _shares(study, points, journal, progress))
             ends.append(cliff)
-            for value, more in tried:
+            for value, more in bisected:
                 every += more
                 between.append(_level(study, (one.setting, one.parameter, value), more, by_cell[one.setting, "", None]))
         progress.end()
@@ -208,7 +208,7 @@ def _point(study: Study, cell: tuple[str, str, Value | None]) -> Point:
 
 
 def measured(study: Study) -> str:
-    """Name of the outcome that a table shows: the one that decides, or the first."""
+    """Name of the outcome that a table shows: the one with the success, or the first."""
     return (study.decisive or study.all_outcomes[0]).name
 
 
@@ -238,7 +238,7 @@ def _level(study: Study, cell: tuple[str, str, Value | None], rows: Sequence[Row
 
 
 def _different(study: Study, rows: Sequence[Row]) -> int:
-    """Episodes that differ: all where starts have noise or controls are random, else those whose rows do."""
+    """Number of distinct episodes: all if starts or controls are random, otherwise those with distinct rows."""
     if study.qpos_noise or study.qvel_noise or (study.drive == "random" and study.loaded[0].nu):
         return len(rows)
     return len({json.dumps([row["outcomes"], row["certificate"]], sort_keys=True) for row in rows})
@@ -278,7 +278,7 @@ def _brackets(study: Study, levels: Sequence[Level], resolution: float) -> list[
 
 
 def _rounds(one: Level, other: Level, width: float) -> int:
-    """Rounds of a bisection that narrows a bracket to a width."""
+    """Number of rounds in which a bisection narrows a bracket to a width."""
     apart = abs(float(other.value or 0) - float(one.value or 0))
     return max(1, math.ceil(math.log(apart / width) / math.log(_AT_ONCE + 1) - 1e-9)) if apart > width else 0
 
@@ -292,25 +292,25 @@ def _shares(study: Study, points: Sequence[Point], journal: Journal, progress: _
 
 def _bisect(
     study: Study, one: Level, other: Level, width: float, run: Callable[[Sequence[Point]], list[tuple[float, list[Row]]]]
-) -> tuple[Cliff, Tried]:
-    """The cliff between two levels, with a bracket no wider than a width: each round tries some points at once."""
+) -> tuple[Cliff, Bisected]:
+    """Cliff between two levels, with a bracket of at most `width`. Each round runs several points at once."""
     assert isinstance(one.value, int | float)
     assert isinstance(other.value, int | float)
     low, high, below, above = float(one.value), float(other.value), one.share, other.share
-    every: Tried = []
+    every: Bisected = []
     steps = study.parameters[one.parameter].leaf == "timestep"
     while high - low > width:
         inner = [float(x) for x in np.linspace(low, high, _AT_ONCE + 2)[1:-1]]
         if steps:
-            # Only steps that divide the time of a control.
+            # Only time steps that divide the control period.
             inner = [study.hold / round(study.hold / x) for x in inner]
         values = [low, *sorted({x for x in inner if low < x < high}), high]
         if len(values) == 2:
-            # No number, or no such step, is between the ends.
+            # No number, or no such time step, is between the ends.
             break
-        tried = run([_point(study, (one.setting, one.parameter, x)) for x in values[1:-1]])
-        every += [(value, own) for value, (_, own) in zip(values[1:-1], tried, strict=True)]
-        shares = [below, *(share for share, _ in tried), above]
+        inside = run([_point(study, (one.setting, one.parameter, x)) for x in values[1:-1]])
+        every += [(value, own) for value, (_, own) in zip(values[1:-1], inside, strict=True)]
+        shares = [below, *(share for share, _ in inside), above]
         k = next(k for k in range(1, len(shares)) if (shares[k] >= CLIFF) != (shares[0] >= CLIFF))
         low, high, below, above = values[k - 1], values[k], shares[k - 1], shares[k]
     return Cliff(one.setting, one.parameter, low, high, below, above), every

@@ -1,4 +1,4 @@
-"""The table of a study: a row for every episode, a column for everything that is known of it."""
+"""Table of a study, with a row for every episode."""
 
 from __future__ import annotations
 
@@ -16,16 +16,21 @@ from stepper.shared.machine import require
 
 
 class Table:
-    """Rows of a study as columns.
+    """Table of a study, with columns as arrays (n,) of the n episodes: `table["outcome.lifted"]`.
 
-    Columns are "setting", "episode", "seed"; "theta.NAME" (NaN or "" where a parameter is as the model has it); "outcome.NAME"; "success"
-    (1, 0, or -1 without one); "status" (flags of `stepper.Status`), "residual" (m/s), "max_penetration" (m),
-    "max_limit_violation" (rad or m),
-    "max_equality_violation" (m or rad), the worst of the episode; "settings.NAME", in force; and "in_force", which names an entry of
-    in_force.json.
+    Columns:
+
+    * "setting", "episode", "seed": name of the settings, number and seed of the episode
+    * "theta.NAME": value of a parameter; NaN or "" where the model's value was not changed
+    * "outcome.NAME": value of an outcome
+    * "success": 1, 0, or -1 if the study has no condition of success
+    * "status": flags of `stepper.Status` over the episode
+    * "residual" (m/s), "max_penetration" (m), "max_limit_violation" (rad or m), "max_equality_violation" (m or rad): largest of the episode
+    * "settings.NAME": setting of the engine
+    * "in_force": key of an entry in in_force.json, with model, versions and digests
 
     Args:
-        rows: As the journal has them.
+        rows: Rows of the journal.
     """
 
     def __init__(self, rows: Sequence[Row]):
@@ -41,7 +46,7 @@ class Table:
         return self.columns[name]
 
     def save(self, folder: Path, name: str = "table") -> list[Path]:
-        """Writes NAME.csv and NAME.npz, and NAME.parquet where pyarrow is installed."""
+        """Writes NAME.csv and NAME.npz, and NAME.parquet if pyarrow is installed; returns their paths."""
         folder.mkdir(parents=True, exist_ok=True)
         files = [folder / f"{name}.csv", folder / f"{name}.npz"]
         with files[0].open("w", newline="", encoding="utf-8") as file:
@@ -73,7 +78,7 @@ def _flat(row: Row) -> dict[str, Any]:
 
 
 def _column(values: Sequence[Any]) -> NDArray[Any]:
-    """Numbers, with NaN for none; or words, with "" for none."""
+    """Column of numbers, with NaN for None, or of words, with "" for None."""
     given = [value for value in values if value is not None]
     if any(isinstance(value, str) for value in given):
         return np.array(["" if value is None else str(value) for value in values])

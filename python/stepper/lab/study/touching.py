@@ -1,4 +1,4 @@
-"""What touched in the episodes of a study: of every pair of geoms how near, how long, how hard, and how much of its friction it used."""
+"""Statistics of the contacts in a study's episodes, for each pair of geoms: distance, duration, forces and use of friction."""
 
 from __future__ import annotations
 
@@ -21,25 +21,26 @@ Array = NDArray[np.float64]
 _STICKS = 0.999
 """Share of the friction cone beyond which a contact slides."""
 _FIRM = 1e-3
-"""Share of the largest normal force of a pair below which the ratio of a single contact is not looked at: its friction moves nothing."""
+"""Share of a pair's largest normal force below which the friction ratio of a single contact does not count."""
 
 
 @dataclass(frozen=True)
 class Pair:
-    """Contacts of two geoms over all steps and episodes.
+    """Statistics of the contacts of two geoms over all steps and episodes.
 
     Attributes:
-        geoms: Their indices, the lower first.
-        names: Of the geoms.
-        time: Share of the steps in which they press.
-        impulse: Of normal forces, N s an episode.
-        peak: Largest normal force of all contacts of the pair together, N.
-        friction: Sliding friction in force: the largest ratio that their cone allows; that of an explicit pair where there is one.
-        used: Largest ratio of tangential and normal force, of all contacts of the pair together.
-        slides: Share of the normal impulse under which that is at its bound.
-        cone: Largest share of the cone that a single contact uses, |f_t| / (mu f_n), of those with a thousandth of the peak and more.
+        geoms: Indices of the geoms, the lower first.
+        names: Names of the geoms.
+        time: Share of the steps in which the normal force is positive.
+        impulse: Impulse of the normal forces, N s per episode.
+        peak: Largest total normal force, N.
+        friction: Coefficient of sliding friction of the pair.
+        used: Largest ratio of total tangential to total normal force.
+        slides: Share of the normal impulse for which that ratio is at its bound, `friction`.
+        cone: Largest share of the friction cone used by a single contact, |f_t| / (mu f_n); contacts below a thousandth of the peak do not
+            count.
         twists: Largest torque about and across the normal, N m.
-        nearest: Least distance of a contact that was given a row, m.
+        nearest: Smallest distance of a contact in the constraint problem, m.
     """
 
     geoms: tuple[int, int]
@@ -57,19 +58,19 @@ class Pair:
 
 @dataclass(frozen=True)
 class Touching:
-    """What touched.
+    """Statistics of contacts, solver and limits over episodes.
 
     Attributes:
-        pairs: By impulse, the largest first.
-        steps: Steps that were seen, of all episodes.
-        most: Contacts of one environment at once, at the most.
-        sweeps: Of the solver in a step, at the most.
-        newton_steps: The same of Newton's method.
+        pairs: Pairs of geoms, the largest impulse first.
+        steps: Number of steps of all episodes.
+        most: Largest number of contacts in one environment.
+        sweeps: Largest number of Gauss-Seidel sweeps in a step.
+        newton_steps: Largest number of Newton steps in a step.
         status: All flags of `Status` that steps set.
         saturated: Share of the steps in which each actuator was at a bound of its effort, (nu,).
-        limits: Share of the steps in which each joint was within a hundredth of its range of a limit, (njnt,).
+        limits: Share of the steps in which each joint was near a limit, within a hundredth of its range, (njnt,).
         senses: Whether the drive or an outcome read a sensor.
-        reach: Least and greatest position of every coordinate, (2, nq).
+        reach: Lowest and highest position of every coordinate, (2, nq), m or rad.
     """
 
     pairs: tuple[Pair, ...]
@@ -85,13 +86,13 @@ class Touching:
 
     @property
     def deciding(self) -> tuple[Pair, ...]:
-        """Pairs with a hundredth of the impulse of all, or a tenth of the greatest force."""
+        """Pairs with at least a hundredth of the total impulse, or a tenth of the largest force."""
         total, peak = sum(pair.impulse for pair in self.pairs), max((pair.peak for pair in self.pairs), default=0.0)
         return tuple(pair for pair in self.pairs if pair.impulse >= 0.01 * total or pair.peak >= 0.1 * peak)
 
 
 def explicit_friction(compiled: Any) -> dict[tuple[int, int], float]:
-    """Sliding friction of the explicit pairs of MuJoCo's model, by their geoms, the lower first; none where there is no such model."""
+    """Sliding friction of an `MjModel`'s explicit pairs, by their geoms, the lower index first; empty without a model."""
     if compiled is None:
         return {}
     pairs = np.sort(np.stack([compiled.pair_geom1, compiled.pair_geom2], axis=1), axis=1)
@@ -99,7 +100,7 @@ def explicit_friction(compiled: Any) -> dict[tuple[int, int], float]:
 
 
 def _friction_of_pairs(model: Model, friction: Array) -> dict[tuple[int, int], float]:
-    """Sliding friction of the explicit pairs by their geoms, the lower first; of two pairs of the same geoms the first counts."""
+    """Sliding friction of explicit pairs by their geoms, the lower index first. Of two pairs of the same geoms the first counts."""
     found: dict[tuple[int, int], float] = {}
     for k in range(model.npair):
         pair = model.pair(k)
@@ -108,14 +109,14 @@ def _friction_of_pairs(model: Model, friction: Array) -> dict[tuple[int, int], f
 
 
 def pair_friction(model: Model, friction: Array, first: int, second: int, explicit: Mapping[tuple[int, int], float]) -> float:
-    """Sliding friction of two geoms: of their explicit pair, of the one with the higher priority, else the larger.
+    """Sliding friction of two geoms: that of their explicit pair, else of the geom with the higher priority, else the larger one.
 
     Args:
         model: The scene.
-        friction: In force, (ngeom, 3).
-        first: A geom.
-        second: Another one.
-        explicit: Sliding friction of explicit pairs by their geoms, the lower first.
+        friction: Friction coefficients of the geoms, (ngeom, 3): sliding (no unit), torsional (m), rolling (m).
+        first: Index of a geom.
+        second: Index of another geom.
+        explicit: Sliding friction of explicit pairs by their geoms, the lower index first.
     """
     key = (min(first, second), max(first, second))
     if key in explicit:
@@ -127,10 +128,11 @@ def pair_friction(model: Model, friction: Array, first: int, second: int, explic
 
 
 def pairs_of_bodies(model: Model) -> set[tuple[int, int]]:
-    """Pairs of bodies, the lower first, that may touch: their geoms' masks meet, they can move against each other, and are no neighbours.
+    """Pairs of bodies that may collide, the lower index first.
 
-    Neighbours are a body and the one that it moves against; bodies without joints belong to their parent. Children of the world do touch
-    it. Explicit pairs and exclusions are MuJoCo's; see `pairs_that_may_touch`.
+    The masks of their geoms (contype, conaffinity) match, they can move relative to each other, and they are no parent and child. Bodies
+    without joints count as parts of their parents. The world collides with its children. `pairs_that_may_touch` also applies explicit
+    pairs and exclusions.
     """
     rigid = [0] * model.nbody
     for k in range(1, model.nbody):
@@ -149,11 +151,11 @@ def pairs_of_bodies(model: Model) -> set[tuple[int, int]]:
 
 
 def pairs_that_may_touch(model: Model, compiled: Any) -> set[tuple[int, int]]:
-    """`pairs_of_bodies` without MuJoCo's exclusions, and with its explicit pairs, which no exclusion and no mask takes out.
+    """Pairs of bodies that may collide, with the exclusions and explicit pairs of an `MjModel`.
 
     Args:
         model: The scene.
-        compiled: MuJoCo's model of it, or None.
+        compiled: The scene's `mujoco.MjModel`, or None.
     """
     may = pairs_of_bodies(model)
     if compiled is not None:
@@ -164,7 +166,7 @@ def pairs_that_may_touch(model: Model, compiled: Any) -> set[tuple[int, int]]:
 
 
 class _Ledger:
-    """Counts contacts, step by step."""
+    """Accumulator of the statistics of contacts, step by step."""
 
     def __init__(self, model: Model, num_envs: int, friction: Array, explicit: Mapping[tuple[int, int], float]):
         self.model, self.num_envs, self.friction, self.explicit, self.steps = model, num_envs, friction, explicit, 0
@@ -176,7 +178,7 @@ class _Ledger:
         self._limited = [(k, j.qposadr, *j.range) for k, j in enumerate(joints) if j.limited and j.nq == 1]
 
     def look(self, now: World) -> None:
-        """Takes in a step."""
+        """Adds the contacts of a step."""
         assert isinstance(now, StepperWorld)
         self.steps += self.num_envs
         qpos = now.qpos
@@ -209,7 +211,7 @@ class _Ledger:
             book["nearest"] = min(book["nearest"], float(contacts["distance"][own].min()))
             if not pushes.any():
                 continue
-            # Of all contacts of the pair together: how they share a load, the law leaves open.
+            # Totals over the contacts of a pair, because Coulomb's law does not determine how they share a load.
             envs, at = np.unique(contacts["env"][pushes], return_inverse=True)
             force = np.bincount(at, normal[pushes])
             side = np.linalg.norm([np.bincount(at, tangent[pushes, k]) for k in range(3)], axis=0)
@@ -217,7 +219,7 @@ class _Ledger:
             book["time"] += len(envs)
             book["impulse"] += timestep * force.sum()
             book["peak"] = max(book["peak"], float(force.max()))
-            # Of contacts that hardly press, the ratio is rounding.
+            # For tiny normal forces the ratio is dominated by rounding.
             firm = force > 1e-6 * book["peak"]
             book["used"] = max(book["used"], float((side[firm] / force[firm]).max(initial=0.0)))
             book["slides"] += timestep * force[side >= _STICKS * mu * force].sum()
@@ -228,7 +230,7 @@ class _Ledger:
             book["twists"] = max(book["twists"], float(twist[pushes].max()))
 
     def result(self, *, senses: bool) -> Touching:
-        """What was counted."""
+        """Statistics of all steps so far."""
         names = [name or f"#{k}" for k, name in enumerate(self.model.geom_names)]
         pairs = [
             Pair(
@@ -261,7 +263,7 @@ class _Ledger:
 
 
 def touching(study: Study, episodes: Sequence[int], **changed: Any) -> Touching:
-    """Runs episodes of the nominal point, with settings as of `world_of`, and sees what touches in every step."""
+    """Runs episodes at the nominal point; returns statistics of the contacts in every step. Changed settings are those of `world_of`."""
     world = world_of(study, USUAL, [study.nominal] * len(episodes), **changed)
     assert isinstance(world, StepperWorld)
     # All environments are at the nominal point.
@@ -271,7 +273,7 @@ def touching(study: Study, episodes: Sequence[int], **changed: Any) -> Touching:
     watches: list[Watch] = []
 
     def look(now: World) -> None:
-        # Outcomes are read as in an episode that counts, so that it is known whether they read sensors.
+        # Outcomes are measured too, to record whether they read sensors.
         if watches:
             watches[0].look(now)
         else:

@@ -1,16 +1,16 @@
-"""Whose a failure is, told by running the failed episode again with one thing made ideal at a time.
+"""Causes of failures, found by repeating a failed episode with one part made ideal at a time.
 
-The first rule that fits counts:
+The first rule that applies gives the cause:
 
-    physics      the episode diverged: a state was not finite or huge, or MuJoCo began anew by itself
-    physics      the steps say that they failed (`Stepper.status`)
+    physics      the episode diverged: a state was not finite or huge, or MuJoCo reset itself
+    physics      steps set flags of failure in `Stepper.status`
     evaluation   the outcome is not a number, or within its margin of the threshold
     perception   the episode succeeds with ideal sensors
-    physics      the episode, with ideal sensors, succeeds at half the time step, solved a hundred times as well
-    physics      where contact is soft: the episode, with ideal sensors, succeeds with hard contact
-    policy       none of these: what drives it fails though the world was computed and seen as it is
+    physics      the episode, with ideal sensors, succeeds at half the time step with a hundredth of the tolerance
+    physics      with soft contact: the episode, with ideal sensors, succeeds with hard contact
+    policy       no other rule applies: the drive fails although physics and sensors are correct
 
-A drive with a memory begins anew in every run.
+A drive with internal state restarts in every run.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ from stepper.lab.study.study import Study
 from stepper.lab.study.sweep import UNSOLVED
 
 FINER = 2
-"""Ratio of the time steps of an episode and of the finer run that judges its physics."""
+"""Ratio of the episode's time step to that of the finer run, which tests its physics."""
 TIGHTER = 1e-2
-"""Ratio of the tolerance of the finer run to that in force."""
+"""Ratio of the finer run's tolerance to that of the episode."""
 
-EVALUATION = "the outcome is not finite, or no farther from its threshold than its margin"
-DIVERGED = "the episode diverged: a state that is not finite or huge, or an engine that began anew by itself"
-STATUS = "a step says that it was not solved, finite or resolved"
+EVALUATION = "the outcome is not finite, or within its margin of the threshold"
+DIVERGED = "the episode diverged: a state was not finite or huge, or the engine reset itself"
+STATUS = "a step was not solved, not finite or unresolved (status)"
 PERCEPTION = "success with ideal sensors"
-STEP = f"success with ideal sensors at the time step over {FINER} and {TIGHTER:g} of the tolerance"
-LAW = "success with ideal sensors and hard contact: the softness of the law decides"
-POLICY = "fails though the world is computed more finely and seen as it is"
-DECLARED = "the study says whose failures of this outcome are"
+STEP = f"success with ideal sensors, 1/{FINER} of the time step and {TIGHTER:g} of the tolerance"
+LAW = "success with ideal sensors and hard contact: the softness of contact causes the failure"
+POLICY = "failure even with ideal sensors and a finer time step"
+DECLARED = "the study declares the cause of failures of this outcome"
 
 RULES = (
     ("physics", DIVERGED),
@@ -52,17 +52,17 @@ RULES = (
     ("physics", LAW),
     ("policy", POLICY),
 )
-"""In their order."""
+"""Causes and rules, in the order in which they apply."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whose the failure of an episode is.
+    """Cause of the failure of an episode.
 
     Attributes:
-        row: The episode.
-        whose: "physics", "perception", "policy" or "evaluation".
-        rule: By which it was told.
+        row: Row of the episode.
+        whose: Cause: "physics", "perception", "policy" or "evaluation".
+        rule: Rule that gave the cause.
     """
 
     row: Row
@@ -71,22 +71,19 @@ class Verdict:
 
 
 def judge(study: Study, rows: Sequence[Row], journal: Journal) -> list[Verdict]:
-    """Tells whose every failure is; runs go into the journal.
-
-    Rows of episodes that succeed are left out, and those of MuJoCo but for the ones that diverged.
-    """
+    """Causes of all failures of stepper, and of episodes that diverged in MuJoCo. Repeated episodes are added to the journal."""
     failed = {row["key"]: row for row in rows if row["success"] is False and (row["settings"]["engine"] == "stepper" or diverged(row))}
-    verdicts = {key: _seen(study, row) for key, row in failed.items()}
+    verdicts = {key: _cause_in(study, row) for key, row in failed.items()}
     for name, change, whose, rule in _TRIALS:
-        left = [row for key, row in failed.items() if verdicts[key] is None and _tells(study, name, row)]
-        for row, again in zip(left, _again(study, left, journal, name, change), strict=True):
-            if again["success"]:
+        left = [row for key, row in failed.items() if verdicts[key] is None and _applies(study, name, row)]
+        for row, repeated in zip(left, _repeated(study, left, journal, name, change), strict=True):
+            if repeated["success"]:
                 verdicts[row["key"]] = (whose, rule)
     return [Verdict(row, *(verdicts[key] or ("policy", POLICY))) for key, row in failed.items()]
 
 
-def _seen(study: Study, row: Row) -> tuple[str, str] | None:
-    """What the episode itself says; None where only another run can tell."""
+def _cause_in(study: Study, row: Row) -> tuple[str, str] | None:
+    """Cause and rule from the row of an episode alone; None if it must be repeated."""
     outcome = study.decisive
     assert outcome is not None
     assert outcome.threshold is not None
@@ -102,8 +99,8 @@ def _seen(study: Study, row: Row) -> tuple[str, str] | None:
     return None
 
 
-def _tells(study: Study, trial: str, row: Row) -> bool:
-    """Whether a trial changes anything of an episode: its sensors had errors, its contact was soft."""
+def _applies(study: Study, trial: str, row: Row) -> bool:
+    """Whether a trial changes an episode: ideal sensors if it had sensor errors, hard contact if its contact was soft."""
     if trial == "hard contact":
         return bool(row["settings"]["contact"] != "hard")
     return trial == "finer" or study.sensors is not None or any(study.parameters[name].kind == "sensor" for name in row["theta"])
@@ -111,7 +108,7 @@ def _tells(study: Study, trial: str, row: Row) -> bool:
 
 def _finer(settings: dict[str, Any]) -> dict[str, Any]:
     better: dict[str, Any] = {"timestep": settings["timestep"] / FINER, "iterations": 10 * settings["iterations"], "sensors": None}
-    # A hundredth of the tolerance of 32 bits is beyond them.
+    # With 32 bits a hundredth of the tolerance cannot be reached.
     return better | ({"precision": "f64"} if settings["precision"] == "f32" else {"tolerance": TIGHTER * settings["tolerance"]})
 
 
@@ -120,11 +117,13 @@ _TRIALS: tuple[tuple[str, Callable[[dict[str, Any]], dict[str, Any]], str, str],
     ("finer", _finer, "physics", STEP),
     ("hard contact", lambda _: {"contact": "hard", "integrator": None, "sensors": None}, "physics", LAW),
 )
-"""Name of a run, what it changes in the settings of an episode, and what success in it says."""
+"""Trials: name, function from an episode's settings to the changed ones, and the cause and rule if the trial succeeds."""
 
 
-def _again(study: Study, rows: Sequence[Row], journal: Journal, name: str, change: Callable[[dict[str, Any]], dict[str, Any]]) -> list[Row]:
-    """The same episodes with something changed."""
+def _repeated(
+    study: Study, rows: Sequence[Row], journal: Journal, name: str, change: Callable[[dict[str, Any]], dict[str, Any]]
+) -> list[Row]:
+    """Rows of the same episodes with changed settings."""
     groups: dict[str, list[Row]] = {}
     for row in rows:
         key = json.dumps([group_of(study, Point(row["theta"], row["setting"])), row["settings"]], sort_keys=True)
@@ -134,11 +133,11 @@ def _again(study: Study, rows: Sequence[Row], journal: Journal, name: str, chang
             some = group[first : first + study.batch]
             missing = {_key(row, name) for row in some} - journal.rows.keys()
             if missing:
-                # A nominal value with no part in the episode's settings may have one in what is changed: restitution in hard contact.
+                # A nominal value without effect in the episode may have one in the trial: restitution with hard contact.
                 thetas, episodes = [study.nominal | row["theta"] for row in some], [row["episode"] for row in some]
                 made = run_episodes(study, some[0]["setting"], thetas, episodes, **change(some[0]["settings"]))
-                found = {_key(row, name): again for row, again in zip(some, made, strict=True)}
-                journal.append({"key": key} | again for key, again in found.items() if key in missing)
+                found = {_key(row, name): repeated for row, repeated in zip(some, made, strict=True)}
+                journal.append({"key": key} | repeated for key, repeated in found.items() if key in missing)
     return [journal.rows[_key(row, name)] for row in rows]
 
 

@@ -1,4 +1,4 @@
-"""Environments of one engine at one time: what drives and measures see, the same in stepper and in MuJoCo."""
+"""Environments of one engine at one time, with the same interface for stepper and MuJoCo. Drives and measures read it."""
 
 from __future__ import annotations
 
@@ -27,23 +27,23 @@ Array = NDArray[np.float64]
 _WEIGHED = frozenset({"body_mass", "body_inertia", "body_ipos", "dof_armature"})
 """Fields of `Stepper.randomize` from which the inverse weights of MuJoCo's law follow."""
 _HUGE = 1e10
-"""m, rad and those over s, beyond which a state is that of no motion: MuJoCo's mjMAXVAL, at which it begins anew, for both engines."""
+"""Bound of positions (m, rad) and velocities (m/s, rad/s) beyond which an episode counts as diverged: mjMAXVAL, at which MuJoCo resets."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What a batch of episodes is made of.
+    """Specification of a batch of episodes: model, parameters and settings.
 
     Attributes:
         model: The scene.
-        fields: Numbers of the model that environments have of their own, (num_envs, *shape).
+        fields: Per-environment parameters by field of `Stepper.randomize`, (num_envs, *shape), in the field's unit.
         options: Settings of stepper's step.
         precision: "f64" or "f32".
-        mujoco: Settings of MuJoCo's step in place of those; None is stepper.
-        compiled: MuJoCo's model, where there is one.
-        sensors: What sensors make of the truth.
-        actuators: What becomes of controls.
-        threads: Threads that step.
+        mujoco: Settings of MuJoCo's step; None runs stepper.
+        compiled: `mujoco.MjModel` of the scene, if it has one.
+        sensors: Errors of the sensors.
+        actuators: Drives of the actuators.
+        threads: Number of threads that step.
     """
 
     model: Model
@@ -58,7 +58,7 @@ class Plan:
 
 
 class Thetas(dict[str, NDArray[Any]]):
-    """Values of parameters by name; asked for one that there is not, it names those that there are."""
+    """Values of parameters by name. The error for an unknown name lists the known ones."""
 
     def __missing__(self, name: str) -> NDArray[Any]:
         known = ", ".join(self) or "none"
@@ -66,26 +66,26 @@ class Thetas(dict[str, NDArray[Any]]):
 
 
 CHANGING = frozenset({"step", "reset", "set_state", "randomize", "rollout", "record", "copy_state", "linearize", "view", "save_problem"})
-"""Methods of a stepper that are not for reading."""
+"""Methods of a stepper that change it, which a world does not have."""
 
 
 class World:
-    """Environments of one engine at one time, for drives and measures.
+    """Environments of one engine at one time, which drives and measures read.
 
-    It reads as a `Stepper` does, with the environments in front: `qpos`, `qvel`, `xpos`, `xquat`, `site_xpos`, `geom_xpos`, `sensordata`,
-    `sensordata_ideal`, `body_contact_force`, `contacts()` and `read(name, of)`; in stepper itself all other attributes too. Arrays of real
-    numbers have 64 bits. `xfrc_applied` may be written to.
+    It has these attributes of `Stepper`, with the environments as the leading axis: `qpos`, `qvel`, `xpos`, `xquat`, `site_xpos`,
+    `geom_xpos`, `sensordata`, `sensordata_ideal`, `body_contact_force`, `contacts()` and `read(name, of)`. With the engine stepper it has
+    the others too. Arrays of real numbers are float64. `xfrc_applied` is writable.
 
     Attributes:
         engine: "stepper", "mujoco" or "rapier".
         model: The scene, without differences between environments.
         num_envs: Number of environments.
-        timestep: s.
-        time: Since the start of the episode, (num_envs,) s.
+        timestep: Time step, s.
+        time: Time since the start of the episode, (num_envs,) s.
         senses: Whether a sensor was read.
-        ideal: Whether sensors are to have no errors whatever the study gives them: where episodes are run again to tell whose a failure is,
-            in a chart and in a tuning. A drive that has errors of its own, as a field of view, leaves them out then.
-        last_ctrl: Last controls of the drive; None where it holds those in force.
+        ideal: Whether sensors have no errors, whatever the study's sensor model: in charts, in tuning, and in runs that diagnose a failure.
+            Drives that add sensor errors, such as a field of view, must then leave them out.
+        last_ctrl: Last controls of the drive, (num_envs, nu) or (nu,); None if it holds the controls before them.
         theta: Values of the study's parameters by name: (num_envs,), numbers or words.
         episodes: Number of each environment's episode, (num_envs,).
     """
@@ -101,54 +101,66 @@ class World:
         self.senses = self.ideal = False
 
     def __getattr__(self, name: str) -> Any:
-        # Python calls this only for attributes that are not found otherwise.
+        # Python calls this only for attributes that do not exist.
         raise no_attribute(World, name)
 
     def read(self, name: str, of: str | int | Sequence[str | int] | None = None) -> NDArray[Any]:
-        """Values of a quantity for all its elements, or for some by name or index: see `Stepper.read`."""
+        """Values of a quantity for all its elements, or for some by name or index, (num_envs, n, ...), in its unit; see `Stepper.read`."""
         return read(self, name, of)
 
     def start(self, qpos: Array, qvel: Array, keyframe: str | int | None, seed: int) -> None:
-        """Begins an episode in all environments."""
+        """Begins an episode in all environments.
+
+        Args:
+            qpos: Initial positions, (num_envs, nq), m and rad.
+            qvel: Initial velocities, (num_envs, nv), m/s and rad/s.
+            keyframe: Keyframe of the initial controls and activations; None is zero.
+            seed: Seed of the sensor errors.
+        """
         raise NotImplementedError
 
     def advance(self, ctrl: Any, nstep: int) -> None:
-        """Makes steps with controls (num_envs, nu) or (nu,); None holds those in force."""
+        """Makes steps, and updates the certificate.
+
+        Args:
+            ctrl: Controls, (num_envs, nu) or (nu,), in their units; None holds the present ones.
+            nstep: Number of steps.
+        """
         raise NotImplementedError
 
     def step(self, ctrl: Any, nstep: int) -> None:
-        """`advance` without looking at how the steps went: what is timed."""
+        """Makes steps like `advance`, but without updating the certificate. Timings measure this method."""
         raise NotImplementedError
 
     def certificate(self) -> dict[str, NDArray[Any]]:
-        """What the steps of the episode say of themselves, the worst of each environment: (num_envs,)."""
+        """Quality of the episode's steps so far, the worst of each environment: "status" flags, "residual", violations; (num_envs,)."""
         raise NotImplementedError
 
     def settings(self) -> dict[str, Any]:
-        """Everything that the engine was set to, as it is in force."""
+        """All settings of the engine, with defaults filled in."""
         raise NotImplementedError
 
     @property
     def diverged(self) -> NDArray[np.bool_]:
-        """Environments whose episode is lost: a state was not finite or beyond all bounds, or the engine began anew: (num_envs,)."""
+        """Whether each environment's episode diverged, (num_envs,): a state was not finite or huge, or the engine reset itself."""
         lost: NDArray[np.bool_] = (self.certificate()["status"] & Status.NON_FINITE) != 0
         return lost
 
     def _beyond(self) -> NDArray[np.bool_]:
-        """Environments whose state is now not finite or huge."""
+        """Whether each environment's present state is not finite or huge, (num_envs,)."""
         state = np.concatenate([self.qpos, self.qvel], axis=1)
         beyond: NDArray[np.bool_] = ~(np.abs(state) <= _HUGE).all(axis=1)
         return beyond
 
 
 class StepperWorld(World):
-    """Environments of a `Stepper`, which is `sim`."""
+    """World of the engine stepper; `sim` is its `Stepper`."""
 
     engine = "stepper"
 
     def __init__(self, plan: Plan, num_envs: int):
         super().__init__(plan, num_envs)
-        model, own = _split(plan)
+        model, varying = _split(plan)
         self.model = model
         self.sim = Stepper(
             model,
@@ -159,8 +171,8 @@ class StepperWorld(World):
             sensors=plan.sensors,
             actuators=plan.actuators,
         )
-        if own:
-            self.sim.randomize(**own)
+        if varying:
+            self.sim.randomize(**varying)
         self.timestep = float(self.sim.timestep)
         names = ("residual", "max_penetration", "max_limit_violation", "max_equality_violation")
         self._worst: dict[str, NDArray[Any]] = {"status": np.zeros(num_envs, np.int64)} | {name: np.zeros(num_envs) for name in names}
@@ -173,7 +185,7 @@ class StepperWorld(World):
         return np.asarray(value, np.float64) if isinstance(value, np.ndarray) and value.dtype == np.float32 else value
 
     def start(self, qpos: Array, qvel: Array, keyframe: str | int | None, seed: int) -> None:
-        """See `World.start`."""
+        """Begins an episode in all environments, as `World.start` describes."""
         if keyframe is not None:
             self.sim.reset(keyframe=keyframe)
             held = np.array(self.sim.ctrl)
@@ -188,7 +200,7 @@ class StepperWorld(World):
         self.time = np.zeros(self.num_envs)
 
     def advance(self, ctrl: Any, nstep: int) -> None:
-        """See `World.advance`."""
+        """Makes steps, and updates the certificate, as `World.advance` describes."""
         self.step(ctrl, nstep)
         worst = self._worst
         worst["status"] = worst["status"] | np.asarray(self.sim.status, np.int64)
@@ -197,63 +209,62 @@ class StepperWorld(World):
             worst[name] = np.maximum(worst[name], np.asarray(getattr(self.sim, name), float))
 
     def step(self, ctrl: Any, nstep: int) -> None:
-        """See `World.step`."""
+        """Makes steps, as `World.step` describes."""
         if ctrl is None:
             ctrl = self._held
-        # After a step the simulation itself holds what is in force.
+        # After a step the simulation itself holds the controls.
         self._held = None
         self.sim.step(ctrl, nstep)
         self.time = self.time + nstep * self.timestep
 
     def certificate(self) -> dict[str, NDArray[Any]]:
-        """See `World.certificate`: flags of `Status`, residual of the last step of every control, and violations of positions."""
+        """Quality of the steps, (num_envs,): flags of `Status`, residual of the last step of every control, and violations of positions."""
         return self._worst
 
     def settings(self) -> dict[str, Any]:
-        """See `World.settings`."""
-        told = asdict(self.sim.options) | {"timestep": self.timestep, "tolerance": float(self.sim.tolerance)}
-        integrator = told["integrator"] or _default_integrator(self.sim)
-        return {"engine": self.engine} | told | {"integrator": integrator, "precision": self.sim.precision}
+        """All settings of the step, with defaults filled in."""
+        options = asdict(self.sim.options) | {"timestep": self.timestep, "tolerance": float(self.sim.tolerance)}
+        integrator = options["integrator"] or _default_integrator(self.sim)
+        return {"engine": self.engine} | options | {"integrator": integrator, "precision": self.sim.precision}
 
 
 def _default_integrator(sim: Stepper) -> str:
     if sim.options.contact == "hard":
         return "midpoint"
-    asked = sim.model.requested
-    return Options.from_model(sim.model).integrator or "euler" if asked else "euler"
+    return Options.from_model(sim.model).integrator or "euler" if sim.model.requested else "euler"
 
 
 def own_fields(options: Options) -> frozenset[str]:
-    """Fields that environments of a batch may have of their own in steps with these options.
+    """Fields of the model that may differ between environments of a batch, with these options.
 
-    By MuJoCo's law the resistance of constraints follows from inverse weights of bodies and joints at the reference pose.
-    `Stepper.randomize` leaves them as they are; `Model.replace` computes them, as `mj_setConst` does.
+    In MuJoCo's law of contact, the resistance of constraints depends on inverse weights of bodies and joints at the reference pose.
+    `Stepper.randomize` does not change them; `Model.replace` computes them, as `mj_setConst` does.
     """
     return frozenset(RANDOMIZED) - _WEIGHED if options.contact == "mujoco" else frozenset(RANDOMIZED)
 
 
 def _split(plan: Plan) -> tuple[Model, dict[str, Array]]:
-    """The model with what all environments share, and what each has of its own."""
-    shared, own, varying = {}, {}, own_fields(plan.options)
+    """Model with the fields that all environments share, and the fields that differ, (num_envs, *shape)."""
+    shared, varying, may_vary = {}, {}, own_fields(plan.options)
     for field, rows in plan.fields.items():
         before = np.asarray(getattr(plan.model, field), float)
         if field in ROWS_FROM_NOTHING and np.any((rows > 0) & (before == 0)):
             shared[field] = np.where(before > 0, before, rows.max(axis=0))
-            own[field] = rows
-        elif field in varying:
-            own[field] = rows
+            varying[field] = rows
+        elif field in may_vary:
+            varying[field] = rows
         elif np.array_equal(rows, np.broadcast_to(rows[0], rows.shape)):
             shared[field] = rows[0]
         else:
-            raise ValueError(f"{field} differs between environments of a batch, which stepper cannot do")
-    return (plan.model.replace(**shared) if shared else plan.model), own
+            raise ValueError(f"{field} differs between environments of a batch, and stepper needs one value: split the batch by its values")
+    return (plan.model.replace(**shared) if shared else plan.model), varying
 
 
 MUJOCO_SETTINGS = ("integrator", "cone", "solver", "impratio", "noslip_iterations", "iterations", "tolerance", "timestep")
 
 
 class MujocoWorld(World):
-    """Environments in MuJoCo: one MjData each, and a model for every environment with numbers of its own."""
+    """World of the engine MuJoCo: an MjData for each environment, and an MjModel for each set of parameters."""
 
     engine = "mujoco"
 
@@ -261,22 +272,21 @@ class MujocoWorld(World):
         super().__init__(plan, num_envs)
         self._mujoco = require("mujoco", "to run a study in MuJoCo")
         if plan.compiled is None:
-            raise ModelError(
-                "MuJoCo has no part in studies of saved models and models made in code; give the study MJCF, URDF or an MjModel"
-            )
+            raise ModelError("MuJoCo cannot run studies of saved models and models made in code; give the study MJCF, URDF or an MjModel")
         if plan.sensors is not None or plan.actuators is not None:
-            raise ModelError("MuJoCo has no errors of sensors and no drives; take them out of the study to run it there")
+            raise ModelError("MuJoCo has no sensor errors and no drives; remove sensors and actuators from the study to run it in MuJoCo")
         if plan.model.nu != plan.compiled.nu or plan.model.nsensordata != plan.compiled.nsensordata:
             raise ModelError(
-                "stepper leaves out actuators or sensors of this model, so that its controls are not MuJoCo's; see model.explain()"
+                "stepper leaves out actuators or sensors of this model, so that its controls differ from MuJoCo's: model.explain() lists "
+                "them; remove them from the file"
             )
         warned = self._mujoco.mjtWarning
-        # MuJoCo begins anew by itself where a state is not finite, and leaves out contacts without room; it counts both.
+        # MuJoCo resets by itself if a state is not finite, and leaves out contacts beyond its capacity; it counts both.
         self._flags = (
             (Status.NON_FINITE, (warned.mjWARN_BADQPOS, warned.mjWARN_BADQVEL, warned.mjWARN_BADQACC)),
             (Status.CONTACTS_FULL, (warned.mjWARN_CONTACTFULL, warned.mjWARN_CNSTRFULL)),
         )
-        self._models = self._made(plan, num_envs)
+        self._models = self._models_of(plan, num_envs)
         self._data = [self._mujoco.MjData(m) for m in self._models]
         self._seen = [self._mujoco.MjData(m) for m in self._models]
         self._fresh, self._pushed = False, False
@@ -285,7 +295,8 @@ class MujocoWorld(World):
         self._depth = np.zeros(num_envs)
         self._status = np.zeros(num_envs, np.int64)
 
-    def _made(self, plan: Plan, num_envs: int) -> list[Any]:
+    def _models_of(self, plan: Plan, num_envs: int) -> list[Any]:
+        """MjModel of each environment; environments with equal parameters share one."""
         base = plan.compiled.__copy__()
         configure(self._mujoco, base, plan.mujoco or {})
         made: dict[bytes, Any] = {}
@@ -298,7 +309,7 @@ class MujocoWorld(World):
         return models
 
     def start(self, qpos: Array, qvel: Array, keyframe: str | int | None, seed: int) -> None:
-        """See `World.start`."""
+        """Begins an episode in all environments, as `World.start` describes."""
         for data, model, q, v in zip(self._data, self._models, qpos, qvel, strict=True):
             if keyframe is None:
                 self._mujoco.mj_resetData(model, data)
@@ -310,7 +321,7 @@ class MujocoWorld(World):
         self.time, self._fresh, self._pushed = np.zeros(self.num_envs), False, False
 
     def advance(self, ctrl: Any, nstep: int) -> None:
-        """See `World.advance`."""
+        """Makes steps, and updates the certificate, as `World.advance` describes."""
         self.step(ctrl, nstep)
         for env, data in enumerate(self._data):
             depth = max((float(c.includemargin - c.dist) for c in data.contact), default=0.0)
@@ -318,11 +329,11 @@ class MujocoWorld(World):
             for flag, kinds in self._flags:
                 if any(data.warning[kind].number for kind in kinds):
                     self._status[env] |= flag
-        # A state that MuJoCo would look at in the next step alone.
+        # MuJoCo itself checks this state only in the next step.
         self._status[self._beyond()] |= Status.NON_FINITE
 
     def step(self, ctrl: Any, nstep: int) -> None:
-        """See `World.step`."""
+        """Makes steps, as `World.step` describes."""
         rows = None if ctrl is None else np.broadcast_to(np.asarray(ctrl, float), (self.num_envs, self.model.nu))
         pushed = self._pushed or bool(self._applied.any())
         self._pushed = bool(self._applied.any())
@@ -338,7 +349,7 @@ class MujocoWorld(World):
 
     @contextlib.contextmanager
     def _quiet(self) -> Iterator[None]:
-        """Keeps MuJoCo from writing its warnings, which are counted here, to MUJOCO_LOG.TXT in the working directory."""
+        """Context in which MuJoCo does not write MUJOCO_LOG.TXT to the working directory. Its warning counters still count."""
         before = self._mujoco.get_mju_user_warning()
         self._mujoco.set_mju_user_warning(_ignore)
         try:
@@ -347,7 +358,7 @@ class MujocoWorld(World):
             self._mujoco.set_mju_user_warning(before)
 
     def _now(self) -> list[Any]:
-        """Data with everything at the present state, as `mj_step` leaves only what was before it."""
+        """MjData with all derived quantities at the present state; `mj_step` leaves those of the state before it."""
         if not self._fresh:
             with self._quiet():
                 for data, seen, model in zip(self._data, self._seen, self._models, strict=True):
@@ -359,47 +370,47 @@ class MujocoWorld(World):
 
     @property
     def qpos(self) -> Array:
-        """See `Stepper.qpos`."""
+        """Positions, (num_envs, nq), m and rad."""
         return np.array([data.qpos for data in self._data])
 
     @property
     def qvel(self) -> Array:
-        """See `Stepper.qvel`."""
+        """Velocities, (num_envs, nv), m/s and rad/s."""
         return np.array([data.qvel for data in self._data])
 
     @property
     def xpos(self) -> Array:
-        """See `Stepper.xpos`."""
+        """Positions of body frames, (num_envs, nbody, 3), m."""
         return np.array([data.xpos for data in self._now()])
 
     @property
     def xquat(self) -> Array:
-        """See `Stepper.xquat`."""
+        """Orientations of body frames, (num_envs, nbody, 4), quaternions (w, x, y, z)."""
         return np.array([data.xquat for data in self._now()])
 
     @property
     def site_xpos(self) -> Array:
-        """See `Stepper.site_xpos`."""
+        """Positions of sites, (num_envs, nsite, 3), m."""
         return np.array([data.site_xpos for data in self._now()])
 
     @property
     def geom_xpos(self) -> Array:
-        """See `Stepper.geom_xpos`."""
+        """Positions of geoms, (num_envs, ngeom, 3), m."""
         return np.array([data.geom_xpos for data in self._now()])
 
     @property
     def sensordata(self) -> Array:
-        """See `Stepper.sensordata`."""
+        """Readings of the sensors, (num_envs, nsensordata), in their units."""
         return np.array([data.sensordata for data in self._now()])
 
     @property
     def sensordata_ideal(self) -> Array:
-        """See `Stepper.sensordata_ideal`."""
+        """Readings without errors, (num_envs, nsensordata); in MuJoCo the same as `sensordata`."""
         return self.sensordata
 
     @property
     def body_contact_force(self) -> Array:
-        """See `Stepper.body_contact_force`."""
+        """Contact force (N) and torque about the centre of mass (N m) on each body, world axes, (num_envs, nbody, 6)."""
         out = np.zeros((self.num_envs, self.model.nbody, 6))
         contacts = self.contacts()
         xipos = np.array([data.xipos for data in self._data])
@@ -410,7 +421,7 @@ class MujocoWorld(World):
         return out
 
     def energy(self) -> tuple[Array, Array]:
-        """Potential and kinetic energy: see `Stepper.energy`."""
+        """Potential and kinetic energy, (num_envs,) each, J."""
         found = []
         for data, model in zip(self._now(), self._models, strict=True):
             self._mujoco.mj_energyPos(model, data)
@@ -421,7 +432,7 @@ class MujocoWorld(World):
 
     @property
     def max_limit_violation(self) -> Array:
-        """Farthest that a hinge or slide is beyond its range at the present state, (num_envs,) in rad or m."""
+        """Largest violation of a hinge's or slide's range at the present state, (num_envs,), rad or m."""
         m, joints = self._models[0], self._mujoco.mjtJoint
         one = (m.jnt_limited != 0) & np.isin(m.jnt_type, [joints.mjJNT_HINGE, joints.mjJNT_SLIDE])
         q = self.qpos[:, m.jnt_qposadr[one]]
@@ -430,7 +441,7 @@ class MujocoWorld(World):
         return beyond
 
     def contacts(self) -> NDArray[np.void]:
-        """Contacts of the last step: see `Stepper.contacts`."""
+        """Contacts of the last step, a structured array (ncontact,) with the units of `Stepper.contacts`."""
         rows, wrench = [], np.zeros(6)
         for env, (data, model) in enumerate(zip(self._data, self._models, strict=True)):
             for i, contact in enumerate(data.contact):
@@ -445,16 +456,16 @@ class MujocoWorld(World):
 
     @property
     def xfrc_applied(self) -> Array:
-        """See `Stepper.xfrc_applied`."""
+        """Applied force (N) and torque (N m) on each body, world axes, (num_envs, nbody, 6); writable."""
         return self._applied
 
     def certificate(self) -> dict[str, NDArray[Any]]:
-        """See `World.certificate`. MuJoCo reports no residual in m/s and no violation; the penetration is the last step's."""
+        """Quality of the steps, (num_envs,): status flags, and the largest penetration after a control period, m; the rest is NaN."""
         nothing = dict.fromkeys(("residual", "max_limit_violation", "max_equality_violation"), np.full(self.num_envs, np.nan))
         return {"status": self._status, "max_penetration": self._depth, **nothing}
 
     def settings(self) -> dict[str, Any]:
-        """See `World.settings`."""
+        """All settings of the step, with defaults filled in."""
         opt, mujoco = self._models[0].opt, self._mujoco
         return {
             "engine": self.engine,
@@ -470,16 +481,21 @@ class MujocoWorld(World):
 
 @functools.cache
 def _contact_type() -> Any:
-    """Type of a row of `Stepper.contacts`."""
+    """NumPy type of a row of `Stepper.contacts`."""
     return Stepper(load("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")).contacts().dtype
 
 
 def _ignore(_: str) -> None:
-    """Takes a warning that is counted elsewhere."""
+    """Handler of warnings that does nothing: MuJoCo counts them."""
 
 
 def with_fields(mujoco: Any, base: Any, fields: Mapping[str, Array]) -> Any:
-    """A copy of an `MjModel` with some fields as `model_fields` has them.
+    """Copy of an `MjModel` with other parameters.
+
+    Args:
+        mujoco: The library MuJoCo.
+        base: The `MjModel`.
+        fields: Values by field of `Stepper.randomize`, in the field's shape and unit.
 
     Raises:
         ModelError: MuJoCo does not have a field.
@@ -492,17 +508,17 @@ def with_fields(mujoco: Any, base: Any, fields: Mapping[str, Array]) -> Any:
         elif hasattr(model, field) and getattr(model, field).shape == value.shape:
             getattr(model, field)[:] = value
         else:
-            raise ModelError(f"MuJoCo has no {field}; take it out of the study to run it there")
+            raise ModelError(f"MuJoCo has no {field}; remove its parameter from the study to run it in MuJoCo")
     if fields:
         mujoco.mj_setConst(model, mujoco.MjData(model))
     return model
 
 
 def configure(mujoco: Any, model: Any, settings: Mapping[str, Any]) -> None:
-    """Writes settings into an `MjModel`; what is not named stays.
+    """Writes settings of the step into an `MjModel`; others keep their values.
 
     Raises:
-        ValueError: A setting or choice that MuJoCo does not have.
+        ValueError: A setting, or a value of one, that MuJoCo does not have.
     """
     if unknown := set(settings) - set(MUJOCO_SETTINGS):
         raise ValueError(f"MuJoCo has no settings {sorted(unknown)}, there are: {', '.join(MUJOCO_SETTINGS)}")
@@ -514,15 +530,16 @@ def configure(mujoco: Any, model: Any, settings: Mapping[str, Any]) -> None:
         kind, prefix = enums[name]
         choice = getattr(getattr(mujoco, kind), prefix + str(value).upper(), None)
         if choice is None:
-            raise ValueError(f"MuJoCo has no {name} {value!r}")
+            words = ", ".join(sorted(word.removeprefix(prefix).lower() for word in dir(getattr(mujoco, kind)) if word.startswith(prefix)))
+            raise ValueError(f"MuJoCo has no {name} {value!r}, there are: {words}")
         setattr(model.opt, name, choice)
 
 
 def make_world(plan: Plan, num_envs: int) -> World:
-    """The environments of a plan."""
+    """World of a plan, in stepper or in MuJoCo."""
     return StepperWorld(plan, num_envs) if plan.mujoco is None else MujocoWorld(plan, num_envs)
 
 
 def stacked(values: Sequence[Any]) -> NDArray[Any]:
-    """Values of a parameter over environments: numbers, or words."""
+    """Values of a parameter over environments, (num_envs,): an array of numbers, or of objects if there are words."""
     return np.array(values) if all(isinstance(v, int | float) for v in values) else np.array(values, dtype=object)

@@ -30,23 +30,23 @@ def why_dropped(source: Source, a: int) -> list[str]:
     target, transmission = int(m.actuator_trnid[a, 0]), int(m.actuator_trntype[a])
     on_joint = transmission in (TRN_JOINT, TRN_JOINT_IN_PARENT)
 
-    def word(enum: str, value: int) -> str:
+    def name_in(enum: str, value: int) -> str:
         return str(getattr(mj, enum)(value).name).split("_", 1)[1].lower()
 
     reasons = []
     if not (on_joint or transmission in (TRN_TENDON, TRN_SITE)):
-        reasons.append(f"transmission {word('mjtTrn', transmission)}")
+        reasons.append(f"transmission {name_in('mjtTrn', transmission)}")
     elif on_joint and not source.moves_one(target):
         reasons.append(f"transmission to the ball or free joint {source.label('JOINT', target)}")
     elif transmission == TRN_TENDON and target not in source.tendons:
         reasons.append(f"transmission to the spatial tendon {source.label('TENDON', target)}")
     if force_of(source, a) is None:
         if m.actuator_dyntype[a] not in SIMULATED:
-            reasons.append(f"dynamics {word('mjtDyn', m.actuator_dyntype[a])}")
+            reasons.append(f"dynamics {name_in('mjtDyn', m.actuator_dyntype[a])}")
         if m.actuator_gaintype[a] not in GAIN_TYPES:
-            reasons.append(f"gain {word('mjtGain', m.actuator_gaintype[a])}")
+            reasons.append(f"gain {name_in('mjtGain', m.actuator_gaintype[a])}")
         if m.actuator_biastype[a] not in BIAS_TYPES:
-            reasons.append(f"bias {word('mjtBias', m.actuator_biastype[a])}")
+            reasons.append(f"bias {name_in('mjtBias', m.actuator_biastype[a])}")
     if m.actuator_ctrlnum[a] != 1:
         reasons.append(f"{m.actuator_ctrlnum[a]} controls")
     if m.actuator_plugin[a] >= 0:

@@ -1,7 +1,7 @@
 """A compiled `mujoco.MjModel` as a plain description: the fields of the Rust crate's `Description` (crates/model/src/description.rs).
 
-One function for each kind of element. What cannot be described is listed by `stepper.loading.mjcf.omissions`, where a table says of every
-field of MjModel whether it is used, has no effect on the motion, or is left out.
+Each kind of element has a function. `stepper.loading.mjcf.omissions` lists elements without a description. Its table marks every field of
+MjModel as used, without effect on the motion, or left out.
 """
 
 from __future__ import annotations

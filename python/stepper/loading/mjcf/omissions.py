@@ -1,7 +1,7 @@
 """Elements of a compiled `mujoco.MjModel` that its description leaves out.
 
-`FIELDS` decides for every field of MjModel 4; a test holds it against the installed version. Elements that would change the motion are
-errors unless `stepper.load(..., strict=False)`; what the description has but the step does not simulate yet is listed by the Rust crate.
+`FIELDS` classifies every field of MjModel 4; a test compares it with the installed version. Elements that would change the motion are
+errors unless `stepper.load(..., strict=False)`. Described elements that the step does not simulate yet are listed by the Rust crate.
 """
 
 from __future__ import annotations

@@ -158,5 +158,5 @@ class Source:
 
     @cached_property
     def actuators(self) -> list[int]:
-        """Actuators that the description has."""
+        """Indices of the actuators in the description."""
         return [a for a in range(self.m.nactuator) if not why_dropped(self, a)]

@@ -63,7 +63,7 @@ def draw_commands(state: Terms, envs: Array, rng: Rng, dt: float, stages: Stages
 
 
 def renew_commands(now: Moment, stages: Stages = STAGES) -> None:
-    """Draws commands of the environments whose time is over."""
+    """Draws new commands in environments whose command has expired."""
     state = now.episode_state
     state["command_left"] -= 1
     due = np.flatnonzero(state["command_left"] <= 0)
@@ -100,7 +100,7 @@ def _change_velocities(sim: Stepper, envs: Array, changes: Array) -> None:
 
 @per_moment
 def command(now: Moment) -> Array:
-    """The command in force: velocities along x and y (m/s) and about z (rad/s) in the frame of the base, (num_envs, 3)."""
+    """Present command: velocities along x and y (m/s) and about z (rad/s) in the frame of the base, (num_envs, 3)."""
     state = now.episode_state
     wanted: Array = np.array(state["velocity_command"])
     limit = stage_of(state["steps"], now.task.stages)[:, 3]

@@ -34,7 +34,7 @@ def ground_scan(now: Moment) -> Array:
 
 @per_moment
 def ground_normal(now: Moment) -> Array:
-    """Normal of the plane that fits the scanned ground best, in the frame of the base: (num_envs, 3)."""
+    """Unit vector normal to the plane that fits the scanned ground best, in the frame of the base, (num_envs, 3)."""
     slopes = np.einsum("nk,ki->ni", ground_scan(now), _INVERSE)
     c, s = np.cos(heading(now)), np.sin(heading(now))
     normal = np.stack([s * slopes[:, 1] - c * slopes[:, 0], -s * slopes[:, 0] - c * slopes[:, 1], np.ones(len(c))], axis=1)

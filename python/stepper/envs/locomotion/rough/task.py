@@ -60,21 +60,21 @@ class RoughTask(Task):
 
     Actions change the set points of the servos from the stance; 1 is a quarter of the largest torque. A command holds for 3 to 8 s.
     Each episode draws friction of the feet, centre of mass of the base and encoder errors, and pushes every 1 to 3 s.
-    An environment goes to a harder row of the terrain when it leaves its tile, to an easier one when it makes less than half of the
-    commanded way. Commands become faster after 120,000 and 240,000 actions of an environment.
+    An environment that leaves its tile continues on a harder row of the terrain. One that covers less than half of the commanded distance
+    continues on an easier row. Commands become faster after 120,000 and 240,000 actions of an environment.
 
     Attributes:
-        frame_skip: Steps for each action.
-        episode_steps: Actions of an episode, for the way that a command prescribes.
-        noise: Errors of the observation, times mjlab's; 0 is the truth.
-        push: Pushes, times mjlab's; 0 is none.
-        friction: Least and largest friction of the feet.
+        frame_skip: Steps per action.
+        episode_steps: Actions per episode, for the commanded distance.
+        noise: Factor of mjlab's observation noise; 0 is none.
+        push: Factor of mjlab's pushes; 0 is none.
+        friction: Lowest and highest friction coefficient of the feet.
         max_init_level: Hardest row in which environments begin.
         stages: Bounds of the commands by the number of actions of an environment; see `commands.STAGES`.
-        weights: Weights of the terms of the reward, of some or all; the others are those of `WEIGHTS`.
+        weights: Weights of some or all terms of the reward; the others are those of `WEIGHTS`.
 
     Raises:
-        ValueError: A negative noise or push, a negative max_init_level, a weight of a term that there is not.
+        ValueError: A negative noise or push, a negative max_init_level, or a weight of an unknown term.
     """
 
     WEIGHTS: ClassVar[Mapping[str, float]] = {
@@ -131,7 +131,7 @@ class RoughTask(Task):
 
     @property
     def levels(self) -> TerrainCurriculum:
-        """Levels of the environments."""
+        """Curriculum: the row of the terrain (its difficulty) that each environment starts on."""
         return TerrainCurriculum(terrain=self.TERRAIN, max_init_level=self.max_init_level)
 
     def action_bounds(self, model: Model) -> tuple[Array, Array]:
@@ -155,7 +155,7 @@ class RoughTask(Task):
         )
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
-        """Sum of the terms times the time of an action; "tracking_error" is the distance from the command in x and y, m/s."""
+        """Reward: sum of the weighted terms times the control period. The info "tracking_error" is the velocity error in x and y, m/s."""
         terms = terms_of(now, {**self.WEIGHTS, **(self.weights or {})})
         error = np.sqrt(square_sum(linear_velocity(now)[:, :2] - command(now)[:, :2]))
         # One after the other: np.sum would round those of a single environment in another order.
@@ -163,18 +163,18 @@ class RoughTask(Task):
         return total, {"tracking_error": error} | {f"reward_{name}": term for name, term in terms.items()}
 
     def healthy(self, now: Moment) -> Array:
-        """No thigh hit the ground, and the base is upright where the robot has a bound."""
+        """Whether no thigh hit the ground and the base is within its bound of inclination, (num_envs,)."""
         safe: Array = ~hit(now, self.THIGHS)
         if self.steepest is not None:
             safe &= -in_base(now, np.tile([0.0, 0.0, -1.0], (len(safe), 1)))[:, 2] > self.steepest
         return safe
 
     def truncated(self, now: Moment) -> Array:
-        """Base outside the terrain, or too close to its edge."""
+        """Whether the base is outside the terrain or too close to its edge, (num_envs,)."""
         return self.TERRAIN.leaves(now.qpos[:, :2])
 
     def info(self, now: Moment) -> Terms:
-        """The command, and the level of the terrain."""
+        """Info: the command, and the level of the terrain."""
         return {"command": command(now), "terrain_level": np.array(now.episode_state["terrain_level"])}
 
     def episode_state(self, num_envs: int) -> Terms:
@@ -185,13 +185,13 @@ class RoughTask(Task):
         return command_state(num_envs) | self.levels.episode_state(num_envs) | joints | swings
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """In the stance, in any direction, a little above the ground."""
+        """Initial states: the stance with a random heading, a little above the ground."""
         qpos[:] = self.model().keyframe("stance").qpos
         qpos[:, 2] += rng.uniform(*_LIFT, 1)[:, 0]
         qpos[:, 3:7] = about_vertical(rng.uniform(-np.pi, np.pi, 1)[:, 0])
 
     def place(self, reset: Reset) -> None:
-        """Near the middle of the tile of the environment's level."""
+        """Moves initial states near the middle of the tile of each environment's level."""
         super().place(reset)
         self.levels.place(reset)
 
@@ -210,7 +210,7 @@ class RoughTask(Task):
         sim.randomize(mask, **rows)
 
     def advance(self, now: Moment) -> None:
-        """Draws due commands, pushes, and makes the steps."""
+        """Draws new commands where they expired, applies pushes, and makes the steps of an action."""
         state, model = now.episode_state, now.sim.model
         state["steps"] += 1
         renew_commands(now, self.stages)
@@ -224,7 +224,7 @@ class RoughTask(Task):
         state["peak"][:] = np.where(on_ground, 0.0, np.maximum(state["peak"], heights))
 
     def on_end(self, now: Moment, envs: Array) -> None:
-        """Moves environments that left their tile to a harder row, and those that made too little way to an easier one."""
+        """Moves environments that left their tile to a harder row, and those that covered too little distance to an easier one."""
         state = now.episode_state
         distance = self.levels.distance(state, envs, now.qpos[envs])
         way = np.hypot(*command(now)[envs, :2].T) * self.episode_steps * now.dt

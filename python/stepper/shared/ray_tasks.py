@@ -1,4 +1,4 @@
-"""Calls of a function as tasks of Ray, on one machine or many."""
+"""Tasks of Ray: calls of a function, on one machine or a cluster."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Jobs of a study one after the other, or as tasks of Ray on all machines of its cluster: the same results, in whatever order."""
+"""Jobs of a study, run one after the other or as tasks of Ray on all machines of its cluster, with the same results."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from stepper.lab.study.drives import FILES
-from stepper.shared.over_ray import each_task, running_ray
+from stepper.shared.ray_tasks import each_task, running_ray
 
 if TYPE_CHECKING:
     from stepper.lab.study.study import Study
@@ -19,31 +19,32 @@ Made = TypeVar("Made")
 
 
 class WorkerVersionError(ValueError):
-    """A worker has other versions than the process that asks it, so that its rows would not be those of this process."""
+    """A worker of Ray has other versions of stepper, NumPy or MuJoCo than this process, so that its rows could differ."""
 
 
 def each(study: Study, jobs: Sequence[Job], run: Callable[[Study, Job], Made]) -> Iterator[tuple[int, Made]]:
-    """Runs jobs here one after the other, or over Ray where the study says so: as of `over_ray`."""
+    """Runs jobs one after the other, or as tasks of Ray if `study.ray` is set.
+
+    Args:
+        study: The study.
+        jobs: The jobs.
+        run: Function that runs one job.
+
+    Yields:
+        Number of a job and its result. With Ray they come in the order in which the jobs end.
+    """
     if study.ray and jobs:
-        yield from over_ray(study, jobs, run)
+        yield from _on_ray(study, jobs, run)
     else:
         for number, job in enumerate(jobs):
             yield number, run(study, job)
 
 
-def over_ray(study: Study, jobs: Sequence[Job], run: Callable[[Study, Job], Made]) -> Iterator[tuple[int, Made]]:
-    """Runs jobs, each as a task with as many CPUs as the study has threads; with threads=0 that is one, since jobs take all CPUs.
+def _on_ray(study: Study, jobs: Sequence[Job], run: Callable[[Study, Job], Made]) -> Iterator[tuple[int, Made]]:
+    """Runs each job as a task of Ray with one CPU per thread of the study, or one CPU with threads=0.
 
-    A task whose worker is lost is run again by Ray. Ray is started here where it does not run. Functions of the study's own files go along;
-    modules that those import must be where the workers find them.
-
-    Args:
-        study: The study.
-        jobs: What is run.
-        run: What runs one.
-
-    Yields:
-        The number of a job and what was made of it, as they are done.
+    Ray is started if it does not run, and repeats a task whose worker is lost. Functions of the study's files are sent to the workers.
+    Modules that these files import must be installed on the workers.
 
     Raises:
         MissingPackageError: Ray is not installed.
@@ -52,7 +53,7 @@ def over_ray(study: Study, jobs: Sequence[Job], run: Callable[[Study, Job], Made
     ray = running_ray("to run a study over Ray", log_to_driver=False)
     for name in [name for name in sys.modules if name.startswith(FILES)]:
         ray.cloudpickle.register_pickle_by_value(sys.modules[name])
-    # What rows follow from is told here, where the files are; a worker has it with the study.
+    # Computed before pickling, because only this process has the files.
     assert study.in_force
     ours = study.identity["versions"]
     shared = (ours, ray.cloudpickle.dumps((_of_task(study), run)))
@@ -65,17 +66,17 @@ def over_ray(study: Study, jobs: Sequence[Job], run: Callable[[Study, Job], Made
 
 
 def _of_task(study: Study) -> Study:
-    """The study as a task steps it, with all that was found out about it here: threads=0 would be all CPUs for each of many tasks."""
+    """Copy of the study for a task, with its cached properties. threads=0 becomes 1: each task would otherwise use all CPUs."""
     made = copy.copy(study)
     object.__setattr__(made, "threads", max(1, study.threads))
     return made
 
 
 def _guarded() -> Callable[[dict[str, Any], bytes, bytes], tuple[str, dict[str, Any], Any]]:
-    """What a task runs: a job, where the versions of its worker are the driver's, and they are told.
+    """Function of a task: it compares the worker's versions with this process's, and runs the job if they are equal.
 
-    A function within this one, which Ray sends as it is. What is of this package a worker with another version may not be able to read, so
-    it is read after the versions were compared.
+    It is a nested function, so that Ray sends its code. A worker with another version may fail to unpickle objects of this package; the
+    function therefore unpickles them after the comparison.
     """
 
     def guarded(ours: dict[str, Any], shared: bytes, job: bytes) -> tuple[str, dict[str, Any], Any]:

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 import stepper
+from hypothesis import given
+from hypothesis import strategies as st
 from models import simulate
 from stepper import Status
 
@@ -56,6 +58,46 @@ def test_a_ball_that_flies_into_a_corner_gains_no_energy_and_stays_near_it(frict
     assert (sim.qpos[:, 1] < corner + max_error).all() and (sim.qpos[:, 2] > -corner - max_error).all()
     # Between 100 and 300 tolerances a corner may stay unsolved; a status flag then reports it.
     assert (sim.status & (Status.NOT_CONVERGED | Status.UNRESOLVED))[sim.residual > 1e-4].all()
+
+
+TIED_BALL = f"""<body><joint name="y" type="slide" axis="0 1 0"/><joint type="slide" axis="0 0 1"/><joint axis="1 0 0"/>
+  <geom type="sphere" size="{RADIUS}" mass="1"/></body>
+  <body pos="0 3 0"><joint name="x" type="slide" axis="1 0 0"/>
+  <geom type="sphere" size=".1" mass="{{mass}}" contype="0" conaffinity="0"/></body>"""
+"""Ball whose slide y moves another body along x, across gravity."""
+
+
+def strike_corner(restitution: float, friction: float, mass: float, integrator: str):
+    """Step a tied ball that touches two walls, and moves into both at 0.655 m/s. Return its velocity along the normals."""
+    gravity = f'<option gravity="0 {-GRAVITY} 0"/>'
+    walls = f'<default><geom friction="{friction} 0 0"/></default><worldbody>{wall(1, 1) + wall(2, -1)}{TIED_BALL.format(mass=mass)}'
+    model = stepper.load(f'<mujoco>{gravity}{walls}</worldbody><equality><joint joint1="y" joint2="x"/></equality></mujoco>')
+    model = model.replace(geom_restitution=np.full(model.ngeom, restitution))
+    sim = simulate(model, stabilization="split", timestep=1e-3, integrator=integrator)
+    corner = HALF - RADIUS
+    sim.set_state([corner, -corner, 0, corner], [SPEED, -SPEED, 0, SPEED])
+    sim.step()
+    return sim.qvel[:2]
+
+
+GRAVITY, SPEED = 100.0, 0.655
+restitutions, masses = st.floats(0.05, 1.0), st.floats(0.1, 10.0)
+eulers = st.sampled_from(["euler", "implicit"])
+
+
+@given(restitutions, st.floats(1.0, 2.0), masses, eulers)
+def test_a_tied_ball_that_cannot_rebound_stops_at_the_walls(restitution, friction, mass, integrator):
+    """Without a solution of Newton's law the impact is inelastic. It left 25 mm/s into the wall, that gravity gives the ball alone."""
+    velocity = strike_corner(restitution, friction, mass, integrator)
+    np.testing.assert_allclose(velocity, 0.0, atol=1e-6)  # Tolerance of the solver.
+
+
+@given(restitutions, masses, eulers)
+def test_a_tied_ball_rebounds_by_newtons_law(restitution, mass, integrator):
+    """The law applies to the velocity that the equality leaves: gravity moves both bodies, the heavier the slower."""
+    velocity = strike_corner(restitution, 0.0, mass, integrator)
+    before = [SPEED - GRAVITY * 1e-3 / (1 + mass), -SPEED]
+    np.testing.assert_allclose(velocity, -restitution * np.array(before), atol=1e-6)  # Tolerance of the solver.
 
 
 @every_precision

@@ -122,3 +122,33 @@ def test_what_leaves_a_closed_room_is_reported(restitution, dt, integrator, prec
         assert not (left & ~reported).any()
         if restitution == 0.0:
             assert not left.any()
+
+
+def plate(axis: int) -> str:
+    """Vertices of a wall of the room as a mesh, m."""
+    size = [HALF + 2 * THICKNESS] * 3
+    size[axis] = THICKNESS / 2
+    return " ".join(f"{x * size[0]} {y * size[1]} {z * size[2]}" for x in (-1, 1) for y in (-1, 1) for z in (-1, 1))
+
+
+def test_two_bodies_that_strike_walls_in_one_step_move_by_their_contact_forces():
+    """One collision is certain in the prediction and one in doubt. The contacts of neither were solved before."""
+    assets = "".join(f'<mesh name="plate{axis}" vertex="{plate(axis)}"/>' for axis in range(3))
+    positions = [(axis, [side * (HALF + THICKNESS / 2) * (k == axis) for k in range(3)]) for axis in range(3) for side in (-1, 1)]
+    walls = "".join(f'<geom type="mesh" mesh="plate{axis}" pos="{x} {y} {z}"/>' for axis, (x, y, z) in positions)
+    box = '<geom type="box" size=".05 .03 .02" mass="{}"/>'
+    bodies = "".join(f"<body><freejoint/>{box.format(mass)}</body>" for mass in (1.0, 0.2))
+    model = f'<mujoco><option gravity="0 0 0"/><asset>{assets}</asset><worldbody>{walls}{bodies}</worldbody></mujoco>'
+    sim = simulate(model, timestep=5e-3, integrator="rk4")
+    qpos = [-0.35274, -0.47015, -0.25881, 0.09247, -0.08314, 0.69508, 0.7081]
+    qpos += [-0.31133, 0.20499, 0.40968, -0.16644, -0.54739, -0.15785, 0.80482]
+    qvel = [-3.89141, -3.21324, -3.0238, 7.11951, 19.08099, 1.71288, -39.68089, -4.37182, 6.50427, -2.28983, 3.29943, -3.02225]
+    sim.set_state(qpos, qvel)
+    sim.step()
+    impulse, contacts = np.zeros((3, 3)), sim.contacts()
+    force = np.einsum("nij,ni->nj", contacts["frame"], contacts["force"]) * sim.timestep
+    np.add.at(impulse, contacts["body"][:, 1], force)
+    np.add.at(impulse, contacts["body"][:, 0], -force)
+    change = (sim.qvel - qvel).reshape(2, 6)[:, :3] * [[1.0], [0.2]]
+    assert np.abs(impulse[1:]).max() > 0.1
+    np.testing.assert_allclose(change, impulse[1:], atol=1e-9)  # Rounding in sums of impulses of order 1 N s.

@@ -138,10 +138,10 @@ impl<R: Real> ConstraintProblem<R> {
         self.rows.redundant = self.rows.redundant.and_not(lanes).or(new.and(lanes));
     }
 
-    /// Lanes in which a doubtful collision of the prediction activated a contact.
+    /// Whether a doubtful collision of the prediction activated a contact.
     #[inline(always)]
-    pub(crate) fn doubtful_lanes(&self) -> R::Mask {
-        self.deferred.iter().fold(R::Mask::splat(false), |lanes, contact| lanes.or(contact.doubtful))
+    pub(crate) fn has_doubtful_contacts(&self) -> bool {
+        self.deferred.iter().any(|contact| contact.doubtful.any())
     }
 
     /// Defers again the contacts that a doubtful collision of the prediction activated. The solved motion decides whether they act.
@@ -228,7 +228,8 @@ impl<R: Real> ConstraintProblem<R> {
             velocity.impulses.set_first_impulse(rows, deferred.contact, lanes, impulse);
             velocity.shared.set_first_impulse(rows, deferred.contact, lanes, impulse);
             deferred.lanes = deferred.lanes.and_not(lanes);
-            self.constrained = self.constrained.or(lanes);
+            // Contacts in doubt are deferred again before the solve.
+            self.constrained = self.constrained.or(lanes.and_not(deferred.doubtful));
         }
     }
 

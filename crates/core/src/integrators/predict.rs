@@ -105,7 +105,6 @@ pub(crate) fn predict<R: Real>(
     }
     let constrained = problem.constrained.or(problem.deferred_lanes(alive));
     let estimate = Estimate::new(compiled, options, &state.v, scheme.h, velocity);
-    let before = (problem.constrained, problem.rows.redundant);
     if constrained.any() {
         probe.span(Span::EstimateImpulses, || {
             estimate.make(options, constrained, problem, velocity);
@@ -115,12 +114,8 @@ pub(crate) fn predict<R: Real>(
     correct_free_velocity(place, free, problem, velocity, probe);
     if constrained.any() {
         probe.span(Span::EstimateImpulses, || estimate.choose_start(constrained, problem, velocity));
-        // Contacts in doubt leave the lanes as they were before the prediction.
-        let doubtful = problem.doubtful_lanes();
-        if doubtful.any() {
+        if problem.has_doubtful_contacts() {
             problem.defer_doubtful(velocity);
-            problem.constrained = before.0.or(problem.constrained.and_not(doubtful));
-            problem.rows.redundant = problem.rows.redundant.and_not(doubtful).or(before.1.and(doubtful));
         }
     }
 }

@@ -60,7 +60,7 @@ impl<R: Real> AssemblyInput<'_, R> {
 
     /// Part of the distance of slot `k` that may close in the step, m: [`AssemblyInput::gap`], or the whole gap if it is wide.
     ///
-    /// A body that closes a wide gap in this step is too fast for the middle of the next step, which is then evaluated at its beginning too.
+    /// A body that closes a wide gap in this step is too fast for the middle of the next step, which is also evaluated at its beginning.
     /// Otherwise a body would close two thirds of the gap in each step, and slow down long before it touches.
     #[inline(always)]
     pub(crate) fn gap_of_slot(&self, compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> R {

@@ -152,3 +152,32 @@ def test_two_bodies_that_strike_walls_in_one_step_move_by_their_contact_forces()
     change = (sim.qvel - qvel).reshape(2, 6)[:, :3] * [[1.0], [0.2]]
     assert np.abs(impulse[1:]).max() > 0.1
     np.testing.assert_allclose(change, impulse[1:], atol=1e-9)  # Rounding in sums of impulses of order 1 N s.
+
+
+@every_precision
+@pytest.mark.parametrize("integrator", ["euler", "midpoint", "implicit"])
+@pytest.mark.parametrize("dt", [1e-3, 5e-3, 2e-2])
+def test_a_thin_box_that_leaves_a_room_of_meshes_is_reported(dt, integrator, precision):
+    """A mesh is as thick as its hull. It counted as a tenth of its width, 7 cm instead of 1 mm, so that nothing was reported."""
+    assets = "".join(f'<mesh name="plate{axis}" vertex="{plate(axis)}"/>' for axis in range(3))
+    walls = "".join(
+        f'<geom type="mesh" mesh="plate{axis}" pos="{" ".join(str(side * (HALF + THICKNESS / 2) * (k == axis)) for k in range(3))}"/>'
+        for axis in range(3)
+        for side in (-1, 1)
+    )
+    body = '<body><freejoint/><geom type="box" size=".08 .08 .002" mass=".2"/></body>'
+    model = f"<mujoco><asset>{assets}</asset><worldbody>{walls}{body}</worldbody></mujoco>"
+    sim = simulate(model, ENVS, timestep=dt, integrator=integrator, precision=precision)
+    rng, qpos, qvel = np.random.default_rng(2), sim.qpos.copy(), sim.qvel.copy()
+    qpos[:, :3], qpos[:, 3:] = rng.uniform(-0.3, 0.3, (ENVS, 3)), rng.normal(size=(ENVS, 4))
+    qpos[:, 3:] /= np.linalg.norm(qpos[:, 3:], axis=1, keepdims=True)
+    direction = rng.normal(size=(ENVS, 3))
+    qvel[:, :3] = direction / np.linalg.norm(direction, axis=1, keepdims=True) * np.geomspace(0.5, 200.0, ENVS)[:, None]
+    qvel[:, 3:] = rng.normal(size=(ENVS, 3)) * np.geomspace(100.0, 0.5, ENVS)[:, None]
+    sim.set_state(qpos, qvel)
+    reported = np.zeros(ENVS, dtype=bool)
+    for _ in range(40):
+        sim.step()
+        reported |= (sim.status & (REPORTED & ~Status.DEEP)) != 0
+    # Farther than the reach of the box, so that no contact pulls it back.
+    assert not ((np.abs(sim.qpos[:, :3]) > HALF + 0.12).any(1) & ~reported).any()

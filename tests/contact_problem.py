@@ -18,6 +18,9 @@ from models import forward, full_mass_matrix
 # How far limits are looked ahead, rad or m: LIMIT_SLACK of stage 4.
 SLACK = 0.01
 
+MAX_CURVED_OVERLAP = 1e-3
+"""Overlap of a contact above which its curvature has no effect, m: the constant of the same name in tuning.rs."""
+
 
 @dataclass
 class Problem:
@@ -141,7 +144,7 @@ def problem_of(model: mujoco.MjModel, before, contacts: np.ndarray, options, ctr
             mujoco.mj_jac(model, data, side[0], side[1], contact["pos"], body)
         jacobian[i], turning[i] = contact["frame"] @ (sides[1] - sides[0])
         bias[i, 0] = demand_of(contact["distance"], h, options)
-        if midpoint and contact["body"].all():
+        if midpoint and contact["body"].all() and contact["distance"] >= -MAX_CURVED_OVERLAP:
             most = np.abs(jacobian[i, 1:] @ before[1])
             bias[i, 1:] = np.clip(h / 2 * contact["frame"][1:] @ curve(model, data, contact), -most, most)
         condim, mixed = model.geom_condim[contact["geom"]].max(), model.geom_friction[contact["geom"]].max(axis=0)

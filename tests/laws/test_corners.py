@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 import stepper
+from hypothesis import given
+from hypothesis import strategies as st
 from models import simulate
 from stepper import Status
 
@@ -58,6 +60,46 @@ def test_a_ball_that_flies_into_a_corner_gains_no_energy_and_stays_near_it(frict
     assert (sim.status & (Status.NOT_CONVERGED | Status.UNRESOLVED))[sim.residual > 1e-4].all()
 
 
+TIED_BALL = f"""<body><joint name="y" type="slide" axis="0 1 0"/><joint type="slide" axis="0 0 1"/><joint axis="1 0 0"/>
+  <geom type="sphere" size="{RADIUS}" mass="1"/></body>
+  <body pos="0 3 0"><joint name="x" type="slide" axis="1 0 0"/>
+  <geom type="sphere" size=".1" mass="{{mass}}" contype="0" conaffinity="0"/></body>"""
+"""Ball whose slide y moves another body along x, across gravity."""
+
+
+def strike_corner(restitution: float, friction: float, mass: float, integrator: str):
+    """Step a tied ball that touches two walls, and moves into both at 0.655 m/s. Return its velocity along the normals."""
+    gravity = f'<option gravity="0 {-GRAVITY} 0"/>'
+    walls = f'<default><geom friction="{friction} 0 0"/></default><worldbody>{wall(1, 1) + wall(2, -1)}{TIED_BALL.format(mass=mass)}'
+    model = stepper.load(f'<mujoco>{gravity}{walls}</worldbody><equality><joint joint1="y" joint2="x"/></equality></mujoco>')
+    model = model.replace(geom_restitution=np.full(model.ngeom, restitution))
+    sim = simulate(model, stabilization="split", timestep=1e-3, integrator=integrator)
+    corner = HALF - RADIUS
+    sim.set_state([corner, -corner, 0, corner], [SPEED, -SPEED, 0, SPEED])
+    sim.step()
+    return sim.qvel[:2]
+
+
+GRAVITY, SPEED = 100.0, 0.655
+restitutions, masses = st.floats(0.05, 1.0), st.floats(0.1, 10.0)
+eulers = st.sampled_from(["euler", "implicit"])
+
+
+@given(restitutions, st.floats(1.0, 2.0), masses, eulers)
+def test_a_tied_ball_that_cannot_rebound_stops_at_the_walls(restitution, friction, mass, integrator):
+    """Without a solution of Newton's law the impact is inelastic. It left 25 mm/s into the wall, that gravity gives the ball alone."""
+    velocity = strike_corner(restitution, friction, mass, integrator)
+    np.testing.assert_allclose(velocity, 0.0, atol=1e-6)  # Tolerance of the solver.
+
+
+@given(restitutions, masses, eulers)
+def test_a_tied_ball_rebounds_by_newtons_law(restitution, mass, integrator):
+    """The law applies to the velocity that the equality leaves: gravity moves both bodies, the heavier the slower."""
+    velocity = strike_corner(restitution, 0.0, mass, integrator)
+    before = [SPEED - GRAVITY * 1e-3 / (1 + mass), -SPEED]
+    np.testing.assert_allclose(velocity, -restitution * np.array(before), atol=1e-6)  # Tolerance of the solver.
+
+
 @every_precision
 @every_integrator
 @pytest.mark.parametrize("dt", [1e-3, 5e-3, 2e-2])
@@ -80,3 +122,62 @@ def test_what_leaves_a_closed_room_is_reported(restitution, dt, integrator, prec
         assert not (left & ~reported).any()
         if restitution == 0.0:
             assert not left.any()
+
+
+def plate(axis: int) -> str:
+    """Vertices of a wall of the room as a mesh, m."""
+    size = [HALF + 2 * THICKNESS] * 3
+    size[axis] = THICKNESS / 2
+    return " ".join(f"{x * size[0]} {y * size[1]} {z * size[2]}" for x in (-1, 1) for y in (-1, 1) for z in (-1, 1))
+
+
+def test_two_bodies_that_strike_walls_in_one_step_move_by_their_contact_forces():
+    """One collision is certain in the prediction and one in doubt. The contacts of neither were solved before."""
+    assets = "".join(f'<mesh name="plate{axis}" vertex="{plate(axis)}"/>' for axis in range(3))
+    positions = [(axis, [side * (HALF + THICKNESS / 2) * (k == axis) for k in range(3)]) for axis in range(3) for side in (-1, 1)]
+    walls = "".join(f'<geom type="mesh" mesh="plate{axis}" pos="{x} {y} {z}"/>' for axis, (x, y, z) in positions)
+    box = '<geom type="box" size=".05 .03 .02" mass="{}"/>'
+    bodies = "".join(f"<body><freejoint/>{box.format(mass)}</body>" for mass in (1.0, 0.2))
+    model = f'<mujoco><option gravity="0 0 0"/><asset>{assets}</asset><worldbody>{walls}{bodies}</worldbody></mujoco>'
+    sim = simulate(model, timestep=5e-3, integrator="rk4")
+    qpos = [-0.35274, -0.47015, -0.25881, 0.09247, -0.08314, 0.69508, 0.7081]
+    qpos += [-0.31133, 0.20499, 0.40968, -0.16644, -0.54739, -0.15785, 0.80482]
+    qvel = [-3.89141, -3.21324, -3.0238, 7.11951, 19.08099, 1.71288, -39.68089, -4.37182, 6.50427, -2.28983, 3.29943, -3.02225]
+    sim.set_state(qpos, qvel)
+    sim.step()
+    impulse, contacts = np.zeros((3, 3)), sim.contacts()
+    force = np.einsum("nij,ni->nj", contacts["frame"], contacts["force"]) * sim.timestep
+    np.add.at(impulse, contacts["body"][:, 1], force)
+    np.add.at(impulse, contacts["body"][:, 0], -force)
+    change = (sim.qvel - qvel).reshape(2, 6)[:, :3] * [[1.0], [0.2]]
+    assert np.abs(impulse[1:]).max() > 0.1
+    np.testing.assert_allclose(change, impulse[1:], atol=1e-9)  # Rounding in sums of impulses of order 1 N s.
+
+
+@every_precision
+@pytest.mark.parametrize("integrator", ["euler", "midpoint", "implicit"])
+@pytest.mark.parametrize("dt", [1e-3, 5e-3, 2e-2])
+def test_a_thin_box_that_leaves_a_room_of_meshes_is_reported(dt, integrator, precision):
+    """A mesh is as thick as its hull. It counted as a tenth of its width, 7 cm instead of 1 mm, so that nothing was reported."""
+    assets = "".join(f'<mesh name="plate{axis}" vertex="{plate(axis)}"/>' for axis in range(3))
+    walls = "".join(
+        f'<geom type="mesh" mesh="plate{axis}" pos="{" ".join(str(side * (HALF + THICKNESS / 2) * (k == axis)) for k in range(3))}"/>'
+        for axis in range(3)
+        for side in (-1, 1)
+    )
+    body = '<body><freejoint/><geom type="box" size=".08 .08 .002" mass=".2"/></body>'
+    model = f"<mujoco><asset>{assets}</asset><worldbody>{walls}{body}</worldbody></mujoco>"
+    sim = simulate(model, ENVS, timestep=dt, integrator=integrator, precision=precision)
+    rng, qpos, qvel = np.random.default_rng(2), sim.qpos.copy(), sim.qvel.copy()
+    qpos[:, :3], qpos[:, 3:] = rng.uniform(-0.3, 0.3, (ENVS, 3)), rng.normal(size=(ENVS, 4))
+    qpos[:, 3:] /= np.linalg.norm(qpos[:, 3:], axis=1, keepdims=True)
+    direction = rng.normal(size=(ENVS, 3))
+    qvel[:, :3] = direction / np.linalg.norm(direction, axis=1, keepdims=True) * np.geomspace(0.5, 200.0, ENVS)[:, None]
+    qvel[:, 3:] = rng.normal(size=(ENVS, 3)) * np.geomspace(100.0, 0.5, ENVS)[:, None]
+    sim.set_state(qpos, qvel)
+    reported = np.zeros(ENVS, dtype=bool)
+    for _ in range(40):
+        sim.step()
+        reported |= (sim.status & (REPORTED & ~Status.DEEP)) != 0
+    # Farther than the reach of the box, so that no contact pulls it back.
+    assert not ((np.abs(sim.qpos[:, :3]) > HALF + 0.12).any(1) & ~reported).any()

@@ -60,6 +60,12 @@ pub(crate) const COPLANAR_COSINE: f64 = 0.9999;
 /// Difference of two times of first touch, as a fraction of the path, below which both pairs count as first.
 pub(crate) const SIMULTANEOUS_FRACTION: f64 = 2e-3;
 
+/// Width of a gap, in tunnelling distances of its pair, above which a very fast body may close it within one step.
+///
+/// Half of a step then covers more than one tunnelling distance, so that the next step is evaluated at its beginning too. A body that
+/// another contact slows to less does not reach the surface before the middle of the next step.
+pub(crate) const WIDE_GAP_RATIO: f64 = 3.0;
+
 /// Number of solves that activate pairs in order of first touch. Later solves activate every colliding pair.
 pub(crate) const ORDERED_PASSES: usize = 6;
 
@@ -69,6 +75,12 @@ pub(crate) const MAX_PREDICTIONS: usize = 3;
 /// Fraction of the linearised overlap that the true overlap must exceed in a predicted motion. Predicted impulses are not converged:
 /// their error is below a tenth of a fast approach.
 pub(crate) const PREDICTED_MARGIN: f64 = 0.1;
+
+/// Overlap of a predicted collision in doubt, relative to the path that the residual of the estimate covers.
+///
+/// Of 2,500 bodies that slide over tiles without friction, 24 lose speed with 0, and none with 1 or more. With 2 the step of a quadruped
+/// takes 2 % longer on boxes and 6 % on a height field, with 10 up to 15 %.
+pub(crate) const PREDICTED_ERROR_RATIO: f64 = 2.0;
 
 // Impacts within the step.
 

@@ -181,6 +181,12 @@ impl Hull {
         self.centre
     }
 
+    /// Least distance of the centre from a face, m.
+    pub fn inscribed_radius(&self) -> f64 {
+        let height = |face: &Face| dot(face.normal, sub(self.points[face.vertices[0] as usize], self.centre));
+        self.faces.iter().map(height).fold(f64::INFINITY, f64::min).max(0.0)
+    }
+
     /// Least and greatest coordinates along each axis, m.
     pub(super) fn extent(&self) -> [V; 2] {
         let along = |k: usize, side: usize| self.points[self.extreme[2 * k + side]][k];

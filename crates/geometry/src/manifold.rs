@@ -79,9 +79,11 @@ pub(super) struct Clipper {
 /// A face whose normal is the contact's: 1 - cos of what rounding leaves.
 const FLAT: f64 = 1e-12;
 /// A face that is level, see [`ALONG`]: 1 - cos of its normal to the contact's.
-const LEVEL: f64 = 0.5 * ALONG * ALONG;
+pub(super) const LEVEL: f64 = 0.5 * ALONG * ALONG;
 /// Edges are at right angles to the normal below this cosine, and parallel below this sine.
 const ALONG: f64 = 1e-2;
+/// Difference of depths, relative to the size of a pair, below which two points are alike: the first of them is kept.
+const ALIKE_DEPTH: f64 = 1e-6;
 /// The feature of a lone point between edges, corners or curved surfaces.
 pub(super) const LONE: u32 = 0x7fff_ffff;
 const IDENTITY: M3<f64> = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
@@ -150,8 +152,8 @@ impl Clipper {
             return false;
         }
         self.faces(pair, axes, reference, prediction, out);
-        // The nearest points are among them, unless an edge is beside a face that is not its own.
-        if out.deepest() > facing.found.separation - pair.thickness() + 1e-9 * pair.size {
+        // The nearest points are among them, or points alike, unless an edge is beside a face that is not its own.
+        if out.deepest() > facing.found.separation - pair.thickness() + ALIKE_DEPTH * pair.size {
             out.points.clear();
         }
         !out.points.is_empty()
@@ -343,7 +345,7 @@ fn reduce(points: &mut Vec<Shared>, ra: f64, rb: f64, size: f64) {
 /// furthest from it, and the two that add most area on either side, where they add any. Of points that are equal up to rounding the first
 /// is kept, so the choice does not change from step to step.
 fn spanning(point: &dyn Fn(usize) -> Shared, count: usize, size: f64) -> ([usize; KEPT], usize) {
-    let (tie, tie_area) = (1e-6 * size, 1e-6 * size * size);
+    let (tie, tie_area) = (ALIKE_DEPTH * size, 1e-6 * size * size);
     let mut kept = [0; KEPT];
     kept[0] = pick(point, count, &[], tie, |p| -p.h[1]);
     let a = point(kept[0]);

@@ -1,8 +1,9 @@
 //! Test whether two moving solids pass through each other. Each solid has a constant twist in a frame that moves along a straight line.
 //!
 //! Two convex shapes pass if they are apart at both ends of the path and collide in between. If they overlap at an end, they pass if the
-//! direction between them reverses: contact forces would then push them on instead of back. They collide if they overlap by an eighth of
-//! their thickness, because resting contacts overlap by rounding and slop.
+//! direction between them reverses: contact forces would then push them on instead of back. They also pass if the path ends in an overlap
+//! from which the way on is shorter than the way back: contact forces would push them sideways, around the edge of a plate. They collide if
+//! they overlap by an eighth of their thickness, because resting contacts overlap by rounding and slop.
 //!
 //! The search is conservative advancement (Mirtich 1996). With a bound c on the relative speed of their points, the distance falls by at
 //! most c t in a time t. A step of distance / c therefore misses no collision. Steps are at least a quarter of the thickness long.
@@ -22,7 +23,7 @@ use crate::separation;
 use crate::shape::ConvexShape;
 use crate::solid::Solid;
 use crate::surface::{Surface, collide_surface};
-use crate::vectors::{Pose, V};
+use crate::vectors::{Pose, V, neg};
 
 /// Smallest advance of the collision search, relative to the thickness.
 const MIN_ADVANCE: f64 = 0.25;
@@ -125,7 +126,7 @@ fn convex_pass(
     }
     let threshold = -COLLISION_OVERLAP * thickness;
     if distance <= threshold || last <= threshold {
-        return dot(start, end) < 0.0;
+        return dot(start, end) < 0.0 || (distance > threshold && is_past_middle([a, b], motions.map(|m| m.at(to)), start));
     }
     let spin = norm(sub(motions[1].angular, motions[0].angular));
     let speed = norm(relative_velocity(motions)) + spin * b.bound();
@@ -145,6 +146,16 @@ fn convex_pass(
         }
     }
     true
+}
+
+/// Whether the way out of an overlap against a direction is shorter than along it. `towards` is in the frame of the larger shape.
+///
+/// At the edge of a plate the shortest way out leads sideways, whichever side of the plate the shape came from.
+fn is_past_middle([a, b]: [&ConvexShape; 2], [first, second]: [Pose; 2], towards: V) -> bool {
+    let pair = Pair::new(a, &first, b, &second);
+    let normal = rotate(if a.bound() > b.bound() { &first.mat } else { &second.mat }, towards);
+    let normal = rotate_back(&first.mat, normal);
+    pair.separation(neg(normal)) > pair.separation(normal)
 }
 
 /// Velocity of the origin of the second solid in the rotating frame of the first, m/s.

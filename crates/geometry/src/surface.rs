@@ -24,7 +24,7 @@ use crate::ball::{Ball, Touch, ball_over};
 use crate::facet::{FLAT, Facet, Outline, PARALLEL};
 use crate::facing::{Facing, Separation};
 use crate::linear_algebra::*;
-use crate::manifold::{Manifold, Point, VERTICES, reduce_points};
+use crate::manifold::{LEVEL, Manifold, Point, VERTICES, reduce_points};
 use crate::pair::Pair;
 use crate::room::Room;
 use crate::round::{ends, is_over, may_touch, nearest_of_triangle};
@@ -535,6 +535,10 @@ fn touch_any(
     let (at, p) = facet.furthest(found.normal);
     if cos > 0.0 && !matches!(at, Outline::Inside) && surface.is_nearest(t, facet, &at, p, found.normal) {
         room.clipper.manifold(pair, &facing, prediction, out);
+        if out.is_lone() && 1.0 - cos <= LEVEL {
+            // A shape that leans a little is as near at the other corners of what it has over the triangle, or will be soon.
+            over(room, out);
+        }
         return None;
     }
     over(room, out);

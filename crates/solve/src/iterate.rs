@@ -230,6 +230,21 @@ impl<R: Real> Iterate<R> {
         set_first_impulse(problem, i, lanes, lambda, (contacts, rolling_contacts, w));
     }
 
+    /// Sets the impulse of contact `i` to zero in the lanes `lanes`, and updates w. Returns the impulse before.
+    ///
+    /// The index counts contacts of three rows, then of six.
+    #[inline(always)]
+    pub fn take_impulse(&mut self, problem: &Problem<R>, i: usize, lanes: R::Mask) -> [R; 6] {
+        let Self { contacts, rolling_contacts, w, .. } = self;
+        match i.checked_sub(problem.contacts.len()) {
+            None => {
+                let [n, a, b] = problem.contacts.take_impulse(i, lanes, contacts, w);
+                [n, a, b, R::zero(), R::zero(), R::zero()]
+            }
+            Some(i) => problem.rolling_contacts.take_impulse(i, lanes, rolling_contacts, w),
+        }
+    }
+
     /// Work of the friction of contact `i`, J: its impulse times the mean of the slip before and after all impulses.
     ///
     /// The index counts contacts of three rows, then of six.

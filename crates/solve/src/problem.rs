@@ -136,14 +136,25 @@ impl<R: Real> Problem<R> {
         }
     }
 
-    /// Multiplies the velocity target of the normal row of contact `i` by `factor`, in the lanes `lanes`.
+    /// Defers the rows of contact `i` in the lanes `lanes`, in which they must be active and have no impulse.
     ///
     /// The index counts contacts of three rows, then of six.
     #[inline(always)]
-    pub fn scale_normal_target(&mut self, i: usize, factor: R, lanes: R::Mask) {
+    pub fn defer_contact(&mut self, i: usize, lanes: R::Mask) {
         match i.checked_sub(self.contacts.len()) {
-            None => self.contacts.scale_normal_target(i, factor, lanes),
-            Some(i) => self.rolling_contacts.scale_normal_target(i, factor, lanes),
+            None => self.contacts.defer_again(i, lanes),
+            Some(i) => self.rolling_contacts.defer_again(i, lanes),
+        }
+    }
+
+    /// Velocity target of the normal row of contact `i`, m/s.
+    ///
+    /// The index counts contacts of three rows, then of six.
+    #[inline(always)]
+    pub fn normal_target_mut(&mut self, i: usize) -> &mut R {
+        match i.checked_sub(self.contacts.len()) {
+            None => self.contacts.normal_target_mut(i),
+            Some(i) => self.rolling_contacts.normal_target_mut(i),
         }
     }
 

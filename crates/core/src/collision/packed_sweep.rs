@@ -5,7 +5,7 @@ use stepper_geometry::pairs::{ContactPoint, Cuboid, Segment, capsule_box, sphere
 use stepper_real::{Mask, Real};
 
 use crate::collision::packed_pairs::{Item, gather, gather_scalars};
-use crate::collision::swept_pair::{Gap, MAX_ROTATION, Path, SweptPair, find_touch};
+use crate::collision::swept_pair::{Gap, MAX_ROTATION, Path, SweptPair, Touch, find_touch};
 use crate::compile::{CompiledPair, Kernel, LaneModel};
 use crate::math::spatial::*;
 
@@ -126,7 +126,7 @@ impl<R: Real> PackedSweep<R> {
 
     /// [`find_touch`] of the items `items`.
     #[inline(always)]
-    pub(crate) fn find_touch(&self, gap: Gap<R>, items: R::Mask, tolerance: R) -> (R::Mask, R) {
+    pub(crate) fn find_touch(&self, gap: Gap<R>, items: R::Mask, tolerance: R) -> Touch<R> {
         let end = self.gap_at(self.time, items);
         let rotates = self.exceeds_max_rotation();
         find_touch(

@@ -72,7 +72,7 @@ impl<R: Real> SweptPair<R> {
 
     /// [`find_touch`] of the pair of a path.
     #[inline(always)]
-    pub(crate) fn find_touch(&mut self, path: &Path<'_, R>, lanes: R::Mask, gap: Gap<R>, tolerance: R) -> (R::Mask, R) {
+    pub(crate) fn find_touch(&mut self, path: &Path<'_, R>, lanes: R::Mask, gap: Gap<R>, tolerance: R) -> Touch<R> {
         let end = self.gap_at(path, path.time, lanes);
         let rotates = self.exceeds_max_rotation(path);
         find_touch(
@@ -148,7 +148,18 @@ impl<R: Real> SweptPair<R> {
     }
 }
 
-/// Lanes of `lanes` in which a distance falls below `-tolerance` on a path of `end_time` seconds, and a time at which it does, s.
+/// First touch that a search found on a path.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Touch<R: Real> {
+    /// Lanes in which the pair touches.
+    pub(crate) lanes: R::Mask,
+    /// A time at which it does, s.
+    pub(crate) time: R,
+    /// Overlap at this time, m. Infinite where a body rotates too far for the search.
+    pub(crate) overlap: R,
+}
+
+/// Finds whether a distance falls below `-tolerance` on a path of `end_time` seconds, in the lanes `lanes`.
 ///
 /// `gap` is the distance and its rate at the start of the path, `end` at its end; `gap_at` returns it at any time. Lanes that `rotates` too
 /// far count.
@@ -160,13 +171,13 @@ pub(crate) fn find_touch<R: Real>(
     rotates: R::Mask,
     tolerance: R,
     mut gap_at: impl FnMut(R, R::Mask) -> Gap<R>,
-) -> (R::Mask, R) {
+) -> Touch<R> {
     let (mut low, mut high, mut tangent) = (R::zero(), end_time, gap);
     let mut hits = lanes.and(end.distance.lt(-tolerance).or(rotates));
     // A distance that still decreases at the end of the path has its minimum there.
     let shrinks = end.distance.lt(R::of(f64::INFINITY)).and(end.rate.le(R::zero()));
     let mut open = lanes.and_not(hits).and_not(shrinks);
-    let mut at = high;
+    let (mut at, mut overlap) = (high, R::select(rotates, R::of(f64::INFINITY), -end.distance));
     for _ in 0..MAX_POSES {
         open = open.and_not((tangent.distance + (high - low) * tangent.rate).ge(-tolerance));
         if open.none() {
@@ -178,7 +189,7 @@ pub(crate) fn find_touch<R: Real>(
         let time = R::select(newton, touch, (low + high) * R::of(0.5));
         let here = gap_at(time, open);
         let deep = open.and(here.distance.lt(-tolerance));
-        (hits, at) = (hits.or(deep), R::select(deep, time, at));
+        (hits, at, overlap) = (hits.or(deep), R::select(deep, time, at), R::select(deep, -here.distance, overlap));
         open = open.and_not(deep);
         let approaching = here.distance.lt(R::of(f64::INFINITY)).and(here.rate.lt(R::zero()));
         low = R::select(approaching, time, low);
@@ -186,7 +197,7 @@ pub(crate) fn find_touch<R: Real>(
         tangent.rate = R::select(approaching, here.rate, tangent.rate);
         high = R::select(approaching, high, time);
     }
-    (hits, at)
+    Touch { lanes: hits, time: at, overlap }
 }
 
 impl<R: Real> Placed<R> {

@@ -313,14 +313,15 @@ pub(super) fn size(shape: &Shape) -> [f64; 3] {
     }
 }
 
-/// Half the least width: 0 for a surface. A mesh counts as a tenth as thin as it is wide.
+/// Radius of a ball about the middle that fits into the shape, m: half the least width. 0 for a surface.
 fn inscribed_radius(model: &Model, shape: &Shape) -> f64 {
     let least = |sizes: &[f64]| sizes.iter().copied().fold(f64::INFINITY, f64::min);
     match *shape {
         Shape::Plane => f64::INFINITY,
         _ if shape.is_surface() => 0.0,
         Shape::Sphere { radius } | Shape::Capsule { radius, .. } => radius,
-        Shape::Mesh { .. } | Shape::HeightField { .. } => 0.1 * bounding_radius(model, shape),
+        Shape::Mesh { .. } => model.hull_of(shape).map_or(0.0, |hull| hull.inscribed_radius()),
+        Shape::HeightField { .. } => 0.0,
         Shape::Cylinder { radius, half_length } => radius.min(half_length),
         Shape::Ellipsoid { radii } => least(&radii),
         Shape::Box { half } => least(&half),

@@ -43,10 +43,12 @@ impl<R: Real> Assembler<'_, R> {
         if curved.none() {
             return curved;
         }
-        let RowInput { options, assembly, .. } = input;
+        let RowInput { compiled, options, assembly, .. } = input;
         let resting_speed = R::of(resting_speed(options));
         let gap = contacts.data[k].point.distance;
-        let closes = gap.gt(R::of(options.slop)).and((assembly.gap(gap) + assembly.h * free[0]).lt(R::zero()));
+        let closes = gap
+            .gt(R::of(options.slop))
+            .and((assembly.gap_of_slot(compiled, contacts, k, lanes.bits()) + assembly.h * free[0]).lt(R::zero()));
         let deferred = curved.and(before.lt(-resting_speed).or(closes));
         if deferred.none() { deferred } else { self.without_certain_hits(input, contacts, k, deferred, free) }
     }
@@ -107,29 +109,59 @@ impl<R: Real> ConstraintProblem<R> {
         deepest
     }
 
-    /// Activates the deferred contacts of colliding pairs in the lanes `lanes`. `lanes_of` returns the lanes in which a pair collides.
+    /// Activates the deferred contacts of colliding pairs in the lanes `lanes`.
+    ///
+    /// `lanes_of` returns the lanes in which a pair collides, and those of them in which [`Self::defer_doubtful`] defers it again.
     pub(crate) fn activate(
         &mut self,
         velocity: &mut VelocitySolution<R>,
         contacts: &Contacts<R>,
         lanes: R::Mask,
-        lanes_of: impl Fn(usize) -> R::Mask,
+        lanes_of: impl Fn(usize) -> [R::Mask; 2],
     ) {
         R::vectorize(
             #[inline(always)]
             || {
                 for i in 0..self.deferred.len() {
                     let deferred = &self.deferred[i];
-                    let mut colliding = R::Mask::splat(false);
+                    let [mut colliding, mut doubtful] = [R::Mask::splat(false); 2];
                     for (pair, same) in contacts.pairs(deferred.slot, deferred.lanes.and(lanes).bits()) {
-                        colliding = colliding.or(lanes_of(pair).and(R::Mask::from_bits(same)));
+                        let [hits, in_doubt] = lanes_of(pair).map(|lanes| lanes.and(R::Mask::from_bits(same)));
+                        (colliding, doubtful) = (colliding.or(hits), doubtful.or(hits.and(in_doubt)));
                     }
+                    self.deferred[i].doubtful = deferred.doubtful.or(doubtful);
                     self.activate_contact(velocity, i, colliding, self.deferred[i].impulse);
                 }
             },
         );
         let new = velocity.groups.new_lanes(contacts, &self.slots, &self.rows, &velocity.impulses);
         self.rows.redundant = self.rows.redundant.and_not(lanes).or(new.and(lanes));
+    }
+
+    /// Whether a doubtful collision of the prediction activated a contact.
+    #[inline(always)]
+    pub(crate) fn has_doubtful_contacts(&self) -> bool {
+        self.deferred.iter().any(|contact| contact.doubtful.any())
+    }
+
+    /// Defers again the contacts that a doubtful collision of the prediction activated. The solved motion decides whether they act.
+    ///
+    /// The impulses of the estimate become their initial impulses.
+    #[inline(never)]
+    pub(crate) fn defer_doubtful(&mut self, velocity: &mut VelocitySolution<R>) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                let Self { deferred, rows, .. } = self;
+                for contact in deferred.iter_mut().filter(|contact| contact.doubtful.any()) {
+                    let lanes = std::mem::replace(&mut contact.doubtful, R::Mask::splat(false));
+                    let impulse = velocity.impulses.take_impulse(rows, contact.contact, lanes);
+                    contact.impulse = select(lanes, impulse, contact.impulse);
+                    rows.defer_contact(contact.contact, lanes);
+                    contact.lanes = contact.lanes.or(lanes);
+                }
+            },
+        );
     }
 
     /// Activates, with zero impulse, the deferred contacts that the solution satisfies. Stage 8 and the next step then keep them.
@@ -196,7 +228,8 @@ impl<R: Real> ConstraintProblem<R> {
             velocity.impulses.set_first_impulse(rows, deferred.contact, lanes, impulse);
             velocity.shared.set_first_impulse(rows, deferred.contact, lanes, impulse);
             deferred.lanes = deferred.lanes.and_not(lanes);
-            self.constrained = self.constrained.or(lanes);
+            // Contacts in doubt are deferred again before the solve.
+            self.constrained = self.constrained.or(lanes.and_not(deferred.doubtful));
         }
     }
 

@@ -1,12 +1,15 @@
 //! Assembly of the constraint problem: rows of contacts, limits, dry friction, equalities and tendons.
 
-use stepper_real::Real;
+use stepper_real::{Mask, Real};
 
+use crate::collision::contact_set::Contacts;
+use crate::compile::LaneModel;
 use crate::constraints::constraint_problem::ConstraintProblem;
 use crate::constraints::row_builder::RowBuilder;
 use crate::constraints::solved_overlaps::SolvedOverlaps;
 use crate::constraints::velocity_solution::VelocitySolution;
 use crate::dynamics::inertia::NewtonEuler;
+use crate::tuning::WIDE_GAP_RATIO;
 
 /// Assembler of a step's rows. Each element of the model has a file with its rows.
 pub(crate) struct Assembler<'a, R: Real> {
@@ -40,6 +43,8 @@ pub(crate) struct AssemblyInput<'a, R: Real> {
     pub in_the_middle: bool,
     /// Fraction of a gap that may close in the step.
     pub closing_fraction: R,
+    /// Lanes that are evaluated at the beginning of the step because their bodies are very fast, without an impact within the step.
+    pub very_fast: R::Mask,
     /// Overlaps of the nominal step, if the step is differentiated: rows follow them instead of the present overlaps.
     pub solved_overlaps: Option<&'a SolvedOverlaps<R>>,
     /// Lanes that are environments and step.
@@ -52,4 +57,31 @@ impl<R: Real> AssemblyInput<'_, R> {
     pub(crate) fn gap(&self, phi: R) -> R {
         R::select(phi.gt(R::zero()), phi * self.closing_fraction, phi)
     }
+
+    /// Part of the distance of slot `k` that may close in the step, m: [`AssemblyInput::gap`], or the whole gap if it is wide.
+    ///
+    /// A body that closes a wide gap in this step is too fast for the middle of the next step, which is also evaluated at its beginning.
+    /// Otherwise a body would close two thirds of the gap in each step, and slow down long before it touches.
+    #[inline(always)]
+    pub(crate) fn gap_of_slot(&self, compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> R {
+        let slot = &contacts.data[k];
+        let (phi, part) = (slot.point.distance, self.gap(slot.point.distance));
+        let fast = self.very_fast.and(R::Mask::from_bits(lanes)).and(slot.restitution.le(R::zero()));
+        if fast.none() {
+            return part;
+        }
+        let wide = tunnelling_distance(compiled, contacts, k, fast.bits()) * R::of(WIDE_GAP_RATIO);
+        R::select(fast.and(phi.gt(wide)), phi, part)
+    }
+}
+
+/// Tunnelling distance of the geoms of slot `k` in the lanes `lanes` (bits), m. Infinite in the other lanes.
+#[inline(always)]
+pub(crate) fn tunnelling_distance<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> R {
+    let mut distance = R::of(f64::INFINITY);
+    for (pair, same) in contacts.pairs(k, lanes) {
+        let geoms = compiled.pair_geoms(pair).expect("made from this compiled");
+        distance = R::select(R::Mask::from_bits(same), compiled.tunnelling_distance(geoms), distance);
+    }
+    distance
 }

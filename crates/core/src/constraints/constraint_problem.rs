@@ -61,6 +61,9 @@ pub(crate) struct Impact<R: Real> {
     pub(crate) time_fraction: R,
     /// Factor 1 + e of the normal velocity; 1 once [`ConstraintProblem::drop_restitution`] made the impact inelastic.
     pub(crate) normal_factor: R,
+    /// Rebound velocity that Euler's rule adds to the offset of the normal row, m/s. 0 with the midpoint rule, of which `normal_factor`
+    /// scales the whole offset.
+    pub(crate) rebound: R,
 }
 
 /// Contact whose rows are deferred in some lanes.
@@ -72,6 +75,8 @@ pub(crate) struct DeferredContact<R: Real> {
     pub(crate) slot: usize,
     /// Lanes in which the rows are deferred.
     pub(crate) lanes: R::Mask,
+    /// Lanes in which a doubtful collision of the prediction activated the rows.
+    pub(crate) doubtful: R::Mask,
     /// Lanes in which the contact bounces. The bias there is the rebound velocity.
     pub(crate) bounces: R::Mask,
     /// Bias of the normal row, m/s: its offset g minus its velocity without impulses.

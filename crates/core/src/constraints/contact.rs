@@ -134,7 +134,7 @@ impl<R: Real> Assembler<'_, R> {
         let springs = compiled.has_contact_springs.then(|| self.builder.comply(input, contacts, k, lanes, [free[0], before[0]]));
         let rigid = springs.as_ref().map_or(active, |row| active.and_not(row.lanes));
         let solved = assembly.solved_overlaps.map(|solved| solved.distance(contacts, k));
-        let (mut bias, mut position) = self.biases(options, assembly.gap(slot.point.distance), solved, assembly.h, rigid);
+        let (mut bias, mut position) = self.biases(options, assembly.gap_of_slot(compiled, contacts, k, lanes), solved, assembly.h, rigid);
         if let Some(row) = &springs {
             // The spring determines the position, and no correction is added.
             [bias, position] = [bias, position].map(|x| R::select(row.lanes, row.bias, x));
@@ -142,6 +142,7 @@ impl<R: Real> Assembler<'_, R> {
         let (bias, mut active) = self.bounce(compiled, options, slot, assembly, active, [free[0], before[0]], bias);
         let mut targets = [[free[0] + bias, free[0] + position], [free[1]; 2], [free[2]; 2]];
         let lengths = self.builder.eliminate(&self.problem.rows, mass, &mut targets);
+        let bias = if lengths.is_some() { self.bounce_from_held(slot, assembly, free[0], bias, &mut targets[0][0]) } else { bias };
         let free_eliminated = [targets[0][0] - bias, targets[1][0], targets[2][0]];
         let mut bounces = R::Mask::splat(false);
         if self.problem.resolves_impacts {
@@ -150,7 +151,8 @@ impl<R: Real> Assembler<'_, R> {
         }
         let lanes = self.approaching_lanes(input, contacts, k, active.and(rigid), before[0], free_eliminated);
         let impulse = [R::zero(); 6];
-        let deferred = DeferredContact { contact: 0, slot: k, lanes, bounces, bias: targets[0][0] - free_eliminated[0], impulse };
+        let doubtful = R::Mask::splat(false);
+        let deferred = DeferredContact { contact: 0, slot: k, lanes, doubtful, bounces, bias: targets[0][0] - free_eliminated[0], impulse };
         if curves {
             self.add_curve(input, contacts, k, active, [free, change], &mut targets);
         }

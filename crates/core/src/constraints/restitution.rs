@@ -17,7 +17,7 @@ use stepper_solve::{Iterate, PositionRows, Problem};
 
 use crate::collision::contact_set::{Contacts, Slot};
 use crate::compile::LaneModel;
-use crate::constraints::assembler::{Assembler, AssemblyInput};
+use crate::constraints::assembler::{Assembler, AssemblyInput, tunnelling_distance};
 use crate::constraints::constraint_problem::{ConstraintProblem, Impact};
 use crate::constraints::equality::RowInput;
 use crate::constraints::impact_time::Flight;
@@ -74,10 +74,26 @@ impl<R: Real> Assembler<'_, R> {
         let bounces = elastic.and(closed).and(free.abs().gt(threshold)).and_not(rests);
         self.problem.needs_position_solve = self.problem.needs_position_solve.or(bounces);
         self.problem.rebounding = self.problem.rebounding.or(bounces);
-        let impact = Impact { lanes: bounces, time_fraction: R::one(), normal_factor: e + R::one() };
+        let impact = Impact { lanes: bounces, time_fraction: R::one(), normal_factor: e + R::one(), rebound: e * free };
         self.problem.impacts.push(impact);
         let stays = active.and_not(elastic).or(bounces).or(elastic.and(rests));
         (R::select(bounces, e * free, bias), stays)
+    }
+
+    /// Applies Newton's law of [`Assembler::bounce`] to the velocity that eliminated equalities leave, instead of `free`.
+    ///
+    /// `target` is the offset of the normal row after the elimination. Returns the bias that it contains.
+    #[inline(always)]
+    pub(crate) fn bounce_from_held(&mut self, slot: &Slot<R>, assembly: &AssemblyInput<'_, R>, free: R, bias: R, target: &mut R) -> R {
+        if assembly.in_the_middle || !self.problem.elastic {
+            return bias;
+        }
+        let Some(impact) = self.problem.impacts.last_mut() else { return bias };
+        let held = *target - bias;
+        let change = R::select(impact.lanes, slot.restitution * (held - free), R::zero());
+        impact.rebound += change;
+        *target += change;
+        bias + change
     }
 
     /// Replaces the `targets` of a bouncing contact with those of the midpoint rule. Returns the lanes that have the rows.
@@ -102,7 +118,8 @@ impl<R: Real> Assembler<'_, R> {
                 let e = slot.restitution;
                 let elastic = active.and(e.gt(R::zero()));
                 if elastic.none() {
-                    self.problem.impacts.push(Impact { lanes: elastic, time_fraction: R::zero(), normal_factor: R::zero() });
+                    let none = R::zero();
+                    self.problem.impacts.push(Impact { lanes: elastic, time_fraction: none, normal_factor: none, rebound: none });
                     return active;
                 }
                 let before = sub(free, change);
@@ -117,7 +134,7 @@ impl<R: Real> Assembler<'_, R> {
                     let at_impact = if k == 0 { at[0] * normal_factor } else { at[k] };
                     target[0] = R::select(bounces, at_impact, target[0]);
                 }
-                self.problem.impacts.push(Impact { lanes: bounces, time_fraction, normal_factor });
+                self.problem.impacts.push(Impact { lanes: bounces, time_fraction, normal_factor, rebound: R::zero() });
                 active.and_not(elastic).or(bounces).or(meeting.rests)
             },
         )
@@ -190,7 +207,16 @@ impl<R: Real> ConstraintProblem<R> {
         [energy, max_rounding]: [R; 2],
         [unsolved, all_or_none]: [R::Mask; 2],
     ) -> R::Mask {
-        let Self { rows, impacts, rebounding, .. } = self;
+        R::vectorize(
+            #[inline(always)]
+            || self.make_inelastic(impulses, [energy, max_rounding], [unsolved, all_or_none]),
+        )
+    }
+
+    /// [`ConstraintProblem::drop_restitution`] as a part of a kernel.
+    #[inline(always)]
+    fn make_inelastic(&mut self, impulses: &Iterate<R>, [energy, max_rounding]: [R; 2], [unsolved, all_or_none]: [R::Mask; 2]) -> R::Mask {
+        let Self { rows, impacts, rebounding, deferred, resolves_impacts, .. } = self;
         let elastic = |impact: &Impact<R>| impact.lanes.and(impact.normal_factor.gt(R::one()));
         let implausible = |rows: &Problem<R>, i: usize| {
             impulses.friction_work(rows, i).gt(energy).or(impulses.impulse_rounding(rows, i).gt(max_rounding))
@@ -209,7 +235,12 @@ impl<R: Real> ConstraintProblem<R> {
                 continue;
             }
             let lanes = elastic_lanes.and(all_impacts.or(implausible(rows, i)));
-            rows.scale_normal_target(i, R::one() / impact.normal_factor, lanes);
+            let target = rows.normal_target_mut(i);
+            let inelastic = if *resolves_impacts { *target * (R::one() / impact.normal_factor) } else { *target - impact.rebound };
+            if let Some(contact) = deferred.iter_mut().find(|contact| contact.contact == i) {
+                contact.bias = R::select(lanes, contact.bias + (inelastic - *target), contact.bias);
+            }
+            *target = R::select(lanes, inelastic, *target);
             impact.normal_factor = R::select(lanes, R::one(), impact.normal_factor);
             (changed, still_elastic) = (changed.or(lanes), still_elastic.or(elastic_lanes.and_not(lanes)));
         }
@@ -285,21 +316,22 @@ impl<R: Real> ImpactStep<'_, R> {
     /// overlap could be resolved towards the far side.
     pub(crate) fn leave_out_impacts(&self, compiled: &LaneModel<R>, positions: &mut PositionRows<R>) {
         let Self { problem, contacts, slop, h, .. } = *self;
-        for (i, impact) in problem.impacts.iter().enumerate() {
-            let there = self.lanes.and(impact.lanes);
-            if there.none() {
-                continue;
-            }
-            let slot = problem.slot_of(i);
-            let mut tunnelling_distance = R::zero();
-            for (pair, lanes) in contacts.pairs(slot, there.bits()) {
-                let geoms = compiled.pair_geoms(pair).expect("made from this compiled");
-                tunnelling_distance = R::select(R::Mask::from_bits(lanes), compiled.tunnelling_distance(geoms), tunnelling_distance);
-            }
-            let end = positions.normal_target(i) * h;
-            let harmless = end.ge(tunnelling_distance * R::of(-0.5)).and(contacts.data[slot].point.distance.ge(-R::of(slop)));
-            positions.leave_out_contact(i, there.and(harmless));
-        }
+        R::vectorize(
+            #[inline(always)]
+            || {
+                for (i, impact) in problem.impacts.iter().enumerate() {
+                    let there = self.lanes.and(impact.lanes);
+                    if there.none() {
+                        continue;
+                    }
+                    let slot = problem.slot_of(i);
+                    let tunnelling_distance = tunnelling_distance(compiled, contacts, slot, there.bits());
+                    let end = positions.normal_target(i) * h;
+                    let harmless = end.ge(tunnelling_distance * R::of(-0.5)).and(contacts.data[slot].point.distance.ge(-R::of(slop)));
+                    positions.leave_out_contact(i, there.and(harmless));
+                }
+            },
+        )
     }
 }
 

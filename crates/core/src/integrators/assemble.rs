@@ -7,7 +7,7 @@ use crate::constraints::{ConstraintProblem, VelocitySolution};
 use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
 use crate::probe::{Probe, Span};
 use crate::stages::s04_assemble::assemble;
-use stepper_real::Real;
+use stepper_real::{Mask, Real};
 
 /// Assembles the constraint problem, with the impulses from which its solution starts.
 #[inline(always)]
@@ -31,6 +31,7 @@ pub(crate) fn assemble_problem<R: Real>(
         time_before: scheme.time_before,
         in_the_middle: scheme.in_the_middle,
         closing_fraction: scheme.closing_fraction(*at_start, impacts.lanes),
+        very_fast: at_start.and_not(impacts.lanes),
         solved_overlaps: solved_overlaps.as_deref(),
         alive,
     };

@@ -6,7 +6,7 @@ use crate::collision::contact_set::Contacts;
 use crate::collision::detection::GeomPoses;
 use crate::collision::packed_pairs::{Item, gather_scalars};
 use crate::collision::packed_sweep::{PackedSweep, is_packed};
-use crate::collision::swept_pair::{Gap, Path, SweptPair};
+use crate::collision::swept_pair::{Gap, Path, SweptPair, Touch};
 use crate::compile::{CompiledPair, Kernel, LaneModel};
 use crate::constraints::ConstraintProblem;
 use crate::constraints::approaching::resting_speed;
@@ -58,8 +58,30 @@ struct CandidatePair<R: Real> {
     /// Time at which the pair touches, and a time before its first touch, s: both are narrowed where the order of candidates matters.
     time: R,
     before: R,
+    /// Lanes in which the overlap may be due to the error of the motion.
+    doubtful: R::Mask,
     /// Lanes (bits) in which another pair of the same trees touches earlier.
     later_lanes: u32,
+}
+
+impl<R: Real> CandidatePair<R> {
+    /// Takes over the first touch of the pair. An overlap of at most `error` beyond the tolerance is doubtful.
+    #[inline(always)]
+    fn take(&mut self, touch: &Touch<R>, error: R) {
+        (self.lanes, self.time) = (touch.lanes, touch.time);
+        self.doubtful = touch.lanes.and(touch.overlap.le(self.tolerance + error));
+    }
+
+    /// Takes over the first touch of the pair in `lane`, from the place `place` of a packed search.
+    #[inline(always)]
+    fn take_lane(&mut self, touch: &Touch<R>, place: usize, error: R, lane: usize) {
+        let own = R::Mask::from_bits(1 << lane);
+        self.lanes = self.lanes.or(own);
+        self.time.set_lane(lane, touch.time.lane(place));
+        if touch.overlap.lane(place) <= self.tolerance.lane(lane) + error.lane(lane) {
+            self.doubtful = self.doubtful.or(own);
+        }
+    }
 }
 
 /// Contacts and settings of one search.
@@ -75,6 +97,8 @@ pub(crate) struct CollisionQuery<'a, R: Real> {
     ///
     /// It is 0 for a solved motion, and positive for a prediction, which has an error.
     pub(crate) margin: f64,
+    /// Overlap that the error of the motion may cause, m.
+    pub(crate) error: R,
     /// Whether every colliding pair counts, also behind an earlier collision of the same trees.
     pub(crate) ignores_order: bool,
 }
@@ -122,10 +146,11 @@ impl<R: Real> CollisionSearch<R> {
         self.pairs.iter().fold(R::Mask::splat(false), |lanes, candidate| lanes.or(candidate.lanes))
     }
 
-    /// Lanes in which `pair` collides.
+    /// Lanes in which `pair` collides, and those of them in which the error of the motion may cause the overlap.
     #[inline(always)]
-    pub(crate) fn lanes_of(&self, pair: usize) -> R::Mask {
-        self.pairs.iter().find(|candidate| candidate.pair == pair).map_or(R::Mask::splat(false), |candidate| candidate.lanes)
+    pub(crate) fn lanes_of(&self, pair: usize) -> [R::Mask; 2] {
+        let candidate = self.pairs.iter().find(|candidate| candidate.pair == pair);
+        candidate.map_or([R::Mask::splat(false); 2], |candidate| [candidate.lanes, candidate.doubtful])
     }
 
     /// Lists the pairs whose linearised gap closes. `w` is the scaled velocity change by the impulses. Returns whether there are any.
@@ -156,6 +181,7 @@ impl<R: Real> CollisionSearch<R> {
                         tolerance: R::zero(),
                         time: R::zero(),
                         before: R::zero(),
+                        doubtful: R::Mask::splat(false),
                         later_lanes: 0,
                     }),
                 }
@@ -182,7 +208,8 @@ impl<R: Real> CollisionSearch<R> {
                 add_packed(packed, k, (candidate.pair, &pair), candidate.lanes, gap, [tolerance, R::zero()]);
                 candidate.lanes = R::Mask::splat(false);
             } else {
-                (candidate.lanes, candidate.time) = swept.find_touch(&path(candidate.pair, pair), candidate.lanes, gap, tolerance);
+                let touch = swept.find_touch(&path(candidate.pair, pair), candidate.lanes, gap, tolerance);
+                candidate.take(&touch, query.error);
             }
         }
         for_each_packed::<R>(
@@ -210,11 +237,10 @@ impl<R: Real> CollisionSearch<R> {
                         |b| b.tolerance,
                     ),
                 );
-                let (hits, at) = sweep.find_touch(gap, used, tolerance);
-                for place in each_of(hits.bits()) {
-                    let candidate = &mut pairs[batch[place].candidate];
-                    candidate.lanes = candidate.lanes.or(R::Mask::from_bits(1 << batch[place].item.lane));
-                    candidate.time.set_lane(batch[place].item.lane, at.lane(place));
+                let touch = sweep.find_touch(gap, used, tolerance);
+                for place in each_of(touch.lanes.bits()) {
+                    let (candidate, lane) = (&mut pairs[batch[place].candidate], batch[place].item.lane);
+                    candidate.take_lane(&touch, place, query.error, lane);
                 }
             },
         );

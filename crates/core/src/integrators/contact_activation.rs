@@ -2,14 +2,19 @@
 //!
 //! [`crate::constraints::approaching`] defines which rows are deferred. The pairs that touch first are activated first, because an impact
 //! may prevent later ones. Example: a ball that lands on the floor does not hit the ledge behind its landing point.
+//!
+//! The predicted motion is that of a rough estimate of the impulses. It sinks a little into the supports of a body, and then collides with
+//! a flush support ahead. A predicted collision is in doubt if the error of the estimate can cause its overlap. Its contact is active in
+//! the prediction alone. Stage 5 starts without it, and the solved motion decides.
 
 use stepper_real::{Mask, Real};
+use stepper_solve::residual;
 
 use crate::constraints::{ConstraintProblem, VelocitySolution};
 use crate::integrators::collision_search::{CollisionQuery, CollisionSearch};
 use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
 use crate::stages::s05_solve::Estimate;
-use crate::tuning::{MAX_PREDICTIONS, PREDICTED_MARGIN};
+use crate::tuning::{MAX_PREDICTIONS, PREDICTED_ERROR_RATIO, PREDICTED_MARGIN};
 
 /// Motion of a step along which pairs are tested for a collision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,11 +58,11 @@ pub(crate) fn activate_colliding<R: Real>(
     if problem.deferred_lanes(alive).none() {
         return R::Mask::splat(false);
     }
-    let (margin, ignores_order) = match motion {
-        SweptMotion::Predicted => (PREDICTED_MARGIN, false),
-        SweptMotion::Solved { ignores_order } => (0.0, ignores_order),
+    let (margin, error, ignores_order) = match motion {
+        SweptMotion::Predicted => (PREDICTED_MARGIN, overlap_error(problem, velocity), false),
+        SweptMotion::Solved { ignores_order } => (0.0, R::zero(), ignores_order),
     };
-    let query = CollisionQuery { compiled, kinematics, poses, contacts, options, lanes: alive, margin, ignores_order };
+    let query = CollisionQuery { compiled, kinematics, poses, contacts, options, lanes: alive, margin, error, ignores_order };
     if !collisions.list_candidates(&query, problem, &velocity.impulses.w) {
         return R::Mask::splat(false);
     }
@@ -77,4 +82,12 @@ pub(crate) fn activate_colliding<R: Real>(
         problem.activate(velocity, contacts, colliding, |pair| collisions.lanes_of(pair));
     }
     colliding
+}
+
+/// Overlap on a path that the error of the predicted impulses may cause, m.
+fn overlap_error<R: Real>(problem: &ConstraintProblem<R>, velocity: &VelocitySolution<R>) -> R {
+    R::vectorize(
+        #[inline(always)]
+        || residual(&problem.rows, &velocity.impulses) * problem.closing_time * R::of(PREDICTED_ERROR_RATIO),
+    )
 }

@@ -114,6 +114,9 @@ pub(crate) fn predict<R: Real>(
     correct_free_velocity(place, free, problem, velocity, probe);
     if constrained.any() {
         probe.span(Span::EstimateImpulses, || estimate.choose_start(constrained, problem, velocity));
+        if problem.has_doubtful_contacts() {
+            problem.defer_doubtful(velocity);
+        }
     }
 }
 

@@ -4,6 +4,8 @@ mod convex;
 mod hulls;
 mod pairs;
 mod parry;
+mod passing;
 mod sampling;
 mod shapes;
 mod surfaces;
+mod tilted;

@@ -341,11 +341,10 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         impulses[i][0] * self.rows.items[i].step.inv_rho * R::of(R::Scalar::EPSILON.to_f64())
     }
 
-    /// Multiplies the velocity target of the normal row of contact `i` by `factor`, in the lanes `lanes`.
+    /// Velocity target of the normal row of contact `i`, m/s.
     #[inline(always)]
-    pub(crate) fn scale_normal_target(&mut self, i: usize, factor: R, lanes: R::Mask) {
-        let g = &mut self.rows.items[i].g[0];
-        *g = R::select(lanes, *g * factor, *g);
+    pub(crate) fn normal_target_mut(&mut self, i: usize) -> &mut R {
+        &mut self.rows.items[i].g[0]
     }
 
     /// Activates the rows of contact `i` in those lanes of `lanes` in which they are deferred. Returns these lanes.
@@ -356,6 +355,23 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         contact.deferred = contact.deferred.and_not(lanes);
         contact.active = contact.active.or(lanes);
         lanes
+    }
+
+    /// Defers the rows of contact `i` in the lanes `lanes`, in which they must be active and have no impulse.
+    #[inline(always)]
+    pub(crate) fn defer_again(&mut self, i: usize, lanes: R::Mask) {
+        let contact = &mut self.rows.items[i];
+        contact.active = contact.active.and_not(lanes);
+        contact.deferred = contact.deferred.or(lanes);
+    }
+
+    /// Sets the impulse of contact `i` to zero in the lanes `lanes`, and updates w. Returns the impulse before.
+    #[inline(always)]
+    pub(crate) fn take_impulse(&self, i: usize, lanes: R::Mask, impulses: &mut [[R; N]], w: &mut [R]) -> [R; N] {
+        let before = impulses[i];
+        self.add(&self.rows.items[i], before.map(|x| -masked(lanes, x)), w);
+        impulses[i] = before.map(|x| R::select(lanes, R::zero(), x));
+        before
     }
 
     /// Sets the impulse of contact `i`, which must be zero, to `lambda` in the lanes `lanes`, and updates w.

@@ -91,6 +91,8 @@ def _points(model, data, i, *, weld):
         mujoco.mj_jac(model, data, jac[0], jac[1], point, body)
         mujoco.mj_jacDot(model, data, rate[0], rate[1], point, body)
     jacobian, rate = jacobians[0] - jacobians[1], rates[0] - rates[1]
+    # Joints that move both bodies turn the error of a point and keep its length.
+    jacobian[0][:, _moves(model, bodies[0]) & _moves(model, bodies[1])] = 0
     error, parts = [points[0] - points[1]], 1
     if weld:
         scale, parts = model.eq_data[i, 10], 2
@@ -103,6 +105,15 @@ def _points(model, data, i, *, weld):
         rate[1] *= scale
     nv = model.nv
     return np.concatenate(error), jacobian[:parts].reshape(-1, nv), rate[:parts].reshape(-1, nv) @ data.qvel
+
+
+def _moves(model, body):
+    """Which degrees of freedom move a body, (nv,)."""
+    moves = np.zeros(model.nv, bool)
+    while body:
+        moves |= model.dof_bodyid == body
+        body = model.body_parentid[body]
+    return moves
 
 
 def _sides(model, data, i, weld):

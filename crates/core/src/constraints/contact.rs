@@ -108,7 +108,7 @@ impl<R: Real> Assembler<'_, R> {
                     speed += square * assembly.v_free[d].square();
                 }
                 self.builder.half_solve::<3>(compiled, mass);
-                self.builder.add_fill_scales::<1>(compiled, mass);
+                self.builder.pass_on_scales(compiled, mass);
                 if self.builder.eliminate(&self.problem.rows, mass, &mut [[R::zero(); 2]; 3]).is_some() {
                     self.builder.add_removed_scales(&self.problem.rows, mass);
                 }

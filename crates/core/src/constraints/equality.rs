@@ -68,12 +68,17 @@ impl<R: Real> RowBuilder<R> {
     }
 
     /// Jacobian of two points that meet, with the error p0 - p1 (MuJoCo's `mjEQ_CONNECT`), written to `column`.
+    ///
+    /// Joints that move both frames turn the error and keep its length. Their columns are that rotation, as in MuJoCo, or zero if
+    /// `relative`. Without `relative` an open planar loop on an arm would hold the arm, because the row normal to its plane differs from
+    /// the others by this rotation alone. The forces at the two points would also exert a torque on the arm.
     #[inline(always)]
     pub(crate) fn connect_points(
         &mut self,
         input: RowInput<'_, R>,
         frames: [usize; 2],
         anchors: [[R::Scalar; 3]; 2],
+        relative: bool,
     ) -> EqualityJacobian<R> {
         let RowInput { compiled, kinematics, .. } = input;
         let points = [kinematics.point(frames[0], splat(anchors[0])), kinematics.point(frames[1], splat(anchors[1]))];
@@ -82,6 +87,7 @@ impl<R: Real> RowBuilder<R> {
             let d = d as usize;
             let (origin, axis) = (kinematics.origin[compiled.dofs[d].tree], &kinematics.axes[d]);
             let (mut j, mut scale) = (zero(), R::zero());
+            let shared = relative && frames.iter().all(|&frame| moves(compiled, frame, d));
             for side in 0..2 {
                 if moves(compiled, frames[side], d) {
                     let arm = sub(points[side], origin);
@@ -93,7 +99,7 @@ impl<R: Real> RowBuilder<R> {
                     scale += square;
                 }
             }
-            self.column[d] = j;
+            self.column[d] = if shared { zero() } else { j };
             self.scales[d] = [scale; 3];
         }
         let kappa = sub(acceleration(input, frames[0], points[0]), acceleration(input, frames[1], points[1]));
@@ -192,6 +198,21 @@ impl<R: Real> RowBuilder<R> {
                 for k in 0..N {
                     scale[k] += (x[k] * l).square();
                 }
+            }
+        }
+    }
+
+    /// Passes the scales of the first component of `column` on to ancestors, with the factors of the half solve.
+    ///
+    /// An entry that the half solve adds to is then rounding error wherever the entries are that it adds. [`Self::add_fill_scales`] takes
+    /// the latter for exact.
+    #[inline(always)]
+    pub(crate) fn pass_on_scales(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>) {
+        let Self { support, scales, .. } = self;
+        for &d in support.iter().rev() {
+            let ((row, chain), scale) = (mass.row(compiled, d as usize), scales[d as usize][0]);
+            for (&l, &a) in row[1..].iter().zip(&chain[1..]) {
+                scales[a as usize][0] += scale * l.square();
             }
         }
     }
@@ -310,7 +331,7 @@ impl<R: Real> Assembler<'_, R> {
         match &equality.rows {
             EqualityRows::Points { frames, anchors, turn, .. } => {
                 self.builder.use_own_support(equality);
-                let rows = self.builder.connect_points(input, *frames, *anchors);
+                let rows = self.builder.connect_points(input, *frames, *anchors, true);
                 self.push_rows::<3>(input, block, equality, 0, &rows, with_scales);
                 if let Some((mats, weight)) = turn {
                     self.builder.use_own_support(equality);

@@ -38,7 +38,7 @@ impl<R: Real> Assembler<'_, R> {
             EqualityRows::Points { frames, anchors, turn, .. } => {
                 let turned = turn.as_ref().map(|(mats, weight)| (Turn::of(input, *frames, mats), R::splat(*weight)));
                 self.builder.use_own_support(equality);
-                let points = self.builder.connect_points(input.row, *frames, *anchors);
+                let points = self.builder.connect_points(input.row, *frames, *anchors, false);
                 let mut square = dot(points.error, points.error);
                 if let Some((turn, weight)) = &turned {
                     let error = scale(turn.error, *weight);

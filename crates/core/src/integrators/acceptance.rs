@@ -57,6 +57,9 @@ pub(crate) fn resolve_ambiguous<R: Real>(
 }
 
 /// Solves the lanes `lanes` to the residual at which the impulses determine the energy, as far as rounding permits.
+///
+/// Many impulses may give the same motion: a wedge holds itself at any load. The lanes therefore first get those of least norm. Lanes that
+/// stay ambiguous are solved to a smaller residual.
 #[cold]
 #[inline(never)]
 fn solve_further<R: Real>(
@@ -68,7 +71,28 @@ fn solve_further<R: Real>(
     outcome: &mut Outcome<R>,
 ) {
     let StepInput { compiled, options, .. } = place.input;
-    let tolerance = R::vectorize(
+    let goal = residual_for_energy(place, free, problem, velocity);
+    let ([_, steps], Outcome { residual, newton_steps, .. }) = (options.effort(), &mut *outcome);
+    let VelocitySolution { impulses, newton, .. } = &mut *velocity;
+    newton.solve_least_norm(&problem.rows, impulses, steps, goal, lanes, [residual, newton_steps]);
+    let left = lanes.and(ambiguous(place, free, problem, velocity, outcome.residual));
+    if left.any() {
+        let tolerance = residual_for_energy(place, free, problem, velocity);
+        let repeated = solve_to(options, tolerance, left, problem, velocity, &place.evaluation.contacts);
+        outcome.replace(&repeated, left);
+    }
+    integrate_velocity(compiled, &free.smooth.mass, &free.v, velocity);
+}
+
+/// Residual at which the impulses determine the energy, m/s: above the rounding of velocities, and at most the tolerance.
+fn residual_for_energy<R: Real>(
+    place: Place<'_, R>,
+    free: &FreeMotion<R>,
+    problem: &ConstraintProblem<R>,
+    velocity: &VelocitySolution<R>,
+) -> R {
+    let options = place.input.options;
+    R::vectorize(
         #[inline(always)]
         || {
             let negligible = free.smooth.mass.energy_at(R::of(options.tolerance));
@@ -77,10 +101,7 @@ fn solve_further<R: Real>(
                 .max(least)
                 .min(R::of(options.tolerance))
         },
-    );
-    let repeated = solve_to(options, tolerance, lanes, problem, velocity, &place.evaluation.contacts);
-    outcome.replace(&repeated, lanes);
-    integrate_velocity(compiled, &free.smooth.mass, &free.v, velocity);
+    )
 }
 
 /// Stores the impulse of all constraints on the joints in `impulse`, N s or N m s: bounded servos and the user read it.

@@ -18,7 +18,7 @@ pub(crate) fn find_energy_gain<R: Real>(
     guard: &mut StepResolution<R>,
     excluded: R::Mask,
 ) -> R::Mask {
-    let Place { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, q, kinematics, .. } } = place;
+    let Place { input: StepInput { compiled, options, state, .. }, evaluation: Evaluation { scheme, q, kinematics, .. } } = place;
     if !scheme.corrects || !scheme.in_the_middle {
         return R::Mask::splat(false);
     }
@@ -28,7 +28,8 @@ pub(crate) fn find_energy_gain<R: Real>(
         return lanes;
     }
     displace(compiled, q, &velocity.v, scheme.time_after, &mut guard.q_end);
-    lanes.and(guard.gains_energy(compiled, kinematics, [&state.q, &state.v], &velocity.v, free, scheme))
+    let negligible = free.smooth.mass.energy_at(R::of(options.tolerance));
+    lanes.and(guard.gains_energy(compiled, kinematics, [&state.q, &state.v], &velocity.v, free, scheme, negligible))
 }
 
 /// Limits the kinetic energy of the lanes `limited`.

@@ -168,7 +168,8 @@ impl<R: Real> StepResolution<R> {
     /// ```
     ///
     /// whatever acts: actuators, damping, friction, contacts. The error in the work of gravity and springs is neglected: chains that gain
-    /// 98 J have 0.01 J of it. Links alone in their tree do not count: the midpoint rule conserves their energy.
+    /// 98 J have 0.01 J of it. Links alone in their tree do not count: the midpoint rule conserves their energy. A gain of up to
+    /// `negligible` does not count, J: constraints may hold bodies that would move fast without them, and the gain is then rounding error.
     ///
     /// The state (q, v) before the step is `before`; the state after it is `q_end` and `v_next`.
     pub(crate) fn gains_energy(
@@ -179,6 +180,7 @@ impl<R: Real> StepResolution<R> {
         v_next: &[R],
         free: &FreeMotion<R>,
         scheme: &Scheme<R>,
+        negligible: R,
     ) -> R::Mask {
         self.place_mocap(compiled, middle);
         blend(before[1], &free.v_expected, scheme.velocity_weight, &mut self.v_forces);
@@ -216,7 +218,7 @@ impl<R: Real> StepResolution<R> {
                 }
                 let max_gain = (h * R::of(MAX_GROWTH_RATE)).min(R::of(MAX_GROWTH)) * start.max(end);
                 let is_impact = pushed.gt(fastest * R::of(IMPACT_RELATIVE_CHANGE));
-                ((end - start) - work).gt(R::select(is_impact, max_gain + max_gain, max_gain))
+                ((end - start) - work).gt(R::select(is_impact, max_gain + max_gain, max_gain) + negligible)
             },
         )
     }

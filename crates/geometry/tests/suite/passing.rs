@@ -7,11 +7,11 @@ use stepper_geometry::{ConvexShape, Narrow, Pose, Solid, SolidMotion};
 
 const LEVEL: M3<f64> = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
 
-/// Half thickness of the walls of a corner, and half size of the room, m.
+/// Half thickness of the walls of a corner, and distance of their inner sides from the origin, m.
 const THICKNESS: f64 = 1e-3;
 const ROOM: f64 = 0.5;
 
-/// Wall of a room across an axis, with its inner side at -[`ROOM`].
+/// Wall of a corner across an axis, with its inner side at -[`ROOM`].
 fn wall(axis: usize) -> (Solid, SolidMotion) {
     let (mut half, mut pos) = ([ROOM + 4.0 * THICKNESS; 3], [0.0; 3]);
     (half[axis], pos[axis]) = (THICKNESS, -ROOM - THICKNESS);

@@ -201,8 +201,10 @@ def find(reference: str, folder: Path) -> Any:
 
 
 def load_file(path: Path) -> ModuleType:
-    """Module of a file, imported once."""
+    """Module of a file, imported once. It can import modules of its folder, which becomes the last entry of `sys.path`."""
     path = path.resolve()
+    if str(path.parent) not in sys.path:
+        sys.path.append(str(path.parent))
     # The stem alone may be the name of another module.
     name = f"{FILES}{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:8]}"
     if name not in sys.modules:

@@ -371,7 +371,10 @@ def _cliffs(found: Sweep, folder: Path, *, searched: bool = True) -> list[Sectio
         return [Section("Cliffs", ["Not searched: cliffs=False, or --no-cliffs."])]
     head = ("settings", "parameter", "at", "+-", "share below", "share above")
     rows = [[c.setting, c.parameter, (c.low + c.high) / 2, (c.high - c.low) / 2, c.below, c.above] for c in found.cliffs]
-    words = ["Where the share of successes crosses one half, located by bisection between neighbouring values of the table."]
+    words = [
+        "Where the share of successes crosses one half, located by bisection between neighbouring values of the table. The number after +- "
+        "is the width of the bisection. It excludes the error of the time step: repeat the sweep with half the time step to see that."
+    ]
     words = words if rows else ["The share of successes crosses one half nowhere within the ranges of the parameters."]
     picture = draw_cliffs(found, folder / "cliffs.png") if package_version("matplotlib") else None
     return [Section("Cliffs", words, head, rows, picture)]

@@ -129,6 +129,13 @@ class Study(metaclass=Hinting):
     ray: bool = False
     _source: _Source | None = field(default=None, repr=False, compare=False)
 
+    def _check_functions(self) -> None:
+        """Check that the drive and the start can be called."""
+        if not (self.drive is None or self.drive == "random" or callable(self.drive)):
+            raise TypeError(f'drive is {self.drive!r}, must be a function, Recorded, Policy, "random" or None')
+        if not (self.start is None or callable(self.start)):
+            raise TypeError(f'start is {self.start!r}, must be a function or None: "file.py:function" is for studies in TOML')
+
     def __post_init__(self) -> None:
         source = self._source if self._source is not None and self._source.model is self.model else _Source(self.model)
         object.__setattr__(self, "_source", source)
@@ -143,8 +150,7 @@ class Study(metaclass=Hinting):
                 raise ValueError(f"{name} is {getattr(self, name)}, must be at least 0 and finite")
         if self.control is not None and not 0 < self.control <= self.seconds:
             raise ValueError(f"control is {self.control} s, must be above 0 and at most seconds, which is {self.seconds}")
-        if not (self.drive is None or self.drive == "random" or callable(self.drive)):
-            raise TypeError(f'drive is {self.drive!r}, must be a function, Recorded, Policy, "random" or None')
+        self._check_functions()
         if not (self.exact is None or callable(self.exact)):
             raise TypeError(f"exact is {self.exact!r}, must be a function of a world and times that returns qpos and qvel, or None")
         names = [outcome.name for outcome in self.all_outcomes]

@@ -421,12 +421,14 @@ class MujocoWorld(World):
         return out
 
     def energy(self) -> tuple[Array, Array]:
-        """Potential and kinetic energy, (num_envs,) each, J."""
+        """Potential and kinetic energy, (num_envs,) each, J. Bodies that are fixed to the world have none, as in `Stepper.energy`."""
         found = []
         for data, model in zip(self._now(), self._models, strict=True):
             self._mujoco.mj_energyPos(model, data)
             self._mujoco.mj_energyVel(model, data)
-            found.append(data.energy.copy())
+            fixed = model.body_weldid == 0
+            height = data.xipos[fixed] @ model.opt.gravity
+            found.append(data.energy + np.array([model.body_mass[fixed] @ height, 0.0]))
         potential, kinetic = np.array(found).T
         return potential, kinetic
 

@@ -42,6 +42,15 @@ def test_the_digest_depends_on_the_trajectory(monkeypatch):
     assert self_test.trajectory_digest() != self_test.expected_digest()
 
 
+@pytest.mark.parametrize(("whole", "good"), [("4.0.1", True), ("3.17.0", False), (None, True)])
+def test_two_versions_of_mujoco_in_one_folder_are_named(monkeypatch, whole, good):
+    versions = {"mujoco": whole, "mujoco-core": "4.0.1"}
+    monkeypatch.setattr(diagnosis, "package_version", versions.get)
+    found = stepper.doctor.diagnose(self_test=False)
+    assert bool(found) == good
+    assert ("pip uninstall mujoco mujoco-core" in str(found)) != good
+
+
 def test_an_unknown_cpu_level_is_named_with_those_that_exist(monkeypatch):
     monkeypatch.setenv("STEPPER_CPU_LEVEL", "avx9")
     found = stepper.doctor.diagnose(self_test=False)

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 def doctor() -> None:
     """Checks this installation: versions, CPU level, optional packages, and whether a short trajectory has the expected bits.
 
-    The exit code is 1 if the bits differ, a self-test fails or STEPPER_CPU_LEVEL names an unusable level. Without the command line's
-    packages: python -m stepper.doctor
+    The exit code is 1 if the bits differ, a self-test fails, two versions of MuJoCo are mixed or STEPPER_CPU_LEVEL names an unusable
+    level. Without the command line's packages: python -m stepper.doctor
 
     Example: stepper doctor
     """

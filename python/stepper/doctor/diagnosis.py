@@ -45,11 +45,23 @@ class Diagnosis:
     self_test: dict[str, str]
 
     def __bool__(self) -> bool:
-        """Whether the level in use exists and no self-test failed. Missing extras are no fault."""
-        return not self.level_error and not any(self.self_test.values())
+        """Whether the level in use exists, MuJoCo is whole and no self-test failed. Missing extras are no fault."""
+        return not (self.level_error or self._mujoco_error or any(self.self_test.values()))
+
+    @property
+    def _mujoco_error(self) -> str:
+        """Why MuJoCo cannot be used; empty if it can, or is not installed. `mujoco` and `mujoco-core` install into the same folder."""
+        whole, core = self.versions.get("mujoco"), self.versions.get("mujoco-core")
+        if whole is None or core is None or whole == core:
+            return ""
+        return (
+            f"mujoco {whole} and mujoco-core {core} overwrite each other's files, so that no model may load: "
+            'pip uninstall mujoco mujoco-core, then pip install "stepper-sim[mjcf]"'
+        )
 
     def __str__(self) -> str:
         lines = ["Versions", *(f"  {name:<12} {version}" for name, version in self.versions.items())]
+        lines += ["", self._mujoco_error] if self._mujoco_error else []
         lines += ["", "Processor", f"  {self.cpu}, {self.cores} cores"]
         lines += [f"  {'CPU levels':<12} {', '.join(self.cpu_levels)}; in use: {self.level_error or self.cpu_level}"]
         lines += ["", "Extras", *(f"  {extra.name:<12} {extra}" for extra in self.extras)]

@@ -11,7 +11,7 @@ PACKAGES = {
     "cli": ("jinja2", "matplotlib", "rich", "scipy", "typer"),
     "envs": ("gymnasium", "mujoco-core"),
     "viewer": ("moviepy", "mujoco-core", "rerun-sdk", "viser"),
-    "train": ("gymnasium", "matplotlib", "moviepy", "mujoco-core", "rich", "scipy", "torch", "typer"),
+    "train": ("gymnasium", "imageio", "matplotlib", "moviepy", "mujoco-core", "rich", "scipy", "torch", "typer"),
     "identify": ("scipy",),
     "onnx": ("onnxruntime",),
 }

@@ -97,7 +97,7 @@ def model_file(name: str) -> str:
         spec = find_spec("gymnasium.envs.mujoco")
         folders = [] if spec is None else list(spec.submodule_search_locations or [])
         file = Path(folders[0] if folders else "gymnasium/envs/mujoco", "assets", name)
-        remedy = 'pip install "gymnasium[mujoco]", or give a path that begins with "/", "." or "~"'
+        remedy = 'pip install gymnasium, or give a path that begins with "/", "." or "~"'
     if not file.is_file():
         raise FileNotFoundError(f"there is no model file {file}: {remedy}")
     return str(file)

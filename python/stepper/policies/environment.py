@@ -103,12 +103,15 @@ def differences(one: Description, other: Description) -> list[str]:
     """Differences between two environments, a line for each: "options.contact: 'mujoco' there, 'hard' here".
 
     A setting that only one of them has is a difference, too. But where the engines differ, their line also covers what only one engine
-    has (the digest of a model, settings of its solver).
+    has (the digest of a model, settings of its solver). Randomised parameters ("theta") are left out where the environment here has none,
+    because tasks draw them at the first reset.
 
     Args:
         one: The environment there, as `describe` gives it.
         other: The environment here.
     """
+    if not other.get("theta"):
+        one = {name: value for name, value in one.items() if name != "theta"}
     there, here = dict(_leaves(one)), dict(_leaves(other))
     names = sorted(there.keys() | here.keys()) if one.get("engine") == other.get("engine") else sorted(there.keys() & here.keys())
     return [f"{name}: {_shown(there, name)} there, {_shown(here, name)} here" for name in names if there.get(name) != here.get(name)]

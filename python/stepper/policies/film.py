@@ -40,7 +40,7 @@ def check_film(env: str, **settings: Any) -> None:
 def film(
     policy: Callable[[Array], Array],
     env: str,
-    file: Path,
+    file: str | Path,
     *,
     actions: int = 300,
     seed: int = 0,
@@ -77,5 +77,5 @@ def film(
             if terminated or truncated:
                 break
         recorded.close()
-        file.parent.mkdir(parents=True, exist_ok=True)
+        Path(file).parent.mkdir(parents=True, exist_ok=True)
         shutil.move(next(Path(folder).glob("*.mp4")), file)

@@ -307,6 +307,7 @@ def train(settings: Settings, folder: Path, *, every: float = 30.0, quiet: bool 
             print(f"{run.steps:>12,} steps {run.seconds:6.0f} s  return {returns:9.1f}  length {length:6.1f}", flush=True)
         if time.perf_counter() - saved > every or run.steps >= settings.steps:
             run.save(checkpoint)
+            run.policy().save(folder / "policy.npz")
             saved = time.perf_counter()
     run.policy().save(folder / "policy.npz")
     return run
@@ -347,6 +348,9 @@ def main(words: Sequence[str] | None = None, prog: str | None = None) -> None:
     law = f"_{settings.contact}" if settings.contact else ""
     folder = out or Path("out/train", env.replace("/", "_") + law, f"seed{settings.seed}")
     if video is not None:
+        # PyTorch imports this for its first optimizer. After a picture by OpenGL in software, the import can crash the process.
+        import torch._dynamo  # noqa: F401, PLC0415
+
         check_film(env, **settings.environment())
     run = train(settings, folder)
     policy = run.policy()

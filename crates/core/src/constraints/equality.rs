@@ -70,7 +70,7 @@ impl<R: Real> RowBuilder<R> {
     /// Jacobian of two points that meet, with the error p0 - p1 (MuJoCo's `mjEQ_CONNECT`), written to `column`.
     ///
     /// Joints that move both frames turn the error and keep its length. Their columns are that rotation, as in MuJoCo, or zero if
-    /// `relative`. Without `relative` an open planar loop on an arm would hold the arm: only this rotation makes the row normal to its
+    /// `relative`. Without `relative` an open planar loop on an arm would hold the arm. This rotation alone makes the row normal to its
     /// plane independent of the others. The forces at the two points would also exert a torque on the arm.
     #[inline(always)]
     pub(crate) fn connect_points(

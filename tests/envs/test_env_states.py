@@ -226,7 +226,7 @@ def test_a_moment_that_is_over_refuses_what_nobody_read():
     height = moment.qpos.copy()
     envs.step(np.ones((N, 6)))
     np.testing.assert_array_equal(moment.qpos, height)
-    with pytest.raises(RuntimeError, match="qvel was not read at this moment"):
+    with pytest.raises(RuntimeError, match="qvel is a quantity of a past moment, which was not read then"):
         _ = moment.qvel
 
 

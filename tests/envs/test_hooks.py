@@ -199,7 +199,7 @@ def test_a_carried_name_that_there_is_not_is_an_error():
     class Wrong(Levels):
         carried = ("levle",)
 
-    with pytest.raises(ValueError, match=r"Wrong.carried has \['levle'\], episode_state has level, end, steps"):
+    with pytest.raises(ValueError, match=r"Wrong.carried names \['levle'\], .*it returns level, end, steps"):
         StepperVectorEnv(Wrong(), 1)
 
 

@@ -189,7 +189,7 @@ def test_statistics_are_those_of_gymnasiums_wrapper():
     (lambda: StepperVectorEnv("Hopper", 2, max_episode_steps=0), ValueError, "max_episode_steps is 0"),
     (lambda: StepperVectorEnv("Hopper", 2, render_mode="human"), ValueError, "render_mode is 'human', must be"),
     (lambda: StepperVectorEnv("Hopper", 2, healthy=1), TypeError, "healthy"),
-    (lambda: StepperEnv(TASKS["Hopper"](), frame_skip=2), TypeError, "Hopper is made already"),
+    (lambda: StepperEnv(TASKS["Hopper"](), frame_skip=2), TypeError, "Hopper exists already"),
     (lambda: StepperEnv("Hopper", xml_file="none.xml"), FileNotFoundError, 'none.xml: pip install "gymnasium'),
     (lambda: StepperEnv("Hopper", xml_file="/none.xml"), FileNotFoundError, "/none.xml: give the path"),
     (lambda: StepperVectorEnv("Hopper", 2).step(np.zeros((2, 3))), ResetNeeded, "call reset before step"),

@@ -38,7 +38,7 @@ def test_environments_say_how_they_are_drawn():
     ({"camera_name": "track", "default_camera_config": {}}, "give one of them"),
     ({"camera_name": "front"}, "there is no camera 'front', there are: 'track'"),
     ({"camera_id": 1}, "must be from 0 to 0, or -1"),
-    ({"default_camera_config": {"zoom": 2}}, "a camera has no ['zoom'], it has: distance"),
+    ({"default_camera_config": {"zoom": 2}}, "camera_config has ['zoom'], must be of: distance"),
     ({"default_camera_config": {"trackbodyid": 9}}, "trackbodyid is 9"),
     ({"width": 0}, "0 x 480"),
 ])  # fmt: skip

@@ -29,7 +29,7 @@ pub(crate) fn find_energy_gain<R: Real>(
     }
     displace(compiled, q, &velocity.v, scheme.time_after, &mut guard.q_end);
     let negligible = free.smooth.mass.energy_at(R::of(options.tolerance));
-    lanes.and(guard.gains_energy(compiled, kinematics, [&state.q, &state.v], &velocity.v, free, scheme, negligible))
+    lanes.and(guard.gains_energy(compiled, kinematics, [&state.q, &state.v, &velocity.v], free, scheme, negligible))
 }
 
 /// Limits the kinetic energy of the lanes `limited`.

@@ -171,17 +171,17 @@ impl<R: Real> StepResolution<R> {
     /// 98 J have 0.01 J of it. Links alone in their tree do not count: the midpoint rule conserves their energy. A gain of up to
     /// `negligible` does not count, J: constraints may hold bodies that would move fast without them, and the gain is then rounding error.
     ///
-    /// The state (q, v) before the step is `before`; the state after it is `q_end` and `v_next`.
+    /// The state before the step is (`q`, `v`); the state after it is `q_end` and `v_next`.
     pub(crate) fn gains_energy(
         &mut self,
         compiled: &LaneModel<R>,
         middle: &Kinematics<R>,
-        before: [&[R]; 2],
-        v_next: &[R],
+        [q, v, v_next]: [&[R]; 3],
         free: &FreeMotion<R>,
         scheme: &Scheme<R>,
         negligible: R,
     ) -> R::Mask {
+        let before = [q, v];
         self.place_mocap(compiled, middle);
         blend(before[1], &free.v_expected, scheme.velocity_weight, &mut self.v_forces);
         let (h, v_free) = (scheme.h, &free.v);

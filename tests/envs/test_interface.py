@@ -190,7 +190,7 @@ def test_statistics_are_those_of_gymnasiums_wrapper():
     (lambda: StepperVectorEnv("Hopper", 2, render_mode="human"), ValueError, "render_mode is 'human', must be"),
     (lambda: StepperVectorEnv("Hopper", 2, healthy=1), TypeError, "healthy"),
     (lambda: StepperEnv(TASKS["Hopper"](), frame_skip=2), TypeError, "Hopper exists already"),
-    (lambda: StepperEnv("Hopper", xml_file="none.xml"), FileNotFoundError, 'none.xml: pip install "gymnasium'),
+    (lambda: StepperEnv("Hopper", xml_file="none.xml"), FileNotFoundError, 'none.xml: pip install gymnasium'),
     (lambda: StepperEnv("Hopper", xml_file="/none.xml"), FileNotFoundError, "/none.xml: give the path"),
     (lambda: StepperVectorEnv("Hopper", 2).step(np.zeros((2, 3))), ResetNeeded, "call reset before step"),
     (lambda: StepperEnv("Hopper").step(np.zeros(3)), ResetNeeded, "call reset before step"),

@@ -143,10 +143,10 @@ def actuator_name(model: stepper.Model, actuator: Any) -> str:
 def actuator_unit(model: stepper.Model, actuator: Any) -> str:
     """Unit of a control: that of the position for servos, a number of N or N m for motors."""
     kind = model.joint(actuator.trnid).type if actuator.trntype == "joint" else actuator.trntype
-    servo, turns = actuator.bias[1] != 0.0, kind in ("hinge", "ball", "free")
+    servo, turns = actuator.biasprm[1] != 0.0, kind in ("hinge", "ball", "free")
     if servo:
         return "" if kind in ("tendon", "site") else "rad" if turns else "m"
-    return f"{actuator.gain[0] * actuator.gear:g} {'N m' if turns else 'N'}"
+    return f"{actuator.gainprm[0] * actuator.gear[0]:g} {'N m' if turns else 'N'}"
 
 
 if __name__ == "__main__":

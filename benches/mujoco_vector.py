@@ -20,6 +20,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 from stepper import Model
 from stepper.envs import StepperVectorEnv, Task
+from stepper.lab.engines import MujocoFields
 from stepper.loading import compile_source, origin_of
 
 Array = NDArray[Any]
@@ -70,7 +71,7 @@ def with_an_acceleration(spec: Any) -> Any:
     return spec.compile()
 
 
-class MujocoSim:
+class MujocoSim(MujocoFields):
     """Batch of MuJoCo environments with the part of `Stepper`'s interface that tasks use.
 
     Args:
@@ -85,9 +86,8 @@ class MujocoSim:
         if engine not in ("mujoco.batch", "mjbatch"):
             raise ValueError(f"engine is {engine!r}, must be 'mujoco.batch' or 'mjbatch': give one of these")
         m = mujoco_model(model, with_contact_forces=False) if m is None else m
-        self._batch: Any = importlib.import_module(engine).Batch(m, num_envs, threads)
-        self._bound: dict[str, Array] = {}
-        self.model, self.num_envs = model, num_envs
+        super().__init__(importlib.import_module(engine).Batch(m, num_envs, threads), num_envs)
+        self.model = model
         self.timestep = float(m.opt.timestep)
         self.status = np.zeros(num_envs, dtype=np.uint32)
         self.randomized: dict[str, Array] = {}
@@ -102,18 +102,6 @@ class MujocoSim:
             # The first read computes the quantity from the current state.
             self._batch.forward()
         return np.array(values)
-
-    def bind(self, name: str) -> Array:
-        """Live view of a field of `MjData`, (num_envs, ...), in MuJoCo's unit. Fields of the state are writable."""
-        if name not in self._bound:
-            self._bound[name] = self._batch.bind(name)
-        return self._bound[name]
-
-    def step(self, ctrl: Array | None = None, nstep: int = 1) -> None:
-        """Make steps with controls (num_envs, nu), or with the previous controls."""
-        if ctrl is not None:
-            self.bind("ctrl")[:] = ctrl
-        self._batch.step(nstep=nstep)
 
     # Signature of `Stepper.reset` as tasks call it.
     def reset(self, envs: Array | None = None, *, qpos: Array | None = None, qvel: Array | None = None, seed: Any = None) -> None:

@@ -1154,7 +1154,7 @@ class Stepper:
     def get_state(self, env: int | None = None) -> State:
         """Complete state, including the current controls.
 
-        It does not include applied inputs (`qfrc_applied`, `xfrc_applied`, mocap poses, `eq_active`) and parameters of `randomize`.
+        Applied inputs (`qfrc_applied`, `xfrc_applied`, mocap poses, `eq_active`) and parameters of `randomize` are not part of it.
 
         Args:
             env: Index of an environment. None is all.

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from stepper.lab import Outcome, Study
 from stepper.lab.comparison import compare
+from stepper.lab.study.drives import digest_of, load_file
 
 FURNITURE = """<mujoco><worldbody>
   <body name="shelf" pos="0 0 2"><geom type="box" size=".1 .1 .1" mass="3"/></body>
@@ -27,9 +28,20 @@ def test_a_study_imports_a_module_of_its_folder(tmp_path: Path):
     (tmp_path / "shelf_of_a_newcomer.py").write_text(f"SCENE = '''{FURNITURE}'''\n")
     file = tmp_path / "study_of_a_newcomer.py"
     file.write_text("import shelf_of_a_newcomer\nSCENE = shelf_of_a_newcomer.SCENE\n")
-    from stepper.lab.study.drives import load_file
-
     assert load_file(file).SCENE == FURNITURE
+
+
+def test_a_change_of_a_module_beside_a_study_changes_its_digest(tmp_path: Path):
+    """Rows of the journal would be stale otherwise."""
+    gains, deeper, file = (tmp_path / f"{name}_of_a_newcomer.py" for name in ("gains", "deeper", "drive"))
+    deeper.write_text("KP = 1.0\n")
+    gains.write_text("from deeper_of_a_newcomer import KP\n")
+    file.write_text("import numpy\nimport gains_of_a_newcomer\ndef drive(now):\n    return gains_of_a_newcomer.KP\n")
+    drive = load_file(file).drive
+    found = digest_of(drive)
+    assert digest_of(drive) == found
+    deeper.write_text("KP = 2.0\n")
+    assert digest_of(drive) != found
 
 
 def test_fixed_bodies_have_no_potential_energy_in_any_engine():

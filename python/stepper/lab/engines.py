@@ -139,7 +139,32 @@ class StepperBatch:
         self.certificates.setdefault(phase, Certificate()).add(self.sim)
 
 
-class MujocoBatch:
+class MujocoFields:
+    """Fields of a batch of MuJoCo, with its step.
+
+    Args:
+        batch: A `mujoco.batch.Batch`, or one of mjbatch.
+        num_envs: Number of environments.
+    """
+
+    def __init__(self, batch: Any, num_envs: int):
+        self._batch, self.num_envs = batch, num_envs
+        self._bound: dict[str, Array] = {}
+
+    def bind(self, name: str) -> Array:
+        """Live view of a field of `MjData`, (num_envs, ...), in MuJoCo's unit. Fields of the state are writable."""
+        if name not in self._bound:
+            self._bound[name] = self._batch.bind(name)
+        return self._bound[name]
+
+    def step(self, ctrl: Array | None = None, nstep: int = 1) -> None:
+        """Makes steps with controls (num_envs, nu), or with the previous controls."""
+        if ctrl is not None:
+            self.bind("ctrl")[:] = ctrl
+        self._batch.step(nstep=nstep)
+
+
+class MujocoBatch(MujocoFields):
     """Batch of environments in MuJoCo, `mujoco.batch.Batch`.
 
     Args:
@@ -151,10 +176,9 @@ class MujocoBatch:
     """
 
     def __init__(self, model: Any, num_envs: int, *, threads: int = 1, setting: str = "", contacts: bool = False) -> None:
-        self.name, self.num_envs = f"MuJoCo {setting}".strip(), num_envs
+        self.name = f"MuJoCo {setting}".strip()
         library = require("mujoco.batch", "to compare stepper with MuJoCo")
-        self._batch: Any = library.Batch(model, num_envs, threads, *([True] if contacts else []))
-        self._bound: dict[str, Array] = {}
+        super().__init__(library.Batch(model, num_envs, threads, *([True] if contacts else [])), num_envs)
         for name in ("qpos", "qvel", "ctrl"):
             self.bind(name)
 
@@ -179,18 +203,6 @@ class MujocoBatch:
         self.bind("qpos")[:] = qpos
         if qvel is not None:
             self.bind("qvel")[:] = qvel
-
-    def bind(self, name: str) -> Array:
-        """Live view of a field of `MjData`, (num_envs, ...), in MuJoCo's unit. Fields of the state are writable."""
-        if name not in self._bound:
-            self._bound[name] = self._batch.bind(name)
-        return self._bound[name]
-
-    def step(self, ctrl: Array | None = None, nstep: int = 1) -> None:
-        """Makes steps with controls (num_envs, nu); see `EngineBatch.step`."""
-        if ctrl is not None:
-            self._bound["ctrl"][:] = ctrl
-        self._batch.step(nstep=nstep)
 
     def record(self, phase: str) -> None:
         """Does nothing, because MuJoCo reports no residual."""

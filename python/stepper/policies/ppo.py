@@ -307,7 +307,8 @@ def train(settings: Settings, folder: Path, *, every: float = 30.0, quiet: bool 
             print(f"{run.steps:>12,} steps {run.seconds:6.0f} s  return {returns:9.1f}  length {length:6.1f}", flush=True)
         if time.perf_counter() - saved > every or run.steps >= settings.steps:
             run.save(checkpoint)
-            run.policy().save(folder / "policy.npz")
+            if run.steps < settings.steps:
+                run.policy().save(folder / "policy.npz")
             saved = time.perf_counter()
     run.policy().save(folder / "policy.npz")
     return run

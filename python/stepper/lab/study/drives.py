@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import contextlib
 import csv
 import functools
@@ -224,7 +225,8 @@ def load_file(path: Path) -> ModuleType:
 def digest_of(thing: Any) -> str:
     """SHA-256 of a drive or measure: equal digests mean equal rows.
 
-    * Function: its name, file, default arguments, closure variables, and the object of which it is a method.
+    * Function: its name, file, default arguments, closure variables, and the object of which it is a method. Modules that the file imports
+      from the folder of a study count too.
     * Object with an attribute `digest`: that attribute.
     * Other object: its class, its `state_dict()` if it has one, and its attributes, recursively. Attributes whose names begin with an
       underscore are internal state and do not count.
@@ -315,6 +317,13 @@ class _Digest:
     def _part(self, kind: str, data: bytes) -> None:
         self._hash.update(f"{len(kind)} {kind} {len(data)} ".encode() + data)
 
+    def _source(self, file: Path | None) -> None:
+        """Adds the bytes of a source file, and of the modules that it imports from the folder of a study."""
+        self._part("file", b"" if file is None else file.read_bytes())
+        if file is not None and file.parent in _study_folders():
+            for module in sorted(_imported_neighbours(file)):
+                self._part("imported module", module.read_bytes())
+
     def _sequence(self, kind: str, values: Collection[Any], where: str) -> None:
         self._part(kind, str(len(values)).encode())
         for number, own in enumerate(values):
@@ -359,7 +368,7 @@ class _Digest:
             file = _file_of(value)
             self._part("function", name_of(value).encode())
             self._part("module", str(getattr(value, "__module__", None)).encode())
-            self._part("file", b"" if file is None else file.read_bytes())
+            self._source(file)
             # Lambdas and nested functions of a file may share a name.
             if hasattr(value, "__code__") and (file is None or "<" in value.__qualname__):
                 self._part("code", _code(value.__code__))
@@ -378,7 +387,7 @@ class _Digest:
         for base in value.__mro__[:-1]:
             file = _file_of(base)
             self._part("class", f"{base.__module__} {base.__qualname__}".encode())
-            self._part("file", b"" if file is None else file.read_bytes())
+            self._source(file)
             if file is None or "<" in base.__qualname__:
                 for name, own in sorted(vars(base).items()):
                     if inspect.isfunction(own):
@@ -418,6 +427,26 @@ class _Digest:
 
 def _names(slots: str | Iterable[str]) -> list[str]:
     return [name for name in ([slots] if isinstance(slots, str) else slots) if not name.startswith("_")]
+
+
+def _study_folders() -> set[Path]:
+    """Folders of the files that `load_file` has loaded."""
+    return {Path(str(module.__file__)).parent for name, module in list(sys.modules.items()) if name.startswith(FILES)}
+
+
+@functools.cache
+def _imported_neighbours(file: Path) -> frozenset[Path]:
+    """Modules of the folder of a file that it imports, directly or through each other, without the file itself."""
+    found: set[Path] = set()
+    waiting = [file]
+    while waiting:
+        for node in ast.walk(ast.parse(waiting.pop().read_bytes())):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module] if isinstance(node, ast.ImportFrom) and node.module and not node.level else []
+            new = {path for name in names if (path := file.parent / f"{name.partition('.')[0]}.py").is_file()} - found - {file}
+            found |= new
+            waiting += new
+    return frozenset(found)
 
 
 def _file_of(thing: Any) -> Path | None:

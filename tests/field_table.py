@@ -26,12 +26,13 @@ def table() -> str:
     head = ["field", "names of", "shape", "unit", "quantity", "per environment", "identified as", "derived quantities"]
     lines = [_row(*head), "|" + "---|" * len(head)]
     for field in FIELDS.values():
+        identifiable = identified(field.name)
         element = ELEMENTS.get(field.element, field.element) if field.element or field.shape else "(the whole model)"
-        own = "yes" if field.own else ""
-        lines.append(_row(f"`{field.name}`", element, field.shape, field.unit, field.what, own, identified(field.name), field.derived))
+        varies = "yes" if field.per_environment else ""
+        lines.append(_row(f"`{field.name}`", element, field.shape, field.unit, field.quantity, varies, identifiable, field.derived))
     for name, compound in COMPOUNDS.items():
         parts = ", ".join(f"`{field}[...][{column}]`{' (negative)' if sign < 0 else ''}" for field, column, sign in compound.parts)
-        lines.append(_row(f"`{name}`", compound.element, "(nu,)", compound.unit, compound.what, "yes", identified(name), parts))
+        lines.append(_row(f"`{name}`", compound.element, "(nu,)", compound.unit, compound.quantity, "yes", identified(name), parts))
     for name, kind in KINDS.items():
         field = name.partition("[")[0]
         if field not in FIELDS and field not in COMPOUNDS:

@@ -1,6 +1,6 @@
 """stepper: a rigid-body contact stepper for robots.
 
-Load a scene with `load`, step environments of it with `Stepper`, and read in `Stepper.residual` and `Stepper.status` how well that went.
+`load` reads a scene, `Stepper` steps many environments of it. `Stepper.status` and `Stepper.residual` report how well each step was solved.
 """
 
 import importlib

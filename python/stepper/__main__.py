@@ -1,4 +1,4 @@
-"""`python -m stepper`: the command `stepper`."""
+"""Entry point of `python -m stepper`, which runs the command `stepper`."""
 
 from stepper.cli import main
 

@@ -1,4 +1,4 @@
-"""Hints for mistakes: writes to a copy, assignments to read-only attributes, and unknown names."""
+"""Error messages with hints for common mistakes: writes to a copy, assignments to read-only attributes, and unknown names."""
 
 from __future__ import annotations
 
@@ -15,60 +15,62 @@ from stepper._other_names import EARLIER_SELECTORS, NEW_KEYWORDS, NEW_KEYWORDS_O
 from stepper._stepper import Model, Stepper
 
 T = TypeVar("T")
-_NOTHING = "nothing sets it: it says how things are"
+_RESULT = "it is a result of the simulation, which cannot be set"
 _STATE = ("qpos", "qvel", "act", "time")
 _REMEDIES = {
     **{name: f"sim.set_state({name}=...) sets it" for name in _STATE},
-    "ctrl": "sim.step(ctrl) takes new controls, and holds them until others are given",
+    "ctrl": "sim.step(ctrl) sets new controls, which later steps keep",
     **dict.fromkeys(
-        ("xpos", "site_xpos", "geom_xpos", "subtree_com"), "sim.set_state(qpos=...) moves bodies, sim.mocap_pos those that the user poses"
+        ("xpos", "site_xpos", "geom_xpos", "subtree_com"), "sim.set_state(qpos=...) moves bodies, sim.mocap_pos moves mocap bodies"
     ),
     **dict.fromkeys(
-        ("xquat", "site_xquat", "geom_xquat"), "sim.set_state(qpos=...) turns bodies, sim.mocap_quat those that the user poses"
+        ("xquat", "site_xquat", "geom_xquat"), "sim.set_state(qpos=...) turns bodies, sim.mocap_quat turns mocap bodies"
     ),
     **dict.fromkeys(("body_linvel", "body_angvel"), "sim.set_state(qvel=...) sets velocities of joints, which move bodies"),
     "qfrc_bias": "it follows from qpos and qvel, which sim.set_state sets",
-    **dict.fromkeys(("actuator_force", "qfrc_actuator"), "sim.step(ctrl) takes the controls that it follows from"),
-    "qfrc_constraint": "sim.qfrc_applied has forces on joints that one can set",
-    "body_contact_force": "sim.xfrc_applied has forces on bodies that one can set",
+    **dict.fromkeys(("actuator_force", "qfrc_actuator"), "it follows from the controls, which sim.step(ctrl) sets"),
+    "qfrc_constraint": "sim.qfrc_applied sets forces on joints",
+    "body_contact_force": "sim.xfrc_applied sets forces on bodies",
     **dict.fromkeys(
         ("jnt_pos", "jnt_axis", "site_pos", "site_quat", "actuator_actrange", "tendon_jntid", "tendon_coef",
          "key_qpos", "key_qvel", "key_act", "key_ctrl"),
-        "the file of the model says it: change that, and load it again",
+        "it is defined in the model's file: change the file, and load it again",
     ),
-    "timestep": "stepper.Options(timestep=...) chooses it, and model.replace(timestep=...) a model's own",
-    "tolerance": "stepper.Options(tolerance=...) chooses it",
+    "timestep": "stepper.Options(timestep=...) sets it, and model.replace(timestep=...) sets the default of the model",
+    "tolerance": "stepper.Options(tolerance=...) sets it",
     "eq_active": "sim.eq_active[...] = ... switches equalities of each environment, model.replace(eq_active0=...) their initial state",
     "model": "make another stepper of another model, or change parameters of environments with sim.randomize(...)",
     "randomized": "sim.randomize(...) sets it",
-    **dict.fromkeys(("options", "num_envs", "precision", "threads", "sensors", "actuators"), "it is chosen when a stepper.Stepper is made"),
-    "seed": "sim.reset(seed=...) takes another",
+    **dict.fromkeys(("options", "num_envs", "precision", "threads", "sensors", "actuators"), "it is an argument of stepper.Stepper(...)"),
+    "seed": "sim.reset(seed=...) sets another",
     **dict.fromkeys(
         (
             "status", "residual", "iterations", "newton_steps", "max_penetration", "max_limit_violation", "max_equality_violation",
             "sensordata", "sensordata_ideal", "sensor_faults", "actuator_saturation", "qacc", "qacc_smooth",
         ),
-        _NOTHING,
+        _RESULT,
     ),
 }  # fmt: skip
 _CALL = re.compile(r"[\w.]+(\([^()]*\)(\.\w+)?)?")
-"""A name or a call, without words."""
+"""Pattern of a hint that is only a name or a call, without prose."""
 _LISTED = 12
-"""Names that a message lists."""
-_OF_ENVIRONMENTS = "environments have it of their own: sim.randomize({}=...) sets it"
+"""Largest number of names that an error message lists."""
+_OF_ENVIRONMENTS = "it differs between environments: sim.randomize({}=...) sets it"
 
 _OPERATORS = ("add", "sub", "mul", "matmul", "truediv", "floordiv", "mod", "pow", "lshift", "rshift", "and", "or", "xor")
 _WRITING = ("__setitem__", *(f"__i{name}__" for name in _OPERATORS), "fill", "sort", "put")
 
 
 class ReadOnly(np.ndarray[Any, Any]):
-    """A copy of numbers that a stepper or a model has. Writing to it is an error that names the call which sets them.
+    """Read-only copy of an array of a stepper or a model. Writing to it raises an error with the call that sets the values.
 
-    What is computed from it is a plain array; so is its `copy()`, to which one can write.
+    Results of arithmetic and of `copy()` are plain writable arrays.
     """
 
+    # Class attribute that `kind` sets: the error message for a write.
+
     message = ""
-    # With any other array, the other's kind is that of the result.
+    # The result of arithmetic with another array has the type of the other array.
     __array_priority__ = -1.0
 
     def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
@@ -100,7 +102,12 @@ for _name in _WRITING:
 
 
 def kind(field: str, remedy: str = "") -> type[ReadOnly]:
-    """The kind of array that a field is read as."""
+    """Subclass of `ReadOnly` for a field, with the error message for writes to it.
+
+    Args:
+        field: Name of the attribute, as "qpos".
+        remedy: Remedy in the message; "" is `remedy_of(field)`.
+    """
     message = (
         f"{field} is a read-only copy, and writing to it would change nothing: {remedy or remedy_of(field)}. Its copy() can be written to"
     )
@@ -108,31 +115,32 @@ def kind(field: str, remedy: str = "") -> type[ReadOnly]:
 
 
 def remedy_of(field: str) -> str:
-    """Call that sets an array of a stepper or a field of a model."""
+    """Remedy for an attempt to write an array of a stepper or a field of a model: the call that sets it, as the end of a message."""
     return (
         _REMEDIES.get(field)
-        or f"model.replace({field}=...) makes a model with other numbers, sim.randomize(...) gives environments their own"
+        or f"model.replace({field}=...) makes a model with other values, sim.randomize(...) sets values per environment"
     )
 
 
 def kind_of_environments(field: str) -> type[ReadOnly]:
-    """The kind of array that `Stepper.randomized` has of a field."""
+    """Subclass of `ReadOnly` for an array in `Stepper.randomized`."""
     return kind(field, _OF_ENVIRONMENTS.format(field))
 
 
 def not_assigned(owner: type, name: str) -> AttributeError:
-    """Message for an assignment to a read-only attribute."""
+    """Error for an assignment to a read-only attribute of a stepper or a model."""
     there = getattr(owner, name, None)
     if there is None:
         return no_attribute(owner, name)
-    # Fields that `replace` takes are properties; what else a model has follows from them.
+    # The fields of `Model.replace` are properties. The other attributes of a model are computed from them.
     known = name in _REMEDIES or isinstance(there, property)
-    return AttributeError(f"{name} of a stepper.{owner.__name__} cannot be assigned: {remedy_of(name) if known else _NOTHING}")
+    reason = remedy_of(name) if known else "it is a method" if callable(there) else _RESULT
+    return AttributeError(f"{name} of a stepper.{owner.__name__} cannot be assigned: {reason}")
 
 
 def no_attribute(owner: type, name: str) -> AttributeError:
-    """Error for an attribute that a class does not have: its new name, where it is instead, or similar names."""
-    hint = _place_of(owner, name) or near(name, dir(owner))
+    """Error for an attribute that a class does not have. The hint is its present name, the class that has it, or similar names."""
+    hint = _place_of(owner, name) or did_you_mean(name, dir(owner))
     return AttributeError(f"a {_public_name(owner)} has no attribute {name!r}{hint}")
 
 
@@ -143,7 +151,7 @@ def _public_name(owner: type) -> str:
 
 
 def _place_of(owner: type, name: str) -> str:
-    """Hint at an attribute that has a new name or belongs to another class, as the end of a message; empty if there is none."""
+    """Hint to the present name of an attribute or to the class that has it, as the end of a message; "" if there is no hint."""
     other = NEW_NAMES.get(owner.__name__, {}).get(name)
     if other is not None:
         return f"; did you mean {other}?" if _CALL.fullmatch(other) else f"; use {other}"
@@ -158,19 +166,19 @@ def _place_of(owner: type, name: str) -> str:
 
 
 def no_root_attribute(name: str, known: Iterable[str]) -> AttributeError:
-    """Error for a name that `stepper` does not have: its present place, or similar names."""
-    hint = f"; use {ROOT_NAMES[name]}" if name in ROOT_NAMES else near(name, known)
+    """Error for a name that the package `stepper` does not have. The hint is its present place, or similar names."""
+    hint = f"; use {ROOT_NAMES[name]}" if name in ROOT_NAMES else did_you_mean(name, known)
     return AttributeError(f"module 'stepper' has no attribute {name!r}{hint}")
 
 
 def no_name(module: str, name: str, known: Iterable[str]) -> AttributeError:
-    """Error for a name that a submodule does not have: its present name, or similar names."""
+    """Error for a name that a submodule does not have. The hint is its present name, or similar names."""
     new = NEW_NAMES.get(module, {}).get(name)
-    return AttributeError(f"module {module!r} has no attribute {name!r}{f'; did you mean {new}?' if new else near(name, known)}")
+    return AttributeError(f"module {module!r} has no attribute {name!r}{f'; did you mean {new}?' if new else did_you_mean(name, known)}")
 
 
 class Hinting(type):
-    """Metaclass of classes whose missing attributes are named in an error with a hint, as `Options.of`."""
+    """Metaclass that raises `no_attribute` with a hint for missing class attributes, as `Options.of`."""
 
     if not TYPE_CHECKING:  # Type checkers read the attributes from the stub.
 
@@ -179,22 +187,32 @@ class Hinting(type):
 
 
 def present_keyword(call: str, name: str) -> str:
-    """New name of a keyword that a call no longer has; empty if there is none."""
+    """Present name of a keyword argument from an earlier version or another library; "" if there is none."""
     return NEW_KEYWORDS_OF.get(call, {}).get(name, "")
 
 
 def unknown_keyword(call: str, name: str, known: Collection[str]) -> str:
-    """Error message for a keyword that a call does not take: its present name, similar ones, or all keywords."""
+    """Error message for an unknown keyword argument. The hint is its present name, similar names, or all keywords.
+
+    Args:
+        call: Name of the call, as "Stepper.reset".
+        name: The unknown keyword.
+        known: Keywords that the call takes.
+    """
     if present := present_keyword(call, name):
         return f"{call}() takes no {name!r}: use {present}"
     present = NEW_KEYWORDS.get(name, "")
     if present.partition("=")[0] in known:
         return f"{call}() takes no {name!r}: use {present}"
-    return f"{call}() takes no {name!r}{near_or_all(name, known) if known else ': it has no arguments'}"
+    return f"{call}() takes no {name!r}{did_you_mean_or_all(name, known) if known else ': it has no arguments'}"
 
 
 def hint_keywords(call: str) -> Callable[[type[T]], type[T]]:
-    """Decorator of a dataclass whose constructor, as `call`, names the present keyword in the error of an unknown one."""
+    """Decorator of a dataclass: an unknown keyword of its constructor raises TypeError with a hint.
+
+    Args:
+        call: Name of the constructor in the message.
+    """
 
     def with_hints(kind: type[T]) -> type[T]:
         make: Callable[..., None] = kind.__init__
@@ -209,7 +227,7 @@ def hint_keywords(call: str) -> Callable[[type[T]], type[T]]:
             make(self, *given, **named)
 
         kind.__init__ = init  # type: ignore[method-assign,assignment]
-        # Private fields are carried by dataclasses.replace, and are no part of the signature.
+        # Private fields exist for dataclasses.replace, and are left out of the public signature.
         kind.__signature__ = signature.replace(parameters=[signature.parameters[name] for name in known])  # type: ignore[attr-defined]
         return kind
 
@@ -217,15 +235,15 @@ def hint_keywords(call: str) -> Callable[[type[T]], type[T]]:
 
 
 def unknown_field(where: str, name: str, known: Iterable[str], listed: str) -> str:
-    """Error message for an unknown field: the call that sets it, fields of similar names, or where all fields are listed.
+    """Error message for an unknown field. The hint is the call that sets it, fields with similar names, or a list of all fields.
 
     Args:
-        where: Call or argument that was given the name: "Stepper.randomize", "wrt".
-        name: The name.
+        where: Call or argument with the name: "Stepper.randomize", "wrt".
+        name: The unknown name.
         known: Names that the call takes.
-        listed: What lists these names: "help(stepper.Stepper.randomize)".
+        listed: Call or page that lists these names: "help(stepper.Stepper.randomize)".
     """
-    hint = near(name, known) or f"; {listed} lists the fields"
+    hint = did_you_mean(name, known) or f"; {listed} lists the fields"
     if name in (other := NEW_NAMES.get(where, {})):
         hint = f"; did you mean {other[name]}?"
     if isinstance(getattr(Model, name, None), property):
@@ -238,27 +256,27 @@ def unknown_field(where: str, name: str, known: Iterable[str], listed: str) -> s
 
 
 def unknown(kind: str, name: str, names: list[str]) -> str:
-    """Message for a name that no element of a kind has.
+    """Error message for a name that no element of the model has.
 
     Args:
-        kind: "joint", for example.
-        name: The name that was given.
-        names: Those that there are; empty where an element has none.
+        kind: Kind of element, as "joint".
+        name: The unknown name.
+        names: Names of all elements of this kind; "" for an element without a name.
     """
     known = [other for other in names if other]
     if not known:
         return f"no {kind} {name!r}: " + (f"none of the {len(names)} has a name, give an index" if names else f"this model has no {kind}")
     listed = ", ".join(known[:_LISTED]) + (f" and {len(known) - _LISTED} more" if len(known) > _LISTED else "")
-    guess = near(name, known)
+    guess = did_you_mean(name, known)
     return f"no {kind} {name!r}{guess} There are: {listed}" if guess else f"no {kind} {name!r}, there are: {listed}"
 
 
-def near(name: str, known: Iterable[str]) -> str:
-    """The names most like one that nothing has, as the end of a message; empty when none is."""
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Up to three known names similar to an unknown one, as the end of a message ("; did you mean ...?"); "" if none is similar."""
     found = difflib.get_close_matches(name, [other for other in known if not other.startswith("_")], n=3)
     return f"; did you mean {' or '.join(found)}?" if found else ""
 
 
-def near_or_all(name: str, known: Collection[str]) -> str:
-    """Similar names, or all names if none is similar, as the end of a message."""
-    return near(name, known) or f"; there are: {', '.join(known)}"
+def did_you_mean_or_all(name: str, known: Collection[str]) -> str:
+    """Known names similar to an unknown one, or all known names if none is similar, as the end of a message."""
+    return did_you_mean(name, known) or f"; there are: {', '.join(known)}"

@@ -1,4 +1,4 @@
-"""Settings of a step."""
+"""Numerical settings of a step."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Options(metaclass=Hinting):
 
     Attributes:
         timestep: Time step, s; None is the model's.
-        contact: Law of contacts, limits, dry friction and equalities.
+        contact: Law of constraint forces, for contacts, limits, dry friction and equalities.
 
             * "hard": rigid, Signorini's condition and Coulomb's cone, each step solved to the tolerance.
             * "mujoco": MuJoCo's soft contact as its documentation defines it (computation chapter), from the model's solref, solimp,

@@ -1,6 +1,6 @@
-"""Present names by other names: those of earlier versions, of MuJoCo, Gymnasium and other batched simulators.
+"""Tables from names of earlier versions, MuJoCo, Gymnasium and other simulators to the names in stepper.
 
-`stepper._hints` makes error messages of them.
+`stepper._hints` uses them for hints in error messages.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ RENAMED = {
     "Moment": {"memory": "episode_state", "rest": "default_qpos"},
     "stepper.envs": {"Quantity": "Observation", "Draws": "Rng"},
 }
-"""Present names of tasks' methods and attributes by earlier name."""
+"""Present names of methods and attributes of tasks, by class or module and earlier name."""
 
 NEW_NAMES: dict[str, dict[str, str]] = {
     **RENAMED,
@@ -133,7 +133,7 @@ NEW_NAMES: dict[str, dict[str, str]] = {
     "StepperVectorEnv": _ENVIRONMENT,
 }
 """Present names of attributes by class and other name: earlier names, and those of MuJoCo and Gymnasium."""
-IN = {
+PLACES = {
     "actuators": ("PID", "DCMotor"),
     "derivatives": ("Kink", "Linearization"),
     "lab": (
@@ -145,9 +145,9 @@ IN = {
     "sysid": ("Episode", "FitParameter", "Identification", "Tracked", "Tracker", "identify"),
     "viewer": ("Player", "Renderer", "View", "view"),
 }
-"""Names of submodules that are tried in `stepper` itself."""
+"""Names in submodules that users may look for in `stepper` itself, by submodule."""
 ROOT_NAMES = {
-    **{name: f"stepper.{place}.{name}" for place, names in IN.items() for name in names},
+    **{name: f"stepper.{place}.{name}" for place, names in PLACES.items() for name in names},
     "Unknown": "stepper.sysid.FitParameter",
     "Reading": "stepper.sensors.SensorSpec",
     "experiments": "stepper.lab",
@@ -202,7 +202,7 @@ EARLIER_SELECTORS = {
     "kd": "actuator_kv[{}]", "delay": "actuator.delay[{}]", "bias": "sensor.bias[{}]", "scale": "sensor.scale[{}]",
     "lag": "sensor.delay[{}]",
 }  # fmt: skip
-"""Present selectors by earlier names of parameters."""
+"""Present selectors by names of parameters in earlier versions; {} stands for the names of elements."""
 
 
 NEW_KEYWORDS = {
@@ -217,7 +217,7 @@ NEW_KEYWORDS = {
     "contact": "options=stepper.Options(contact=...)",
     "observation": "sensordata",
 }  # fmt: skip
-"""Present keywords by those of earlier versions, MuJoCo and Gymnasium; a call that does not take one gives no hint."""
+"""Present keyword arguments by those of earlier versions, MuJoCo and Gymnasium. Calls without the present argument give no hint."""
 NEW_KEYWORDS_OF = {
     "Stepper.set_state": {"cold": "keep_warmstart, its opposite: cold=True is keep_warmstart=False"},
     "Stepper.reset": {"options": "qpos, qvel and keyframe"},
@@ -234,4 +234,4 @@ NEW_KEYWORDS_OF = {
         "of": "selector, as 'geom_friction[floor,box][0]'",
     },
 }
-"""Names of single calls in other libraries, with the names here."""
+"""Present keyword arguments of single calls, by call and earlier keyword."""

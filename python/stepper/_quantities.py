@@ -1,4 +1,4 @@
-"""Quantities of a stepper that are computed in Python, for the methods `Stepper.read`, `inverse_dynamics` and `rays`."""
+"""Quantities of a stepper that are computed in Python: `Stepper.read`, `Stepper.inverse_dynamics` and `Stepper.rays`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stepper._hints import near_or_all
+from stepper._hints import did_you_mean_or_all
 from stepper._stepper import Model, Stepper
 
 Array = NDArray[Any]
@@ -24,19 +24,22 @@ KINDS: dict[str, str] = {
     **dict.fromkeys(("sensordata", "sensordata_ideal"), "sensor"),
     **dict.fromkeys(("qpos", *_DOFS), "joint"),
 }
-"""Kinds of elements that quantities belong to: a row each of a body, site, geom or actuator; columns of a joint or sensor."""
+"""Kind of element of each quantity, by name. Bodies, sites, geoms and actuators have one entry each, joints and sensors one or more."""
 
 
 def read(now: Any, name: str, of: Key | Sequence[Key] | None = None) -> Array:
-    """Values of a quantity for all its elements, or for some, (num_envs, n, ...), in its unit: see `Stepper.read`.
+    """Values of a quantity for all or some elements, (num_envs, n, ...), in its unit; see `Stepper.read`.
 
     Args:
-        now: A stepper, a moment of an environment or the world of a study: all have its attributes.
-        name: The quantity.
-        of: Elements.
+        now: A `Stepper`, a `stepper.envs.Moment` or a `World` of a study, which have the same attributes.
+        name: Name of the quantity, as "xpos".
+        of: Name or index of an element, or several; None is all elements.
+
+    Raises:
+        ValueError: An unknown quantity.
     """
     if name not in KINDS:
-        raise ValueError(f"there is no quantity {name!r}{near_or_all(name, sorted(KINDS))}")
+        raise ValueError(f"there is no quantity {name!r}{did_you_mean_or_all(name, sorted(KINDS))}")
     values = np.asarray(getattr(now, name))
     if of is not None:
         axis = 0 if now.num_envs is None else 1
@@ -51,7 +54,7 @@ def inverse_dynamics(sim: Stepper, qacc: ArrayLike) -> Array:
     wanted = np.asarray(qacc, dtype=np.float64)
     if wanted.shape not in ((sim.model.nv,), (*shape, sim.model.nv)):
         raise ValueError(f"qacc has shape {wanted.shape}, must be {(*shape, sim.model.nv)} or ({sim.model.nv},)")
-    # Accelerations without constraints contain bias and passive forces, and the forces of actuators and applied forces, added below.
+    # qacc_smooth contains bias, passive, actuator and applied forces. The last two are not part of the result, and are added below.
     free = sim.qacc_smooth
     excess = np.broadcast_to(wanted, (*shape, sim.model.nv)) - free
     forces = np.einsum("...ij,...j->...i", sim.mass_matrix(), excess)
@@ -63,7 +66,14 @@ def inverse_dynamics(sim: Stepper, qacc: ArrayLike) -> Array:
 
 
 def around_body(sim: Stepper, points: ArrayLike, directions: ArrayLike, body: Key, axes: str) -> tuple[Array, Array]:
-    """Points, m, and directions in the world, (num_envs, n, 3), of rays in the frame of a body, (n, 3), m; see `Stepper.rays`.
+    """World points (m) and directions, (num_envs, n, 3) each, of rays that are given in the frame of a body; see `Stepper.rays`.
+
+    Args:
+        sim: The stepper.
+        points: Start points relative to the body, (n, 3) or (num_envs, n, 3), m.
+        directions: Direction vectors, (n, 3) or (num_envs, n, 3).
+        body: Name or index of the body.
+        axes: Axes of `points` and `directions`: "body", "heading" (turned about the vertical alone) or "world".
 
     Raises:
         ValueError: Unknown axes, or arrays of another shape.
@@ -80,7 +90,7 @@ def around_body(sim: Stepper, points: ArrayLike, directions: ArrayLike, body: Ke
 
 
 def _of_applied(sim: Stepper) -> Array:
-    """Forces on the joints of `xfrc_applied`, (num_envs, nv)."""
+    """Joint forces equivalent to `xfrc_applied`, (num_envs, nv), N or N m."""
     applied = np.asarray(sim.xfrc_applied, dtype=np.float64)
     total = np.zeros(np.shape(sim.qvel))
     for body in np.flatnonzero(np.any(applied != 0, axis=tuple(a for a in range(applied.ndim) if a != applied.ndim - 2))):
@@ -92,7 +102,7 @@ def _of_applied(sim: Stepper) -> Array:
 
 
 def _of_rays(sim: Stepper, given: ArrayLike, name: str) -> Array:
-    """Three numbers of each ray, of all environments or of each."""
+    """Array of points or directions of rays, (n, 3) or (num_envs, n, 3), after a check of its shape."""
     rows = np.asarray(given, dtype=np.float64)
     shape = () if sim.num_envs is None else (sim.num_envs,)
     if rows.ndim < 2 or rows.shape[-1] != 3 or rows.shape[:-2] not in ((), shape):
@@ -115,7 +125,7 @@ def _rotated(quat: Array, vectors: Array) -> Array:
 
 
 def _places(model: Model, kind: str, name: str, of: Key | Sequence[Key]) -> Any:
-    """Indices along the axis of the elements."""
+    """Indices of elements along the axis of a quantity; a single int for a single body, site or geom."""
     several = not isinstance(of, str | int | np.integer)
     keys: Sequence[Any] = of if several else [of]  # type: ignore[assignment]
     if kind in ("body", "site", "geom"):
@@ -135,8 +145,8 @@ def _places(model: Model, kind: str, name: str, of: Key | Sequence[Key]) -> Any:
     return columns
 
 
-def room(shape: tuple[int, ...], dtype: Any, out: Array | None) -> Array:
-    """Array of a shape and scalar type, in any unit: `out` if it is given, otherwise a new one.
+def output_array(shape: tuple[int, ...], dtype: Any, out: Array | None) -> Array:
+    """Uninitialised array (...) of a shape and scalar type for a result in any unit: `out` if it is given, otherwise a new array.
 
     Raises:
         ValueError: An `out` of another shape or scalar type.
@@ -148,28 +158,28 @@ def room(shape: tuple[int, ...], dtype: Any, out: Array | None) -> Array:
     return out
 
 
-def written(values: Array, out: Array | None) -> Array:
-    """Copy of an array, (...), in its unit, written to `out` if it is given.
+def copied(values: Array, out: Array | None) -> Array:
+    """Copy of an array (...), in its unit, written to `out` if that is given.
 
     Raises:
         ValueError: An `out` of another shape or scalar type.
     """
-    found = room(values.shape, values.dtype, out)
+    found = output_array(values.shape, values.dtype, out)
     found[...] = values
     return found
 
 
 def given_out(values: Array, out: Array | None) -> Array:
-    """An array that is the caller's already; a copy of it in `out` if that is given.
+    """The array `values` itself, (...), in its unit, or its copy in `out` if that is given.
 
     Raises:
         ValueError: An `out` of another shape or scalar type.
     """
-    return values if out is None else written(values, out)
+    return values if out is None else copied(values, out)
 
 
 def headings(quat: Array) -> Array:
-    """Angles (...) about the world's z axis to where the x axis of unit quaternions (w, x, y, z), (..., 4), points, rad."""
+    """Headings (...) of frames with unit quaternions (w, x, y, z), (..., 4): angle of the x axis about the world's z axis, rad."""
     w, x, y, z = np.moveaxis(quat, -1, 0)
     angles: Array = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     return angles

@@ -6,7 +6,7 @@ from enum import IntFlag
 
 
 class Status(IntFlag):
-    """Flags of `Stepper.status`, one word per environment, collected over all steps of the last call of `step`."""
+    """Flags of `Stepper.status`: one integer per environment, with the flags of all steps in the last call of `step`."""
 
     OK = 0
     """No flag is set: every step was solved to the tolerance, and no violation was found."""

@@ -23,7 +23,7 @@ def sim():
     (lambda sim: exec("sim.qvel += 1", {"sim": sim}), r"sim\.set_state\(qvel="),
     (lambda sim: exec("sim.time *= 0", {"sim": sim}), r"sim\.set_state\(time="),
     (lambda sim: sim.ctrl.__setitem__(slice(None), 1), r"sim\.step\(ctrl\)"),
-    (lambda sim: sim.status.fill(0), "nothing sets it"),
+    (lambda sim: sim.status.fill(0), "a result of the simulation"),
     (lambda sim: sim.xpos.__setitem__((0, 1), 0), r"sim\.set_state\(qpos="),
     (lambda sim: sim.model.body_mass.__setitem__(0, 3), r"model\.replace\(body_mass="),
     (lambda sim: exec("model.geom_friction *= 2", {"model": sim.model}), r"model\.replace\(geom_friction="),
@@ -42,10 +42,10 @@ def test_a_write_that_would_be_lost_names_the_call_to_use(sim, write, remedy):
         ("ctrl", "step"),
         ("timestep", "Options"),
         ("model", "make another"),
-        ("num_envs", "when a stepper.Stepper is made"),
-        ("residual", "nothing sets it"),
+        ("num_envs", r"an argument of stepper.Stepper\("),
+        ("residual", "a result of the simulation"),
         ("seed", r"reset\(seed="),
-        ("step", "nothing sets it"),
+        ("step", "it is a method"),
     ],
 )
 def test_an_assignment_that_nothing_takes_names_the_call_to_use(sim, name, remedy):

@@ -94,7 +94,7 @@ def test_rows_cannot_be_written():
     model = stepper_model("gymnasium/humanoid")
     with pytest.raises(ValueError, match=r"model\.replace\(jnt_range=\.\.\.\)"):
         model.joint(3).range[0] = 1
-    with pytest.raises(ValueError, match="the file of the model says it"):
+    with pytest.raises(ValueError, match="it is defined in the model's file"):
         model.joint(3).axis[0] = 1
     with pytest.raises(AttributeError):
         model.joint(3).range = 0

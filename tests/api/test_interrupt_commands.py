@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import stepper
 from models import stepper_model
-from stepper.shared.files import in_one_piece
+from stepper.shared.files import atomic_write
 from stepper.sysid import fit
 
 MODEL = "gymnasium/ant"
@@ -96,11 +96,11 @@ def test_searches_side_by_side_end_when_the_call_is_interrupted(monkeypatch):
 def test_a_file_that_was_begun_leaves_what_was_there(tmp_path):
     file = tmp_path / "kept.json"
     file.write_text("before")
-    with pytest.raises(KeyboardInterrupt), in_one_piece(file) as stream:
+    with pytest.raises(KeyboardInterrupt), atomic_write(file) as stream:
         stream.write(b"half of")
         raise KeyboardInterrupt
     assert file.read_text() == "before"
     assert list(tmp_path.iterdir()) == [file]
-    with in_one_piece(file) as stream:
+    with atomic_write(file) as stream:
         stream.write(b"after")
     assert file.read_text() == "after"

@@ -40,7 +40,7 @@ SCRIPTS = {
         (lambda: MODEL.nsensor, "use sensor_names, a list"),
         (lambda: MODEL.body_ipos.__setitem__(0, 0.0), "model.replace(body_ipos=...)"),
         (lambda: MODEL.geom("floor").friction.__setitem__(0, 0.3), "geom_friction"),
-        (lambda: SIM.ctrl.__setitem__(0, 0.1), "sim.step(ctrl) takes new controls"),
+        (lambda: SIM.ctrl.__setitem__(0, 0.1), "sim.step(ctrl) sets new controls"),
         (lambda: SIM.qpos.__setitem__(0, 0.1), "sim.set_state(qpos=...) sets it"),
         (lambda: SIM.forward, "qacc or another attribute: all follow from the state"),
         (lambda: SIM.body("box").xpos, "use read('xpos', name) for values, or sim.model.body(name)"),

@@ -19,7 +19,7 @@ from typing import Any
 import pytest
 import stepper
 from stepper import _stepper
-from stepper._other_names import IN, NEW_NAMES, ROOT_NAMES
+from stepper._other_names import NEW_NAMES, PLACES, ROOT_NAMES
 
 LISTED = Path(__file__).with_name("public_names.txt")
 RENEW = "PYTHONPATH=python:tests .venv/bin/python tests/api/test_public_names.py"
@@ -93,7 +93,7 @@ def test_the_root_has_the_engine_and_submodules_alone():
 
 
 def test_earlier_names_are_gone_and_the_message_says_where_they_are():
-    for place, names in IN.items():
+    for place, names in PLACES.items():
         for name in names:
             assert hasattr(getattr(stepper, place), name), f"stepper.{place}.{name}"
     for name, hint in ROOT_NAMES.items():

@@ -61,7 +61,7 @@ def test_its_module_is_imported_by_name():
     assert envs.reset(seed=0)[0].shape == (3, 10)
     assert is_native("push_task:me/Push-v0")
     assert not is_native("HalfCheetah-v5")
-    with pytest.raises(ValueError, match=r"there is no module 'no_such_task'.*call where no_such_task\.py is"):
+    with pytest.raises(ValueError, match=r"there is no module 'no_such_task'.*run in the folder of no_such_task\.py"):
         make("no_such_task:me/Push-v0")
 
 

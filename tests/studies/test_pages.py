@@ -20,7 +20,7 @@ from stepper.lab.study.draw import WIDEST, cliffs_of, figure_of
 from stepper.lab.study.report import _differences
 from stepper.lab.study.sweep import Cliff, Level, Sweep
 from stepper.lab.study.table import Table
-from stepper.shared.files import existing, in_words
+from stepper.shared.files import existing, os_error_message
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 BLOCK = """<mujoco model="block and plane"><option timestep="0.004"/><worldbody><geom type="plane" size="3 3 1" friction=".3"/>
@@ -261,7 +261,7 @@ def test_errors_of_the_system_in_words(kind):
     }[kind]  # fmt: skip
     error = OSError(number, "words of the system", "place/file")
     assert type(error) is kind
-    told = in_words(error)
+    told = os_error_message(error)
     assert "'place/file'" in told
     assert "Errno" not in told
     assert "give" in told

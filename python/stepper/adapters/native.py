@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode
 
 from stepper.envs import StepperVectorEnv, Task
 from stepper.envs.making import autoreset
-from stepper.shared.environments import known
+from stepper.shared.environments import import_env
 
 Env: TypeAlias = str | Task | type[Task]
 """Id of a registered Gymnasium environment, "stepper/Hopper-v5", with its episode limit; or a `Task`, or the class of one."""
@@ -42,7 +42,7 @@ def make_native(env: Env, num_envs: int, **settings: Any) -> StepperVectorEnv:
     """
     if not isinstance(env, str):
         return StepperVectorEnv(env, num_envs, **settings)
-    name = known(env)
+    name = import_env(env)
     entry: Any = gymnasium.spec(name).vector_entry_point
     kind = load_env_creator(entry) if isinstance(entry, str) else entry
     if not (isinstance(kind, type) and issubclass(kind, StepperVectorEnv)):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from stepper._stepper import ModelError
 from stepper.cli import chart, compare, demo, doctor, evaluate, explain, identify, rank, replay, report, sweep, train, tune, view
-from stepper.shared.files import in_words
+from stepper.shared.files import os_error_message
 from stepper.shared.machine import require
 
 if TYPE_CHECKING:
@@ -30,6 +30,6 @@ def main() -> None:
     try:
         application()()
     except (ImportError, ModelError, KeyError, OSError, ValueError) as error:
-        text = in_words(error) if isinstance(error, OSError) else error.args[0] if isinstance(error, KeyError) else error
+        text = os_error_message(error) if isinstance(error, OSError) else error.args[0] if isinstance(error, KeyError) else error
         print(f"stepper: {text}", file=sys.stderr)
         sys.exit(1)

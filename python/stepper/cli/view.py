@@ -22,7 +22,7 @@ from stepper.lab.study.journal import diverged
 from stepper.lab.study.points import USUAL
 from stepper.loading import ModelWarning, load
 from stepper.recording.format import HEADER
-from stepper.shared.environments import known
+from stepper.shared.environments import import_env
 from stepper.shared.machine import require
 from stepper.viewer import Player, View, log_rerun
 
@@ -185,7 +185,7 @@ def _environments(name: str, options: ViewOptions) -> Shown:
     importlib.import_module("stepper.envs")
     try:
         law = {} if options.contact is None else {"contact": options.contact}
-        envs = gymnasium.make_vec(known(name), num_envs=options.envs, **law)
+        envs = gymnasium.make_vec(import_env(name), num_envs=options.envs, **law)
     except gymnasium.error.Error as error:
         raise ValueError(f"{name} is no file, no recording and no environment: {error}") from error
     sim = getattr(envs.unwrapped, "sim", None)

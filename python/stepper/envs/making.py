@@ -1,4 +1,4 @@
-"""Arguments of environments: the task in its forms, and the autoreset mode."""
+"""Conversion of the arguments `task` and `autoreset_mode` of environments."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import gymnasium
 from gymnasium.vector import AutoresetMode, VectorEnv
 
-from stepper._hints import near_or_all, unknown_keyword
+from stepper._hints import did_you_mean_or_all, unknown_keyword
 from stepper.envs.task import Task
 from stepper.envs.tasks import TASKS
 
@@ -16,15 +16,15 @@ SETTINGS = (
     *("num_envs", "autoreset_mode", "contact", "options", "precision", "threads", "dtype", "max_episode_steps", "episode_statistics"),
     *("render_mode", "width", "height", "camera_id", "camera_name", "default_camera_config", "model"),
 )
-"""Arguments of environments that are not those of a task."""
+"""Arguments of environments that do not belong to the task."""
 
 
-def made_task(task: Task | type[Task] | str, arguments: dict[str, Any]) -> Task:
-    """Task from a task, a class of tasks or a name, with its arguments.
+def make_task(task: Task | type[Task] | str, arguments: dict[str, Any]) -> Task:
+    """Task from the argument `task` of an environment: a task itself, or a class or name whose constructor gets the arguments.
 
     Raises:
-        TypeError: No task, or unknown arguments of it.
-        ValueError: No task of that name.
+        TypeError: `task` has another type, or an argument is unknown to the task.
+        ValueError: The name is unknown.
     """
     if isinstance(task, Task):
         if arguments:
@@ -58,7 +58,7 @@ def autoreset(mode: AutoresetMode | str) -> AutoresetMode:
 
 
 def _unknown(kind: type[Task], name: str, known: list[str]) -> str:
-    """Error message for an argument that neither environments nor tasks of a kind have."""
+    """Error message for an argument that neither environments nor tasks of the class `kind` have."""
     if name == "seed":
         return f"an environment of {kind.__name__}() takes no 'seed': give it to reset(seed=...), which begins episodes under it"
     if name == "env_kwargs":
@@ -67,7 +67,7 @@ def _unknown(kind: type[Task], name: str, known: list[str]) -> str:
 
 
 def _in_words(value: Any) -> str:
-    """A value of another type than a task, in words."""
+    """Description of a value that is not a task, for an error message."""
     if value is None or isinstance(value, bool | int | float | list | tuple | dict):
         return f"{value!r} ({type(value).__name__})"
     if isinstance(value, type):
@@ -76,7 +76,7 @@ def _in_words(value: Any) -> str:
 
 
 def _remedy(value: Any) -> str:
-    """Remedy for a value that is no task, as the end of a message."""
+    """Remedy for a value that is not a task, as the end of a message."""
     if isinstance(value, gymnasium.Env | VectorEnv):
         name = value.spec.id if value.spec is not None else None
         return f": give the name of the environment{f', {name!r}' if name else ''} and num_envs, which make a batch of it"
@@ -86,7 +86,7 @@ def _remedy(value: Any) -> str:
 
 
 def _near_task(name: str) -> str:
-    """Names of tasks like one that none has, as the middle of a message."""
+    """Hint for an unknown name of a task, as the middle of a message: similar names, or a remark on a name of Gymnasium."""
     if name in gymnasium.registry:
         return f"; {name!r} is a name of Gymnasium: gymnasium.make_vec({name!r}, num_envs=...) makes its environments"
-    return near_or_all(name, sorted(TASKS))
+    return did_you_mean_or_all(name, sorted(TASKS))

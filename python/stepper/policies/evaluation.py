@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper.shared.environments import known
+from stepper.shared.environments import import_env
 from stepper.shared.machine import require
 from stepper.shared.progress import Tick, silent
 
@@ -124,7 +124,7 @@ def make(env: str, num_envs: int | None = None, *, training: bool = False, **set
     """
     gymnasium = require("gymnasium", "to run policies")
     importlib.import_module("stepper.envs")  # It registers its environments.
-    env = known(env)
+    env = import_env(env)
     try:
         spec = gymnasium.spec(env)
     except gymnasium.error.Error as error:
@@ -185,13 +185,13 @@ def is_native(env: str) -> bool:
     """Whether an id is of an environment on stepper: a task of `stepper.envs` or of the user."""
     gymnasium = require("gymnasium", "to evaluate policies")
     importlib.import_module("stepper.envs")  # It registers its environments.
-    spec = gymnasium.registry.get(known(env))
+    spec = gymnasium.registry.get(import_env(env))
     return spec is not None and str(spec.vector_entry_point) in ("stepper.envs:StepperVectorEnv", "stepper.envs.vector:StepperVectorEnv")
 
 
 def _is_vector_alone(env: str) -> bool:
     """Whether an id in Gymnasium's registry has a vector environment and no single one."""
-    spec = require("gymnasium", "to evaluate policies").registry.get(known(env))
+    spec = require("gymnasium", "to evaluate policies").registry.get(import_env(env))
     return spec is not None and spec.entry_point is None and spec.vector_entry_point is not None
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stepper.policies.environment import Description, describe, differences
-from stepper.shared.files import in_one_piece
+from stepper.shared.files import atomic_write
 
 Array = NDArray[Any]
 FORMAT = 1
@@ -148,7 +148,7 @@ class Policy:
         said = {"format": FORMAT, "clip": self.clip, "activation": self.activation}
         said |= {"environment": self.environment, "training": self.training}
         file.parent.mkdir(parents=True, exist_ok=True)
-        with in_one_piece(file) as stream:
+        with atomic_write(file) as stream:
             np.savez_compressed(stream, said=np.array(json.dumps(said)), **arrays)
 
 

@@ -41,8 +41,8 @@ from torch import Tensor, nn  # noqa: E402
 from stepper.envs import StepperVectorEnv  # noqa: E402
 from stepper.policies import Policy, check_film, describe, evaluate, film, is_native, make  # noqa: E402
 from stepper.policies.ppo_settings import Settings, arguments, copy_learner  # noqa: E402
-from stepper.shared.environments import known  # noqa: E402
-from stepper.shared.files import in_one_piece  # noqa: E402
+from stepper.shared.environments import import_env  # noqa: E402
+from stepper.shared.files import atomic_write  # noqa: E402
 
 Array = NDArray[Any]
 
@@ -234,7 +234,7 @@ class Run:
         }
         # Environments of stepper pickle with their state; others begin new episodes.
         state["envs"] = self.envs if isinstance(self.envs.unwrapped, StepperVectorEnv) else None
-        with in_one_piece(file) as stream:
+        with atomic_write(file) as stream:
             torch.save(state, stream)
 
     @classmethod
@@ -344,7 +344,7 @@ def main(words: Sequence[str] | None = None, prog: str | None = None) -> None:
         return
     if episodes < 2:
         raise ValueError(f"--evaluate is {episodes}, must be at least 2: one episode has no confidence interval")
-    env = known(env)
+    env = import_env(env)
     settings = Settings.of_task(env, **{name: value for name, value in given.items() if value is not None})
     law = f"_{settings.contact}" if settings.contact else ""
     folder = out or Path("out/train", env.replace("/", "_") + law, f"seed{settings.seed}")

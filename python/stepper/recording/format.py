@@ -25,7 +25,7 @@ from typing import Any, BinaryIO, cast
 
 import numpy as np
 
-from stepper.shared.files import existing, in_one_piece
+from stepper.shared.files import atomic_write, existing
 
 Arrays = dict[str, np.ndarray[Any, Any]]
 Header = dict[str, Any]
@@ -81,7 +81,7 @@ def digest_of(file: BinaryIO) -> str:
 def write_header(folder: Path, head: Header) -> None:
     """Writes run.json with its checksum, in one piece."""
     text = json.dumps(head | {"sha256": _digest_of_header(head)}, indent=2) + "\n"
-    with in_one_piece(folder / HEADER) as file:
+    with atomic_write(folder / HEADER) as file:
         file.write(text.encode())
 
 

@@ -16,7 +16,7 @@ from stepper.loading import origin_of
 from stepper.recording.failures import Failures
 from stepper.recording.format import COMPARED, FIELDS, FORMAT, KINDS, MODEL, digest_of, write_header
 from stepper.shared.fields import APPLIED
-from stepper.shared.files import in_one_piece
+from stepper.shared.files import atomic_write
 from stepper.shared.machine import provenance
 
 if TYPE_CHECKING:
@@ -135,7 +135,7 @@ class Recorder:
     def _write_rows(self) -> None:
         stacked = {name: np.stack(rows) for name, rows in self._steps.items() if rows}
         final = self.path / f"{len(self._files):05d}.npz"
-        with in_one_piece(final) as file:
+        with atomic_write(final) as file:
             np.savez(file, kind=np.array(self._kinds, np.uint8), **stacked, **self._others)  # type: ignore[arg-type]
             file.seek(0)
             digest = digest_of(file)

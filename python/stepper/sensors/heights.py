@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stepper._quantities import headings, room
+from stepper._quantities import headings, output_array
 from stepper._stepper import Model, Stepper
 from stepper.loading.load import compile_source
 from stepper.loading.origins import Origin, origin_of
@@ -134,7 +134,7 @@ class HeightField:
             raise ValueError(f"places has shape {given.shape}, must be {(*axes, 'n', 2)} or ('n', 2)")
         shift = pos if sim is None else pos[..., None, :]
         local = _turned(given - shift[..., :2], -angle if sim is None else -angle[..., None])
-        found = room(local.shape[:-1], np.dtype(np.float64), out)
+        found = output_array(local.shape[:-1], np.dtype(np.float64), out)
         self._grid.at(local, found)
         found += shift[..., 2]
         return _filled(found, beyond)
@@ -197,7 +197,7 @@ class HeightField:
         if given.ndim != 2 or given.shape[1] != 2:
             raise ValueError(f"offsets has shape {given.shape}, must be (n, 2)")
         pos, angle = pose
-        found = room((*angles.shape, len(given)), np.dtype(np.float64), out)
+        found = output_array((*angles.shape, len(given)), np.dtype(np.float64), out)
         rows = found if found.flags.c_contiguous else np.empty(found.shape)
         local, height = np.atleast_2d(_turned(places - pos[..., :2], -angle)), pos[..., 2, None]
         self._grid.around(local, np.atleast_1d(angles - angle), given, rows.reshape(len(local), len(given)))

@@ -1,4 +1,4 @@
-"""Names of environments, as the command line and functions of others take them."""
+"""Names of Gymnasium environments, also of environments that modules outside stepper register."""
 
 from __future__ import annotations
 
@@ -6,11 +6,16 @@ import importlib
 import sys
 
 
-def known(env: str) -> str:
-    """Name of an environment for `gymnasium.make`.
+def import_env(env: str) -> str:
+    """Import the module that registers an environment, if the name has one before a colon.
 
-    A module before a colon is imported: "push_task:me/Push-v0" imports push_task and gives "me/Push-v0". Modules in the working folder
-    are found too.
+    The name "push_task:me/Push-v0" imports the module push_task, which may be in the working folder, and gives "me/Push-v0".
+
+    Args:
+        env: Name of the environment, with or without a module.
+
+    Returns:
+        The name without the module, for `gymnasium.make`.
 
     Raises:
         ValueError: There is no such module.
@@ -24,7 +29,7 @@ def known(env: str) -> str:
     except ModuleNotFoundError as error:
         if error.name != module.partition(".")[0] and error.name != module:
             raise
-        raise ValueError(f"there is no module {module!r}, which {env!r} names: call where {module}.py is, or install it") from error
+        raise ValueError(f"there is no module {module!r}, which {env!r} names: run in the folder of {module}.py, or install it") from error
     finally:
         sys.path.remove("")
     return name

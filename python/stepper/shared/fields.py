@@ -1,6 +1,6 @@
 """Table of fields: arrays of a model that can vary, parameters made of several fields, and arrays that users write to a stepper.
 
-`FIELDS` has every field of `Model.replace`; `Field.own` marks those that `Stepper.randomize` takes. Selectors
+`FIELDS` has every field of `Model.replace`; `Field.per_environment` marks those that `Stepper.randomize` takes. Selectors
 (`stepper.shared.selectors`) name parts of a field. docs/reference/what_can_vary.md is this table.
 """
 
@@ -33,42 +33,42 @@ _DERIVED = {
     "geom_pos": "Contacts and sensors; no mass, no inertia and no centre of mass.",
     "dof_armature": "Inverse weights of MuJoCo's contact law, by `replace`.",
 }
-"""Quantities that follow a field, where that is not plain."""
+"""Other quantities that change with a field, by name of the field, where they are not obvious."""
 
 
 @dataclass(frozen=True)
 class Field:
-    """Field of a model.
+    """Field of a model: an array that `Model.replace` can change.
 
     Attributes:
-        name: Name in MuJoCo's vocabulary.
-        element: Kind of the elements that have its rows: "body", "geom", "pair", "joint", "dof" and "coordinate" (both by joint), "tendon",
-            "equality", "actuator"; "" of the whole model.
-        shape: Shape in words: "(ngeom, 3)"; "" of a single number.
-        what: Quantity in words.
+        name: Name in MuJoCo's vocabulary, as "geom_friction".
+        element: Kind of element that has one row of the array: "body", "geom", "pair", "joint", "tendon", "equality", "actuator", "dof" or
+            "coordinate". Rows of the last two are selected by joint. It is "" for fields of the whole model.
+        shape: Shape as text: "(ngeom, 3)"; "" for a single number.
+        quantity: Description of the quantity.
         unit: Unit.
-        own: Whether values may differ between environments (`Stepper.randomize`).
-        derived: Quantities that follow from it.
+        per_environment: Whether values may differ between environments (`Stepper.randomize`).
+        derived: Description of other quantities that change with the field; "" for none.
     """
 
     name: str
     element: str
     shape: str
-    what: str
+    quantity: str
     unit: str
-    own: bool
+    per_environment: bool
     derived: str = ""
 
 
-def _field(name: str, shape: str, what: str, unit: str, own: bool) -> Field:
+def _field(name: str, shape: str, quantity: str, unit: str, per_environment: bool) -> Field:
     element = _ELEMENTS.get(shape.strip("()").partition(",")[0], "")
-    return Field(name, element, shape, what, unit, own, _DERIVED.get(name, ""))
+    return Field(name, element, shape, quantity, unit, per_environment, _DERIVED.get(name, ""))
 
 
 FIELDS: dict[str, Field] = {row[0]: _field(*row) for row in _stepper.fields()}
 """Fields of a model by name."""
-RANDOMIZED: dict[str, str] = {name: field.element for name, field in FIELDS.items() if field.own}
-"""Fields of `Stepper.randomize`, and the kind of element whose rows they have."""
+RANDOMIZED: dict[str, str] = {name: field.element for name, field in FIELDS.items() if field.per_environment}
+"""Kind of element (`Field.element`) of each field that `Stepper.randomize` takes, by name of the field."""
 
 
 @dataclass(frozen=True)
@@ -76,15 +76,15 @@ class Compound:
     """Parameter that is a number in one or more fields.
 
     Attributes:
-        element: Kind of the elements that have it.
-        parts: Field, column and sign of each number.
-        what: Quantity in words.
+        element: Kind of the elements that have it, as "actuator".
+        parts: Field, column and sign of each number: a value v of the parameter sets field[element, column] = sign * v.
+        quantity: Description of the quantity.
         unit: Unit.
     """
 
     element: str
     parts: tuple[tuple[str, int, float], ...]
-    what: str
+    quantity: str
     unit: str
 
 
@@ -94,26 +94,26 @@ COMPOUNDS = {
     ),
     "actuator_kv": Compound("actuator", (("actuator_biasprm", 2, -1.0),), "velocity gain of a servo", "N s/m or N m s/rad"),
 }
-"""Parameters that are numbers of several fields, by name."""
+"""Parameters made of numbers in one or more fields, by name."""
 
 APPLIED = ("qfrc_applied", "xfrc_applied", "mocap_pos", "mocap_quat", "eq_active")
 """Arrays of a stepper that users write and every step reads, in the order of a pickled stepper."""
 OF_PAIRS: dict[str, str] = {"geom_friction": "pair_friction", "geom_restitution": "pair_restitution"}
-"""Fields of geoms that contacts of an explicit pair have from the pair instead, and the pair's fields."""
+"""Fields of explicit pairs that replace a field of the two geoms in contacts of the pair, by name of the geom field."""
 
 
 def check_pairs(model: Model, field: str, geoms: Collection[int], pairs: Collection[int], remedy: str) -> None:
-    """Checks that no explicit pair overrides a field of some geoms.
+    """Check that no explicit pair overrides a field of some geoms.
 
     Args:
         model: The scene.
         field: A field of geoms, as "geom_friction".
-        geoms: Geoms whose numbers change.
-        pairs: Pairs whose own field changes too, which is allowed.
+        geoms: Indices of the geoms whose values change.
+        pairs: Indices of the explicit pairs whose corresponding field changes too. These pass the check.
         remedy: Remedy for the error message, with {pair} where the label of the pair belongs.
 
     Raises:
-        ValueError: A pair that overrides the field of one of the geoms, with the remedy.
+        ValueError: A pair overrides the field of one of the geoms; the message has the remedy.
     """
     for k in range(model.npair if field in OF_PAIRS else 0):
         pair = model.pair(k)

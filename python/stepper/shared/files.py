@@ -10,15 +10,15 @@ from typing import BinaryIO
 
 
 def existing(path: str | os.PathLike[str], what: str) -> Path:
-    """The path of a file that must exist.
+    """Check that a file exists, and return its path.
 
     Args:
         path: The path.
-        what: What the file is, for the message: "model".
+        what: Kind of file, for the error message: "model".
 
     Raises:
-        FileNotFoundError: There is none; the message names the file, the working folder and the remedy.
-        IsADirectoryError: A folder is there.
+        FileNotFoundError: The file does not exist; the message names the file, the working folder and the remedy.
+        IsADirectoryError: The path is a folder.
     """
     file = Path(path)
     if not file.exists():
@@ -29,11 +29,16 @@ def existing(path: str | os.PathLike[str], what: str) -> Path:
 
 
 @contextlib.contextmanager
-def in_one_piece(path: Path) -> Iterator[BinaryIO]:
-    """Atomic writing of a file: it replaces the old file only when it is complete. After an exception the old file is unchanged.
+def atomic_write(path: Path) -> Iterator[BinaryIO]:
+    """Context manager that writes a file atomically.
+
+    The new file replaces the old one when the block ends. After an exception the old file is unchanged.
+
+    Args:
+        path: Path of the file.
 
     Yields:
-        Stream of a temporary file in the same folder, for writing and reading.
+        Binary stream of a temporary file in the same folder, for writing and reading.
     """
     partial = path.with_name(f"{path.name}.part")
     try:
@@ -45,8 +50,8 @@ def in_one_piece(path: Path) -> Iterator[BinaryIO]:
         raise
 
 
-def in_words(error: OSError) -> str:
-    """Message of an error of the operating system: the file, the problem, and the remedy, without the error number."""
+def os_error_message(error: OSError) -> str:
+    """Error message for users from an error of the operating system: the file, the problem and the remedy, without the error number."""
     if error.errno is None or error.filename is None:
         return str(error)
     name = os.fsdecode(error.filename)
@@ -54,11 +59,11 @@ def in_words(error: OSError) -> str:
         return _absent(Path(name), "file")
     remedies = {
         IsADirectoryError: "give the path of a file in it",
-        NotADirectoryError: "give a path whose folders are folders",
+        NotADirectoryError: "give a path in which every part before the file is a folder",
         FileExistsError: "give another path, or remove it",
         PermissionError: "change its permissions, or give another path",
     }
-    remedy = next((text for kind, text in remedies.items() if isinstance(error, kind)), "see to the disk, or give another path")
+    remedy = next((text for kind, text in remedies.items() if isinstance(error, kind)), "check the disk, or give another path")
     return f"{name!r} cannot be used: {os.strerror(error.errno).lower()}; {remedy}"
 
 

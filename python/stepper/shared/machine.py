@@ -1,4 +1,4 @@
-"""Machine of a measurement, and the limit to one core."""
+"""Optional packages, processor cores, and the machine and versions of a measurement."""
 
 from __future__ import annotations
 
@@ -43,6 +43,7 @@ INSTALL = {
     "typer": 'pip install "stepper-sim[cli]"',
     "viser": 'pip install "stepper-sim[viewer]"',
 }
+"""Command that installs an optional module, by name of the module."""
 
 
 class MissingPackageError(ImportError):
@@ -50,18 +51,18 @@ class MissingPackageError(ImportError):
 
 
 def require(module: str, purpose: str, extra: str = "") -> ModuleType:
-    """Imports an optional module.
+    """Import an optional module.
 
     Args:
         module: Dotted name of the module.
-        purpose: Purpose for the message: the end of the sentence "... is needed ".
-        extra: Extra of stepper whose installation is the remedy; that of `INSTALL` by default.
+        purpose: Purpose, which ends the sentence "<module> is needed ..." of the error message: "to draw charts".
+        extra: Extra of the package stepper-sim that contains the module, as "cli". With "" the remedy is the command in `INSTALL`.
 
     Returns:
         The module.
 
     Raises:
-        MissingPackageError: It is not installed.
+        MissingPackageError: The module is not installed.
     """
     import importlib.metadata  # noqa: PLC0415  imported late: slow, and seldom used
 
@@ -75,7 +76,7 @@ def require(module: str, purpose: str, extra: str = "") -> ModuleType:
 
 
 def package_file(package: str, file: str, purpose: str) -> str:
-    """Path of a file of an installed package, found without importing it.
+    """Path of a file in an installed package. The package is not imported.
 
     Args:
         package: Name of the package.
@@ -99,7 +100,7 @@ def _missing(module: str, purpose: str, extra: str = "") -> MissingPackageError:
 
 
 def allowed_cores() -> set[int]:
-    """Cores that this process may use; all of them where the system has no such list."""
+    """Indices of the processor cores that this process may use; all cores on systems other than Linux."""
     if sys.platform == "linux":
         return os.sched_getaffinity(0)
     return set(range(os.cpu_count() or 1))
@@ -107,10 +108,10 @@ def allowed_cores() -> set[int]:
 
 @contextlib.contextmanager
 def one_core() -> Iterator[int | None]:
-    """Keeps this process on one core, the last of those it may use.
+    """Context manager that pins this process to one core, the last of those that it may use.
 
     Yields:
-        The core; None on systems that have no such call, where the scheduler decides.
+        Index of the core; None on systems other than Linux, where the process is not pinned.
     """
     if sys.platform != "linux":
         yield None
@@ -125,7 +126,7 @@ def one_core() -> Iterator[int | None]:
 
 
 def cpu_name() -> str:
-    """The processor's name as the system gives it."""
+    """Name of the processor as the operating system reports it."""
     cpuinfo = Path("/proc/cpuinfo")
     if cpuinfo.exists():
         for line in cpuinfo.read_text().splitlines():
@@ -145,7 +146,7 @@ def package_version(name: str) -> str | None:
 
 
 def provenance() -> dict[str, object]:
-    """Provenance of a figure: command, machine, versions, load."""
+    """Provenance of a measurement: command, time, processor, load average and versions of packages, by name."""
     packages = ("mujoco-core", "dm_control", "numpy", "scipy", "matplotlib")
     load = round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None
     return {

@@ -1,4 +1,4 @@
-"""Tasks of Ray: calls of a function, on one machine or a cluster."""
+"""Parallel calls of a function as tasks of Ray, on one machine or a cluster."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from stepper.shared.machine import require
 
 
 def running_ray(purpose: str, *, log_to_driver: bool = True) -> ModuleType:
-    """The library Ray, which is started here if it does not run.
+    """Module `ray`, after `ray.init` if Ray is not running.
 
     Args:
-        purpose: As of `stepper.shared.machine.require`.
-        log_to_driver: Whether this process prints the output of the workers, if Ray is started here.
+        purpose: Purpose of Ray for the error message; see `stepper.shared.machine.require`.
+        log_to_driver: Whether this process prints the output of the workers, if this call starts Ray.
 
     Raises:
         MissingPackageError: Ray is not installed.
@@ -28,17 +28,17 @@ def running_ray(purpose: str, *, log_to_driver: bool = True) -> ModuleType:
 def each_task(
     ray: ModuleType, run: Callable[..., Any], shared: Iterable[Any], cases: Iterable[Any], **options: Any
 ) -> Generator[tuple[int, Any], None, None]:
-    """Calls `run(*shared, case)` for every case, each call as a task. If one fails, the others are cancelled.
+    """Call `run(*shared, case)` for every case, each call as a task of Ray. If a call fails, the others are cancelled.
 
     Args:
-        ray: The library, running.
+        ray: Module `ray`, initialised.
         run: The function.
         shared: Arguments of all calls, which Ray stores once.
         cases: Last argument of each call.
         **options: Options of Ray for a task, as num_cpus=2.
 
     Yields:
-        Number of a case and what its call returned, in the order in which the calls end.
+        Index of a case and the return value of its call, in the order in which the calls end.
 
     Raises:
         ray.exceptions.RayTaskError: The error of a call.
@@ -49,8 +49,8 @@ def each_task(
     try:
         while waiting:
             (done,), _ = ray.wait(list(waiting), num_returns=1)
-            made = ray.get(done)
-            yield waiting.pop(done), made
+            result = ray.get(done)
+            yield waiting.pop(done), result
     finally:
         for left in waiting:
             ray.cancel(left)

@@ -1,4 +1,4 @@
-"""Rotations of rigid bodies."""
+"""Conversions of unit quaternions and rotation matrices."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Selectors: one spelling of a parameter, `field`, `field[names]` or `field[names][columns]`.
+"""Selectors: texts that name numbers of a field, as `field`, `field[names]` or `field[names][columns]`.
 
     geom_friction                        all numbers of a field
     geom_friction[floor,box][0]          sliding friction of two geoms
@@ -8,7 +8,8 @@
     gravity[2]                           fields of the whole model have columns alone
     geom_friction['a,b'][0]              names with , [ ] ' or " are quoted, and so are names of digits
 
-Selected numbers have a shape as in NumPy: one name or index of one row, and one column, have no axis; several and patterns have one.
+The shape of the selected numbers follows NumPy's indexing. A single name or index that selects one row gives no axis for elements.
+Several names or a pattern give one. Likewise, a single column gives no axis, and several columns give one.
 """
 
 from __future__ import annotations
@@ -24,31 +25,31 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stepper._hints import near, unknown, unknown_field
+from stepper._hints import did_you_mean, unknown, unknown_field
 from stepper._other_names import EARLIER_SELECTORS
 from stepper._stepper import Model, Stepper, selected
 from stepper.shared.fields import COMPOUNDS, FIELDS, RANDOMIZED
 
 Array = NDArray[np.float64]
 Item = str | int
-"""Name, pattern or index of an element."""
+"""Element of a model in a selector: a name, a pattern with * or ?, or an index."""
 
 _ITEM = r"""\s*(?:'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*"|[^\[\],'"]+)\s*"""
 _LIST = rf"\[({_ITEM}(?:,{_ITEM})*)\]\s*"
 _TEXT = re.compile(rf"\s*([A-Za-z_][\w.]*)\s*(?:{_LIST})?(?:{_LIST})?", re.DOTALL)
 _EARLIER = re.compile(r"\s*(\w+):([^=]+)(.*)", re.DOTALL)
 _JOINT_ROWS = {"dof": ("dofadr", "nv"), "coordinate": ("qposadr", "nq")}
-"""Attributes of a joint with the first row and the number of rows of kinds that belong to joints."""
+"""For the fields of degrees of freedom and coordinates: the attributes of a joint for its first row and its number of rows."""
 
 
 @dataclass(frozen=True)
 class Selector:
-    """Numbers of a field, by names and columns.
+    """Selector of numbers in a field.
 
     Attributes:
         field: Name of the field.
         elements: Names, patterns and indices of elements; None is all.
-        columns: Indices of numbers of each element, or of the field if it belongs to the whole model; None is all.
+        columns: Column indices of each element's row; for a field of the whole model, indices of its numbers. None is all.
     """
 
     field: str
@@ -73,7 +74,7 @@ def _global(field: str) -> bool:
 
 
 def _quoted(item: Item) -> str:
-    """An element as `parse` reads it."""
+    """Text of an element in a selector, in quotes where `parse` needs them."""
     if isinstance(item, int):
         return str(item)
     plain = item and item == item.strip() and item.isprintable() and not re.search(r"""[\[\],'"\\]|^-?[0-9]+$""", item)
@@ -81,15 +82,15 @@ def _quoted(item: Item) -> str:
 
 
 def parse(text: str, where: str = "selector") -> Selector:
-    """The selector that a text spells.
+    """Parse a selector.
 
     Args:
         text: `field`, `field[names]` or `field[names][columns]`.
-        where: Argument that has the text, for errors.
+        where: Name of the argument with the text, for error messages.
 
     Raises:
-        TypeError: No text.
-        ValueError: Another spelling.
+        TypeError: `text` is not a str.
+        ValueError: The text is not a selector.
     """
     found, rest = parse_start(text, where)
     if rest:
@@ -98,14 +99,14 @@ def parse(text: str, where: str = "selector") -> Selector:
 
 
 def parse_start(text: str, where: str = "selector") -> tuple[Selector, str]:
-    """Selector at the beginning of a text, and the rest of the text; see `parse`."""
+    """Selector at the beginning of a text, and the rest of the text: "" or "=...". See `parse`."""
     if not isinstance(text, str):
         raise TypeError(f"{where} is {text!r}, must be a str, as 'geom_friction[floor,box][0]'")
     return _parsed(text, where)
 
 
 def parse_range(text: str, where: str = "selector") -> tuple[Selector, tuple[float, float] | None]:
-    """A selector with the range behind it, as "geom_friction[floor][0]=0.1..2", or without one; see `parse`."""
+    """Selector and its range (low, high) from a text such as "geom_friction[floor][0]=0.1..2"; the range is None if the text has none."""
     selector, rest = parse_start(text, where)
     if not rest:
         return selector, None
@@ -150,7 +151,7 @@ def _items(part: str, text: str, where: str) -> tuple[Item, ...]:
 
 
 def _spelling(where: str, text: str) -> ValueError:
-    """Error of a text that is no selector; of an earlier spelling it has the present one."""
+    """Error for a text that is not a selector. If it has the form "mass:box" of an earlier version, the message gives the present form."""
     earlier = _EARLIER.fullmatch(text)
     if earlier is None:
         return ValueError(
@@ -160,19 +161,19 @@ def _spelling(where: str, text: str) -> ValueError:
     field, names, rest = earlier.groups()
     form = f"{field}[{{}}]" if field in FIELDS else EARLIER_SELECTORS.get(field)
     if form is None:
-        return ValueError(f"{where} has {text!r}: write 'field[{names}]'{near(field, [*FIELDS, *EARLIER_SELECTORS])}")
+        return ValueError(f"{where} has {text!r}: write 'field[{names}]'{did_you_mean(field, [*FIELDS, *EARLIER_SELECTORS])}")
     listed = ",".join(re.sub("^#", "", name.strip()) for name in names.split(","))
     return ValueError(f"{where} has {text!r}: write '{form.format(listed)}{rest}'")
 
 
 @dataclass(frozen=True)
 class Part:
-    """Numbers of one field that a selector selects.
+    """Numbers that a selector selects in one field.
 
     Attributes:
         field: Name of the field.
-        index: Places in the flat row of the field, in the shape of the values.
-        sign: Factor from values to numbers.
+        index: Indices into the flattened field. Its shape is that of the selector's values.
+        sign: Factor, 1 or -1, from a value of the selector to a number of the field.
     """
 
     field: str
@@ -181,7 +182,7 @@ class Part:
 
 
 def parts_of(model: Model, selector: Selector, where: str = "selector") -> list[Part]:
-    """Numbers of fields that a selector selects: of one field, or of those that a compound parameter stands for.
+    """Numbers that a selector selects, per field. A compound parameter (`COMPOUNDS`) can have numbers in several fields.
 
     Raises:
         ValueError: An unknown field, element or column.
@@ -196,7 +197,7 @@ def parts_of(model: Model, selector: Selector, where: str = "selector") -> list[
 
 
 def numbers_of(model: Model, selector: Selector, where: str = "selector") -> frozenset[tuple[str, int]]:
-    """Field and place of each number that a selector selects: equal for all spellings of one selector.
+    """Field and flat index of each number that a selector selects. Selectors of the same numbers give equal sets.
 
     Raises:
         ValueError: An unknown field, element or column.
@@ -205,7 +206,7 @@ def numbers_of(model: Model, selector: Selector, where: str = "selector") -> fro
 
 
 def places(model: Model, selector: Selector, where: str = "selector") -> NDArray[np.int64]:
-    """Indices of selected numbers in the flat row of their field, (elements, columns) as the values.
+    """Indices of the selected numbers in the flattened field, with the axes (elements, columns); see the module for axes that are left out.
 
     Raises:
         ValueError: An unknown field, element or column.
@@ -234,7 +235,7 @@ def places(model: Model, selector: Selector, where: str = "selector") -> NDArray
 
 
 def _columns(index: NDArray[np.int64], columns: Sequence[int], selector: Selector, where: str) -> NDArray[np.int64]:
-    """Columns of an array of places; one column has no axis."""
+    """Selected columns of an array of indices; a single column has no axis."""
     width = index.shape[-1] if index.ndim else 0
     if wrong := [column for column in columns if not -width <= column < width]:
         there = f"columns are 0 to {width - 1}" if width else "it is a single number; leave out the columns"
@@ -246,7 +247,7 @@ def _columns(index: NDArray[np.int64], columns: Sequence[int], selector: Selecto
 
 
 def _of_joints(rows: Sequence[int | range], selector: Selector, where: str, *, one: bool) -> NDArray[np.int64]:
-    """Places of degrees of freedom or coordinates of joints by name, chosen by columns."""
+    """Indices of the degrees of freedom or coordinates of some joints, of which `columns` selects some per joint."""
     if any(isinstance(own, int) for own in rows):
         raise ValueError(f"{where} has '{selector}': an index is one row of {selector.field}; leave out the columns, or name a joint")
     columns = selector.columns or ()
@@ -258,18 +259,21 @@ def rows_of(model: Model, kind: str, items: Sequence[Item] | None, where: str = 
     """Indices of elements of a kind ("geom", "joint", "dof") by names, patterns and indices; None is all.
 
     Raises:
-        ValueError: An item that no element fits.
+        ValueError: An item matches no element.
     """
     return _flat(_chosen(model, kind, item, where)[0] for item in (("*",) if items is None else items))
 
 
 def _flat(chosen: Iterable[Iterable[int | range]]) -> list[int]:
-    """Indices of rows and of ranges of rows, each once."""
+    """List of row indices from indices and ranges, in their order and without duplicates."""
     return list(dict.fromkeys(int(k) for rows in chosen for part in rows for k in np.atleast_1d(part)))
 
 
 def _chosen(model: Model, kind: str, item: Item, where: str) -> tuple[list[Any], bool]:
-    """Rows that an item selects (ranges of rows of joints for kinds that belong to them), and whether it is an index or an exact name."""
+    """Rows that an item selects, and whether the item is an index or an exact name (not a pattern).
+
+    For "dof" and "coordinate" a joint's rows are one range.
+    """
     labels = _labels(model, kind)
     if isinstance(item, int):
         count = len(labels) if kind not in _JOINT_ROWS else int({"dof": model.nv, "coordinate": model.nq}[kind])
@@ -296,7 +300,7 @@ def _chosen(model: Model, kind: str, item: Item, where: str) -> tuple[list[Any],
 
 
 def _labels(model: Model, kind: str) -> list[list[str]]:
-    """Names of every element, "" where it has none, and further labels: "body/geom" of a geom, "geom/geom" of an explicit pair."""
+    """Labels of each element. The first is its name, "" if it has none. Geoms also have "body/geom", explicit pairs "geom/geom"."""
     if kind == "equality":
         return [[""] for _ in range(len(model.eq_active0))]
     names = list(getattr(model, f"{'joint' if kind in _JOINT_ROWS else kind}_names"))
@@ -310,10 +314,19 @@ def _labels(model: Model, kind: str) -> list[list[str]]:
 
 
 def randomized_fields(sim: Stepper, values: Mapping[str, ArrayLike | None], envs: Any, fields: Mapping[str, Any] | None) -> dict[str, Any]:
-    """Whole fields for `Stepper.randomize` from values by selector, and those that were given whole.
+    """Complete arrays for `Stepper.randomize`, from values by selector and from fields given as arrays.
+
+    Args:
+        sim: The stepper.
+        values: Values by selector; None restores the model's value.
+        envs: Boolean mask (num_envs,) or indices (n,); None is all.
+        fields: Complete arrays by name of the field.
+
+    Returns:
+        Arrays by name of the field. Numbers that no selector names keep their present values.
 
     Raises:
-        ValueError: An unknown selector, a wrong shape, a number that is given twice.
+        ValueError: A selector is unknown, a shape is wrong, or a number is given twice.
     """
     model, n = sim.model, sim.num_envs or 1
     by_index = envs is not None and np.asarray(envs).dtype != np.bool_
@@ -330,11 +343,19 @@ def randomized_fields(sim: Stepper, values: Mapping[str, ArrayLike | None], envs
 
 
 def replaced_fields(model: Model, values: Any, fields: Mapping[str, Any] | None) -> dict[str, Any]:
-    """Whole fields for `Model.replace` from values by selector, and those that were given whole.
+    """Complete arrays for `Model.replace`, from values by selector and from fields given as arrays.
+
+    Args:
+        model: The model.
+        values: Values by selector.
+        fields: Complete arrays by name of the field.
+
+    Returns:
+        Arrays by name of the field. Numbers that no selector names keep the model's values.
 
     Raises:
-        TypeError: No mapping.
-        ValueError: An unknown selector, a wrong shape, a number that is given twice.
+        TypeError: `values` is not a mapping.
+        ValueError: A selector is unknown, a shape is wrong, or a number is given twice.
     """
     if not isinstance(values, Mapping):
         raise TypeError(f"Model.replace: values is {values!r}, must be a dict of selectors, as {{'geom_friction[floor][0]': 0.5}}")
@@ -355,16 +376,16 @@ def _whole(
     known: Collection[str],
     fields: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """Whole fields for a call.
+    """Complete arrays of fields for `randomize` or `replace`.
 
     Args:
-        where: The call, for errors.
-        model: The scene.
+        where: Name of the call, for error messages.
+        model: The model.
         values: Values by selector.
-        base: Present numbers of a field, (*lead, numbers).
-        lead: Shape of the environments.
-        known: Fields that the call takes.
-        fields: Fields that are given whole.
+        base: Function from the name of a field to its present numbers, (*lead, numbers).
+        lead: Leading shape of the arrays: (environments,), or () without environments.
+        known: Names of the fields that the call takes.
+        fields: Fields that the caller gave as complete arrays.
     """
     made: dict[str, Array] = {}
     taken: dict[str, NDArray[np.bool_]] = {}
@@ -388,7 +409,7 @@ def _whole(
 
 
 def _numbers(what: str, value: ArrayLike, lead: tuple[int, ...], tail: tuple[int, ...]) -> Array:
-    """Values of a selector, broadcast to (*lead, *tail)."""
+    """Values of a selector, broadcast to (*lead, *tail): leading axes of environments, then the shape of the selected numbers."""
     given = np.asarray(value, np.float64)
     if given.shape == lead and tail:
         given = given.reshape(*lead, *(1 for _ in tail))

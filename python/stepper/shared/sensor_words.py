@@ -1,4 +1,4 @@
-"""MuJoCo's words for types of sensors, and what the Rust crate calls them (crates/model/src/sensor.rs)."""
+"""Names of sensor types in the Rust crate (crates/model/src/sensor.rs), by MuJoCo's name, in one table per kind of sensor."""
 
 JOINTS = {
     "jointpos": "JointPos",

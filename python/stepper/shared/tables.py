@@ -1,4 +1,4 @@
-"""Tables of sensors and actuators: by name or pattern, from TOML or JSON."""
+"""Tables of sensor and actuator models by name or pattern, read from dictionaries or files in TOML or JSON."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def read_file(path: str | os.PathLike[str]) -> dict[str, Any]:
 
     Raises:
         FileNotFoundError: There is no such file.
-        ValueError: Another ending, or text that is neither.
+        ValueError: The ending is another one, or the text is not valid TOML or JSON.
     """
     file = existing(path, "JSON" if Path(path).suffix == ".json" else "TOML")
     if file.suffix not in (".toml", ".json"):
@@ -40,7 +40,11 @@ def read_file(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def named_tables(data: Mapping[str, Any], name: str, place: str) -> dict[str, Any]:
-    """Table `name` in a dictionary of tables; raises ValueError if it is not a table."""
+    """Table `name` of a dictionary that may have this table and "default".
+
+    Raises:
+        ValueError: There are other tables, or the entry is not a table. `place` names the source in the message.
+    """
     if unknown := set(data) - {name, "default"}:
         raise ValueError(f"{place}: unknown tables {sorted(unknown)}, must be {name!r} and 'default'")
     tables = data.get(name, {})
@@ -50,7 +54,11 @@ def named_tables(data: Mapping[str, Any], name: str, place: str) -> dict[str, An
 
 
 def by_name(given: Any, default: Any, kind: type[T], what: str) -> dict[str, T]:
-    """Copy of a dictionary of names and objects of a class; raises TypeError for other objects."""
+    """Copy of a mapping of names to objects of the class `kind`.
+
+    Raises:
+        TypeError: Not a mapping, or an object (or the default) of another class. `what` names the kind of object in the message.
+    """
     if given is not None and not isinstance(given, Mapping):
         raise TypeError(f"{what}s is {given!r}, must be a mapping of names to stepper.{kind.__name__}")
     named = dict(given or {})
@@ -67,14 +75,14 @@ def fitting(named: Mapping[str, T], default: T | None, name: str) -> T | None:
 
 
 def check_names(named: Mapping[str, T], names: Sequence[str], kind: str) -> None:
-    """Raises ValueError if a name or pattern matches nothing."""
+    """Raise ValueError if a name or pattern in `named` matches none of the elements `names`."""
     for name in named:
         if name not in names and not fnmatch.filter(names, name):
             raise ValueError(f"no {kind} fits {name!r}, there are: {', '.join(names) or 'none'}")
 
 
 def check_number(name: str, value: Any) -> None:
-    """Raises TypeError if a value is neither a number nor an array of numbers."""
+    """Raise TypeError if a value is neither a number nor an array of numbers."""
     try:
         fits = np.asarray(value).dtype.kind in "iuf"
     except ValueError:
@@ -84,7 +92,12 @@ def check_number(name: str, value: Any) -> None:
 
 
 def check_numbers(part: Any, *others: str) -> None:
-    """Raises TypeError if a numeric attribute of a dataclass holds no number, ValueError if `limits` are not two numbers."""
+    """Check that the fields of a dataclass are numbers, except those named in `others`.
+
+    Raises:
+        TypeError: A field is not a number.
+        ValueError: The field `limits` is not a pair (low, high).
+    """
     for field in fields(part):
         value = getattr(part, field.name)
         if field.name in others or (value is None and field.default is None):
@@ -99,7 +112,11 @@ def check_numbers(part: Any, *others: str) -> None:
 
 
 def numbers(name: str, value: ArrayLike, num_envs: int, envs: np.ndarray[Any, Any] | None = None) -> list[float]:
-    """A number for all environments, or an array with one number for each environment; `envs` selects some of them."""
+    """List of a parameter's values: one value for all environments, or one for each of `envs` (None is all environments).
+
+    Raises:
+        ValueError: The shape is not () or (num_envs,).
+    """
     array = np.asarray(value, dtype=np.float64)
     if array.shape not in ((), (1,), (num_envs,)):
         raise ValueError(f"{name} has shape {array.shape}, must be () or ({num_envs},)")

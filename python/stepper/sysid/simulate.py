@@ -1,7 +1,7 @@
-"""Predicted readings of episodes for many parameter vectors at once, with one vector per environment.
+"""Simulated readings of episodes for many parameter vectors at once.
 
-The number of environments is variants times episodes. Fields of `Stepper.randomize` differ between environments. Other fields, such as
-principal axes of an inertia, get a separate stepper for each value.
+There is one environment for each pair of parameter vector (variant) and episode. Fields of `Stepper.randomize` differ between environments.
+Other fields, such as principal axes of an inertia, get a separate stepper for each value.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stepper._hints import near_or_all
+from stepper._hints import did_you_mean_or_all
 from stepper._options import Options
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
@@ -24,24 +24,24 @@ from stepper.sysid.inertia import Array
 from stepper.sysid.parameters import READING, Block, Variants, split, write
 
 ROOM = 64 << 20
-"""Bytes of predictions that one call of `rollout` may make; more are made in several calls."""
+"""Largest size of the predictions of one call of `rollout`, bytes. Larger ones are split into several calls."""
 TOLERANCE = 1e-9
-"""m/s: residual at which steps are solved unless options set another; differences divide what is left of it by their step."""
+"""Default solver tolerance, m/s. It is small, because finite differences divide the solver's error by their step."""
 UNTRUSTED = Status.NOT_CONVERGED | Status.NON_FINITE | Status.CONTACTS_FULL | Status.TUNNELLED
-"""Flags of steps that predictions should not rest on."""
+"""Status flags of time steps with unreliable predictions."""
 
 
 @dataclass(frozen=True)
 class Channel:
-    """Channel of the data, and the source of its prediction.
+    """Channel of the measurements, with the place of its prediction in the results of `Stepper.rollout`.
 
     Attributes:
         name: Name of the channel.
         field: Field of `rollout` with the prediction.
         columns: Columns of that field.
-        dofs: For "qpos", degrees of freedom in which displacements are measured.
+        dofs: For "qpos", degrees of freedom in which the difference of two poses is expressed; otherwise empty.
         quaternion: Whether the reading is a quaternion.
-        lines: Columns of the channel in the rows of readings.
+        lines: Columns of the channel in the rows of all residuals.
         sensor: Index of the sensor, or -1.
     """
 
@@ -55,11 +55,11 @@ class Channel:
 
 
 def channels_of(model: Model, episodes: Sequence[Episode]) -> list[Channel]:
-    """All channels of the episodes.
+    """All channels of the episodes, in order of appearance.
 
     Raises:
-        KeyError: The model has no sensor or coordinate of a channel's name.
-        ValueError: A channel with another number of columns than the model's.
+        KeyError: A channel is neither a sensor nor a coordinate of the model.
+        ValueError: A channel has another number of columns than in the model.
     """
     found: dict[str, Channel] = {}
     width = 0
@@ -74,6 +74,7 @@ def channels_of(model: Model, episodes: Sequence[Episode]) -> list[Channel]:
 
 
 def _channel(model: Model, name: str, width: int) -> Channel:
+    """Channel of a name. Its columns in the rows of residuals begin at `width`."""
     if name in model.sensor_names:
         sensor = model.sensor(name)
         quaternion = model.sensors[sensor.id]["datatype"] == "quaternion"
@@ -92,14 +93,14 @@ def _channel(model: Model, name: str, width: int) -> Channel:
         columns = tuple(range(own.qposadr, own.qposadr + own.nq)) if head == "qpos" else dofs
         return Channel(name, head, columns, dofs if head == "qpos" else (), False, slice(width, width + own.nv), -1)
     known = [*(n for n in model.sensor_names if n), *COORDINATES, *(f"qpos:{n}" for n in model.joint_names if n)]
-    raise KeyError(f"no sensor or coordinate is named {name!r}{near_or_all(name, known)}")
+    raise KeyError(f"no sensor or coordinate is named {name!r}{did_you_mean_or_all(name, known)}")
 
 
 def find_channels(model: Model, names: Iterable[str]) -> list[Channel]:
-    """Channels of these names, one after another.
+    """Channels of these names, with adjacent columns in the rows of residuals.
 
     Raises:
-        KeyError: The model has no sensor or coordinate of a channel's name.
+        KeyError: A name is neither a sensor nor a coordinate of the model.
     """
     found: list[Channel] = []
     for name in names:
@@ -108,10 +109,10 @@ def find_channels(model: Model, names: Iterable[str]) -> list[Channel]:
 
 
 def noise_of(channel: Channel, given: ArrayLike) -> Array:
-    """Standard deviation of each column of a channel; `inf` is a column that is ignored.
+    """Standard deviation of each column of a channel, (columns,); infinite ones mark columns that are ignored.
 
     Raises:
-        ValueError: One that is not above 0, or another number of them.
+        ValueError: A standard deviation is not above 0, or their number is wrong.
     """
     value = np.asarray(given, np.float64)
     size = channel.lines.stop - channel.lines.start
@@ -121,13 +122,15 @@ def noise_of(channel: Channel, given: ArrayLike) -> Array:
 
 
 def compared(model: Model, channel: Channel, rows: Array, measured: Array) -> Array:
-    """Predictions of a channel, (T, count, dim), in its unit. Coordinates and orientations are displacements from the measured ones.
+    """Predictions of a channel, (T, count, dim), in its unit.
+
+    For "qpos" and quaternions they are displacements from the measured values, m or rad.
 
     Args:
         model: The model.
         channel: The channel.
-        rows: Predictions of its field, (T, count, columns), in its unit.
-        measured: Its readings, (T, columns of the channel); where one is NaN, the displacement is 0.
+        rows: Predictions of the channel's field, (T, count, columns), in its unit.
+        measured: Readings of the channel, (T, columns of the channel). Where one is NaN, the displacement is 0.
     """
     own = rows[..., list(channel.columns)]
     if not channel.dofs and not channel.quaternion:
@@ -142,7 +145,7 @@ def compared(model: Model, channel: Channel, rows: Array, measured: Array) -> Ar
 
 
 def solved(options: Options) -> Options:
-    """Options whose solver tolerance is small enough for finite differences; a tolerance that the user has set is kept."""
+    """Options with the default tolerance `TOLERANCE`, unless the user has set a tolerance."""
     return options if options.tolerance is not None else replace(options, tolerance=TOLERANCE)
 
 
@@ -156,11 +159,10 @@ class Simulator:
         options, threads, actuators: Arguments of `Stepper`.
 
     Attributes:
-        measured: Readings of each episode, (T, width); NaN was not measured. Coordinates and quaternions are compared as displacements,
-            with
-            0 for each reading.
-        untrusted: Share of the steps of the last call with a flag of `UNTRUSTED`.
-        steps: Number of environments times steps so far.
+        measured: Readings of each episode, (T, width); NaN means not measured. For "qpos" and quaternions, whose predictions are
+            displacements from the readings, they are 0.
+        untrusted: Fraction of the steps in the last call of `predict` with a flag of `UNTRUSTED`.
+        steps: Number of simulated time steps so far, summed over environments.
     """
 
     def __init__(
@@ -197,6 +199,7 @@ class Simulator:
         return Simulator(self.model, episodes, self.blocks, self.options, threads=self.threads, actuators=self._known)
 
     def _nstep(self, episode: Episode) -> int:
+        """Number of time steps per period of an episode."""
         ratio = episode.period / self.timestep
         if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-3 * ratio:
             near = episode.period / max(1, round(ratio))
@@ -207,6 +210,7 @@ class Simulator:
         return round(ratio)
 
     def _measured(self, episode: Episode) -> Array:
+        """Readings of an episode in the columns of all channels, (T, width); see `measured`."""
         out = np.full((len(np.asarray(episode.ctrl)), self.width), np.nan)
         for channel in self.channels:
             given = episode.readings.get(channel.name)
@@ -224,10 +228,10 @@ class Simulator:
 
         Args:
             theta: Parameter vectors, (count, n).
-            starts: Displacements of the initial qpos (count, nv), m and rad, and qvel (count, nv), m/s and rad/s, of each episode; None is
-                0.
+            starts: Displacements of the initial positions (count, nv), m and rad, and velocities (count, nv), m/s and rad/s, for each
+                episode; None is 0.
         """
-        # Parameters of sensors alone do not change the motion, so that one simulation serves all of them.
+        # Variants that differ only in parameters of sensors share one simulation, because these do not change the motion.
         moving = np.array([block.parameter.kind not in READING for block in self.blocks for _ in range(block.size)])
         key = theta * moving
         if starts is not None:
@@ -246,13 +250,14 @@ class Simulator:
         return [self._read(y[back], theta, nstep) for y, nstep in zip(out, self.nstep, strict=True)]
 
     def _groups(self) -> list[list[int]]:
-        """Episodes that one rollout can make."""
+        """Groups of indices of episodes that one rollout can simulate: equal steps per period and equal kinds of applied forces."""
         groups: dict[Any, list[int]] = {}
         for e, episode in enumerate(self.episodes):
             groups.setdefault((self.nstep[e], tuple(sorted(episode.applied))), []).append(e)
         return list(groups.values())
 
     def _run(self, theta: Array, group: list[int], starts: list[tuple[Array, Array] | None]) -> tuple[list[Array], int, int]:
+        """Predictions of a group of episodes for all variants; number of steps with flags of `UNTRUSTED`; number of steps."""
         variants = write(self.blocks, theta, self.model)
         shared = {name: array for name, array in variants.fields.items() if name not in RANDOMIZED}
         count = len(theta)
@@ -282,7 +287,11 @@ class Simulator:
         starts: list[tuple[Array, Array] | None],
         out: list[Array],
     ) -> tuple[int, int]:
-        """One rollout of some variants, all of one compiled model, in all episodes of a group."""
+        """Simulate some variants that share a compiled model in all episodes of a group, and write the predictions to `out`.
+
+        Returns:
+            Number of steps with flags of `UNTRUSTED`, and number of steps.
+        """
         E, episodes, nstep = len(group), [self.episodes[e] for e in group], self.nstep[group[0]]
         index = np.repeat(part, E)
         sim = self._stepper(model, len(index))
@@ -301,6 +310,7 @@ class Simulator:
         T = max(len(np.asarray(e.ctrl)) for e in episodes)
 
         def padded(arrays: list[Any]) -> Array:
+            """Inputs of all episodes, extended to T rows with their last row and repeated for every variant."""
             rows = np.stack([np.concatenate([a, np.repeat(a[-1:], T - len(a), axis=0)]) for a in map(np.asarray, arrays)], axis=1)
             return np.tile(rows, (1, len(part), *(1,) * (rows.ndim - 2)))
 
@@ -325,6 +335,7 @@ class Simulator:
         return bad, int(alive.sum()) * len(part) * (nstep if self._fine else 1)
 
     def _stepper(self, model: Model, count: int) -> Stepper:
+        """Stepper of a model with `count` environments, from a cache."""
         key = (model.digest, count)
         if key not in self._steppers:
             if len(self._steppers) >= 8:
@@ -333,7 +344,7 @@ class Simulator:
         return self._steppers[key]
 
     def _read(self, y: Array, theta: Array, nstep: int) -> Array:
-        """Readings after unknown bias, scale and delay of their sensors; one row for every sample."""
+        """Predicted readings with the bias, scale and delay of theta, one row per sample: (count, T, width)."""
         for block, piece in zip(self.blocks, split(self.blocks, theta), strict=True):
             for channel in self.channels:
                 if block not in self._readers or channel.name not in block.names:
@@ -349,7 +360,7 @@ class Simulator:
 
 
 def _rollout(sim: Stepper, ctrl: Array, nstep: int, *, fields: list[str], applied: dict[str, Array], fine: bool) -> dict[str, Any]:
-    """`Stepper.rollout` with applied forces and mocap poses that change, and a row for every step if `fine`."""
+    """`Stepper.rollout` with applied forces and mocap poses that change each period. With `fine` it returns a row for every time step."""
     held, each = (nstep, 1) if fine else (1, nstep)
     if not applied:
         return sim.rollout(np.repeat(ctrl, held, axis=0), each, fields=fields)
@@ -362,7 +373,10 @@ def _rollout(sim: Stepper, ctrl: Array, nstep: int, *, fields: list[str], applie
 
 
 def _delayed(y: Array, steps: Array) -> Array:
-    """Rows (count, T, dim) as they were some steps before, interpolated; before the first one stands the first."""
+    """Rows y, (count, T, dim), delayed by `steps` rows, (count,), with linear interpolation.
+
+    Before the first row the value is the first.
+    """
     at = np.clip(np.arange(y.shape[1]) - steps[:, None], 0, None)
     low = np.minimum(at.astype(int), y.shape[1] - 1)
     part = (at - low)[..., None]
@@ -371,7 +385,7 @@ def _delayed(y: Array, steps: Array) -> Array:
 
 
 def _turn(a: Array, b: Array) -> Array:
-    """Rotation vectors from quaternions a to b, in the frame of a."""
+    """Rotation vectors (..., 3), rad, from quaternions a to b, in the frame of a."""
     w = (a * b).sum(axis=-1, keepdims=True)
     v = a[..., :1] * b[..., 1:] - b[..., :1] * a[..., 1:] - np.cross(a[..., 1:], b[..., 1:])
     v = v * np.where(w < 0, -1.0, 1.0)
@@ -380,7 +394,7 @@ def _turn(a: Array, b: Array) -> Array:
 
 
 def _room_for_delays(known: ActuatorModel | None, blocks: Sequence[Block]) -> ActuatorModel | None:
-    """Drives with delay lines as long as a search may need."""
+    """Actuator model whose delays are the upper bounds of the search, so that the stepper reserves delay lines of that length."""
     longest = {name: float(block.high[0]) for block in blocks if block.parameter.kind == "actuator.delay" for name in block.names}
     if not longest:
         return known

@@ -33,7 +33,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stepper._hints import near, present_keyword
+from stepper._hints import did_you_mean, present_keyword
 from stepper._options import Options
 from stepper.actuators import ActuatorModel
 from stepper.lab.study.drives import Policy, Recorded, find, load_file
@@ -51,7 +51,7 @@ def check_keys(given: Iterable[str], known: Collection[str], place: str) -> None
     """Raises ValueError for unknown entries of a table, with similar known ones."""
     unknown = sorted(set(given) - set(known))
     if unknown:
-        guesses = "".join(near(name, known) for name in unknown[:1])
+        guesses = "".join(did_you_mean(name, known) for name in unknown[:1])
         raise ValueError(f"{place} has unknown entries {unknown}{guesses or ','} it may have: {', '.join(sorted(known))}")
 
 

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper._hints import hint_keywords, near, unknown_field
+from stepper._hints import did_you_mean, hint_keywords, unknown_field
 from stepper._options import Options
 from stepper._stepper import Model
 from stepper.actuators import PID, ActuatorModel, DCMotor, Drive
@@ -94,10 +94,10 @@ class Parameter:
         if self.low is not None and self.high is not None and not self.low < self.high:
             raise ValueError(f"low is {self.low}, must be below high, which is {self.high}")
         if self.kind == "options" and self.leaf not in SETTINGS:
-            guess, known = near(self.leaf, SETTINGS), ", ".join(sorted(SETTINGS))
+            guess, known = did_you_mean(self.leaf, SETTINGS), ", ".join(sorted(SETTINGS))
             raise ValueError(f"selector is {self.selector!r}, and there is no setting {self.leaf!r}{guess or ','} settings are: {known}")
         if "." in self.parsed.field and self.kind == "field":
-            guess = near(self.parsed.field.partition(".")[0], _HEADS[:3])
+            guess = did_you_mean(self.parsed.field.partition(".")[0], _HEADS[:3])
             raise ValueError(f"selector is {self.selector!r}: before the dot must be sensor, actuator or options{guess}")
         if self.kind != "field" and self.parsed.columns is not None:
             raise ValueError(f"selector is {self.selector!r}, which has no columns: leave them out")
@@ -199,7 +199,7 @@ def _changed(parameter: Parameter, model: Model) -> frozenset[tuple[str, int]]:
 def _no_parameter(text: str, parameters: Mapping[str, Parameter], otherwise: str) -> str:
     """Error message for a text that is neither a name nor a selector."""
     known = ", ".join(parameters) or "none"
-    return f"there is no parameter {text!r}{near(text, parameters) or ','} there are: {known}; or {otherwise}"
+    return f"there is no parameter {text!r}{did_you_mean(text, parameters) or ','} there are: {known}; or {otherwise}"
 
 
 def _selects(text: str) -> bool:
@@ -277,7 +277,7 @@ def _number_of(kind: type, leaf: str) -> None:
     """Raises ValueError where a transfer function or drive has no number of a name."""
     known = [field.name for field in fields(kind) if field.name not in _NO_NUMBERS]
     if leaf not in known:
-        raise ValueError(f"a {kind.__name__} has no number {leaf!r}{near(leaf, known) or ','} it has: {', '.join(known)}")
+        raise ValueError(f"a {kind.__name__} has no number {leaf!r}{did_you_mean(leaf, known) or ','} it has: {', '.join(known)}")
 
 
 def _places(parameter: Parameter, model: Model) -> list[tuple[str, NDArray[np.int64], float]]:

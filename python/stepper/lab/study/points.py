@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from stepper._hints import near
+from stepper._hints import did_you_mean
 from stepper.lab.study.parameters import Parameter, Theta, Value
 from stepper.lab.study.worlds import MUJOCO_SETTINGS
 
@@ -72,7 +72,7 @@ def point_at(study: Study, values: Mapping[str, Value], setting: str = USUAL) ->
     for name, value in values.items():
         if name not in study.parameters:
             known = ", ".join(study.parameters) or "none"
-            raise ValueError(f"{study.name} has no parameter {name!r}{near(name, study.parameters) or ','} there are: {known}")
+            raise ValueError(f"{study.name} has no parameter {name!r}{did_you_mean(name, study.parameters) or ','} there are: {known}")
         if reason := inapplicable(study, setting, study.parameters[name]):
             raise ValueError(f"parameter {name!r} has no effect with the settings {setting!r}: {reason}; leave it out")
         study.parameters[name].check_value(value, f"parameter {name!r}")

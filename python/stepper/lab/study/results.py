@@ -12,7 +12,7 @@ from typing import Any
 from stepper.lab.study.document import check_pages
 from stepper.lab.study.journal import Journal
 from stepper.lab.study.study import Study
-from stepper.shared.files import in_one_piece
+from stepper.shared.files import atomic_write
 
 IN_FORCE, JOURNAL = "in_force.json", "journal.sqlite"
 
@@ -43,7 +43,7 @@ class Results:
         name = hashlib.sha256(text.encode()).hexdigest()[:16]
         if name in entries:
             return
-        with in_one_piece(file) as stream:
+        with atomic_write(file) as stream:
             stream.write((json.dumps(entries | {name: json.loads(text)}, indent=2, sort_keys=True) + "\n").encode())
 
     def __enter__(self) -> Results:

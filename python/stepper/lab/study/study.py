@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper import _stepper
-from stepper._hints import Hinting, hint_keywords, near
+from stepper._hints import Hinting, did_you_mean, hint_keywords
 from stepper._options import Options, Precision
 from stepper._stepper import Model, __version__
 from stepper.actuators import ActuatorModel
@@ -274,7 +274,7 @@ class Study(metaclass=Hinting):
         if given.get("engine", "stepper") not in ("stepper", "mujoco"):
             raise ValueError(f'settings {name!r}: engine is {given["engine"]!r}, must be "stepper" or "mujoco"')
         if given.get("engine") != "mujoco" and (unknown := set(given) - known - {"engine"}):
-            guess = near(min(unknown), known)
+            guess = did_you_mean(min(unknown), known)
             raise ValueError(f"settings {name!r}: unknown {sorted(unknown)}{guess or ','} must be of: {', '.join(sorted(known))}")
         return dict(given)
 

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper._hints import near, no_attribute
+from stepper._hints import did_you_mean, no_attribute
 from stepper._options import Options, Precision
 from stepper._quantities import read
 from stepper._status import Status
@@ -62,7 +62,7 @@ class Thetas(dict[str, NDArray[Any]]):
 
     def __missing__(self, name: str) -> NDArray[Any]:
         known = ", ".join(self) or "none"
-        raise KeyError(f"the study has no parameter {name!r} with a value{near(str(name), self) or ','} there are: {known}")
+        raise KeyError(f"the study has no parameter {name!r} with a value{did_you_mean(str(name), self) or ','} there are: {known}")
 
 
 CHANGING = frozenset({"step", "reset", "set_state", "randomize", "rollout", "record", "copy_state", "linearize", "view", "save_problem"})

@@ -165,7 +165,7 @@ class MujocoVectorEnv(VectorEnv[Array, Array, Array]):
         if m is None:
             m = mujoco_model(batch.sim.model, with_contact_forces=reads_contact_forces(envs.task))
         batch.sim = MujocoSim(batch.sim.model, num_envs, engine=engine, threads=threads, m=m)  # type: ignore[assignment]
-        batch.forget()
+        batch.clear_last_step()
         self.num_envs, self.metadata = num_envs, envs.metadata
         self.single_observation_space, self.single_action_space = envs.single_observation_space, envs.single_action_space
         self.observation_space, self.action_space = envs.observation_space, envs.action_space

@@ -253,7 +253,7 @@ STATE.reset(seed=0)
     (lambda: StepperVectorEnv("HalfCheetah", N, contact="hard"), ValueError, "contact was 'mujoco' and is 'hard' here.*sim.set_state"),
     (lambda: StepperVectorEnv("HalfCheetah", N, options=stepper.Options(timestep=0.005)), ValueError, "timestep was 0.01 and is 0.005"),
     (lambda: StepperVectorEnv("HalfCheetah", N, forward_reward_weight=2.0), ValueError,
-     r"settings: HalfCheetah\.forward_reward_weight was 1\.0 and is 2\.0 here\. Make .*, or take over the motion alone"),
+     r"settings: HalfCheetah\.forward_reward_weight was 1\.0 and is 2\.0 here\. Make .*, or restore only the state"),
     (lambda: StepperVectorEnv("HalfCheetah", N, model=heavier("HalfCheetah")), ValueError, "model"),
 ])  # fmt: skip
 def test_a_state_of_other_environments_is_refused(envs, error, said):

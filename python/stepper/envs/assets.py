@@ -1,4 +1,4 @@
-"""Models of environments, and files of Gymnasium's MuJoCo environments."""
+"""Loading of models for environments, with caches, and paths of the model files in Gymnasium."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from stepper.loading import Origin, load, origin_of, remember
 
 P = ParamSpec("P")
 F = TypeVar("F", bound=Callable[..., Any])
-_KEPT = 64
-"""Values that `once_per_model` keeps of a function."""
+_CACHE_SIZE = 64
+"""Largest number of results that `cache_per_model` keeps per function."""
 
 
 def load_quietly(source: str | ElementTree.Element, *, strict: bool = True) -> Model:
-    """Model of a file or an MJCF tree, without warnings about its settings, which the environment's `contact` overrides.
+    """Load a model without warnings about its solver settings, which the `contact` of the environment overrides.
 
     Args:
-        source: Path, or root of a tree.
+        source: Path or MJCF text, or root of an MJCF tree.
         strict: Whether unsupported elements are errors, as in `stepper.load`.
     """
     with warnings.catch_warnings():
@@ -31,8 +31,8 @@ def load_quietly(source: str | ElementTree.Element, *, strict: bool = True) -> M
         return load(source if isinstance(source, str) else ElementTree.tostring(source, encoding="unicode"), strict=strict)
 
 
-def without(tree: ElementTree.Element, is_unwanted: Callable[[ElementTree.Element], bool]) -> ElementTree.Element:
-    """XML tree without some elements."""
+def remove_elements(tree: ElementTree.Element, is_unwanted: Callable[[ElementTree.Element], bool]) -> ElementTree.Element:
+    """Remove the elements of an XML tree for which `is_unwanted` is true, in place, and return the tree."""
     for parent in list(tree.iter()):
         for child in list(parent):
             if is_unwanted(child):
@@ -40,10 +40,10 @@ def without(tree: ElementTree.Element, is_unwanted: Callable[[ElementTree.Elemen
     return tree
 
 
-def read_once(read: Callable[P, Model]) -> Callable[P, Model]:
-    """Decorator that caches a function that loads a model, by its arguments, together with the source of the model.
+def cache_model(read: Callable[P, Model]) -> Callable[P, Model]:
+    """Decorator for a function that loads a model: it caches the model and its source file by the arguments.
 
-    `stepper.load` keeps only the sources of the last models, and a cached model may be drawn much later.
+    Renderers need the source, of which `stepper.load` remembers only those of the most recently loaded models.
     """
 
     def first(*args: P.args, **kwargs: P.kwargs) -> tuple[Model, Origin | None]:
@@ -62,10 +62,10 @@ def read_once(read: Callable[P, Model]) -> Callable[P, Model]:
     return model_of
 
 
-def once_per_model(function: F) -> F:
-    """Decorator that caches a function of a model and further arguments.
+def cache_per_model(function: F) -> F:
+    """Decorator that caches the results of a function of a model and further arguments.
 
-    The key is the identity of the model, because hashing a model reads all its data in every call.
+    The key is the identity of the model (`id`), because hashing a model reads all its data in every call.
     """
     kept: dict[tuple[Any, ...], tuple[Any, Any]] = {}
 
@@ -73,19 +73,19 @@ def once_per_model(function: F) -> F:
     def once(model: Any, *args: Any) -> Any:
         key = (id(model), *args)
         if key not in kept:
-            if len(kept) >= _KEPT:
+            if len(kept) >= _CACHE_SIZE:
                 del kept[next(iter(kept))]
-            kept[key] = (model, function(model, *args))  # The model itself, so that no other one gets its id.
+            kept[key] = (model, function(model, *args))  # Keeps the model alive, so that no other model gets its id.
         return kept[key][1]
 
     return cast("F", once)
 
 
 def model_file(name: str) -> str:
-    """Path of a model's file.
+    """Path of the model file of an environment.
 
     Args:
-        name: File of Gymnasium, such as "ant.xml", or a path that begins with "/", "." or "~".
+        name: Name of a file in Gymnasium's assets, such as "ant.xml", or a path that begins with "/", "." or "~".
 
     Raises:
         FileNotFoundError: There is no such file.

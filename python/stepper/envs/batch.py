@@ -1,4 +1,4 @@
-"""Episodes of a task in many environments, the common part of single and vector environments."""
+"""Steps and resets of a task in many environments: the common implementation of `StepperEnv` and `StepperVectorEnv`."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import numpy as np
 from gymnasium.spaces import Box
 
 from stepper._options import Options, Precision
-from stepper._quantities import room
+from stepper._quantities import output_array
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
-from stepper.envs.making import made_task
+from stepper.envs.making import make_task
 from stepper.envs.state import EnvState, check_settings, restore, save
 from stepper.envs.streams import Rng, Streams
-from stepper.envs.task import Array, Contact, Moment, Observation, Reset, Task, Terms, cleared
+from stepper.envs.task import Array, Contact, Moment, Observation, Reset, Task, Terms, with_zero_rows
 from stepper.loading import ModelWarning
 
 _NON_FINITE = np.uint32(Status.NON_FINITE)
@@ -29,14 +29,14 @@ class Batch:
     Args:
         task: A task, a class of tasks, or a name in `stepper.envs.TASKS`.
         num_envs: Number of environments.
-        arguments: Arguments of a task that is given by its class or name.
-        contact: Law of contact: "mujoco" is `Options.from_model(model)`, "hard" is `Options()`; None is the task's.
+        arguments: Arguments of the task's constructor, if `task` is a class or a name.
+        contact: Contact law: "mujoco" is `Options.from_model(model)`, "hard" is `Options()`; None is `task.contact`.
         options: Options of the step, in place of those of `contact`.
         precision: "f64" or "f32".
         threads: Number of threads; 0 is all cores that this process may use. The bits are the same for any number.
-        dtype: Scalar type of observations; None is that of the precision.
-        max_episode_steps: Actions after which an episode is truncated; None is no limit.
-        model: Result of `task.model()`, if it exists already.
+        dtype: Scalar type of observations; None is that of `precision`.
+        max_episode_steps: Number of actions after which an episode is truncated; None is no limit.
+        model: Model of the scene; None calls `task.model()`.
 
     Raises:
         ValueError: An unknown task, or an invalid contact, dtype or number.
@@ -57,15 +57,15 @@ class Batch:
         max_episode_steps: int | None = None,
         model: Model | None = None,
     ):
-        self.task = task = made_task(task, arguments)
+        self.task = task = make_task(task, arguments)
         model = task.model() if model is None else model
         law = _options(model, contact or task.contact, options)
         sensors = task.sensors()
         settings: dict[str, Any] = {"options": law, "precision": precision, "threads": threads}
         self.sim = Stepper(model, num_envs, **settings, sensors=sensors, actuators=task.actuators())
         self._has_noise = sensors is not None
-        # Seeds of the errors of sensors, and which environments have not begun under theirs yet.
-        self._noise_seeds, self._new_seeds = np.full(num_envs, _word(), dtype=np.uint64), np.full(num_envs, self._has_noise)
+        # Seeds of the sensor errors, and a mask of the environments whose sensor seed takes effect at the next reset.
+        self._noise_seeds, self._new_seeds = np.full(num_envs, _hashed_seed(), dtype=np.uint64), np.full(num_envs, self._has_noise)
         if not hasattr(task, "frame_skip"):
             raise TypeError(f"{type(task).__name__} has no frame_skip, the number of steps per action: add the field `frame_skip: int = 1`")
         self.num_envs, self.dt = num_envs, self.sim.timestep * task.frame_skip
@@ -75,7 +75,7 @@ class Batch:
         if max_episode_steps is not None and max_episode_steps < 1:
             raise ValueError(f"max_episode_steps is {max_episode_steps}, must be at least 1, or None for no limit")
         self._limit = max_episode_steps
-        self.streams = Streams(num_envs, _word())
+        self.streams = Streams(num_envs, _hashed_seed())
         self.returns, self.lengths = np.zeros(num_envs), np.zeros(num_envs, dtype=np.int64)
         self._default_qpos, self._episode_state = model.qpos0, task.episode_state(num_envs)
         _check_episode_state(task, self._episode_state, num_envs)
@@ -87,21 +87,21 @@ class Batch:
             _warn_without_actions(task, model)
         self._actions = len(low)
         self._seen: Array | None = None
-        self.forget()
+        self.clear_last_step()
         self._rows = self._table()
         self.action_space = Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
         self.observation_space = Box(-np.inf, np.inf, (self._rows[-1][1].stop,), dtype=self.dtype.type)
 
     @property
     def now(self) -> Moment:
-        """Moment after the last step or reset. Its quantities are recomputed if the stepper has changed since."""
-        if self._seen is None or self._seen is not self.sim.xpos:  # The stepper gives the same array until something changes.
+        """Moment (view of the batch) after the last step or reset. If the caller has changed the stepper since, it is a new moment."""
+        if self._seen is None or self._seen is not self.sim.xpos:  # The stepper returns the same array object until its state changes.
             self._reread(np.zeros(self.num_envs, dtype=bool))
             self._seen = self.sim.xpos
         return self._now
 
-    def forget(self) -> None:
-        """Clears the action and the velocity of the last step, as before the first step."""
+    def clear_last_step(self) -> None:
+        """Replace the present moment by one without a last step: action and velocity are zero."""
         self._now = self._moment(np.zeros((self.num_envs, self._actions)))
         position = self.task.position(self._now)
         self._now.velocity = None if position is None else np.zeros_like(position)
@@ -112,11 +112,11 @@ class Batch:
         return Moment(self.sim, self.task, self.dt, action, self._default_qpos, **shared)
 
     def _reread(self, changed: Array) -> None:
-        """Has the last moment read all quantities again, because environments of a mask (num_envs,) were reset or set."""
+        """Replace the present moment after a change of the environments in the mask `changed` (num_envs,): quantities are read again."""
         self._now, self._seen = self._now.reread(changed), None
 
     def _table(self) -> list[tuple[Observation, slice]]:
-        """Rows of the task's table, and their places in the observation."""
+        """Rows of the task's table of observations, each with its columns in the observation."""
         rows, at = [], 0
         for row in self.task.observations():
             width = row.read(self._now).shape[1]
@@ -126,7 +126,7 @@ class Batch:
 
     @property
     def structure(self) -> dict[str, int]:
-        """Number of entries of the observation for each row of the task's table."""
+        """Number of columns of the observation by name of the row in the task's table, in order."""
         return {row.name: columns.stop - columns.start for row, columns in self._rows}
 
     def seed(self, envs: Array, seeds: Sequence[int]) -> None:
@@ -137,10 +137,10 @@ class Batch:
         self.streams.seed(envs, seeds)
         self._seeded[envs] = True
         if self._has_noise:
-            self._noise_seeds[envs], self._new_seeds[envs] = [_word(seed) for seed in seeds], True
+            self._noise_seeds[envs], self._new_seeds[envs] = [_hashed_seed(seed) for seed in seeds], True
 
     def begin(self, mask: Array) -> None:
-        """Begins an episode in the environments of a mask, (num_envs,) bool."""
+        """Start a new episode in the environments of a mask, (num_envs,) bool."""
         envs = np.flatnonzero(mask)
         self._end(envs)
         self.streams.ages[envs] += 1
@@ -148,12 +148,12 @@ class Batch:
         self._reread(mask)
 
     def _end(self, envs: Array) -> None:
-        """Calls the task's hook for those of the environments `envs` (n,) whose episode made a step."""
-        if type(self.task).on_end is not Task.on_end and len(made := envs[self.lengths[envs] > 0]):
-            self.task.on_end(self.now, made)
+        """Call the hook `task.on_end` for the environments in `envs` (n,) whose episode has at least one step."""
+        if type(self.task).on_end is not Task.on_end and len(stepped := envs[self.lengths[envs] > 0]):
+            self.task.on_end(self.now, stepped)
 
     def _place(self, mask: Array, envs: Array) -> None:
-        """Begins an episode in the environments of a mask, whose indices are `envs`, and reads nothing."""
+        """Reset the environments of a mask (num_envs,), whose indices are `envs` (n,), without a new moment; `begin` makes one."""
         self._begin_episode_state(envs)
         qpos, qvel = np.empty((len(envs), len(self._default_qpos))), np.zeros((len(envs), self._qvel.shape[1]))
         qpos[:] = self._default_qpos
@@ -171,7 +171,7 @@ class Batch:
         self.returns[envs], self.lengths[envs] = 0.0, 0
 
     def _begin_episode_state(self, envs: Array) -> None:
-        """Gives values of new episodes to the environments `envs` (n,); carried values begin with a seed alone."""
+        """Set the rows of `episode_state` for new episodes in `envs` (n,). Names in `task.carried` are reset only after a new seed."""
         seeded = envs[self._seeded[envs]]
         for name, values in self._initial.items():
             rows = seeded if name in self.task.carried else envs
@@ -179,17 +179,24 @@ class Batch:
         self._seeded[envs] = False
 
     def set_state(self, qpos: Array | None, qvel: Array | None, mask: Array, envs: Array | None = None) -> None:
-        """Sets positions, m and rad, and velocities, m/s and rad/s, of the environments of a mask, (num_envs,); see `Stepper.set_state`."""
+        """Set positions (m, rad) and velocities (m/s, rad/s) of some environments; see `Stepper.set_state`.
+
+        Args:
+            qpos: Positions, (num_envs, nq), (k, nq) or (nq,), m and rad; None keeps them.
+            qvel: Velocities, (num_envs, nv), (k, nv) or (nv,), m/s and rad/s; None keeps them.
+            mask: The environments as a mask, (num_envs,) bool.
+            envs: The environments as indices (k,), if `qpos` and `qvel` have one row per index; None if they have num_envs rows.
+        """
         self.sim.set_state(qpos, qvel, mask if envs is None else envs)
         self._reread(mask)
 
     def get_state(self) -> EnvState:
-        """State of all environments, which determines the next observations and rewards together with the actions."""
+        """State of all environments. Together with later actions it determines all later observations and rewards."""
         now = self.now
         return save(self.sim, self.task, self._episodes() | {f"kept {name}": value for name, value in now.kept.items()})
 
     def restore(self, state: EnvState, mask: Array) -> None:
-        """Restores environments of a mask (num_envs,) from a state that `get_state` of this or an equal batch returned.
+        """Restore the environments of a mask (num_envs,) from a result of `get_state`, of this batch or of one with equal settings.
 
         Raises:
             ValueError: The state is from another model, task, precision or number of environments, or from other arguments of the task or
@@ -212,35 +219,38 @@ class Batch:
         self._now, self._seen = self._now.restored({name: theirs[name] for name in last}, kept, mask), None
 
     def _episodes(self) -> dict[str, Array]:
-        """Values of the episodes by name, (num_envs, ...) each: the arrays themselves."""
+        """Arrays (num_envs, ...) that describe the running episodes, by name. They are references, not copies."""
         values = {"returns": self.returns, "lengths": self.lengths, "rng": self.streams.state, "ages": self.streams.ages}
         values |= {"noise_seeds": self._noise_seeds, "new_seeds": self._new_seeds, "seeded": self._seeded} | self._now.step_values()
         return values | {f"episode_state {name}": value for name, value in self._episode_state.items()}
 
     def step(self, action: Array, begins: Array | None = None) -> tuple[Array, Array, Array, Terms]:
-        """Makes the steps of an action.
+        """Advance all environments by one action, which is `task.frame_skip` time steps.
 
         Args:
             action: Actions, (num_envs, n) float64, in the units of the task; n is nu unless the task has `action_bounds`.
-            begins: Environments that begin an episode instead, (num_envs,) bool, and ignore their actions; None is no environment.
+            begins: Environments that are reset instead and ignore their action, (num_envs,) bool; None is no environment.
 
         Returns:
-            Rewards (num_envs,) float64, whether episodes are terminated and truncated, (num_envs,) bool, and terms of the rewards. Rewards
-            and
-            flags are zero in environments that begin an episode.
+            rewards: (num_envs,) float64.
+            terminated: (num_envs,) bool.
+            truncated: (num_envs,) bool.
+            terms: Entries for the info dict from `task.reward`, by name.
+
+            The first three are zero in environments that are reset.
 
         Raises:
-            ValueError: An action that is not finite, before the steps; or a reward that is not finite, after them.
+            ValueError: An action is not finite, and nothing was stepped; or a reward is not finite, after the steps.
         """
         task = self.task
-        action = np.array(action) if begins is None else cleared(action, begins)
+        action = np.array(action) if begins is None else with_zero_rows(action, begins)
         _check_actions(action)
         carried: Terms = {}
         if begins is not None:
             self._end(np.flatnonzero(begins))
             carried = {name: self._episode_state[name][begins] for name in task.carried}
-        before = task.position(self._moment(action))  # Not the position after the last step: callers may have changed the stepper since.
-        self._now.finish()
+        before = task.position(self._moment(action))  # Not that after the last step, because the caller may have changed the stepper.
+        self._now.expire()
         self._now, self._seen = self._moment(action), None
         self._now.velocity = None if before is None else np.zeros_like(before)
         task.advance(self._now)
@@ -249,7 +259,7 @@ class Batch:
         self.lengths += 1
         self.streams.ages += np.uint64(1)
         if begins is not None:
-            for name, values in carried.items():  # These environments made no step of this action.
+            for name, values in carried.items():  # Environments that are reset ignore this action.
                 self._episode_state[name][begins] = values
             self._place(begins, np.flatnonzero(begins))
             self._reread(begins)
@@ -260,8 +270,8 @@ class Batch:
                 now.velocity[begins] = 0.0
         rewards, terms = task.reward(now)
         reward = np.array(rewards, dtype=np.float64)
-        over = task.terminated(now)
-        terminated = np.zeros(self.num_envs, dtype=bool) if over is None else np.array(over)
+        ends = task.terminated(now)
+        terminated = np.zeros(self.num_envs, dtype=bool) if ends is None else np.array(ends)
         truncated = np.zeros(self.num_envs, dtype=bool) if self._limit is None else self.lengths >= self._limit
         cut = task.truncated(now)
         truncated = truncated if cut is None else truncated | cut
@@ -280,7 +290,7 @@ class Batch:
         return reward, terminated, truncated, terms
 
     def _check_rewards(self, reward: Array, action: Array) -> None:
-        """Raises ValueError for rewards (num_envs,) that are not finite."""
+        """Raise ValueError if a reward (num_envs,) is not finite; the message has the action (num_envs, n)."""
         if not _all_finite(reward):
             env = np.flatnonzero(~np.isfinite(reward))[0]
             raise ValueError(
@@ -292,17 +302,17 @@ class Batch:
         """Extra fields of the info dict after reset and after step."""
         return self.task.info(self._now)
 
-    def room(self, out: Array | None = None) -> Array:
-        """Array for observations, (num_envs, n): `out` if it is given, otherwise a new one.
+    def observation_array(self, out: Array | None = None) -> Array:
+        """Uninitialised array for observations, (num_envs, n): `out` if it is given, otherwise a new one.
 
         Raises:
             ValueError: An `out` of another shape or type.
         """
-        return room((self.num_envs, *self.observation_space.shape), self.dtype, out)
+        return output_array((self.num_envs, *self.observation_space.shape), self.dtype, out)
 
     def observation(self, out: Array | None = None) -> Array:
-        """Observations, (num_envs, n), written to an array of `room`, by default a new one."""
-        out = self.room() if out is None else out
+        """Observations, (num_envs, n), written to `out`, an array of `observation_array`; None is a new one."""
+        out = self.observation_array() if out is None else out
         for row, columns in self._rows:
             value = row.read(self._now)
             if row.clip is None:
@@ -312,7 +322,7 @@ class Batch:
         return out
 
     def __getstate__(self) -> dict[str, Any]:
-        # The table may have functions without a name, which do not pickle.
+        # The table may have lambda functions, which do not pickle; __setstate__ makes it again.
         return {name: value for name, value in self.__dict__.items() if name != "_rows"} | {"_seen": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -321,7 +331,7 @@ class Batch:
 
 
 def _check_episode_state(task: Task, values: Terms, num_envs: int) -> None:
-    """Raises ValueError for values without a row for each environment, and for carried names without values."""
+    """Raise ValueError if an array of `episode_state` has not num_envs rows, or a name in `task.carried` is not among them."""
     for name, value in values.items():
         if np.shape(value)[:1] != (num_envs,):
             raise ValueError(
@@ -336,12 +346,12 @@ def _check_episode_state(task: Task, values: Terms, num_envs: int) -> None:
 
 def _all_finite(values: Array) -> bool:
     """Whether all numbers are finite."""
-    # A finite sum is quickly seen; one that is not may come of finite numbers.
+    # The sum is a fast first test. A sum that is not finite may still come from finite numbers, by overflow.
     return math.isfinite(np.add.reduce(values, axis=None)) or bool(np.isfinite(values).all())
 
 
 def _check_actions(action: Array) -> None:
-    """Raises ValueError for actions (num_envs, n) that are not finite."""
+    """Raise ValueError if an action (num_envs, n) is not finite."""
     if not _all_finite(action):
         finite = np.isfinite(action)
         env, column = np.argwhere(~finite)[0]
@@ -362,14 +372,14 @@ def _warn_without_actions(task: Task, model: Model) -> None:
     warnings.warn(message, ModelWarning, stacklevel=4)
 
 
-def _word(seed: int | None = None) -> int:
-    """A word of 64 bits that follows from a seed, or from chance."""
-    word: int = np.random.SeedSequence(seed).generate_state(1, np.uint64).item()
-    return word
+def _hashed_seed(seed: int | None = None) -> int:
+    """Random 64-bit integer, a function of the seed; None takes a seed from the operating system."""
+    number: int = np.random.SeedSequence(seed).generate_state(1, np.uint64).item()
+    return number
 
 
 def _options(model: Model, contact: str, options: Options | None) -> Options:
-    """Settings of the step."""
+    """Options of the step: `options` if they are given, otherwise those of the contact law "mujoco" or "hard"."""
     if options is not None:
         return options
     if contact not in ("mujoco", "hard"):

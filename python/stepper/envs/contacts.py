@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from stepper._stepper import Model
-from stepper.envs.assets import once_per_model
+from stepper.envs.assets import cache_per_model
 from stepper.envs.task import Array, Moment, per_moment
 
 
@@ -15,9 +15,9 @@ def contact_forces(now: Moment, geoms: Sequence[str], against: Sequence[str] | N
     """Normal forces on geoms in the last step, summed over the contacts of each geom, (num_envs, n), N.
 
     Args:
-        now: The moment.
+        now: View of the batch after a step, the argument of `Task.reward`.
         geoms: Names of the n geoms.
-        against: Names of the other geoms of the contacts; None is any.
+        against: Names of the geoms on the other side of the contacts that count; None is any geom.
 
     Raises:
         KeyError: An unknown geom.
@@ -39,7 +39,7 @@ def _contacts(now: Moment) -> Array:
     return contacts
 
 
-@once_per_model
+@cache_per_model
 def _columns(model: Model, geoms: tuple[str, ...]) -> Array:
     """Column of each geom of the model, (ngeom,); -1 for others."""
     columns = np.full(model.ngeom, -1)

@@ -20,8 +20,7 @@ class Drawing:
     Args:
         batch: The environments.
         render_mode: "rgb_array", or None for no pictures.
-        camera: Name or index of a camera of the file; None is the task's.
-        **settings: `width`, `height` and `camera_config` of `stepper.viewer.Renderer`.
+        **settings: `width`, `height`, `camera` and `camera_config` of `stepper.viewer.Renderer`.
 
     Raises:
         ValueError: An unknown render mode.
@@ -39,7 +38,7 @@ class Drawing:
         self._renderer: Renderer | None = None
 
     def frames(self, envs: Iterable[int]) -> tuple[Array, ...]:
-        """Pictures of some environments, (height, width, 3) uint8 each."""
+        """Pictures of the environments with these indices, (height, width, 3) uint8 each."""
         if self._renderer is None:
             batch = self._batch
             task = batch.task
@@ -62,7 +61,7 @@ def camera_settings(
     """Settings of a `Drawing` from the camera arguments of Gymnasium's environments.
 
     Raises:
-        ValueError: Two cameras are given.
+        ValueError: Both `camera_id` and `camera_name` are given.
     """
     if camera_id is not None and camera_name is not None:
         raise ValueError(f"camera_id={camera_id} and camera_name={camera_name!r} were given: give one of them")

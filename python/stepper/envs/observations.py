@@ -1,15 +1,15 @@
-"""Rows of the tables of several tasks."""
+"""Rows of observation tables that several tasks use."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from stepper._stepper import Model
-from stepper.envs.assets import once_per_model
+from stepper.envs.assets import cache_per_model
 from stepper.envs.task import Array, Moment, Observation, Terms
 
 
-@once_per_model
+@cache_per_model
 def _tendon_matrices(model: Model) -> tuple[Array, Array]:
     """Matrices from qpos to lengths of tendons, (nq, ntendon), and from qvel to their velocities, (nv, ntendon)."""
     names = model.tendon_names
@@ -23,7 +23,7 @@ def _tendon_matrices(model: Model) -> tuple[Array, Array]:
 
 
 def tendons(now: Moment) -> Terms:
-    """Lengths and velocities of the fixed tendons, (num_envs, ntendon) each, as "tendon_length" and "tendon_velocity"."""
+    """Lengths (m or rad) and velocities of the fixed tendons, (num_envs, ntendon) each, as "tendon_length" and "tendon_velocity"."""
     lengths, rates = _tendon_matrices(now.sim.model)
     return {"tendon_length": now.qpos @ lengths, "tendon_velocity": now.qvel @ rates}
 
@@ -34,4 +34,4 @@ BODY_TABLES = (
     Observation("qfrc_actuator", columns=slice(6, None)),
     Observation("cfrc_ext", columns=slice(6, None)),
 )
-"""Observations of the bodies of humanoids: of all but the world, and forces of all joints but the free one."""
+"""Observations of humanoids: quantities of all bodies except the world, and actuator forces on all joints except the free one."""

@@ -23,13 +23,14 @@ _EPISODES: dict[str, tuple[int, float | None]] = {
     "Swimmer": (1000, 360.0),
     "Walker2d": (1000, None),
 }
-"""Actions of an episode, and the return from which on a task counts as solved, by task: those of Gymnasium's registry."""
+"""Number of actions per episode, and return at which the task counts as solved (None: undefined), by task, from Gymnasium's registry."""
 
 
 def register_tasks() -> None:
-    """Registers "stepper/NAME-v5" for Gymnasium's tasks, "stepper/dm_control.NAME-v0" for dm_control's, and stepper's own, once.
+    """Register all environments with Gymnasium, unless they are registered already.
 
-    Names of Gymnasium's registry may have one slash.
+    Names are "stepper/NAME-v5" for Gymnasium's tasks, "stepper/dm_control.NAME-v0" for dm_control's, and "stepper/NAME-v0" for the others.
+    (dm_control's names have a dot, because Gymnasium allows only one slash.)
     """
     for name, (steps, threshold) in _EPISODES.items():
         _register(f"stepper/{name}-v5", steps, {"task": name}, threshold)

@@ -18,18 +18,21 @@ from stepper.envs.task import Array, Camera, Contact, Moment, Task, Terms
 
 
 class StepperEnv(gymnasium.Env[Array, Array]):
-    """Single environment of a task, with the bits of a `StepperVectorEnv` environment with the same seed. It pickles with its state.
+    """Single environment of a task. Its results equal those of a `StepperVectorEnv` environment with the same seed, bit for bit.
+
+    It pickles with its state.
 
     If a step would give a state that is not finite, the environment keeps its last finite state, the episode is terminated, and its info
     has "non_finite".
 
     Args:
-        task: A `Task`, a class of tasks, or a name in `stepper.envs.TASKS`. For the latter two, `arguments` are those of the task.
-        contact: Law of contact: "mujoco", with the integrator of the model's file, or "hard"; None is the task's.
-        options: Options of the step, in place of those of `contact`.
+        task: A `Task`, a class of tasks, or a name in `stepper.envs.TASKS`. For a class or a name, `arguments` go to its constructor.
+        contact: Contact law: "mujoco", with the integrator of the model's file, or "hard"; None is `task.contact`.
+        options: Options of the step, which replace `contact`.
         precision: "f64" or "f32".
-        dtype: Scalar type of observations, float64 or float32; None is that of the precision.
-        max_episode_steps: Actions after which an episode is truncated; None is no limit. With `gymnasium.make`, its wrapper truncates.
+        dtype: Scalar type of observations, float64 or float32; None is that of `precision`.
+        max_episode_steps: Number of actions after which an episode is truncated; None is no limit. With `gymnasium.make`, the wrapper
+            `TimeLimit` truncates instead.
         render_mode: "rgb_array" for pictures by `render()`, or None for no pictures. `stepper.viewer.Renderer` lists the requirements.
         width: Width of a picture in pixels.
         height: Height of a picture in pixels.
@@ -38,10 +41,10 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         camera_name: Name of a camera of the model's file.
         default_camera_config: Settings of a free camera: distance (m), azimuth and elevation (degrees), lookat (3,), m, and trackbodyid,
             the followed body.
-        **arguments: Arguments of a task that is given by its class or name.
+        **arguments: Arguments of the task's constructor, if `task` is a class or a name.
 
     Raises:
-        ValueError: A setting out of its range, no task of that name, another render mode.
+        ValueError: A setting is out of its range, or the task or render mode is unknown.
         TypeError: Arguments that the task does not have.
     """
 
@@ -83,28 +86,31 @@ class StepperEnv(gymnasium.Env[Array, Array]):
 
     @property
     def now(self) -> Moment:
-        """Quantities after the last step or reset, as the task sees them."""
+        """View of the environment after the last step or reset, from which the task computes observations and rewards."""
         return self._batch.now
 
     @property
     def task(self) -> Task:
-        """The task."""
+        """Task that defines scene, observations and rewards."""
         return self._batch.task
 
     @property
     def dt(self) -> float:
-        """Time of an action, s."""
+        """Simulated time per action, s: the time step times `task.frame_skip`."""
         return self._batch.dt
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Begins a new episode.
+        """Start a new episode.
 
         Args:
-            seed: Seed of all random numbers; None continues the present ones.
-            options: Must be empty: there are none.
+            seed: Seed of all random numbers of the environment; None continues the present random numbers.
+            options: Must be None or empty, because there are no options.
+
+        Returns:
+            Observation (n,), and the info dict.
 
         Raises:
-            ValueError: Options.
+            ValueError: `options` is not empty.
         """
         if options:
             raise ValueError(f"unknown options {sorted(options)}, there are none")
@@ -116,10 +122,13 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         return self._batch.observation()[0], _of_one(self._batch.info())
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Makes the steps of one action, (nu,), in the units of the task.
+        """Advance the environment by one action, (nu,), in the units of the task.
+
+        Returns:
+            Observation (n,), reward, terminated, truncated, and the info dict.
 
         Raises:
-            ValueError: A wrong shape of the action, or one that is not finite, before the steps. Or a reward that is not finite.
+            ValueError: The action has a wrong shape or is not finite; then nothing is stepped. Or the reward is not finite.
             ResetNeeded: `reset` was not called yet.
         """
         batch = self._batch
@@ -132,7 +141,7 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         return batch.observation()[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), _of_one(batch.info() | terms)
 
     def get_state(self) -> EnvState:
-        """State of the environment, for `set_state`. A restored environment continues with the same bits.
+        """State of the environment, for `set_state`. After `set_state`, later steps give the same results bit for bit.
 
         The state contains that of the stepper, parameters of `Stepper.randomize`, applied forces and mocap poses. It also contains the
         episode: the task's episode_state, random number generators of initial states and sensors, return and length. It does not contain
@@ -146,22 +155,22 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         return self._batch.get_state()
 
     def set_state(self, qpos: Array | EnvState | None = None, qvel: Array | None = None) -> Array:
-        """Sets positions and velocities, or restores a state of `get_state`.
+        """Set positions and velocities, or restore a state of `get_state`.
 
-        Positions and velocities leave the episode as it is: length, episode_state and random numbers. A state replaces everything: the same
-        actions then give the same observations, rewards, terminations and resets, bit for bit. The state may be from another
-        `StepperEnv` with the same task and settings, also from another process.
+        Positions and velocities do not change the episode: length, episode_state and random numbers stay. An `EnvState` replaces
+        everything: the same actions then give the same observations, rewards, terminations and resets, bit for bit. It may come from
+        another `StepperEnv` with the same task and settings, also from another process.
 
         Args:
-            qpos: Positions (nq,), m and rad; None keeps them. Or a state of `get_state`.
+            qpos: Positions (nq,), m and rad; None keeps them. Or an `EnvState` of `get_state`.
             qvel: Velocities (nv,), m/s and rad/s; None keeps them. Leave it out with a state.
 
         Returns:
             The observation, (n,), in the units of the task.
 
         Raises:
-            ValueError: A wrong shape, a number that is not finite, or velocities together with a state. Or a state of another task, of
-                other arguments, or of other options. Nothing is changed.
+            ValueError: A shape is wrong, a number is not finite, or `qvel` is given with an `EnvState`. Or the `EnvState` comes from
+                another task, other arguments of the task or other options of the step. Nothing is changed.
         """
         mask = np.ones(1, dtype=bool)
         if not isinstance(qpos, EnvState):
@@ -189,5 +198,5 @@ class StepperEnv(gymnasium.Env[Array, Array]):
 
 
 def _of_one(terms: Terms) -> dict[str, Any]:
-    """Terms of one environment as its info, which later steps leave as it is."""
+    """Info dict of the single environment, with copies of the values, which later steps do not change."""
     return {name: term[0] if term.ndim == 1 else term[0].copy() for name, term in terms.items()}

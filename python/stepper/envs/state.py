@@ -1,4 +1,4 @@
-"""States of environments: state of the stepper, its parameters, and the running episodes."""
+"""Saving and restoring of environments: state of the stepper, its parameters, and the running episodes."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from stepper.shared.fields import APPLIED
 Array = NDArray[Any]
 
 _DECISIVE = ("task", "precision")
-"""Settings whose difference implies others: a message lists it alone."""
-_SHOWN = 3
-"""Number of differences that a message lists."""
+"""Settings of which a difference implies further differences, so that an error message lists only this one."""
+_LISTED = 3
+"""Largest number of differences that an error message lists."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -42,9 +42,9 @@ class EnvState:
 
 
 def save(sim: Stepper, task: Task, episodes: dict[str, Array]) -> EnvState:
-    """State of a stepper with copies of the values of its episodes."""
+    """State of a stepper and copies of the arrays `episodes` of its running episodes."""
     pickled = sim.__getstate__()
-    # Attributes of the stepper would make arrays that every step reads from then on.
+    # Not read as attributes: the first access to sim.xfrc_applied etc. creates an array that every later step has to read.
     applied = {name: None if array is None else np.array(array) for name, array in zip(APPLIED, pickled["applied"], strict=True)}
     if np.size(sim.mocap_pos):
         applied |= {name: np.array(getattr(sim, name)) for name in ("mocap_pos", "mocap_quat")}
@@ -61,21 +61,21 @@ def save(sim: Stepper, task: Task, episodes: dict[str, Array]) -> EnvState:
 def check_settings(sim: Stepper, task: Task, state: EnvState) -> None:
     """Checks that a state was saved with the same task, arguments of the task, precision and options of the step.
 
-    With others, returns, episode_state and random numbers of its episodes would belong to another reward or another motion.
+    Otherwise the saved returns, episode_state and random numbers would belong to another reward or another motion.
 
     Raises:
-        ValueError: Other settings; the message names them.
+        ValueError: The settings differ; the message lists the differences.
     """
     present, saved = _settings(sim, task), state.settings
     absent = object()
     names = [name for name in {**saved, **present} if not _equal(saved.get(name, absent), present.get(name, absent))]
     if not names:
         return
-    own = names[0] in _DECISIVE
-    shown = names[:1] if own else names[:_SHOWN]
-    more = "" if own or len(names) <= _SHOWN else f"; and {len(names) - _SHOWN} more"
+    decisive = names[0] in _DECISIVE
+    shown = names[:1] if decisive else names[:_LISTED]
+    more = "" if decisive or len(names) <= _LISTED else f"; and {len(names) - _LISTED} more"
     listed = "; ".join(f"{name} was {_shown(saved, name)} and is {_shown(present, name)} here" for name in shown)
-    motion = "" if own else ", or take over the motion alone with sim.set_state(state.sim)"
+    motion = "" if decisive else ", or restore only the state of the stepper with sim.set_state(state.sim)"
     raise ValueError(
         f"the state is from an environment with other settings: {listed}{more}. Make an environment with the settings of the state{motion}"
     )
@@ -111,7 +111,7 @@ def _plain(prefix: str, values: Mapping[Any, Any]) -> Iterator[tuple[str, Any]]:
 
 
 def restore(sim: Stepper, state: EnvState, mask: Array) -> None:
-    """Restores the stepper's state, parameters and applied forces of environments in a mask (num_envs,).
+    """Restore the state, parameters and applied forces of the environments in a mask (num_envs,).
 
     Raises:
         ValueError: The state is from another model or precision. Nothing is changed.
@@ -128,7 +128,7 @@ def restore(sim: Stepper, state: EnvState, mask: Array) -> None:
 
 
 def _restore_parameters(sim: Stepper, parameters: dict[str, Any], mask: Array) -> None:
-    """Restores the parameters of environments in a mask; None is the model's value."""
+    """Restore the randomized parameters of the environments in a mask (num_envs,); fields absent in `parameters` get the model's value."""
     now = sim.randomized
     fields = {name: parameters.get(name) for name in {*now, *parameters}}
     changed = {name: value for name, value in fields.items() if not _same(value, now.get(name), mask)}

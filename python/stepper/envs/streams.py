@@ -1,4 +1,4 @@
-"""Random numbers of resets: a stream for each environment, drawn for many environments at once."""
+"""Random numbers of environments: one stream per environment, and vectorised draws from many streams."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ _GAMMA, _MIX_1, _MIX_2 = (np.uint64(k) for k in (0x9E3779B97F4A7C15, 0xBF58476D1
 _SHIFTS = tuple(np.uint64(k) for k in (30, 27, 31))
 _MANTISSA = np.uint64(11)
 _STEP = 2.0**-53
-"""Distance of two neighbouring uniform numbers."""
+"""Distance between neighbouring uniform random numbers in [0, 1)."""
 
 
 def _mix(words: Words) -> Words:
-    """Steele, Lea and Flood's finalizer (splitmix64), in place: a permutation of 64-bit words that hides what they have in common."""
+    """Steele, Lea and Flood's finalizer (splitmix64): a permutation of 64-bit integers, in place. Related inputs become unrelated."""
     words ^= words >> _SHIFTS[0]
     words *= _MIX_1
     words ^= words >> _SHIFTS[1]
@@ -33,20 +33,22 @@ def _mix(words: Words) -> Words:
 
 @lru_cache(maxsize=64)
 def _steps(size: int) -> Words:
-    """Increments of a state for each of the next words: (size,)."""
+    """Offsets from the state of a stream to the inputs of its next `size` numbers, (size,)."""
     return np.multiply(np.arange(1, size + 1, dtype=np.uint64), _GAMMA, dtype=np.uint64)
 
 
 @lru_cache(maxsize=256)
-def _word_of(name: str) -> np.uint64:
-    """Word of a name: a hash that is the same in every process."""
+def _hash_of(name: str) -> np.uint64:
+    """64-bit hash of a name, which is the same in every process."""
     return np.uint64(int.from_bytes(hashlib.blake2b(name.encode(), digest_size=8).digest(), "little"))
 
 
 class Streams:
-    """Streams of random numbers, one per environment: splitmix64 with counters, so that many streams are one array operation.
+    """Streams of random numbers, one per environment.
 
-    The numbers of an environment depend only on its seed and on the count of numbers that it drew before.
+    The generator is splitmix64, a hash of a counter, so that one array operation draws from many streams.
+
+    The numbers of an environment depend only on its seed and on how many numbers were drawn from its stream before.
 
     Args:
         num_envs: Number of streams.
@@ -80,13 +82,13 @@ class Streams:
         self.ages[envs] = 0
 
     def fork(self, name: str) -> Streams:
-        """Independent streams that depend on these streams, their ages and a name. Drawing from them does not change these."""
-        made = copy.copy(self)
-        made.state = _mix(_mix(self.state + _word_of(name)) + self.ages * _GAMMA)
-        return made
+        """Independent streams, a function of these streams, their ages and a name. Draws from the result do not change these streams."""
+        forked = copy.copy(self)
+        forked.state = _mix(_mix(self.state + _hash_of(name)) + self.ages * _GAMMA)
+        return forked
 
     def words(self, envs: Array, size: int) -> Words:
-        """The next `size` words of the streams `envs` (n,): (n, size) uint64."""
+        """Next `size` random 64-bit integers of each stream in `envs` (n,): (n, size) uint64."""
         words = self.state[envs][:, None] + _steps(size)
         if size:
             self.state[envs] = words[:, -1]
@@ -94,14 +96,14 @@ class Streams:
 
 
 class Rng:
-    """Random numbers for the n environments that are reset: a row for each of them, from the stream of that environment.
+    """Random number generator for n environments. Each environment draws from a stream that depends only on its seed.
 
-    Draws have the shape (n, size): `size` numbers for each environment. `array[mask] = rng.uniform(low, high, size)` fits an array
-    (num_envs, size) of all environments.
+    Draws have the shape (n, size): `size` numbers for each environment. In `Task.on_reset`, `array[mask] = rng.uniform(low, high, size)`
+    sets the rows of the reset environments in an array (num_envs, size).
 
     Args:
         streams: Streams of all environments.
-        envs: Indices of those that are reset, (n,).
+        envs: Indices of the n environments, (n,).
     """
 
     def __init__(self, streams: Streams, envs: Array):
@@ -124,5 +126,5 @@ class Rng:
         return np.hstack([radius * np.cos(angle), radius * np.sin(angle)])[:, :size]
 
     def of(self, rows: Array) -> Rng:
-        """Random numbers of a subset of the environments, by a boolean mask (n,), for rejection sampling."""
+        """Generator for a subset of the n environments, given by the boolean mask `rows` (n,), for rejection sampling."""
         return Rng(self._streams, self.envs[rows])

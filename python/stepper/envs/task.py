@@ -1,4 +1,4 @@
-"""Task: a model, a table of observations, a reward, and a reset."""
+"""Base class of tasks, and the view of the batch (`Moment`) from which tasks compute observations and rewards."""
 
 from __future__ import annotations
 
@@ -22,33 +22,34 @@ from stepper.sensors import SensorModel
 
 Array = NDArray[Any]
 Terms: TypeAlias = dict[str, Array]
-"""Numbers by name, an array (num_envs, ...) each."""
+"""Arrays (num_envs, ...) by name, as terms of a reward or entries of an info dict."""
 Contact: TypeAlias = Literal["mujoco", "hard"]
-"""Law of contact."""
+"""Contact law: MuJoCo's soft contact, or hard contact."""
 Camera: TypeAlias = Mapping[str, Any]
-"""Numbers of a free camera: distance (m), azimuth and elevation (degrees), lookat (3,) in m, trackbodyid; see `stepper.viewer.Renderer`."""
+"""Settings of a free camera: distance (m), azimuth, elevation (degrees), lookat (3,) in m, trackbodyid; see `stepper.viewer.Renderer`."""
 
 
-_OWN = ("sim", "task", "dt", "action", "default_qpos", "episode_state", "velocity", "_streams", "_kept", "_end", "_over")
-"""Attributes of a moment that are not quantities of the stepper."""
+_OWN = ("sim", "task", "dt", "action", "default_qpos", "episode_state", "velocity", "_streams", "_kept", "_end", "_expired")
+"""Attributes of a moment that are pickled with it. All other attributes are quantities of the stepper."""
 
 
 class Moment:
     """View of the batch after a step or a reset, which observations, rewards and terminations of a task read.
 
-    Every quantity of a `Stepper` (`now.qpos`, `now.xpos`, `now.sensordata`) is an attribute, an array (num_envs, ...). It is computed at
-    its first use, which must precede the next step. `read(name, of)` and `contacts()` are those of `Stepper`.
+    Every quantity of a `Stepper` (`now.qpos`, `now.xpos`, `now.sensordata`) is an attribute, an array (num_envs, ...). It is read at
+    its first use. The first use must come before the next step or reset; after that it raises RuntimeError. `read(name, of)` and
+    `contacts()` work as in `Stepper`.
 
     Attributes:
         sim: The stepper.
         task: The task.
         dt: Time between two observations, s.
-        action: Actions of the step that led here, (num_envs, n); zero in environments that have just begun an episode. n is nu, except for
-            a task with `action_bounds`.
+        action: Actions of the last step, (num_envs, n); zero in environments that were just reset. n is nu, unless the task defines
+            `action_bounds`.
         default_qpos: The model's reference configuration, (nq,), m and rad.
-        episode_state: State of the episodes that the stepper does not have: arrays (num_envs, ...) by name; see `Task.episode_state`.
-        velocity: Rate of change of `Task.position` over that step, per s; zero in environments that have just begun an episode, None for
-            tasks without a position.
+        episode_state: Arrays (num_envs, ...) by name with data of the episodes that the stepper does not store; see `Task.episode_state`.
+        velocity: Rate of change of `Task.position` over the last step, per s. It is zero in environments that were just reset, and None
+            for tasks without a position.
     """
 
     def __init__(self, sim: Stepper, task: Any, dt: float, action: Array, default_qpos: Array, *, episode_state: Terms, streams: Streams):
@@ -57,7 +58,7 @@ class Moment:
         self.velocity: Any = None
         self._kept: Terms = {}
         self._end: tuple[Array, Array] | None = None
-        self._over = False
+        self._expired = False
 
     def __getattr__(self, name: str) -> Any:
         # Python calls this only for attributes that do not exist yet.
@@ -65,13 +66,13 @@ class Moment:
             raise AttributeError(name)
         if name in RENAMED["Moment"]:
             raise no_attribute(Moment, name)
-        if self._over:
+        if self._expired:
             raise RuntimeError(f"{name} is a quantity of a past moment, which was not read then: read it before the next step or reset")
         value = self.task.healthy(self) if name == "healthy" else getattr(self.sim, name)
         if callable(value):
-            return value  # A method reads the present state: whether the moment is over is checked at every use.
+            return value  # Methods are not stored, so that every access checks whether the moment has expired.
         if isinstance(value, np.ndarray):
-            value = np.asarray(value)  # A plain array: `Stepper` gives subclasses, with which arithmetic is slower.
+            value = np.asarray(value)  # A plain array: `Stepper` returns a subclass of ndarray, with which arithmetic is slower.
         self.__dict__[name] = value
         return value
 
@@ -80,11 +81,10 @@ class Moment:
         return read(self, name, of)
 
     def rng(self, name: str) -> Rng:
-        """Random numbers of all environments for this moment, for noise of an observation.
+        """Random number generator for all environments at this moment, for noise of an observation.
 
-        They depend on the seed of an environment, on the steps and resets since, and on the name. Equal names give equal numbers, however
-        often
-        and in any order, so that reading an observation twice gives the same noise.
+        Its numbers depend on the seed of each environment, on the number of steps and resets since the seed, and on the name. Every call
+        with the same name gives the same numbers, so that reading an observation twice gives the same noise.
 
         Args:
             name: Name of the term, such as "height_scan".
@@ -92,16 +92,21 @@ class Moment:
         return Rng(self._streams.fork(name), np.arange(len(self._streams.state)))
 
     def keep(self, name: str, value: Array) -> None:
-        """Keeps the present value of a quantity, (num_envs, ...), in its unit, in place of the value at the end of the step."""
+        """Fix the value of a quantity for this moment, for example a value from the middle of the step.
+
+        Args:
+            name: Name of the quantity, as "xpos". Reading `now.xpos` then gives this value instead of that after the step.
+            value: Value, (num_envs, ...), in the unit of the quantity.
+        """
         self.__dict__[name] = self._kept[name] = value
 
     def end_step(self) -> None:
-        """Notes the state at the end of the step, with which quantities of `keep` hold."""
+        """Store positions and velocities after the step. `reread` drops values of `keep` in environments whose state differs from these."""
         if self._kept:
             self._end = self.qpos, self.qvel
 
     def without_kept(self) -> Moment:
-        """A moment of the same step without quantities of `keep`."""
+        """Moment of the same step without the values of `keep`."""
         return self._same_step(self.action) if self._kept else self
 
     def _same_step(self, action: Array) -> Moment:
@@ -109,38 +114,38 @@ class Moment:
         return Moment(self.sim, self.task, self.dt, action, self.default_qpos, **shared)
 
     def reread(self, changed: Array) -> Moment:
-        """A new moment of the same step that reads all quantities again; this one is over.
+        """New moment that reads all quantities again, after a change of the stepper. The present moment expires.
 
         Args:
-            changed: Environments that were reset or set, (num_envs,) bool: action and velocity are zero there. Quantities of `keep` stay
-                in the others, unless their state is another one since.
+            changed: Environments that were reset or set, (num_envs,) bool. Their action and velocity become zero. In the others, values of
+                `keep` remain unless their state has changed.
         """
-        made = self._same_step(cleared(self.action, changed))
-        made.velocity = None if self.velocity is None else cleared(self.velocity, changed)
+        made = self._same_step(with_zero_rows(self.action, changed))
+        made.velocity = None if self.velocity is None else with_zero_rows(self.velocity, changed)
         if self._end is not None and not changed.all():
             moved = changed | np.any(self._end[0] != made.qpos, axis=1) | np.any(self._end[1] != made.qvel, axis=1)
             for name, value in self._kept.items():
                 made.keep(name, select(moved, getattr(self.sim, name), value))
             made.end_step()
-        self._over = True
+        self._expired = True
         return made
 
     @property
     def kept(self) -> Terms:
-        """Quantities of `keep` by name."""
+        """Values that were set by `keep`, by name."""
         return self._kept
 
     def step_values(self) -> Terms:
-        """Values of the step that led here by name: the action, and the velocity for tasks with a position."""
+        """Action of the last step, and velocity for tasks with a position, by name; a saved state has them."""
         return {name: value for name in ("action", "velocity") if (value := getattr(self, name)) is not None}
 
     def restored(self, step_values: Terms, kept: Terms, mask: Array) -> Moment:
-        """A new moment after environments of a mask (num_envs,) took over another state.
+        """New moment after some environments were restored from a saved state.
 
         Args:
-            step_values: `step_values` of the moment in that state.
-            kept: Quantities of `keep` there.
-            mask: Environments that took over the state, (num_envs,) bool.
+            step_values: `step_values` of the moment in the saved state.
+            kept: `kept` of the moment in the saved state.
+            mask: Environments that were restored, (num_envs,) bool.
         """
         made = self.reread(mask)
         for name, values in step_values.items():
@@ -151,12 +156,12 @@ class Moment:
         made.end_step()
         return made
 
-    def finish(self) -> None:
-        """Ends the moment: quantities that were not read cannot be read any more."""
-        self._over = True
+    def expire(self) -> None:
+        """Mark the moment as past. Quantities that were not read before raise RuntimeError from now on."""
+        self._expired = True
 
     def __getstate__(self) -> dict[str, Any]:
-        # The stepper has the other quantities.
+        # Other quantities can be read from the stepper again.
         return {name: self.__dict__[name] for name in _OWN} | self._kept
 
 
@@ -165,7 +170,7 @@ def select(mask: Array, one: Array, other: Array) -> Array:
     return np.where(mask.reshape(-1, *[1] * (other.ndim - 1)), one, other)
 
 
-def cleared(values: Array, mask: Array) -> Array:
+def with_zero_rows(values: Array, mask: Array) -> Array:
     """A copy of values (num_envs, ...) with zero rows for the environments of a mask (num_envs,)."""
     made = np.array(values)
     made[mask] = 0
@@ -174,14 +179,14 @@ def cleared(values: Array, mask: Array) -> Array:
 
 @dataclass(frozen=True)
 class Observation:
-    """Row of the table that makes an observation.
+    """Row of a task's table of observations. The observation is the concatenation of all rows.
 
     Attributes:
         name: Name of the row. Without `func` it is a quantity of `Stepper`: "qpos", "qvel", "xpos".
-        func: Function of a moment that computes the row, (num_envs, ...), in place of a quantity of `Stepper`.
-        columns: Columns that are observed; None is all.
-        clip: Bounds of the observed values; None is none.
-        noise: Half width of uniform noise, which is added before `clip`. It follows from the seed of an environment, as `Moment.rng`.
+        func: Function of a `Moment` that computes the row, (num_envs, ...), in place of a quantity of `Stepper`.
+        columns: Columns of the flattened quantity (num_envs, n) that are observed; None is all.
+        clip: Lower and upper bound of the observed values; None is no bound.
+        noise: Half width of uniform noise, which is added before `clip`. Its random numbers are those of `Moment.rng`.
         unit: Unit of a row with `func`, for tables of observations; empty for numbers without one.
     """
 
@@ -193,7 +198,7 @@ class Observation:
     unit: str = ""
 
     def read(self, now: Moment) -> Array:
-        """Values of a moment with noise before clipping, (num_envs, n), in the unit of the row."""
+        """Values of the row, (num_envs, n), in its unit, with noise and before `clip`."""
         value: Array = getattr(now, self.name) if self.func is None else self.func(now)
         flat = value.reshape(len(value), -1)
         flat = flat if self.columns is None else flat[:, self.columns]
@@ -202,16 +207,16 @@ class Observation:
 
 @dataclass(frozen=True)
 class Reset:
-    """The environments that begin an episode, for `Task.place`.
+    """Environments that start a new episode: the argument of `Task.place`.
 
     Attributes:
         sim: The stepper. These environments still have the state in which their last episode ended.
         envs: Indices of the environments, (n,).
         qpos: Initial positions, (n, nq), m and rad: the model's reference, to be changed in place.
         qvel: Initial velocities, (n, nv), m/s and rad/s: zero, to be changed in place.
-        episode_state: Arrays (num_envs, ...) of `Task.episode_state`, with the rows that the new episodes begin with. Change rows
-            `episode_state[name][reset.envs]` alone.
-        rng: Random numbers of these environments.
+        episode_state: Arrays (num_envs, ...) of `Task.episode_state`, already with the initial rows of the new episodes. Change
+            only the rows `episode_state[name][reset.envs]`.
+        rng: Random number generator of these environments.
     """
 
     sim: Stepper
@@ -223,23 +228,22 @@ class Reset:
 
 
 class Task(ABC):
-    """A task of many environments of one model.
+    """Task of a reinforcement-learning environment: scene, observations, reward and resets. Abstract.
 
     Write a task as a frozen dataclass, whose fields are arguments of `gymnasium.make`. All methods work on whole batches: the leading axis
-    of
-    arrays is that of the environments.
+    of arrays is that of the environments.
     """
 
     contact: ClassVar[Contact] = "hard"
-    """Law of contact unless an environment is made with another."""
+    """Default contact law of environments of this task."""
     camera: ClassVar[Camera] = {}
-    """From where pictures are taken, unless the model's file has a camera "track" or an environment is made with another."""
+    """Camera of pictures, unless the model's file has a camera "track" or the environment is made with another camera."""
     lamp: ClassVar[bool] = True
-    """Whether pictures of a scene without a light get one: False in Gymnasium's tasks, whose pictures are Gymnasium's."""
+    """Whether pictures of a scene without a light get an added light. It is False in Gymnasium's tasks, to reproduce its pictures."""
     carried: ClassVar[tuple[str, ...]] = ()
-    """Names of `episode_state` whose values go on in the next episode, as the level of a curriculum; a reset with a seed restores them."""
+    """Names in `episode_state` whose values persist into the next episode, as the level of a curriculum, until a reset with a seed."""
     frame_skip: int
-    """Number of steps per action."""
+    """Number of time steps per action."""
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -252,9 +256,9 @@ class Task(ABC):
         """Model of the scene."""
 
     def sensors(self) -> SensorModel | None:
-        """Sensor models, for tasks that observe `now.sensordata`. None: ideal sensors.
+        """Sensor model (noise, delay, bias), for tasks that observe `now.sensordata`; None is ideal sensors.
 
-        Their random numbers depend on the seed of an environment and on its index in the batch.
+        Its random numbers depend on the seed of an environment and on its index in the batch.
         """
         return None
 
@@ -263,7 +267,7 @@ class Task(ABC):
         return None
 
     def action_bounds(self, model: Model) -> tuple[Array, Array]:
-        """Lower and upper bounds of the actions, (n,) each, in the units of the task: by default ranges of the model's controls.
+        """Lower and upper bounds of the actions, (n,) each, in the units of the task. The default is the control ranges of the model.
 
         A task with other actions, such as motions of a hand, converts them to controls in `advance`.
         """
@@ -272,11 +276,15 @@ class Task(ABC):
 
     @abstractmethod
     def observations(self) -> tuple[Observation, ...]:
-        """Table of the observation, row by row."""
+        """Table of observations. An observation is the concatenation of its rows."""
 
     @abstractmethod
     def reward(self, now: Moment) -> tuple[Array, Terms]:
-        """Rewards of the step that led to a moment, (num_envs,), and additional entries of its info, such as terms of the reward."""
+        """Rewards of the last step, (num_envs,), and entries for the info dict, such as the terms of the reward.
+
+        Args:
+            now: View of the batch after the step.
+        """
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:  # noqa: B027
         """Samples initial states of n episodes.
@@ -284,51 +292,52 @@ class Task(ABC):
         Args:
             qpos: Positions, (n, nq), m and rad: the model's reference, to be changed in place.
             qvel: Velocities, (n, nv), m/s and rad/s: zero, to be changed in place.
-            rng: Random numbers of these environments.
+            rng: Random number generator of these environments, with draws (n, size).
         """
 
     def place(self, reset: Reset) -> None:
-        """Sets initial states that depend on `episode_state` or on the simulation, for example on the level of a terrain.
+        """Set initial states. Override it if they depend on `episode_state` or the simulation, for example on the level of a terrain.
 
         The default calls `sample_state`. An override may call it too, and then move the sampled states.
         """
         self.sample_state(reset.qpos, reset.qvel, reset.rng)
 
     def episode_state(self, num_envs: int) -> Terms:
-        """Initial values of `episode_state`, for data that the stepper does not have, such as commands and previous actions.
+        """Initial values of data of the episodes that the stepper does not store, such as commands and previous actions.
 
         Returns:
-            Arrays (num_envs, ...) by name, which `now.episode_state` has; `place`, `on_reset`, `advance` and `on_end` write to them. Each
-            episode begins with the rows that are returned here, but for names in `carried`.
+            Arrays (num_envs, ...) by name, the initial `now.episode_state`. `place`, `on_reset`, `advance` and `on_end` write to them. Each
+            episode starts with the rows returned here, except for names in `carried`.
         """
         return {}
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:  # noqa: B027
-        """Hook after the initial states are set: commands, parameters (`sim.randomize`), or steps until the robot rests.
+        """Hook that is called after the initial states are set. It can draw commands and parameters (`sim.randomize`), or step until rest.
 
         Args:
             sim: The stepper.
-            episode_state: Arrays of `episode_state`. Change only rows of the mask, there and in the stepper.
-            mask: Environments that begin, (num_envs,) bool.
-            rng: Random numbers of these environments.
+            episode_state: Arrays of `episode_state`. Change only rows of the mask, here and in the stepper.
+            mask: Environments that start an episode, (num_envs,) bool.
+            rng: Random number generator of these environments.
         """
 
     def on_end(self, now: Moment, envs: Array) -> None:  # noqa: B027
-        """Hook before environments that made a step begin another episode, also where `reset` ends one early.
+        """Hook that is called before environments start their next episode, also if `reset` ends the last one early.
 
-        A curriculum reads here how far an episode came, and changes its level in `now.episode_state`, under a name in `carried`.
+        It is not called for episodes without a step. A curriculum measures the progress of the episode here, and changes the level of the
+        environment in `now.episode_state`, under a name in `carried`.
 
         Args:
-            now: The moment at the end of these episodes.
+            now: View of the batch at the end of these episodes.
             envs: Indices of the environments, (n,).
         """
 
     def healthy(self, now: Moment) -> Array | None:
-        """Whether the episode of each environment may continue, (num_envs,) bool; None is all. A moment has it as `now.healthy`."""
+        """Whether the state of each environment lets its episode continue, (num_envs,) bool; None is all. Read it as `now.healthy`."""
         return None
 
     def terminated(self, now: Moment) -> Array | None:
-        """Whether the episode of each environment is over, (num_envs,) bool; None is none. The default is not healthy."""
+        """Whether each episode is terminated, (num_envs,) bool; None is none. By default it is the negation of `healthy`."""
         return None if now.healthy is None else ~now.healthy
 
     def truncated(self, now: Moment) -> Array | None:
@@ -336,9 +345,9 @@ class Task(ABC):
         return None
 
     def position(self, now: Moment) -> Array | None:
-        """Quantity whose rate of change is `now.velocity`, (num_envs, ...); None without one.
+        """Quantity, (num_envs, ...), whose rate of change over the last action is `now.velocity`; None for no velocity.
 
-        It is read from the states before and after the steps of an action, regardless of `now.keep`.
+        It is evaluated in the states before and after the action, without values of `now.keep`.
         """
         return None
 
@@ -347,20 +356,20 @@ class Task(ABC):
         return {}
 
     def advance(self, now: Moment) -> None:
-        """Makes the steps of `now.action`; `now.keep` holds quantities from within them."""
+        """Step the simulation by one action, `now.action`. An override can store quantities between time steps with `now.keep`."""
         now.sim.step(now.action, self.frame_skip)
 
 
 class MujocoTask(Task):
     """Task of Gymnasium's MuJoCo environments, version 5.
 
-    Subclasses have the field `xml_file`: a file of Gymnasium, or a path that begins with "/", "." or "~".
+    Subclasses define the field `xml_file`: a file of Gymnasium, or a path that begins with "/", "." or "~".
     """
 
     contact = "mujoco"
     lamp = False
     strict: ClassVar[bool] = True
-    """Whether the model may leave nothing out."""
+    """Whether elements of the file that stepper does not support are errors, as in `stepper.load`."""
     xml_file: str
 
     def model(self) -> Model:
@@ -369,7 +378,7 @@ class MujocoTask(Task):
 
 
 def per_moment(function: Callable[[Moment], Array]) -> Callable[[Moment], Array]:
-    """Decorator that caches a function of a moment, `function(now)`, for that moment."""
+    """Decorator that computes a function of a moment, `function(now)`, once per moment."""
 
     @functools.wraps(function)
     def quantity(now: Moment) -> Array:
@@ -390,9 +399,9 @@ def within(value: Array, bounds: tuple[float, float]) -> Array:
 
 
 def all_within(value: Array, bounds: tuple[float, float]) -> Array:
-    """Whether all numbers of each environment, (num_envs, n), lie strictly between two bounds, (num_envs,)."""
+    """Whether all numbers of each environment lie strictly between two bounds: (num_envs,) bool for values (num_envs, n)."""
     low, high = bounds
-    if low < value.min() and value.max() < high:  # What is nearly always so, and quickly seen.
+    if low < value.min() and value.max() < high:  # A fast test that nearly always succeeds.
         return np.ones(len(value), dtype=bool)
     inside: Array = np.logical_and.reduce(within(value, bounds), axis=1)
     return inside

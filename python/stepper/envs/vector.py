@@ -24,30 +24,30 @@ from stepper.envs.task import Array, Camera, Contact, Moment, Task, Terms
 
 
 class StepperVectorEnv(VectorEnv[Array, Array, Array]):
-    """Vector environment of one task. Returned arrays belong to the caller. It pickles with its state.
+    """Vector environment of one task. Later steps do not change returned arrays. It pickles with its state.
 
     If a step would give a state that is not finite, the environment keeps its last finite state, its episode is terminated, and its info
     has "non_finite".
 
     Args:
-        task: A `Task`, a class of tasks, or a name in `stepper.envs.TASKS`. For the latter two, `arguments` are those of the task.
+        task: A `Task`, a class of tasks, or a name in `stepper.envs.TASKS`. For a class or a name, `arguments` go to its constructor.
         num_envs: Number of environments.
         autoreset_mode: Gymnasium's `AutoresetMode` or its name: when an environment starts its next episode.
 
             * "NEXT_STEP": at the next call of `step`, which ignores the action.
             * "SAME_STEP": within the step that ends the episode; "final_obs" and "final_info" of the infos have its last observation.
             * "DISABLED": only at `reset(options={"reset_mask": mask})`.
-        contact: Law of contact: "mujoco", with the integrator of the model's file, or "hard"; None is the task's.
-        options: Options of the step, in place of those of `contact`.
+        contact: Contact law: "mujoco", with the integrator of the model's file, or "hard"; None is `task.contact`.
+        options: Options of the step, which replace `contact`.
         precision: "f64" or "f32".
         threads: Number of threads; 0 is all cores that this process may use. The bits are the same for any number.
-        dtype: Scalar type of observations, float64 or float32; None is that of the precision.
-        max_episode_steps: Actions after which an episode is truncated; None is no limit. `gymnasium.make_vec` gives the registered one.
-        episode_statistics: Whether infos have "episode" where one is over: its return "r", length "l" and duration "t" in s, as
-            `RecordEpisodeStatistics` writes them.
+        dtype: Scalar type of observations, float64 or float32; None is that of `precision`.
+        max_episode_steps: Number of actions after which an episode is truncated; None is no limit. `gymnasium.make_vec` passes the
+            registered limit.
+        episode_statistics: Whether infos of ended episodes have "episode": return "r", length "l" and duration "t" in s, in the format of
+            Gymnasium's `RecordEpisodeStatistics`.
         render_mode: "rgb_array" for a picture of every environment by `render()`, or None for no pictures. `stepper.viewer.Renderer` lists
-            the
-            requirements.
+            the requirements.
         width: Width of a picture in pixels.
         height: Height of a picture in pixels.
         camera_id: Index of a camera of the model's file, or -1 for the task's free camera. The default is the file's camera "track", or the
@@ -55,16 +55,16 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         camera_name: Name of a camera of the model's file.
         default_camera_config: Settings of a free camera: distance (m), azimuth and elevation (degrees), lookat (3,), m, and trackbodyid,
             the followed body.
-        model: What `task.model()` makes, where it is made already: several batches can share it.
-        **arguments: Arguments of a task that is given by its class or name.
+        model: Model of the scene, which several vector environments can share; None calls `task.model()`.
+        **arguments: Arguments of the task's constructor, if `task` is a class or a name.
 
     Raises:
-        ValueError: A setting out of its range, no task of that name, another render mode.
+        ValueError: A setting is out of its range, or the task or render mode is unknown.
         TypeError: Arguments that the task does not have.
     """
 
     _drawing: Drawing | None = None
-    """None until the constructor has made it: Gymnasium closes an environment whose constructor raised."""
+    """None until the constructor sets it, because Gymnasium calls `close` after an error in the constructor."""
 
     def __init__(
         self,
@@ -109,32 +109,32 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
 
     @property
     def sim(self) -> Stepper:
-        """The stepper: to read from, and to randomize."""
+        """Stepper of all environments, for reading quantities and for `randomize`."""
         return self._batch.sim
 
     @property
     def now(self) -> Moment:
-        """Quantities after the last step or reset, as the task sees them."""
+        """View of the batch after the last step or reset, from which the task computes observations and rewards."""
         return self._batch.now
 
     @property
     def task(self) -> Task:
-        """The task."""
+        """Task that defines scene, observations and rewards."""
         return self._batch.task
 
     @property
     def dt(self) -> float:
-        """Time of an action, s."""
+        """Simulated time per action, s: the time step times `task.frame_skip`."""
         return self._batch.dt
 
     @property
     def episode_returns(self) -> Array:
-        """Sums of the rewards of the episodes that are under way, (num_envs,)."""
+        """Sum of the rewards of each running episode so far, (num_envs,)."""
         return self._batch.returns.copy()
 
     @property
     def episode_lengths(self) -> Array:
-        """Actions of the episodes that are under way, (num_envs,)."""
+        """Number of actions of each running episode so far, (num_envs,)."""
         return self._batch.lengths.copy()
 
     def reset(
@@ -145,33 +145,33 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         envs: ArrayLike | None = None,
         out: Array | None = None,
     ) -> tuple[Array, dict[str, Any]]:
-        """Begins new episodes.
+        """Start new episodes in all or some environments.
 
         Args:
-            seed: Environment i has the seed `seed + i`, or that of a sequence; what it draws follows from it alone. None goes on with the
-                random numbers as they are.
-            options: Gymnasium's "reset_mask", (num_envs,) bool: the environments that begin, at least one.
-            envs: The environments that begin, in place of `options`: a boolean mask (num_envs,) or integer indices (k,), each once;
-                None is all, and none of them does nothing. With indices a sequence of seeds has k, in their order.
-            out: Array that observations are written to, (num_envs, n) of their type; None is a new one.
+            seed: An int gives environment i the seed `seed + i`; a sequence gives one seed per environment, where None keeps the random
+                numbers of an environment. All random numbers of an environment follow from its seed. None continues the present ones.
+            options: May contain Gymnasium's "reset_mask", (num_envs,) bool with at least one True: the environments to start.
+            envs: The environments to start, in place of `options`: a boolean mask (num_envs,) or integer indices (k,), each once.
+                None is all; an empty selection does nothing. With indices, a sequence of seeds has k entries in their order.
+            out: Array for the observations, (num_envs, n) of their type; None is a new one.
 
         Returns:
-            Observations of all environments (num_envs, n), and infos of those that began.
+            Observations of all environments (num_envs, n), and infos of the started ones.
 
         Raises:
-            TypeError: A reset_mask that is no array of bool, or indices that are no integers.
-            ValueError: Another shape, an index twice, other options, seeds for another number of environments.
-            IndexError: An index out of range.
-            ResetNeeded: A mask before all environments began once.
+            TypeError: A reset_mask is not an array of bool, or indices are not integers.
+            ValueError: A wrong shape, a duplicate index, an unknown option, or a wrong number of seeds.
+            IndexError: An index is out of range.
+            ResetNeeded: Some environments are selected before the first reset of all.
         """
-        room, mask = self._batch.room(out), self._begins(options, envs)
+        observations, mask = self._batch.observation_array(out), self._begins(options, envs)
         if seed is not None and _are_indices(envs) and not isinstance(seed, int | np.integer):
             seed = _scattered(list(seed), np.array(selected(envs, self.num_envs)), self.num_envs)
         seeds = _seeds(seed, self.num_envs)
         if not self._begun and not mask.all():
             raise ResetNeeded("call reset without envs or reset_mask first: not all environments have begun")
         if not mask.any():
-            return self._batch.observation(room), {}
+            return self._batch.observation(observations), {}
         super().reset(seed=seed if isinstance(seed, int) else None)
         given = np.array([value is not None for value in seeds]) & mask
         if given.any():
@@ -181,22 +181,22 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         self._over[mask] = False
         self._any_over = bool(self._over.any())
         self._since[mask] = time.perf_counter()
-        return self._batch.observation(room), _shown(self._batch.info(), mask)
+        return self._batch.observation(observations), _infos(self._batch.info(), mask)
 
     def step(self, actions: Array, *, out: Array | None = None) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
-        """Makes the steps of one action in every environment.
+        """Advance every environment by one action.
 
         Args:
             actions: Actions, (num_envs, nu), in the units of the task.
-            out: Array that observations are written to, (num_envs, n) of their type; None is a new one.
+            out: Array for the observations, (num_envs, n) of their type; None is a new one.
 
         Returns:
             Observations (num_envs, n), rewards (num_envs,) float64, terminations and truncations (num_envs,) bool, infos.
 
         Raises:
-            ValueError: Actions of another shape, an `out` of another shape or type, an action that is not finite; nothing is stepped then.
-                A reward that is not finite.
-            ResetNeeded: Before the first reset; or, with `AutoresetMode.DISABLED`, for environments whose episode is over.
+            ValueError: `actions` or `out` has a wrong shape or type, or an action is not finite; then nothing is stepped. Or a reward is
+                not finite.
+            ResetNeeded: `reset` was not called yet; or, with `AutoresetMode.DISABLED`, the episode of an environment has ended.
         """
         batch = self._batch
         action = np.asarray(actions, dtype=np.float64)
@@ -204,7 +204,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
             raise ValueError(f"actions have shape {action.shape}, must be {self.action_space.shape}")
         if not self._begun:
             raise ResetNeeded("call reset before step")
-        room = batch.room(out)
+        observations = batch.observation_array(out)
         begins = self._over if self._any_over else None
         if begins is not None and self.autoreset_mode == AutoresetMode.DISABLED:
             raise ResetNeeded(f'episodes of environments {np.flatnonzero(begins)[:10].tolist()} are over: reset them with "reset_mask"')
@@ -219,23 +219,23 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         if self._any_over and self.autoreset_mode == AutoresetMode.SAME_STEP:
             final = np.full(self.num_envs, None, dtype=object)
             final[over] = np.fromiter(batch.observation()[over], dtype=object, count=int(over.sum()))
-            ended = _shown(batch.info() | terms, over)
+            ended = _infos(batch.info() | terms, over)
             batch.begin(over)
             self._since[over] = time.perf_counter()
             infos |= {"final_obs": final, "_final_obs": over, "final_info": ended, "_final_info": over.copy()}
             self._over, self._any_over, begins = np.zeros_like(over), False, over
         if begins is None:
-            infos |= _shown(batch.info() | terms, np.ones(self.num_envs, dtype=bool))
+            infos |= _infos(batch.info() | terms, np.ones(self.num_envs, dtype=bool))
         else:
-            infos |= _shown(batch.info(), np.ones(self.num_envs, dtype=bool)) | _shown(terms, ~begins)
-        return batch.observation(room), reward, terminated, truncated, infos
+            infos |= _infos(batch.info(), np.ones(self.num_envs, dtype=bool)) | _infos(terms, ~begins)
+        return batch.observation(observations), reward, terminated, truncated, infos
 
     def get_state(self) -> EnvState:
-        """State of all environments, for `set_state`; an environment continues from it with the same bits.
+        """State of all environments, for `set_state`. After `set_state`, later steps give the same results bit for bit.
 
         The state contains that of the stepper, parameters of `Stepper.randomize`, applied forces, mocap poses and active equalities. It
         also contains the episodes: the task's episode_state, random number generators of initial states and sensors, returns, lengths,
-        and which have ended. It does not contain the counters of wrappers or the random number generator of `action_space`.
+        and flags of ended episodes. It does not contain the counters of wrappers or the random number generator of `action_space`.
 
         Raises:
             ResetNeeded: `reset` was not called yet.
@@ -246,14 +246,14 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         return replace(state, episodes=state.episodes | {"over": self._over.copy(), "elapsed": time.perf_counter() - self._since})
 
     def set_state(self, qpos: Array | EnvState | None = None, qvel: Array | None = None, envs: ArrayLike | None = None) -> Array:
-        """Sets positions and velocities, or restores a state of `get_state`.
+        """Set positions and velocities, or restore a state of `get_state`.
 
-        Positions and velocities leave the episodes as they are: lengths, episode_state and random numbers. A state replaces everything: the
-        same actions then give the same observations, rewards, terminations and resets, bit for bit. The state may be from another
-        `StepperVectorEnv` with the same task, settings and number of environments, also from another process.
+        Positions and velocities do not change the episodes: lengths, episode_state and random numbers stay. An `EnvState` replaces
+        everything: the same actions then give the same observations, rewards, terminations and resets, bit for bit. It may come from
+        another `StepperVectorEnv` with the same task, settings and number of environments, also from another process.
 
         Args:
-            qpos: Positions, (num_envs, nq) or (nq,), m and rad; None keeps them. Or a state, whose row i belongs to environment i.
+            qpos: Positions, (num_envs, nq) or (nq,), m and rad; None keeps them. Or an `EnvState`, whose row i belongs to environment i.
             qvel: Velocities, (num_envs, nv) or (nv,), m/s and rad/s; None keeps them. Leave it out with a state.
             envs: Environments to change, a boolean mask (num_envs,) or integer indices (k,), each once; None is all. With indices,
                 positions and velocities have a row for each index, in their order.
@@ -262,10 +262,10 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
             Observations, (num_envs, n).
 
         Raises:
-            ValueError: A wrong shape, a number that is not finite, or velocities together with a state. Or a state of another task or with
-                other arguments of the task or options of the step. Nothing is changed.
-            TypeError, IndexError: Indices that are not integers, or out of range.
-            ResetNeeded: A state for some environments before the first `reset`.
+            ValueError: A shape is wrong, a number is not finite, or `qvel` is given with an `EnvState`. Or the `EnvState` comes from
+                another task, other arguments of the task or other options of the step. Nothing is changed.
+            TypeError, IndexError: An index is not an integer, or out of range.
+            ResetNeeded: An `EnvState` is restored in some environments before the first `reset` of all.
         """
         mask = _mask_of(envs, self.num_envs)
         if not isinstance(qpos, EnvState):
@@ -277,14 +277,16 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
             raise ResetNeeded("call reset before set_state with a state of some environments: the others have not begun")
         self._batch.restore(qpos, mask)
         episodes = qpos.episodes
-        # States of a `StepperEnv` have neither.
+        # A state of a `StepperEnv` has neither "over" nor "elapsed".
         self._over[mask] = episodes["over"][mask] if "over" in episodes else False
         self._since[mask] = time.perf_counter() - (episodes["elapsed"][mask] if "elapsed" in episodes else 0.0)
         self._any_over, self._begun = bool(self._over.any()), True
         return self._batch.observation()
 
     def render(self) -> tuple[Array, ...] | None:
-        """A picture of every environment, (height, width, 3) uint8 each; None without a render mode. `stepper.viewer.Renderer` draws some.
+        """Pictures of all environments, (height, width, 3) uint8 each; None without a render mode.
+
+        `stepper.viewer.Renderer` makes pictures of some environments.
 
         Raises:
             stepper.viewer.LooksError: The task's model did not come from MJCF, so that its visual elements are unknown.
@@ -298,14 +300,14 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
             self._drawing.close()
 
     def __getstate__(self) -> dict[str, Any]:
-        # Another process has another clock.
+        # Start times are stored as elapsed times, because another process has another clock.
         return self.__dict__ | {"_since": time.perf_counter() - self._since}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__ = state | {"_since": time.perf_counter() - state["_since"]}
 
     def _begins(self, options: dict[str, Any] | None, envs: ArrayLike | None) -> Array:
-        """Mask of the environments that `reset` begins."""
+        """Mask (num_envs,) of the environments that `reset` starts, from either argument."""
         if envs is None:
             return _mask(options, self.num_envs)
         if options:
@@ -313,15 +315,15 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         return _mask_of(envs, self.num_envs)
 
     def _episodes(self, over: Array) -> dict[str, Any]:
-        """Statistics of the episodes that are over."""
+        """Return, length and duration of the episodes in the mask `over`, as in Gymnasium's `RecordEpisodeStatistics`."""
         batch = self._batch
         duration = np.round(time.perf_counter() - self._since, 6)
         sums = {"r": np.where(over, batch.returns, 0.0), "l": np.where(over, batch.lengths, 0), "t": np.where(over, duration, 0.0)}
         return {"episode": sums, "_episode": over.copy()}
 
 
-def _shown(terms: Terms, mask: Array) -> dict[str, Any]:
-    """Terms as infos of the environments of a mask: zero in the others, and a mask for each."""
+def _infos(terms: Terms, mask: Array) -> dict[str, Any]:
+    """Info dict of a vector environment: each term with zeros outside the mask (num_envs,), and the mask as "_name"."""
     if mask.all():
         return {key: value for name, term in terms.items() for key, value in ((name, np.array(term)), (f"_{name}", mask))}
     if not mask.any():
@@ -334,7 +336,7 @@ def _shown(terms: Terms, mask: Array) -> dict[str, Any]:
 
 
 def _seeds(seed: int | Sequence[int | None] | None, num_envs: int) -> list[int | None]:
-    """A seed, or None, for each environment."""
+    """List with a seed or None for each environment, from the argument `seed` of `reset`."""
     if seed is None:
         return [None] * num_envs
     if isinstance(seed, int | np.integer):
@@ -346,7 +348,7 @@ def _seeds(seed: int | Sequence[int | None] | None, num_envs: int) -> list[int |
 
 
 def _mask_of(envs: ArrayLike | None, num_envs: int) -> Array:
-    """Selected environments as a mask, (num_envs,)."""
+    """Mask (num_envs,) of the environments in `envs`: a mask, indices, or None for all."""
     mask = np.zeros(num_envs, dtype=bool)
     mask[selected(envs, num_envs)] = True
     return mask
@@ -357,7 +359,7 @@ def _are_indices(envs: ArrayLike | None) -> bool:
 
 
 def _scattered(seeds: list[int | None], ids: Array, num_envs: int) -> list[int | None]:
-    """Seeds of some environments as those of all, of which the others have none."""
+    """List of num_envs seeds, with `seeds` at the indices `ids` and None elsewhere."""
     if len(seeds) != len(ids):
         raise ValueError(f"there are {len(seeds)} seeds, must be {len(ids)}: one for each environment of envs")
     every: list[int | None] = [None] * num_envs
@@ -367,7 +369,7 @@ def _scattered(seeds: list[int | None], ids: Array, num_envs: int) -> list[int |
 
 
 def _mask(options: dict[str, Any] | None, num_envs: int) -> Array:
-    """Environments that `reset` begins."""
+    """Mask (num_envs,) of the environments that `reset` starts, from Gymnasium's "reset_mask" in the options."""
     if unknown := set(options or {}) - {"reset_mask"}:
         raise ValueError(f"unknown options {sorted(unknown)}, there is: 'reset_mask'; reset(envs=...) takes indices")
     if options is None or "reset_mask" not in options:

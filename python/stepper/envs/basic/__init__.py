@@ -1,4 +1,4 @@
-"""Small tasks of stepper, one file each with its scene: examples for a first task of your own."""
+"""Small tasks, one file each with its scene, as examples for writing a first task."""
 
 from stepper.envs.basic.falling_block import FallingBlock
 from stepper.envs.basic.grasp import Grasp

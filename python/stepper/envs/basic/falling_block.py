@@ -1,4 +1,4 @@
-"""Falling block with a thruster, as in the textbook: it is to stay above the floor."""
+"""Task of a falling block with a thruster, which must stay above the floor."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from stepper._options import Options
 from stepper._stepper import Model, Stepper
-from stepper.envs.assets import load_quietly, read_once
+from stepper.envs.assets import cache_model, load_quietly
 from stepper.envs.streams import Rng
 from stepper.envs.task import Array, Camera, Moment, Observation, Task, Terms
 from stepper.sensors import SensorModel, Transfer
@@ -32,18 +32,18 @@ SCENE = """
 HEIGHT, VELOCITY = 0.20, -0.10
 """Initial height, m, and velocity, m/s."""
 LOWEST, STEPS = 0.05, 50
-"""Height above which the reward of a step is 1, m; steps of an episode."""
+"""Height above which the reward of an action is 1, m; number of actions per episode."""
 OPTIONS = Options(integrator="euler", restitution_threshold=0.0)
-"""The textbook's recursion: v <- v - g dt, then h <- h + v dt; below the floor h <- 0 and v <- -e v, however slow."""
+"""Options that give the textbook recursion v <- v - g dt, h <- h + v dt, and below the floor h <- 0, v <- -e v at any speed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FallingBlock(Task):
-    """Keep the block up with a thruster that pushes up or down with at most half its weight. Every episode draws a restitution.
+    """Keep the block above 0.05 m with a thruster that pushes up or down with at most half its weight. Each episode draws a restitution.
 
     Attributes:
         frame_skip: Time steps (20 ms each) per action.
-        restitution: Least and largest restitution.
+        restitution: Lowest and highest restitution.
         noise: Standard deviation of the noise of the sensors of height (m) and velocity (m/s); rewards use the true height.
     """
 
@@ -61,20 +61,20 @@ class FallingBlock(Task):
         return SensorModel(default=Transfer(noise_std=self.noise)) if self.noise else None
 
     def observations(self) -> tuple[Observation, ...]:
-        """Height and velocity as the sensors read them: (2,)."""
+        """Sensor readings of height (m) and velocity (m/s): (2,)."""
         return (Observation("sensordata"),)
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
-        """1 where the block is above the height, else 0."""
+        """Reward: 1 if the block is above 0.05 m (`LOWEST`), else 0."""
         height = now.qpos[:, 0]
         return (height > LOWEST).astype(np.float64), {"height": height}
 
     def info(self, now: Moment) -> Terms:
-        """The restitution."""
+        """Info: the restitution of each episode."""
         return {"restitution": now.episode_state["restitution"]}
 
     def episode_state(self, num_envs: int) -> Terms:
-        """The restitution of each episode."""
+        """Array for the restitution of each episode, which `on_reset` draws."""
         return {"restitution": np.zeros(num_envs)}
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
@@ -87,6 +87,6 @@ class FallingBlock(Task):
         sim.randomize(mask, geom_restitution=np.stack([np.zeros_like(episode_state["restitution"]), episode_state["restitution"]], axis=1))
 
 
-@read_once
+@cache_model
 def _scene() -> Model:
     return load_quietly(SCENE)

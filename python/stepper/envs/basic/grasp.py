@@ -1,4 +1,4 @@
-"""A gripper lifts a box with small forces."""
+"""Task of a gripper that lifts a box with small forces."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import numpy as np
 
 from stepper._options import Options
 from stepper._stepper import Model, Stepper
-from stepper.envs.assets import load_quietly, read_once
+from stepper.envs.assets import cache_model, load_quietly
 from stepper.envs.streams import Rng
 from stepper.envs.task import Array, Camera, Moment, Observation, Task, Terms, square_sum
 
 GRAVITY, MASS, FRICTION = 9.81, 0.8, 0.6
 FORCE, STEPS = 20.0, 50
-"""Largest force of a finger, N; actions of an episode."""
+"""Largest force of a finger, N; number of actions per episode."""
 SCENE = f"""
 <mujoco model="grasp">
   <option timestep="0.004" gravity="0 0 -{GRAVITY}"/>
@@ -41,7 +41,7 @@ SCENE = f"""
   </actuator>
 </mujoco>
 """
-"""Two fingers and a hand in a plane, moved by forces, and a box that lies somewhere between them."""
+"""Two fingers and a hand in a plane, moved by forces, and a box between them."""
 OPTIONS = Options(integrator="euler", stabilization="baumgarte", baumgarte=1.0, slop=0.0)
 """Hard contact that is differentiable for a box at rest (docs/how-to/derivatives.md)."""
 
@@ -50,14 +50,14 @@ OPTIONS = Options(integrator="euler", stabilization="baumgarte", baumgarte=1.0, 
 class Grasp(Task):
     """Lift the box with small forces of the fingers.
 
-    Friction holds the box if each finger presses with m g / (2 mu) at least: 6.5 N with the default numbers.
+    Friction holds the box if each finger presses with at least m g / (2 mu): 6.5 N with the default numbers.
 
     Attributes:
-        frame_skip: Steps for each action, of 4 ms.
-        rise: Height that is wanted, m.
-        weight: Weight of the squares of the fingers' forces, in parts of the largest ones.
-        friction: Least and largest friction of fingers and box, drawn for each episode where they differ.
-        mass_scale: Least and largest factor of the mass of the box, drawn where they differ.
+        frame_skip: Time steps (4 ms each) per action.
+        rise: Target height of the box above its initial height, m.
+        weight: Weight of the squared finger forces in the reward; a force is relative to the largest one (20 N).
+        friction: Lowest and highest friction coefficient of all geoms. If they differ, each episode draws one.
+        mass_scale: Lowest and highest factor of the mass of the box. If they differ, each episode draws one.
     """
 
     camera: ClassVar[Camera] = {"distance": 0.6, "azimuth": 90.0, "elevation": -10.0, "lookat": (0.0, 0.0, 0.1)}
@@ -72,17 +72,17 @@ class Grasp(Task):
         return _scene()
 
     def observations(self) -> tuple[Observation, ...]:
-        """Configuration and velocities: (10,)."""
+        """Joint positions and velocities: (10,)."""
         return Observation("qpos"), Observation("qvel")
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
-        """Reward: 1 where the box is at the target height and the fingers apply no force."""
+        """Reward: 1 - ((height - rise) / rise)^2 - weight * sum of the squared finger controls. The info "rise" is the height, m."""
         miss = (now.qpos[:, 4] - self.rise) / self.rise
         reward: Array = 1.0 - np.square(miss) - self.weight * square_sum(now.action[:, 1:])
         return reward, {"rise": now.qpos[:, 4]}
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """Random initial state: the box within 5 mm of the middle, the fingers up to 5 mm farther from it than in the model."""
+        """Random initial state: the box within 5 mm of the middle, each finger up to 5 mm farther from it than in the model."""
         qpos[:, 3] += rng.uniform(-0.005, 0.005, 1)[:, 0]
         qpos[:, 1:3] -= rng.uniform(0.0, 0.005, 2)
 
@@ -101,6 +101,6 @@ class Grasp(Task):
             sim.randomize(mask, **fields)
 
 
-@read_once
+@cache_model
 def _scene() -> Model:
     return load_quietly(SCENE)

@@ -1,4 +1,4 @@
-"""Locomotion tasks with legged robots from installed packages, by their registered names."""
+"""Locomotion tasks of legged robots. The robots' model files come from the installed package mjlab."""
 
 from stepper.envs.locomotion.g1 import G1Rough, G1Velocity
 from stepper.envs.locomotion.go1 import Go1Rough, Go1Velocity

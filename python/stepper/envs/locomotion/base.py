@@ -1,11 +1,11 @@
-"""Motion of the base of a legged robot. Its free joint is the first of the model."""
+"""Orientation and velocity of the base of a legged robot, whose free joint is the first joint of the model."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from stepper._stepper import Model
-from stepper.envs.assets import once_per_model
+from stepper.envs.assets import cache_per_model
 from stepper.envs.task import Array, Moment, per_moment
 from stepper.shared.rotations import matrices
 
@@ -17,7 +17,7 @@ def frame(now: Moment) -> Array:
 
 
 def in_base(now: Moment, vectors: Array) -> Array:
-    """Vectors of the world, (num_envs, 3), in the frame of the base."""
+    """World vectors (num_envs, 3), expressed in the frame of the base."""
     turned: Array = np.einsum("ni,nij->nj", vectors, frame(now))
     return turned
 
@@ -28,7 +28,7 @@ def linear_velocity(now: Moment) -> Array:
     return in_base(now, now.qvel[:, :3])
 
 
-@once_per_model
+@cache_per_model
 def stance(model: Model) -> Array:
     """Joint angles of the keyframe "stance", (nu,), rad."""
     angles: Array = np.array(model.keyframe("stance").qpos[7:])

@@ -1,4 +1,4 @@
-"""Unitree's humanoid G1 follows a commanded velocity, with random parameters, pushes and latency."""
+"""Tasks of Unitree's humanoid G1: follow a commanded velocity, on plain or rough ground."""
 
 from __future__ import annotations
 
@@ -9,31 +9,31 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from stepper._stepper import Model
-from stepper.envs.assets import read_once
-from stepper.envs.locomotion.mjlab import Ground, Looks, Servo, plain_ground, scene, tiled_ground
+from stepper.envs.assets import cache_model
+from stepper.envs.locomotion.mjlab import Ground, Servo, Visuals, plain_ground, scene, tiled_ground
 from stepper.envs.locomotion.rough import RoughTask
 from stepper.envs.locomotion.velocity import VelocityTask
 from stepper.envs.task import Camera
 
 _FILE = "asset_zoo/robots/unitree_g1/xmls/g1.xml"
 _HEIGHT = 0.77
-"""Height of the pelvis at the beginning, m: a centimetre above that at which the feet stand, which angles with noise need."""
+"""Initial height of the pelvis, m. It is 0.01 m more than in the stance on the ground, so that noisy joint angles do not penetrate it."""
 _STANCE = {
     "hip_pitch": -0.312, "knee": 0.669, "ankle_pitch": -0.363, "elbow": 0.6, "shoulder_pitch": 0.2,
     "left_shoulder_roll": 0.2, "right_shoulder_roll": -0.2,
 }  # fmt: skip
-"""Angles at the beginning, rad, by a part of the joint's name: with bent knees, as in mjlab; the others are 0."""
+"""Initial joint angles, rad, by a part of the joint's name: bent knees, as in mjlab. Other joints are 0."""
 
 
 @dataclass(frozen=True)
 class _Motor:
-    """A motor with a planetary gear of two stages, from Unitree's description of the robot.
+    """Motor with a two-stage planetary gear, with numbers of Unitree's description of the robot.
 
     Attributes:
-        rotors: Inertias of the rotor, of the first stage and of the second, kg m^2.
-        gears: Ratios of the stages.
+        rotors: Inertias of the rotor, the first gear stage and the second gear stage, each about its axis, kg m^2.
+        gears: Ratios of the two stages.
         torque: Largest torque, N m.
-        count: Motors that turn the joint together.
+        count: Number of motors that drive the joint together.
     """
 
     rotors: tuple[float, float, float]
@@ -43,7 +43,7 @@ class _Motor:
 
     @property
     def inertia(self) -> float:
-        """Inertia of the rotors about the joint, kg m^2."""
+        """Inertia of rotors and gears reflected to the joint, kg m^2."""
         first, second = self.gears
         return self.count * (self.rotors[0] * (first * second) ** 2 + self.rotors[1] * second**2 + self.rotors[2])
 
@@ -54,15 +54,15 @@ _MOTORS = {
     r"hip_pitch|hip_yaw|waist_yaw": _Motor((4.89e-5, 9.8e-6, 5.33e-5), (4.5, 1.0 + 48.0 / 22.0), 88.0),
     r"hip_roll|knee": _Motor((4.89e-5, 1.09e-5, 7.38e-5), (4.5, 5.0), 139.0),
     r"wrist_pitch|wrist_yaw": _Motor((6.8e-6, 0.0, 0.0), (5.0, 5.0), 5.0),
-    # Linkages of two motors, taken as gears of ratio 1, as mjlab takes them.
+    # Joints driven by a linkage of two motors. As in mjlab, the ratio of the linkage is 1.
     r"waist_pitch|waist_roll|ankle": _Motor(*_SMALL[:2], 2.0 * _SMALL[2], count=2),
 }
-"""Motors by patterns of joints' names."""
+"""Motor of each joint, by a regular expression for the joint's name."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class G1Velocity(VelocityTask):
-    """Humanoid with 29 joints. It needs the robot's file of mjlab (`pip install --no-deps mjlab`).
+    """Velocity task of a humanoid with 29 joints. It needs the robot's file of mjlab (`pip install --no-deps mjlab`).
 
     Only feet collide with the ground.
     """
@@ -81,7 +81,7 @@ class G1Velocity(VelocityTask):
     mass_scale: tuple[float, float] = (0.9, 1.1)
 
     def robot(self) -> Model:
-        """The robot on a plane, or on rough ground, with servos."""
+        """Model of the robot with servos, on a plane or, with `roughness`, on bumpy ground."""
         return _scene(self.roughness)
 
 
@@ -92,9 +92,9 @@ _RUNNING_ARMS = {"shoulder_pitch": 0.5, "shoulder_roll": 0.2, "shoulder_yaw": 0.
 
 @dataclass(frozen=True, kw_only=True)
 class G1Rough(RoughTask):
-    """Humanoid with 29 joints on rough terrain. It needs the robot's file of mjlab (`pip install --no-deps mjlab`).
+    """Rough-terrain task of a humanoid with 29 joints. It needs the robot's file of mjlab (`pip install --no-deps mjlab`).
 
-    Only feet collide with the terrain. mjlab's terms of angular momentum and of self-collisions are left out.
+    Only feet collide with the terrain. The reward leaves out mjlab's terms of angular momentum and self-collisions.
     """
 
     WEIGHTS: ClassVar[Mapping[str, float]] = {**RoughTask.WEIGHTS, "body_ang_vel": -0.05}
@@ -114,12 +114,12 @@ class G1Rough(RoughTask):
     camera: ClassVar[Camera] = G1Velocity.camera
 
     def model(self) -> Model:
-        """The robot on the terrain, with servos."""
+        """Model of the robot with servos on the terrain."""
         return _rough_scene()
 
 
 def _named(name: str, table: Mapping[str, float]) -> float:
-    """The number of the part of a name that a table has; 0 of others."""
+    """Value of the first key of `table` that is a part of the name; 0 if there is none."""
     return next((value for part, value in table.items() if part in name), 0.0)
 
 
@@ -134,17 +134,17 @@ def _servo(name: str) -> Servo:
     return Servo(motor.inertia, motor.torque, _named(name, _STANCE))
 
 
-@read_once
+@cache_model
 def _scene(roughness: float) -> Model:
     return _on(plain_ground(roughness))
 
 
-@read_once
+@cache_model
 def _rough_scene() -> Model:
     return _on(tiled_ground(G1Rough.TERRAIN))
 
 
 def _on(ground: Ground) -> Model:
-    """The robot on a ground."""
-    looks = Looks({"rgba": "0.32 0.37 0.42 1"}, {"diffuse": "0.8 0.8 0.8"})
-    return scene(_FILE, "G1", _HEIGHT, ground=ground, geom=_geom, servo=_servo, looks=looks)
+    """Model of the robot on a ground."""
+    visuals = Visuals({"rgba": "0.32 0.37 0.42 1"}, {"diffuse": "0.8 0.8 0.8"})
+    return scene(_FILE, "G1", _HEIGHT, ground=ground, geom=_geom, servo=_servo, visuals=visuals)

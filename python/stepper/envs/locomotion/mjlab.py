@@ -1,4 +1,4 @@
-"""Robots of mjlab. Only the robot's file of the installed package is read."""
+"""Scenes with robots of mjlab. The package mjlab must be installed, but only the robot's model file is read."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from stepper._stepper import Model
-from stepper.envs.assets import load_quietly, without
+from stepper.envs.assets import load_quietly, remove_elements
 from stepper.envs.locomotion import terrain
 from stepper.envs.terrain import Terrain
 from stepper.shared.machine import package_file
 
 _FREQUENCY, _DAMPING_RATIO = 2.0 * np.pi * 10.0, 2.0
-"""Natural frequency of the servos with the inertia of the rotors alone, rad/s: from these mjlab takes their gains."""
+"""Natural frequency (rad/s) and damping ratio of a servo that moves only the reflected rotor inertia. mjlab's gains follow from them."""
 _REACH = 0.5
-"""A servo's set point is at most this many times what gives its largest torque away from the stance."""
+"""Range of a servo's set point from the stance, as a fraction of the deflection at which the servo reaches its largest torque."""
 
 
 Ground: TypeAlias = Callable[[dict[str, str]], tuple[list[Element], list[Element]]]
-"""Ground of a scene: assets and geoms, from the attributes of the geoms."""
+"""Function that makes the ground of a scene: from MJCF attributes for its geoms to asset elements and geom elements."""
 
 
 @dataclass(frozen=True)
 class Servo:
-    """Motor and gear of a joint.
+    """Position servo of a joint.
 
     Attributes:
         inertia: Inertia of the motor's rotors, reflected to the joint, kg m^2.
@@ -43,12 +43,12 @@ class Servo:
 
 
 @dataclass(frozen=True)
-class Looks:
-    """Elements that only renderers read.
+class Visuals:
+    """Attributes and elements that only affect pictures.
 
     Attributes:
-        ground: Attributes of the ground's geoms.
-        light: Attributes of the light.
+        ground: MJCF attributes of the ground's geoms.
+        light: MJCF attributes of the light.
         assets: Textures and materials.
     """
 
@@ -58,7 +58,7 @@ class Looks:
 
 
 def plain_ground(roughness: float) -> Ground:
-    """Plane with bumps up to a height, m; 0 is flat ground."""
+    """Ground of a plane, with a height field of bumps up to the height `roughness`, m; 0 is flat."""
 
     def ground(attributes: dict[str, str]) -> tuple[list[Element], list[Element]]:
         floor = Element("geom", {"name": "floor", "type": "plane", "size": "0 0 0.05", **attributes})
@@ -71,7 +71,7 @@ def plain_ground(roughness: float) -> Ground:
 
 
 def tiled_ground(tiles: Terrain) -> Ground:
-    """The height field of a generated terrain, the geom "terrain"."""
+    """Ground of a generated terrain, as the geom "terrain"."""
 
     def ground(attributes: dict[str, str]) -> tuple[list[Element], list[Element]]:
         field, surface = tiles.elements(**attributes)
@@ -88,31 +88,31 @@ def scene(
     ground: Ground,
     geom: Callable[[str], Mapping[str, str]],
     servo: Callable[[str], Servo],
-    looks: Looks,
+    visuals: Visuals,
 ) -> Model:
-    """Scene with a robot on the ground, without visual elements, with servos, rotors and a keyframe "stance".
+    """Model of a robot on the ground, without visual elements, with servos, reflected rotor inertias and a keyframe "stance".
 
     Args:
         file: File of the robot in mjlab's package.
-        robot: Name of the robot in errors.
+        robot: Name of the robot in error messages.
         height: Initial height of the base, m.
-        ground: The ground, from the attributes of its geoms.
-        geom: Attributes of a geom of the robot, by its name.
-        servo: The servo of a joint, by its name.
-        looks: Visual elements.
+        ground: Ground of the scene.
+        geom: Function from the name of a geom of the robot to its MJCF attributes.
+        servo: Function from the name of a joint to its servo.
+        visuals: Attributes and elements for pictures.
     """
     path = Path(package_file("mjlab", file, f"for its {robot}, whose file it has"))
     tree = ElementTree.fromstring(path.read_text("utf-8"))
     _strip(tree, geom)
     world = tree.find("worldbody")
     if world is None:
-        raise ValueError(f"{path} has no worldbody: this version of mjlab is not known")
+        raise ValueError(f"{path} has no worldbody: this version of mjlab is not supported")
     tree.insert(0, Element("option", timestep="0.005", integrator="implicitfast"))
-    fields, surfaces = ground({"contype": "0", "conaffinity": "1", **looks.ground})
+    fields, surfaces = ground({"contype": "0", "conaffinity": "1", **visuals.ground})
     world[:0] = surfaces
-    world.insert(0, Element("light", {"directional": "true", "castshadow": "false", "pos": "0 0 5", "dir": "0.3 0.2 -1", **looks.light}))
+    world.insert(0, Element("light", {"directional": "true", "castshadow": "false", "pos": "0 0 5", "dir": "0.3 0.2 -1", **visuals.light}))
     assets = Element("asset")
-    assets.extend(looks.assets)
+    assets.extend(visuals.assets)
     assets.extend(fields)
     tree.append(assets)
     _add_servos(tree, servo, height)
@@ -120,31 +120,31 @@ def scene(
 
 
 def _strip(tree: Element, geom: Callable[[str], Mapping[str, str]]) -> None:
-    """Takes out what is drawn, and pairs that do not touch anyway; gives the other geoms their attributes."""
+    """Remove visual elements and exclusions of contact pairs, and set the attributes of the other geoms."""
     for asset in tree.findall("asset"):
         tree.remove(asset)
-    without(tree, lambda element: element.tag in ("light", "camera", "exclude") or element.get("class") == "visual")
+    remove_elements(tree, lambda element: element.tag in ("light", "camera", "exclude") or element.get("class") == "visual")
     for element in tree.iter("geom"):
         if name := element.get("name", ""):
-            # In group 0 renderers draw it: what the file has for them to draw is left out.
+            # Renderers draw group 0. The collision geoms move there, because the visual geoms are removed.
             element.attrib |= {"conaffinity": "0", "group": "0", **geom(name)}
 
 
 def _add_servos(tree: Element, servo: Callable[[str], Servo], height: float) -> None:
-    """Position actuators with the gains that mjlab takes, and the keyframe."""
+    """Add position actuators with mjlab's gains, and the keyframe "stance" with this height of the base, m."""
     actuators, keyframes, angles = Element("actuator"), Element("keyframe"), []
     tree.extend([actuators, keyframes])
     for joint in tree.iter("joint"):
         name = joint.get("name", "")
-        own = servo(name)
-        stiffness = own.inertia * _FREQUENCY**2
-        reach = _REACH * own.torque / stiffness
-        joint.set("armature", repr(own.inertia))
-        gains = {"kp": stiffness, "kv": 2.0 * _DAMPING_RATIO * own.inertia * _FREQUENCY}
-        bounds = {"ctrlrange": (own.stance - reach, own.stance + reach), "forcerange": (-own.torque, own.torque)}
+        motor = servo(name)
+        stiffness = motor.inertia * _FREQUENCY**2
+        reach = _REACH * motor.torque / stiffness
+        joint.set("armature", repr(motor.inertia))
+        gains = {"kp": stiffness, "kv": 2.0 * _DAMPING_RATIO * motor.inertia * _FREQUENCY}
+        bounds = {"ctrlrange": (motor.stance - reach, motor.stance + reach), "forcerange": (-motor.torque, motor.torque)}
         attributes = {key: repr(float(value)) for key, value in gains.items()}
         attributes |= {key: f"{float(low)!r} {float(high)!r}" for key, (low, high) in bounds.items()}
         actuators.append(Element("position", {"name": name, "joint": name, **attributes}))
-        angles.append(own.stance)
+        angles.append(motor.stance)
     qpos = " ".join(map(repr, (0.0, 0.0, height, 1.0, 0.0, 0.0, 0.0, *angles)))
     keyframes.append(Element("key", name="stance", qpos=qpos, ctrl=" ".join(map(repr, angles))))

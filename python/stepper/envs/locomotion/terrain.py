@@ -1,4 +1,4 @@
-"""Rough ground: a height field of smooth bumps, shared by all environments, which start at different positions on it."""
+"""Bumpy ground: a height field of smooth bumps. All environments share it, and start at different positions on it."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from stepper.envs.task import Array
 HALF = 20.0
 """Half the side of the field, m. Around it the ground is flat."""
 _BUMPS, _FINER = 40, 4
-"""Bumps on a side, and points of the field for each of them."""
+"""Number of bumps along a side, and grid points of the height field per bump."""
 _SEED = 17
+"""Seed of the random heights."""
 
 
 @cache
 def _heights() -> Array:
-    """Heights from 0 to 1 at the points of the field, rows along y from its least: (161, 161)."""
+    """Relative heights, 0 to 1, at the grid points of the field, (161, 161); rows from the lowest y, columns from the lowest x."""
     coarse = np.random.default_rng(_SEED).uniform(0.0, 1.0, (_BUMPS + 1, _BUMPS + 1))
     at = np.linspace(0.0, _BUMPS, _BUMPS * _FINER + 1)
     below = np.minimum(at.astype(np.int64), _BUMPS - 1)
@@ -33,7 +34,7 @@ def _heights() -> Array:
 
 
 def height(xy: Array) -> Array:
-    """Height of the ground relative to its largest, at points (..., 2), m; 0 outside the field. It is bilinear between grid points."""
+    """Relative height (0 to 1, bilinear between grid points) of the ground at points (..., 2), m; 0 outside the field."""
     heights = _heights()
     last = len(heights) - 1
     at = (np.asarray(xy, dtype=np.float64) + HALF) * (last / (2.0 * HALF))
@@ -49,11 +50,11 @@ def elements(greatest: float, attributes: dict[str, str]) -> tuple[Element, Elem
     """MJCF elements of the field: its asset and its geom.
 
     Args:
-        greatest: Largest height of the field, m.
+        greatest: Height of the highest bump, m.
         attributes: Further attributes of the geom.
     """
     heights = _heights()
-    # MJCF has the rows of a field as one sees them from above: that of the greatest y first.
+    # MJCF lists the rows of a height field from the greatest y to the least.
     values = " ".join(f"{value:.6g}" for value in heights[::-1].ravel())
     sizes = {"nrow": str(len(heights)), "ncol": str(heights.shape[1]), "size": f"{HALF!r} {HALF!r} {greatest!r} 0.1"}
     field = Element("hfield", {"name": "terrain", "elevation": values, **sizes})

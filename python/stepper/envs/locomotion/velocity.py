@@ -12,7 +12,7 @@ import numpy as np
 
 from stepper._stepper import Model, Stepper
 from stepper.actuators import ActuatorModel, DCMotor, Drive
-from stepper.envs.assets import once_per_model
+from stepper.envs.assets import cache_per_model
 from stepper.envs.locomotion import terrain
 from stepper.envs.locomotion.base import frame, linear_velocity, stance
 from stepper.envs.streams import Rng
@@ -21,20 +21,22 @@ from stepper.sensors import SensorModel, SensorSpec, Transfer
 from stepper.shared.rotations import about_vertical
 
 _COMMANDS, _PUSHES = 2, 3
-"""Commands of an episode, one after the other; pushes of an episode."""
-_STANDS = 0.1
-"""Share of the commands that are to stand."""
+"""Number of commands per episode, one after the other; number of pushes per episode."""
+_STANDING_SHARE = 0.1
+"""Fraction of the commands that are zero (stand still)."""
 _SPREAD = 0.7 * terrain.HALF
-"""Farthest from the middle of rough ground that an episode begins in x and y, m."""
-_PATCH = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, 5)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
-"""Places that a robot sees ahead and to its left, (25, 2), of its sight."""
+"""Largest distance in x and y of an initial position from the middle of the bumpy ground, m."""
+_GRID = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, 5)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+"""Points of the observed grid of ground heights, ahead and to the left of the base, (25, 2), in multiples of `VelocityTask.sight`."""
 _UNDER = np.stack(np.meshgrid(*[np.linspace(-0.4, 0.4, 9)] * 2), axis=-1).reshape(-1, 2)
-"""Places around the base that may be under a robot, (81, 2) m."""
+"""Points around the base whose highest ground sets the initial height, (81, 2) m."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class VelocityTask(Task):
-    """Task: follow a commanded velocity in x, y and about z, in the frame of the base, which is the first body and has a free joint.
+    """Task: follow a commanded velocity in x, y and about z, in the frame of the base. Base class of the tasks of one robot.
+
+    The base is the first body and has a free joint.
 
     The model needs a servo for each other joint, in their order, and a keyframe "stance" near which episodes start. Actions are set points
     of the servos. Each episode draws friction of the feet, mass and centre of mass of the base, and gains of the servos. It also draws a
@@ -54,13 +56,13 @@ class VelocityTask(Task):
             encoders are noisy.
         motors: Whether servos have the torque-speed curves and the dry friction of motors (`MOTORS`) instead of torques at any speed.
         roughness: Largest height of the ground's bumps, m, which are about a metre wide; 0 is flat ground.
-        sight: Half width of the grid of ground heights that the robot observes, m. The grid has 25 points around the base and turns with
-            it; the height of the base is observed too. 0 is no grid.
-        weights: Weights of some or all terms of the reward; the others are those of `WEIGHTS`.
+        sight: Half width of the observed grid of ground heights, m. The grid has 25 points around the base and turns with its heading. The
+            heights are relative to the base. 0 is no grid.
+        weights: Weights of some or all terms of the reward, by name; other terms have those of `WEIGHTS`.
 
     Raises:
-        TypeError: A class without `lowest`.
-        ValueError: A latency or roughness out of its range, a weight of an unknown term, or a model that lacks a part named above.
+        TypeError: The class does not define `lowest`.
+        ValueError: A latency or roughness is out of its range, a weight belongs to no term, or the model lacks a part named above.
     """
 
     WEIGHTS: ClassVar[Mapping[str, float]] = {
@@ -81,15 +83,15 @@ class VelocityTask(Task):
         "angles": 0.01,
         "rates": 1.5,
     }
-    """Half widths of uniform errors of rows of the observation, with which mjlab trains: m/s, rad/s, rad, rad, rad/s."""
+    """Half widths of the uniform sensor errors by row of the observation, from mjlab: m/s, rad/s, none (unit vector), rad, rad/s."""
     MOTORS: ClassVar[Mapping[str, tuple[float, float, float]]] = {}
-    """Curve of the joints with a key in their names: torque at rest (N m) and speed without load (rad/s), dry friction (N m)."""
+    """Stall torque (N m), no-load speed (rad/s) and dry friction (N m) of the motors, by a part of the actuator's name."""
     imu: ClassVar[str] = "imu"
     """Site of the IMU."""
     lowest: ClassVar[float]
-    """Height of the base above the ground at which an episode ends, m: abstract."""
+    """Height of the base above the ground below which an episode terminates, m. Subclasses must define it."""
     steepest: ClassVar[float] = 0.5
-    """Cosine of the inclination of the base at which it ends."""
+    """Cosine of the tilt of the base beyond which an episode terminates."""
 
     frame_skip: int = 4
     max_command: tuple[float, float, float] = (1.0, 0.5, 1.0)
@@ -122,7 +124,7 @@ class VelocityTask(Task):
             raise ValueError(f"weights has {unknown}, terms of the reward are {', '.join(self.WEIGHTS)}")
 
     def robot(self) -> Model:
-        """The robot on its ground, with a servo for each joint and a keyframe "stance": abstract."""
+        """Model of the robot on its ground, with a servo for each joint and a keyframe "stance". Subclasses must define it."""
         raise NotImplementedError(f"{type(self).__name__} has no `robot`: give it the model")
 
     def model(self) -> Model:
@@ -164,7 +166,7 @@ class VelocityTask(Task):
         }
 
     def _check(self, model: Model) -> None:
-        """Raises ValueError for a model that the task cannot be of."""
+        """Raise ValueError if the model lacks the keyframe "stance", a foot geom, or (with `roughness`) the geom "terrain"."""
         if "stance" not in model.keyframe_names:
             raise ValueError('the model has no keyframe "stance", from which episodes start: give it <key name="stance" qpos=.../>')
         if not any("foot" in name for name in model.geom_names):
@@ -173,24 +175,25 @@ class VelocityTask(Task):
             raise ValueError(f'roughness is {self.roughness}, and the model has no geom "terrain": add `terrain.elements` to it')
 
     def observations(self) -> tuple[Observation, ...]:
-        """Velocities and vertical of the base in its frame, command, angles and last action relative to the stance, rates: (12 + 3 nu,).
+        """Velocities and vertical of the base in its frame, command, joint angles and last action relative to the stance, joint velocities.
 
-        With `sight`, 25 heights of the ground.
+        The size is (12 + 3 nu,). With `sight`, 25 heights of the ground follow.
         """
-        seen = (Observation("ground", func=_ground_around, unit="m"),) if self.sight else ()
+        ground = (Observation("ground", func=_ground_around, unit="m"),) if self.sight else ()
+        read = _readings
         return (
-            Observation("linear_velocity", func=_told("linear_velocity") if self.noise else linear_velocity, unit="m/s"),
-            Observation("angular_velocity", func=_told("angular_velocity") if self.noise else lambda now: now.qvel[:, 3:6], unit="rad/s"),
-            Observation("vertical", func=_told("vertical") if self.noise else vertical),
+            Observation("linear_velocity", func=read("linear_velocity") if self.noise else linear_velocity, unit="m/s"),
+            Observation("angular_velocity", func=read("angular_velocity") if self.noise else lambda now: now.qvel[:, 3:6], unit="rad/s"),
+            Observation("vertical", func=read("vertical") if self.noise else vertical),
             Observation("command", func=command, unit="m/s, rad/s"),
-            Observation("angles", func=lambda now: (_told("angles")(now) if self.noise else now.qpos[:, 7:]) - stance_of(now), unit="rad"),
-            Observation("rates", func=_told("rates") if self.noise else lambda now: now.qvel[:, 6:], unit="rad/s"),
+            Observation("angles", func=lambda now: (read("angles")(now) if self.noise else now.qpos[:, 7:]) - stance_of(now), unit="rad"),
+            Observation("rates", func=read("rates") if self.noise else lambda now: now.qvel[:, 6:], unit="rad/s"),
             Observation("last_action", func=lambda now: now.episode_state["last"] - stance_of(now), unit="rad"),
-            *seen,
+            *ground,
         )
 
     def terms(self, now: Moment) -> Terms:
-        """Terms of the reward without weights: agreement with the command, and costs of rough motion."""
+        """Unweighted terms of the reward, (num_envs,) each: agreement with the command (0 to 1), and negative costs of rough motion."""
         velocity, angular, wanted = linear_velocity(now), now.qvel[:, 3:6], command(now)
         return {
             "linear": np.exp(-square_sum(velocity[:, :2] - wanted[:, :2]) / 0.25),
@@ -208,12 +211,12 @@ class VelocityTask(Task):
         weights = {**self.WEIGHTS, **(self.weights or {})}
         terms = {f"reward_{name}": weights[name] * term for name, term in self.terms(now).items()}
         error = np.sqrt(square_sum(linear_velocity(now)[:, :2] - command(now)[:, :2]))
-        # One after the other: np.sum would round those of a single environment in another order.
+        # A loop, because np.sum would add the terms in another order for a single environment, with other rounding.
         total: Array = sum(terms.values(), np.zeros(len(error)))
         return np.maximum(total, 0.0), {"tracking_error": error} | terms
 
     def healthy(self, now: Moment) -> Array:
-        """Whether the base is upright and above the ground, (num_envs,)."""
+        """Whether the base is upright (`steepest`) and high enough above the ground (`lowest`), (num_envs,)."""
         above = now.qpos[:, 2] - self.ground(now.qpos[:, :2])
         healthy: Array = (vertical(now)[:, 2] > self.steepest) & (above > self.lowest)
         return healthy
@@ -228,7 +231,7 @@ class VelocityTask(Task):
         return {"command": command(now)}
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """Initial states: the stance with noise, a random heading and velocity; on rough ground at a random position above the surface."""
+        """Initial states: the stance with noise, random heading and velocity; on bumpy ground at a random position above the surface."""
         turn = rng.uniform(-np.pi, np.pi, 1)[:, 0]
         qpos[:] = self.model().keyframe("stance").qpos
         qpos[:, 3:7] = about_vertical(turn)
@@ -239,12 +242,12 @@ class VelocityTask(Task):
             qpos[:, 2] += self.ground(qpos[:, None, :2] + _UNDER).max(axis=1)
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draws commands, pushes, latency and parameters."""
+        """Draw commands, pushes, latency and model parameters of the new episodes."""
         count, model = len(rng.envs), sim.model
         commands = rng.uniform(-1.0, 1.0, 3 * _COMMANDS).reshape(count, _COMMANDS, 3) * self.max_command
-        commands[rng.uniform(0.0, 1.0, _COMMANDS) < _STANDS] = 0.0
+        commands[rng.uniform(0.0, 1.0, _COMMANDS) < _STANDING_SHARE] = 0.0
         spread = (np.arange(_PUSHES) + rng.uniform(0.2, 0.8, _PUSHES)) * (self.episode_steps / _PUSHES)
-        begun = {
+        initial = {
             "step": 0,
             "commands": commands,
             "push_steps": spread.astype(np.int64),
@@ -253,10 +256,10 @@ class VelocityTask(Task):
             "last": stance(model),
             "before": stance(model),
         }
-        for name, values in begun.items():
+        for name, values in initial.items():
             episode_state[name][mask] = values
-        own = ("geom_friction", "body_mass", "body_ipos", "actuator_gainprm", "actuator_biasprm")
-        rows = {name: np.repeat(np.asarray(getattr(model, name))[None], count, axis=0) for name in own}
+        varied = ("geom_friction", "body_mass", "body_ipos", "actuator_gainprm", "actuator_biasprm")
+        rows = {name: np.repeat(np.asarray(getattr(model, name))[None], count, axis=0) for name in varied}
         rows["geom_friction"][:, [k for k, name in enumerate(model.geom_names) if "foot" in name], 0] = rng.uniform(*self.friction, 1)
         rows["body_mass"][:, 1] *= rng.uniform(*self.mass_scale, 1)[:, 0]
         rows["body_ipos"][:, 1] += rng.uniform(-self.center_shift, self.center_shift, 3)
@@ -269,7 +272,7 @@ class VelocityTask(Task):
         sim.randomize(mask, **fields)
 
     def advance(self, now: Moment) -> None:
-        """Makes the steps of an action, the first ones with the previous action (latency)."""
+        """Step the simulation by one action. During the latency the previous action still acts."""
         episode_state, sim = now.episode_state, now.sim
         episode_state["step"] += 1
         pushed = episode_state["push_steps"] == episode_state["step"][:, None]
@@ -287,9 +290,9 @@ class VelocityTask(Task):
         now.keep("status", status)
 
 
-@once_per_model
+@cache_per_model
 def _sensed(robot: Model, imu: str) -> Model:
-    """The robot with sensors of what it observes of itself; where it came from is remembered for pictures of it."""
+    """Model of the robot with sensors for the rows of the observation. `imu` is the site of the IMU."""
     base, world = robot.body_names[1], robot.body_names[0]
     readings = {
         "linear_velocity": SensorSpec(type="velocimeter", site=imu),
@@ -302,20 +305,20 @@ def _sensed(robot: Model, imu: str) -> Model:
     return robot.with_sensors(readings)
 
 
-def _told(row: str) -> Callable[[Moment], Array]:
-    """Readings of the sensors of a row of the observation."""
+def _readings(row: str) -> Callable[[Moment], Array]:
+    """Function of a moment that reads the sensors of a row of the observation, (num_envs, n)."""
 
     def read(now: Moment) -> Array:
         first, count = _columns(now.sim.model, row)
-        told: Array = now.sensordata[:, first : first + count]
-        return told
+        values: Array = now.sensordata[:, first : first + count]
+        return values
 
     return read
 
 
-@once_per_model
+@cache_per_model
 def _columns(model: Model, row: str) -> tuple[int, int]:
-    """The first reading of a row's sensors, which were added one after the other, and their number."""
+    """First column in sensordata of the sensors of a row, which are adjacent, and their number of columns."""
     found = [sensor for sensor in map(model.sensor, range(len(model.sensor_names))) if re.fullmatch(f"{row}( .*)?", sensor.name)]
     return found[0].adr, sum(sensor.dim for sensor in found)
 
@@ -326,11 +329,11 @@ def stance_of(now: Moment) -> Array:
 
 
 def _ground_around(now: Moment) -> Array:
-    """Heights of the ground at places around the base, which turn with its heading, less the height of the base, m: (num_envs, 25)."""
+    """Heights of the ground minus the height of the base at the points of the observed grid, (num_envs, 25) m."""
     ahead = frame(now)[:, :2, 0]
     ahead = ahead / np.maximum(np.sqrt(square_sum(ahead)), 1e-9)[:, None]
     left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
-    offsets = now.task.sight * _PATCH
+    offsets = now.task.sight * _GRID
     places = now.qpos[:, None, :2] + offsets[:, :1] * ahead[:, None] + offsets[:, 1:] * left[:, None]
     heights: Array = now.task.ground(places) - now.qpos[:, 2:3]
     return heights

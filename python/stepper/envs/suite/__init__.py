@@ -1,4 +1,4 @@
-"""Tasks of dm_control's suite by dm_control's names, with a file for each domain."""
+"""Tasks of dm_control's suite, one file for each of its domains."""
 
 from typing import Any
 
@@ -72,6 +72,6 @@ SUITE: dict[str, tuple[type[SuiteTask], dict[str, Any]]] = {
     "walker-stand": (Walker, {}),
     "walker-walk": (Walker, {"move_speed": 1.0}),
 }
-"""Tasks and their arguments by dm_control's names of domain and task."""
+"""Class and arguments of each task, by dm_control's names "domain-task"."""
 
 __all__ = ["SUITE", "SuiteTask"]

@@ -16,7 +16,7 @@ _TARGET = 0.2
 
 @dataclass(frozen=True, kw_only=True)
 class Acrobot(SuiteTask):
-    """Bring the tip to the target above, and hold it there.
+    """Task: swing the tip up to the target, and hold it there.
 
     Attributes:
         sparse: Whether the reward is sparse: 1 in the target, 0 elsewhere.
@@ -35,7 +35,7 @@ class Acrobot(SuiteTask):
         )
 
     def score(self, now: Moment) -> Array:
-        """Score: 1 in the target, decreasing with the distance from it."""
+        """Score: 1 with the tip in the target, decreasing with the distance from it (0 outside with `sparse`)."""
         target, tip = (now.site_xpos[:, now.sim.model.site(name).id] for name in ("target", "tip"))
         return tolerance(norm(target - tip), 0.0, _TARGET, margin=0.0 if self.sparse else 1.0)
 

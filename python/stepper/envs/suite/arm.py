@@ -7,7 +7,7 @@ from collections.abc import Set
 import numpy as np
 
 from stepper._stepper import Model
-from stepper.envs.assets import load_quietly, without
+from stepper.envs.assets import load_quietly, remove_elements
 from stepper.envs.streams import Rng
 from stepper.envs.suite.base import reading, source_tree
 from stepper.envs.task import Array, Moment, Observation
@@ -17,8 +17,14 @@ _TOUCH = ("palm_touch", "finger_touch", "thumb_touch", "fingertip_touch", "thumb
 
 
 def arm_scene(file: str, *, unused: Set[str], placed: Set[str]) -> Model:
-    """Scene of a file with the arm, without unused bodies. Bodies that a task places are mocap bodies."""
-    tree = without(source_tree(file), lambda element: element.tag == "body" and element.get("name") in unused)
+    """Model of one of dm_control's files with the arm.
+
+    Args:
+        file: Name of the file in the suite.
+        unused: Names of bodies to remove.
+        placed: Names of bodies that the task places at resets; they become mocap bodies.
+    """
+    tree = remove_elements(source_tree(file), lambda element: element.tag == "body" and element.get("name") in unused)
     for body in tree.iter("body"):
         if body.get("name") in placed:
             body.set("mocap", "true")
@@ -26,7 +32,7 @@ def arm_scene(file: str, *, unused: Set[str], placed: Set[str]) -> Model:
 
 
 def arm_observations() -> tuple[Observation, ...]:
-    """Angles and velocities of arm and hand, and touch sensors: (33,)."""
+    """Rows of the observation for angles and velocities of arm and hand, touch sensors, and pose of the hand: (33,)."""
     return (
         Observation("arm_pos", func=_angles),
         Observation("arm_vel", func=lambda now: now.qvel[:, [now.sim.model.joint(name).dofadr for name in _JOINTS]], unit="rad/s"),
@@ -36,7 +42,7 @@ def arm_observations() -> tuple[Observation, ...]:
 
 
 def draw_arm(model: Model, qpos: Array, rng: Rng) -> None:
-    """Draws random angles within their limits, with equal angles of finger and thumb, into qpos, (n, nq), rad."""
+    """Draw random angles of the arm within their limits into qpos, (n, nq), rad. Finger and thumb get equal angles."""
     for joint in map(model.joint, _JOINTS):
         low, high = joint.range if joint.limited else (-np.pi, np.pi)
         qpos[:, joint.qposadr] = rng.uniform(low, high, 1)[:, 0]
@@ -44,7 +50,7 @@ def draw_arm(model: Model, qpos: Array, rng: Rng) -> None:
 
 
 def pose(now: Moment, body: str) -> Array:
-    """Position of a body in its plane, m, and its orientation, (num_envs, 4)."""
+    """Pose of a body in the plane, (num_envs, 4): x and z (m), and the components w and y of its quaternion."""
     index = now.sim.model.body(body).id
     return np.concatenate([now.xpos[:, index, ::2], now.xquat[:, index, ::2]], axis=1)
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from stepper._options import Options
 from stepper._stepper import Joint, Model, Stepper
-from stepper.envs.assets import load_quietly, once_per_model, read_once, without
+from stepper.envs.assets import cache_model, cache_per_model, load_quietly, remove_elements
 from stepper.envs.streams import Rng
 from stepper.envs.task import Array, Moment, Task, Terms, per_moment
 from stepper.shared.machine import package_file
@@ -21,24 +21,24 @@ from stepper.shared.rotations import matrices
 
 @dataclass(frozen=True, kw_only=True)
 class SuiteTask(Task):
-    """A task of dm_control's suite (Tassa et al. 2018, https://arxiv.org/abs/1801.00690), under MuJoCo's law by default.
+    """Task of dm_control's suite (Tassa et al. 2018, https://arxiv.org/abs/1801.00690), with MuJoCo's contact law by default. Abstract.
 
-    Observations are the entries of dm_control's observations, concatenated. Quantities of bodies are those of the present state, as in
-    dm_control. Only episodes of `LQR` terminate.
+    Observations are the entries of dm_control's observations, concatenated. Positions and velocities of bodies belong to the state after
+    the step, as in dm_control. Only episodes of `LQR` terminate.
     """
 
     contact = "mujoco"
     file: ClassVar[str]
-    """Model of the task, a file of dm_control's."""
+    """Name of the task's model file in dm_control's suite."""
     episode_steps: ClassVar[int | None] = 1000
-    """Actions of an episode: dm_control's time limit over its time step of control. None is no limit."""
+    """Number of actions per episode: dm_control's time limit divided by the time per action. None is no limit."""
 
     def model(self) -> Model:
-        """Scene of the file, which is loaded once."""
+        """Model of the scene, from `file`. It is loaded once."""
         return scene(self.file)
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
-        """Reward, (num_envs,): the score, from 0 to 1 except for `LQR`."""
+        """Reward, (num_envs,): `score`, from 0 to 1 except for `LQR`, and no entries for the info dict."""
         return self.score(now), {}
 
     def score(self, now: Moment) -> Array:
@@ -46,7 +46,7 @@ class SuiteTask(Task):
         raise NotImplementedError
 
 
-@read_once
+@cache_model
 def scene(file: str) -> Model:
     """Model of a file of dm_control's suite.
 
@@ -72,15 +72,21 @@ def source_tree(file: str) -> ElementTree.Element:
 
 
 def open_floor(tree: ElementTree.Element, half_side: float, ball: Set[tuple[str, str]]) -> ElementTree.Element:
-    """Scene of a file without walls and ball, on a floor with this half side, m. `Elements` to remove are given by tag and name."""
+    """Remove the walls and the ball from a scene, and set the size of the floor.
+
+    Args:
+        tree: MJCF tree of the scene, which is changed.
+        half_side: Half side of the floor, m.
+        ball: Tag and name of each element that belongs to the ball.
+    """
     for floor in tree.iterfind(".//geom[@name='floor']"):
         floor.set("size", f"{half_side!r} {half_side!r} {floor.get('size', '').split()[2]}")
-    return without(tree, lambda element: element.get("name", "").startswith("wall_") or (element.tag, element.get("name")) in ball)
+    return remove_elements(tree, lambda element: element.get("name", "").startswith("wall_") or (element.tag, element.get("name")) in ball)
 
 
-@once_per_model
+@cache_per_model
 def hinges(model: Model) -> tuple[Joint, ...]:
-    """Indices of the hinges of a model, in order."""
+    """Hinge joints of a model, in order."""
     return tuple(joint for joint in map(model.joint, range(model.njnt)) if joint.type == "hinge")
 
 
@@ -91,13 +97,13 @@ def rotations(now: Moment) -> Array:
 
 
 def rotation(now: Moment, body: str) -> Array:
-    """Rotation matrix of a body: (num_envs, 3, 3)."""
+    """Rotation matrix of a body by name: (num_envs, 3, 3)."""
     matrix: Array = rotations(now)[:, now.sim.model.body(body).id]
     return matrix
 
 
 def reading(now: Moment, *sensors: str) -> Array:
-    """Concatenated readings of sensors, (num_envs, n), in their units."""
+    """Concatenated ideal readings of the named sensors, (num_envs, n), in their units."""
     found = [now.sim.model.sensor(name) for name in sensors]
     return np.concatenate([now.sensordata_ideal[:, sensor.adr : sensor.adr + sensor.dim] for sensor in found], axis=1)
 
@@ -108,14 +114,14 @@ def norm(vectors: Array) -> Array:
     return lengths
 
 
-_FALLS: dict[str, Callable[[Array, float], Array]] = {
+_DECREASES: dict[str, Callable[[Array, float], Array]] = {
     "gaussian": lambda x, value: np.exp(np.log(value) * x * x),
     "linear": lambda x, value: np.maximum(1.0 - (1.0 - value) * x, 0.0),
     "quadratic": lambda x, value: np.maximum(1.0 - (1.0 - value) * x * x, 0.0),
     "reciprocal": lambda x, value: 1.0 / ((1.0 / value - 1.0) * x + 1.0),
     "long_tail": lambda x, value: 1.0 / ((1.0 / value - 1.0) * x * x + 1.0),
 }
-"""Functions that are 1 at 0 and `value` at 1."""
+"""Decreasing functions of (x, value) by name, which are 1 at x = 0 and `value` at x = 1."""
 
 
 def tolerance(
@@ -127,7 +133,7 @@ def tolerance(
     fall: str = "gaussian",
     value: float = 0.1,
 ) -> Array:
-    """Score of numbers, (...), dm_control's `rewards.tolerance`: 1 within bounds, decreasing to 0 outside.
+    """Scores, (...), of numbers x: 1 within bounds, decreasing to 0 outside. It is dm_control's `rewards.tolerance`.
 
     Args:
         x: Numbers, (...), in any unit.
@@ -140,21 +146,21 @@ def tolerance(
     inside = (low <= x) & (x <= high)
     if np.all(np.asarray(margin) == 0.0):
         return inside.astype(np.float64)
-    beside = np.where(x < low, low - x, x - high) / margin
-    reward: Array = np.where(inside, 1.0, _FALLS[fall](beside, value))
+    distance = np.where(x < low, low - x, x - high) / margin
+    reward: Array = np.where(inside, 1.0, _DECREASES[fall](distance, value))
     return reward
 
 
 def small_control(now: Moment) -> Array:
-    """Score of small controls, (num_envs,): mean over the actuators of 1 at control 0, decreasing to 0 at control 1."""
+    """Score of small controls, (num_envs,): mean over the actuators of max(0, 1 - control^2)."""
     mean: Array = tolerance(now.action, margin=1.0, fall="quadratic", value=0.0).mean(axis=1)
     return mean
 
 
 def randomize_joints(model: Model, qpos: Array, rng: Rng) -> None:
-    """Draws random joint positions into qpos, (n, nq), m and rad: limited joints within their limits, other hinges on the circle.
+    """Draw random joint positions into qpos, (n, nq), m and rad: limited joints within their limits, other hinges from -pi to pi.
 
-    Quaternions of free bodies have positive numbers only, as in dm_control. Slides without limits keep their position.
+    Quaternions of free joints get positive components only, as in dm_control. Slides without limits keep their position.
     """
     for joint in (model.joint(k) for k in range(model.njnt)):
         at = joint.qposadr
@@ -172,7 +178,7 @@ def randomize_joints(model: Model, qpos: Array, rng: Rng) -> None:
 def randomize_without_overlap(
     model: Model, qpos: Array, rng: Rng, randomize: Callable[[Model, Array, Rng], None] = randomize_joints
 ) -> None:
-    """Draws positions qpos, (n, nq), m and rad, in place by the function `randomize`, until no geoms touch."""
+    """Draw joint positions into qpos, (n, nq), m and rad, with `randomize`; repeat it for rows in which geoms overlap."""
     again = np.ones(len(qpos), dtype=bool)
     while again.any():
         some = qpos[again]
@@ -182,9 +188,9 @@ def randomize_without_overlap(
 
 
 def lift_until_free(model: Model, qpos: Array, height: int) -> None:
-    """Sets a height in qpos, (n, nq), m, to the smallest whole number of centimetres, up to 127, at which no geoms touch.
+    """Set the column `height` of qpos, (n, nq), m, to the smallest whole number of centimetres, up to 127, at which no geoms overlap.
 
-    It assumes that geoms which touch at a height also touch at all lower heights.
+    It assumes that geoms which overlap at a height also overlap at all lower heights.
     """
     low = np.zeros(len(qpos), dtype=np.int64)
     for step in (64, 32, 16, 8, 4, 2, 1):
@@ -194,7 +200,7 @@ def lift_until_free(model: Model, qpos: Array, height: int) -> None:
 
 
 def overlapping(model: Model, qpos: Array, mocap_pos: Array | None = None, mocap_quat: Array | None = None) -> Array:
-    """Whether geoms touch at positions qpos (n, nq), m and rad: (n,) bool. Mocap bodies have the given poses or those of the file."""
+    """Whether geoms overlap at positions qpos (n, nq), m and rad: (n,) bool. Mocap bodies have the given poses or those of the file."""
     probe = Stepper(model, len(qpos), options=Options(contact="mujoco", integrator="euler"))
     probe.reset(qpos=qpos)
     if mocap_pos is not None:
@@ -209,7 +215,7 @@ def overlapping(model: Model, qpos: Array, mocap_pos: Array | None = None, mocap
 
 
 def settle(sim: Stepper, mask: Array, steps: int) -> None:
-    """Makes steps without controls, only in the environments of a mask, (num_envs,)."""
+    """Simulate some steps from the present positions, at rest and without controls, in the environments of a mask (num_envs,)."""
     probe = Stepper(sim.model, int(mask.sum()), options=sim.options, precision=sim.precision)
     probe.reset(qpos=sim.qpos[mask])
     probe.step(nstep=steps)
@@ -217,14 +223,22 @@ def settle(sim: Stepper, mask: Array, steps: int) -> None:
 
 
 def place(sim: Stepper, mask: Array, qpos: Array, qvel: Array) -> None:
-    """Sets positions (n, nq), m and rad, and velocities (n, nv), m/s and rad/s, of the n environments of a mask."""
+    """Set positions (n, nq), m and rad, and velocities (n, nv), m/s and rad/s, of the n environments of a mask (num_envs,)."""
     all_qpos, all_qvel = np.array(sim.qpos, dtype=np.float64), np.array(sim.qvel, dtype=np.float64)
     all_qpos[mask], all_qvel[mask] = qpos, qvel
     sim.set_state(all_qpos, all_qvel, mask)
 
 
 def move_geom(sim: Stepper, mask: Array, geom: str, pos: Array, columns: Any = slice(None)) -> None:
-    """Sets the position of a geom in its body's frame, (n, ...), m, in the n environments of a mask."""
+    """Set the position of a geom in the frame of its body, in the n environments of a mask (num_envs,).
+
+    Args:
+        sim: The stepper.
+        mask: The environments, (num_envs,) bool.
+        geom: Name of the geom.
+        pos: Coordinates, (n, k) m.
+        columns: The k coordinates that are set; others stay.
+    """
     places = np.array(sim.randomized.get("geom_pos", np.tile(sim.model.geom_pos, (sim.num_envs or 1, 1, 1))))
     chosen = places[mask]
     chosen[:, sim.model.geom(geom).id, columns] = pos

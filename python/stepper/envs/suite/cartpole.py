@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from stepper._stepper import Model
-from stepper.envs.assets import load_quietly, read_once
+from stepper.envs.assets import cache_model, load_quietly
 from stepper.envs.streams import Rng
 from stepper.envs.suite.base import SuiteTask, rotations, source_tree, tolerance
 from stepper.envs.task import Array, Moment, Observation
@@ -16,11 +16,11 @@ from stepper.envs.task import Array, Moment, Observation
 
 @dataclass(frozen=True, kw_only=True)
 class Cartpole(SuiteTask):
-    """Balance the poles of a cart, from near balance or from below.
+    """Task: balance the poles of a cart. Episodes start near balance, or with `swing_up` with hanging poles.
 
     Attributes:
         swing_up: Whether the first pole starts hanging down.
-        sparse: Whether the reward is sparse: 1 near balance, 0 elsewhere; otherwise it is smooth.
+        sparse: Whether the reward is 1 near balance and 0 elsewhere, instead of smooth.
         poles: Number of poles, one on top of the other.
     """
 
@@ -67,16 +67,16 @@ class Cartpole(SuiteTask):
         qvel[:] = 0.01 * rng.normal(qvel.shape[1])
 
 
-@read_once
+@cache_model
 def _scene(poles: int) -> Model:
-    """Model of dm_control with this number of poles."""
+    """Model of dm_control's cart with this number of poles."""
     if poles < 1:
         raise ValueError(f"poles is {poles}, must be at least 1")
     tree = source_tree("cartpole.xml")
     parent = tree.find("./worldbody/body/body")
     floor = tree.find("./worldbody/geom")
     if parent is None or floor is None:
-        raise ValueError("dm_control's cartpole.xml has no pole or no floor: this version of dm_control is not known")
+        raise ValueError("dm_control's cartpole.xml has no pole or no floor: this version of dm_control is not supported")
     for k in range(2, poles + 1):
         child = ElementTree.SubElement(parent, "body", name=f"pole_{k}", pos="0 0 1", childclass="pole")
         ElementTree.SubElement(child, "joint", name=f"hinge_{k}")

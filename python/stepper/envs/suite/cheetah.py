@@ -10,12 +10,12 @@ from stepper.envs.suite.base import SuiteTask, randomize_joints, reading, settle
 from stepper.envs.task import Array, Moment, Observation, Terms
 
 _SPEED = 10.0
-"""From which on the reward is 1, m/s."""
+"""Speed at and above which the reward is 1, m/s."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Cheetah(SuiteTask):
-    """Run to the right, at 10 m/s or faster."""
+    """Task: run to the right, at 10 m/s or faster."""
 
     file = "cheetah.xml"
     frame_skip: int = 1
@@ -28,7 +28,7 @@ class Cheetah(SuiteTask):
         )
 
     def score(self, now: Moment) -> Array:
-        """Score: velocity of the centre of mass in x, divided by 10 m/s."""
+        """Score: velocity of the centre of mass in x divided by 10 m/s, within 0 and 1."""
         return tolerance(reading(now, "torso_subtreelinvel")[:, 0], _SPEED, float("inf"), margin=_SPEED, fall="linear", value=0.0)
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
@@ -38,5 +38,5 @@ class Cheetah(SuiteTask):
         qpos[:, :3] = root
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Steps the robot without controls for 200 steps, so that it lies on the ground."""
+        """Simulate 200 steps without controls, so that the robot lies on the ground."""
         settle(sim, mask, 200)

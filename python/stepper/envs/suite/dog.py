@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stepper._stepper import Model, Stepper
-from stepper.envs.assets import load_quietly, once_per_model, read_once
+from stepper.envs.assets import cache_model, cache_per_model, load_quietly
 from stepper.envs.streams import Rng
 from stepper.envs.suite.base import SuiteTask, hinges, norm, open_floor, reading, rotation, source_tree, tolerance
 from stepper.envs.task import Array, Moment, Observation, Terms, per_moment
@@ -15,29 +15,29 @@ from stepper.shared.machine import package_file
 from stepper.shared.rotations import about_vertical, matrices
 
 _EPISODE = 15.0
-"""Time of an episode, s."""
+"""Duration of an episode, s."""
 _ARENA = 10.0
 """Half the side of the arena in which the ball is fetched, m."""
 _UPRIGHT = np.cos(np.deg2rad(30.0))
-"""Cosine of the inclination from which on it is upright."""
+"""Cosine of the largest tilt of skull, torso and pelvis with full reward."""
 _STANDING = 0.9
-"""Part of its heights at the reference pose at which it stands."""
+"""Fraction of the heights in the reference pose above which the dog counts as standing."""
 _BITE = 0.005
-"""Distance of the ball from the jaws at which it is in the mouth, m."""
+"""Distance of the ball from the jaws below which it counts as in the mouth, m."""
 _BALL = {("body", "ball"), ("geom", "target"), ("camera", "ball"), ("camera", "head")}
-"""Elements of the file that are there for the ball, in addition to the walls, by tag and name."""
+"""Tag and name of the elements of the file that belong to the ball."""
 _FEET = ("foot_L", "foot_R", "hand_L", "hand_R")
 _SOLES = ("palm_L", "palm_R", "sole_L", "sole_R")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Dog(SuiteTask):
-    """Stand; or move forwards; or fetch a ball.
+    """Task: stand, move forwards, or fetch a ball.
 
     Sensors are those of stepper and differ from dm_control's. The accelerometer and the forces at the feet use the mean acceleration over
-    the last step, as in `Quadruped`. A sole senses the contacts of the last step that are within its volume after the step; dm_control
-    uses the volume before it. Where a foot moves they differ, and the reward by up to a tenth. Muscle forces act from the first
-    observation of an episode on; in dm_control they start one step later.
+    the last step, as in `Quadruped`. The touch sensor of a sole counts contacts of the last step within its volume after the step;
+    dm_control uses the volume before the step. For a moving foot this changes the reward by up to a tenth. Muscle forces act from the
+    first observation of an episode on; in dm_control they start one step later.
 
     Attributes:
         move_speed: Forward speed that earns the full reward of 1, m/s; 0 to stand.
@@ -50,14 +50,14 @@ class Dog(SuiteTask):
     fetch: bool = False
 
     def model(self) -> Model:
-        """Scene. Without a ball, the floor is as large as the distance of an episode."""
+        """Model of the scene. Without a ball, the half side of the floor is the distance covered in an episode at the rewarded speed."""
         return _scene(None if self.fetch else _EPISODE * (self.move_speed or 1.0))
 
     def observations(self) -> tuple[Observation, ...]:
         """Joint angles, heights, vertical directions, velocity, touch and inertial sensors, and activations: (223,); with a ball (232,)."""
         rows = (
             Observation("joint_angles", func=lambda now: now.qpos[:, [joint.qposadr for joint in hinges(now.sim.model)]], unit="rad"),
-            # dm_control spells it so.
+            # The spelling is that of dm_control.
             Observation("joint_velocites", func=lambda now: now.qvel[:, [joint.dofadr for joint in hinges(now.sim.model)]], unit="rad/s"),
             Observation("torso_pelvis_height", func=_heights, unit="m"),
             Observation("z_projection", func=_verticals),
@@ -80,9 +80,9 @@ class Dog(SuiteTask):
         heights, weight = _standing(now.sim.model)
         high = tolerance(_heights(now), heights, float("inf"), margin=heights)
         upright = tolerance(_verticals(now)[:, :, 2], _UPRIGHT, float("inf"), margin=_UPRIGHT + 1.0, fall="linear", value=0.0)
-        felt = reading(now, *_SOLES).sum(axis=1)
-        carried = tolerance(felt, weight, float("inf"), margin=weight, fall="linear", value=0.9)
-        reward: Array = high.prod(axis=1) * upright.prod(axis=1) * carried
+        force = reading(now, *_SOLES).sum(axis=1)
+        supported = tolerance(force, weight, float("inf"), margin=weight, fall="linear", value=0.9)
+        reward: Array = high.prod(axis=1) * upright.prod(axis=1) * supported
         if self.fetch:
             return reward * _fetching(now)
         if self.move_speed:
@@ -114,9 +114,9 @@ class Dog(SuiteTask):
         sim.set_state(act=act, envs=mask)
 
 
-@once_per_model
+@cache_per_model
 def _standing(model: Model) -> tuple[Array, float]:
-    """Heights of torso and pelvis from which on it stands, m, (2,); and its weight, N."""
+    """Heights of torso and pelvis above which the dog counts as standing, (2,) m; and its weight, N."""
     rest = Stepper(model, 1)
     heights = np.asarray(rest.xpos)[0, [model.body(name).id for name in ("torso", "pelvis")], 2]
     mass = float(sum(body.mass for body in map(model.body, range(model.nbody)) if body.name != "ball"))
@@ -131,7 +131,7 @@ def _heights(now: Moment) -> Array:
 
 @per_moment
 def _verticals(now: Moment) -> Array:
-    """The vertical in the frames of skull, torso and pelvis: (num_envs, 3, 3)."""
+    """World's vertical unit vector in the frames of skull, torso and pelvis: (num_envs, 3, 3)."""
     return np.stack([rotation(now, body)[:, 2] for body in ("skull", "torso", "pelvis")], axis=1)
 
 
@@ -152,7 +152,7 @@ def _ball(now: Moment) -> Array:
 
 
 def _target(now: Moment) -> Array:
-    """From the head to the target, in the frame of the head, m: (num_envs, 1, 3)."""
+    """Vector from the head to the target, in the frame of the head, m: (num_envs, 1, 3)."""
     return _to_head(now, _from_head(now, "target")[:, None])
 
 
@@ -162,7 +162,7 @@ def _from_head(now: Moment, geom: str) -> Array:
 
 
 def _to_head(now: Moment, vectors: Array) -> Array:
-    """Vectors (num_envs, n, 3) in the frame of the head."""
+    """World vectors (num_envs, n, 3), expressed in the frame of the head."""
     local: Array = vectors @ matrices(now.site_xquat[:, now.sim.model.site("head").id])
     return local
 
@@ -173,7 +173,7 @@ def _place(now: Moment, geom: str) -> Array:
 
 
 def _fetching(now: Moment) -> Array:
-    """The ball in the mouth, until it is at the target: (num_envs,)."""
+    """Score of fetching, (num_envs,): product of terms for the ball in the mouth (1 near the target) and for the ball at the target."""
     model = now.sim.model
     ball, radius = _place(now, "ball"), float(model.geom("target").size[0])
     upper, lower = (norm(ball - now.site_xpos[:, model.site(site).id]) for site in ("upper_bite", "lower_bite"))
@@ -185,9 +185,9 @@ def _fetching(now: Moment) -> Array:
     return fetching
 
 
-@read_once
+@cache_model
 def _scene(floor: float | None) -> Model:
-    """The file on a floor of that half side; None is the arena with its walls and the ball."""
+    """Model on a floor of this half side, m, without the ball; None is the arena with walls and ball."""
     tree = source_tree(Dog.file)
     assets = package_file("dm_control", "suite/dog_assets", "for tasks of its suite, whose models it has")
     for compiler in tree.iter("compiler"):

@@ -1,4 +1,4 @@
-"""dm_control's finger, which spins a body on a hinge, or turns it."""
+"""dm_control's finger: a planar finger that spins or turns a body on a hinge."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from stepper._stepper import Model, Stepper
-from stepper.envs.assets import load_quietly, read_once
+from stepper.envs.assets import cache_model, load_quietly
 from stepper.envs.streams import Rng
 from stepper.envs.suite.base import SuiteTask, norm, randomize_without_overlap, reading, scene, source_tree
 from stepper.envs.task import Array, Moment, Observation, Terms
 
 _SPEED = 15.0
-"""From which on it spins, rad/s."""
+"""Angular speed above which the body counts as spinning, rad/s."""
 _DAMPING = 0.03
-"""Damping of the hinge that is spun, N m s/rad."""
+"""Damping of the hinge of the body in the spinning task, N m s/rad."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,7 +26,7 @@ class Finger(SuiteTask):
     frame_skip: int = 2
 
     def model(self) -> Model:
-        """Scene, with a smaller hinge damping than in the file."""
+        """Model of the scene, with a smaller damping of the hinge than in the file."""
         model = scene(self.file)
         damping = np.array(model.dof_damping)
         damping[model.joint("hinge").dofadr] = _DAMPING
@@ -36,7 +36,7 @@ class Finger(SuiteTask):
         """Angles of the finger, the tip relative to the hinge, velocities, logarithms of the forces at its two pads: (9,)."""
         return (
             Observation("angles", func=lambda now: reading(now, "proximal", "distal"), unit="rad"),
-            Observation("tip", func=lambda now: _beside_the_hinge(now, "tip"), unit="m"),
+            Observation("tip", func=lambda now: _relative_to_hinge(now, "tip"), unit="m"),
             Observation("velocity", func=lambda now: reading(now, "proximal_velocity", "distal_velocity", "hinge_velocity"), unit="rad/s"),
             Observation("touch", func=lambda now: np.log1p(reading(now, "touchtop", "touchbottom")), unit="log(1 + N)"),
         )
@@ -53,7 +53,7 @@ class Finger(SuiteTask):
 
 @dataclass(frozen=True, kw_only=True)
 class FingerTurn(Finger):
-    """Turn the body until its tip is in the target, which is a mocap body with a random position in each environment.
+    """Task: turn the body until its tip is in the target. The target is a mocap body, with a random position in each episode.
 
     Attributes:
         target_size: Radius of the target, m.
@@ -62,47 +62,47 @@ class FingerTurn(Finger):
     target_size: float
 
     def model(self) -> Model:
-        """The scene, with a target that can be moved."""
+        """Model of the scene, with the target as a mocap body."""
         return _scene_with_target()
 
     def observations(self) -> tuple[Observation, ...]:
-        """Observation of spinning, the target relative to the hinge, and the distance of the tip from the target: (12,)."""
+        """Observations of `Finger`, target relative to the hinge, and distance of the tip from the target: (12,)."""
         return (
             *super().observations(),
-            Observation("target_position", func=lambda now: _beside_the_hinge(now, "target"), unit="m"),
+            Observation("target_position", func=lambda now: _relative_to_hinge(now, "target"), unit="m"),
             Observation("dist_to_target", func=self._distance, unit="m"),
         )
 
     def score(self, now: Moment) -> Array:
-        """Score: 1 in the target, else 0."""
+        """Score: 1 with the tip in the target, else 0."""
         inside: Array = (self._distance(now) <= 0.0).astype(np.float64)
         return inside
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draws a random target on the circle of the tip."""
+        """Draw a random target on the circle of the tip."""
         model, angle = sim.model, rng.uniform(-np.pi, np.pi, 1)[:, 0]
         offsets = model.geom("cap1").size.sum() * np.stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)], axis=1)
         sim.mocap_pos[mask, model.body("target").mocapid] = model.body("spinner").pos + offsets
 
     def _distance(self, now: Moment) -> Array:
-        """From the tip to the surface of the target, m; negative inside: (num_envs,)."""
-        return norm(_beside_the_hinge(now, "target") - _beside_the_hinge(now, "tip")) - self.target_size
+        """Distance from the tip to the surface of the target, negative inside, m: (num_envs,)."""
+        return norm(_relative_to_hinge(now, "target") - _relative_to_hinge(now, "tip")) - self.target_size
 
 
-def _beside_the_hinge(now: Moment, sensor: str) -> Array:
-    """Reading of a sensor of places less the place of the hinge, in x and z, m: (num_envs, 2)."""
+def _relative_to_hinge(now: Moment, sensor: str) -> Array:
+    """Reading of a position sensor minus the position of the hinge, in x and z, m: (num_envs, 2)."""
     offset: Array = (reading(now, sensor) - reading(now, "spinner"))[:, ::2]
     return offset
 
 
-@read_once
+@cache_model
 def _scene_with_target() -> Model:
-    """The file, whose target is a mocap body."""
+    """Model of the file, with its site "target" in a mocap body."""
     tree = source_tree("finger.xml")
     world = tree.find("worldbody")
     site = None if world is None else world.find("site[@name='target']")
     if world is None or site is None:
-        raise ValueError("finger.xml has no site 'target' in its worldbody: this version of dm_control is not known")
+        raise ValueError("finger.xml has no site 'target' in its worldbody: this version of dm_control is not supported")
     world.remove(site)
     body = type(tree)("body", name="target", mocap="true", pos=site.attrib.pop("pos"))
     body.append(site)

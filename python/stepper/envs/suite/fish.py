@@ -1,4 +1,4 @@
-"""dm_control's fish."""
+"""dm_control's fish: a swimming robot in a fluid."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ _JOINTS = ("tail1", "tail_twist", "tail2", "finright_roll", "finright_pitch", "f
 
 @dataclass(frozen=True, kw_only=True)
 class Fish(SuiteTask):
-    """Turn upright; or swim to a target.
+    """Task: turn upright, or swim to a target.
 
     Attributes:
-        swim: Whether there is a target.
+        swim: Whether the task is to swim to a target.
     """
 
     file = "fish.xml"
@@ -28,7 +28,7 @@ class Fish(SuiteTask):
     swim: bool = False
 
     def observations(self) -> tuple[Observation, ...]:
-        """Angles, cosine of the inclination, the target as the mouth sees it if there is one, velocities: (24,) or (21,)."""
+        """Joint angles, cosine of the tilt, with `swim` the target in the frame of the mouth, velocities: (24,) or (21,)."""
         return (
             Observation("joint_angles", func=_angles, unit="rad"),
             Observation("upright", func=lambda now: rotation(now, "torso")[:, 2, 2]),
@@ -37,7 +37,7 @@ class Fish(SuiteTask):
         )
 
     def score(self, now: Moment) -> Array:
-        """Score: upright; with `swim`, the product with a term for the distance to the target."""
+        """Score: term for an upright torso; with `swim`, weighted sum of it (1/8) and a term for the distance to the target (7/8)."""
         upright = rotation(now, "torso")[:, 2, 2]
         if not self.swim:
             return tolerance(upright, 1.0, 1.0, margin=1.0)
@@ -55,7 +55,7 @@ class Fish(SuiteTask):
             qpos[:, at : at + 1] = rng.uniform(-0.2, 0.2, 1)
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draws a random target in a box."""
+        """Draw a random target in a box, if the task is to swim."""
         if self.swim:
             move_geom(sim, mask, "target", np.hstack([rng.uniform(-0.4, 0.4, 2), rng.uniform(0.1, 0.3, 1)]))
 
@@ -67,7 +67,7 @@ def _angles(now: Moment) -> Array:
 
 @per_moment
 def _to_target(now: Moment) -> Array:
-    """From the mouth to the target in the frame of the mouth, m: (num_envs, 3)."""
+    """Vector from the mouth to the target, in the frame of the mouth, m: (num_envs, 3)."""
     model = now.sim.model
     mouth = model.geom("mouth").id
     difference = now.geom_xpos[:, model.geom("target").id] - now.geom_xpos[:, mouth]

@@ -11,17 +11,17 @@ from stepper.envs.suite.base import SuiteTask, randomize_joints, reading, small_
 from stepper.envs.task import Array, Moment, Observation
 
 _HEIGHT = 0.6
-"""Height of the torso above the foot, m, above which it stands."""
+"""Height of the torso above the foot at which the robot counts as standing, m."""
 _SPEED = 2.0
-"""From which on hopping is rewarded in full, m/s."""
+"""Speed of hopping at and above which the reward is full, m/s."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Hopper(SuiteTask):
-    """Stand; or hop to the right.
+    """Task: stand, or hop to the right.
 
     Attributes:
-        hopping: Whether to hop.
+        hopping: Whether the task is to hop.
     """
 
     file = "hopper.xml"

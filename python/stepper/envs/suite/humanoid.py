@@ -1,4 +1,4 @@
-"""dm_control's humanoids."""
+"""dm_control's two humanoids."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from stepper.envs.suite.base import SuiteTask, norm, randomize_without_overlap, 
 from stepper.envs.task import Array, Moment, Observation
 
 _HEIGHT = 1.4
-"""Height of the head, m, above which it stands."""
+"""Height of the head at which the humanoid counts as standing, m."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Humanoid(SuiteTask):
-    """Stand; or walk and run in any direction.
+    """Task: stand, or move at a speed in any direction.
 
     Attributes:
         move_speed: Speed that earns the full reward of 1, m/s; 0 to stand.
@@ -26,17 +26,17 @@ class Humanoid(SuiteTask):
 
     file = "humanoid.xml"
     torso: ClassVar[str] = "torso"
-    """Body that should be upright."""
+    """Name of the body that should be upright."""
     upwards: ClassVar[int] = 2
-    """Axis of the torso that points upwards then."""
+    """Axis of the torso (0, 1 or 2) that points upwards in the upright pose."""
     extremities: ClassVar[tuple[str, ...]] = ("left_hand", "left_foot", "right_hand", "right_foot")
-    """Bodies that the torso sees."""
+    """Bodies whose positions relative to the torso are observed."""
     frame_skip: int = 5
     move_speed: float = 0.0
     pure_state: bool = False
 
     def observations(self) -> tuple[Observation, ...]:
-        """Angles, height of the head, hands and feet as the torso sees them, its vertical, velocities: (67,); or the state: (55,)."""
+        """Joint angles, head height, hands and feet and the vertical in the frame of the torso, velocities: (67,); `pure_state`: (55,)."""
         velocity = Observation("velocity", func=lambda now: now.qvel, unit="m/s, rad/s")
         if self.pure_state:
             return (Observation("position", func=lambda now: now.qpos, unit="m, rad"), velocity)
@@ -83,7 +83,7 @@ def _extremities(now: Moment) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class HumanoidCMU(Humanoid):
-    """Posture of the humanoid of the CMU's motion capture, whose torso is its thorax, with y upwards."""
+    """The tasks of `Humanoid` with dm_control's humanoid for CMU motion capture, whose torso is the body "thorax", with y upwards."""
 
     file = "humanoid_CMU.xml"
     torso = "thorax"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stepper._stepper import Model
-from stepper.envs.assets import load_quietly, read_once
+from stepper.envs.assets import cache_model, load_quietly
 from stepper.envs.streams import Rng
 from stepper.envs.suite.base import SuiteTask, norm, source_tree
 from stepper.envs.task import Array, Moment, Observation
@@ -15,19 +15,20 @@ from stepper.envs.task import Array, Moment, Observation
 _STIFFNESS = (15.0, 25.0)
 """Least and largest stiffness of a spring, N/m."""
 _CONTROL_COST = 0.1
+"""Weight of the squared controls in the cost."""
 _AT_REST = 1e-6
-"""Length of the state below which an episode ends."""
+"""Norm of positions and velocities below which an episode terminates."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LQR(SuiteTask):
-    """Bring masses on springs to rest, with little control: the one task of the suite whose episodes terminate, and that has no time limit.
+    """Task: bring masses on springs to rest with small controls. Its episodes terminate at rest, and have no time limit.
 
-    Controls have no bounds, and rewards no lower one.
+    Controls have no bounds, and rewards no lower bound.
 
     Attributes:
         bodies: Number of masses.
-        driven: Number of masses that are driven, the first ones.
+        driven: Number of masses with an actuator, from the first.
         model_seed: Seed of the random springs. They equal those of dm_control's environment with `task_kwargs={"random": model_seed}`, bit
             for bit.
     """
@@ -40,7 +41,7 @@ class LQR(SuiteTask):
     model_seed: int = 0
 
     def model(self) -> Model:
-        """The masses in their row."""
+        """Model of the row of masses."""
         return _scene(self.bodies, self.driven, self.model_seed)
 
     def observations(self) -> tuple[Observation, ...]:
@@ -56,9 +57,9 @@ class LQR(SuiteTask):
         return reward
 
     def terminated(self, now: Moment) -> Array:
-        """State in which everything is at rest."""
-        over: Array = norm(np.hstack([now.qpos, now.qvel])) < _AT_REST
-        return over
+        """Whether positions and velocities are practically zero, (num_envs,)."""
+        at_rest: Array = norm(np.hstack([now.qpos, now.qvel])) < _AT_REST
+        return at_rest
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
         """Initial states: at rest, with random positions on a sphere of radius sqrt(2)."""
@@ -66,12 +67,12 @@ class LQR(SuiteTask):
         qpos[:] = np.sqrt(2.0) * direction / norm(direction)[:, None]
 
 
-@read_once
+@cache_model
 def _scene(bodies: int, driven: int, seed: int) -> Model:
-    """dm_control's model, without the tendons that only show the springs.
+    """dm_control's model without the tendons, which only draw the springs.
 
     Raises:
-        ValueError: Fewer than one mass or one that is driven, more that are driven than there are, or a seed out of range.
+        ValueError: `driven` is not from 1 to `bodies`, or the seed is out of range.
     """
     if not 1 <= driven <= bodies:
         raise ValueError(f"driven is {driven} and bodies is {bodies}: at least one mass must be driven, and at most all of them")
@@ -80,8 +81,8 @@ def _scene(bodies: int, driven: int, seed: int) -> Model:
     tree = source_tree(LQR.file)
     parent = tree.find("./worldbody")
     if parent is None:
-        raise ValueError("dm_control's lqr.xml has no world: this version of dm_control is not known")
-    # dm_control draws a damping after each stiffness, which is always zero.
+        raise ValueError("dm_control's lqr.xml has no world: this version of dm_control is not supported")
+    # dm_control also draws a damping after each stiffness, in the range [0, 0].
     stiffness = np.random.RandomState(seed).uniform(*_STIFFNESS, 2 * bodies)[::2]
     make = type(tree)
     actuators = make("actuator")

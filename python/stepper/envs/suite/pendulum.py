@@ -1,4 +1,4 @@
-"""dm_control's pendulum, to swing up."""
+"""dm_control's pendulum with a weak motor."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from stepper.envs.suite.base import SuiteTask, rotation, tolerance
 from stepper.envs.task import Array, Moment, Observation
 
 _UPRIGHT = float(np.cos(np.deg2rad(8.0)))
-"""Cosine of the largest angle that is rewarded."""
+"""Cosine of the largest rewarded angle from upright."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Pendulum(SuiteTask):
-    """Swing a pendulum up with little torque, and hold it there."""
+    """Task: swing the pendulum up with little torque, and hold it there."""
 
     file = "pendulum.xml"
     frame_skip: int = 1

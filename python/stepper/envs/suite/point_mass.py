@@ -1,4 +1,4 @@
-"""dm_control's point mass, in a plane."""
+"""dm_control's point mass that moves in a plane."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from stepper._stepper import Model, Stepper
-from stepper.envs.assets import load_quietly, read_once
+from stepper.envs.assets import cache_model, load_quietly
 from stepper.envs.streams import Rng
 from stepper.envs.suite.base import SuiteTask, norm, randomize_joints, small_control, source_tree, tolerance
 from stepper.envs.task import Array, Moment, Observation, Terms
 
 _PARALLEL = 0.9
-"""Cosine of the angle of two directions from which on they are too much alike."""
+"""Cosine of the angle between the two control directions above which they count as nearly parallel and are drawn again."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,7 +21,7 @@ class PointMass(SuiteTask):
     """Task: bring the mass to the middle.
 
     Attributes:
-        turned: Whether the directions of the controls are random in each episode, and not observed.
+        turned: Whether the directions of the two controls are random in each episode. The observation does not contain them.
     """
 
     file = "point_mass.xml"
@@ -29,11 +29,11 @@ class PointMass(SuiteTask):
     turned: bool = False
 
     def model(self) -> Model:
-        """The scene; with turned directions, without bounds of the controls, which are mixed of actions within theirs."""
+        """Model of the scene. With `turned` its controls have no bounds, because combinations of bounded actions may exceed them."""
         return _without_bounds() if self.turned else super().model()
 
     def action_bounds(self, model: Model) -> tuple[Array, Array]:
-        """-1 and 1."""
+        """Bounds of the actions, -1 and 1, (nu,) each."""
         return np.full(model.nu, -1.0), np.full(model.nu, 1.0)
 
     def observations(self) -> tuple[Observation, ...]:
@@ -44,7 +44,7 @@ class PointMass(SuiteTask):
         )
 
     def score(self, now: Moment) -> Array:
-        """Score: 1 in the target, decreasing with the distance from it and with the controls."""
+        """Score: 1 with the mass in the target and without controls, decreasing with the distance and with the controls."""
         model = now.sim.model
         target = model.geom("target")
         size = float(target.size[0])
@@ -60,7 +60,7 @@ class PointMass(SuiteTask):
         return {"directions": np.tile(np.eye(2), (num_envs, 1, 1))}
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draws random directions of the controls that are not nearly parallel."""
+        """Draw random directions of the controls that are not nearly parallel, with `turned`."""
         if not self.turned:
             return
         count = len(rng.envs)
@@ -72,7 +72,7 @@ class PointMass(SuiteTask):
         episode_state["directions"][mask] = directions
 
     def advance(self, now: Moment) -> None:
-        """Makes the steps of the controls along their directions."""
+        """Step the simulation by one action; with `turned` each control pushes along its random direction."""
         control = now.action
         if self.turned:
             control = np.einsum("nk,nki->ni", np.clip(now.action, -1.0, 1.0), now.episode_state["directions"])
@@ -84,7 +84,7 @@ def _unit(vectors: Array) -> Array:
     return units
 
 
-@read_once
+@cache_model
 def _without_bounds() -> Model:
     tree = source_tree(PointMass.file)
     for motor in tree.iter("motor"):

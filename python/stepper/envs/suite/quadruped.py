@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stepper._stepper import Model
-from stepper.envs.assets import load_quietly, read_once, without
+from stepper.envs.assets import cache_model, load_quietly, remove_elements
 from stepper.envs.streams import Rng
 from stepper.envs.suite.base import (
     SuiteTask,
@@ -25,18 +25,18 @@ from stepper.shared.rotations import about_vertical
 
 _TOES = ("front_left", "front_right", "back_right", "back_left")
 _EPISODE = 20.0
-"""Time of an episode, s."""
+"""Duration of an episode, s."""
 _ARENA = 15.0
 """Half the side of the arena in which the ball is fetched, m."""
 _BALL = {("body", "ball"), ("site", "target")}
-"""Elements of the file that are there for the ball, in addition to the walls, by tag and name."""
+"""Tag and name of the elements of the file that belong to the ball."""
 _WORKSPACE, _TARGET = 0.3, 0.4
-"""Radii of the place before the robot where the ball is near, and of that where it is brought, m."""
+"""Radius of the zone before the robot within which the ball counts as reached, and radius of the target, m."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Quadruped(SuiteTask):
-    """Move forwards; or fetch a ball.
+    """Task: move forwards, or fetch a ball.
 
     Sensors are those of stepper. The accelerometer and the touch sensors of the toes use the mean acceleration (v+ - v) / h over the last
     step, in the pose after it. The sensors of dm_control use the acceleration before that step, without implicit joint damping.
@@ -52,11 +52,11 @@ class Quadruped(SuiteTask):
     fetch: bool = False
 
     def model(self) -> Model:
-        """The scene without terrain and range finders; without a ball, the floor is as large as one gets in an episode."""
+        """Model without terrain and range finders. Without a ball, the half side of the floor is the distance covered in an episode."""
         return _scene(None if self.fetch else self.move_speed * _EPISODE)
 
     def observations(self) -> tuple[Observation, ...]:
-        """Hinges and activations, velocity and vertical of the torso, its sensors, forces at the toes: (78,); with a ball (90,)."""
+        """Hinges, activations, velocity, upright component and sensors of the torso, forces at the toes: (78,); with a ball (90,)."""
         rows = (
             Observation("egocentric_state", func=_egocentric_state, unit="rad, rad/s"),
             Observation("torso_velocity", func=lambda now: reading(now, "velocimeter"), unit="m/s"),
@@ -86,7 +86,7 @@ class Quadruped(SuiteTask):
         return reward
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """At rest and just above the ground, with any orientation; with a ball upright, and the ball somewhere in flight."""
+        """Initial states: at rest just above the ground with a random orientation; with a ball upright, and the ball in flight."""
         model = self.model()
         at = model.joint("root").qposadr
         if not self.fetch:
@@ -111,13 +111,13 @@ def _egocentric_state(now: Moment) -> Array:
 
 
 def _at_the_toes(now: Moment) -> Array:
-    """Inverse hyperbolic sines of forces and torques that the toes feel: (num_envs, 24)."""
-    felt: Array = np.arcsinh(reading(now, *(f"{kind}_toe_{toe}" for kind in ("force", "torque") for toe in _TOES)))
-    return felt
+    """Inverse hyperbolic sines of the forces (N) and torques (N m) measured at the toes: (num_envs, 24)."""
+    loads: Array = np.arcsinh(reading(now, *(f"{kind}_toe_{toe}" for kind in ("force", "torque") for toe in _TOES)))
+    return loads
 
 
 def _ball(now: Moment) -> Array:
-    """Position, velocity and turning of the ball relative to the torso, in the torso's frame: (num_envs, 3, 3)."""
+    """Position and velocity of the ball relative to the torso, and its angular velocity, in the torso's frame: (num_envs, 3, 3)."""
     ball, root = now.sim.model.joint("ball_root").dofadr, now.sim.model.joint("root").dofadr
     rows = [
         _place(now, "ball") - _place(now, "torso"),
@@ -129,7 +129,7 @@ def _ball(now: Moment) -> Array:
 
 
 def _target(now: Moment) -> Array:
-    """From the torso to the middle, in the torso's frame: (num_envs, 3)."""
+    """Vector from the torso to the target in the middle, in the torso's frame, m: (num_envs, 3)."""
     offset = now.site_xpos[:, now.sim.model.site("target").id] - _place(now, "torso")
     local: Array = np.einsum("ni,nij->nj", offset, rotation(now, "torso"))
     return local
@@ -140,8 +140,8 @@ def _place(now: Moment, body: str) -> Array:
     return place
 
 
-@read_once
+@cache_model
 def _scene(floor: float | None) -> Model:
-    """The file on a floor of that half side; None is the arena with its walls and the ball."""
-    tree = without(source_tree(Quadruped.file), lambda element: element.tag == "rangefinder" or element.get("type") == "hfield")
+    """Model on a floor of this half side, m, without the ball; None is the arena with walls and ball."""
+    tree = remove_elements(source_tree(Quadruped.file), lambda element: element.tag == "rangefinder" or element.get("type") == "hfield")
     return load_quietly(tree if floor is None else open_floor(tree, floor, _BALL))

@@ -17,7 +17,7 @@ _FINGER = 0.01
 
 @dataclass(frozen=True, kw_only=True)
 class Reacher(SuiteTask):
-    """Bring the finger to the target.
+    """Task: bring the finger to the target.
 
     Attributes:
         target_size: Radius of the target, m.
@@ -28,7 +28,7 @@ class Reacher(SuiteTask):
     target_size: float = 0.05
 
     def observations(self) -> tuple[Observation, ...]:
-        """Angles, from the finger to the target, velocities: (6,)."""
+        """Joint angles, vector from the finger to the target, joint velocities: (6,)."""
         return (
             Observation("position", func=lambda now: now.qpos, unit="rad"),
             Observation("to_target", func=_to_target, unit="m"),
@@ -44,14 +44,14 @@ class Reacher(SuiteTask):
         randomize_joints(self.model(), qpos, rng)
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """The target is 0.05 to 0.2 m from the middle."""
+        """Draw a random target, 0.05 to 0.2 m from the middle."""
         angle, radius = rng.uniform(0.0, 2.0 * np.pi, 1), rng.uniform(0.05, 0.2, 1)
         move_geom(sim, mask, "target", np.hstack([radius * np.sin(angle), radius * np.cos(angle)]), slice(0, 2))
 
 
 @per_moment
 def _to_target(now: Moment) -> Array:
-    """From the finger to the target, m: (num_envs, 2)."""
+    """Vector from the finger to the target, m: (num_envs, 2)."""
     model = now.sim.model
     difference: Array = (now.geom_xpos[:, model.geom("target").id] - now.geom_xpos[:, model.geom("finger").id])[:, :2]
     return difference

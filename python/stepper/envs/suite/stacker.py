@@ -7,23 +7,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from stepper._stepper import Model, Stepper
-from stepper.envs.assets import read_once
+from stepper.envs.assets import cache_model
 from stepper.envs.streams import Rng
 from stepper.envs.suite.arm import arm_observations, arm_scene, draw_arm, pose
 from stepper.envs.suite.base import SuiteTask, norm, randomize_without_overlap, tolerance
 from stepper.envs.task import Array, Moment, Observation, Terms
 
 _CLOSE = 0.01
-"""Distance that is close, m."""
+"""Width of the transition of the score for the distance between hand and target, m."""
 _MOST_BOXES = 4
-"""Boxes that the file has."""
+"""Number of boxes in the file."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Stacker(SuiteTask):
-    """Bring a box to a target, which may be on other boxes, and let go of it.
+    """Task: bring a box to a target, which may be on top of other boxes, and release it.
 
-    The target is a mocap body with a random position in each environment.
+    The target is a mocap body with a random position in each episode.
 
     Attributes:
         boxes: Number of boxes, 1 to 4.
@@ -34,11 +34,11 @@ class Stacker(SuiteTask):
     boxes: int = 2
 
     def model(self) -> Model:
-        """The scene with as many boxes."""
+        """Model of the arm with `boxes` boxes."""
         return _scene(self.boxes)
 
     def observations(self) -> tuple[Observation, ...]:
-        """Arm and hand, what touches it, the boxes, the target: (35 + 7 boxes,)."""
+        """Arm and hand, touch sensors, boxes and target: (35 + 7 boxes,)."""
         return (
             *arm_observations(),
             Observation("box_pos", func=lambda now: np.stack([pose(now, box) for box in self._names], axis=1), unit="m"),
@@ -59,7 +59,7 @@ class Stacker(SuiteTask):
         randomize_without_overlap(self.model(), qpos, rng, self._draw)
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """The target is where a box would lie, anywhere on the floor or on up to as many boxes as are left."""
+        """Draw a random target: the place of a box on the floor, or on a stack of up to `boxes` - 1 other boxes."""
         size, boxes_below = sim.model.geom("target").size[0], np.floor(rng.uniform(0.0, self.boxes, 1))
         at = sim.model.body("target").mocapid
         sim.mocap_pos[mask, at, 2:] = size * (2.0 * boxes_below + 1.0)
@@ -75,7 +75,7 @@ class Stacker(SuiteTask):
         return rates
 
     def _draw(self, model: Model, qpos: Array, rng: Rng) -> None:
-        """Draws a configuration, changed in place."""
+        """Draw random positions of arm and boxes into qpos, (n, nq)."""
         draw_arm(model, qpos, rng)
         for box in self._names:
             for axis, low, high in (("x", 0.1, 0.3), ("z", 0.0, 0.7), ("y", 0.0, 2.0 * np.pi)):
@@ -89,12 +89,12 @@ def _to_target(now: Moment, site: str) -> Array:
     return norm(now.site_xpos[:, model.site(site).id] - now.site_xpos[:, model.site("target").id])
 
 
-@read_once
+@cache_model
 def _scene(boxes: int) -> Model:
-    """The file without the boxes that are not used.
+    """Model of the file with the first `boxes` boxes.
 
     Raises:
-        ValueError: A number of boxes out of range.
+        ValueError: The number of boxes is out of range.
     """
     if not 1 <= boxes <= _MOST_BOXES:
         raise ValueError(f"boxes is {boxes}, must be from 1 to {_MOST_BOXES}")

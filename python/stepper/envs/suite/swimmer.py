@@ -1,4 +1,4 @@
-"""dm_control's swimmer: a planar chain in a medium, and a target."""
+"""dm_control's swimmer: a planar chain of links in a fluid, and a target."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stepper._stepper import Model, Stepper
-from stepper.envs.assets import load_quietly, read_once
+from stepper.envs.assets import cache_model, load_quietly
 from stepper.envs.streams import Rng
 from stepper.envs.suite.base import SuiteTask, move_geom, norm, randomize_joints, reading, rotation, source_tree, tolerance
 from stepper.envs.task import Array, Moment, Observation, Terms, per_moment
@@ -18,7 +18,7 @@ _SIZE = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class Swimmer(SuiteTask):
-    """Bring the nose to the target.
+    """Task: swim until the nose is in the target.
 
     Attributes:
         links: Number of links.
@@ -29,11 +29,11 @@ class Swimmer(SuiteTask):
     links: int = 6
 
     def model(self) -> Model:
-        """The chain of links."""
+        """Model of the chain of links."""
         return _scene(self.links)
 
     def observations(self) -> tuple[Observation, ...]:
-        """Angles, the target as the head sees it, velocities of the links in their frames: (4 links + 1,)."""
+        """Joint angles, target in the frame of the head, velocities of the links in their frames: (4 links + 1,)."""
         return (
             Observation("joints", func=lambda now: now.qpos[:, 3:], unit="rad"),
             Observation("to_target", func=_to_target, unit="m"),
@@ -41,7 +41,7 @@ class Swimmer(SuiteTask):
         )
 
     def score(self, now: Moment) -> Array:
-        """Score: 1 in the target, decreasing with the distance from it."""
+        """Score: 1 with the nose in the target, decreasing with the distance from it."""
         return tolerance(norm(_to_target(now)), 0.0, _SIZE, margin=5.0 * _SIZE, fall="long_tail")
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
@@ -49,14 +49,14 @@ class Swimmer(SuiteTask):
         randomize_joints(self.model(), qpos, rng)
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draws a random target, which is near the swimmer in a fifth of the episodes."""
+        """Draw a random target, within 0.3 m of the origin in x and y in a fifth of the episodes, within 2 m in the others."""
         box = np.where(rng.uniform(0.0, 1.0, 1) < 0.2, 0.3, 2.0)
         move_geom(sim, mask, "target", box * rng.uniform(-1.0, 1.0, 2), slice(0, 2))
 
 
 @per_moment
 def _to_target(now: Moment) -> Array:
-    """From the nose to the target in the frame of the head, m: (num_envs, 2)."""
+    """Vector from the nose to the target, in the frame of the head, m: (num_envs, 2)."""
     model = now.sim.model
     difference = now.geom_xpos[:, model.geom("target").id] - now.geom_xpos[:, model.geom("nose").id]
     local: Array = np.einsum("ni,nij->nj", difference, rotation(now, "head"))[:, :2]
@@ -64,21 +64,21 @@ def _to_target(now: Moment) -> Array:
 
 
 def _velocities(now: Moment) -> Array:
-    """Velocity in x and y and about z of every link: (num_envs, links, 3)."""
+    """Velocity along x and y (m/s) and about z (rad/s) of every link in its frame: (num_envs, links, 3)."""
     names = [f"{kind}_{k}" for k in range(now.sim.model.nbody - 2) for kind in ("velocimeter", "gyro")]
     both: Array = reading(now, "head_vel", "head_gyro", *names).reshape(len(now.qpos), -1, 6)
     return both[..., [0, 1, 5]]
 
 
-@read_once
+@cache_model
 def _scene(links: int) -> Model:
-    """Model of dm_control with this number of links."""
+    """Model of dm_control's swimmer with this number of links."""
     if links < 3:
         raise ValueError(f"links is {links}, must be at least 3")
     tree = source_tree("swimmer.xml")
     parent, sensors = tree.find("./worldbody/body"), tree.find("./sensor")
     if parent is None or sensors is None:
-        raise ValueError("dm_control's swimmer.xml has no head or no sensors: this version of dm_control is not known")
+        raise ValueError("dm_control's swimmer.xml has no head or no sensors: this version of dm_control is not supported")
     make = type(tree)
     actuators = make("actuator")
     tree.append(actuators)

@@ -9,12 +9,12 @@ from stepper.envs.suite.base import SuiteTask, randomize_joints, reading, rotati
 from stepper.envs.task import Array, Moment, Observation
 
 _HEIGHT = 1.2
-"""Height of the torso, m, above which it stands."""
+"""Height of the torso at which the walker counts as standing, m."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Walker(SuiteTask):
-    """Stand; or walk and run to the right.
+    """Task: stand, or move to the right at a speed.
 
     Attributes:
         move_speed: Speed that earns the full reward of 1, m/s; 0 to stand.
@@ -33,7 +33,7 @@ class Walker(SuiteTask):
         )
 
     def score(self, now: Moment) -> Array:
-        """Score: product of terms for height, upright posture and speed."""
+        """Score: term for height and upright posture, times a term for the speed if `move_speed` is not 0."""
         standing = tolerance(now.xpos[:, 1, 2], _HEIGHT, float("inf"), margin=_HEIGHT / 2.0)
         stand: Array = (3.0 * standing + (1.0 + rotations(now)[:, 1, 2, 2]) / 2.0) / 4.0
         if self.move_speed == 0.0:

@@ -20,7 +20,7 @@ TASKS: dict[str, type[Task]] = {
         Walker2d,
     )
 }
-"""Tasks by name."""
+"""Gymnasium's MuJoCo tasks: class by name, as "HalfCheetah"."""
 
 __all__ = [
     "TASKS",

@@ -40,7 +40,7 @@ class Humanoid(MujocoTask):
     include_cfrc_ext_in_observation: bool = True
 
     def observations(self) -> tuple[Observation, ...]:
-        """Positions without x and y, velocities, and the included tables of `BODY_TABLES`: (348,)."""
+        """Positions without x and y, velocities, and the included rows of `BODY_TABLES`: (348,)."""
         return (
             Observation("qpos", columns=slice(2 * int(self.exclude_current_positions_from_observation), None)),
             Observation("qvel"),

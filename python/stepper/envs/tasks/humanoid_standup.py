@@ -35,7 +35,7 @@ class HumanoidStandup(MujocoTask):
     include_cfrc_ext_in_observation: bool = True
 
     def observations(self) -> tuple[Observation, ...]:
-        """Positions without x and y, velocities, and the included tables of `BODY_TABLES`: (348,)."""
+        """Positions without x and y, velocities, and the included rows of `BODY_TABLES`: (348,)."""
         return (
             Observation("qpos", columns=slice(2 * int(self.exclude_current_positions_from_observation), None)),
             Observation("qvel"),
@@ -43,7 +43,7 @@ class HumanoidStandup(MujocoTask):
         )
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
-        """Reward: height over the time step, plus 1, minus costs of squared controls and contact forces.
+        """Reward: height of the torso divided by the time step, plus 1, minus costs of squared controls and contact forces.
 
         `uph_cost_weight` has no effect, as in Gymnasium's environment.
         """

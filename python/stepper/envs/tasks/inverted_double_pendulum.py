@@ -11,6 +11,7 @@ from stepper.envs.streams import Rng
 from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Terms
 
 WITHIN = (-10.0, 10.0)
+"""Bounds to which velocities and the constraint force are clipped in the observation."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,7 +22,7 @@ class InvertedDoublePendulum(MujocoTask):
     O(h^3) for the time step h. With contact="hard" the margin of the cart's limit narrows its range by 0.01 m.
     """
 
-    strict: ClassVar[bool] = False  # The margin of the cart's limit is what is left out.
+    strict: ClassVar[bool] = False  # With hard contact stepper does not support the margin of the cart's limit.
     camera: ClassVar[Camera] = {"distance": 4.1225, "lookat": (0.0, 0.0, 0.1225)}
 
     xml_file: str = "inverted_double_pendulum.xml"
@@ -45,7 +46,7 @@ class InvertedDoublePendulum(MujocoTask):
         return high
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
-        """Reward: a bonus while the tip is high, minus squares of its distance from (0, 2) m and of the joint velocities."""
+        """Reward: a bonus while the tip is above 1 m, minus weighted squares of its offset from (0, 2) m and of the hinge velocities."""
         x, _, z = now.site_xpos[:, 0].T
         survive = self.healthy_reward * now.healthy
         distance = 0.01 * x**2 + (z - 2.0) ** 2

@@ -11,7 +11,7 @@ from stepper.envs.streams import Rng
 from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Terms, square_sum
 
 NEAREST = 0.17
-"""The cylinder begins farther than this from the goal, m."""
+"""Smallest initial distance of the cylinder from the goal, m."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +41,7 @@ class Pusher(MujocoTask):
         )
 
     def advance(self, now: Moment) -> None:
-        """Makes the steps of an action, and stores positions of bodies before the last step."""
+        """Step the simulation by one action, and keep the positions of bodies before the last time step for `now.xpos`."""
         now.sim.step(now.action, self.frame_skip - 1)
         now.keep("xpos", now.sim.xpos)
         before = now.sim.status

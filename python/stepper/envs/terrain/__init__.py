@@ -1,4 +1,4 @@
-"""Terrains of many tiles, from easy to hard, and curricula over them. docs/how-to/terrain.md has an example."""
+"""Generated terrains of tiles with increasing difficulty, and curricula over them. docs/how-to/terrain.md has an example."""
 
 from stepper.envs.terrain.curriculum import TerrainCurriculum, stage_of
 from stepper.envs.terrain.generator import Terrain

@@ -1,4 +1,4 @@
-"""Curricula: harder or easier tiles of a terrain by an environment's progress, and wider commands by its number of steps."""
+"""Curricula: the difficulty of the terrain follows the progress of an environment, and ranges of commands its number of actions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ from stepper.envs.terrain.generator import Terrain
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TerrainCurriculum:
-    """Curriculum of a terrain: an environment has a column of tiles, and moves to a harder or easier row after an episode.
+    """Curriculum over a terrain. Each environment has a tile: its row is the level (0 is the easiest), its column the kind of terrain.
+
+    The column is drawn once. After an episode the environment can move to a harder or easier row. A task uses the curriculum like this:
 
         class Walk(Task):
             carried = TerrainCurriculum.carried
@@ -30,17 +32,18 @@ class TerrainCurriculum:
                 distance = levels.distance(now.episode_state, envs, now.qpos[envs])
                 levels.move(now.episode_state, envs, up=distance > 4.0, down=distance < 2.0)
 
-    The model's first joint must be free. An episode starts near the middle of its tile, above the highest point around it.
+    The model's first joint must be free. `place` moves the sampled initial position to the middle of the tile, plus a random offset of at
+    most `spread`. It raises the position by the height of the highest terrain point within `footprint`.
 
     Attributes:
         terrain: The terrain.
-        max_init_level: Hardest row in which an environment begins after a reset with a seed.
+        max_init_level: Hardest row that an environment can draw after a reset with a seed.
         spread: Largest distance of the initial position from the middle of the tile in x and y, m.
-        footprint: Half side of the square around the initial position whose highest point counts, m.
+        footprint: Half side of the square around the initial position in which the highest point is searched, m.
     """
 
     carried: ClassVar[tuple[str, ...]] = ("terrain_level", "terrain_type")
-    """Names for `Task.carried`."""
+    """Names in `episode_state` that must persist between episodes: add them to `Task.carried`."""
 
     terrain: Terrain
     max_init_level: int = 5
@@ -48,14 +51,21 @@ class TerrainCurriculum:
     footprint: float = 0.4
 
     def episode_state(self, num_envs: int) -> Terms:
-        """Arrays for `Task.episode_state`: row and column of each environment, -1 where none was drawn yet, and the origin of its tile."""
+        """Arrays for `Task.episode_state`, by name.
+
+        Returns:
+            terrain_level: Row of each environment, (num_envs,) int; -1 before it is drawn.
+            terrain_type: Column of each environment, (num_envs,) int; -1 before it is drawn.
+            terrain_origin: Middle of the tile on the surface, (num_envs, 3) m.
+        """
         undrawn = np.full(num_envs, -1, dtype=np.int64)
         return {"terrain_level": undrawn, "terrain_type": undrawn.copy(), "terrain_origin": np.zeros((num_envs, 3))}
 
     def place(self, reset: Reset) -> None:
-        """Moves initial states to the environments' tiles, for `Task.place`.
+        """Move the initial positions of new episodes to the environments' tiles. Call it in `Task.place`.
 
-        Environments without a level draw one, and a column by the proportions of its kind. Those that solved the hardest row draw any.
+        An environment that has no level yet draws a row up to `max_init_level`, and a column with the probabilities `Terrain.proportions`.
+        An environment that moved up from the hardest row draws a random row.
         """
         state, envs, terrain = reset.episode_state, reset.envs, self.terrain
         level, kind = state["terrain_level"][envs], state["terrain_type"][envs]
@@ -71,46 +81,52 @@ class TerrainCurriculum:
         reset.qpos[:, 2] += self._highest(reset.qpos[:, :2])
 
     def _highest(self, places: Array) -> Array:
-        """Height of the highest point of the terrain near places (n, 2), (n,) m: that of a point of its grid."""
+        """Height of the highest grid point of the terrain within `footprint` of the points `places` (n, 2), (n,) m."""
         step = self.terrain.horizontal_scale
         reach = step * np.arange(-np.ceil(self.footprint / step) - 1, np.ceil(self.footprint / step) + 2)
         middle = step * np.round((places + self.terrain.half) / step) - self.terrain.half
-        near = np.stack(np.meshgrid(reach, reach), axis=-1).reshape(-1, 2)
-        highest: Array = self.terrain.height(middle[:, None] + near).max(axis=1)
+        offsets = np.stack(np.meshgrid(reach, reach), axis=-1).reshape(-1, 2)
+        highest: Array = self.terrain.height(middle[:, None] + offsets).max(axis=1)
         return highest
 
     def move(self, episode_state: Terms, envs: Array, *, up: Array, down: Array) -> None:
-        """Moves environments to a harder or an easier row, for `Task.on_end`.
+        """Move environments to the next harder or easier row. Call it in `Task.on_end`.
 
         Args:
-            episode_state: The task's arrays.
+            episode_state: Arrays of `Task.episode_state`, in which "terrain_level" is changed.
             envs: Indices of the environments, (n,).
-            up: Environments that go to the next harder row, (n,) bool. From the hardest one they go to any.
-            down: Environments that go to the next easier row, (n,) bool, unless they go up.
+            up: Environments that move to the next harder row, (n,) bool. From the hardest row they move to a random row.
+            down: Environments that move to the next easier row, (n,) bool. It has no effect together with `up`, or on the easiest row.
         """
         level = episode_state["terrain_level"]
         change = np.where(up, 1, np.where(down, -1, 0))
         level[envs] = np.where(level[envs] < 0, level[envs], np.clip(level[envs] + change, 0, self.terrain.num_rows))
 
     def distance(self, episode_state: Terms, envs: Array, places: Array) -> Array:
-        """Distances of environments `envs` (n,) at places (n, 2 or more) from the origins of their tiles, (n,) m."""
+        """Horizontal distances of robots from the middles of their tiles, (n,) m.
+
+        Args:
+            episode_state: Arrays of `Task.episode_state`.
+            envs: Indices of the environments, (n,).
+            places: Positions, (n, 2 or more) m, of which the first two columns count: `now.qpos[envs]`.
+        """
         away = places[:, :2] - episode_state["terrain_origin"][envs, :2]
         distances: Array = np.hypot(away[:, 0], away[:, 1])
         return distances
 
 
 def stage_of(steps: Array, stages: Sequence[tuple[int, tuple[float, ...]]]) -> Array:
-    """Values of the present stage of each environment, for a curriculum of commands.
+    """Values of the current stage of each environment, for a curriculum of commands.
 
     Args:
-        steps: Actions of each environment, (n,): count them in `Task.episode_state`, under a name in `Task.carried`.
-        stages: First number of actions of each stage, ascending from 0, and its values (k,), such as the largest commands.
+        steps: Number of actions of each environment so far, (n,). Count them in `Task.episode_state`, under a name in `Task.carried`.
+        stages: Number of actions at which each stage begins, ascending from 0, and its values (k,), such as the largest commands.
 
     Returns:
         Values of each environment, (n, k), in the unit of the stages.
 
     Raises:
-        ValueError: Stages that do not begin with 0, or do not ascend.
+        ValueError: The stages do not begin with 0, or do not ascend.
     """
     begins = [begin for begin, _ in stages]
     if not begins or begins[0] != 0 or begins != sorted(set(begins)):

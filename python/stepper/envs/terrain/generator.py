@@ -1,4 +1,4 @@
-"""Tiled terrain: a row of tiles for each level of difficulty, a column for each kind."""
+"""Generated terrain of square tiles: one row per level of difficulty, one column per kind of terrain."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import mujoco
 
 _WHOLE = 1e-6
-"""Largest difference of a number of cells from a whole one."""
+"""Largest accepted difference of a number of cells from a whole number."""
 _LEAST = 1e-3
 """Least extent in z of a height field, m: MuJoCo refuses 0, the extent of flat ground."""
 _BASE = 0.5
@@ -27,7 +27,7 @@ _BASE = 0.5
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Terrain:
-    """Terrain of square tiles: rows along x from easy to hard, and a column along y for each kind. Its middle is at the origin.
+    """Terrain of square tiles. Difficulty increases from row to row along x; each column along y has one kind. The middle is at the origin.
 
         ground = Terrain(sub_terrains={"rough": RandomRough(), "stairs": PyramidStairs()}, seed=1)
         ground.add_to(spec)  # a height field "terrain" in a mujoco.MjSpec
@@ -36,16 +36,16 @@ class Terrain:
     Equal arguments give equal terrains. The random numbers of a tile depend only on the seed, its row and its column.
 
     Attributes:
-        sub_terrains: Kinds by name, a column each.
-        num_rows: Levels of difficulty.
+        sub_terrains: Kinds of terrain by name, one column each.
+        num_rows: Number of rows, that is levels of difficulty.
         size: Side of a tile, m.
-        horizontal_scale: Distance of the points of the height field, m. A vertical step becomes a ramp of this length.
+        horizontal_scale: Distance between grid points of the height field, m. A vertical step becomes a ramp of this length.
         border_width: Width of the flat ground around all tiles, m.
-        difficulty_range: Difficulties of the first row and the last, from 0 to 1.
-        seed: Seed of everything random.
+        difficulty_range: Difficulty of the first and of the last row, from 0 to 1.
+        seed: Seed of all random numbers of the terrain.
 
     Raises:
-        ValueError: No kinds or rows, a tile or border that is not a whole number of cells, or difficulties out of range.
+        ValueError: There are no kinds or rows, a tile or border is not a whole number of cells, or a difficulty is out of range.
     """
 
     sub_terrains: Mapping[str, SubTerrain]
@@ -75,20 +75,20 @@ class Terrain:
 
     @property
     def proportions(self) -> Array:
-        """Share of the environments of each kind, (num_columns,)."""
+        """Fraction of the environments on each kind of terrain, (num_columns,); the sum is 1."""
         shares = np.array([kind.proportion for kind in self.sub_terrains.values()])
         normalised: Array = shares / shares.sum()
         return normalised
 
     @property
     def half(self) -> Array:
-        """Half the extent in x and y, border included, m: (2,)."""
+        """Half the extent of the terrain in x and y, with the border, (2,) m."""
         half: Array = 0.5 * self.size * np.array([self.num_rows, len(self.sub_terrains)]) + self.border_width
         return half
 
     @functools.cached_property
     def elevation(self) -> Array:
-        """Heights of the grid points, (rows, columns), m: rows along y, columns along x, in single precision as MuJoCo's."""
+        """Heights of the grid points, (rows, columns) m: rows along y, columns along x. Single precision, as in MuJoCo."""
         border, cells = round(self.border_width / self.horizontal_scale), round(self.size / self.horizontal_scale)
         shape = [2 * border + cells * count + 1 for count in (len(self.sub_terrains), self.num_rows)]
         heights = np.zeros(shape)
@@ -103,7 +103,7 @@ class Terrain:
 
     @functools.cached_property
     def ground(self) -> HeightField:
-        """Height field for reading heights, without a simulation."""
+        """Height field from which heights can be read without a simulation."""
         return HeightField.from_elevation(self.elevation, self.half)
 
     @functools.cached_property
@@ -118,14 +118,14 @@ class Terrain:
         return self.ground.heights(None, xy, beyond=0.0)
 
     def leaves(self, xy: Array, margin: float = 0.3) -> Array:
-        """Whether points (..., 2), m, are outside the terrain or closer to its border than a margin, m, (...); for `Task.truncated`."""
+        """Whether points (..., 2) m are outside the terrain or within `margin` m of its outer edge, (...) bool; for `Task.truncated`."""
         return np.asarray(np.any(np.abs(xy) > self.half - margin, axis=-1))
 
     def boxes(self) -> Array:
-        """Boxes of the terrain: middles and half sides, (n, 2, 3), m. They have vertical walls, but cost more than a height field.
+        """Boxes that make up the terrain, (n, 2, 3) m: centre and half sides of each. Steps are vertical; a height field is faster.
 
         Raises:
-            ValueError: A kind that does not consist of boxes.
+            ValueError: A kind of terrain does not consist of boxes.
         """
         found = []
         for column, (name, kind) in enumerate(self.sub_terrains.items()):
@@ -139,16 +139,16 @@ class Terrain:
         return np.concatenate([*found, self._border()])
 
     def add_to(self, spec: mujoco.MjSpec, name: str = "terrain", *, boxes: bool = False, **attributes: Any) -> None:
-        """Adds the terrain to the world of a scene, for `stepper.load(spec.compile())`.
+        """Add the terrain to a MuJoCo scene, which `stepper.load(spec.compile())` reads.
 
         Args:
-            spec: The scene, which is changed.
+            spec: The scene, which is changed in place.
             name: Name of the height field and of its geom; boxes are called "terrain_0" and so on.
             boxes: Whether to add boxes instead of a height field.
             **attributes: Attributes of the geoms, as friction, rgba or contype.
 
         Raises:
-            ValueError: Boxes of a kind that does not consist of boxes.
+            ValueError: `boxes` is set, and a kind of terrain does not consist of boxes.
         """
         import mujoco  # noqa: PLC0415 - an optional package
 
@@ -162,12 +162,12 @@ class Terrain:
         spec.worldbody.add_geom(name=name, type=kind, hfieldname=name, pos=[0.0, 0.0, lowest], **attributes)
 
     def mjcf(self, name: str = "terrain", **attributes: str) -> tuple[str, str]:
-        """MJCF texts of the height field: one for `<asset>`, and one for `<worldbody>`."""
+        """MJCF texts of the height field: one element for `<asset>` and one for `<worldbody>`. `attributes` are those of the geom."""
         asset, geom = self.elements(name, **attributes)
         return tostring(asset, encoding="unicode"), tostring(geom, encoding="unicode")
 
     def elements(self, name: str = "terrain", **attributes: str) -> tuple[Element, Element]:
-        """Elements of MJCF of the height field: the asset, and the geom with further attributes."""
+        """MJCF elements of the height field: the asset, and the geom with the given attributes."""
         data, lowest, size = self._field()
         # MJCF has rows from the greatest y to the least. Nine digits determine a number of single precision.
         values = " ".join(f"{value:.9g}" for value in data[::-1].ravel().tolist())
@@ -177,13 +177,13 @@ class Terrain:
         return asset, Element("geom", place | attributes)
 
     def _field(self) -> tuple[Array, float, list[float]]:
-        """Heights from 0 to 1 in single precision, height of 0, and MuJoCo's size of the field."""
+        """MuJoCo's data of the height field: relative heights (0 to 1, float32), z of relative height 0 (m), and attribute `size` (4,)."""
         lowest, extent = float(self.elevation.min()), max(float(np.ptp(self.elevation)), _LEAST)
         data = ((self.elevation - lowest) / extent).astype(np.float32)
         return data, lowest, [*self.half.tolist(), extent, _BASE]
 
     def _tile(self, row: int, column: int) -> Array:
-        """Heights of the points of a tile, (cells + 1, cells + 1) m. Those of its border are 0."""
+        """Heights of the grid points of a tile, (cells + 1, cells + 1) m; 0 on its border."""
         kind = list(self.sub_terrains.values())[column]
         line = np.linspace(-self.size / 2, self.size / 2, round(self.size / self.horizontal_scale) + 1)
         heights = kind.heights(line, line, self.size, float(self.difficulties[row]), self._rng(row, column))
@@ -191,11 +191,11 @@ class Terrain:
         return np.where(inside & inside[:, None], heights, 0.0)
 
     def _rng(self, row: int, column: int) -> np.random.Generator:
-        """Random numbers of a tile."""
+        """Random number generator of a tile."""
         return np.random.default_rng([self.seed, row, column])
 
     def _border(self) -> Array:
-        """Boxes around all tiles: (4, 2, 3), or none."""
+        """Boxes of the flat border around all tiles, (4, 2, 3) m: centre and half sides; (0, 2, 3) without a border."""
         (x, y), width = self.half, self.border_width
         if not width:
             return np.empty((0, 2, 3))

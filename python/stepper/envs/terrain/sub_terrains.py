@@ -1,4 +1,4 @@
-"""Kinds of terrain: heights of a square tile by difficulty, seamless with its neighbours at height 0."""
+"""Kinds of terrain: heights of a square tile as a function of the difficulty. The edge of a tile has height 0, so that tiles fit."""
 
 from __future__ import annotations
 
@@ -10,20 +10,22 @@ import numpy as np
 from stepper.envs.task import Array
 
 Range = tuple[float, float]
-"""Values of a parameter in the easiest tile and in the hardest."""
+"""Values of a parameter at difficulty 0 and at difficulty 1, with linear interpolation between them."""
 
 _EDGE = 1e-9
-"""Distance by which a box reaches beyond its edge, m, so that rounding errors leave out no point of the grid on it."""
+"""Margin around a box, m, within which grid points count as on the box, so that rounding errors exclude no point on its edge."""
 _THICKNESS = 0.5
 """Thickness of the ground below its lowest point, m."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SubTerrain(ABC):
-    """Kind of terrain of a tile. Episodes begin in its middle, and its border has height 0.
+    """Kind of terrain of a tile. Episodes start in its middle, and its border has height 0. Abstract.
+
+    Attributes of type `Range` are pairs: the value at difficulty 0, and the value at difficulty 1.
 
     Attributes:
-        proportion: Share of the environments on tiles of this kind, compared with those of other kinds.
+        proportion: Relative number of environments on tiles of this kind; `Terrain.proportions` normalises it.
         border_width: Width of the flat border, m.
     """
 
@@ -40,26 +42,26 @@ class SubTerrain(ABC):
         """Heights at points of a tile.
 
         Args:
-            x: Coordinates from the middle, (n,) m, ascending.
-            y: Coordinates from the middle, (m,), m, ascending.
+            x: x coordinates relative to the middle of the tile, (n,) m, ascending.
+            y: y coordinates relative to the middle of the tile, (m,) m, ascending.
             size: Side of the tile, m.
             difficulty: From 0, easiest, to 1, hardest.
-            rng: Random numbers of this tile.
+            rng: Random number generator of this tile.
 
         Returns:
-            Heights, (m, n), m, without the border, which the terrain makes flat.
+            Heights, (m, n) m. `Terrain` sets those on the border to 0.
         """
 
 
 class BoxTerrain(SubTerrain):
-    """Kind of terrain that consists of boxes, so that a scene can have it as boxes, with vertical walls."""
+    """Kind of terrain that consists of boxes. A scene can contain it as a height field, or as box geoms with vertical walls. Abstract."""
 
     @abstractmethod
     def boxes(self, size: float, difficulty: float, rng: np.random.Generator) -> Array:
-        """Boxes of a tile: least and greatest corners from its middle, (n, 2, 3) m. They cover the tile, border included."""
+        """Boxes of a tile, (n, 2, 3) m: lowest and highest corner of each, relative to the middle. They cover the tile with its border."""
 
     def heights(self, x: Array, y: Array, size: float, difficulty: float, rng: np.random.Generator) -> Array:
-        """Tops of the highest boxes at points of a tile."""
+        """Heights of the tops of the highest boxes at points of a tile, (m, n) m; see `SubTerrain.heights`."""
         heights = np.full((len(y), len(x)), -np.inf)
         for (x_low, y_low, _), (x_high, y_high, top) in self.boxes(size, difficulty, rng):
             columns = slice(np.searchsorted(x, x_low - _EDGE), np.searchsorted(x, x_high + _EDGE))
@@ -70,7 +72,7 @@ class BoxTerrain(SubTerrain):
 
 @dataclass(frozen=True, kw_only=True)
 class Flat(BoxTerrain):
-    """Flat ground, for any difficulty."""
+    """Flat ground at any difficulty."""
 
     def boxes(self, size: float, difficulty: float, rng: np.random.Generator) -> Array:
         """Box of the ground, (1, 2, 3), m."""
@@ -79,18 +81,18 @@ class Flat(BoxTerrain):
 
 @dataclass(frozen=True, kw_only=True)
 class RandomRough(SubTerrain):
-    """Rough ground: random heights of points, with plane pieces between them.
+    """Rough ground: random heights at the points of a coarse grid, with bilinear interpolation.
 
     Attributes:
-        height_range: Greatest height, m.
-        spacing: Distance of the points, m.
+        height_range: Largest random height, m; the smallest is 0.
+        spacing: Distance between points of the coarse grid, m.
     """
 
     height_range: Range = (0.0, 0.1)
     spacing: float = 0.2
 
     def heights(self, x: Array, y: Array, size: float, difficulty: float, rng: np.random.Generator) -> Array:
-        """Heights from 0 to the greatest, uniformly distributed at the random points."""
+        """Heights, (m, n) m: uniformly distributed from 0 to the largest at the points of the coarse grid."""
         points = np.linspace(-size / 2, size / 2, max(2, round(size / self.spacing) + 1))
         drawn = rng.uniform(0.0, _at(self.height_range, difficulty), (len(points), len(points)))
         along = np.stack([np.interp(x, points, row) for row in drawn])
@@ -102,7 +104,7 @@ class PyramidSlope(SubTerrain):
     """Slopes to a platform in the middle.
 
     Attributes:
-        slope_range: Slope, rise over run, at the lowest and highest difficulty.
+        slope_range: Slope, rise over run.
         platform_width: Side of the platform, m.
         inverted: Whether slopes go down to the middle.
     """
@@ -112,7 +114,7 @@ class PyramidSlope(SubTerrain):
     inverted: bool = False
 
     def heights(self, x: Array, y: Array, size: float, difficulty: float, rng: np.random.Generator) -> Array:
-        """Heights that rise with the distance from the border."""
+        """Heights, (m, n) m, which rise (or fall) with the distance from the border up to the platform."""
         distance = size / 2 - self.border_width - _from_middle(x, y)
         rise = np.clip(distance, 0.0, max(0.0, (size - self.platform_width) / 2 - self.border_width))
         return (-1.0 if self.inverted else 1.0) * _at(self.slope_range, difficulty) * rise
@@ -124,14 +126,14 @@ class Wave(SubTerrain):
 
     Attributes:
         amplitude_range: Height of the hills and depth of the hollows, m.
-        num_waves: Waves along each side.
+        num_waves: Number of waves along each side.
     """
 
     amplitude_range: Range = (0.0, 0.2)
     num_waves: int = 4
 
     def heights(self, x: Array, y: Array, size: float, difficulty: float, rng: np.random.Generator) -> Array:
-        """Products of sines that vanish on the border."""
+        """Heights, (m, n) m: a product of sines along x and y, which is zero on the edge of the tile."""
         along, across = (np.sin(2.0 * np.pi * self.num_waves * (places / size + 0.5)) for places in (x, y))
         return _at(self.amplitude_range, difficulty) * across[:, None] * along
 
@@ -173,7 +175,7 @@ class Gap(BoxTerrain):
     """Gap around a platform in the middle.
 
     Attributes:
-        gap_width_range: Width of the gap, m.
+        gap_width_range: Width of the gap, m, along x and y.
         platform_width: Side of the platform, m.
         depth: Depth of the gap, m.
     """
@@ -196,8 +198,8 @@ class SteppingStones(BoxTerrain):
 
     Attributes:
         stone_size_range: Side of a stone, m.
-        stone_distance_range: Distance of the stones, m.
-        height_variation: Largest height difference of a stone's top from 0, m.
+        stone_distance_range: Smallest gap between stones, m.
+        height_variation: Largest height of a stone's top above or below 0, m.
         platform_width: Side of the platform, m.
         depth: Depth of the pit, m.
     """
@@ -213,7 +215,7 @@ class SteppingStones(BoxTerrain):
         side, distance = _at(self.stone_size_range, difficulty), _at(self.stone_distance_range, difficulty)
         outer, inner, bottom = size / 2 - self.border_width, self.platform_width / 2, -self.depth - _THICKNESS
         count = max(1, int((2.0 * outer - distance) / (side + distance) + _EDGE))
-        # Even gaps all around, the outer ones included.
+        # Equal gaps between the stones and at the outer edge.
         gap = (2.0 * outer - count * side) / (count + 1)
         starts = -outer + gap + (side + gap) * np.arange(count)
         tops = rng.uniform(-self.height_variation, self.height_variation, (count, count))
@@ -227,7 +229,7 @@ class DiscreteObstacles(BoxTerrain):
     """Boxes on flat ground, around a free square in the middle.
 
     Attributes:
-        height_range: Largest height of a box, m; the smallest is half of it.
+        height_range: Largest height of a box, m. Heights are uniformly distributed between half of it and it.
         width_range: Smallest and largest side of a box, m, for any difficulty.
         num_obstacles: Number of boxes; those that would reach into the free square are left out.
         platform_width: Side of the free square, m.
@@ -256,17 +258,17 @@ def _at(values: Range, difficulty: float) -> float:
 
 
 def _from_middle(x: Array, y: Array) -> Array:
-    """Larger of the distances from the middle along x and y, (m, n) m."""
+    """Larger of the distances |x| and |y| from the middle, (m, n) m."""
     distance: Array = np.maximum(np.abs(x), np.abs(y)[:, None])
     return distance
 
 
 def _box(*bounds: float) -> list[list[float]]:
-    """Corners of a box of bounds in x, y and z."""
+    """Lowest and highest corner of a box from its bounds x_low, x_high, y_low, y_high, z_low, z_high."""
     return [list(bounds[::2]), list(bounds[1::2])]
 
 
 def _ring(outer: float, inner: float, bottom: float, top: float) -> Array:
-    """Four boxes around a square, of half sides outer and inner: (4, 2, 3)."""
+    """Four boxes that form a square ring with outer and inner half sides, (4, 2, 3) m: lowest and highest corner of each."""
     sides = [(-outer, outer, -outer, -inner), (-outer, outer, inner, outer), (-outer, -inner, -inner, inner), (inner, outer, -inner, inner)]
     return np.array([_box(*side, bottom, top) for side in sides])

@@ -1,4 +1,4 @@
-"""Velocity tasks on rough terrain, with the observations, rewards, events and curricula of mjlab's."""
+"""Velocity tasks on rough terrain, with the observations, rewards, random events and curricula of mjlab's tasks."""
 
 from stepper.envs.locomotion.rough.task import RoughTask
 

@@ -62,7 +62,7 @@ def draw_commands(state: Terms, envs: Array, rng: Rng, dt: float, stages: Stages
     state["command_left"][envs] = _actions(drawn[:, 7], _TIMES, dt)
 
 
-def renew_commands(now: Moment, stages: Stages = STAGES) -> None:
+def resample_commands(now: Moment, stages: Stages = STAGES) -> None:
     """Draws new commands in environments whose command has expired."""
     state = now.episode_state
     state["command_left"] -= 1

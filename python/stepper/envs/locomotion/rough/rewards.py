@@ -1,4 +1,4 @@
-"""Terms of the reward of mjlab's velocity tasks, without their weights."""
+"""Unweighted terms of the reward of mjlab's velocity tasks. Each function returns one number per environment, (num_envs,)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from stepper._stepper import Model
-from stepper.envs.assets import once_per_model
+from stepper.envs.assets import cache_per_model
 from stepper.envs.contacts import contact_forces
 from stepper.envs.locomotion.base import linear_velocity, stance
 from stepper.envs.locomotion.rough.commands import command
@@ -16,13 +16,13 @@ from stepper.envs.locomotion.rough.state import foot_forces, foot_heights, foot_
 from stepper.envs.task import Array, Moment, Terms, per_moment, square_sum
 
 _SOFT = 0.9
-"""Share of a joint's range that its soft limits leave."""
+"""Width of a joint's soft range as a fraction of its range."""
 _MOVES, _RUNS = 0.05, 1.5
-"""Speeds of a command, m/s plus rad/s, from which on a robot is to walk, and to run."""
+"""Speeds of a command (m/s plus rad/s) above which it counts as a command to walk, and to run."""
 _HEIGHT = 0.1
-"""Height to which a foot is to swing, m."""
-_HIT = 10.0
-"""Force from which on a contact counts as a hit, N."""
+"""Target height of a swinging foot above the ground, m."""
+_COLLISION_FORCE = 10.0
+"""Normal force above which a contact of a thigh, shank or trunk counts as a collision, N."""
 
 
 @per_moment
@@ -41,7 +41,7 @@ def _linear(now: Moment) -> Array:
 
 
 def _angular(now: Moment) -> Array:
-    """Agreement of the rates of turn with the command, from 0 to 1."""
+    """Agreement of the angular velocity with the command, from 0 to 1."""
     rates = now.qvel[:, 3:6]
     error = np.square(command(now)[:, 2] - rates[:, 2]) + square_sum(rates[:, :2])
     reward: Array = np.exp(-error / 0.5)
@@ -54,16 +54,16 @@ def _upright(now: Moment) -> Array:
 
 
 def _pose(now: Moment) -> Array:
-    """Agreement of the joints with the stance, from 0 to 1, with tolerances by the speed of the command."""
-    still, walk, run = _tolerances(now.sim.model, type(now.task))
+    """Agreement of the joint angles with the stance, from 0 to 1. The tolerances depend on the speed of the command."""
+    stand, walk, run = _tolerances(now.sim.model, type(now.task))
     speed = _speed(now)[:, None]
-    tolerance = np.where(speed < _MOVES, still, np.where(speed < _RUNS, walk, run))
+    tolerance = np.where(speed < _MOVES, stand, np.where(speed < _RUNS, walk, run))
     reward: Array = np.exp(-square_sum((now.qpos[:, 7:] - stance(now.sim.model)) / tolerance) / now.sim.model.nu)
     return reward
 
 
 def _limits(now: Moment) -> Array:
-    """Angles beyond the soft limits of the joints, rad."""
+    """Sum of the angles by which joints exceed their soft limits, rad."""
     low, high = _soft_limits(now.sim.model)
     angles = now.qpos[:, 7:]
     beyond: Array = np.einsum("ij->i", np.maximum(low - angles, 0.0) + np.maximum(angles - high, 0.0))
@@ -71,57 +71,60 @@ def _limits(now: Moment) -> Array:
 
 
 def _action_rate(now: Moment) -> Array:
-    """Square of the change of the actions."""
+    """Squared norm of the difference between the last two actions."""
     return square_sum(now.episode_state["last"] - now.episode_state["before"])
 
 
 def _clearance(now: Moment) -> Array:
-    """Differences of the feet's heights from that of a swing, times their speeds."""
+    """Sum over the feet of |height - target height| times horizontal speed, while the command is to move, m^2/s."""
     return _moving(now, np.abs(foot_heights(now) - _HEIGHT) * foot_speeds(now))
 
 
 def _swing(now: Moment) -> Array:
-    """Relative differences of the greatest heights of swings that ended."""
+    """Sum over the feet that just landed of (greatest height of the swing / target height - 1)^2, while the command is to move."""
     state = now.episode_state
     return _moving(now, np.square(state["swing"] / _HEIGHT - 1.0) * state["landed"])
 
 
 def _slip(now: Moment) -> Array:
-    """Squares of the speeds of feet on the ground."""
+    """Sum of the squared horizontal speeds of feet on the ground, while the command is to move, m^2/s^2."""
     return _moving(now, np.square(foot_speeds(now)) * (foot_forces(now) > 0.0))
 
 
 def _landing(now: Moment) -> Array:
-    """Forces on feet that landed."""
+    """Sum of the normal forces on feet that just landed, while the command is to move, N."""
     return _moving(now, foot_forces(now) * now.episode_state["landed"])
 
 
-def _turning(now: Moment) -> Array:
-    """Rates of turn about horizontal axes."""
+def _roll_rate(now: Moment) -> Array:
+    """Squared angular velocity of the base about its x and y axes, rad^2/s^2."""
     return square_sum(now.qvel[:, 3:5])
 
 
-def _hits(part: str) -> Callable[[Moment], Array]:
-    """Term of a part of the robot: `frame_skip` where its geoms hit the terrain in the last step of the action, else 0."""
+def _collisions(part: str) -> Callable[[Moment], Array]:
+    """Term of a part of the robot: `frame_skip` if one of its geoms collides with the terrain in the last step of the action, else 0.
 
-    def hits(now: Moment) -> Array:
-        struck = hit(now, getattr(now.task, part))
-        count: Array = now.task.frame_skip * struck.astype(np.float64)
+    `part` is the attribute of the task with the names of the geoms: "SHANKS" or "TRUNK".
+    """
+
+    def collisions(now: Moment) -> Array:
+        collides = touches_terrain(now, getattr(now.task, part))
+        count: Array = now.task.frame_skip * collides.astype(np.float64)
         return count
 
-    return hits
+    return collisions
 
 
-def hit(now: Moment, geoms: tuple[str, ...]) -> Array:
-    """Whether one of some geoms hit the terrain in the last step: (num_envs,) bool."""
+def touches_terrain(now: Moment, geoms: tuple[str, ...]) -> Array:
+    """Whether one of the geoms pressed on the terrain with more than 10 N in the last step: (num_envs,) bool."""
     if not geoms:
         return np.zeros(len(now.action), dtype=bool)
-    return np.asarray(np.any(contact_forces(now, geoms, ["terrain"]) > _HIT, axis=1))
+    return np.asarray(np.any(contact_forces(now, geoms, ["terrain"]) > _COLLISION_FORCE, axis=1))
 
 
 def _moving(now: Moment, costs: Array) -> Array:
-    """Sums of costs of the feet (num_envs, nfeet) where the command is to move."""
-    # One after the other: np.sum would round those of a single environment in another order.
+    """Sums over the feet of costs (num_envs, nfeet); 0 in environments whose command is to stand: (num_envs,)."""
+    # einsum, because np.sum would add the costs in another order for a single environment, with other rounding.
     sums: Array = np.einsum("ij->i", costs) * (_speed(now) > _MOVES)
     return sums
 
@@ -131,36 +134,36 @@ TERMS: Mapping[str, Callable[[Moment], Array]] = {
     "track_angular_velocity": _angular,
     "upright": _upright,
     "pose": _pose,
-    "body_ang_vel": _turning,
+    "body_ang_vel": _roll_rate,
     "dof_pos_limits": _limits,
     "action_rate": _action_rate,
     "foot_clearance": _clearance,
     "foot_swing_height": _swing,
     "foot_slip": _slip,
     "soft_landing": _landing,
-    "shank_collision": _hits("SHANKS"),
-    "trunk_collision": _hits("TRUNK"),
+    "shank_collision": _collisions("SHANKS"),
+    "trunk_collision": _collisions("TRUNK"),
 }
-"""Terms by name, (num_envs,) each."""
+"""Terms of the reward by name: functions of a moment with values (num_envs,)."""
 
 
 def terms_of(now: Moment, weights: Mapping[str, float]) -> Terms:
-    """Terms times weights; those of weight 0 are left out."""
+    """Terms of the reward times their weights, (num_envs,) each, by name. Terms of weight 0 are left out."""
     return {name: weight * TERMS[name](now) for name, weight in weights.items() if weight}
 
 
-@once_per_model
+@cache_per_model
 def _tolerances(model: Model, task: type) -> tuple[Array, Array, Array]:
-    """Tolerances of the joints to stand, walk and run: (nu,) rad each."""
+    """Tolerances of the joint angles for commands to stand, to walk and to run: (nu,) rad each."""
     tables = (task.STANDING, task.WALKING, task.RUNNING)  # type: ignore[attr-defined]
     names = model.joint_names[1:]
     found = [np.array([next(v for pattern, v in table.items() if re.search(pattern, name)) for name in names]) for table in tables]
     return found[0], found[1], found[2]
 
 
-@once_per_model
+@cache_per_model
 def _soft_limits(model: Model) -> tuple[Array, Array]:
-    """Least and greatest angles within the soft limits: (nu,) rad each."""
+    """Lower and upper soft limits of the joints: (nu,) rad each."""
     low, high = np.asarray(model.jnt_range)[1:].T
     middle, half = 0.5 * (low + high), 0.5 * _SOFT * (high - low)
     return middle - half, middle + half

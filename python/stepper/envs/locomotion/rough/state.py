@@ -1,4 +1,4 @@
-"""Readings of a robot on rough terrain that observations and rewards share."""
+"""Quantities of a robot on rough terrain that observations and rewards share."""
 
 from __future__ import annotations
 
@@ -8,26 +8,26 @@ import numpy as np
 
 from stepper._quantities import headings
 from stepper._stepper import Model
-from stepper.envs.assets import once_per_model
+from stepper.envs.assets import cache_per_model
 from stepper.envs.contacts import contact_forces
 from stepper.envs.locomotion.base import in_base
 from stepper.envs.task import Array, Moment, per_moment
 
 SCAN = np.stack(np.meshgrid(np.linspace(-0.8, 0.8, 17), np.linspace(-0.5, 0.5, 11), indexing="ij"), axis=-1).reshape(-1, 2)
-"""Places of the height scan ahead of the base and to its left, (187, 2) m."""
-_INVERSE = SCAN / (SCAN**2).sum(axis=0)
-"""Slopes of the plane that fits heights at the places of the scan best, per height: (187, 2) 1/m."""
+"""Points of the height scan relative to the base, ahead and to the left, (187, 2) m."""
+_SLOPE_WEIGHTS = SCAN / (SCAN**2).sum(axis=0)
+"""Weights of the scanned heights in the slopes (ahead, left) of the least-squares plane, (187, 2) 1/m."""
 
 
 @per_moment
 def heading(now: Moment) -> Array:
-    """Angle of the base about the vertical: (num_envs,) rad."""
+    """Heading of the base: angle of its x axis about the vertical, (num_envs,) rad."""
     return headings(now.qpos[:, 3:7])
 
 
 @per_moment
 def ground_scan(now: Moment) -> Array:
-    """Heights of the ground at the places of the scan, which turn with the heading: (num_envs, 187) m."""
+    """Heights of the ground at the points of the scan, which turns with the heading of the base: (num_envs, 187) m."""
     scan: Array = now.task.TERRAIN.ground.around(now.qpos[:, :2], heading(now), SCAN, beyond=0.0)
     return scan
 
@@ -35,7 +35,7 @@ def ground_scan(now: Moment) -> Array:
 @per_moment
 def ground_normal(now: Moment) -> Array:
     """Unit vector normal to the plane that fits the scanned ground best, in the frame of the base, (num_envs, 3)."""
-    slopes = np.einsum("nk,ki->ni", ground_scan(now), _INVERSE)
+    slopes = np.einsum("nk,ki->ni", ground_scan(now), _SLOPE_WEIGHTS)
     c, s = np.cos(heading(now)), np.sin(heading(now))
     normal = np.stack([s * slopes[:, 1] - c * slopes[:, 0], -s * slopes[:, 0] - c * slopes[:, 1], np.ones(len(c))], axis=1)
     return in_base(now, normal / np.sqrt(np.einsum("ni,ni->n", normal, normal))[:, None])
@@ -69,19 +69,19 @@ def foot_forces(now: Moment) -> Array:
     return np.stack([forces[:, a:b].sum(axis=1) for a, b in pairwise(ends)], axis=1)
 
 
-@once_per_model
+@cache_per_model
 def _sites(model: Model, names: tuple[str, ...]) -> list[int]:
     return [model.site(name).id for name in names]
 
 
-@once_per_model
+@cache_per_model
 def _bodies(model: Model, names: tuple[str, ...]) -> list[int]:
     return [model.site(name).bodyid for name in names]
 
 
-@once_per_model
+@cache_per_model
 def action_scale(model: Model) -> Array:
-    """Change of a servo's set point by an action of 1: (nu,) rad. It is a quarter of what gives the largest torque, as in mjlab."""
+    """Change of a servo's set point by an action of 1: (nu,) rad. It gives a quarter of the largest torque, as in mjlab."""
     low, high = model.actuator_ctrlrange.T
     scale: Array = (high - low) / 4.0
     return scale

@@ -1,4 +1,4 @@
-"""A legged robot follows velocity commands over generated terrain."""
+"""Base class of tasks in which a legged robot follows velocity commands over generated terrain."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from stepper.envs.locomotion.rough.commands import (
     draw_commands,
     draw_push_times,
     push,
-    renew_commands,
+    resample_commands,
 )
-from stepper.envs.locomotion.rough.rewards import TERMS, hit, terms_of
+from stepper.envs.locomotion.rough.rewards import TERMS, terms_of, touches_terrain
 from stepper.envs.locomotion.rough.state import action_scale, foot_forces, foot_heights, ground_scan
 from stepper.envs.streams import Rng
 from stepper.envs.task import Array, Moment, Observation, Reset, Task, Terms, square_sum
@@ -39,42 +39,43 @@ ROUGH = Terrain(
     },
     border_width=4.0,
 )
-"""Terrain of mjlab's rough velocity tasks, as a height field: its stairs are ramps of 0.1 m between treads of 0.2 m."""
+"""Terrain of mjlab's rough velocity tasks, as a height field. Its steps of stairs are ramps of 0.1 m between treads of 0.2 m."""
 _MOST = 2.0
-"""Largest action: half the largest torque, away from the stance."""
+"""Largest action. In the stance it gives half the largest torque of the servo."""
 _LIFT = (0.01, 0.05)
-"""Least and greatest height above the stance at the beginning, m."""
+"""Lowest and highest initial height of the base above the stance, m."""
 _BIAS = 0.015
 """Largest error of an encoder, rad."""
 _SHIFT = np.array([0.025, 0.025, 0.03])
 """Largest shift of the base's centre of mass, m."""
-_SCANNED = 5.0
-"""Height that the scan observes as 1, m."""
+_SCAN_UNIT = 5.0
+"""Height difference of the scan that is observed as 1, m."""
 _LEAST_PROGRESS = 0.5
-"""Share of the commanded way below which an environment goes to an easier row."""
+"""Fraction of the commanded distance below which an environment moves to an easier row of the terrain."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RoughTask(Task):
     """Follow velocity commands over rough terrain: observations, rewards, events and curricula of mjlab's rough velocity tasks.
 
-    Actions change the set points of the servos from the stance; 1 is a quarter of the largest torque. A command holds for 3 to 8 s.
-    Each episode draws friction of the feet, centre of mass of the base and encoder errors, and pushes every 1 to 3 s.
-    An environment that leaves its tile continues on a harder row of the terrain. One that covers less than half of the commanded distance
-    continues on an easier row. Commands become faster after 120,000 and 240,000 actions of an environment.
+    Actions are offsets of the servos' set points from the stance; 1 gives a quarter of the largest torque. A command lasts 3 to 8 s.
+    Each episode draws friction of the feet, centre of mass of the base and encoder errors. Pushes come every 1 to 3 s.
+    An environment whose robot leaves its tile starts its next episode on a harder row of the terrain. If the robot covers less than half
+    of the commanded distance, the next row is easier. Commands become faster after 120,000 and 240,000 actions of an environment.
 
     Attributes:
-        frame_skip: Steps per action.
-        episode_steps: Actions per episode, for the commanded distance.
-        noise: Factor of mjlab's observation noise; 0 is none.
+        frame_skip: Time steps per action.
+        episode_steps: Number of actions per episode, from which the curriculum computes the commanded distance.
+        noise: Factor of mjlab's observation noise and encoder errors; 0 is none.
         push: Factor of mjlab's pushes; 0 is none.
         friction: Lowest and highest friction coefficient of the feet.
-        max_init_level: Hardest row in which environments begin.
-        stages: Bounds of the commands by the number of actions of an environment; see `commands.STAGES`.
-        weights: Weights of some or all terms of the reward; the others are those of `WEIGHTS`.
+        max_init_level: Hardest row (0 is the easiest) in which environments start after a reset with a seed.
+        stages: Stages of the curriculum of commands. Each has the number of actions of an environment at which it begins, and bounds. The
+            bounds are the lowest and highest velocity along x, the highest along y (m/s), and the highest about z (rad/s).
+        weights: Weights of some or all terms of the reward, by name; other terms have those of `WEIGHTS`.
 
     Raises:
-        ValueError: A negative noise or push, a negative max_init_level, or a weight of an unknown term.
+        ValueError: A noise, push or max_init_level is negative, or a weight belongs to no term.
     """
 
     WEIGHTS: ClassVar[Mapping[str, float]] = {
@@ -96,21 +97,21 @@ class RoughTask(Task):
     TERRAIN: ClassVar[Terrain] = ROUGH
     """The terrain, which is the geom "terrain" of the model."""
     FEET: ClassVar[Mapping[str, tuple[str, ...]]]
-    """Geoms of the feet by their sites."""
+    """Names of the geoms of each foot, by the name of the foot's site."""
     THIGHS: ClassVar[tuple[str, ...]] = ()
-    """Geoms whose hits end an episode."""
+    """Names of the geoms whose collision with the terrain terminates an episode."""
     SHANKS: ClassVar[tuple[str, ...]] = ()
-    """Geoms whose hits cost reward: "shank_collision"."""
+    """Names of the geoms of the reward term "shank_collision"."""
     TRUNK: ClassVar[tuple[str, ...]] = ()
-    """Likewise: "trunk_collision"."""
+    """Names of the geoms of the reward term "trunk_collision"."""
     STANDING: ClassVar[Mapping[str, float]]
-    """Tolerances of joints by patterns of their names where the command is to stand, rad."""
+    """Tolerances of joint angles for commands to stand, rad, by regular expression for the joint's name."""
     WALKING: ClassVar[Mapping[str, float]]
-    """Likewise, to walk."""
+    """Tolerances of joint angles for commands to walk, in the format of `STANDING`."""
     RUNNING: ClassVar[Mapping[str, float]]
-    """Likewise, to run."""
+    """Tolerances of joint angles for commands to run, in the format of `STANDING`."""
     steepest: ClassVar[float | None] = None
-    """Cosine of the inclination of the base at which an episode ends; None is none."""
+    """Cosine of the tilt of the base beyond which an episode terminates; None is no bound."""
     carried = (*TerrainCurriculum.carried, "steps")
 
     frame_skip: int = 4
@@ -131,11 +132,11 @@ class RoughTask(Task):
 
     @property
     def levels(self) -> TerrainCurriculum:
-        """Curriculum: the row of the terrain (its difficulty) that each environment starts on."""
+        """Curriculum that selects the row of the terrain (the difficulty) for each episode of an environment."""
         return TerrainCurriculum(terrain=self.TERRAIN, max_init_level=self.max_init_level)
 
     def action_bounds(self, model: Model) -> tuple[Array, Array]:
-        """Bounds at which servos reach half their largest torques, away from the stance."""
+        """Bounds of the actions, -2 and 2. In the stance they give half the largest torque of a servo."""
         return np.full(model.nu, -_MOST), np.full(model.nu, _MOST)
 
     def observations(self) -> tuple[Observation, ...]:
@@ -150,7 +151,7 @@ class RoughTask(Task):
             Observation("actions", func=lambda now: now.episode_state["last"]),
             Observation("command", func=command, unit="m/s, rad/s"),
             Observation(
-                "height_scan", func=lambda now: (now.qpos[:, 2:3] - ground_scan(now)) / _SCANNED, noise=0.1 / _SCANNED * k, unit="5 m"
+                "height_scan", func=lambda now: (now.qpos[:, 2:3] - ground_scan(now)) / _SCAN_UNIT, noise=0.1 / _SCAN_UNIT * k, unit="5 m"
             ),
         )
 
@@ -158,13 +159,13 @@ class RoughTask(Task):
         """Reward: sum of the weighted terms times the control period. The info "tracking_error" is the velocity error in x and y, m/s."""
         terms = terms_of(now, {**self.WEIGHTS, **(self.weights or {})})
         error = np.sqrt(square_sum(linear_velocity(now)[:, :2] - command(now)[:, :2]))
-        # One after the other: np.sum would round those of a single environment in another order.
+        # A loop, because np.sum would add the terms in another order for a single environment, with other rounding.
         total: Array = now.dt * sum(terms.values(), np.zeros(len(error)))
         return total, {"tracking_error": error} | {f"reward_{name}": term for name, term in terms.items()}
 
     def healthy(self, now: Moment) -> Array:
-        """Whether no thigh hit the ground and the base is within its bound of inclination, (num_envs,)."""
-        safe: Array = ~hit(now, self.THIGHS)
+        """Whether no geom of `THIGHS` collides with the terrain and the tilt of the base is within `steepest`, (num_envs,)."""
+        safe: Array = ~touches_terrain(now, self.THIGHS)
         if self.steepest is not None:
             safe &= -in_base(now, np.tile([0.0, 0.0, -1.0], (len(safe), 1)))[:, 2] > self.steepest
         return safe
@@ -178,25 +179,25 @@ class RoughTask(Task):
         return {"command": command(now), "terrain_level": np.array(now.episode_state["terrain_level"])}
 
     def episode_state(self, num_envs: int) -> Terms:
-        """Commands, pushes, levels, encoder errors, the last two actions, and swings of the feet."""
+        """Arrays for commands, pushes, levels of the terrain, encoder errors, the last two actions, and swings of the feet."""
         nu, feet = len(self.model().actuator_names), len(self.FEET)
         joints = {name: np.zeros((num_envs, nu)) for name in ("last", "before", "encoder_bias")}
         swings = {"peak": np.zeros((num_envs, feet)), "swing": np.zeros((num_envs, feet)), "landed": np.zeros((num_envs, feet), dtype=bool)}
         return command_state(num_envs) | self.levels.episode_state(num_envs) | joints | swings
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """Initial states: the stance with a random heading, a little above the ground."""
+        """Initial states: the stance with a random heading, 0.01 to 0.05 m above the ground."""
         qpos[:] = self.model().keyframe("stance").qpos
         qpos[:, 2] += rng.uniform(*_LIFT, 1)[:, 0]
         qpos[:, 3:7] = about_vertical(rng.uniform(-np.pi, np.pi, 1)[:, 0])
 
     def place(self, reset: Reset) -> None:
-        """Moves initial states near the middle of the tile of each environment's level."""
+        """Sample initial states, and move each one near the middle of the environment's tile."""
         super().place(reset)
         self.levels.place(reset)
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draws commands, the time of the first push, encoder errors, friction of the feet and the centre of mass of the base."""
+        """Draw commands, the time of the first push, encoder errors, friction of the feet and the centre of mass of the base."""
         model, envs, dt = sim.model, rng.envs, sim.timestep * self.frame_skip
         draw_commands(episode_state, envs, rng, dt, self.stages)
         draw_push_times(episode_state, envs, rng, dt)
@@ -210,10 +211,10 @@ class RoughTask(Task):
         sim.randomize(mask, **rows)
 
     def advance(self, now: Moment) -> None:
-        """Draws new commands where they expired, applies pushes, and makes the steps of an action."""
+        """Replace expired commands, apply pushes, step the simulation by one action, and record swings and landings of the feet."""
         state, model = now.episode_state, now.sim.model
         state["steps"] += 1
-        renew_commands(now, self.stages)
+        resample_commands(now, self.stages)
         push(now, self.push)
         state["before"][:] = state["last"]
         state["last"][:] = now.action
@@ -224,14 +225,14 @@ class RoughTask(Task):
         state["peak"][:] = np.where(on_ground, 0.0, np.maximum(state["peak"], heights))
 
     def on_end(self, now: Moment, envs: Array) -> None:
-        """Moves environments that left their tile to a harder row, and those that covered too little distance to an easier one."""
+        """Move environments whose robot left its tile to a harder row, and those that covered too little distance to an easier one."""
         state = now.episode_state
         distance = self.levels.distance(state, envs, now.qpos[envs])
-        way = np.hypot(*command(now)[envs, :2].T) * self.episode_steps * now.dt
-        self.levels.move(state, envs, up=distance > self.TERRAIN.size / 2, down=distance < _LEAST_PROGRESS * way)
+        commanded = np.hypot(*command(now)[envs, :2].T) * self.episode_steps * now.dt
+        self.levels.move(state, envs, up=distance > self.TERRAIN.size / 2, down=distance < _LEAST_PROGRESS * commanded)
 
 
 def _joint_pos(now: Moment) -> Array:
-    """Angles that the encoders read, minus the stance: (num_envs, nu) rad."""
+    """Encoder readings (joint angles with errors) minus the stance: (num_envs, nu) rad."""
     angles: Array = now.qpos[:, 7:] - stance(now.sim.model) + now.episode_state["encoder_bias"]
     return angles

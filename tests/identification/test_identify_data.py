@@ -94,7 +94,7 @@ def test_a_recording_with_resets_forces_and_a_mask(tmp_path):
 
 
 @pytest.mark.parametrize(("change", "message"), [
-    (lambda t: t.pop("time"), "there is no time; give a column"),
+    (lambda t: t.pop("time"), "there is no column 'time'; add one"),
     (lambda t: t["time"].__setitem__(slice(50, None), t["time"][50:] + 0.01), "not equally far apart"),
     (lambda t: t.update(ctrl=t["ctrl"][:, :0]), r"ctrl has 0 columns, must have 1"),
     (lambda t: t["ctrl"].__setitem__(7, np.nan), "ctrl of row 7 is not finite"),
@@ -152,7 +152,7 @@ def test_a_log_without_a_start_says_so(tmp_path):
     del table["qpos"], table["qvel"]
     np.savez(tmp_path / "log.npz", **table)
     found = stepper.sysid.identify(MODEL, tmp_path / "log.npz", ["body_mass[box]"], starts=1)
-    assert sum("does not say" in text for text in found.warnings) == 2
+    assert sum("in its first row" in text for text in found.warnings) == 2
     assert not stepper.sysid.identify(
         MODEL, tmp_path / "log.npz", ["body_mass[box]"], starts=1, start=(MODEL.qpos0, np.zeros(MODEL.nv))
     ).warnings

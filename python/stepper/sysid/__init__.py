@@ -1,18 +1,18 @@
-"""Identification: parameters of a model from what was measured, and how sure that is (docs/how-to/identify.md).
+"""System identification: estimates of model parameters from measurements, with their uncertainty (docs/how-to/identify.md).
 
 Identification from recordings:
 
 - `data`: measurements
-- `parameters`: the unknowns
+- `parameters`: the parameters to estimate
 - `simulate`: predicted readings, from one batch of environments
 - `residuals`: differences of predicted and measured readings
 - `fit`: the least-squares search
-- `uncertainty`, `findings`: intervals, and parameters that the data do not determine
+- `uncertainty`, `findings`: covariance of the estimate, and warnings about parameters that the data do not determine
 - `result`: the estimate
-- `design`: ranking of experiments that could be measured next
-- `shift`: readings that are one sample early or late
+- `design`: ranking of experiments by the information that they would give
+- `shift`: detection of readings that are one sample early or late
 
-Online identification, sample by sample:
+Online identification, with an estimate after every sample:
 
 - `online`: the tracker
 - `mixture`: weights of hypotheses about friction

@@ -1,9 +1,9 @@
 """Measurements: episodes with controls and readings, from recordings, CSV and npz files, and from arrays.
 
-A log (CSV or npz) has a row for every sample, at equal intervals of time. Its columns are `time` in s, `ctrl`, which acts from that row's
-time to the next, and channels, which are readings at that time. The name of a channel is a sensor of the model, or "qpos", "qvel" or "act",
-or "qpos:elbow" and "qvel:elbow" for one joint. In npz files a channel is an array (rows,) or (rows, dim). In CSV files every column is a
-number; columns of a vector are "wrist_force[0]", "wrist_force[1]" ... An empty cell, or NaN, means not measured.
+A log (CSV or npz) has one row per sample, at equal intervals of time. Its columns are `time` (s), `ctrl` (the controls from this row's
+time to the next row's), and channels, which are readings at this row's time. A channel is named after a sensor of the model, or is "qpos",
+"qvel" or "act", or "qpos:elbow" and "qvel:elbow" for one joint. In npz files a channel is an array (rows,) or (rows, dim). In CSV files
+every column is a number; columns of a vector are "wrist_force[0]", "wrist_force[1]" ... An empty cell, or NaN, means not measured.
 """
 
 from __future__ import annotations
@@ -26,25 +26,27 @@ from stepper.shared.files import existing
 from stepper.sysid.inertia import Array
 
 COORDINATES = ("qpos", "qvel", "act")
+"""Channels that are parts of the state."""
 FORCES_AND_POSES = tuple(name for name in APPLIED if name != "eq_active")
-"""Applied inputs of an episode: numbers, without the switches of equalities."""
+"""Names of the applied forces and mocap poses that an episode can have."""
 
 
 @dataclass(frozen=True)
 class Episode:
-    """Motion from a known initial state, with its controls and readings.
+    """Measured motion from a known or uncertain initial state, with its controls and readings.
 
     Attributes:
-        ctrl: Controls of each period, (T, nu), in the actuators' units.
-        readings: Readings at the end of each period by channel, (T, dim) or (T,), in its unit; NaN was not measured. A channel is a
-            sensor, "qpos", "qvel" or "act", or "qpos:joint" and "qvel:joint".
+        ctrl: Controls of each of the T periods, (T, nu), in the actuators' units.
+        readings: Readings at the end of each period, by channel: (T, dim) or (T,), in the channel's unit; NaN means not measured. A channel
+            is the name of a sensor, or "qpos", "qvel", "act", "qpos:JOINT" or "qvel:JOINT".
         period: Control period, s; a whole multiple of the time step.
-        qpos, qvel, act: Initial state, (nq,) m and rad, (nv,) m/s and rad/s, (na,); None is the model's reference, at rest.
-        start_std: Standard deviations of `qpos` (in the coordinates of velocities) and `qvel`, each a number or (nv,). With
-            them, the initial state is estimated too, and its uncertainty widens the intervals. None is an exact initial state.
-        applied: Applied forces and mocap poses by name, (T, ...) as `Stepper` has them.
-        name: Name in messages.
-        notes: Assumptions of the reader of a file, which `identify` adds to its warnings.
+        qpos, qvel, act: Initial state: (nq,) m and rad, (nv,) m/s and rad/s, (na,). None is the model's reference pose, zero velocity
+            and zero activation.
+        start_std: Standard deviations of the initial position (as a displacement in the degrees of freedom, m and rad) and velocity (m/s
+            and rad/s), each a number or (nv,). `identify` then estimates the initial state too. None is an exact initial state.
+        applied: Applied forces and mocap poses in each period by name, (T, ...), with the shapes of `Stepper.xfrc_applied` and others.
+        name: Name of the episode in error messages.
+        notes: Assumptions that were made when a file was read; `identify` adds them to its warnings.
     """
 
     ctrl: ArrayLike
@@ -59,10 +61,10 @@ class Episode:
     notes: tuple[str, ...] = ()
 
     def checked(self, model: Model) -> Episode:
-        """Copy with arrays of the shapes above.
+        """Copy with arrays (float64) of the shapes above, after a check against a model.
 
         Raises:
-            ValueError: A wrong shape, a control that is not finite, no readings; the message has the episode's name.
+            ValueError: A shape is wrong, a control is not finite, or there are no readings. The message has the episode's name.
         """
         try:
             return self._checked(model)
@@ -100,7 +102,7 @@ class Episode:
 
 
 def _rows(name: str, given: ArrayLike, count: int) -> Array:
-    """Readings of a channel, (count, dim)."""
+    """Readings of a channel as an array (count, dim), after a check."""
     array = np.asarray(given, np.float64)
     array = array[:, None] if array.ndim == 1 else array
     if array.ndim != 2 or len(array) != count:
@@ -112,7 +114,7 @@ def _rows(name: str, given: ArrayLike, count: int) -> Array:
 
 
 def vector(name: str, given: ArrayLike, size: int) -> Array:
-    """Checked vector of a state at the start (qpos, qvel or act), (size,)."""
+    """Initial qpos, qvel or act as an array (size,), in its unit, after a check. `name` is its name in error messages."""
     array = np.asarray(given, np.float64)
     if array.shape != (size,):
         raise ValueError(f"{name} at the start has shape {array.shape}, must be ({size},)")
@@ -133,16 +135,20 @@ def episodes_of(
     columns: Mapping[str, str] | None = None,
     start: str | tuple[ArrayLike, ArrayLike] | None = None,
 ) -> list[Episode]:
-    """Episodes from the data of `identify`.
+    """Read episodes from the argument `data` of `identify`.
 
     Args:
-        data: Episodes and paths.
-        model: Model of the episodes.
-        channels: Channels of files to use; None is all that are readings of sensors (and of logs also qpos, qvel and act).
-        columns: Channels of columns of a CSV file, or of arrays of an npz file, by heading: {"Fx [N]": "wrist_force[0]"}.
-        start: Keyframe, or (qpos, qvel), where logs begin without a state in their first row.
+        data: An episode, a path of a recording, CSV or npz file, or a list of these.
+        model: Model with the sensors, joints and actuators of the measurements.
+        channels: Names of the channels to use from files. None is all sensors of a recording, and all channels of a log.
+        columns: New names of columns of a CSV file, or of arrays of an npz file: {"Fx [N]": "wrist_force[0]"}.
+        start: Initial state of logs whose first row does not have it: name of a keyframe, or (qpos, qvel).
+
+    Returns:
+        Checked episodes; a recording gives one for each environment and each stretch between resets.
 
     Raises:
+        TypeError: `data` has another type.
         ValueError: A file lacks required data; the message has the file and the place.
         OSError: A file cannot be read.
     """
@@ -161,6 +167,7 @@ def episodes_of(
 
 
 def _read(path: Path, model: Model, channels: Sequence[str] | None, columns: dict[str, str], start: Any) -> list[Episode]:
+    """Episodes of one recording, CSV file or npz file; see `episodes_of` for the arguments."""
     if (path / HEADER).exists():
         return _of_recording(path, model, channels)
     if path.is_dir() or path.suffix not in (".csv", ".npz"):
@@ -182,7 +189,7 @@ def _read(path: Path, model: Model, channels: Sequence[str] | None, columns: dic
 
 
 def _csv(path: Path) -> dict[str, Array]:
-    """Columns of a CSV file by their heading."""
+    """Columns of a CSV file by heading, (rows,) each; empty cells are NaN."""
     with path.open(newline="", encoding="utf-8-sig") as file:
         rows = list(csv.reader(file))
     if len(rows) < 3:
@@ -203,7 +210,7 @@ def _csv(path: Path) -> dict[str, Array]:
 
 
 def _gathered(table: dict[str, Array]) -> dict[str, Array]:
-    """Columns "name[0]", "name[1]" ... as one array."""
+    """Table in which columns "name[0]", "name[1]" ... are joined to one array "name", (rows, n)."""
     out: dict[str, Array] = {}
     parts: dict[str, dict[int, Array]] = {}
     for name, values in table.items():
@@ -219,8 +226,20 @@ def _gathered(table: dict[str, Array]) -> dict[str, Array]:
 
 
 def _of_log(path: Path, table: dict[str, Array], model: Model, channels: Sequence[str] | None, start: Any) -> Episode:
+    """Episode of a log.
+
+    Args:
+        path: Path of the log, for messages.
+        table: Columns by name, (rows,) or (rows, dim) each. "time", "ctrl" and applied forces are removed from it.
+        model: Model of the measurements.
+        channels: Names of the channels to use; None is all.
+        start: Initial state, if the first row does not have it; see `episodes_of`.
+
+    Returns:
+        Episode with rows - 1 periods: period k has the controls of row k and the readings of row k + 1.
+    """
     if "time" not in table:
-        raise ValueError("there is no time; give a column of it in s, or rename one with columns={...: 'time'}")
+        raise ValueError("there is no column 'time'; add one in s, or rename one with columns={...: 'time'}")
     time = np.asarray(table.pop("time"), np.float64).ravel()
     steps = np.diff(time)
     period = float((time[-1] - time[0]) / len(steps)) if len(steps) else 0.0
@@ -240,7 +259,7 @@ def _of_log(path: Path, table: dict[str, Array], model: Model, channels: Sequenc
         elif name in given:
             state[name] = given[name]
         elif name != "act" or model.na:
-            notes.append(f"{path} does not say {name} in its first row: the model's reference is taken; give start=, or a column of it")
+            notes.append(f"{path} has no {name} in its first row: the model's reference is used; give start=, or a column {name}")
     for name in channels or ():
         if name not in table:
             raise ValueError(f"there is no channel {name!r}, there are: {', '.join(table)}")
@@ -249,6 +268,7 @@ def _of_log(path: Path, table: dict[str, Array], model: Model, channels: Sequenc
 
 
 def _start(model: Model, start: Any) -> dict[str, Array]:
+    """Initial qpos, qvel and act by name, from a keyframe's name or (qpos, qvel); empty for None."""
     if start is None:
         return {}
     if isinstance(start, str):
@@ -259,7 +279,7 @@ def _start(model: Model, start: Any) -> dict[str, Array]:
 
 
 def _of_recording(path: Path, model: Model, channels: Sequence[str] | None) -> list[Episode]:
-    """Every environment of every stretch between resets is an episode; what its sensors observed are its channels."""
+    """Episodes of a recording: one for each environment and each stretch between resets. Channels are the named sensors."""
     episodes = []
     for segment in segments(path):
         own = {name: (sensor["adr"], sensor["dim"]) for sensor in segment.model.sensors if (name := sensor["name"])}

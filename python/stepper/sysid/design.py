@@ -1,9 +1,9 @@
-"""Design of experiments: ranking of motions by the information that they give about the unknowns.
+"""Design of experiments: ranking of motions by the information that they would give about the parameters.
 
-An experiment with the Jacobian J, in units of the noise, adds J^T J to the inverse of the covariance. The D-optimal experiment leaves the
-covariance with the smallest determinant. The Jacobian is evaluated at the estimate and at samples of its distribution, and the logarithms
-of the determinants are averaged (Chaloner and Verdinelli 1995). One value would mislead: an object that sticks at the estimated friction
-determines nothing, and may slide at a friction that is equally likely.
+Let J be the Jacobian of an experiment's readings, divided by their noise. The experiment adds J^T J to the inverse of the covariance.
+The D-optimal experiment leaves the covariance with the smallest determinant. The Jacobian is evaluated at the estimate and at samples of
+its distribution, and the logarithms of the determinants are averaged (Chaloner and Verdinelli 1995). The estimate alone would mislead.
+An object that sticks at the estimated friction gives no information about friction, but may slide at another, equally likely friction.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from stepper.sysid.simulate import Simulator, find_channels, noise_of, solved
 
 @dataclass(frozen=True)
 class Prospect:
-    """Expected information of an experiment.
+    """Expected information of one experiment, as returned by `design`.
 
     Attributes:
         name: Name of the episode.
-        gain: Mean logarithm of the ratio of the uncertain volumes before and after: half that of the covariances' determinants.
-        std: Standard deviations of theta after the experiment, (n,), medians over the samples.
-        shrinks: Ratios of the standard deviations after and before, (n,).
-        labels: Labels of the numbers of theta.
+        gain: Information gain: half the logarithm of det(covariance before) / det(covariance after), mean over the samples.
+        std: Standard deviations of the parameter vector theta after the experiment, (n,), medians over the samples.
+        shrinks: Ratios of the standard deviations after the experiment to those before it, (n,).
+        labels: Labels of the numbers in theta, (n,).
     """
 
     name: str
@@ -59,22 +59,26 @@ def design(
     threads: int = 0,
     seed: int = 0,
 ) -> list[Prospect]:
-    """Ranks experiments by their expected information, the best first.
+    """Rank experiments by their expected information, the best first.
 
     Args:
-        found: Present identification.
+        found: Result of the identification so far.
         experiments: Controls and initial states of the experiments, as `Episode(ctrl, {}, period, name="fast push")`; readings are ignored.
-        noise: Standard deviations of the channels to read, each a number or (dim,), in its unit; None is those of `found`.
+        noise: Standard deviations of the channels that the experiment would read, each a number or (dim,), in the channel's unit. None is
+            the channels and noise of `found`.
         options: Options of the step, as in `identify`.
         actuators: Known attributes of the drives, as in `identify`.
         draws: Number of samples from the distribution of `found`, in addition to the estimate.
-        step: Half width of the differences, as in `identify`.
+        step: Half width of the finite differences, as in `identify`.
         threads: Number of threads; 0 is all cores.
         seed: Seed of the samples.
 
+    Returns:
+        One `Prospect` per experiment, sorted by gain.
+
     Raises:
-        KeyError: A channel that the model does not have.
-        ValueError: An experiment that does not fit the model, or noise that is no standard deviation.
+        KeyError: The model does not have a channel.
+        ValueError: An experiment does not match the model, or a noise is not a standard deviation.
     """
     if draws < 0 or not experiments:
         raise ValueError(f"draws is {draws}, must not be negative, and there must be an experiment; there are {len(experiments)}")
@@ -102,7 +106,7 @@ def design(
 
 
 def _read(found: Identification, episode: Episode, names: list[str], options: Options, actuators: ActuatorModel | None) -> Episode:
-    """An experiment with the readings that the estimate predicts, from which slopes of poses are measured."""
+    """Copy of an experiment whose readings are the predictions of the estimate. Differences of poses are relative to these readings."""
     model = found.estimate
     channels = find_channels(model, names)
     blank = {channel.name: np.zeros((len(np.asarray(episode.ctrl)), len(channel.columns))) for channel in channels}

@@ -1,4 +1,7 @@
-"""Warnings about an estimate: undetermined parameters, and readings that the model does not explain."""
+"""Warnings about an estimate: undetermined parameters, and readings that the model does not explain.
+
+Standard deviations are in units of the parameters' scales (`Block.scale`), relative for positive quantities.
+"""
 
 from __future__ import annotations
 
@@ -13,19 +16,28 @@ from stepper.sysid.residuals import Residuals
 from stepper.sysid.uncertainty import Uncertainty
 
 UNKNOWN = 0.5
-"""A parameter is not determined if its standard deviation is above this share of its bounds' half width."""
+"""A parameter is not determined if its standard deviation is above this fraction of half the width of its bounds."""
 VAGUE = 0.7
-"""Or, of a positive quantity, above this as a logarithm: 95 % of a factor of four up and down."""
+"""A positive quantity is also not determined if the standard deviation of its logarithm is above this.
+
+Its 95 % interval then spans a factor of four up and down.
+"""
 TWINS = 0.98
-"""Correlation beyond which two parameters are known together only,"""
+"""Correlation above which the data determine only a combination of two parameters (with `LOOSE`)."""
 LOOSE = 0.1
-"""unless each is known to this share of its scale nevertheless."""
+"""Standard deviation of a parameter, in scales, below which a high correlation is not reported."""
 ROUGH = 0.3
-"""Share by which slopes from one step and from twice that may differ."""
+"""Relative difference between derivatives from one finite-difference step and from twice that, above which a warning is given."""
 
 
 def undetermined(blocks: Sequence[Block], std: Array, reach: Array) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    """Mask of the numbers that the data do not determine, (n,); `std` and `reach` are those of x, (n,)."""
+    """Mask (n,) of the parameters that the data do not determine.
+
+    Args:
+        blocks: Parameters.
+        std: Standard deviations, in scales, (n,).
+        reach: Half widths of the bounds, numbers in scales, (n,).
+    """
     logarithmic = np.concatenate([np.full(block.size, block.kind.log) for block in blocks])
     found: np.ndarray[Any, np.dtype[np.bool_]] = (std > UNKNOWN * reach) | (logarithmic & (std > VAGUE))
     return found
@@ -42,7 +54,18 @@ def warnings_of(
     converged: bool,
     weights: Array,
 ) -> tuple[str, ...]:
-    """Warnings about an estimate x, (n,), in scales, the most serious first. `reach`, `roughness` and `weights` are of the same numbers."""
+    """Warnings about an estimate, the most serious first.
+
+    Args:
+        residuals: Residuals of the fit.
+        x: Estimate, (n + starts,), numbers in scales.
+        sure: Uncertainty of the estimate.
+        reach: Half widths of the bounds, (n,), numbers in scales.
+        roughness: Relative differences of derivatives from one step and from twice that, (n,).
+        searches: All searches, with `x` and `cost`.
+        converged: Whether the best search converged.
+        weights: Weight of each reading in the robust loss, (m,), 0 to 1.
+    """
     blocks, simulator, n = residuals.blocks, residuals.simulator, residuals.n
     labels = [label for block in blocks for label in block.labels]
     hints = [block.hint for block in blocks for _ in block.labels]
@@ -51,9 +74,9 @@ def warnings_of(
     out = []
     for j in range(n):
         if open_[j]:
-            # Slopes that another step contradicts are rounding.
+            # Derivatives that change completely with the finite-difference step are rounding errors.
             idle = sure.effect[j] < 1e-3 or roughness[j] > 1
-            why = "no reading depends on it" if idle else "the readings hardly depend on it, or as on others"
+            why = "no reading depends on it" if idle else "the readings hardly depend on it, or depend on it as on other parameters"
             out.append(f"{labels[j]} is not determined by these data, {why}: {hints[j]}")
     known: list[int] = [int(j) for j in np.flatnonzero(~open_)]
     correlation = sure.covariance / np.outer(std, std)
@@ -62,12 +85,12 @@ def warnings_of(
             if abs(correlation[i, j]) > TWINS and max(std[i], std[j]) > LOOSE:
                 how = "ratio" if correlation[i, j] > 0 else "product"
                 out.append(
-                    f"{labels[i]} and {labels[j]} are known together only (correlation {correlation[i, j]:.3f}, as of a {how}): {hints[j]}"
+                    f"{labels[i]} and {labels[j]} are known only together (correlation {correlation[i, j]:.3f}, as for a {how}): {hints[j]}"
                 )
     for j in known:
         at = "lower" if x[j] - residuals.low[j] < residuals.step else "upper" if residuals.high[j] - x[j] < residuals.step else ""
         if at:
-            out.append(f"{labels[j]} is at its {at} bound: its interval ends there, and others may be wrong; widen it or look at the data")
+            out.append(f"{labels[j]} is at its {at} bound: its interval ends there, and others may be wrong; widen it or check the data")
         if roughness[j] > ROUGH:
             out.append(
                 f"{labels[j]}: slopes from one step and from twice that differ by {100 * roughness[j]:.0f} %; contacts open or close "
@@ -91,14 +114,14 @@ def _fit_warnings(
     known: np.ndarray[Any, Any],
     weights: Array,
 ) -> list[str]:
-    """Findings from the residuals and the other searches."""
+    """Warnings from the residuals and from the other searches; see `warnings_of` for the arguments."""
     out = []
     std = np.sqrt(np.diag(sure.covariance))
     best = min(s.cost for s in searches)
     count = residuals.count
     for search in searches:
         apart = np.abs(search.x[known] - x[known]) / np.maximum(std[known], 1e-12) if len(known) else np.zeros(0)
-        # Equivalent to the best: the sum of squares differs by less than noise makes it, in units in which the best leaves one per reading.
+        # A search is equivalent to the best if the sums of squares, scaled to 1 per reading for the best, differ by less than noise causes.
         excess = 2 * (search.cost - best) * count / max(2 * best, 1e-300)
         if len(apart) and apart.max() > 5 and excess < 4:
             j = int(known[int(apart.argmax())])
@@ -113,5 +136,5 @@ def _fit_warnings(
             "those of white noise; the model may lack something"
         )
     if (lost := float(np.mean(weights < 0.1))) > 0.001:
-        out.append(f"{100 * lost:.2g} % of the readings are outliers, which the loss heeds little")
+        out.append(f"{100 * lost:.2g} % of the readings are outliers, to which the loss gives little weight")
     return out

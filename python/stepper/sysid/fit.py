@@ -1,4 +1,8 @@
-"""`stepper.sysid.identify`: parameters of a model from measurements, with their uncertainty."""
+"""Offline identification (`stepper.sysid.identify`): parameters of a model from measurements, with their uncertainty.
+
+The optimiser varies x: the parameter vector in units of its scales, then uncertain initial states. Scales are relative for positive
+quantities, whose logarithms are varied.
+"""
 
 from __future__ import annotations
 
@@ -28,17 +32,17 @@ from stepper.sysid.uncertainty import uncertainty, weights_of
 
 Loss = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]
 SPREAD = 1.5
-"""Searches begin up to this far from the start, in scales: of positive quantities, a factor e^1.5 = 4.5."""
+"""Largest distance of start points of searches from the given start, in scales. For positive quantities it is a factor e^1.5 = 4.5."""
 SAME = 1e-2
-"""Searches that end nearer to one another, in scales, have found the same."""
+"""Distance between the ends of two searches, in scales, below which they count as the same minimum."""
 HOPELESS = 9.0
-"""A search whose cost is this many times the least is given up: residuals three times as large."""
+"""Ratio of a search's cost to the lowest one above which the search is abandoned. Its residuals are then three times as large."""
 COARSE, FINE = 1e-4, 1e-4
-"""Relative change of x at which a search ends, and what the last one makes of it: 1e-8."""
+"""Relative change of x at which a search ends, and factor on it for the last search, which ends at 1e-8."""
 SETTLED = 0.05
-"""Relative change of the estimated noise below which it is not estimated again."""
+"""Relative change of the estimated noise below which its iteration ends."""
 QUIETEST = 1e-6
-"""Least noise of a channel that is estimated, over its largest reading: what steps and differences leave."""
+"""Lower bound of an estimated noise, relative to the channel's largest reading: errors of time steps and finite differences."""
 
 
 def identify(
@@ -61,40 +65,40 @@ def identify(
     start: str | tuple[ArrayLike, ArrayLike] | None = None,
     tick: Tick | None = None,
 ) -> Identification:
-    """Identifies parameters of a model from measurements, with their uncertainty.
+    """Identify parameters of a model from measurements, with their uncertainty.
 
-    SciPy's `least_squares` (trust-region reflective) minimises residuals over their noise within bounds, from several starts at once. One
-    batch simulates all episodes, starts, and displaced parameters for central differences.
+    SciPy's `least_squares` (trust-region reflective) minimises the residuals divided by their noise, within bounds, from several starts at
+    once. One batch simulates all episodes, starts, and the displaced parameters for central differences.
 
     Args:
         model: Model with the known parameters.
         data: Measurements: `Episode`s, paths of recordings, CSV or npz files, or several of these.
         parameters: Unknown parameters: `FitParameter`s, or texts like "body_mass[box]" and "geom_friction[floor,box][0]=0.1..2".
         options: Options of the step; None is hard contact. The default tolerance is 1e-9 m/s.
-        actuators: Known attributes of the drives.
-        noise: Standard deviations of channels by name, each a number or (dim,), in the channel's unit. Those of other channels are
-            estimated
-            from the residuals.
-        loss: Loss function of `least_squares`, of a residual over its noise. All but "linear" give outliers less weight.
-        f_scale: Residual over noise beyond which a robust loss begins.
-        starts: Number of searches. One starts at the model; the others start at the best points of a Sobol sequence near it, eight times
-            as long.
-        step: Half width of the differences, relative for positive quantities. It is small, because a contact that closes a sample earlier
-            causes a jump, which a wide difference would count as a slope.
+        actuators: Actuator model of the robot, with the known attributes of its drives.
+        noise: Standard deviations of channels by name, each a number or (dim,), in the channel's unit. The noise of other channels is
+            estimated from the residuals.
+        loss: Loss function of `least_squares`, applied to residuals divided by their noise. All except "linear" give outliers less weight.
+        f_scale: Residual, in units of the noise, above which a robust loss reduces the weight.
+        starts: Number of searches. One starts at the model's values. The others start at the best of eight times as many points of a Sobol
+            sequence around them.
+        step: Half width of the finite differences, relative for positive quantities. It is small, because a contact that closes one sample
+            earlier causes a jump, which a wide difference would count as a derivative.
         max_evaluations: Largest number of evaluations per search.
-        threads: As of `Stepper`.
+        threads: Number of threads; 0 is all cores.
         seed: Seed of the Sobol sequence of starts.
-        channels: Channels of files to use; None is the sensors of recordings and all of logs.
-        columns: Channels of columns of files, by heading.
-        start: Initial state of logs without one: a keyframe, or qpos (nq,), m and rad, and qvel (nv,), m/s and rad/s.
-        tick: Called with the name of a search and the fraction of its evaluations; most searches end early.
+        channels: Names of the channels to use from files. None is all sensors of a recording, and all channels of a log.
+        columns: New names of columns of files, by heading: {"Fx [N]": "wrist_force[0]"}.
+        start: Initial state of logs whose first row does not have it: name of a keyframe, or (qpos, qvel), m, rad, m/s and rad/s.
+        tick: Progress callback, called with the name of a search and the used fraction of its evaluations. Most searches end early.
 
     Returns:
-        Distribution of the parameters: `print` shows it, `Identification.sample` draws from it for `Stepper.randomize`.
+        Estimate and distribution of the parameters. `print` shows it as a table; `Identification.sample` draws parameters for
+        `Stepper.randomize`.
 
     Raises:
-        KeyError: Unknown sensor or coordinate.
-        ValueError: Invalid parameter, or data that do not match the model; the message has the file or episode.
+        KeyError: A channel is neither a sensor nor a coordinate of the model.
+        ValueError: A parameter is invalid, or the data do not match the model; the message has the file or episode.
         MissingPackageError: SciPy is not installed.
     """
     optimize = require("scipy.optimize", "to identify parameters")
@@ -120,7 +124,7 @@ def identify(
         sigma = np.where(np.isnan(known), _noise_left(residuals, best.at, loss), known)
         settled = (np.abs(sigma - residuals.sigma) <= SETTLED * residuals.sigma).all()
         residuals.sigma = sigma
-        # Which of several minima is the least depends on how channels are weighed.
+        # The noise weights the channels, so that a change of it can change which minimum is the lowest.
         searches = solver.search(_distinct(searches))
         if settled:
             break
@@ -131,6 +135,8 @@ def identify(
 
 @dataclass(frozen=True)
 class _Found:
+    """End of a search: the point x, its cost, its linearisation, and whether the search converged."""
+
     x: Array
     cost: float
     at: Linearized
@@ -138,11 +144,11 @@ class _Found:
 
 
 class _Solver:
-    """Searches side by side.
+    """Solver that runs several searches concurrently, with one batch for the next point of all of them.
 
     Attributes:
-        loss, f_scale: As of `identify`.
-        evaluations: Points that were tried so far.
+        loss, f_scale: Arguments of `identify`.
+        evaluations: Number of evaluated points so far.
     """
 
     def __init__(self, optimize: Any, residuals: Residuals, *, loss: str, f_scale: float, most: int, tick: Tick):
@@ -155,7 +161,7 @@ class _Solver:
         return _Solver(self._optimize, residuals, loss=self.loss, f_scale=self.f_scale, most=self._most, tick=self._tick)
 
     def search(self, starts: Sequence[Array], tolerance: float = COARSE) -> list[_Found]:
-        """Local minima that searches from these points end in, to a relative change of x of a tolerance."""
+        """Local minima found from some start points. A search ends when the relative change of x is below the tolerance."""
         together = Together(self._residuals, len(starts))
         self._searches += 1
         before = self.evaluations
@@ -167,19 +173,20 @@ class _Solver:
         with ThreadPoolExecutor(len(starts)) as pool:
             try:
                 found = list(pool.map(lambda k: self._one(together, k, starts[k], tolerance, told), range(len(starts))))
-            except BaseException:  # Ctrl-C, which the main thread alone gets
+            except BaseException:  # Ctrl-C, which only the main thread receives.
                 together.stop()
                 raise
         self._tick(name, 1.0)
         return found
 
     def _one(self, together: Together, search: int, x0: Array, tolerance: float, told: Callable[[], None]) -> _Found:
+        """Search from one start x0. `search` is its index in `together`; `told` reports the progress after each evaluation."""
         held: dict[bytes, Linearized] = {}
 
         def at(x: Array) -> Linearized:
             key = x.tobytes()
             if key not in held:
-                while len(held) >= 4:  # a trial point, the present one, and their like before
+                while len(held) >= 4:  # The optimiser returns only to its trial point and its present point.
                     held.pop(next(iter(held)))
                 held[key] = together.ask(search, x.copy())
                 self.evaluations += 1
@@ -198,7 +205,7 @@ class _Solver:
 
 
 def _distinct(searches: Sequence[_Found]) -> list[Array]:
-    """Ends of searches that may yet be the best, each once, the best first."""
+    """Ends of searches that may still lead to the lowest minimum, without duplicates, the best first."""
     out: list[Array] = []
     least = min(s.cost for s in searches)
     for found in sorted(searches, key=lambda s: s.cost):
@@ -208,13 +215,14 @@ def _distinct(searches: Sequence[_Found]) -> list[Array]:
 
 
 def _begun(model: Model, blocks: list[Block]) -> Model:
-    """The model where the search begins, so that it has all that is sought (dry friction, say)."""
+    """Model with the start values of the parameters. Features that are absent in the model, such as dry friction, then exist in it."""
     theta = np.concatenate([block.start for block in blocks])[None]
     fields = write(blocks, theta, model).fields
     return model.replace(**{name: array[0] for name, array in fields.items()}) if fields else model
 
 
 def _given_noise(simulator: Simulator, noise: Mapping[str, ArrayLike]) -> Array:
+    """Noise of each column of the readings from the argument `noise` of `identify`, (width,); NaN where it must be estimated."""
     known = np.full(simulator.width, np.nan)
     channels = {channel.name: channel for channel in simulator.channels}
     for name, given in noise.items():
@@ -225,7 +233,7 @@ def _given_noise(simulator: Simulator, noise: Mapping[str, ArrayLike]) -> Array:
 
 
 def _first_noise(simulator: Simulator) -> Array:
-    """Scatter of each column of the readings; of what is compared as displacements, that of the readings themselves."""
+    """First guess of the noise of each column, (width,): the standard deviation of the readings."""
     sigma = np.ones(simulator.width)
     for channel in simulator.channels:
         rows = np.concatenate([np.asarray(e.readings[channel.name]) for e in simulator.episodes if channel.name in e.readings])
@@ -238,7 +246,7 @@ def _first_noise(simulator: Simulator) -> Array:
 
 
 def _noise_left(residuals: Residuals, at: Linearized, loss: str) -> Array:
-    """Noise of every column as the fit leaves it, of robust losses by the median."""
+    """Estimated noise of each column, (width,): root mean square of the residuals, or a robust estimate by the median for robust losses."""
     simulator = residuals.simulator
     rows = np.concatenate(residuals.whitened(at)) * residuals.sigma
     sigma = residuals.sigma.copy()
@@ -258,7 +266,7 @@ def _noise_left(residuals: Residuals, at: Linearized, loss: str) -> Array:
 
 
 def _starts(qmc: Any, residuals: Residuals, count: int, seed: int) -> list[Array]:
-    """Start points: that of the model, and the best of eight times as many points around it."""
+    """Start points of `count` searches: that of the model, and the best of eight times as many points of a Sobol sequence around it."""
     points = [residuals.start]
     if count > 1:
         n = residuals.n
@@ -277,8 +285,9 @@ def _starts(qmc: Any, residuals: Residuals, count: int, seed: int) -> list[Array
 def _concluded(
     model: Model, residuals: Residuals, best: _Found, searches: list[_Found], solver: _Solver, *, seconds: float
 ) -> Identification:
+    """Result of an identification: covariance, warnings and statistics of the best search. `seconds` is the elapsed time, s."""
     n, simulator, loss, f_scale = residuals.n, residuals.simulator, solver.loss, solver.f_scale
-    # The same slopes from twice the step: where they differ, the motion is not smooth there.
+    # Derivatives from twice the step: where they differ, the motion is not smooth.
     (twice,) = residuals.linearize([best.x], 2 * residuals.step)
     data = slice(None, best.at.data)
     here, there = best.at.jacobian[data, :n], twice.jacobian[data, :n]
@@ -326,21 +335,26 @@ def _shift_warnings(residuals: Residuals, best: _Found, solver: _Solver) -> tupl
 
 
 def _freed_ratio(residuals: Residuals, best: _Found, solver: _Solver) -> float | None:
-    """Mean square residual with an estimated initial state, over that of the fit; None if the fit estimates that of every episode."""
+    """Ratio of the mean square residual with estimated initial states to that of the fit.
+
+    It is None if the fit already estimates the initial state of every episode.
+    """
     other = residuals.freed(FREED_STD)
     if other is None or other.count <= other.n:
         return None
-    # The parameters start from both ends, and the displacement of each start from none.
+    # One search starts from the best parameters and one from the start values, both without displacements of the initial states.
     points = [np.concatenate([x[: other.n], other.start[other.n :]]) for x in (best.x, residuals.start)]
     found = min(solver.with_residuals(other).search(points), key=lambda s: s.cost)
     return found.cost / max(best.cost, 1e-300)
 
 
 def _rms(residuals: Residuals, at: Linearized) -> Array:
+    """Root mean square of the residuals of each column, in units of its noise, (width,)."""
     rows = np.concatenate(residuals.whitened(at))
     counts = np.isfinite(rows).sum(axis=0)
     return np.asarray(np.sqrt(np.nansum(rows**2, axis=0) / np.maximum(counts, 1)))
 
 
 def _by_channel(simulator: Simulator, values: Array) -> dict[str, list[float]]:
+    """Values of the columns, (width,), as lists by name of the channel."""
     return {channel.name: [float(v) for v in values[channel.lines]] for channel in simulator.channels}

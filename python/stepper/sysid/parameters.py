@@ -1,7 +1,7 @@
-"""Parameters to identify, as a vector theta of numbers that an optimiser varies within bounds.
+"""Parameters to identify, and their representation as a vector theta that an optimiser varies within bounds.
 
-A kind defines the numbers of a parameter in theta: logarithms of positive quantities, log-Cholesky parameters of an inertia, and plain
-values of others. `bind` finds the elements in a model and returns a block of theta for each parameter.
+The kind of a parameter (`KINDS`) defines its numbers in theta. They are the logarithm of a positive quantity, log-Cholesky parameters of an
+inertia, or the value itself. `bind` finds the elements in a model, and returns a `Block` of theta for each parameter.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stepper._hints import hint_keywords, near_or_all
+from stepper._hints import did_you_mean_or_all, hint_keywords
 from stepper._stepper import Model
 from stepper.actuators import ActuatorModel, Drive
 from stepper.shared.fields import OF_PAIRS, check_pairs
@@ -22,22 +22,23 @@ from stepper.sysid import inertia as shape
 from stepper.sysid.inertia import Array
 
 REACH = math.log(1e3)
-"""Without bounds, a positive quantity may become this much larger or smaller, as a logarithm."""
+"""Default bounds of a positive quantity: largest change of its logarithm, up or down."""
 
 
 @dataclass(frozen=True)
 class Kind:
-    """Kind of parameters.
+    """Kind of parameter that can be identified.
 
     Attributes:
-        element: Kind of the elements that have it: "body", "geom", "pair" (an explicit pair of geoms), "joint", "actuator" or "sensor".
-        unit: Unit of its values.
+        element: Kind of the elements that have the quantity: "body", "geom", "pair" (an explicit pair of geoms), "joint", "actuator" or
+            "sensor".
+        unit: Unit of the value.
         quantity: Name of the quantity.
-        excite: Motion that data need to determine it, with {0} for the elements.
-        log: Whether theta is the logarithm, so that values stay positive.
-        bounds: Bounds of the value; None are those of `REACH`.
-        columns: Columns of the field that have the value; None are those of the selector.
-        scaled: Field, and columns of it, that are multiplied by the same factor as the value.
+        excite: Advice for a motion that determines the quantity, with {0} for the names of the elements.
+        log: Whether theta is the logarithm of the value, so that the value stays positive.
+        bounds: Default bounds of the value. None is `REACH` for logarithms, and no bounds for others.
+        columns: Columns of the field that contain the value; None is those of the selector.
+        scaled: Field and columns that are multiplied by the same factor as the value.
     """
 
     element: str
@@ -82,9 +83,9 @@ KINDS = {
     "sensor.scale": Kind("sensor", "", "scale factor of the sensor", "make {0} read more than its noise"),
     "sensor.delay": Kind("sensor", "s", "delay of the reading", "make {0} change fast", log=False, bounds=(0.0, 0.1)),
 }  # fmt: skip
-"""Kinds by field, with the column in brackets where a field has a kind for each."""
+"""Kinds of parameters by name. The name is the field of the selector; fields with one kind per column have the column in brackets."""
 READING = ("sensor.bias", "sensor.scale", "sensor.delay")
-"""Kinds that change the reading of a motion, and not the motion."""
+"""Kinds that change the sensor readings but not the motion."""
 
 
 @hint_keywords("stepper.sysid.FitParameter")
@@ -93,17 +94,17 @@ class FitParameter:
     """Parameter to identify: a quantity of one or more elements, with start, bounds and prior.
 
     Attributes:
-        selector: Numbers that change, of the kinds `stepper.sysid.KINDS`: "body_mass[box]", "geom_friction[floor,box][0]",
-            "actuator_kp[hip]", "dof_damping[left_*]". Several elements share one parameter: they keep the ratios that they have in the
+        selector: Selector of the numbers, of one of the kinds in `stepper.sysid.KINDS`: "body_mass[box]", "geom_friction[floor,box][0]",
+            "actuator_kp[hip]", "dof_damping[left_*]". Several elements share one parameter, and keep the ratios that they have in the
             model.
-        start: Start of the search, in the unit of the kind; None is the model's value.
+        start: Value at which the search starts, in the unit of the kind; None is the model's value.
         bounds: Lowest and highest value. None is a thousandth to a thousand times the start for positive quantities, and the bounds of the
             kind for others.
-        prior: Prior mean and standard deviation, from a data sheet or a balance. For positive quantities the standard deviation is
-            relative.
+        prior: Mean and standard deviation of prior knowledge, for example from a data sheet or scales. For positive quantities the
+            standard deviation is relative.
 
     Raises:
-        ValueError: An unknown kind or spelling, or invalid bounds.
+        ValueError: The selector has an unknown kind or spelling, or the bounds or the prior are invalid.
     """
 
     selector: str
@@ -123,12 +124,12 @@ class FitParameter:
 
     @property
     def parsed(self) -> Selector:
-        """The selector, as field, elements and columns."""
+        """Parsed selector: field, elements and columns."""
         return parse(self.selector, "parameters")
 
     @property
     def kind(self) -> str:
-        """Name in `stepper.sysid.KINDS`: the field, with the column where a field has a kind for each."""
+        """Name of the kind in `stepper.sysid.KINDS`: the field, with the column in brackets if the selector has columns."""
         columns = self.parsed.columns
         return self.parsed.field + ("" if columns is None else f"[{','.join(map(str, columns))}]")
 
@@ -143,7 +144,7 @@ class FitParameter:
 
 
 def _no_kind(selector: Selector) -> str:
-    """Error message for a selector of which there is no kind."""
+    """Error message for a selector that belongs to no kind."""
     columns = [name for name in KINDS if name.startswith(f"{selector.field}[")]
     if columns and selector.columns is None:
         which = ", ".join(
@@ -152,11 +153,11 @@ def _no_kind(selector: Selector) -> str:
         return f"parameters has '{selector}', of which each column is a parameter: write {which}"
     if selector.field in KINDS:
         return f"parameters has '{selector}': {selector.field} has no columns here; leave them out"
-    return f"parameters: {selector.field!r} cannot be identified{near_or_all(selector.field, KINDS)}"
+    return f"parameters: {selector.field!r} cannot be identified{did_you_mean_or_all(selector.field, KINDS)}"
 
 
 class Variants:
-    """Parameters of several variants of a model: the fields that differ from it, with the variants as the leading axis.
+    """Parameter values of several variants of a model: the fields that differ from the model, with the variants as leading axis.
 
     Attributes:
         fields: Arrays of the model's fields by name.
@@ -176,7 +177,12 @@ class Variants:
         return self.fields[field]
 
     def actuators(self, known: ActuatorModel | None, index: Array | None = None) -> ActuatorModel | None:
-        """Drives with these delays in addition to the known attributes; `index`, (num_envs,), is the variant of each environment."""
+        """Actuator model with the delays of the variants, or None if no delay varies.
+
+        Args:
+            known: Actuator model with the other attributes of the drives.
+            index: Index of the variant of each environment, (num_envs,); None is environment k for variant k.
+        """
         if not self.delays:
             return None
         drives = {}
@@ -187,13 +193,13 @@ class Variants:
 
 
 class Block:
-    """Block of the parameter vector theta, for one parameter of a model.
+    """Block of the parameter vector theta: the numbers of one parameter, n in total.
 
     Attributes:
         parameter: The parameter.
-        labels, units: Labels and units of its values.
-        start, low, high: Start of the search and bounds, in theta, (n,).
-        scale: Size of a significant change of theta, (n,).
+        labels, units: Labels and units of the values.
+        start, low, high: Start of the search and bounds, as numbers of theta, (n,).
+        scale: Size of a significant change of theta, (n,): 1 for logarithms. Finite differences and tolerances are relative to it.
         prior: Mean and standard deviation of theta, (n,) each, or None.
     """
 
@@ -215,10 +221,11 @@ class Block:
 
     @property
     def size(self) -> int:
-        """Number of elements of theta in the block."""
+        """Number of numbers of theta in the block, n."""
         return len(self.start)
 
     def _prepare(self, model: Model) -> None:
+        """Set labels, units, start and bounds from the model. Subclasses override it."""
         if check := _CHECKS.get(self.parameter.kind):
             check(self.parameter, model, self.index)
         numbers = self.selector if self.kind.columns is None else replace(self.selector, columns=self.kind.columns)
@@ -230,7 +237,7 @@ class Block:
         self._interval(own[0])
 
     def _interval(self, own: float) -> None:
-        """Start, bounds and prior of one number, of which the model has `own`."""
+        """Set start, bounds and prior of a parameter with one number, which is `own` in the model."""
         parameter, kind = self.parameter, self.kind
         start = own if parameter.start is None else float(parameter.start)
         if kind.log and not start > 0:
@@ -254,7 +261,7 @@ class Block:
             self.prior = (np.log([mean]) if kind.log else np.array([mean])), np.array([std])
 
     def write(self, theta: Array, variants: Variants) -> None:
-        """Writes the values of theta, (count, size), into variants."""
+        """Write the values of theta, (count, size), into the fields of `count` variants."""
         value = self.natural(theta) * self.ratio
         before = self._flat(variants, self.parts[0][0])[:, self.parts[0][1]]
         for field, places, sign in self.parts:
@@ -265,7 +272,7 @@ class Block:
 
     @staticmethod
     def _flat(variants: Variants, field: str) -> Array:
-        """Rows of a field to write to, (count, numbers)."""
+        """Writable view of a field with one row per variant, (count, numbers)."""
         return variants.of(field).reshape(variants.count, -1)
 
     def natural(self, theta: Array) -> Array:
@@ -274,7 +281,10 @@ class Block:
 
 
 class _OfOneBody(Block):
+    """Block with several numbers of one body, which start at the model's values."""
+
     def _one(self) -> int:
+        """Index of the body. Raises ValueError for several bodies, or with start, bounds or prior."""
         if (
             len(self.index) != 1
             or self.parameter.start is not None
@@ -287,6 +297,7 @@ class _OfOneBody(Block):
         return self.index[0]
 
     def _gyration(self, model: Model) -> Array:
+        """Radii of gyration of the body along its principal axes, (3,) m."""
         body = model.body(self.index[0])
         if not body.mass > 0:
             raise ValueError(f"{self.parameter}: body {body.name!r} has no mass; give it one with model.replace(body_mass=...)")
@@ -294,6 +305,8 @@ class _OfOneBody(Block):
 
 
 class _Com(_OfOneBody):
+    """Centre of mass of a body. Theta is its position in the body's frame, (3,) m."""
+
     def _prepare(self, model: Model) -> None:
         body = self._one()
         self._scale = float(self._gyration(model).max())
@@ -308,7 +321,10 @@ class _Com(_OfOneBody):
 
 
 class _Moments(_OfOneBody):
-    """Theta are half the logarithms of the second moments of mass, so that the triangle inequality holds."""
+    """Principal moments of inertia of a body.
+
+    Theta is half the logarithm of the ratios of the second moments of mass to the model's, so that the triangle inequality holds.
+    """
 
     def _prepare(self, model: Model) -> None:
         self._one()
@@ -330,6 +346,8 @@ class _Moments(_OfOneBody):
 
 
 class _Inertia(_OfOneBody):
+    """Mass, centre of mass and inertia of a body. Theta is the ten log-Cholesky parameters (inertia.py), 0 for the model's body."""
+
     def _prepare(self, model: Model) -> None:
         self._one()
         self._gyration(model)
@@ -358,6 +376,8 @@ class _Inertia(_OfOneBody):
 
 
 class _Delay(Block):
+    """Delay of actuators, s."""
+
     def _prepare(self, model: Model) -> None:
         self._interval(0.0)
         self._scale = 0.01
@@ -368,7 +388,7 @@ class _Delay(Block):
 
 
 class _Reading(Block):
-    """A parameter of sensors, which predictions take: see `Simulator`."""
+    """Bias, scale or delay of a sensor. `Simulator` applies it to the predicted readings."""
 
     def _prepare(self, model: Model) -> None:
         if self.parameter.kind != "sensor.bias":
@@ -386,7 +406,7 @@ class _Reading(Block):
             self.prior = None if self.prior is None else (np.repeat(self.prior[0], dim), np.repeat(self.prior[1], dim))
 
     def write(self, theta: Array, variants: Variants) -> None:
-        """A reading changes nothing of the model."""
+        """Write nothing, because the parameter is not part of the model."""
 
 
 _BLOCKS: dict[str, type[Block]] = {
@@ -397,15 +417,15 @@ _SAME = {
     "actuator_kp": ("actuator_kp", "actuator_gainprm"),
     "actuator_gainprm": ("actuator_kp", "actuator_gainprm"),
 }
-"""Kinds whose numbers a kind has too."""
+"""Kinds that change the same numbers, by kind. `bind` rejects two of them for one element."""
 
 
 def bind(parameters: Sequence[FitParameter | str], model: Model) -> list[Block]:
-    """Blocks of the parameter vector, one for each parameter of a model.
+    """Blocks of the parameter vector theta, one for each parameter.
 
     Raises:
-        ValueError: An unknown name, two parameters of the same number, or a start outside of the bounds. Or a parameter of geoms whose
-            contact an explicit pair overrides.
+        ValueError: A name is unknown, two parameters change the same number, or a start is outside the bounds. Or an explicit pair
+            overrides a parameter of geoms.
     """
     if isinstance(parameters, str | FitParameter):
         parameters = [parameters]
@@ -432,7 +452,7 @@ def bind(parameters: Sequence[FitParameter | str], model: Model) -> list[Block]:
 
 
 def write(blocks: Sequence[Block], theta: Array, model: Model) -> Variants:
-    """Variants of a model with the values of theta, (count, n)."""
+    """Variants of a model with the parameter vectors theta, (count, n)."""
     variants = Variants(model, len(theta))
     # Masses come first, because they scale the moments of inertia, and moments are absolute.
     for block, piece in sorted(zip(blocks, split(blocks, theta), strict=True), key=lambda part: part[0].parameter.kind == "body_inertia"):
@@ -441,17 +461,17 @@ def write(blocks: Sequence[Block], theta: Array, model: Model) -> Variants:
 
 
 def split(blocks: Sequence[Block], theta: Array) -> list[Array]:
-    """Pieces of theta, (..., n), one for each block."""
+    """Numbers of each block in theta, (..., n): list of arrays (..., size)."""
     return np.split(theta, np.cumsum([block.size for block in blocks])[:-1], axis=-1)
 
 
 def natural(blocks: Sequence[Block], theta: Array) -> Array:
-    """Values of all blocks in their units, (..., n), from theta, (..., n)."""
+    """Values of all parameters in their units, (..., n), from parameter vectors theta, (..., n)."""
     return np.concatenate([block.natural(piece) for block, piece in zip(blocks, split(blocks, theta), strict=True)], axis=-1)
 
 
 def _indices(parameter: FitParameter, model: Model) -> tuple[int, ...]:
-    """Indices of the elements of a parameter; of a degree of freedom, that of its joint."""
+    """Indices of the elements of a parameter. Fields of degrees of freedom give the indices of their joints."""
     items, where = parameter.parsed.elements or (), f"parameters has '{parameter}'"
     if not parameter.parsed.field.startswith("dof_"):
         return tuple(rows_of(model, KINDS[parameter.kind].element, items, where))
@@ -460,10 +480,10 @@ def _indices(parameter: FitParameter, model: Model) -> tuple[int, ...]:
 
 
 def _check_gain_types(parameter: FitParameter, model: Model, index: Sequence[int]) -> None:
-    """Checks that the first parameter of the gain of every actuator multiplies its force.
+    """Check that the first gain parameter of every actuator multiplies its force.
 
     Raises:
-        ValueError: A gain of another type.
+        ValueError: The gaintype of an actuator is neither "fixed" nor "affine".
     """
     for actuator in map(model.actuator, index):
         if actuator.gaintype not in ("fixed", "affine"):
@@ -474,10 +494,10 @@ def _check_gain_types(parameter: FitParameter, model: Model, index: Sequence[int
 
 
 def _check_servo(parameter: FitParameter, model: Model, index: Sequence[int]) -> None:
-    """Checks that every actuator is a position servo: its bias has the negative gain.
+    """Check that every actuator is a position servo: biasprm[1] is -gainprm[0].
 
     Raises:
-        ValueError: Another actuator.
+        ValueError: An actuator is not a position servo.
     """
     for actuator in map(model.actuator, index):
         if not np.isclose(actuator.biasprm[1], -actuator.gainprm[0]):
@@ -488,11 +508,11 @@ def _check_servo(parameter: FitParameter, model: Model, index: Sequence[int]) ->
 
 
 _CHECKS = {"actuator_gainprm": _check_gain_types, "actuator_kp": _check_servo}
-"""Checks of the elements of a parameter, by kind."""
+"""Functions that check the elements of a parameter, by kind."""
 
 
 def _unnamed(parameter: FitParameter, model: Model, index: int) -> list[int]:
-    """Items that select an element without a name."""
+    """Indices for the selector of an element without a name; for fields of degrees of freedom, those of the joint."""
     if not parameter.parsed.field.startswith("dof_"):
         return [index]
     joint = model.joint(index)

@@ -1,4 +1,4 @@
-"""Residuals, which are predictions minus readings over their noise, and their Jacobian, for several points of a search in one batch."""
+"""Residuals, which are (prediction - reading) / noise, and their Jacobian, for the points of several searches in one batch."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from stepper.sysid.shift import shifted
 from stepper.sysid.simulate import Simulator
 
 JUMP = 0.5
-"""Slopes on both sides of a point that differ by more than this share are those of a jump on one side."""
+"""Relative difference between the derivatives above and below a point, above which a jump on one side is assumed."""
 
 
 @dataclass(frozen=True)
 class Linearized:
-    """Residuals at a point.
+    """Residuals and their Jacobian at a point x.
 
     Attributes:
-        residual: Residuals, (m,): of all measured readings by episode and row, then of the priors.
-        jacobian: Derivatives of the residuals, (m, n + starts).
+        residual: Residuals, (m,): measured readings by episode and row, then priors, then displacements of initial states.
+        jacobian: Derivatives of the residuals with respect to x, (m, n + starts).
         data: Number of residuals of readings.
     """
 
@@ -34,15 +34,17 @@ class Linearized:
 
 
 class Residuals:
-    """Residuals as a function of x: theta over its scale, then uncertain initial states of the episodes over their standard deviations.
+    """Residuals as a function of x.
+
+    The vector x is theta divided by its scales, then the displacements of uncertain initial states divided by their standard deviations.
 
     Args:
         simulator: Simulator of the readings.
-        step: Half width of central differences, in the scale of every number.
+        step: Half width of the central differences, in the units of x.
 
     Attributes:
-        sigma: Noise of every column of the readings, (width,).
-        n: Number of parameters. In x, coordinates of initial states follow them.
+        sigma: Noise of each column of the readings, (width,), in the units of the channels.
+        n: Number of parameters, which are the first numbers of x.
         low, high, start: Bounds of x and start of the search, (n + starts,).
     """
 
@@ -69,7 +71,14 @@ class Residuals:
         return out
 
     def freed(self, start_std: tuple[float, float]) -> Residuals | None:
-        """Residuals of the same episodes and noise, with estimated initial states in place of exact ones; None if none is exact."""
+        """Residuals of the same episodes and noise, with exact initial states replaced by uncertain ones.
+
+        Args:
+            start_std: Standard deviations of displacement (m, rad) and velocity (m/s, rad/s).
+
+        Returns:
+            The residuals, or None if no episode has an exact initial state.
+        """
         episodes = self.simulator.episodes
         exact = [start is None for start in self._starts]
         if not any(exact):
@@ -83,8 +92,8 @@ class Residuals:
         """Residuals and Jacobians at several points, from one batch of environments.
 
         Args:
-            points: Points, each (n + starts,).
-            step: Half width of the differences; None is that of the constructor.
+            points: Points x, each (n + starts,).
+            step: Half width of the central differences; None is that of the constructor.
         """
         width = max((len(s) for s in self._starts if s is not None), default=0)
         asked = [self._around(x, self.step if step is None else step, width) for x in points]
@@ -93,14 +102,14 @@ class Residuals:
         return [self._assemble(x, [y[k * each : (k + 1) * each] for y in made], asked[k][1], width) for k, x in enumerate(points)]
 
     def residuals(self, points: Array) -> Array:
-        """Residuals, (count, m), of points (count, n + starts), without Jacobians."""
+        """Residuals, (count, m), at points x, (count, n + starts), without Jacobians."""
         compact = np.zeros((len(points), self.n + self._wide()))
         compact[:, : self.n] = points[:, : self.n]
         made = self._predict(compact, points)
         return np.stack([self._with_priors(x, [y[k] for y in made]) for k, x in enumerate(points)])
 
     def whitened(self, linearized: Linearized) -> list[Array]:
-        """Residuals of the readings by episode, (T, width); NaN where nothing was measured."""
+        """Residuals of the readings, in units of their noise, by episode: (T, width) each, with NaN where nothing was measured."""
         out, at = [], 0
         for mask in self.masks:
             rows = np.full(mask.shape, np.nan)
@@ -114,10 +123,14 @@ class Residuals:
         return np.concatenate([np.insert(np.argwhere(mask), 0, e, axis=1) for e, mask in enumerate(self.masks)])
 
     def _wide(self) -> int:
+        """Largest number of uncertain coordinates of an initial state in any episode."""
         return max((len(s) for s in self._starts if s is not None), default=0)
 
     def _around(self, x: Array, step: float, width: int) -> tuple[Array, Array]:
-        """A point, then each of its coordinates above and below (of starts in all episodes at once); and the widths of the differences."""
+        """Points of the central differences around x, and their widths above and below, (n + width, 2).
+
+        Coordinate k of the initial states is displaced in all episodes at once, because the episodes are independent.
+        """
         rows = np.zeros((1 + 2 * (self.n + width), self.n + width))
         rows[:, : self.n] = x[: self.n]
         spans = np.full((self.n + width, 2), step)
@@ -127,10 +140,11 @@ class Residuals:
                 up, down = min(up, self.high[j]), max(down, self.low[j])
                 spans[j] = up - x[j], x[j] - down
             rows[1 + 2 * j, j], rows[2 + 2 * j, j] = up, down
-        # Starts of episodes differ, so those of a point are kept with the displacement that is common to them.
+        # Each row ends with the initial states of x, to which the common displacement is added.
         return np.concatenate([rows, np.tile(x[self.n :], (len(rows), 1))], axis=1), spans
 
     def _predict(self, rows: Array, points: Array | None = None) -> list[Array]:
+        """Predicted readings by episode, (count, T, width), at rows of `_around`, or at points x, (count, n + starts)."""
         width = self._wide()
         own = rows[:, self.n + width :] if points is None else points[:, self.n :]
         starts: list[tuple[Array, Array] | None] = []
@@ -147,11 +161,13 @@ class Residuals:
         return self.simulator.predict(rows[:, : self.n] * self.scale, starts if any(s is not None for s in starts) else None)
 
     def _with_priors(self, x: Array, y: list[Array]) -> Array:
+        """Residual vector, (m,), at x with predicted readings y by episode, (T, width)."""
         parts = [((p - m) / self.sigma)[mask] for p, m, mask in zip(y, self.simulator.measured, self.masks, strict=True)]
         parts += [np.array([(x[j] - mean) / std]) for j, mean, std in self.priors]
         return np.concatenate([*parts, x[self.n :]])
 
     def _assemble(self, x: Array, made: list[Array], spans: Array, width: int) -> Linearized:
+        """Residual and Jacobian at x from the predictions `made` at all points of `_around`, by episode."""
         residual = self._with_priors(x, [y[0] for y in made])
         jacobian = np.zeros((len(residual), len(x)))
         at = 0
@@ -171,13 +187,13 @@ class Residuals:
 def slopes(y: Array, spans: Array) -> Array:
     """Derivatives of readings by central differences, (k, T, width).
 
-    If a reading jumps on one side, because a contact closes a sample earlier, the difference on the other side counts.
+    If a reading jumps on one side, because a contact closes one sample earlier, the difference on the other side is used.
 
     Args:
         y: Readings at a point, and then above and below for each coordinate, (1 + 2 k, T, width).
         spans: Distances above and below, (k, 2), in the unit of the coordinate.
     """
-    # Near a bound one side has hardly a width, and the other counts.
+    # At a bound, the difference on the side with almost no width is ignored.
     wide = (spans > 0.1 * spans.max(axis=1, keepdims=True))[..., None, None]
     widths = np.maximum(spans, 1e-300)[..., None, None]
     above, below = (y[1::2] - y[0]) / widths[:, 0], (y[0] - y[2::2]) / widths[:, 1]
@@ -188,7 +204,11 @@ def slopes(y: Array, spans: Array) -> Array:
 
 
 def _unknown_starts(episodes: Sequence[Episode], n: int) -> tuple[list[Array | None], list[slice]]:
-    """Unknown coordinates of the start of each episode with their standard deviations, (k, 2), and where that is in x."""
+    """Uncertain coordinates of the initial state of each episode.
+
+    Returns:
+        By episode: index of each coordinate and its standard deviation, (k, 2), or None; and the slice of x with these coordinates.
+    """
     starts: list[Array | None] = []
     places = []
     at = n
@@ -202,7 +222,7 @@ def _unknown_starts(episodes: Sequence[Episode], n: int) -> tuple[list[Array | N
 
 
 def _priors(blocks: Sequence[object], scale: Array) -> list[tuple[int, float, float]]:
-    """(coordinate of x, mean, standard deviation) of what is known beforehand."""
+    """Index in x, mean and standard deviation of each number with a prior, in the units of x."""
     out, at = [], 0
     for block in blocks:
         prior = getattr(block, "prior", None)
@@ -214,7 +234,9 @@ def _priors(blocks: Sequence[object], scale: Array) -> list[tuple[int, float, fl
 
 
 class Together:
-    """Batching of concurrent searches: each search submits its next point, and the last one evaluates all points in one batch.
+    """Batch evaluation for concurrent searches in threads.
+
+    Each search submits its next point and waits. The last one to submit evaluates the points of all in one batch.
 
     Args:
         residuals: Residuals to evaluate.
@@ -229,7 +251,7 @@ class Together:
         self._stopped = False
 
     def stop(self) -> None:
-        """Ends all searches at their next points, where `ask` raises."""
+        """End all searches: `ask` raises InterruptedError at their next points."""
         with self._turn:
             self._stopped = True
             self._turn.notify_all()
@@ -249,13 +271,14 @@ class Together:
         return answer
 
     def leave(self) -> None:
-        """Removes a search that has ended."""
+        """Remove one search from the batch, because it has ended."""
         with self._turn:
             self._active -= 1
             if not self._stopped:
                 self._answer()
 
     def _answer(self) -> None:
+        """Evaluate all submitted points, if every active search has submitted one."""
         if not self._asked or len(self._asked) < self._active:
             return
         searches = sorted(self._asked)

@@ -1,4 +1,4 @@
-"""Result of an identification: a distribution of parameters, which `Stepper.randomize` takes."""
+"""Result of an identification: estimate and distribution of the parameters, with samples for `Stepper.randomize`."""
 
 from __future__ import annotations
 
@@ -22,16 +22,17 @@ from stepper.sysid.parameters import Block, FitParameter, bind, natural, split, 
 from stepper.sysid.roots import RIDGE, root_of
 
 FORMAT = 2
+"""Version of the file format of `Identification.save`."""
 
 
 @dataclass(frozen=True)
 class Search:
-    """End of a search from one start.
+    """End of one search of `identify`.
 
     Attributes:
-        theta: Parameter vector, (n,).
-        cost: Half the sum of losses.
-        converged: Whether the search converged within its evaluations.
+        theta: Parameter vector at the end of the search, (n,).
+        cost: Half the sum of the losses of all residuals.
+        converged: Whether the search converged within `max_evaluations`.
     """
 
     theta: Array
@@ -41,23 +42,23 @@ class Search:
 
 @dataclass(frozen=True)
 class Identification:
-    """Normal distribution of the parameter vector theta.
+    """Result of `identify`: a normal distribution of the parameter vector theta.
 
-    Its numbers are logarithms of positive quantities, log-Cholesky parameters of inertias, and values of other parameters.
+    Theta contains logarithms of positive quantities, log-Cholesky parameters of inertias, and the values of other parameters.
 
     Attributes:
-        model: Model before the identification.
+        model: Model that was given to `identify`.
         parameters: Identified parameters.
-        theta: Estimate, (n,).
-        covariance: Covariance of theta, (n, n). For undetermined parameters it is that of the bounds.
-        information: Inverse covariance by the data and priors alone, with white noise, (n, n).
-        scale: Size of a significant change of theta, (n,).
+        theta: Estimate of the parameter vector, (n,).
+        covariance: Covariance of theta, (n, n). The variance of undetermined parameters follows from their bounds.
+        information: Information matrix (inverse covariance) of the data and priors, without the bounds and for white noise, (n, n).
+        scale: Size of a significant change of theta, (n,): 1 for logarithms.
         freedom: Degrees of freedom: number of readings minus number of parameters.
-        noise: Standard deviation of the readings by channel, as given or as estimated.
+        noise: Standard deviations of the readings by channel, in its unit, as given or as estimated.
         residual: Root mean square of the residuals by channel, in its unit.
-        searches: Distinct ends of the searches.
+        searches: Ends of the searches, the best first; searches that reached the same minimum count once.
         evaluations: Number of evaluated points, each with its Jacobian.
-        steps: Number of environments times steps.
+        steps: Number of simulated time steps, summed over environments.
         seconds: Duration of the identification, s.
         warnings: Parameters that the data do not determine, and readings that the model does not explain.
     """
@@ -78,32 +79,32 @@ class Identification:
     warnings: tuple[str, ...]
 
     def warned(self, warnings: tuple[str, ...]) -> Identification:
-        """Copy with warnings."""
+        """Copy with these warnings."""
         return replace(self, warnings=warnings)
 
     @cached_property
     def blocks(self) -> list[Block]:
-        """Pieces of theta by parameter."""
+        """Blocks of theta, one for each parameter."""
         return bind(self.parameters, self.model)
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Names of the values: "body_mass[box]"."""
+        """Labels of the values, (n,), as "body_mass[box]"."""
         return tuple(label for block in self.blocks for label in block.labels)
 
     @property
     def units(self) -> tuple[str, ...]:
-        """Units of the values."""
+        """Units of the values, (n,)."""
         return tuple(unit for block in self.blocks for unit in block.units)
 
     @property
     def values(self) -> Array:
-        """Estimates in their units, (n,)."""
+        """Estimated values in their units, (n,)."""
         return natural(self.blocks, self.theta)
 
     @property
     def std(self) -> Array:
-        """Standard deviations of the values to first order, (n,)."""
+        """Standard deviations of the values in their units, (n,), to first order."""
         G = self._slopes()
         return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", G, self.covariance, G)))
 
@@ -120,7 +121,7 @@ class Identification:
         For a positive quantity, the interval is symmetric in its logarithm. Intervals are clipped to the bounds.
 
         Raises:
-            ValueError: A confidence that is not between 0 and 1.
+            ValueError: The confidence is not between 0 and 1.
         """
         if not 0 < confidence < 1:
             raise ValueError(f"confidence is {confidence}, must be between 0 and 1")
@@ -144,33 +145,37 @@ class Identification:
 
     @property
     def estimate(self) -> Model:
-        """Model with the estimated parameters. Biases and delays are not part of a model; see `drives`."""
+        """Model with the estimated parameters. It does not contain delays of actuators (see `drives`) or parameters of sensors."""
         fields = write(self.blocks, self.theta[None], self.model).fields
         return self.model.replace(**{name: array[0] for name, array in fields.items()}) if fields else self.model
 
     def drives(self, known: ActuatorModel | None = None) -> ActuatorModel | None:
-        """Drives with the identified delays, and known attributes; None if no delay was identified."""
+        """Actuator model with the identified delays; None if no delay was identified.
+
+        Args:
+            known: Actuator model with the other attributes of the drives.
+        """
         made = write(self.blocks, self.theta[None], self.model).actuators(known, np.zeros(1, int))
         if made is None or known is None:
             return made
         return ActuatorModel({**known.named, **made.named}, default=known.default)
 
     def draw(self, count: int, seed: int = 0) -> Array:
-        """Random parameter vectors theta, (count, n), within bounds."""
+        """Random parameter vectors theta from the distribution, clipped to the bounds, (count, n)."""
         low, high = (np.concatenate([getattr(block, end) for block in self.blocks]) for end in ("low", "high"))
         root = root_of(self.covariance, RIDGE)
         drawn = self.theta + np.random.default_rng(seed).standard_normal((count, len(self.theta))) @ root.T
         return np.clip(drawn, low, high)
 
     def sample(self, count: int, *, seed: int = 0, actuators: ActuatorModel | None = None) -> dict[str, Any]:
-        """Parameters drawn from the distribution: `sim.randomize(**result.sample(sim.num_envs))`.
+        """Random parameters from the distribution, for `sim.randomize(**result.sample(sim.num_envs))`.
 
-        The stepper's model must be `result.estimate`, or another with all identified elements.
+        The stepper's model must be `result.estimate`, or another model with the same elements.
 
         Args:
             count: Number of environments.
             seed: Seed of the random numbers.
-            actuators: The stepper's actuator model, for delays.
+            actuators: The stepper's actuator model, if delays were identified.
 
         Returns:
             Arrays by field, (count, ...), in the field's unit.
@@ -185,14 +190,16 @@ class Identification:
         return {**variants.fields, **({} if delays is None else {"actuators": delays})}
 
     def models(self, count: int, *, seed: int = 0) -> list[Model]:
-        """Models with the random parameters of `sample`, for parameters that environments must share."""
+        """Models with random parameters from the distribution, for parameters that all environments of a stepper share."""
         fields = write(self.blocks, self.draw(count, seed), self.model).fields
         return [self.model.replace(**{name: array[k] for name, array in fields.items()}) for k in range(count)]
 
     def weakest(self) -> tuple[float, dict[str, float]]:
-        """Least determined combination of parameters: its standard deviation over its scale, and its coefficients, the largest first.
+        """Least determined combination of parameters.
 
-        Example: {"body_mass[box]": 0.7, "geom_friction[box][0]": -0.7} is the ratio of two positive quantities.
+        Returns:
+            Its standard deviation in units of the scales, and its coefficients by label, the largest first. For example {"body_mass[box]":
+            0.7, "geom_friction[box][0]": -0.7} is the ratio of two positive quantities.
         """
         labels = [f"{block.parameter}[{k}]" if block.size > 1 else block.labels[0] for block in self.blocks for k in range(block.size)]
         values, vectors = np.linalg.eigh(self.covariance / np.outer(self.scale, self.scale))
@@ -201,7 +208,7 @@ class Identification:
         return float(np.sqrt(values[-1])), {label: float(part) for label, part in parts if abs(part) > 0.1}
 
     def advice(self) -> str:
-        """Suggestion for the next measurement."""
+        """Suggestion for the next measurement, as a sentence."""
         std, parts = self.weakest()
         first = next(iter(parts))
         block = next(b for b in self.blocks for k in range(b.size) if first in (b.labels[0], f"{b.parameter}[{k}]"))
@@ -211,7 +218,7 @@ class Identification:
         return f"the least certain {what} (standard deviation {std:.2g} of its scale): {block.hint}"
 
     def table(self, confidence: float = 0.95) -> str:
-        """Table of values and intervals, in Markdown."""
+        """Markdown table of values, confidence intervals, units and start values."""
         lines = [f"| | value | {100 * confidence:g} % interval | unit | in the model |", "|---|---|---|---|---|"]
         start = natural(self.blocks, np.concatenate([block.start for block in self.blocks]))
         rows = zip(self.labels, self.values, self.interval(confidence), self.units, start, self.determined, strict=True)
@@ -226,7 +233,7 @@ class Identification:
         return "\n".join([*lines, *(f"warning: {text}" for text in self.warnings)])
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes a JSON file, for `load`."""
+        """Write the result to a JSON file, which `load` reads."""
         kept = {
             "format": FORMAT,
             "model": self.model.digest,
@@ -243,10 +250,14 @@ class Identification:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], model: Model) -> Identification:
-        """Reads a file of `save`.
+        """Read a result from a file of `save`.
+
+        Args:
+            path: Path of the file.
+            model: Model that was given to `identify`.
 
         Raises:
-            ValueError: Another format, or another model; the message names it.
+            ValueError: The file has another format or belongs to another model.
         """
         try:
             kept = json.loads(Path(path).read_text(encoding="utf-8"))
@@ -271,7 +282,7 @@ class Identification:
             raise ValueError(f"{path} is no identification of this model: {error}") from error
 
     def _slopes(self) -> Array:
-        """Derivatives of the values after theta, (n, n), by central differences."""
+        """Derivatives of the values with respect to theta, (n, n), by central differences."""
         h = 1e-6 * self.scale
         up, down = (natural(self.blocks, self.theta + sign * np.diag(h)) for sign in (1, -1))
         return np.asarray((up - down).T / (2 * h))

@@ -1,4 +1,4 @@
-"""Roots of covariances."""
+"""Square roots of covariance matrices."""
 
 from __future__ import annotations
 

@@ -1,12 +1,12 @@
-"""Uncertainty of an estimate: its covariance with noise that may be correlated in time, and what the data do not determine.
+"""Uncertainty of an estimate: covariance of the parameters for noise that may be correlated in time.
 
 The estimate solves sum_t s_t = 0 of the scores s_t = J_t^T psi(r_t). Its covariance is the sandwich H^-1 S H^-1, where H = J^T W J and S is
 the covariance of the sum of scores. White noise has S = H; correlated noise (coloured sensors, model errors) has a larger S. S is
-estimated in two ways, and the larger counts:
+estimated in two ways, and the larger estimate is used:
 
 - S = sum_c J_c^T Gamma_c J_c, where Gamma_c is the autocovariance of column c of the readings. Gamma_c comes from an autoregression of the
-  residuals, of Akaike's order (Den Haan and Levin 1997), corrected for its bias in short series (Kendall 1954). The Jacobian is known and
-  only the noise is estimated: a hundred samples suffice.
+  residuals, of Akaike's order (Den Haan and Levin 1997), corrected for its bias in short series (Kendall 1954). A hundred samples
+  suffice, because only the noise is estimated and the Jacobian is known.
 - S = the long-run covariance of the scores, with Bartlett's kernel (Newey and West 1987) after first-order whitening (Andrews and Monahan
   1992). It needs more data, and detects residuals that are large where the Jacobian is large.
 """
@@ -22,22 +22,22 @@ from stepper.shared.machine import require
 from stepper.sysid.inertia import Array
 
 LARGEST_AUTOCORRELATION = 0.97
-"""Bound of the autoregression, as Andrews and Monahan advise."""
+"""Upper bound of the first-order autocorrelation, as Andrews and Monahan advise."""
 LONGEST_MEMORY = 10
 """Highest order of an autoregression of residuals."""
 ROWS_PER_ORDER = 10
-"""Rows of residuals that each order needs."""
+"""Number of residuals that each order of the autoregression requires."""
 
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Information of the data on parameters x.
+    """Uncertainty of the estimated parameters x.
 
     Attributes:
-        covariance: Covariance of x, (n, n), finite: for undetermined numbers it is that of the bounds.
+        covariance: Covariance of x, (n, n). It is finite, because the bounds limit the variance of undetermined parameters.
         information: Information matrix H of the data and the priors, (n, n), without bounds.
-        inflation: Ratios of the standard deviations to those of white noise, (n,).
-        effect: Norm of the readings' derivatives with respect to each parameter, in standard deviations of their noise, (n,).
+        inflation: Ratios of the standard deviations to those for white noise, (n,).
+        effect: Norm of the derivatives of all readings with respect to each parameter, in standard deviations of their noise, (n,).
     """
 
     covariance: Array
@@ -47,7 +47,7 @@ class Uncertainty:
 
 
 def weights_of(loss: str, z: Array) -> Array:
-    """Derivative of SciPy's loss rho at z = (r / f_scale)^2, (m,)."""
+    """Weights of residuals, (m,): derivative of SciPy's loss rho at z = (r / f_scale)^2."""
     if loss == "linear":
         return np.ones_like(z)
     if loss == "soft_l1":
@@ -60,20 +60,20 @@ def weights_of(loss: str, z: Array) -> Array:
 
 
 def slopes_of(loss: str, r: Array) -> Array:
-    """Derivative of the score r rho'(r^2), (m,), at least a small positive number."""
+    """Derivatives of the score r rho'(r^2) at residuals r, (m,), bounded below by 1e-3."""
     step = 1e-4
     up, down = r + step, r - step
     return np.maximum((up * weights_of(loss, up**2) - down * weights_of(loss, down**2)) / (2 * step), 1e-3)
 
 
 def uncertainty(J: Array, r: Array, times: np.ndarray[Any, np.dtype[np.int64]], reach: Array, *, loss: str, f_scale: float) -> Uncertainty:
-    """Covariance of the parameters, the first n of the columns of a Jacobian.
+    """Uncertainty of the n parameters, which are the first n columns of a Jacobian.
 
     Args:
-        J: Jacobian of the residuals, (m, n + others). Columns beyond n (starts of episodes) are eliminated.
+        J: Jacobian of the residuals, (m, n + others). Columns beyond n (initial states) are eliminated.
         r: Residuals, (m,): readings first, then priors.
         times: Episode, row and column of each reading, (k, 3).
-        reach: Half width of the bounds, (n,): standard deviation of undetermined numbers.
+        reach: Half widths of the bounds, (n,), which are the standard deviations of undetermined parameters.
         loss: Loss function of `least_squares`.
         f_scale: Residual beyond which a robust loss begins.
     """
@@ -92,7 +92,7 @@ def uncertainty(J: Array, r: Array, times: np.ndarray[Any, np.dtype[np.int64]], 
     white = sum((s.T @ s for s in scores), np.zeros((n, n)))
     inverse = np.linalg.inv(H + np.diag(reach**-2.0))
     plain = inverse @ (white + known) @ inverse
-    # Noise as large as was said, or as the fit leaves it, whatever is larger.
+    # The larger of two noise levels counts: the given one, and that of the residuals.
     plain = _at_least(np.asarray(plain), np.asarray(inverse))
     coloured = _coloured(weight[:k] * r[:k], J[:k], times)
     covariance = _at_least(np.asarray(inverse @ (coloured + known) @ inverse), plain)
@@ -102,13 +102,13 @@ def uncertainty(J: Array, r: Array, times: np.ndarray[Any, np.dtype[np.int64]], 
 
 
 def _at_least(covariance: Array, other: Array) -> Array:
-    """A covariance whose standard deviations are those of another where they were smaller."""
+    """Covariance with its standard deviations raised to those of `other` where these are larger; correlations stay."""
     grow = np.sqrt(np.maximum(1.0, np.diag(other) / np.diag(covariance)))
     return np.asarray(grow[:, None] * covariance * grow)
 
 
 def _by_time(rows: Array, times: np.ndarray[Any, np.dtype[np.int64]]) -> list[Array]:
-    """Sums of the rows of each time, by episode."""
+    """Sums of the rows with the same episode and time: one array (times, n) per episode."""
     places = _places(times)
     out = []
     for e in np.unique(times[:, 0]):
@@ -120,7 +120,7 @@ def _by_time(rows: Array, times: np.ndarray[Any, np.dtype[np.int64]]) -> list[Ar
 
 
 def _places(times: np.ndarray[Any, np.dtype[np.int64]]) -> np.ndarray[Any, np.dtype[np.int64]]:
-    """Row of each reading from its episode's first, counted in the rows between readings: a sensor may be read at every tenth row only."""
+    """Time index of each reading from the first of its episode, in units of the interval between readings."""
     _, episode = np.unique(times[:, 0], return_inverse=True)
     first = np.full(int(episode.max()) + 1, np.iinfo(np.int64).max)
     np.minimum.at(first, episode, times[:, 1])
@@ -129,7 +129,7 @@ def _places(times: np.ndarray[Any, np.dtype[np.int64]]) -> np.ndarray[Any, np.dt
 
 
 def _coloured(r: Array, J: Array, times: np.ndarray[Any, np.dtype[np.int64]]) -> Array:
-    """Covariance of J^T r, (n, n), of residuals whose columns are stationary and independent of one another."""
+    """Covariance of J^T r, (n, n), for residuals r whose columns are stationary and mutually independent."""
     toeplitz = require("scipy.linalg", "to identify parameters").matmul_toeplitz
     S = np.zeros((J.shape[1],) * 2)
     for column in np.unique(times[:, 2]):
@@ -139,7 +139,7 @@ def _coloured(r: Array, J: Array, times: np.ndarray[Any, np.dtype[np.int64]]) ->
         for episode in np.unique(times[of_column, 0]):
             own = times[of_column, 0] == episode
             mine, rows = of_column[own], places[own]
-            # What was not measured is 0 in both, and adds nothing.
+            # Rows without a measurement are zero in both arrays, and add nothing.
             whole, slope = np.zeros(rows.max() + 1), np.zeros((rows.max() + 1, J.shape[1]))
             whole[rows], slope[rows] = r[mine], J[mine]
             series.append((whole, slope))
@@ -150,7 +150,7 @@ def _coloured(r: Array, J: Array, times: np.ndarray[Any, np.dtype[np.int64]]) ->
 
 
 def _autocovariance(series: list[Array], count: int) -> Array:
-    """Autocovariance at all lags of a column's residuals, by an autoregression; `count` of them were measured."""
+    """Autocovariance of a column's residuals at all lags, from an autoregression. `count` is the number of measured residuals."""
     solve = require("scipy.linalg", "to identify parameters").solve_toeplitz
     longest = max(map(len, series))
     most = min(LONGEST_MEMORY, count // ROWS_PER_ORDER, longest - 1)
@@ -165,7 +165,7 @@ def _autocovariance(series: list[Array], count: int) -> Array:
     left *= count / max(count - len(a) - 1, 1)
     rho = float(a.sum())
     if rho > 0:
-        # Its expectation is too small by (1 + 3 rho) / count.
+        # The estimate of rho is biased by -(1 + 3 rho) / count.
         larger = a * min(rho + (1 + 3 * rho) / count, max(rho, LARGEST_AUTOCORRELATION)) / rho
         a = larger if np.abs(np.roots([1.0, *-larger])).max() < 1 else a
     # Autocovariance from the spectrum, sampled finely enough that it does not alias.
@@ -180,7 +180,7 @@ def _long_run(scores: list[Array]) -> Array:
     before = sum((s[:-1] ** 2).sum(axis=0) for s in scores)
     rho = sum((s[1:] * s[:-1]).sum(axis=0) for s in scores) / np.where(before > 0, before, 1.0)
     rho = np.clip(rho, 0.0, LARGEST_AUTOCORRELATION)
-    # The first score of an episode has no other before it.
+    # The first score of an episode has no predecessor.
     whitened = [np.concatenate([s[:1] * np.sqrt(1 - rho**2), s[1:] - rho * s[:-1]]) for s in scores]
     longest = max(map(len, scores))
     lags = min(int(4 * (longest / 100) ** (2 / 9)), longest - 1)

@@ -25,37 +25,37 @@ from stepper.sysid.rivals import OTHERS_PER_FRICTION, WIDE, Verdict, other_frict
 from stepper.sysid.roots import root_of
 
 STEP = 1e-5
-"""Least half width of differences, in the scales of parameters and in m/s (rad/s)."""
+"""Smallest half width of finite differences of parameters (in scales) and velocities (m/s, rad/s)."""
 NUDGE = 1e-7
-"""Least half width of differences of displacements, m or rad."""
+"""Smallest half width of finite differences of displacements, m or rad."""
 STEPS = 6
 """Largest number of Gauss-Newton steps per sample."""
 HALVINGS = 4
 """Largest number of halvings of a step."""
 SAME = 0.01
-"""Increase of the cost that a step may have, in squared standard deviations."""
+"""Largest accepted increase of the cost by a step, in squared standard deviations."""
 LITTLE = 0.1
-"""Standard deviations by which the last step may move a parameter."""
+"""Largest change of a parameter, in standard deviations, at which the Gauss-Newton steps end."""
 NEARBY = 0.5
 """Step length up to which an estimate counts as settled although no shorter step lowers the cost, in standard deviations."""
 FARTHEST = 0.5
-"""Largest change of a parameter that one sample makes, in scales."""
+"""Largest change of a parameter by one sample, in scales."""
 
 
 @dataclass(frozen=True)
 class Linear:
-    """The window about an estimate.
+    """Linearisation of the window's predictions about an estimate.
 
     Attributes:
-        points: The estimate, points along all directions, other values of friction, (count, n + states).
-        directions: Those of the differences.
-        spans: Widths of local differences, (n + states, 2).
-        made: Prediction of all points.
-        residual: Residuals of all points, (count, T, width).
-        J: Derivatives at the estimate, (T, width, n + states).
-        expected: Mean of the residuals over what is not known, (T, width).
-        noise: Standard deviations of the residuals, with what curvature adds to the derivatives, (T, width).
-        cost: Sum of squares of the window's residuals and of the distance from what was known, at the estimate.
+        points: Simulated points, (count, n + states): the estimate, points along all directions, and other values of friction.
+        directions: Directions of the finite differences.
+        spans: Widths of local differences above and below the estimate, (n + states, 2).
+        made: Predictions at all points by field.
+        residual: Residuals at all points, (count, T, width), in units of the noise.
+        J: Derivatives of the residuals at the estimate, (T, width, n + states).
+        expected: Mean of the residuals over the distribution of the unknowns, (T, width).
+        noise: Standard deviations of the residuals, (T, width): 1 for the noise, plus the contribution of curvature.
+        cost: Sum of squares of the window's residuals and of the distance from the arrival cost's mean, at the estimate.
     """
 
     points: Array
@@ -75,17 +75,17 @@ class Horizon:
     Args:
         problem: Model, parameters and noise.
         mean, cov: Normal distribution of parameters and states before the first sample.
-        begin: qpos, qvel and act there.
+        begin: qpos, qvel and act before the first sample.
 
     Attributes:
-        x: Estimate: parameters, and displacements and changes of velocity where the window begins, (n + states,).
+        x: Estimate, (n + states,): parameters theta, then displacements and changes of velocity at the start of the window.
         posterior: Covariance of x.
-        evidence: Logarithm of the probability density of all readings, but for a constant.
-        settled: Whether the last sample's steps have converged.
-        rival: Estimate with another friction that explains the window as well or better, or None.
-        newest: Prediction errors of the newest sample's readings over their noise, (k,).
+        evidence: Logarithm of the probability density of all readings, up to a constant.
+        settled: Whether the Gauss-Newton steps of the newest sample have converged.
+        rival: Point x with another friction that explains the window equally well or better; None if there is none.
+        newest: Prediction errors of the newest sample's readings, in units of their noise, (k,).
         normalized_innovation: Normalised innovation squared of the newest sample, per reading: about 1 for a correct model.
-        at: The window linearised about the estimate.
+        at: Linearisation of the window about the estimate.
     """
 
     def __init__(self, problem: Problem, mean: Array, cov: Array, begin: tuple[Array, Array, Array]):
@@ -111,7 +111,7 @@ class Horizon:
         return other
 
     def branch(self, x: Array) -> Horizon:
-        """Copy with another start x of the estimate, (n + states,), as theta, converged in the same window."""
+        """Copy whose estimate starts at another vector x, (n + states,), and converges in the same window."""
         other = self.copy()
         other.x = x.copy()
         other._settle()
@@ -119,27 +119,30 @@ class Horizon:
         return other
 
     def absorb(self, evidence: float) -> None:
-        """Adds the evidence of a similar hypothesis."""
+        """Merge a similar hypothesis: add its evidence to this one."""
         more = float(np.logaddexp(self.evidence, evidence)) - self.evidence
         self._past, self.evidence = self._past + more, self.evidence + more
 
     def take(self, sample: Sample) -> None:
-        """Adds a sample, and settles the estimate in the window that ends with it."""
+        """Add a sample to the window, and update the estimate."""
         self._samples.append(sample)
         self._now += self._problem.period
         self._settle()
 
     def leave(self) -> None:
-        """Removes the oldest sample from a full window."""
+        """Remove the oldest sample from a full window, and add it to the arrival cost."""
         if len(self._samples) == self._problem.length:
             self._advance(self.at)
 
     def low(self) -> Array:
-        """Lower bounds of the parameters theta, raised by excluded frictions, (n,)."""
+        """Lower bounds of the parameters theta, (n,), raised where the readings exclude small frictions."""
         return np.maximum(self._problem.low, [self._bound(j) for j in range(self._problem.n)])
 
     def _points(self) -> tuple[Array, Directions, Array]:
-        """The estimate, points above and below it and other values of friction; their directions; and the widths of local differences."""
+        """Points to simulate, the directions of the finite differences, and the widths of local differences (see `Linear`).
+
+        The points are the estimate, points above and below it, and points with other values of friction.
+        """
         problem, m, n = self._problem, len(self._problem.dofs), self._problem.n
         h = np.concatenate([STEP * problem.scale, np.full(m, NUDGE), np.full(m, STEP)])
         room = np.full(len(h), math.inf)
@@ -160,7 +163,7 @@ class Horizon:
         return points, directions, spans
 
     def _compare(self, at: Linear) -> Verdict:
-        """Comparison of the estimate with other values of friction. It raises lower bounds."""
+        """Compare the estimate with other values of friction, and raise lower bounds by values that the readings exclude."""
         problem = self._problem
         unknown = [bool(self._cov[j, j] > (WIDE * problem.scale[j]) ** 2) for j in problem.kinked]
         verdict = verdict_of(
@@ -179,7 +182,7 @@ class Horizon:
         return verdict
 
     def _bound(self, j: int) -> float:
-        """Lower bound of parameter `j`. Drift lowers it with the time since it was found."""
+        """Lower bound of friction `j` from excluded values; -inf without one. It decreases with time, because friction may drift."""
         if j not in self._bounds:
             return -math.inf
         value, when = self._bounds[j]
@@ -223,7 +226,11 @@ class Horizon:
         self.at, self.settled = best, False
 
     def _hold(self, at: Linear) -> list[int]:
-        """Clears the slopes of frictions that hold, and keeps the first rival of this sample."""
+        """Set the derivatives with respect to sticking frictions to zero, and store the first rival of this sample.
+
+        Returns:
+            Indices of the sticking frictions.
+        """
         verdict = self._compare(at)
         if self.rival is None and verdict.rival is not None:
             self.rival = at.points[verdict.rival].copy()
@@ -232,7 +239,7 @@ class Horizon:
         return verdict.holding
 
     def _expect(self, at: Linear) -> None:
-        """Compares the newest sample with its prediction."""
+        """Set `newest` and `normalized_innovation` from the prediction of the newest sample."""
         seen = self._problem.seen(self._samples[-1][1])
         self.newest, J = at.expected[-1][seen], at.J[-1][seen]
         self.normalized_innovation = 0.0
@@ -241,7 +248,7 @@ class Horizon:
             self.normalized_innovation = float(self.newest @ np.linalg.solve(expected, self.newest)) / len(self.newest)
 
     def _linear(self) -> Linear:
-        """The window about the estimate."""
+        """Linearisation of the window about the estimate."""
         points, directions, spans = self._points()
         made, residual = self._problem.predict(self._begin, points, list(self._samples), self._now)
         J, curved = directions.derivative(residual[: 1 + 2 * len(self.x)], spans)
@@ -252,7 +259,7 @@ class Horizon:
         return Linear(points, directions, spans, made, residual, J.transpose(1, 2, 0).copy(), expected, noise, cost)
 
     def _gauss_newton(self, at: Linear) -> tuple[Array, Array]:
-        """A step on the window and the arrival cost, and the posterior covariance. It sets the evidence."""
+        """Gauss-Newton step on the cost of window and arrival cost, (n + states,), and posterior covariance. It also sets the evidence."""
         N = len(self.x)
         root = root_of(self._cov)
         rows = np.concatenate([(at.J / at.noise[..., None]).reshape(-1, N), np.linalg.solve(root, np.eye(N))])
@@ -277,13 +284,13 @@ class Horizon:
         return step, np.asarray((inverse + inverse.T) / 2)
 
     def _move(self, start: Array, step: Array) -> None:
-        """Sets the estimate to a step from a point, within bounds."""
+        """Set the estimate to start + step, clipped to the bounds."""
         n = self._problem.n
         self.x = start + step
         self.x[:n] = np.clip(self.x[:n], self.low(), self._problem.high)
 
     def _advance(self, at: Linear) -> None:
-        """Moves the oldest sample from the window to the arrival cost, and propagates that to the next start of the window."""
+        """Move the oldest sample from the window to the arrival cost, and propagate the arrival cost to the new start of the window."""
         problem, N, m, n = self._problem, len(self.x), len(self._problem.dofs), self._problem.n
         linearized, J, residual = at.points[0], at.J[0] / at.noise[0][:, None], at.expected[0] / at.noise[0]
         expected = J @ self._cov @ J.T + np.eye(len(J))

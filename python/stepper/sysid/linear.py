@@ -1,9 +1,10 @@
-"""Derivatives over the uncertain range: differences as wide as the distribution of the unknowns, so that kinks count by their probability.
+"""Derivatives by finite differences as wide as the distribution of the unknowns, which average over kinks of the readings.
 
-Where a contact begins, readings have kinks that are closer together than the uncertainty of the state. The slope at one point would be that
-of one smooth piece, and would overstate what the readings determine. The second-order divided-difference filter avoids this (Norgaard,
-Poulsen and Ravn 2000). It takes differences above and below the estimate along the columns of a root of the covariance, sqrt(3)
-standard deviations long. Half the difference is the slope. Curvature shifts the mean of the readings; its remainder counts as noise.
+Where a contact begins, readings have kinks that are closer together than the uncertainty of the state. The derivative at one point
+would belong to one smooth piece, and would overstate the information of the readings. The second-order divided-difference filter avoids
+this (Norgaard, Poulsen and Ravn 2000). It takes differences above and below the estimate along the columns of a root of the covariance,
+sqrt(3) standard deviations long. Half the difference is the slope. Curvature shifts the mean of the readings; its remainder counts as
+noise.
 """
 
 from __future__ import annotations
@@ -18,20 +19,21 @@ from stepper.sysid.residuals import slopes
 from stepper.sysid.roots import RIDGE, root_of
 
 LENGTH = math.sqrt(3.0)
-"""Half width of a difference, in standard deviations: exact up to the fourth moment of a normal distribution."""
+"""Half width of a finite difference, in standard deviations. With sqrt(3) it is exact up to fourth moments of a normal distribution."""
 
 
 class Directions:
-    """Directions along which differences are taken.
+    """Directions of the finite differences about an estimate x.
 
     Args:
         covariance: Covariance of x, (n, n).
-        local: Smallest half widths of differences, (n,), in the unit of x.
+        local: Smallest half widths of finite differences, (n,), in the unit of x.
         room: Distance from x to its nearest bound, (n,), in the unit of x; infinite without bounds.
-        apart: Indices of x with local differences along their axes. The other directions are those of the conditional covariance.
+        apart: Indices of numbers in x with local differences along their axis. The directions of the other numbers come from their
+            conditional covariance.
 
     Attributes:
-        columns: A direction in each column, (n, n).
+        columns: Directions, (n, n), one per column.
     """
 
     def __init__(self, covariance: Array, local: Array, room: Array, apart: Sequence[int]):
@@ -56,7 +58,7 @@ class Directions:
         return out
 
     def derivative(self, y: Array, spans: Array) -> tuple[Array, Array]:
-        """Slopes with respect to x, (n, T, width), and the contribution of curvature along each direction, (n, T, width).
+        """Derivatives with respect to x, (n, T, width), and curvature terms along each direction, (n, T, width).
 
         Args:
             y: Values at x, and at all of `points`, (1 + 2 n, T, width), in any unit.
@@ -73,15 +75,15 @@ class Directions:
 
 
 def mean_shift(curved: Array) -> Array:
-    """Mean over the uncertain range minus the value at the estimate, (T, width), from the curvature of `Directions.derivative`.
+    """Mean of a function over the distribution minus its value at the estimate, (T, width), from the terms of `Directions.derivative`.
 
-    Exact for quadratic functions. Without it, a kink shifts every estimate to the same side.
+    It is exact for quadratic functions. Without it, a kink shifts every estimate to the same side.
     """
     return np.asarray(curved.sum(axis=0) / math.sqrt(2.0))
 
 
 def _given(covariance: Array, rest: Sequence[int]) -> Array:
-    """Conditional covariance of some numbers, with the others fixed."""
+    """Conditional covariance of the numbers with indices `rest`, given the others, (k, k)."""
     size = 1 / np.sqrt(np.diag(covariance))
     inverse = np.linalg.inv(covariance * np.outer(size, size) + RIDGE * np.eye(len(size)))
     return np.asarray(np.linalg.inv(inverse[np.ix_(rest, rest)]) / np.outer(size[rest], size[rest]))

@@ -1,7 +1,8 @@
-"""Hypotheses of a tracker about friction, sticking or slipping, each with an estimate and a weight.
+"""Mixture of a tracker's hypotheses about friction (sticking or slipping), each with an estimate and a weight.
 
 Near the onset of slip, readings often do not show whether an object has slipped, and the two cases give different masses. An immediate
-decision would make all later intervals too narrow. A rival therefore starts another hypothesis (a Gaussian sum, Alspach and Sorenson 1972),
+decision would make all later intervals too narrow. A rival (another friction that explains the readings, rivals.py) therefore
+starts another hypothesis (a Gaussian sum, Alspach and Sorenson 1972),
 weighted by Laplace's approximation of its evidence. Hypotheses with little weight are dropped.
 """
 
@@ -21,13 +22,13 @@ from stepper.sysid.roots import RIDGE, root_of
 MOST = 4
 """Largest number of hypotheses."""
 UNLIKELY = 0.01
-"""Weight below which a hypothesis is dropped: less than the 2.5 % beyond each end of an interval."""
+"""Weight below which a hypothesis is dropped. It is less than the probability of 2.5 % beyond each end of an interval."""
 CLOSE = 0.05
-"""Distance from the friction of an existing hypothesis, as a logarithm, within which a rival starts none."""
+"""Difference of the logarithms of friction between a rival and a hypothesis, below which the rival starts no new hypothesis."""
 CLOSE_STD = 3.0
-"""Distance in standard deviations of that hypothesis, with the same meaning. The larger distance counts."""
+"""Difference for the same purpose, in standard deviations of the hypothesis. The larger of both bounds counts."""
 ALIKE = 0.3
-"""Largest distance of two hypotheses that are merged, in the smaller standard deviation."""
+"""Largest distance between two hypotheses that are merged, in units of the smaller standard deviation."""
 ALIKE_RATIO = 1.5
 """Largest ratio of the standard deviations of two hypotheses that are merged."""
 
@@ -40,7 +41,7 @@ class Mixture:
         weights: Probability of each hypothesis, (k,).
         means: Means, (k, n).
         covariances: Covariances, (k, n, n).
-        lows: Lower bounds, (k, n).
+        lows: Lower bounds of each hypothesis, (k, n).
         high: Upper bounds, (n,).
     """
 
@@ -51,16 +52,20 @@ class Mixture:
     high: Array
 
     def mean(self) -> Array:
-        """Mean of theta, (n,)."""
+        """Mean of the parameter vector theta, (n,)."""
         return np.asarray(self.weights @ self.means)
 
     def covariance(self) -> Array:
-        """Covariance, (n, n)."""
+        """Covariance of the parameter vector theta, (n, n)."""
         apart = self.means - self.mean()
         return np.asarray(np.einsum("k,kij->ij", self.weights, self.covariances + apart[:, :, None] * apart[:, None, :]))
 
     def quantile(self, sigmas: float) -> Array:
-        """Quantiles of the probability that a normal distribution has up to these standard deviations, within bounds, (n,)."""
+        """Quantiles of the parameter vector theta, clipped to the bounds, (n,).
+
+        Args:
+            sigmas: Probability of the quantile, as the number of standard deviations of a normal distribution: 1.96 is 97.5 %.
+        """
         stds = np.sqrt(np.diagonal(self.covariances, axis1=1, axis2=2))
         ends = np.clip(self.means + sigmas * stds, self.lows, self.high)
         if len(ends) == 1:
@@ -68,7 +73,10 @@ class Mixture:
         return np.array([self._quantile(j, sigmas, ends[:, j], stds[:, j]) for j in range(len(self.high))])
 
     def _quantile(self, j: int, sigmas: float, ends: Array, std: Array) -> float:
-        """Quantile of one parameter, by bisection between those of the hypotheses."""
+        """Quantile of parameter j by bisection between the hypotheses' quantiles `ends`, (k,).
+
+        Their standard deviations are `std`, (k,).
+        """
         low, high, share = float(ends.min()), float(ends.max()), _normal(sigmas)
         for _ in range(50):
             middle = (low + high) / 2
@@ -80,7 +88,7 @@ class Mixture:
         return (low + high) / 2
 
     def draw(self, count: int, seed: int) -> Array:
-        """Random parameter vectors theta, (count, n)."""
+        """Random parameter vectors theta from the mixture, clipped to the bounds, (count, n)."""
         rng = np.random.default_rng(seed)
         normal = rng.standard_normal((count, len(self.high)))
         chosen = rng.choice(len(self.weights), count, p=self.weights)
@@ -141,13 +149,13 @@ def _likely(hypotheses: list[Horizon], problem: Problem) -> list[Horizon]:
 
 
 def _near(hypothesis: Horizon, x: Array, problem: Problem) -> bool:
-    """Whether the frictions of x belong to a hypothesis."""
+    """Whether the frictions of a point x, (n + states,), are close to those of a hypothesis."""
     std = np.sqrt(np.diag(hypothesis.posterior))
     return all(abs(hypothesis.x[j] - x[j]) <= max(CLOSE, CLOSE_STD * std[j]) for j in problem.kinked)
 
 
 def _alike(one: Horizon, other: Horizon, problem: Problem) -> bool:
-    """Whether two hypotheses have the same distribution of the parameters, nearly."""
+    """Whether two hypotheses have nearly the same distribution of the parameters."""
     n = problem.n
     stds = np.sqrt([np.diag(one.posterior)[:n], np.diag(other.posterior)[:n]])
     least, most = stds.min(axis=0), stds.max(axis=0)
@@ -155,5 +163,5 @@ def _alike(one: Horizon, other: Horizon, problem: Problem) -> bool:
 
 
 def _normal(z: float) -> float:
-    """Distribution function of the normal distribution."""
+    """Cumulative distribution function of the standard normal distribution at z."""
     return math.erfc(-z / math.sqrt(2)) / 2

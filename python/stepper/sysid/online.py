@@ -1,4 +1,4 @@
-"""Online identification: estimates and intervals of parameters after every sample, from a mixture of hypotheses about friction."""
+"""Online identification (`Tracker`): estimates and intervals of parameters after every sample."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from stepper.sysid.shift import Watch, finding
 from stepper.sysid.simulate import UNTRUSTED, find_channels, noise_of, solved
 
 FRICTION_DRIFT = 0.02
-"""Default drift of friction, 1/sqrt(s) of a logarithm."""
+"""Default drift of friction: standard deviation of the random change of its logarithm in one second."""
 PRIOR = 1.0
-"""Default standard deviation of a positive quantity's logarithm before the first sample."""
+"""Default prior standard deviation of the logarithm of a positive quantity."""
 LEAST_WEIGHT = 0.05
 """Weight above which a hypothesis that has not converged makes the result undetermined."""
 
@@ -40,17 +40,16 @@ class Tracked:
     Attributes:
         time: Time of the sample since the first, s.
         labels: Names of the parameters.
-        values: Estimates in their units, (n,): means over the hypotheses that the readings leave possible.
-        interval: 95 % intervals, (n, 2).
-        determined: Whether the readings so far determine each parameter, (n,). It is also False if the estimate has not converged or
-            readings are shifted (see `warnings`). A third case is recent readings that differ from their prediction by far more than
-            their noise. The interval of an undetermined friction starts at the largest value that was needed to prevent slip, and ends
-            at the prior's upper end.
-        covariance: Covariance of the parameters, with logarithms for positive ones, (n, n).
-        surprise: Mean square of the prediction errors of this sample, each over its noise: about 1 for a correct model, and much more
+        values: Estimates in their units, (n,): weighted means over the tracker's hypotheses about friction.
+        interval: 95 % intervals in the same units, (n, 2).
+        determined: Whether the readings so far determine each parameter, (n,). It is also False if the estimate has not converged, or
+            if readings are shifted (see `warnings`). Recent readings far from their prediction also make it False. The interval of an
+            undetermined friction is from the largest value that was needed to prevent slip to the upper end of the prior.
+        covariance: Covariance of the parameter vector theta, which has the logarithms of positive quantities, (n, n).
+        surprise: Mean square of the prediction errors of this sample, each divided by its noise: about 1 for a correct model, much more
             for a wrong one.
-        untrusted: Share of unsolved steps in the window.
-        seconds: Duration of the update, s.
+        untrusted: Fraction of the time steps in the window that were not solved.
+        seconds: Computing time of the update, s.
         warnings: Problems of the data: readings that are one sample late or early relative to their controls.
     """
 
@@ -73,31 +72,31 @@ class Tracked:
 
 
 class Tracker:
-    """Online estimator of parameters, sample by sample, while a robot moves.
+    """Online estimator of model parameters: it updates its estimates with every sample while a robot moves.
 
     Args:
         model: Model with the known parameters.
-        parameters: Unknown parameters, as in `identify`, with `FitParameter.prior` as their prior. Without a prior, a positive quantity is
-            known to a factor of e, and other numbers within their bounds.
-        noise: Standard deviation of each channel that is read, by name: sensors, "qpos", "qvel", "qpos:elbow" ... It is a number, or one
-            per column, in the channel's unit.
+        parameters: Unknown parameters, as in `identify`. The default of `FitParameter.prior` is a standard deviation of 1 for the logarithm
+            of a positive quantity, and a quarter of the width of the bounds for others.
+        noise: Standard deviation of each measured channel, by name: sensors, "qpos", "qvel", "qpos:elbow" ... It is a number, or one per
+            column, in the channel's unit.
         period: Time between samples, s: a whole number of time steps.
-        window: Length of the window, s.
-        drift: Standard deviation of a parameter's random change in a second: a number, or (n,). It refers to logarithms of positive
-            quantities, and to scales of others. 0 is constant. None is 0.02 for friction, because a window overestimates the information
-            at the onset of sliding, and 0 for the rest.
-        moving: Joints whose state is uncertain; None is all. Each of their degrees of freedom costs four environments.
-        state_noise: Standard deviations of the random change of displacement (m or rad) and velocity (m/s or rad/s) in a second, which
-            account for errors of the model.
+        window: Length of the window of recent samples that are simulated again at each update, s.
+        drift: Standard deviation of the random change of each parameter in one second: a number, or (n,). It is the change of the logarithm
+            of a positive quantity, and is in scales for others. 0 is a constant parameter. None is 0.02 for friction, because a window
+            overestimates the information at the onset of sliding, and 0 for other parameters.
+        moving: Names of the joints whose state is uncertain; None is all. Each of their degrees of freedom needs four environments.
+        state_noise: Standard deviations of the random change of positions (m or rad) and velocities (m/s or rad/s) in one second. It
+            accounts for errors of the model.
         options: Options of the step; the default tolerance is 1e-9 m/s.
         threads: Number of threads; 0 is all cores.
-        qpos, qvel: Initial state, (nq,) m and rad, (nv,) m/s and rad/s; None is the model's reference, and 0.
-        start_std: Standard deviations of the initial displacement (m or rad) and velocity (m/s or rad/s).
+        qpos, qvel: Initial state, (nq,) m and rad, (nv,) m/s and rad/s; None is the model's reference pose, and zero velocity.
+        start_std: Standard deviations of the initial positions (m or rad) and velocities (m/s or rad/s).
 
     Raises:
-        KeyError: Unknown sensor or coordinate.
-        ValueError: An unknown element, a parameter that environments of a stepper must share, a window that is too short, wrong shapes, or
-            numbers that are not finite.
+        KeyError: A channel is neither a sensor nor a coordinate of the model.
+        ValueError: An element is unknown, all environments of a stepper must share a parameter, the window is too short, a shape is wrong,
+            or a number is not finite.
 
     Example:
         parameters = ["body_mass[box]", "geom_friction[left,right,box][0]"]
@@ -183,7 +182,7 @@ class Tracker:
             np.zeros(self.model.na),
         )
         mean, std = _prior(self.blocks)
-        # An exact start gets a standard deviation of a thousandth of the differences' width.
+        # A standard deviation of 0 is replaced by a thousandth of the width of the finite differences.
         cov = np.diag(np.concatenate([std, np.maximum(np.repeat(unknown, m), 1e-3 * NUDGE)]) ** 2)
         self._hypotheses = [Horizon(self._problem, np.concatenate([mean, np.zeros(2 * m)]), cov, begin)]
         span = (high - low) / 2
@@ -192,19 +191,19 @@ class Tracker:
         self._watch: Watch | None = Watch()
 
     def update(self, ctrl: ArrayLike, readings: Mapping[str, ArrayLike]) -> Tracked:
-        """Adds a sample, and updates the estimates.
+        """Add a sample, and update the estimates.
 
         Args:
-            ctrl: Controls since the sample before, (nu,), in the actuators' units.
-            readings: Readings at the end of that period by channel, (dim,) or a number, in the channel's unit. NaN, or an absent channel,
+            ctrl: Controls since the previous sample, (nu,), in the actuators' units.
+            readings: Readings at the end of the period by channel, (dim,) or a number, in the channel's unit. NaN, or an absent channel,
                 means not measured.
 
         Returns:
             Estimates after the sample.
 
         Raises:
-            KeyError: A channel without noise.
-            ValueError: Wrong shapes, or numbers that are not finite.
+            KeyError: A channel has no entry in `noise`.
+            ValueError: A shape is wrong, or a number is not finite.
             FloatingPointError: The prediction is not finite.
         """
         began = time.perf_counter()
@@ -240,7 +239,7 @@ class Tracker:
         )
 
     def sample(self, count: int, *, seed: int = 0) -> dict[str, Any]:
-        """Random parameters from the present distribution, for `Stepper.randomize`.
+        """Random parameters from the current distribution, for `Stepper.randomize`.
 
         Args:
             count: Number of environments.
@@ -252,10 +251,11 @@ class Tracker:
         return write(self.blocks, self._mixture().draw(count, seed), self.model).fields
 
     def _mixture(self) -> Mixture:
-        """Distribution of the parameters."""
+        """Current distribution of the parameters."""
         return mixture_of(self._hypotheses, self._problem)
 
     def _checked(self, readings: Mapping[str, ArrayLike]) -> dict[str, Array]:
+        """Readings of all channels as arrays (columns,), with NaN for absent channels, after a check."""
         known = {channel.name: channel for channel in self._problem.channels}
         out = {}
         for name, given in readings.items():
@@ -269,7 +269,15 @@ class Tracker:
 
 
 def _spread(name: str, given: ArrayLike, size: int, remedy: str, *, alone: bool = False) -> Array:
-    """Standard deviations, (size,), of an argument."""
+    """Standard deviations from an argument, (size,), after a check.
+
+    Args:
+        name: Name of the argument.
+        given: Its value.
+        size: Required number of standard deviations.
+        remedy: Required form, for the error message.
+        alone: Whether a single number is accepted.
+    """
     value = np.asarray(given, np.float64)
     if value.shape != (size,) and not (alone and value.ndim == 0):
         raise ValueError(f"{name} has shape {value.shape}, must be {remedy}")
@@ -279,6 +287,7 @@ def _spread(name: str, given: ArrayLike, size: int, remedy: str, *, alone: bool 
 
 
 def _dofs(model: Model, names: Sequence[str]) -> list[int]:
+    """Indices of the degrees of freedom of the named joints."""
     joints = [model.joint(name) for name in names]
     return [dof for joint in joints for dof in range(joint.dofadr, joint.dofadr + joint.nv)]
 

@@ -1,4 +1,4 @@
-"""Constants of a tracker, and the prediction of the readings in a window."""
+"""Fixed data of a tracker (`Problem`), and prediction of the readings in a window."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from stepper.sysid.parameters import Block, write
 from stepper.sysid.simulate import Channel, compared
 
 Sample = tuple[Array, dict[str, Array]]
-"""Controls of a period, and readings at its end by channel."""
+"""Sample of a tracker: controls of a period, (nu,), and readings at its end by channel, (columns,)."""
 
 
 @dataclass(frozen=True)
 class Problem:
-    """Model, parameters and noise of a tracker.
+    """Fixed data of a tracker: model, parameters, channels and noise.
 
     Attributes:
         model: The model.
         blocks: Tracked parameters.
-        sim: Stepper for predictions, with an environment for each point of a window.
-        nstep: Time steps of a period.
-        channels: Channels that are read.
-        sigma: Standard deviations of their columns, (width,).
+        sim: Stepper for predictions, with one environment for each simulated point.
+        nstep: Number of time steps per period.
+        channels: Measured channels.
+        sigma: Standard deviations of the noise of their columns, (width,).
         dofs: Degrees of freedom whose state is uncertain.
         low, high, scale: Bounds and scales of the parameters, (n,).
-        kinked: Indices of frictions, which have no slope while nothing slides.
+        kinked: Indices of the frictions in theta. While nothing slides, the readings do not depend on a friction.
         drift: Standard deviations of the random change of parameters in a second, (n,).
         gained: Standard deviations of the random change of parameters and states in a period, (n + states,).
         period: Time between samples, s.
@@ -60,7 +60,7 @@ class Problem:
         return len(self.scale)
 
     def seen(self, readings: dict[str, Array]) -> np.ndarray[Any, np.dtype[np.bool_]]:
-        """Mask of the measured columns of the residuals, (width,); columns with infinite noise are ignored."""
+        """Mask of the columns of the residuals that are measured and have finite noise, (width,)."""
         parts = []
         for channel in self.channels:
             finite = np.isfinite(readings[channel.name])
@@ -71,13 +71,17 @@ class Problem:
     def predict(
         self, begin: tuple[Array, Array, Array], points: Array, samples: Sequence[Sample], now: float
     ) -> tuple[dict[str, Array], Array]:
-        """States and readings of a window, and residuals (count, T, width).
+        """Simulate the window from several points.
 
         Args:
-            begin: qpos, qvel and act where the window begins.
+            begin: qpos, qvel and act at the start of the window.
             points: Parameters theta, displacements (m, rad) and changes of velocity (m/s, rad/s) at the start, (count, n + states).
-            samples: Samples of the window.
-            now: Time of the last one, s.
+            samples: The T samples of the window.
+            now: Time of the last sample, s, for error messages.
+
+        Returns:
+            Predicted states and readings by field, (T, count, ...); residuals in units of the noise, (count, T, width), 0 for readings that
+            are NaN.
 
         Raises:
             FloatingPointError: The prediction is not finite.

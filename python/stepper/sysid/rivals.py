@@ -1,8 +1,9 @@
 """Comparison of an estimated friction with other values, by predictions of the window of readings.
 
-While an object sticks, the readings have no slope with respect to friction: a larger value changes nothing, and a much smaller one would
-slip. Each window is therefore also predicted with other frictions. They show whether the object sticks, and which values are excluded. They
-also show whether another value is a rival of the estimate, and how much information of the slopes is reliable.
+While an object sticks, the derivative of the readings with respect to friction is zero: a larger value changes nothing, and a much smaller
+one would slip. Each window is therefore also simulated with other frictions. The results show whether the object sticks, and which values
+the readings exclude. They also show whether another value is a rival of the estimate (it explains the readings equally well), and how much
+information of the derivatives is reliable. Frictions are logarithms throughout.
 """
 
 from __future__ import annotations
@@ -17,45 +18,47 @@ from stepper.sysid.inertia import Array
 WIDE = 0.3
 """Standard deviation, in scales, above which a parameter counts as unknown."""
 FLAT = 0.01
-"""Sum of squared differences of residuals below which two frictions predict the same."""
+"""Sum of squared differences of residuals below which two frictions give the same prediction."""
 KINKED = (*(f"{field}_friction[{column}]" for field in ("geom", "pair") for column in range(3)), "dof_frictionloss")
-"""Kinds of parameters that have no slope where nothing slides."""
+"""Kinds of parameters on which the readings do not depend while nothing slides."""
 OTHERS = (-0.5, -0.15, 0.15, 0.5)
-"""Logarithms of the ratios of other frictions to the estimate."""
+"""Offsets of other frictions from the estimate, as logarithms."""
 NEAR = 2.5
-"""Distance of the two nearest other frictions, in standard deviations."""
+"""Distance of the two nearest other frictions from the estimate, in standard deviations."""
 NEAREST = 0.005
-"""Smallest such distance, as a logarithm."""
+"""Smallest distance of the two nearest other frictions from the estimate, as a logarithm."""
 ABOVE_BOUND = 0.02
-"""Distance of another friction from the lower bound, as a logarithm: the bound can rise by it with every sample."""
+"""Distance of the last other friction above the lower bound, as a logarithm. The bound can rise by this with every sample."""
 OTHERS_PER_FRICTION = len(OTHERS) + 3
 """Number of other values that are compared with each friction."""
 BETTER = 1.0
-"""Decrease of the cost from which a larger friction is a rival, and increase up to which a larger friction holds as well."""
+"""Decrease of the cost above which a larger friction is a rival; increase below which a larger friction counts as equally good."""
 LOWER = 0.0
-"""Decrease of the cost from which a smaller friction is a rival of an unknown one. Equal costs give it a weight of about 3 %, the share of
-the prior in which friction slips a little."""
+"""Decrease of the cost above which a smaller friction is a rival of an undetermined one.
+
+Equal costs give it a weight of about 3 %, the share of the prior in which friction slips a little.
+"""
 EXCLUDED = 12.0
-"""Difference of costs from which a smaller friction is a rival of a known one, and a value is excluded: 3.5 standard deviations."""
+"""Difference of costs above which a smaller friction is a rival of a determined one, or a value is excluded (3.5 standard deviations)."""
 LEAST_GAIN = 0.01
-"""Information from slopes, relative to the information before, below which slopes are not checked."""
+"""Gain of information by the derivatives, relative to the information before, below which the derivatives are not checked."""
 LEAST_DISTANCE = 2.0
-"""Squared distance, relative to the variance by the slopes, from which the cost of another friction counts in this check."""
+"""Squared distance of another friction, relative to the variance from the derivatives, above which its cost counts in this check."""
 POSSIBLE = 9.0
-"""Increase of the cost up to which another friction counts in this check: three standard deviations."""
+"""Increase of the cost below which another friction counts in this check: three standard deviations."""
 LEAST = 0.04
-"""Smallest share of the slopes' information that is kept: intervals become at most five times as wide."""
+"""Smallest fraction of the derivatives' information that is kept. Intervals become at most five times as wide."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """Comparison of an estimate with other frictions.
+    """Result of a comparison of the estimate with other frictions.
 
     Attributes:
-        rival: Index of the point whose friction explains the window best, as a rival; None if there is none.
-        holding: Indices of frictions at which the object sticks, so that the window has no slope with respect to them.
-        excluded: Largest excluded value, by the index of the friction.
-        rises: Distance of each other value and its increase of the cost, (k, 2), by the index of a friction at which the object slips.
+        rival: Index of the point whose friction is the best rival of the estimate; None if there is none.
+        holding: Indices of frictions at which the object sticks, so that the derivatives with respect to them are zero.
+        excluded: Largest value that the readings exclude, by index of the friction.
+        rises: For each friction at which the object slips, by index: offset of each other value and its increase of the cost, (k, 2).
     """
 
     rival: int | None
@@ -74,16 +77,16 @@ def other_frictions(x: float, std: float, bound: float) -> Array:
 def verdict_of(
     kinked: list[int], unknown: list[bool], *, points: Array, residual: Array, J: Array, mean: Array, root: Array, first: int
 ) -> Verdict:
-    """Compares an estimate with other values of its frictions.
+    """Compare an estimate with other values of its frictions.
 
     Args:
-        kinked: Indices of frictions.
-        unknown: Whether the readings before the window leave each of them undetermined.
-        points: The estimate and all other points, (count, N).
-        residual: Residuals of the points over their noise, (count, T, width).
+        kinked: Indices of the frictions.
+        unknown: Whether each friction was undetermined before the window.
+        points: The estimate and all other simulated points, (count, N).
+        residual: Residuals at the points, in units of the noise, (count, T, width).
         J: Derivatives at the estimate, (T, width, N).
         mean: Mean of the arrival cost, (N,).
-        root: Root of its covariance, (N, N).
+        root: Square root of the arrival cost's covariance, (N, N).
         first: Index of the first point with another friction.
     """
     rival, gain, holding = None, 0.0, []
@@ -109,15 +112,15 @@ def verdict_of(
 
 
 def share_of(rises: Array, step: float, *, before: float, after: float) -> float:
-    """Share of the slopes' information on a friction that the costs of other values confirm, from `LEAST` to 1.
+    """Fraction of the derivatives' information about a friction that the costs of other values confirm, from `LEAST` to 1.
 
-    At the onset of slip, the cost rises less towards larger values than the slope at the estimate predicts.
+    At the onset of slip, the cost rises less towards larger values than the derivative at the estimate predicts.
 
     Args:
-        rises: Distances of other values from the estimate, and their increases of the cost, (k, 2).
-        step: Distance of the smallest cost from the estimate, by the slopes.
+        rises: Offsets of other values from the estimate, and their increases of the cost, (k, 2).
+        step: Offset of the minimum of the cost from the estimate, according to the derivatives.
         before: Variance of the friction before the window.
-        after: Variance by the slopes.
+        after: Variance of the friction according to the derivatives.
     """
     gained = 1 / after - 1 / before
     if gained * before < LEAST_GAIN:
@@ -131,7 +134,7 @@ def share_of(rises: Array, step: float, *, before: float, after: float) -> float
 
 
 def widened(covariance: Array, j: int, before: float, share: float) -> Array:
-    """Covariance that keeps only a share of the information gained on a friction j since its variance was `before`, (N, N).
+    """Covariance, (N, N), in which friction j keeps only the fraction `share` of the information gained since its variance was `before`.
 
     Variances of correlated numbers increase accordingly.
     """
@@ -145,20 +148,20 @@ def widened(covariance: Array, j: int, before: float, share: float) -> Array:
 
 
 def _profiles(j: int, points: Array, residual: Array, *, J: Array, mean: Array, whitening: Array) -> tuple[Array, Array]:
-    """Costs of points with other values of the friction j, minimised over all other numbers by the slopes.
+    """Costs of points with other values of friction j, minimised over all other unknowns with the derivatives.
 
-    Without prior knowledge of the friction, the arrival cost is that of the other numbers alone: its minimum over the friction.
+    Without prior knowledge of the friction, the arrival cost is its minimum over the friction.
 
     Args:
         j: Index of the friction.
         points: The estimate and points with other values of the friction, (count, N).
-        residual: Residuals of the points over their noise, (count, T, width).
+        residual: Residuals at the points, in units of the noise, (count, T, width).
         J: Derivatives at the estimate, (T, width, N).
         mean: Mean of the arrival cost, (N,).
-        whitening: Inverse root of its covariance, (N, N).
+        whitening: Inverse square root of the arrival cost's covariance, (N, N).
 
     Returns:
-        Costs without prior knowledge of the friction, and with it, (count,) each.
+        Costs without and with prior knowledge of the friction, (count,) each.
     """
     N = points.shape[1]
     left = residual.reshape(len(points), -1)
@@ -173,8 +176,8 @@ def _profiles(j: int, points: Array, residual: Array, *, J: Array, mean: Array, 
 def _holds(residual: Array, values: Array, window: Array, *, unknown: bool) -> bool:
     """Whether the object sticks at the estimated friction, which is the first of the points.
 
-    An undetermined friction sticks if the largest value predicts the same readings. A determined friction may slip a little where the true
-    one sticks. It counts as sticking if the largest value explains the window equally well and also sticks.
+    With an undetermined friction the object sticks if the largest value gives the same prediction. With a determined friction, the object
+    may slip a little although it sticks in reality. It counts as sticking if the largest value explains the window equally well and sticks.
     """
     *_, second, largest = np.argsort(values)
     if unknown:
@@ -183,6 +186,7 @@ def _holds(residual: Array, values: Array, window: Array, *, unknown: bool) -> b
 
 
 def _same(one: Array, other: Array) -> bool:
+    """Whether two predictions have the same residuals, (T, width), up to `FLAT`."""
     return float(((one - other) ** 2).sum()) < FLAT
 
 

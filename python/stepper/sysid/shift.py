@@ -1,7 +1,8 @@
 """Detection of readings that are one row late or early relative to their controls.
 
-A reading belongs to the end of the period in which its row's control is in force. Logs are often off by one row, and then a fit finds
-parameters that imitate the delay. A fit with white residuals is not off by one. Otherwise both neighbouring rows are tried.
+A reading belongs to the end of the period in which the control of its row acts. Logs are often off by one row, and then a fit finds
+parameters that imitate the delay. White residuals show that the rows are right. Otherwise fits with the next and the previous row are
+compared.
 """
 
 from __future__ import annotations
@@ -17,24 +18,25 @@ from stepper.sysid.data import Episode
 from stepper.sysid.inertia import Array
 
 LATE, EARLY = 1, -1
+"""Shifts: readings of row k + 1, or of row k - 1, belong to the control of row k."""
 RATIO = 0.75
-"""Mean square residual with a shift, over that without it, below which the shift is reported."""
+"""Ratio of the mean square residual with a shift to that without it, below which the shift is reported."""
 COLOURED = 0.3
-"""Correlation of consecutive residuals above which shifts are tried, if it is also above chance."""
+"""Correlation of consecutive residuals above which fits with shifts are made, if it is also statistically significant."""
 LOUD = 1.5
-"""Mean square of residuals over the given noise above which shifts are tried."""
+"""Mean square of residuals, in units of the noise, above which fits with shifts are made."""
 RECENT = 15
-"""Number of samples over which a tracker's surprise is averaged."""
+"""Number of samples over which a tracker's normalised innovation squared is averaged."""
 UNEXPLAINED = 3.0
 """Mean normalised innovation squared above which the tracker's model does not explain the readings."""
 STRETCH = 100
-"""Number of samples after which the copy from which shifted trackers start is replaced."""
+"""Number of samples after which the stored copy of the tracker, from which shifted trackers start, is replaced."""
 CAUGHT_UP = 2
 """Number of past samples that each shifted tracker processes per update, until it has caught up."""
 FREED_STD = (0.1, 1.0)
 """Standard deviations of displacement (m, rad) and velocity (m/s, rad/s) with which the initial state is estimated for comparison."""
 OF_TRACKER = "A wrong initial state can look the same: stepper.sysid.identify with the same readings tries both, and says which fits better"
-"""Remark of a tracker, which does not estimate other initial states in hindsight."""
+"""Remark in a tracker's warning, because a tracker does not re-estimate its initial state."""
 _WORDS = {
     LATE: ("late: the readings of row k + 1 fit the control of row k", "Pair ctrl[:-1] with readings[1:]"),
     EARLY: (
@@ -45,11 +47,11 @@ _WORDS = {
 
 
 def finding(shift: int, ratio: float, remark: str = OF_TRACKER) -> str:
-    """Warning about a shift: the problem, the evidence, the remedy.
+    """Warning about a shift, with the evidence and the remedy.
 
     Args:
         shift: `LATE` or `EARLY`.
-        ratio: Mean square residual with the shift over that without it.
+        ratio: Ratio of the mean square residual with the shift to that without it.
         remark: Sentence about initial states, without its full stop.
     """
     problem, remedy = _WORDS[shift]
@@ -64,8 +66,8 @@ def finding_of_fit(shift: int, ratio: float, freed: float | None) -> str:
 
     Args:
         shift: `LATE` or `EARLY`.
-        ratio: Mean square residual with the shift over that without it.
-        freed: The same ratio with an estimated initial state and no shift; None if the initial state was estimated from the beginning.
+        ratio: Ratio of the mean square residual with the shift to that without it.
+        freed: Ratio of the mean square residual with an estimated initial state and no shift; None if the fit already estimated it.
     """
     if freed is None:
         return finding(shift, ratio, "A wrong initial state is not the cause: it was estimated")
@@ -91,7 +93,7 @@ def _percent(ratio: float) -> str:
 
 
 def shifted(episode: Episode, shift: int) -> Episode:
-    """Episode with each row's readings taken from the row after (`LATE`) or before (`EARLY`), NaN where there is no such row."""
+    """Episode with the readings of the next row (`LATE`) or the previous row (`EARLY`) in each row; NaN where there is no such row."""
     moved = {}
     for name, given in episode.readings.items():
         rows = np.full(np.shape(given), np.nan)
@@ -104,7 +106,7 @@ def shifted(episode: Episode, shift: int) -> Episode:
 
 
 def suspicious(whitened: list[Array]) -> bool:
-    """Whether residuals over their noise, (T, width) by episode, are large or correlated in time."""
+    """Whether residuals in units of their noise, (T, width) by episode, are large or correlated in time."""
     square = np.concatenate([rows[np.isfinite(rows)] for rows in whitened])
     if len(square) and float(np.mean(square**2)) > LOUD:
         return True
@@ -120,10 +122,12 @@ def suspicious(whitened: list[Array]) -> bool:
 
 
 class Watch:
-    """Comparison of a tracker with two copies that get shifted readings, run when its model does not explain the readings.
+    """Detector of shifted readings for a tracker.
+
+    When the tracker's model does not explain the readings, two copies of the tracker process them with shifts of one sample.
 
     Attributes:
-        found: Detected shift and the ratio of the mean squares; None before one is found.
+        found: Detected shift (`LATE` or `EARLY`) and the ratio of the innovations with and without it; None if none is detected.
     """
 
     def __init__(self) -> None:
@@ -134,13 +138,13 @@ class Watch:
         self._twins: dict[int, _Twin] = {}
 
     def begin(self, tracker: Any) -> None:
-        """Called before each sample: copies the tracker at the beginning of each stretch of samples."""
+        """Store a copy of the tracker every `STRETCH` samples. The tracker calls it before each sample."""
         if self._origin is None or (len(self._samples) >= STRETCH and not self._twins):
             self._origin = twin_of(tracker)
             self._samples, self._surprise = [], self._surprise[-RECENT:]
 
     def add(self, ctrl: Array, readings: Mapping[str, Array], surprise: float) -> bool:
-        """Adds a sample; returns whether the model explains the recent readings.
+        """Add a sample, and return whether the model explains the recent readings.
 
         Args:
             ctrl: Controls, (nu,).
@@ -161,7 +165,7 @@ class Watch:
         return not unexplained
 
     def _follow(self) -> None:
-        """Advances the copies, and compares them once they have caught up."""
+        """Advance the shifted copies, and compare them with the tracker when they have processed all samples."""
         for twin in self._twins.values():
             for _ in range(CAUGHT_UP):
                 twin.take(self._samples)
@@ -175,14 +179,14 @@ class Watch:
 
 
 class _Twin:
-    """Copy of a tracker that gets the readings of the row after or before."""
+    """Copy of a tracker that processes each control with the readings of the next or the previous sample."""
 
     def __init__(self, tracker: Any, shift: int):
         self._tracker, self._shift, self._at = twin_of(tracker), shift, 0
         self._surprise: list[float] = []
 
     def take(self, samples: list[tuple[Array, Mapping[str, Array]]]) -> None:
-        """Processes one more sample, if there is one."""
+        """Process one more sample, if there is one."""
         if self.done(samples):
             return
         k = self._at
@@ -196,11 +200,11 @@ class _Twin:
         self._at += 1
 
     def done(self, samples: list[tuple[Array, Mapping[str, Array]]]) -> bool:
-        """Whether all available samples are processed: with `LATE`, the last row has no reading yet."""
+        """Whether all available samples are processed. With `LATE`, the last sample has no readings yet."""
         return self._at >= len(samples) - (self._shift == LATE)
 
     def left(self) -> float:
-        """Mean surprise of the processed samples."""
+        """Mean normalised innovation squared of the processed samples."""
         return float(np.mean(self._surprise)) if self._surprise else np.inf
 
 

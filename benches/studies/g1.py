@@ -30,13 +30,13 @@ study = stepper.lab.Study(
     name="g1",
     model=robot,
     outcomes=[
-        stepper.lab.Outcome(name="pelvis", measure="body pelvis z", over="min", success=">= 0.7", unit="m"),
-        stepper.lab.Outcome(name="way", measure="body pelvis x", over="change", unit="m"),
+        stepper.lab.Outcome(name="pelvis", measure="body pelvis z", reduce="min", success=">= 0.7", unit="m"),
+        stepper.lab.Outcome(name="way", measure="body pelvis x", reduce="change", unit="m"),
     ],
     parameters={
         "friction": stepper.lab.Parameter("geom_friction[floor,*_foot*][0]", low=0.2, high=1.0, source="wet tiles to rubber on concrete"),
-        "payload": stepper.lab.Parameter("body_mass[torso_link]", how="scale", low=0.8, high=1.8, source="a rucksack"),
-        "stiffness": stepper.lab.Parameter("actuator_kp", how="scale", low=0.05, high=1.5, source="usual gains: 10 to 300 N m/rad"),
+        "payload": stepper.lab.Parameter("body_mass[torso_link]", operation="scale", low=0.8, high=1.8, source="a rucksack"),
+        "stiffness": stepper.lab.Parameter("actuator_kp", operation="scale", low=0.05, high=1.5, source="usual gains: 10 to 300 N m/rad"),
     },
     seconds=0.5,
     episodes=4,

@@ -41,12 +41,12 @@ def model() -> stepper.Model:
 def thrown(now: Any, _: list[np.random.Generator]) -> tuple[Any, Any]:
     """Initial qpos and qvel: at the given height, moving downwards and sideways."""
     n = now.num_envs
-    return np.tile([0.0, HEIGHT], (n, 1)), np.stack([now.theta["speed"].astype(float), np.full(n, -DOWN)], axis=1)
+    return np.tile([0.0, HEIGHT], (n, 1)), np.stack([now.parameters["speed"].astype(float), np.full(n, -DOWN)], axis=1)
 
 
 def lost(now: Any) -> np.ndarray[Any, Any]:
     """Share of the horizontal speed that the impact has taken."""
-    gone: np.ndarray[Any, Any] = 1.0 - now.read("qvel", "x")[:, 0] / now.theta["speed"]
+    gone: np.ndarray[Any, Any] = 1.0 - now.read("qvel", "x")[:, 0] / now.parameters["speed"]
     return gone
 
 

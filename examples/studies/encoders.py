@@ -77,9 +77,9 @@ def balancing(name: str, file: str) -> Any:
         model=model,
         drive=Balance(file),
         outcomes=[
-            stepper.lab.Outcome(name="lowest tip", measure="site tip z", over="min", success=f">= {TIP}", unit="m"),
+            stepper.lab.Outcome(name="lowest tip", measure="site tip z", reduce="min", success=f">= {TIP}", unit="m"),
             stepper.lab.Outcome(
-                name="time upright", measure=lambda now: 10.0 * (now.read("site_xpos", "tip")[:, 2] > TIP), over="mean", unit="s"
+                name="time upright", measure=lambda now: 10.0 * (now.read("site_xpos", "tip")[:, 2] > TIP), reduce="mean", unit="s"
             ),
         ],
         parameters={

@@ -64,11 +64,11 @@ study = stepper.lab.Study(
     model=MODEL,
     drive=lift,
     outcomes=[
-        stepper.lab.Outcome(name="slip", measure=slip, over="max", success="<= 0.0005", unit="m"),
+        stepper.lab.Outcome(name="slip", measure=slip, reduce="max", success="<= 0.0005", unit="m"),
         stepper.lab.Outcome(
-            name="force at a pad", measure=lambda now: np.abs(now.read("body_contact_force", "left")[:, 0]), over="end", unit="N"
+            name="force at a pad", measure=lambda now: np.abs(now.read("body_contact_force", "left")[:, 0]), reduce="end", unit="N"
         ),
-        stepper.lab.Outcome(name="rise", measure="body box z", over="change", unit="m"),
+        stepper.lab.Outcome(name="rise", measure="body box z", reduce="change", unit="m"),
     ],
     parameters={
         "friction": stepper.lab.Parameter(

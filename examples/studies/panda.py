@@ -146,11 +146,11 @@ study = stepper.lab.Study(
     drive=pick,
     start=start,
     outcomes=[
-        stepper.lab.Outcome(name="rise", measure="body cube z", over="change", success=">= 0.1", unit="m"),
+        stepper.lab.Outcome(name="rise", measure="body cube z", reduce="change", success=">= 0.1", unit="m"),
         stepper.lab.Outcome(
             name="slip",
             measure=lambda now: now.read("site_xpos", "hand_grip_site")[:, 2] - now.read("xpos", "cube")[:, 2],
-            over="end",
+            reduce="end",
             unit="m",
         ),
     ],

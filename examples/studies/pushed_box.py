@@ -43,12 +43,12 @@ class Stop:
         """Start without a detection."""
         self._moving, self._next = np.ones(now.num_envs, bool), np.zeros(now.num_envs)
         self._box = np.full((now.num_envs, 3), np.nan)
-        self._view = stepper.sensors.FieldOfView(width=now.theta["field of view"], height=0.5)
+        self._view = stepper.sensors.FieldOfView(width=now.parameters["field of view"], height=0.5)
 
     def __call__(self, now: Any) -> np.ndarray[Any, Any]:
         """Speed of the plate, (num_envs, 1) m/s."""
         looks = now.time >= self._next - 1e-9
-        self._next = np.where(looks, self._next + 1.0 / now.theta["rate"], self._next)
+        self._next = np.where(looks, self._next + 1.0 / now.parameters["rate"], self._next)
         said = now.read("sensordata", "camera")
         # The field of view of an ideal camera is unlimited.
         self._box = said if now.ideal else self._view.detect(said, self._box)
@@ -70,15 +70,17 @@ study = stepper.lab.Study(
     sensors=stepper.SensorModel({"camera": stepper.Transfer(noise_std=0.001, delay=0.01)}),
     parameters={
         "friction": stepper.lab.Parameter("geom_friction[table,box][0]", nominal=0.5, low=0.1, high=0.9, source="boxes on tables"),
-        "mass": stepper.lab.Parameter("body_mass[box]", how="scale", low=0.5, high=2.0, source="contents of the box"),
-        "height": stepper.lab.Parameter("geom_size[box][2]", how="scale", low=0.6, high=1.0, source="the box"),
+        "mass": stepper.lab.Parameter("body_mass[box]", operation="scale", low=0.5, high=2.0, source="contents of the box"),
+        "height": stepper.lab.Parameter("geom_size[box][2]", operation="scale", low=0.6, high=1.0, source="the box"),
         "rate": stepper.lab.Parameter("drive", nominal=50.0, values=(5.0, 10.0, 25.0, 50.0), unit="Hz", source="controllers"),
         "camera noise": stepper.lab.Parameter("sensor.noise_std", low=0.0, high=0.02, unit="m", source="detectors of markers"),
         "camera delay": stepper.lab.Parameter("sensor.delay", low=0.0, high=0.1, unit="s", source="cameras of 30 to 100 Hz"),
-        "camera place": stepper.lab.Parameter("body_pos[camera][0]", how="add", low=-0.03, high=0.03, unit="m", source="a bracket, by eye"),
+        "camera place": stepper.lab.Parameter(
+            "body_pos[camera][0]", operation="add", low=-0.03, high=0.03, unit="m", source="a bracket, by eye"
+        ),
         # Rotation about the camera's y axis: the last component of the quaternion (0, 1, 0, 0) changes by half the angle.
         "camera tilt": stepper.lab.Parameter(
-            "body_quat[camera][3]", how="add", low=-0.015, high=0.015, unit="rad/2", source="a bracket, by eye"
+            "body_quat[camera][3]", operation="add", low=-0.015, high=0.015, unit="rad/2", source="a bracket, by eye"
         ),
         "field of view": stepper.lab.Parameter("drive", nominal=1.0, low=0.4, high=1.2, unit="rad", source="lenses of 23 to 69 degrees"),
     },

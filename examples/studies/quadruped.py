@@ -69,7 +69,7 @@ def gait(time: Any, phase: float) -> tuple[Any, Any]:
 def trot(now: Any) -> Any:
     """Servo targets (num_envs, 12) of a trot, whose diagonal legs move together. Also applies the push on the trunk."""
     pushes = (now.time >= PUSHED - 1e-9) & (now.time < PUSHED + LASTS - 1e-9)
-    now.xfrc_applied[:, now.model.body("base").id, 1] = np.where(pushes, now.theta["push"], 0.0)
+    now.xfrc_applied[:, now.model.body("base").id, 1] = np.where(pushes, now.parameters["push"], 0.0)
     out = []
     for phase in (0.0, 0.5, 0.5, 0.0):
         thigh, knee = gait(now.time, phase)
@@ -93,17 +93,19 @@ study = stepper.lab.Study(
     drive=trot,
     start=start,
     outcomes=[
-        stepper.lab.Outcome(name="lowest trunk", measure="body base z", over="min", success=">= 0.18", unit="m"),
-        stepper.lab.Outcome(name="way", measure="body base x", over="change", unit="m"),
+        stepper.lab.Outcome(name="lowest trunk", measure="body base z", reduce="min", success=">= 0.18", unit="m"),
+        stepper.lab.Outcome(name="way", measure="body base x", reduce="change", unit="m"),
     ],
     parameters={
         "push": stepper.lab.Parameter("drive", nominal=0.0, low=0.0, high=300.0, unit="N", source="a person, for 0.1 s"),
         "friction": stepper.lab.Parameter("geom_friction[floor,F?,R?][0]", low=0.2, high=1.0, source="wet tiles to rubber on concrete"),
-        "payload": stepper.lab.Parameter("body_mass[base]", how="scale", low=0.8, high=1.8, source="batteries and arms"),
-        "stiffness": stepper.lab.Parameter("actuator_kp", how="scale", low=0.5, high=1.5, source="usual gains: 20 to 100 N m/rad"),
-        "damping": stepper.lab.Parameter("actuator_kv", how="scale", low=0.5, high=1.5, source="usual gains"),
+        "payload": stepper.lab.Parameter("body_mass[base]", operation="scale", low=0.8, high=1.8, source="batteries and arms"),
+        "stiffness": stepper.lab.Parameter("actuator_kp", operation="scale", low=0.5, high=1.5, source="usual gains: 20 to 100 N m/rad"),
+        "damping": stepper.lab.Parameter("actuator_kv", operation="scale", low=0.5, high=1.5, source="usual gains"),
         "delay": stepper.lab.Parameter("actuator.delay", low=0.0, high=0.02, unit="s", source="buses, 1 to 20 ms"),
-        "dry friction": stepper.lab.Parameter("dof_frictionloss[*_joint]", how="scale", low=0.5, high=2.0, source="gears, new to worn"),
+        "dry friction": stepper.lab.Parameter(
+            "dof_frictionloss[*_joint]", operation="scale", low=0.5, high=2.0, source="gears, new to worn"
+        ),
     },
     seconds=4.0,
     control=0.02,

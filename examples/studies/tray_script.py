@@ -10,7 +10,7 @@ CONTROL, MASS, GRAVITY = 0.008, 0.3, 9.81
 
 def force(now: Any, time: Any) -> Any:
     """Force of the push for a control that begins at a time, N: its mean over the control period. It is zero after the reaction."""
-    return now.theta["push"] * np.clip((now.theta["reaction"] - time) / CONTROL, 0.0, 1.0)
+    return now.parameters["push"] * np.clip((now.parameters["reaction"] - time) / CONTROL, 0.0, 1.0)
 
 
 def push(now: Any) -> None:
@@ -23,8 +23,8 @@ def exact(now: Any, time: Any) -> Any:
 
     The initial velocity is neglected: it is about 1e-6 m/s, and friction stops it within 1e-7 s.
     """
-    rubs = now.theta["friction"] * GRAVITY
-    mass = MASS * now.theta["mass"]
+    rubs = now.parameters["friction"] * GRAVITY
+    mass = MASS * now.parameters["mass"]
     x, v = np.zeros(now.num_envs), np.zeros(now.num_envs)
     qpos, qvel = np.tile(now.qpos, (len(time), 1, 1)), np.tile(0.0 * now.qvel, (len(time), 1, 1))
     qvel[0] = now.qvel

@@ -192,7 +192,7 @@ def test_a_control_that_is_not_finite_is_not_taken_up(tmp_path):
             assert np.all(np.isfinite(sim.qpos))
     assert sim.qpos[0].tobytes() == held.qpos[0].tobytes()
     head = json.loads((tmp_path / "run/run.json").read_text())
-    found = {(f["whose"], f["what"]): f["count"] for f in head["failures"]}
+    found = {(f["cause"], f["what"]): f["count"] for f in head["failures"]}
     assert found["action", "non-finite"] == 2
     assert ("physics", "non-finite") not in found
 
@@ -209,7 +209,7 @@ def test_set_points_are_not_clipped_controls(tmp_path):
     sim = sim_of(actuators=ActuatorModel(default=Drive(servo=PID(kp=0.1))))
     with sim.record(tmp_path / "run"):
         sim.step(np.full(sim.model.nu, 3.0))
-    assert not [f for f in json.loads((tmp_path / "run/run.json").read_text())["failures"] if f["whose"] == "action"]
+    assert not [f for f in json.loads((tmp_path / "run/run.json").read_text())["failures"] if f["cause"] == "action"]
 
 
 def test_files(tmp_path):
@@ -275,7 +275,7 @@ def test_numbers_out_of_range_are_named(drive, message):
     (lambda: ActuatorModel({"a": PID(kp=1)}), "must be a stepper.Drive"),
     (lambda: Drive(servo=DCMotor()), "must be a stepper.actuators.PID"),
     (lambda: Drive(lag="slow"), "lag is 'slow'"),
-    (lambda: DCMotor(stall_torque=1.0), "go together"),
+    (lambda: DCMotor(stall_torque=1.0), "give both"),
     (lambda: DCMotor(control="current"), "must be 'torque' or 'voltage'"),
     (lambda: Drive(limits=(1, 2, 3)), "limits"),
 ])  # fmt: skip

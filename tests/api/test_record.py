@@ -284,7 +284,7 @@ def test_failures_are_laid_to_action_or_physics(tmp_path):
         sim.step(ctrl)
         sim.step(np.zeros_like(ctrl))
     head = json.loads((tmp_path / "run/run.json").read_text())
-    found = {(f["whose"], f["what"]): f for f in head["failures"]}
+    found = {(f["cause"], f["what"]): f for f in head["failures"]}
     assert found["action", "non-finite"]["first"] == [[2, 1]]
     assert found["action", "clipped"]["first"] == [[2, 2]]
     assert ("physics", "non-finite") not in found
@@ -351,7 +351,7 @@ def test_failures_of_sensing_are_counted_by_sensor(tmp_path):
         sim.step(nstep=50)
         assert sim.sensor_faults[3, 1, 0] > 40
         counted = sim.sensor_faults
-    found = {(f["whose"], f["what"]): f for f in json.loads((tmp_path / "run/run.json").read_text())["failures"]}
+    found = {(f["cause"], f["what"]): f for f in json.loads((tmp_path / "run/run.json").read_text())["failures"]}
     assert found["sensing", "saturation"]["readings"] == {"gyro": beyond.sum() + counted[:, 1, 0].sum()}
     assert found["sensing", "dropout"]["readings"] == {"clock": still.sum() + counted[:, 3, 1].sum()}
     assert all(env >= 2 for _, env in found["sensing", "saturation"]["first"])
@@ -390,7 +390,7 @@ def test_efforts_at_their_bounds_are_counted_by_actuator(tmp_path, integrator, n
         assert counts(1.5, 0.0, 0.0, 2.0) == [3, 0, 0, 3]
     sim.reset()
     assert not sim.actuator_saturation.any()
-    found = {(f["whose"], f["what"]): f for f in json.loads((tmp_path / "run/run.json").read_text())["failures"]}
+    found = {(f["cause"], f["what"]): f for f in json.loads((tmp_path / "run/run.json").read_text())["failures"]}
     saturated = found["action", "saturated"]
     assert saturated["count"] == 4 * num_envs
     assert saturated["steps"] == {"plain": 6 * num_envs, "driven": 3 * num_envs, "servo": 2 * num_envs, "second": 3 * num_envs}

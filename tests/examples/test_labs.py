@@ -10,9 +10,9 @@ import pytest
 import stepper
 from stepper.envs import StepperVectorEnv
 from stepper.lab.study.batches import run_points
+from stepper.lab.study.failure_causes import causes_of
 from stepper.lab.study.points import Point
 from stepper.lab.study.results import Results
-from stepper.lab.study.whose import judge
 
 LABS = Path(__file__).parents[2] / "examples/studies"
 
@@ -44,7 +44,7 @@ def test_friction_decides_a_grasp(tmp_path):
         assert (end.low + end.high) / 2 == pytest.approx(theory, abs=1e-3)
     # Several settings have an end of success, and are drawn beside one another.
     assert (tmp_path / "grasp/cliffs.png").stat().st_size > 500
-    rows = [row for row in found.table.rows if row["theta"].get("friction", 0) >= 0.5]
+    rows = [row for row in found.table.rows if row["parameters"].get("friction", 0) >= 0.5]
     ours = [row["outcomes"] for row in rows if row["setting"] == "stepper"]
     # Motors of 10 N: what accelerates the pads is gone when the box is still, to the solver's tolerance over a step of 0.1 kg.
     assert all(row["force at a pad"] == pytest.approx(10.0, abs=1e-3) for row in ours)
@@ -113,7 +113,7 @@ def test_where_the_camera_hangs_and_what_it_sees_decides(tmp_path):
     narrow = replace(study, parameters={**study.parameters, "field of view": replace(study.parameters["field of view"], nominal=0.4)})
     with Results(narrow, tmp_path / "narrow") as results:
         rows = run_points(narrow, [Point(narrow.nominal)], results.journal)
-        assert {(row["success"], found.whose) for row, found in zip(rows, judge(narrow, rows, results.journal), strict=True)} == {
+        assert {(row["success"], found.cause) for row, found in zip(rows, causes_of(narrow, rows, results.journal), strict=True)} == {
             (False, "perception")
         }
 

@@ -10,7 +10,7 @@ import pytest
 import stepper
 from stepper.lab.accuracy.candidates import lines, pareto, timesteps
 from stepper.lab.accuracy.costs import saving
-from stepper.lab.accuracy.measure import Ground, measure, reference
+from stepper.lab.accuracy.measure import ChartBasis, measure, reference
 from stepper.lab.accuracy.reference import _assessed, converge
 from stepper.lab.accuracy.traces import Distance, quantity, run
 from stepper.lab.accuracy.tune import Candidate, Tuning, _cheaper, _compared, _lines
@@ -123,7 +123,7 @@ def test_a_run_that_takes_too_long_is_stopped_and_told(tmp_path, monkeypatch):
     assert "took far longer than the reference and had to be stopped" in told
     study, distance = replace(scene(), threads=1), Distance("m", 0.1)
     right = converge(study, range(2), distance, target=1e-3, most=2)
-    points, _, _ = measure(Ground(study, range(2), distance, right, 2), lines(study, quick=True)[:1], [0.005, 0.0025], lambda *_: None)
+    points, _, _ = measure(ChartBasis(study, range(2), distance, right, 2), lines(study, quick=True)[:1], [0.005, 0.0025], lambda *_: None)
     assert "it takes more than 10 times as long as the converged run" in " ".join(points[0].notes)
     assert points[1].notes == ()
 
@@ -196,7 +196,7 @@ def test_a_chart_of_a_model_of_ones_own(tmp_path):
 def test_a_chart_has_both_laws_whatever_the_options_of_the_study(options):
     study = replace(scene(options=options), threads=1)
     distance, right = reference(study, [0], 0.1, "m", 4)
-    measured, skipped, _ = measure(Ground(study, [0], distance, right, 4), lines(study, quick=True), [0.005], lambda *_: None)
+    measured, skipped, _ = measure(ChartBasis(study, [0], distance, right, 4), lines(study, quick=True), [0.005], lambda *_: None)
     assert not skipped
     assert {point.line.law for point in measured if point.line.engine == "stepper"} == {"hard", "mujoco"}
     for point in measured:
@@ -245,14 +245,14 @@ def test_what_is_saved_is_said_of_settings_that_keep_the_budget():
     assert "1.80 times what the study's own settings cost (10 us), which miss the budget by 0.002 m: their error is 0.003 m" in _compared(
         misses, "batch"
     )
-    assert _cheaper(misses) == "1 of 2 candidates keep the budget in the episodes that chose, and none of them is cheaper."
+    assert _cheaper(misses) == "1 of 2 candidates keep the budget in the training episodes, and none of them is cheaper."
     diverges = tuned((math.inf, math.nan), (0.8e-3, 5.0))
     assert _compared(diverges, "batch").startswith("With the study's own settings, an episode diverges. They miss the budget")
     assert _compared(tuned((0.9e-3, 10.0)), "batch") == "These are the study's own settings."
     unproved = tuned((0.9e-3, 10.0), (0.8e-3, 18.0), (0.95e-3, 12.0), chosen=2, trials=2)
-    assert "and are not proved by others" in _compared(unproved, "batch")
+    assert "but were not tested on others" in _compared(unproved, "batch")
     assert _cheaper(unproved).endswith(
-        "2 of them are cheaper and not proved: 1 failed on held-out episodes; 1 not tested, because their errors are "
+        "2 of them are cheaper but not chosen: 1 failed on held-out episodes; 1 not tested, because their errors are "
         "similar to that of one that failed."
     )
 
@@ -299,32 +299,32 @@ def saves(monkeypatch):
 
 def test_what_a_scene_does_not_need(tmp_path, saves):
     motor = stepper.lab.Parameter("drive", nominal=0.01, low=0.0, high=0.02)
-    study = scene(drive=lambda now: now.theta["motor"][:, None], parameters={"motor": motor})
+    study = scene(drive=lambda now: now.parameters["motor"][:, None], parameters={"motor": motor})
     found = stepper.lab.tune(study, tmp_path, error="1 mm", horizon="0.1 s", coverage=0.5)
-    spare = {own.what: own for own in found.spare}
+    spare = {own.part: own for own in found.spare}
     # Balls and arm meet one another nowhere, nor does the arm the floor; both balls lie on the floor.
     assert "4 of 6 pairs of bodies" in spare
     assert "the limit of one joint" in spare
     assert "1 sensors" in spare
     assert "friction of" not in " ".join(spare)
-    cones = [own for own in found.spare if own.what.startswith("cones")]
-    assert all(own.taken and own.error == 0.0 for own in found.spare if own not in cones and not own.setting)
+    cones = [own for own in found.spare if own.part.startswith("cones")]
+    assert all(own.removed and own.error == 0.0 for own in found.spare if own not in cones and not own.setting)
     # Of the settings, 64 bits are not needed; balls that touch a plane in a point each never need the second tier.
     bits, tier = spare["64 bits"], spare["the solver's Newton method"]
     assert 0.0 < bits.error < 1e-3
-    assert bits.taken == (found.precision == "f32")
+    assert bits.removed == (found.precision == "f32")
     assert tier.error == 0.0
-    assert not tier.taken
+    assert not tier.removed
     assert 'no: it is a setting, solver="pgs"' in str(found)
     # The balls fall by some millimetres and roll: what a cone is needed for depends on how they touch, and nothing is taken out for one.
-    assert not any(own.taken for own in cones)
+    assert not any(own.removed for own in cones)
     smaller = stepper.load(tmp_path / "scene/smaller.stepper")
     assert (smaller.nsensordata, smaller.joint("hinge").limited, smaller.nv) == (0, False, study.loaded[0].nv)
     # What saves nothing, or perhaps nothing, stays.
     saves["share"] = (0.02, -0.01)
     found = stepper.lab.tune(study, tmp_path / "nothing", error="1 mm", horizon="0.1 s", coverage=0.5)
-    assert {own.what for own in found.spare} >= spare.keys() - {"all removed parts together"}
-    assert not any(own.taken for own in found.spare)
+    assert {own.part for own in found.spare} >= spare.keys() - {"all removed parts together"}
+    assert not any(own.removed for own in found.spare)
     assert found.smaller is None
     assert not (tmp_path / "nothing/scene/smaller.stepper").exists()
     assert "no: it saves nothing" in str(found)
@@ -349,7 +349,7 @@ def test_what_is_used_stays(tmp_path):
         start=lambda now, rng: (np.tile(now.model.qpos0 + 1.5708 * (np.arange(15) == 14), (now.num_envs, 1)), np.ones((now.num_envs, 13))),
     )
     found = stepper.lab.tune(study, tmp_path, error="1 mm", horizon="0.1 s", coverage=0.5)
-    told = " ".join(own.what for own in found.spare)
+    told = " ".join(own.part for own in found.spare)
     assert "sensors" not in told
     assert "limits" not in told
 

@@ -11,7 +11,7 @@ import stepper
 from stepper.lab.accuracy import measure as measured
 from stepper.lab.accuracy.budget import Budget, Stage
 from stepper.lab.accuracy.candidates import Line
-from stepper.lab.accuracy.measure import Ground, measure
+from stepper.lab.accuracy.measure import ChartBasis, measure
 from stepper.lab.accuracy.reference import converge
 from stepper.lab.accuracy.traces import Distance, run
 
@@ -117,7 +117,10 @@ def test_rows_say_what_was_stopped_and_what_was_not_run(clock):
     right = converge(study, range(2), distance, target=1e-3, most=2)
     other = replace(MIDPOINT, name="f32", settings=MIDPOINT.settings | {"precision": "f32"})
     found, skipped, _ = measure(
-        Ground(study, range(2), distance, right, 2, Budget(120.0, clock.now)), [MIDPOINT, other], [0.005, 0.0025, 0.001], lambda *_: None
+        ChartBasis(study, range(2), distance, right, 2, Budget(120.0, clock.now)),
+        [MIDPOINT, other],
+        [0.005, 0.0025, 0.001],
+        lambda *_: None,
     )
     assert not skipped
     assert len(found) == 6

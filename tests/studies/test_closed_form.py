@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import stepper
 from stepper.lab.accuracy.candidates import lines
-from stepper.lab.accuracy.closed_form import closed_form, right_of
-from stepper.lab.accuracy.measure import Ground, measure
+from stepper.lab.accuracy.closed_form import closed_form, reference_of
+from stepper.lab.accuracy.measure import ChartBasis, measure
 from stepper.lab.accuracy.reference import converge
 from stepper.lab.accuracy.traces import Distance, run
 
@@ -77,9 +77,9 @@ def test_a_chart_measures_from_it(tmp_path, monkeypatch):
 def test_hard_contact_alone_is_measured_from_it_as_its_own_law():
     """MuJoCo's law, which lets a block creep and sink, is still converged, and the model's part of its error is from the closed form."""
     study, distance = replace(block(), threads=1), Distance("m", 0.3)
-    right = right_of(study, range(2), distance, target=1e-4)
+    right = reference_of(study, range(2), distance, target=1e-4)
     soft = [line for line in lines(study, quick=True) if line.law == "mujoco" and line.engine == "stepper"][:1]
-    points, _, laws = measure(Ground(study, range(2), distance, right, 3), soft, [0.005], lambda *_: None)
+    points, _, laws = measure(ChartBasis(study, range(2), distance, right, 3), soft, [0.005], lambda *_: None)
     assert not next(iter(laws.values())).exact
     assert points[0].errors["model"].min() > 1e-4
 
@@ -107,7 +107,10 @@ def test_files_name_it(tmp_path):
     ("wrong", "message"),
     [
         (lambda now, time: (slides(now, time)[0], slides(now, time)[1][1:]), r"qvel of shape \(15, 2, 2\), must be .*: \(16, 2, 2\)"),
-        (lambda now, time: (slides(now, time)[0] + 1e-3, slides(now, time)[1]), r"begins 0\.001 away from where the episodes do, in qpos"),
+        (
+            lambda now, time: (slides(now, time)[0] + 1e-3, slides(now, time)[1]),
+            r"begins 0\.001 away from the initial qpos of the episodes",
+        ),
         (lambda now, time: (slides(now, time)[0] * math.nan, slides(now, time)[1]), "gives qpos that is not finite"),
     ],
 )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import stepper
 from stepper.lab.accuracy.traces import Distance, run
-from stepper.lab.study.whose import DIVERGED
+from stepper.lab.study.failure_causes import DIVERGED
 
 # MuJoCo's Euler rule takes a spring explicitly: its oscillation grows where kp dt^2 / I is above 4, and it is 4000 here. Stepper's midpoint
 # rule takes it implicitly.
@@ -15,15 +15,15 @@ STIFF = """<mujoco model="stiff"><option timestep=".002"/><worldbody><body name=
   <actuator><position name="servo" joint="hinge" kp="1e6"/></actuator></mujoco>"""
 MEASURES = (
     stepper.lab.Outcome(name="angle", measure="joint hinge", success="> -1e9"),
-    stepper.lab.Outcome(name="widest", measure="joint hinge", over="max"),
+    stepper.lab.Outcome(name="widest", measure="joint hinge", reduce="max"),
 )
 
 
 def study(**changed):
     """Whatever is finite is a success."""
     given = {"model": STIFF, "name": "stiff", "outcomes": MEASURES, "seconds": 0.1, "episodes": 3, "qvel_noise": 0.1}
-    servo = stepper.lab.Parameter("actuator_kp", how="scale", low=0.9, high=1.1)
-    mass = stepper.lab.Parameter("body_mass", how="scale", low=0.9, high=1.1)
+    servo = stepper.lab.Parameter("actuator_kp", operation="scale", low=0.9, high=1.1)
+    mass = stepper.lab.Parameter("body_mass", operation="scale", low=0.9, high=1.1)
     engines = {"MuJoCo": {"engine": "mujoco"}, "finer": {"engine": "mujoco", "timestep": 1e-5}}
     return stepper.lab.Study(**(given | {"parameters": {"stiffness": servo, "mass": mass}, "settings": engines} | changed))
 
@@ -39,7 +39,7 @@ def test_episodes_that_mujoco_begins_anew_are_failures_of_physics(tmp_path, monk
     lost = [row for row in found.sweep.table.rows if row["setting"] == "MuJoCo"]
     assert [row["success"] for row in lost] == [False] * 3
     assert all(math.isnan(value) for row in lost for value in row["outcomes"].values())
-    assert {(v.row["setting"], v.whose, v.rule) for v in found.verdicts if v.row["setting"] == "MuJoCo"} == {
+    assert {(v.row["setting"], v.cause, v.rule) for v in found.verdicts if v.row["setting"] == "MuJoCo"} == {
         ("MuJoCo", "physics", DIVERGED)
     }
     counts = {level.setting: (level.successes, level.unsolved, level.diverged) for level in found.sweep.levels}
@@ -57,7 +57,7 @@ def test_episodes_that_stepper_loses_are_failures_of_physics(tmp_path):
     found = stepper.lab.report(
         study(model=spring, drive=runaway, parameters={}, settings={}, options=stepper.Options(integrator="euler"), seconds=1.0), tmp_path
     )
-    assert {(v.whose, v.rule) for v in found.verdicts if v.row["setting"] in ("stepper", "MuJoCo")} == {("physics", DIVERGED)}
+    assert {(v.cause, v.rule) for v in found.verdicts if v.row["setting"] in ("stepper", "MuJoCo")} == {("physics", DIVERGED)}
     assert {level.setting: level.diverged for level in found.sweep.levels}.items() >= {"stepper": 3, "MuJoCo": 3}.items()
 
 

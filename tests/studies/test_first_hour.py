@@ -20,7 +20,7 @@ def study(**given: object) -> Study:
 
 
 def test_a_start_that_is_text_is_refused_at_once():
-    with pytest.raises(TypeError, match="studies in TOML"):
+    with pytest.raises(TypeError, match="only in TOML files"):
         study(start="cup.py:start")
 
 

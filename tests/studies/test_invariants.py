@@ -140,7 +140,7 @@ def test_what_a_drive_pushes_with_is_no_error():
 
 
 def test_parameters_of_the_nominal_point_are_in_force():
-    heavy = stepper.lab.Parameter("body_mass", how="scale", nominal=2.0, low=1.0, high=2.0)
+    heavy = stepper.lab.Parameter("body_mass", operation="scale", nominal=2.0, low=1.0, high=2.0)
     own = study(SPACE.format(more=""), parameters={"mass": heavy}, qvel_noise=0.0)
     push = np.zeros(own.loaded[0].nv)
     push[1] = 0.5

@@ -34,7 +34,7 @@ def study(selector, factor, **changed):
         "episodes": 1,
         "options": stepper.Options(contact="mujoco", tolerance=1e-12),
     }
-    parameters = {"p": Parameter(selector, how="scale", low=0.5, high=factor)}
+    parameters = {"p": Parameter(selector, operation="scale", low=0.5, high=factor)}
     settings = {"MuJoCo": {"engine": "mujoco", "tolerance": 1e-12, "iterations": 200}}
     return Study(**(given | {"parameters": parameters, "settings": settings} | changed))
 
@@ -64,8 +64,8 @@ def test_rows_do_not_depend_on_the_points_beside_them(tmp_path):
     found = study("body_mass[ball]", 20.0)
     values = [{"p": value} for value in (0.5, 1.0, 20.0)]
     with Journal(tmp_path / "journal", found.name) as journal:
-        rows = run_points(found, [Point(theta) for theta in values], journal)
-    alone = [run_episodes(found, "stepper", [theta], [0])[0] for theta in values]
+        rows = run_points(found, [Point(own) for own in values], journal)
+    alone = [run_episodes(found, "stepper", [own], [0])[0] for own in values]
     assert [row["outcomes"] for row in rows] == [row["outcomes"] for row in alone]
 
 

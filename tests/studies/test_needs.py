@@ -53,13 +53,13 @@ def test_contacts_that_never_slide_need_no_cone():
     assert pairs["floor", "low"].used == pytest.approx(1 / 16, rel=1e-6)
     # A contact that slides is on its cone, to the solver's tolerance.
     assert pairs["ice", "slides"].cone == pytest.approx(1.0, rel=1e-4)
-    (found,) = [own for own in spares(bench(study), 1e-4, lambda _: None)[0] if own.what.startswith("cones")]
-    assert found.what == "cones of 2 of 3 pairs of geoms that touch"
-    assert "low - top" in found.why
+    (found,) = [own for own in spares(bench(study), 1e-4, lambda _: None)[0] if own.part.startswith("cones")]
+    assert found.part == "cones of 2 of 3 pairs of geoms that touch"
+    assert "low - top" in found.reason
     # What stays within its cone does not see a wider one.
     assert found.error < CLOSE
     # A step has no rows of friction without a bound, so there is nothing to take out.
-    assert not found.taken
+    assert not found.removed
 
 
 def test_a_cone_that_is_left_is_needed():
@@ -69,10 +69,10 @@ def test_a_cone_that_is_left_is_needed():
         now.xfrc_applied[:, 2, 0] = 1.5 * MASS * G
 
     study = stepper.lab.Study(model=HEAP.format(more=""), name="heap", drive=shove, seconds=0.1, control=0.02)
-    (found,) = [own for own in spares(bench(study), 1e-4, lambda _: None)[0] if own.what.startswith("cones")]
+    (found,) = [own for own in spares(bench(study), 1e-4, lambda _: None)[0] if own.part.startswith("cones")]
     # The third box lies still and uses no friction at all: what it needs less is no cone but no rows.
-    assert found.what == "cones of 1 of 3 pairs of geoms that touch"
-    assert "floor - low" in found.why
+    assert found.part == "cones of 1 of 3 pairs of geoms that touch"
+    assert "floor - low" in found.reason
     assert found.error < CLOSE
 
 
@@ -82,8 +82,8 @@ def test_an_explicit_pair_has_its_own_cone():
     pairs = {pair.names: pair for pair in touching(study, range(1)).pairs}
     assert pairs["low", "top"].friction == 0.5
     assert 1 / 4 <= pairs["low", "top"].cone <= 4 / 7
-    (found,) = [own for own in spares(bench(study), 1e-4, lambda _: None)[0] if own.what.startswith("cones")]
-    assert found.what == "cones of 2 of 3 pairs of geoms that touch"
+    (found,) = [own for own in spares(bench(study), 1e-4, lambda _: None)[0] if own.part.startswith("cones")]
+    assert found.part == "cones of 2 of 3 pairs of geoms that touch"
     assert found.error < CLOSE
 
 
@@ -98,7 +98,7 @@ def contacts(model, qpos):
 def without(study, start):
     """Entries of what is not needed whose words begin so, and the model without it."""
     found, smaller = spares(bench(study), 1e-4, lambda _: None)
-    return [own for own in found if start in own.what], smaller
+    return [own for own in found if start in own.part], smaller
 
 
 FAR = """<mujoco><option gravity="0 0 0"/><worldbody>
@@ -112,7 +112,7 @@ FAR = """<mujoco><option gravity="0 0 0"/><worldbody>
 def test_explicit_pairs_that_never_come_near_are_taken_out(tmp_path, masks, more):
     study = stepper.lab.Study(model=FAR.format(masks=masks, more=more, place=3, pair="a"), seconds=0.1, episodes=1, control=0.02)
     (found,), smaller = without(study, "1 of 1 pairs of bodies")
-    assert found.taken
+    assert found.removed
     assert found.error == 0.0
     smaller.save(tmp_path / "smaller.stepper")
     near = np.array(study.loaded[0].qpos0)
@@ -127,7 +127,7 @@ def test_explicit_pairs_of_bodies_that_touch_elsewhere_are_taken_out():
     model = FAR.format(masks="", more="", place=0.19, pair="ear")
     study = stepper.lab.Study(model=model, seconds=0.1, episodes=1, control=0.02)
     (found,), smaller = without(study, "1 of 1 explicit pairs of geoms")
-    assert found.taken
+    assert found.removed
     assert found.error == 0.0
     beside = np.array(study.loaded[0].qpos0)
     beside[7:10] = 0.0, 0.0, 0.33
@@ -152,8 +152,8 @@ def test_friction_of_an_explicit_pair_is_its_own():
     more = '<contact><pair geom1="floor" geom2="low"/><pair geom1="low" geom2="top"/></contact>'
     study = stepper.lab.Study(model=HEAP.format(more=more), name="heap", drive=slide, seconds=0.1, control=0.02)
     (found,), smaller = without(study, "friction of")
-    assert found.what == "friction of 2 explicit pairs of geoms"
-    assert found.taken
+    assert found.part == "friction of 2 explicit pairs of geoms"
+    assert found.removed
     friction = {pair.names: pair.friction for pair in touching(replace(study, model=smaller), range(1)).pairs}
     # The box that slides has its friction, to the other end.
     assert friction["ice", "slides"] == 1.0
@@ -166,7 +166,7 @@ def test_what_happened_beside_what_could():
     # Three boxes and the world; the heap touches the floor by one of its boxes.
     assert told["pairs of bodies within reach of a step"] == (6, 3)
     assert told["pairs of geoms that press, of those within reach"] == (3, 3)
-    assert told["those of which a contact slides"] == (3, 1)
+    assert told["pairs of geoms with a sliding contact, of those with friction"] == (3, 1)
     assert told["contacts of an environment at once"] == (None, 12)
     assert told["sensors that are read"] == (1, 0)
     assert told["kinds of flags that steps set"] == (len(stepper.Status), 0)

@@ -39,7 +39,7 @@ def study(parameters, names):
         model=BLOCK,
         start=start,
         parameters={name: stepper.lab.Parameter("geom_friction[*][0]", low=0.1, high=1.0) for name in parameters},
-        outcomes=[stepper.lab.Outcome(name="slide", measure="body block x", over="change", success="<= 0.2", unit="m")],
+        outcomes=[stepper.lab.Outcome(name="slide", measure="body block x", reduce="change", success="<= 0.2", unit="m")],
         settings={name: {"iterations": 5 + k} for k, name in enumerate(names)},
         seconds=1.2,
         control=0.008,

@@ -14,7 +14,7 @@ FIRST, TOTAL = (0.3139, 0.4424, 0.0), (0.5576, 0.4424, 0.2437)
 
 
 def ishigami(now):
-    x, y, z = (np.asarray(now.theta[name], float) for name in "xyz")
+    x, y, z = (np.asarray(now.parameters[name], float) for name in "xyz")
     return np.sin(x) + 7.0 * np.sin(y) ** 2 + 0.1 * z**4 * np.sin(x)
 
 
@@ -43,7 +43,7 @@ def test_indices_of_ishigamis_function(tmp_path):
 
 def test_a_success_is_ranked_by_its_share_and_nothing_is_run_twice(tmp_path):
     """A half of the range of x succeeds, whatever the others are."""
-    study = of(lambda now: np.asarray(now.theta["x"], float), success="> 0")
+    study = of(lambda now: np.asarray(now.parameters["x"], float), success="> 0")
     found = stepper.lab.rank(study, tmp_path, samples=32)
     first, *others = found.ranks
     assert first.parameter == "x"
@@ -62,7 +62,7 @@ def test_a_success_is_ranked_by_its_share_and_nothing_is_run_twice(tmp_path):
 
 
 def test_the_table_of_a_sweep_stays(tmp_path):
-    study = of(lambda now: np.asarray(now.theta["x"], float), success="> 0")
+    study = of(lambda now: np.asarray(now.parameters["x"], float), success="> 0")
     stepper.lab.sweep(study, tmp_path, cliffs=False)
     before = [(tmp_path / "known" / name).read_bytes() for name in ("table.csv", "table.npz")]
     stepper.lab.rank(study, tmp_path, samples=4)
@@ -79,7 +79,7 @@ def test_the_table_of_a_sweep_stays(tmp_path):
         (of(ishigami, outcomes=None), {}, "no outcome"),
         (of(lambda now: np.zeros(now.num_envs)), {"samples": 2}, "value is the same at all 10 points"),
         (of(ishigami, success="> 1e9"), {"samples": 2}, "as many episodes succeed at all 10 points, 0% of them by value > 1e9, so that no"),
-        (of(lambda now: np.log(np.asarray(now.theta["x"], float))), {"samples": 4}, "value is not finite in"),
+        (of(lambda now: np.log(np.asarray(now.parameters["x"], float))), {"samples": 4}, "value is not finite in"),
         (
             of(ishigami, parameters={"step": stepper.lab.Parameter("options.timestep", low=0.001, high=0.002)}),
             {"parameters": ["step"]},
@@ -111,7 +111,7 @@ low = -10.0
 high = -1.0
 [parameters.mass]
 selector = "body_mass"
-how = "scale"
+operation = "scale"
 low = 0.5
 high = 2.0
 """)

@@ -24,13 +24,13 @@ from stepper.lab.study import Recorded
 from stepper.lab.study.batches import begin, run_points, world_of
 from stepper.lab.study.drives import digest_of
 from stepper.lab.study.episode import Episodes
+from stepper.lab.study.failure_causes import LAW
 from stepper.lab.study.intervals import least_share, trials_for, wilson
 from stepper.lab.study.journal import rows_of
 from stepper.lab.study.parameters import model_fields, selected
 from stepper.lab.study.points import Point
 from stepper.lab.study.results import JOURNAL, Results
 from stepper.lab.study.sweep import sweep
-from stepper.lab.study.whose import LAW
 
 TRAY = """<mujoco model="tray"><option timestep=".005"/><worldbody><geom name="tray" type="box" size="2 2 .01" pos="0 0 -.01"/>
   <body name="object" pos="0 0 .02"><freejoint name="free"/><geom name="object" type="box" size=".05 .05 .02" mass=".3"/></body></worldbody>
@@ -49,7 +49,7 @@ def swept(study, out):
 
 
 def push(now):
-    now.xfrc_applied[:, 1, 0] = now.theta["push"]
+    now.xfrc_applied[:, 1, 0] = now.parameters["push"]
 
 
 def tray(**changed):
@@ -57,11 +57,11 @@ def tray(**changed):
         "model": TRAY,
         "name": "tray",
         "drive": push,
-        "outcomes": Outcome(name="slid", measure="body object x", over="change", success="<= 1e-5", unit="m"),
+        "outcomes": Outcome(name="slid", measure="body object x", reduce="change", success="<= 1e-5", unit="m"),
         "parameters": {
             "push": Parameter("drive", nominal=PUSH, low=1.0, high=3.5, unit="N"),
             "friction": Parameter("geom_friction[*][0]", low=0.2, high=1.2),
-            "mass": Parameter("body_mass", how="scale", low=0.5, high=1.5),
+            "mass": Parameter("body_mass", operation="scale", low=0.5, high=1.5),
         },
         "episodes": 3,
         "seconds": 0.4,
@@ -140,9 +140,9 @@ def study_range(name):
 def test_an_environment_of_a_batch_is_the_model_with_its_numbers(tmp_path):
     """To the bit: what `Model.replace` gives, stepped alone."""
     study = tray(outcomes=Outcome(name="x", measure="body object x"))
-    thetas = [{"push": 2.5, "friction": 0.3}, {"push": 2.5, "mass": 0.7}, {"push": 1.0}]
+    values = [{"push": 2.5, "friction": 0.3}, {"push": 2.5, "mass": 0.7}, {"push": 1.0}]
     with Results(study, tmp_path) as results:
-        rows = run_points(study, [Point(theta) for theta in thetas], results.journal)
+        rows = run_points(study, [Point(own) for own in values], results.journal)
     model = study.loaded[0]
     friction = np.array(model.geom_friction)
     friction[:, 0] = 0.3
@@ -155,16 +155,16 @@ def test_an_environment_of_a_batch_is_the_model_with_its_numbers(tmp_path):
         for episode in range(study.episodes):
             sim = stepper.Stepper(own)
             sim.reset(qvel=1e-9 * np.random.default_rng([0, episode, 0]).standard_normal(6))
-            sim.xfrc_applied[1, 0] = thetas[k]["push"]
+            sim.xfrc_applied[1, 0] = values[k]["push"]
             sim.step(nstep=80)
             assert rows[3 * k + episode]["outcomes"]["x"] == sim.qpos[0]
 
 
 def test_servo_gains_and_element_names():
     parameters = {
-        "stiffness": Parameter("actuator_kp[servo]", how="scale", low=0.5, high=2.0),
-        "damping": Parameter("actuator_kv", how="set", low=0.5, high=2.0),
-        "length": Parameter("geom_size[arm/rod][1]", how="add", low=0.0, high=0.1),
+        "stiffness": Parameter("actuator_kp[servo]", operation="scale", low=0.5, high=2.0),
+        "damping": Parameter("actuator_kv", operation="set", low=0.5, high=2.0),
+        "length": Parameter("geom_size[arm/rod][1]", operation="add", low=0.0, high=0.1),
     }
     world = world_of(Study(model=ARM, parameters=parameters), "stepper", [{"stiffness": 2.0, "damping": 1.5, "length": 0.05}, {}])
     own = world.sim.randomized
@@ -176,7 +176,7 @@ def test_servo_gains_and_element_names():
 @pytest.mark.parametrize(("how", "value", "expected"), [("set", 8.0, 8), ("scale", 2.0, 10), ("add", 1.0, 6)])
 def test_a_servo_is_stiffer_by_every_change_of_its_gain(how, value, expected):
     """Gain and bias change together: a stiffness that is added to is no smaller in the bias."""
-    parameters = {"stiffness": Parameter("actuator_kp", how=how, low=0.5, high=9.0)}
+    parameters = {"stiffness": Parameter("actuator_kp", operation=how, low=0.5, high=9.0)}
     made = model_fields(parameters, stepper.load(ARM), [{"stiffness": value}])
     assert (made["actuator_gainprm"][0, 0, 0], made["actuator_biasprm"][0, 0, 1]) == (expected, -expected)
 
@@ -184,7 +184,7 @@ def test_a_servo_is_stiffer_by_every_change_of_its_gain(how, value, expected):
 @pytest.mark.parametrize("order", [("mass", "inertia"), ("inertia", "mass")])
 def test_masses_and_inertias_vary_together(order):
     targets = {"mass": "body_mass", "inertia": "body_inertia"}
-    parameters = {name: Parameter(targets[name], how="scale", low=0.5, high=4.0) for name in order}
+    parameters = {name: Parameter(targets[name], operation="scale", low=0.5, high=4.0) for name in order}
     model = stepper.load(ARM)
     made = model_fields(parameters, model, [{"inertia": 4.0}, {"mass": 0.5}, {"inertia": 4.0, "mass": 0.5}, {}])
     # Powers of two: exact.
@@ -234,7 +234,7 @@ def test_the_same_episodes_have_the_same_noise_at_every_point(tmp_path):
         sensors=sensors,
         drive=lambda now: 0.5 - now.read("sensordata", "angle"),
         outcomes=Outcome(name="angle", measure="joint hinge"),
-        parameters={"damping": Parameter("dof_damping", how="scale", low=0.5, high=1.5)},
+        parameters={"damping": Parameter("dof_damping", operation="scale", low=0.5, high=1.5)},
         episodes=5,
     )
     angles = []
@@ -247,15 +247,15 @@ def test_the_same_episodes_have_the_same_noise_at_every_point(tmp_path):
 
 
 def test_mujoco_beside(tmp_path):
-    """The same theta in MuJoCo: a servo without contacts, of which both are second order or less in a step of 1 ms."""
+    """The same parameters in MuJoCo: a servo without contacts, of which both are second order or less in a step of 1 ms."""
     study = Study(
         model=ARM,
         drive=lambda now: np.full((now.num_envs, 1), 0.4),
         outcomes=[
             Outcome(name="angle", measure="joint hinge"),
-            Outcome(name="z", measure="site tip z", over="min"),
+            Outcome(name="z", measure="site tip z", reduce="min"),
         ],
-        parameters={"mass": Parameter("body_mass", how="scale", low=0.5, high=1.5)},
+        parameters={"mass": Parameter("body_mass", operation="scale", low=0.5, high=1.5)},
         settings={"MuJoCo": {"engine": "mujoco"}, "f32": {"precision": "f32"}},
         options=stepper.Options(timestep=0.001),
         episodes=1,
@@ -287,7 +287,7 @@ def test_settings_that_are_compared_fix_what_they_name(tmp_path):
     parameters = {"iterations": Parameter("options.iterations", values=(20, 50), nominal=50)}
     study = still(parameters=parameters, settings={"five": {"iterations": 5}})
     found = swept(study, tmp_path)
-    ran = {(row["setting"], row["settings"]["iterations"], row["theta"].get("iterations")) for row in found.table.rows}
+    ran = {(row["setting"], row["settings"]["iterations"], row["parameters"].get("iterations")) for row in found.table.rows}
     assert ran == {("stepper", 20, 20), ("stepper", 50, 50), ("five", 5, None)}
     assert found.skipped == ("iterations with five: these settings fix iterations",)
     assert world_of(study, "five", [study.nominal]).settings()["iterations"] == 5
@@ -305,9 +305,9 @@ def test_nominal_values_that_mujoco_lacks_are_not_asked_of_it(tmp_path):
     assert "MuJoCo cannot run this study: it has no sensor errors" in str(found)
     del parameters["noise"]
     found = stepper.lab.report(still(parameters=parameters, name="beside"), tmp_path)
-    thetas = {row["setting"]: row["theta"] for row in found.sweep.table.rows if row["episode"] == 0}
-    assert thetas["MuJoCo"] == {}
-    assert thetas["stepper"].keys() == {"bounce", "room", "rule"}
+    values = {row["setting"]: row["parameters"] for row in found.sweep.table.rows if row["episode"] == 0}
+    assert values["MuJoCo"] == {}
+    assert values["stepper"].keys() == {"bounce", "room", "rule"}
     assert "MuJoCo cannot run" not in str(found)
     assert any("bounce with MuJoCo" in reason for reason in found.sweep.skipped)
 
@@ -393,7 +393,7 @@ def servo_with_noise(**changed):
         "sensors": stepper.SensorModel(default=stepper.Transfer(noise_std=0.1)),
         "drive": lambda now: 0.5 - now.read("sensordata", "angle"),
         "outcomes": Outcome(name="angle", measure="joint hinge"),
-        "parameters": {"damping": Parameter("dof_damping", how="scale", low=0.5, high=1.5)},
+        "parameters": {"damping": Parameter("dof_damping", operation="scale", low=0.5, high=1.5)},
         "episodes": 5,
         "seconds": 0.2,
     }
@@ -597,7 +597,7 @@ iterations = 5
 
 def write_study(folder, text=STUDY):
     (folder / "arm.xml").write_text(ARM)
-    (folder / "drive.py").write_text("def reach(now):\n    return now.theta['goal'][:, None]\n")
+    (folder / "drive.py").write_text("def reach(now):\n    return now.parameters['goal'][:, None]\n")
     (folder / "servo.toml").write_text(text)
     return folder / "servo.toml"
 
@@ -617,7 +617,7 @@ def test_a_study_from_a_file_and_its_pages(tmp_path):
         "Perturbation table",
         "Cliffs",
         "Transfer gap",
-        "Whose failures",
+        "Causes of failures",
     ):
         assert f"<h2>{title}</h2>" in page
     assert "noise_std 0.01" in page
@@ -684,7 +684,7 @@ def test_a_choice_among_words_takes_values():
 
 def test_a_drive_that_reads_another_parameter_is_told_which_there_are():
     with pytest.raises(KeyError, match=r"no parameter 'puhs' with a value; did you mean push\? there are: push, mass"):
-        tray(drive=lambda now: now.theta["puhs"]).episode()
+        tray(drive=lambda now: now.parameters["puhs"]).episode()
 
 
 def shove(now):
@@ -700,7 +700,7 @@ def test_a_selector_with_a_range_is_a_parameter_of_a_sweep(tmp_path):
     one = stepper.lab.sweep(own, tmp_path / "one", cliffs=False).sweep.table.rows
     other = stepper.lab.sweep(none, tmp_path / "other", parameters=[text], cliffs=False).sweep.table.rows
     assert [row["outcomes"] for row in one] == [row["outcomes"] for row in other]
-    assert [row["theta"].get("body_mass[object]") for row in other] == [None, 0.5, 0.75, 1.0, 1.25, 1.5]
+    assert [row["parameters"].get("body_mass[object]") for row in other] == [None, 0.5, 0.75, 1.0, 1.25, 1.5]
     with pytest.raises(ValueError, match=r"no parameter 'mas'; did you mean mass\? there are: mass; or give a selector with its range"):
         stepper.lab.sweep(own, tmp_path, parameters=["mas"])
     with pytest.raises(ValueError, match=r"the range is '2', must be two numbers"):
@@ -731,7 +731,7 @@ def test_a_ranking_of_two_spellings_has_one_parameter(tmp_path):
 
 
 def test_a_study_at_other_values_by_selector():
-    study = tray(parameters={"mass": Parameter("body_mass[object]", how="scale", low=0.5, high=1.5)}, drive=shove)
+    study = tray(parameters={"mass": Parameter("body_mass[object]", operation="scale", low=0.5, high=1.5)}, drive=shove)
     row = study.episode({"mass": 1.5, "geom_friction[*][0]": 0.3})
     moved = study.at({"mass": 1.5, "geom_friction[*][0]": 0.3})
     assert moved.nominal == {"mass": 1.5, "geom_friction[*][0]": 0.3}
@@ -779,7 +779,7 @@ def judged(tmp_path, **changed):
         "seconds": 0.5,
     }
     found = stepper.lab.report(Study(**(given | changed)), tmp_path)
-    return {(verdict.whose, verdict.rule.partition(":")[0]) for verdict in found.verdicts if verdict.row["setting"] == "stepper"}
+    return {(verdict.cause, verdict.rule.partition(":")[0]) for verdict in found.verdicts if verdict.row["setting"] == "stepper"}
 
 
 def test_whose_a_failure_is(tmp_path):
@@ -788,8 +788,8 @@ def test_whose_a_failure_is(tmp_path):
     biased = stepper.SensorModel(default=stepper.Transfer(bias=-0.4))
     assert judged(tmp_path / "senses", drive=blind, sensors=biased) == {("perception", "success with ideal sensors")}
     nothing = Outcome(name="angle", measure=lambda now: np.full(now.num_envs, np.nan), success=">= 0")
-    assert {whose for whose, _ in judged(tmp_path / "nan", outcomes=nothing)} == {"evaluation"}
-    declared = Outcome(name="angle", measure="joint hinge", success=">= 1.0", whose="evaluation")
+    assert {cause for cause, _ in judged(tmp_path / "nan", outcomes=nothing)} == {"evaluation"}
+    declared = Outcome(name="angle", measure="joint hinge", success=">= 1.0", cause="evaluation")
     assert judged(tmp_path / "declared", outcomes=declared) == {("evaluation", "the study declares the cause of failures of this outcome")}
 
 
@@ -800,7 +800,7 @@ def test_a_time_step_that_decides_is_physics(tmp_path):
         Study(
             model=TRAY.replace('pos="0 0 .02"', 'pos="0 0 1"'),
             name="fall",
-            outcomes=Outcome(name="z", measure="body object z", over="change", success=f">= {-fall - 0.0018}"),
+            outcomes=Outcome(name="z", measure="body object z", reduce="change", success=f">= {-fall - 0.0018}"),
             options=stepper.Options(integrator="euler"),
             episodes=2,
             seconds=0.1,
@@ -808,7 +808,7 @@ def test_a_time_step_that_decides_is_physics(tmp_path):
         ),
         tmp_path,
     )
-    assert {(v.row["setting"], v.whose) for v in found.verdicts} >= {("stepper", "physics")}
+    assert {(v.row["setting"], v.cause) for v in found.verdicts} >= {("stepper", "physics")}
 
 
 def test_softness_is_judged_against_hard_contact_with_nominal_values(tmp_path):
@@ -852,7 +852,7 @@ def test_contacts_that_decide(tmp_path):
 
 def test_one_outcome_decides():
     def outcome(name: str) -> Outcome:
-        return Outcome(name=name, measure="joint a", over="max", success="<= 1")
+        return Outcome(name=name, measure="joint a", reduce="max", success="<= 1")
 
     with pytest.raises(ValueError, match=r"outcomes \['high', 'far'\] have a success, must be one at most"):
         Study(model="<mujoco/>", seconds=1.0, outcomes=(outcome("high"), outcome("far")))
@@ -861,9 +861,9 @@ def test_one_outcome_decides():
 def random_force(**changed):
     """A study whose episodes differ in their controls, their starts and the errors of their sensors."""
     noise = stepper.SensorModel({"angle": stepper.Transfer(noise_std=0.01)})
-    measured = Outcome(name="angle", measure="joint hinge", over="max", success=">= 0.1")
+    measured = Outcome(name="angle", measure="joint hinge", reduce="max", success=">= 0.1")
     given = {"model": ARM, "name": "arm", "drive": blind, "outcomes": measured, "sensors": noise, "seconds": 0.3, "qvel_noise": 0.5}
-    gain = Parameter("actuator_kp", how="scale", low=0.5, high=2.0)
+    gain = Parameter("actuator_kp", operation="scale", low=0.5, high=2.0)
     return Study(**(given | {"parameters": {"gain": gain}, "episodes": 3} | changed))
 
 
@@ -873,8 +873,8 @@ def test_an_episode_alone_is_the_one_of_the_table_and_of_its_recording(tmp_path,
     with Results(study, tmp_path) as results:
         rows = run_points(study, [Point({"gain": 0.7}), Point({"gain": 1.9})], results.journal)
     row = study.episode({"gain": 1.9}, 2, record=tmp_path / "recorded")
-    assert {name: row[name] for name in ("outcomes", "success", "certificate", "theta", "episode")} == {
-        name: rows[5][name] for name in ("outcomes", "success", "certificate", "theta", "episode")
+    assert {name: row[name] for name in ("outcomes", "success", "certificate", "parameters", "episode")} == {
+        name: rows[5][name] for name in ("outcomes", "success", "certificate", "parameters", "episode")
     }
     assert rows[4]["outcomes"] != rows[5]["outcomes"]
     again = stepper.replay(tmp_path / "recorded")

@@ -25,7 +25,7 @@ def test_a_panda_picks_a_cube_above_coulombs_friction(tmp_path):
     low, high = load_file(LABS / "panda.py").THEORY
     for end in ends.values():
         assert low < end < high
-    held = [row["outcomes"] for row in found.table.rows if row["theta"].get("friction") == 0.5 and row["setting"] == "stepper"]
+    held = [row["outcomes"] for row in found.table.rows if row["parameters"].get("friction") == 0.5 and row["setting"] == "stepper"]
     # It is lifted by 0.15 m less the sag of the arm's servos under 15.7 N and what it slips.
     assert all(0.14 < own["rise"] < 0.15 for own in held)
 
@@ -72,7 +72,7 @@ def test_a_go2_trots_and_a_push_decides_its_fall(tmp_path):
         replace(study, parameters={"push": study.parameters["push"]}, settings=calm, episodes=2), tmp_path / "walks", cliffs=False
     )
     for row in walks.sweep.table.rows:
-        if row["theta"]["push"] == 0.0:
+        if row["parameters"]["push"] == 0.0:
             # 0.14 m a step and two a period of 0.5 s for 4 s, less what feet slip and the first half second.
             assert row["success"]
             assert 0.8 < row["outcomes"]["way"] < 2.2

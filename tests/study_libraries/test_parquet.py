@@ -13,7 +13,7 @@ def test_a_table_in_parquet_is_the_one_in_npz(tmp_path):
         drive="random",
         outcomes=stepper.lab.Outcome(name="angle", measure="joint hinge"),
         parameters={
-            "damping": stepper.lab.Parameter("dof_damping", how="scale", low=0.5, high=1.5),
+            "damping": stepper.lab.Parameter("dof_damping", operation="scale", low=0.5, high=1.5),
             "rule": stepper.lab.Parameter("options.integrator", values=("euler", "midpoint")),
         },
         settings={"MuJoCo": {"engine": "mujoco"}},

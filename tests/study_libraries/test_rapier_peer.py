@@ -81,16 +81,16 @@ def test_a_chart_has_rapier_where_it_can(tmp_path):
     ("change", "reason"),
     [
         (lambda text: text.replace("<freejoint/>", '<joint damping="1"/>'), "no damping"),
-        (lambda text: text.replace('type="box" size=".1 .1 .05"', 'type="ellipsoid" size=".1 .1 .05"'), "other shapes"),
+        (lambda text: text.replace('type="box" size=".1 .1 .05"', 'type="ellipsoid" size=".1 .1 .05"'), "other colliding shapes"),
         (lambda text: text.replace("</worldbody>", '</worldbody><equality><weld body1="block"/></equality>'), "no equalities"),
-        (lambda text: text.replace("<freejoint/>", '<joint type="ball"/>'), "other joints"),
-        (lambda text: text.replace('timestep=".002"', 'timestep=".002" density="1.2"'), "no air"),
-        (lambda text: text.replace('friction=".3"', 'friction=".3" condim="6"'), "friction along the surface"),
+        (lambda text: text.replace("<freejoint/>", '<joint type="ball"/>'), "one joint per body"),
+        (lambda text: text.replace('timestep=".002"', 'timestep=".002" density="1.2"'), "no fluid forces"),
+        (lambda text: text.replace('friction=".3"', 'friction=".3" condim="6"'), "condim"),
     ],
 )
 def test_what_it_cannot_do_is_said(change, reason):
     own = study(change(BLOCK))
     assert reason in no_rapier(own)
     assert not any(line.engine == "rapier" for line in lines(own, quick=True))
-    with pytest.raises(ValueError, match=r"rapier cannot run this: .*" + reason):
+    with pytest.raises(ValueError, match=r"rapier cannot run this study: .*" + reason):
         run(own, [0], engine="rapier")

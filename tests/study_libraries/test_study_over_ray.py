@@ -110,7 +110,7 @@ def test_a_tuning_is_that_of_one_process(study, tmp_path, monkeypatch):
     errors = [{(own.name, own.settings["timestep"]): own.error for own in found.candidates} for found in (here, there)]
     assert errors[1] == errors[0]
     # Which precision is the cheapest is a matter of time too.
-    spare = [[(own.what, own.error, own.taken) for own in found.spare if not own.setting] for found in (here, there)]
+    spare = [[(own.part, own.error, own.removed) for own in found.spare if not own.setting] for found in (here, there)]
     assert spare[1] == spare[0]
     assert [what for what, _, taken in spare[0] if taken] == [
         "3 of 3 pairs of bodies",

@@ -17,7 +17,7 @@ COMMANDS = (demo, chart, compare, explain, report, sweep, rank, tune, train, eva
 
 
 def application() -> Typer:
-    """Typer application with all commands; a function because typer is an optional package."""
+    """Typer application with all commands. It is created in a function, because Typer is an optional package."""
     typer = require("typer", "for the command line")
     app: Typer = typer.Typer(help=__doc__, no_args_is_help=True, pretty_exceptions_enable=False)
     for command in COMMANDS:
@@ -26,7 +26,7 @@ def application() -> Typer:
 
 
 def main() -> None:
-    """Entry point of the command `stepper`. Errors that a user can correct are one line on stderr, without a traceback."""
+    """Entry point of the command `stepper`. Errors that a user can correct are printed as one line on stderr, without a traceback."""
     try:
         application()()
     except (ImportError, ModelError, KeyError, OSError, ValueError) as error:

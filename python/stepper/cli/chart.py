@@ -1,4 +1,4 @@
-"""`stepper chart`."""
+"""Command `stepper chart`."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ def chart(
     ray: bool,
     values: Sequence[str] = (),
 ) -> None:
-    """Charts error against cost for time steps, integrators, solvers, precisions, laws of contact, MuJoCo and rapier.
+    """Charts error against cost for time steps, integrators, solvers, precisions, contact laws, MuJoCo and rapier.
 
     The scene is your model or study, or a built-in scene with a known solution. For a model or study, the command computes a converged
-    reference and its uncertainty. It splits the error into parts of the solver, the time step and the model. It also lists invariants and
-    distributions of outcomes, which stay meaningful in chaotic motion.
+    reference and its uncertainty. It attributes errors to the solver, the time step and the contact law. It also lists invariants and
+    distributions of outcomes, which are meaningful for chaotic motion, too.
 
     Example: stepper chart robot.xml --horizon "0.5 s"
     """
@@ -40,16 +40,13 @@ def chart(
     if scene in (*names, "all"):
         if ray or budget or values:
             which = "--ray" if ray else "--budget" if budget else "--values"
-            raise ValueError(
-                f'{which} is for models and studies, and "{scene}" is a built-in scene, which always runs to its end in this process: '
-                "leave it out"
-            )
+            raise ValueError(f'{which} has no effect on "{scene}", which is a built-in scene: leave it out')
         with progress() as tick:
             pictures = charts(names if scene == "all" else [scene], out, Effort.quick() if quick else Effort(), tick)
         show_files([file for picture in pictures for file in (picture, picture.with_suffix(".csv"))])
         return
     if not Path(scene).exists():
-        raise ValueError(f'there is no file and no scene "{scene}"; scenes are: {", ".join(names)}, all')
+        raise ValueError(f'there is no file and no built-in scene "{scene}"; scenes are: {", ".join(names)}, all')
     with progress() as tick:
         source = source_with(scene, ray=ray, values=values)
         unit = "rad" if angle else "m"
@@ -59,9 +56,9 @@ def chart(
 
 
 def register(app: Typer, typer: ModuleType) -> None:
-    """Adds the command."""
+    """Adds the command `chart` to the Typer application; `typer` is the module."""
     folder = typer.Option("out", "--out", help=OUT)
-    over = typer.Option(False, "--ray", help=RAY_RUNS)
+    on_ray = typer.Option(False, "--ray", help=RAY_RUNS)
     chosen = typer.Option([], "--values", help=VALUES)
 
     @app.command("chart", help=chart.__doc__)
@@ -69,14 +66,14 @@ def register(app: Typer, typer: ModuleType) -> None:
         scene: str = typer.Argument("all", help="Model (MJCF, URDF, saved), study (.toml, .py), or built-in scene: chain, box, all."),
         *,
         out: Path = folder,
-        quick: bool = typer.Option(False, "--quick", help="Fewer repeats, settings and time steps, in at most two minutes."),
+        quick: bool = typer.Option(False, "--quick", help="Fewer repeats, settings and time steps; takes at most two minutes."),
         horizon: str | None = typer.Option(
-            None, help='Simulated time up to which errors count, "0.5 s"; without it, as far as the reference is converged.'
+            None, help='Simulated time up to which errors count, "0.5 s"; without it, until the reference is no longer converged.'
         ),
         angle: bool = typer.Option(False, "--angle", help="Measure errors as angles in rad, not distances in m."),
         episodes: int = typer.Option(8, min=1, help="Number of episodes; the chart shows their medians."),
-        budget: str | None = typer.Option(None, help='Bound of the wall-clock time, "60 s"; the report lists the runs that it cut off.'),
+        budget: str | None = typer.Option(None, help='Limit of the wall-clock time, "60 s"; the report lists runs that were left out.'),
         values: list[str] = chosen,
-        ray: bool = over,
+        ray: bool = on_ray,
     ) -> None:
         chart(scene, out, quick=quick, horizon=horizon, angle=angle, episodes=episodes, budget=budget, ray=ray, values=values)

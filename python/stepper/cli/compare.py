@@ -1,4 +1,4 @@
-"""`stepper compare`."""
+"""Command `stepper compare`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def compare(model: str, out: Path, *, seconds: float, envs: int, seed: int) -> None:
-    """Compares hard contact, MuJoCo's law of contact, and MuJoCo, on a model with random controls, as a table and a picture.
+    """Compares hard contact, MuJoCo's contact law in stepper, and MuJoCo, on a model with random controls: a table and a picture.
 
     Example: stepper compare humanoid.xml --seconds 3
     """
@@ -26,7 +26,7 @@ def compare(model: str, out: Path, *, seconds: float, envs: int, seed: int) -> N
 
 
 def register(app: Typer, typer: ModuleType) -> None:
-    """Adds the command."""
+    """Adds the command `compare` to the Typer application; `typer` is the module."""
     folder = typer.Option("out", "--out", help=OUT)
 
     @app.command("compare", help=compare.__doc__)

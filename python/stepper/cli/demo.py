@@ -1,4 +1,4 @@
-"""`stepper demo`."""
+"""Command `stepper demo`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def register(app: Typer, typer: ModuleType) -> None:
-    """Adds the command."""
+    """Adds the command `demo` to the Typer application; `typer` is the module."""
     folder = typer.Option("out", "--out", help=OUT)
 
     @app.command("demo")

@@ -1,4 +1,4 @@
-"""`stepper doctor`."""
+"""Command `stepper doctor`."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ if TYPE_CHECKING:
 
 
 def doctor() -> None:
-    """Checks this installation: versions, CPU level, optional packages, and whether a short trajectory has the expected bits.
+    """Checks this installation: versions, CPU level, optional packages, and whether a short trajectory is identical bit for bit.
 
-    The exit code is 1 if the bits differ, a self-test fails, two versions of MuJoCo are mixed or STEPPER_CPU_LEVEL names an unusable
-    level. Without the command line's packages: python -m stepper.doctor
+    The exit code is 1 if the trajectory differs, the self-test fails, two versions of MuJoCo are mixed, or the level STEPPER_CPU_LEVEL is
+    not available. Without the packages of the command line, use: python -m stepper.doctor
 
     Example: stepper doctor
     """
@@ -27,5 +27,5 @@ def doctor() -> None:
 
 
 def register(app: Typer, typer: ModuleType) -> None:
-    """Adds the command."""
+    """Adds the command `doctor` to the Typer application; `typer` is the module."""
     app.command("doctor")(doctor)

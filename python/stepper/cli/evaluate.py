@@ -1,4 +1,4 @@
-"""`stepper evaluate`."""
+"""Command `stepper evaluate`."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ if TYPE_CHECKING:
 def evaluate(
     policy: Path, env: str, against: str, *, episodes: int, seed: int, margin: float, settings: dict[str, Any], infos: Sequence[str] = ()
 ) -> None:
-    """Evaluates a policy: its mean return with a confidence interval. It first lists differences from the environment of the training.
+    """Evaluates a policy: mean return with a confidence interval, after a list of differences from the environment of the training.
 
-    With --against, it also runs the policy in a second environment from the same initial states, and tests whether the mean returns are
-    equivalent. With --info, it adds the mean of an info.
+    With --against, the policy also runs in a second environment from the same initial states, and the command tests whether the mean
+    returns are equivalent. With --info, the result has also the mean of an info.
 
     Example: stepper evaluate half_cheetah.npz stepper/HalfCheetah-v5 --against HalfCheetah-v5
 
     Example: stepper evaluate go1_velocity.npz stepper/Go1Velocity-v0 --info tracking_error --episodes 200
     """
     if against and infos:
-        raise ValueError("--info has no comparison: leave out --against")
+        raise ValueError("--info cannot be compared: leave out --against or --info")
     loaded = load(policy)
     for name, given in ((env, settings), (against, {})):
         if name:
@@ -46,9 +46,9 @@ def evaluate(
 
 
 def register(app: Typer, typer: ModuleType) -> None:
-    """Adds the command."""
-    file = typer.Argument(help="Policy file of stepper train or Policy.save.")
-    keys = typer.Option([], "--info", help="Key of an info whose mean is added, for example tracking_error. Repeat the option for more.")
+    """Adds the command `evaluate` to the Typer application; `typer` is the module."""
+    file = typer.Argument(help="Policy file, from stepper train or Policy.save.")
+    keys = typer.Option([], "--info", help="Key of an info whose mean is printed, for example tracking_error. Repeat the option for more.")
 
     @app.command("evaluate", help=evaluate.__doc__)
     def _(
@@ -58,10 +58,12 @@ def register(app: Typer, typer: ModuleType) -> None:
         against: str = typer.Option("", help="Second environment id, for example HalfCheetah-v5, Gymnasium's environment on MuJoCo."),
         episodes: int = typer.Option(20, min=2, help="Number of episodes."),
         seed: int = typer.Option(0, min=0, help="Seed of the first episode; episode k has seed + k."),
-        margin: float = typer.Option(0.02, help="Largest difference of mean returns that counts as equivalent, as a fraction."),
+        margin: float = typer.Option(
+            0.02, help="Largest difference of mean returns that counts as equivalent, as a fraction of the first mean return."
+        ),
         infos: list[str] = keys,
-        contact: str = typer.Option("", help='Law of contact of the first environment, "mujoco" or "hard".'),
-        precision: str = typer.Option("", help='Scalar type of its steps, "f64" or "f32".'),
+        contact: str = typer.Option("", help='Contact law of the first environment, "mujoco" or "hard".'),
+        precision: str = typer.Option("", help='Precision of the first environment, "f64" or "f32".'),
     ) -> None:
         settings = {name: value for name, value in (("contact", contact), ("precision", precision)) if value}
         evaluate(policy, env, against, episodes=episodes, seed=seed, margin=margin, infos=infos, settings=settings)

@@ -1,4 +1,4 @@
-"""`stepper explain`."""
+"""Command `stepper explain`."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 def explain(source: str, *, run: bool = False, out: Path | None = None) -> None:
     """Lists the parts of a model that are simulated, those that are left out, and effects that rigid bodies cannot model.
 
-    With --run, also the parts that a run used and the time that they took.
+    With --run, it also lists the parts that a run used and the time that they took.
 
     Example: stepper explain robot.xml --run
     """
@@ -32,44 +32,46 @@ def explain(source: str, *, run: bool = False, out: Path | None = None) -> None:
         check_pages()
     study = Study.from_model(Path(source))
     with warnings.catch_warnings():
-        # The report has the warnings.
+        # The report contains the warnings.
         warnings.simplefilter("ignore", ModelWarning)
-        told = study.loaded[0].explain()
-    print(told)
+        text = study.loaded[0].explain()
+    print(text)
     found = _account(study) if run else None
     if found is not None:
         print(found.document.markdown())
     if out is not None:
-        show_files(_save(study, told, found, out / study.name))
+        show_files(_save(study, text, found, out / study.name))
 
 
 def _account(study: Study) -> Account:
-    """Account of a run: parts of the model that it used, and their cost. It shows progress."""
+    """Runs a study, with a progress display, and returns the parts of the model that were used and their cost."""
     with progress() as tick:
         return account(study, tick=tick)
 
 
-def _save(study: Study, told: str, found: Account | None, folder: Path) -> list[Path]:
+def _save(study: Study, text: str, found: Account | None, folder: Path) -> list[Path]:
     """Writes the printed report as explain.html, explain.md and explain.json."""
     folder.mkdir(parents=True, exist_ok=True)
-    document = Document(
-        f"What of {study.name} is simulated", [Section("The model", text=told), *(found.document.sections if found else [])]
-    )
+    document = Document(f"Simulated parts of {study.name}", [Section("The model", text=text), *(found.document.sections if found else [])])
     files = [*document.save(folder, "explain"), folder / "explain.json"]
     numbers = {"uses": [asdict(use) for use in found.uses], "parts": [asdict(part) for part in found.parts]} if found else {}
-    plain = {"model": told, **numbers, "in_force": study.in_force, "provenance": provenance()}
+    plain = {"model": text, **numbers, "in_force": study.in_force, "provenance": provenance()}
     files[-1].write_text(json.dumps(plain, indent=2, default=str, allow_nan=False) + "\n", encoding="utf-8")
     return files
 
 
 def register(app: Typer, typer: ModuleType) -> None:
-    """Adds the command."""
+    """Adds the command `explain` to the Typer application; `typer` is the module."""
     folder = typer.Option(None, "--out", help=f"{OUT} Without it, no files are written.")
 
     @app.command("explain", help=explain.__doc__)
     def _(
         source: str = typer.Argument(help="Model (MJCF, URDF, saved) or study (.toml, .py)."),
-        run: bool = typer.Option(False, "--run", help="Run it (a model with random controls); add the parts that it used and their cost."),
+        run: bool = typer.Option(
+            False,
+            "--run",
+            help="Also run the model or study (a model with random controls), and list the parts that were used and their cost.",
+        ),
         out: Path | None = folder,
     ) -> None:
         explain(source, run=run, out=out)

@@ -1,4 +1,4 @@
-"""`stepper identify`."""
+"""Command `stepper identify`."""
 
 from __future__ import annotations
 
@@ -71,6 +71,7 @@ def identify(
 
 
 def _pair(text: str) -> tuple[str, str]:
+    """Heading and channel from a text heading=channel."""
     name, equals, channel = text.rpartition("=")
     if not equals or not name:
         raise ValueError(f'--column is "{text}", must be heading=channel, as in "Fx [N]=wrist_force[0]"')
@@ -78,12 +79,14 @@ def _pair(text: str) -> tuple[str, str]:
 
 
 def register(app: Typer, typer: ModuleType) -> None:
-    """Adds the command."""
+    """Adds the command `identify` to the Typer application; `typer` is the module."""
     folder = typer.Option("out", "--out", help=OUT)
     files = typer.Argument(help="Measurements: folders of recordings, .csv and .npz files.")
     unknowns = typer.Option(..., "--parameter", "-p", help=KIND_HELP)
-    renamed = typer.Option([], "--column", help='Channel of a column whose heading differs, heading=channel: "Fx [N]=wrist_force[0]".')
-    used = typer.Option([], "--channel", help="Channel to use; without it, all. Repeat the option for more.")
+    renamed = typer.Option(
+        [], "--column", help='Channel of a column whose heading is not the channel\'s name, heading=channel: "Fx [N]=wrist_force[0]".'
+    )
+    used = typer.Option([], "--channel", help="Channel to use; without this option, all are used. Repeat the option for more.")
 
     @app.command("identify", help=identify.__doc__)
     def _(  # noqa: PLR0917
@@ -96,8 +99,8 @@ def register(app: Typer, typer: ModuleType) -> None:
         keyframe: str | None = typer.Option(None, help="Keyframe of the initial state, for logs without the initial qpos and qvel."),
         loss: str = typer.Option("linear", help="Loss function, as in SciPy: linear, soft_l1, huber, cauchy or arctan."),
         starts: int = typer.Option(4, min=1, help="Number of starting points of the search."),
-        contact: str = typer.Option("hard", help="Law of contact: hard, or mujoco with the settings of the model's file."),
-        timestep: float | None = typer.Option(None, help="Time step, s; without it, the model's."),
+        contact: str = typer.Option("hard", help="Contact law: hard, or mujoco with the settings of the model's file."),
+        timestep: float | None = typer.Option(None, help="Time step, s; the default is that of the model."),
         seed: int = typer.Option(0, help="Seed of the starting points."),
     ) -> None:
         identify(

@@ -1,4 +1,4 @@
-"""Help texts and functions that several commands share."""
+"""Help texts and functions that several commands use."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from stepper.lab.progress import Tick, progress
 from stepper.lab.study import Study
 
 OUT = "Output folder."
-STUDY = "Study: a .toml file, or a .py file with a stepper.lab.Study named study."
-RECORDING = "Folder that Stepper.record wrote."
+STUDY = "Study: a .toml file, or a .py file with a variable study of type stepper.lab.Study."
+RECORDING = "Folder of a recording by Stepper.record."
 RAY = "Run batches as tasks of Ray, on all machines of its cluster."
-RAY_RUNS = "Run settings as tasks of Ray, on all machines of its cluster; costs are measured on this machine."
+RAY_RUNS = "Run the settings as tasks of Ray, on all machines of its cluster; costs are still measured on this machine."
 ONLY = (
-    "Parameter to vary: a name in the study, or a selector with its range, 'geom_friction[floor][0]=0.2..1'. "
+    "Parameter to vary: a name in the study, or a selector with a range, 'geom_friction[floor][0]=0.2..1'. "
     "Repeat the option for more; without it, all parameters of the study."
 )
-SEED = "Seed of all random numbers, in place of the study's; the same seed gives the same rows."
+SEED = "Seed of all random numbers, instead of that of the study; the same seed gives the same rows."
 VALUES = "Value of a parameter, NAME=VALUE: a name in the study, or a selector, 'geom_friction[floor][0]=0.3'. Repeat the option for more."
 
 
 @contextlib.contextmanager
 def progress_kept_in(out: Path) -> Iterator[Tick]:
-    """Progress display of a command that keeps finished rows in `out`; on Ctrl-C it prints how to continue."""
+    """Progress display for commands that store finished rows in `out`. On Ctrl-C it prints how to continue."""
     try:
         with progress() as tick:
             yield tick
@@ -37,12 +37,12 @@ def progress_kept_in(out: Path) -> Iterator[Tick]:
 
 
 def study_of_file(path: Path, *, ray: bool, seed: int | None = None) -> Study:
-    """Study of a file. Prints the seed.
+    """Reads a study from a file, and prints its seed.
 
     Args:
         path: File of the study.
-        ray: Whether to run on Ray; if False, the study decides.
-        seed: Seed; None is the study's.
+        ray: Whether to run on Ray; False keeps the setting of the study.
+        seed: Seed; None is that of the study.
     """
     study = Study.from_file(path)
     print(f"{study.name}: seed {study.seed}, of the study" if seed is None else f"{study.name}: seed {seed}", file=sys.stderr, flush=True)
@@ -51,7 +51,7 @@ def study_of_file(path: Path, *, ray: bool, seed: int | None = None) -> Study:
 
 
 def source_with(source: str, *, ray: bool, values: Sequence[str] = ()) -> Any:
-    """Model or study of a command, on Ray if `ray` is set, with the nominal values NAME=VALUE."""
+    """Argument `source` of a command as a model or study, on Ray with `ray`, and with the nominal values `values` (NAME=VALUE)."""
     if not ray and not values:
         return source
     study = Study.from_model(source, ray=True) if ray else Study.from_model(source)
@@ -59,14 +59,14 @@ def source_with(source: str, *, ray: bool, values: Sequence[str] = ()) -> Any:
 
 
 def value_of(text: str) -> tuple[str, float | str]:
-    """Name and value of a text NAME=VALUE. The value is a number or a word.
+    """Name and value from a text NAME=VALUE. The value is a number or else a string.
 
     Raises:
-        ValueError: The text has another form.
+        ValueError: The text does not have this form.
     """
     name, sign, value = text.rpartition("=")
     if not (name and sign and value):
-        raise ValueError(f"--values is {text!r}, must be NAME=VALUE; give it once for each parameter")
+        raise ValueError(f"--values is {text!r}, must be NAME=VALUE; repeat the option for more parameters")
     for kind in (int, float):
         with contextlib.suppress(ValueError):
             return name, kind(value)

@@ -1,4 +1,4 @@
-"""`stepper rank`."""
+"""Command `stepper rank`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def rank(study: Path, out: Path, *, samples: int, parameters: list[str], setting: str, ray: bool, seed: int | None) -> None:
     """Ranks the parameters of a study by their influence on an outcome: Sobol indices with confidence intervals.
 
-    All parameters are drawn from their ranges at once. The same command continues a stopped run from its finished rows.
+    All parameters vary together over their ranges. The same command continues a stopped run from its finished rows.
 
     Example: stepper rank examples/studies/quadruped.py --samples 128
     """
@@ -31,10 +31,10 @@ def rank(study: Path, out: Path, *, samples: int, parameters: list[str], setting
 
 
 def register(app: Typer, typer: ModuleType) -> None:
-    """Adds the command."""
+    """Adds the command `rank` to the Typer application; `typer` is the module."""
     folder = typer.Option("out", "--out", help=OUT)
     study_file = typer.Argument(help=STUDY)
-    over = typer.Option(False, "--ray", help=RAY)
+    on_ray = typer.Option(False, "--ray", help=RAY)
     names = typer.Option([], "--parameter", help=ONLY)
 
     @app.command("rank", help=rank.__doc__)
@@ -42,10 +42,12 @@ def register(app: Typer, typer: ModuleType) -> None:
         study: Path = study_file,
         out: Path = folder,
         *,
-        samples: int = typer.Option(64, min=2, help="Base samples, a power of 2. It runs samples x (2 + number of parameters) points."),
+        samples: int = typer.Option(
+            64, min=2, help="Number of base samples, a power of 2. The command runs samples x (2 + number of parameters) points."
+        ),
         parameter: list[str] = names,
         setting: str = typer.Option(USUAL, help="Name of the study's settings to run."),
         seed: int | None = typer.Option(None, min=0, help=SEED),
-        ray: bool = over,
+        ray: bool = on_ray,
     ) -> None:
         rank(study, out, samples=samples, parameters=parameter, setting=setting, ray=ray, seed=seed)

@@ -1,4 +1,4 @@
-"""`stepper replay`."""
+"""Command `stepper replay`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def replay(folder: Path, threads: int | None) -> None:
-    """Repeats a recording and compares it bit for bit; prints the first step and field that differ."""
+    """Repeats a recording and compares the results bit for bit. Prints the first step and field that differ."""
     with progress() as tick:
         result = recording.replay(folder, threads=threads, tick=tick)
     print(result)
@@ -25,12 +25,12 @@ def replay(folder: Path, threads: int | None) -> None:
 
 
 def register(app: Typer, typer: ModuleType) -> None:
-    """Adds the command."""
+    """Adds the command `replay` to the Typer application; `typer` is the module."""
     folder = typer.Argument(help=RECORDING)
 
     @app.command("replay", help=replay.__doc__)
     def _(
         recording: Path = folder,
-        threads: int | None = typer.Option(None, min=0, help="Number of threads; without it, as recorded."),
+        threads: int | None = typer.Option(None, min=0, help="Number of threads; the default is that of the recording."),
     ) -> None:
         replay(recording, threads)

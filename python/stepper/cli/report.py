@@ -1,4 +1,4 @@
-"""`stepper report`."""
+"""Command `stepper report`."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 
 def report(source: Path, out: Path = Path("out"), *, ray: bool = False) -> None:
-    """Writes the simulator report of a study: its state, sensors, decisive contacts, settings, perturbations, transfer gap and failures.
+    """Writes the simulator report of a study: state, sensors, decisive contacts, settings, perturbations, transfer gap and failures.
 
-    For a recording it prints its settings, and its failures in physics, sensing or action.
+    For a recording, the command prints the settings and the failures in physics, sensing or action.
 
     Example: stepper report examples/studies/tray.toml
     """
@@ -40,6 +40,7 @@ def report_recording(recording: Path) -> None:
 
 
 def _report(recording: Path, head: dict[str, Any]) -> None:
+    """Prints the contents of run.json."""
     envs = "one environment" if head["num_envs"] is None else f"{head['num_envs']} environments"
     end = "" if head["closed"] else ", not closed: its end may be missing"
     print(f'{recording}: {head["rows"]} rows of {envs} of "{head["model"]["name"]}", dt {head["timestep"]:g} s, {head["precision"]}{end}')
@@ -53,15 +54,15 @@ def _report(recording: Path, head: dict[str, Any]) -> None:
         word = "steps" if "steps" in failure else "readings"
         counts = ", ".join(f"{name} {count}" for name, count in failure.get(word, {}).items())
         print(
-            f"{failure['whose']}: {failure['count']} times {failure['meaning']}, first in row {row}, environment {env}"
+            f"{failure['cause']}: {failure['count']} times {failure['meaning']}, first in row {row}, environment {env}"
             + (f"; {word}: {counts}" if counts else "")
         )
     if not head["failures"]:
-        print("nothing failed")
+        print("no failures")
 
 
 def register(app: Typer, typer: ModuleType) -> None:
-    """Adds the command."""
+    """Adds the command `report` to the Typer application; `typer` is the module."""
     place = typer.Argument(help=f"{STUDY} Or: {RECORDING}")
     folder = typer.Option("out", "--out", help=OUT)
 

@@ -1,4 +1,4 @@
-"""`stepper sweep`."""
+"""Command `stepper sweep`."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ if TYPE_CHECKING:
 
 
 def sweep(study: Path, out: Path, *, parameters: list[str], cliffs: bool, resolution: float, ray: bool, seed: int | None) -> None:
-    """Sweeps every parameter of a study over its range: success rates with Wilson intervals, and values at which success ends.
+    """Varies each parameter of a study over its range. Results are success rates with Wilson intervals, and cliffs.
 
-    Bisection locates these values (cliffs). The same command continues a stopped run from its finished rows.
+    A cliff is a parameter value at which episodes change from success to failure; bisection locates it. The same command continues a
+    stopped run from its finished rows.
 
     Example: stepper sweep examples/studies/tray.toml
     """
@@ -30,10 +31,10 @@ def sweep(study: Path, out: Path, *, parameters: list[str], cliffs: bool, resolu
 
 
 def register(app: Typer, typer: ModuleType) -> None:
-    """Adds the command."""
+    """Adds the command `sweep` to the Typer application; `typer` is the module."""
     folder = typer.Option("out", "--out", help=OUT)
     study_file = typer.Argument(help=STUDY)
-    over = typer.Option(False, "--ray", help=RAY)
+    on_ray = typer.Option(False, "--ray", help=RAY)
     names = typer.Option([], "--parameter", help=ONLY)
 
     @app.command("sweep", help=sweep.__doc__)
@@ -42,11 +43,11 @@ def register(app: Typer, typer: ModuleType) -> None:
         out: Path = folder,
         *,
         parameter: list[str] = names,
-        cliffs: bool = typer.Option(True, help="Locate cliffs, the values at which success ends."),
+        cliffs: bool = typer.Option(True, help="Locate cliffs, the values at which episodes change from success to failure."),
         resolution: float = typer.Option(
             1e-3, min=1e-12, max=0.5, help="Precision of a cliff's value, as a fraction of the parameter's range."
         ),
         seed: int | None = typer.Option(None, min=0, help=SEED),
-        ray: bool = over,
+        ray: bool = on_ray,
     ) -> None:
         sweep(study, out, parameters=parameter, cliffs=cliffs, resolution=resolution, ray=ray, seed=seed)

@@ -1,4 +1,4 @@
-"""`stepper train`."""
+"""Command `stepper train`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def train(words: list[str]) -> None:
     """Trains a policy by proximal policy optimisation (PPO) in PyTorch, evaluates it, and films it.
 
-    Every setting of the learner is an option too: --help lists them. A stopped run continues with the same command.
+    Every setting of the learner is an option; --help lists them. The same command continues a stopped run.
     To change the learner, copy its source with --copy, change the copy, and run that.
 
     Example: stepper train stepper/HalfCheetah-v5 --seed 1 --film half_cheetah.mp4
@@ -36,7 +36,10 @@ def train(words: list[str]) -> None:
 
 
 def register(app: Typer, typer: ModuleType) -> None:
-    """Adds the command. The learner parses its arguments itself, so that a copy of it has the same options."""
+    """Adds the command `train` to the Typer application; `typer` is the module.
+
+    The learner parses its arguments itself, so that a copy of it has the same options.
+    """
     text = "Environment, stepper/HalfCheetah-v5 by default, and options of the learner; --help lists them."
     words = typer.Argument(None, metavar="[ENV] [OPTIONS]", help=text)
 

@@ -1,4 +1,4 @@
-"""`stepper tune`."""
+"""Command `stepper tune`."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ def tune(
     ray: bool,
     values: Sequence[str] = (),
 ) -> None:
-    """Finds the cheapest settings within an error budget, tests them on held-out episodes, and prints them as Options(...).
+    """Finds the cheapest settings within an error budget, tests them on further episodes, and prints them as Options(...).
 
-    It also lists parts of the scene that can be removed within the budget.
+    The command also lists parts of the scene that can be removed within the budget.
 
     Example: stepper tune robot.xml --error "1 mm" --horizon "0.5 s"
     """
@@ -41,9 +41,9 @@ def tune(
 
 
 def register(app: Typer, typer: ModuleType) -> None:
-    """Adds the command."""
+    """Adds the command `tune` to the Typer application; `typer` is the module."""
     folder = typer.Option("out", "--out", help=OUT)
-    over = typer.Option(False, "--ray", help=RAY_RUNS)
+    on_ray = typer.Option(False, "--ray", help=RAY_RUNS)
     chosen = typer.Option([], "--values", help=VALUES)
 
     @app.command("tune", help=tune.__doc__)
@@ -53,10 +53,10 @@ def register(app: Typer, typer: ModuleType) -> None:
         error: str = typer.Option(..., help='Error budget: "1 mm", "0.5 deg".'),
         horizon: str = typer.Option(..., help='Simulated time up to which the error must stay within the budget: "1 s".'),
         out: Path = folder,
-        coverage: float = typer.Option(0.9, help="Share of episodes that must stay within the budget, with 95 % confidence."),
+        coverage: float = typer.Option(0.9, help="Fraction of episodes that must stay within the budget, with 95 % confidence."),
         alone: bool = typer.Option(False, "--alone", help="Minimise the cost of a single environment, not of a batch."),
         reduce: bool = typer.Option(True, help="Search for parts of the scene that can be removed."),
         values: list[str] = chosen,
-        ray: bool = over,
+        ray: bool = on_ray,
     ) -> None:
         tune(source, out, error=error, horizon=horizon, coverage=coverage, alone=alone, reduce=reduce, ray=ray, values=values)

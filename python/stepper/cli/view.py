@@ -1,4 +1,4 @@
-"""`stepper view`."""
+"""Command `stepper view`."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ if TYPE_CHECKING:
 ACTIONS = ("random", "zero")
 STUDIES = (".toml", ".py")
 MODELS = (".xml", ".urdf", ".mjb")
-"""Suffixes of model files. Ids of environments may have dots, too: stepper/dm_control.walker-walk-v0."""
+"""Suffixes of model files, which tell them from ids of environments, such as stepper/dm_control.walker-walk-v0."""
 
 
 class ViewOptions(NamedTuple):
-    """Options of the command."""
+    """Options of the command for all kinds of sources; `looks` is the option --model, and names are those of the options otherwise."""
 
     envs: int
     looks: Path | None
@@ -50,7 +50,7 @@ class ViewOptions(NamedTuple):
 
 
 class StudyOptions(NamedTuple):
-    """Options of the command that only studies have."""
+    """Options of the command that only apply to studies; names are those of the options."""
 
     values: tuple[str, ...]
     episode: int | None
@@ -74,7 +74,7 @@ def view(what: str, options: ViewOptions, of_study: StudyOptions, rerun: Path | 
         _play(Path(what), options, rerun)
         return
     if rerun is not None:
-        raise ValueError(f"--rerun converts a recording, and {what} is none: record one, or use stepper.viewer.RerunLog")
+        raise ValueError(f"--rerun converts a recording, and {what} is not a recording: record one, or use stepper.viewer.RerunLog")
     if Path(what).is_dir():
         raise ValueError(f"{what} is a folder without {HEADER}, must be a recording, a model's file, or the id of an environment")
     if is_study:
@@ -91,6 +91,7 @@ def view(what: str, options: ViewOptions, of_study: StudyOptions, rerun: Path | 
 
 
 def _study(file: str, options: ViewOptions, of_study: StudyOptions) -> None:
+    """Shows or records the episodes of a study."""
     study = Study.from_file(file)
     study = study if options.seed is None else replace(study, seed=options.seed)
     values = {name: value for name, value in map(value_of, of_study.values)}
@@ -125,9 +126,9 @@ def _study(file: str, options: ViewOptions, of_study: StudyOptions) -> None:
 
 
 def _result(study: Study, outcomes: dict[str, float], *, lost: bool) -> str:
-    """Outcomes of an episode as text, and whether it is a success, or that it diverged."""
+    """Text of the result of an episode: outcomes and success, or that the episode diverged (`lost`)."""
     if lost:
-        return "it diverged, and has no outcome"
+        return "diverged, without outcomes"
     units = {outcome.name: outcome.unit for outcome in study.all_outcomes}
     text = ", ".join(f"{name} {value:.6g} {units[name]}".strip() for name, value in outcomes.items()) or "no outcomes"
     if (decisive := study.decisive) is None:
@@ -139,18 +140,19 @@ def _refuse_study_options(what: str, of_study: StudyOptions) -> None:
     """Raises ValueError if an option is given that only studies have."""
     for name, value in of_study._asdict().items():
         if value not in (None, ()):
-            raise ValueError(f"--{name} is for studies ({', '.join(STUDIES)}), and {what} is none: leave it out")
+            raise ValueError(f"--{name} is for studies ({', '.join(STUDIES)}), and {what} is not a study: leave it out")
 
 
 def _refuse(what: str, kind: str, **given: object) -> None:
-    """Raises ValueError if an option is given that has no effect on this kind of thing."""
+    """Raises ValueError if one of the options `given` is not None, because it has no effect on this kind of source."""
     for name, value in given.items():
         if value is not None:
             raise ValueError(f"--{name} has no effect on {kind}, and {what} is one: leave it out")
 
 
 def _play(folder: Path, options: ViewOptions, rerun: Path | None) -> None:
-    # The command's default of one environment means all environments of a recording.
+    """Shows a recording, or converts it to a log for Rerun."""
+    # The default of 1 means all environments for a recording.
     envs = options.envs if options.envs > 1 else None
     if rerun is not None:
         with progress() as tick:
@@ -162,10 +164,12 @@ def _play(folder: Path, options: ViewOptions, rerun: Path | None) -> None:
     player.run()
 
 
-Shown = tuple[Stepper, "Callable[[], Any] | None", "Callable[[], Any]"]
+Simulation = tuple[Stepper, "Callable[[], Any] | None", "Callable[[], Any]"]
+"""Stepper to show, function that makes a step (None is `Stepper.step`), and function that resets."""
 
 
-def _model(file: str, options: ViewOptions) -> Shown:
+def _model(file: str, options: ViewOptions) -> Simulation:
+    """Simulation of a model."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ModelWarning)  # `stepper explain` lists the warnings.
         model = load(file, strict=False)
@@ -180,7 +184,8 @@ def _model(file: str, options: ViewOptions) -> Shown:
     return sim, None, reset
 
 
-def _environments(name: str, options: ViewOptions) -> Shown:
+def _environments(name: str, options: ViewOptions) -> Simulation:
+    """Simulation of environments with an id in Gymnasium's registry."""
     gymnasium = require("gymnasium", "to view an environment")
     importlib.import_module("stepper.envs")
     try:
@@ -190,7 +195,7 @@ def _environments(name: str, options: ViewOptions) -> Shown:
         raise ValueError(f"{name} is no file, no recording and no environment: {error}") from error
     sim = getattr(envs.unwrapped, "sim", None)
     if not isinstance(sim, Stepper):
-        raise ValueError(f"{name} is an environment of another simulator: use one of stepper, such as stepper/HalfCheetah-v5")
+        raise ValueError(f"{name} is an environment of another simulator: use one on stepper, such as stepper/HalfCheetah-v5")
     envs.action_space.seed(options.seed or 0)
     envs.reset(seed=options.seed or 0)
     zero = np.zeros(envs.action_space.shape)
@@ -202,7 +207,7 @@ def _environments(name: str, options: ViewOptions) -> Shown:
 
 
 def register(app: Typer, typer: ModuleType) -> None:
-    """Adds the command."""
+    """Adds the command `view` to the Typer application; `typer` is the module."""
     file = typer.Option(None, "--model", exists=True, help="MJCF file with the colours and meshes of a recording or a saved model.")
     parameters = typer.Option([], "--values", help=VALUES)
     folder = typer.Option(None, help="New folder: record the study's episodes there, and open no view.")

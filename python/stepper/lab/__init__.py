@@ -1,10 +1,11 @@
-"""Studies of models: error against cost, settings for an error budget, sweeps, reports, rankings, and comparisons of contact laws.
+"""Studies of a model: charts of error against cost, tuning to an error budget, sweeps, reports, rankings, comparisons of contact laws.
 
     stepper.lab.chart("tray.toml")  # error against cost of many settings
     stepper.lab.report("tray.toml")  # a sweep of every parameter, with the causes of failures
 
-`study` has what a user writes, with sweep, rank and report; `accuracy` has chart and tune; `comparison` compares both laws of contact;
-`engine_chart` and `demo` compare the `engines`. docs/reference/studies.md explains them.
+The folder `study` has the definition of a study (`Study`, `Parameter`, `Outcome`) with sweep, rank and report; `accuracy` has chart and
+tune. `comparison` compares the contact laws; `engine_chart` and `demo` compare stepper with MuJoCo. docs/reference/studies.md explains
+studies.
 """
 
 import importlib
@@ -45,7 +46,7 @@ _FOLDERS = {
     **dict.fromkeys(("Account", "Chart", "Tuning", "account", "chart", "tune"), "accuracy"),
     **dict.fromkeys(("Comparison", "compare"), "comparison"),
 }
-"""Folders of names that are not in `study`. A folder is imported when one of its names is first used."""
+"""Folder of each name that is not in `study`. A folder is imported at the first use of one of its names."""
 
 
 def __getattr__(name: str) -> Any:

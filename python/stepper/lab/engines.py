@@ -1,4 +1,4 @@
-"""Engines with a common interface: batches of environments of one model in stepper or in MuJoCo."""
+"""Common interface of stepper and MuJoCo for comparisons: batches of environments of one model."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class EngineBatch(Protocol):
 
     @property
     def name(self) -> str:
-        """Engine and settings."""
+        """Names of engine and settings, for tables."""
 
     @property
     def num_envs(self) -> int:
@@ -39,7 +39,7 @@ class EngineBatch(Protocol):
         """Velocities, (num_envs, nv), m/s and rad/s."""
 
     def reset(self, qpos: Array, qvel: Array | None = None) -> None:
-        """Resets all environments, and clears controls and warm starts.
+        """Reset all environments, and clear controls and warm starts.
 
         Args:
             qpos: Positions, (num_envs, nq) or (nq,), m and rad.
@@ -47,28 +47,28 @@ class EngineBatch(Protocol):
         """
 
     def step(self, ctrl: Array | None = None, nstep: int = 1) -> None:
-        """Makes steps. Only this method is timed.
+        """Step all environments. Benchmarks time only this method.
 
         Args:
-            ctrl: Controls, (num_envs, nu), in the actuators' units; None keeps the present ones.
+            ctrl: Controls, (num_envs, nu), in the actuators' units; None keeps the last ones.
             nstep: Number of steps.
         """
 
     def record(self, phase: str) -> None:
-        """Records status and residual of the last step under the name of a phase."""
+        """Add status and residual of the last step to the statistics of a phase of the run, such as "rest"."""
 
 
 @dataclass
 class Certificate:
-    """Status flags and residuals of steps over a phase of a run.
+    """Statistics of how well the steps in a phase of a run were solved.
 
     Attributes:
-        env_steps: Steps times environments.
-        worst_residual: Largest natural-map residual, m/s.
-        not_converged: Environment-steps with NOT_CONVERGED.
-        non_finite: Environment-steps with NON_FINITE.
-        contacts_full: Environment-steps with CONTACTS_FULL.
-        sweeps: Sum of the solver's sweeps and Newton steps.
+        env_steps: Number of steps, summed over environments.
+        worst_residual: Largest residual of the solver, m/s.
+        not_converged: Number of these steps with the flag NOT_CONVERGED.
+        non_finite: Number of these steps with the flag NON_FINITE.
+        contacts_full: Number of these steps with the flag CONTACTS_FULL.
+        sweeps: Sum of the solver's Gauss-Seidel sweeps and Newton steps.
     """
 
     env_steps: int = 0
@@ -79,7 +79,7 @@ class Certificate:
     sweeps: int = 0
 
     def add(self, sim: Stepper) -> None:
-        """Adds the last step of a batch."""
+        """Add the last step of all environments of a stepper."""
         status = np.asarray(sim.status)
         self.env_steps += status.size
         self.worst_residual = max(self.worst_residual, float(np.max(sim.residual)))
@@ -98,7 +98,7 @@ class StepperBatch:
         precision: "f64" or "f32".
         threads: Threads; 0 is one per core.
         options: Options of the step; None is the default.
-        setting: Name of the settings in tables.
+        setting: Name of the settings, for tables.
     """
 
     def __init__(
@@ -127,20 +127,20 @@ class StepperBatch:
         return np.asarray(self.sim.qvel, dtype=np.float64)
 
     def reset(self, qpos: Array, qvel: Array | None = None) -> None:
-        """Resets all environments to positions (num_envs, nq), m and rad, and velocities (num_envs, nv); see `EngineBatch.reset`."""
+        """Reset all environments to positions (num_envs, nq), m and rad, and velocities (num_envs, nv); see `EngineBatch.reset`."""
         self.sim.reset(qpos=qpos, qvel=qvel)
 
     def step(self, ctrl: Array | None = None, nstep: int = 1) -> None:
-        """Makes steps with controls (num_envs, nu); see `EngineBatch.step`."""
+        """Step all environments with controls (num_envs, nu); see `EngineBatch.step`."""
         self.sim.step(ctrl, nstep)
 
     def record(self, phase: str) -> None:
-        """Adds the last step to the certificate of a phase."""
+        """Add the last step to the certificate of a phase."""
         self.certificates.setdefault(phase, Certificate()).add(self.sim)
 
 
 class MujocoFields:
-    """Fields of a batch of MuJoCo, with its step.
+    """Access to the fields of a batch of MuJoCo environments, and its step.
 
     Args:
         batch: A `mujoco.batch.Batch`, or one of mjbatch.
@@ -158,7 +158,7 @@ class MujocoFields:
         return self._bound[name]
 
     def step(self, ctrl: Array | None = None, nstep: int = 1) -> None:
-        """Makes steps with controls (num_envs, nu), or with the previous controls."""
+        """Step all environments with controls (num_envs, nu); None keeps the last controls."""
         if ctrl is not None:
             self.bind("ctrl")[:] = ctrl
         self._batch.step(nstep=nstep)
@@ -168,11 +168,11 @@ class MujocoBatch(MujocoFields):
     """Batch of environments in MuJoCo, `mujoco.batch.Batch`.
 
     Args:
-        model: MuJoCo's `MjModel`, which is copied.
+        model: `mujoco.MjModel`, which the batch copies.
         num_envs: Number of environments.
         threads: Threads; 0 is one per core.
         setting: Name of the settings in tables.
-        contacts: Whether `data` has the contacts of the last step, for which each environment keeps an `MjData`.
+        contacts: Whether `data(env)` contains the contacts of the last step. This keeps an `MjData` per environment.
     """
 
     def __init__(self, model: Any, num_envs: int, *, threads: int = 1, setting: str = "", contacts: bool = False) -> None:
@@ -198,21 +198,21 @@ class MujocoBatch(MujocoFields):
         return np.array(self._bound["qvel"])
 
     def reset(self, qpos: Array, qvel: Array | None = None) -> None:
-        """Resets all environments to positions (num_envs, nq), m and rad, and velocities (num_envs, nv); see `EngineBatch.reset`."""
+        """Reset all environments to positions (num_envs, nq), m and rad, and velocities (num_envs, nv); see `EngineBatch.reset`."""
         self._batch.reset(stage=require("mujoco", "to run MuJoCo").mjtStage.mjSTAGE_NONE.value)
         self.bind("qpos")[:] = qpos
         if qvel is not None:
             self.bind("qvel")[:] = qvel
 
     def record(self, phase: str) -> None:
-        """Does nothing, because MuJoCo reports no residual."""
+        """Do nothing, because MuJoCo reports no residual."""
 
     @property
     def restarted(self) -> NDArray[np.bool_]:
-        """Whether MuJoCo itself reset each environment since `reset`, because a state was not finite or huge, (num_envs,)."""
+        """Whether MuJoCo has reset each environment by itself since `reset`, because its state was not finite or too large, (num_envs,)."""
         kinds = require("mujoco", "to run MuJoCo").mjtWarning
         bad = [kinds.mjWARN_BADQPOS.value, kinds.mjWARN_BADQVEL.value, kinds.mjWARN_BADQACC.value]
-        found: NDArray[np.bool_] = self._batch.warning[:, bad, _NUMBER].any(axis=1)
+        found: NDArray[np.bool_] = self._batch.warning[:, bad, _WARNING_COUNT].any(axis=1)
         return found
 
     def data(self, env: int) -> Any:
@@ -220,12 +220,12 @@ class MujocoBatch(MujocoFields):
         return self._batch.get_data(env)
 
 
-_NUMBER = 1
-"""Column of `Batch.warning` that counts warnings."""
+_WARNING_COUNT = 1
+"""Column of `Batch.warning` with the number of warnings."""
 
 
 def mujoco_model(path: str, settings: MujocoEngine | None = None) -> Any:
-    """MuJoCo's `MjModel` of a file, with sensors disabled.
+    """`mujoco.MjModel` of a file, with sensors disabled.
 
     Args:
         path: MJCF file.
@@ -237,7 +237,7 @@ def mujoco_model(path: str, settings: MujocoEngine | None = None) -> Any:
 
 
 def configure(model: Any, settings: MujocoEngine | None) -> None:
-    """Writes settings into an `MjModel`, and disables its sensors."""
+    """Write settings into an `mujoco.MjModel` (None keeps them), and disable its sensors."""
     mujoco = require("mujoco", "to compare stepper with MuJoCo")
     if settings is not None:
         settings.configure(mujoco, model)
@@ -245,26 +245,26 @@ def configure(model: Any, settings: MujocoEngine | None) -> None:
 
 
 class Engine(Protocol):
-    """Engine with its settings: a line of a chart."""
+    """Engine with its settings, which is one line of a chart."""
 
     @property
     def engine(self) -> str:
-        """Name of the engine, which determines the family of colours."""
+        """Name of the engine, which determines the colours of the line."""
 
     @property
     def setting(self) -> str:
         """Name of the settings."""
 
     def start(self, mjcf: str, dt: float) -> EngineBatch:
-        """Loads a scene from MJCF text, with the time step `dt`, s."""
+        """Batch of a scene from MJCF text, with the time step `dt`, s."""
 
 
 @dataclass(frozen=True)
 class StepperEngine:
-    """Stepper with settings.
+    """Engine stepper with some settings.
 
     Attributes:
-        setting: Name on the chart.
+        setting: Name of the settings on the chart.
         options: Options of the step, except for the time step.
         batch: Number of environments stepped together.
         precision: "f64" or "f32".
@@ -277,7 +277,7 @@ class StepperEngine:
     engine: str = "stepper"
 
     def start(self, mjcf: str, dt: float) -> EngineBatch:
-        """Loads a scene from MJCF text, with the time step `dt`, s."""
+        """Batch of a scene from MJCF text, with the time step `dt`, s."""
         options = dataclasses.replace(self.options, timestep=dt)
         return StepperBatch(_load(mjcf), self.batch, precision=self.precision, options=options)
 
@@ -287,10 +287,10 @@ _load = lru_cache(maxsize=8)(load)
 
 @dataclass(frozen=True)
 class MujocoEngine:
-    """MuJoCo with settings, without sensors.
+    """Engine MuJoCo with some settings and without sensors.
 
     Attributes:
-        setting: Name on the chart.
+        setting: Name of the settings on the chart.
         integrator: "EULER", "IMPLICIT", "IMPLICITFAST", "DISCRETE" or "RK4".
         cone: "PYRAMIDAL" or "ELLIPTIC".
         solver: "NEWTON", "CG" or "PGS".
@@ -307,14 +307,14 @@ class MujocoEngine:
     engine: str = "MuJoCo"
 
     def start(self, mjcf: str, dt: float) -> EngineBatch:
-        """Loads a scene from MJCF text, with the time step `dt`, s."""
+        """Batch of a scene from MJCF text, with the time step `dt`, s."""
         model = require("mujoco", "to compare stepper with MuJoCo").MjModel.from_xml_string(mjcf)
         model.opt.timestep = dt
         configure(model, self)
         return MujocoBatch(model, 1)
 
     def configure(self, mujoco: Any, model: Any) -> None:
-        """Writes these settings into an `MjModel`, except for the time step."""
+        """Write these settings, except for the time step, into an `mujoco.MjModel`."""
         model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{self.integrator}")
         model.opt.cone = getattr(mujoco.mjtCone, f"mjCONE_{self.cone}")
         model.opt.solver = getattr(mujoco.mjtSolver, f"mjSOL_{self.solver}")

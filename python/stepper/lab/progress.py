@@ -1,4 +1,4 @@
-"""Output of an experiment: its progress, and the files that it wrote."""
+"""Terminal output of long calls: progress, and paths of written files."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from stepper.shared.progress import Tick
 
 __all__ = ["Tick", "progress", "show_files"]
 
-PATIENCE = 30.0
+_LONGEST_PAUSE = 30.0
 """Longest time between two lines of progress, s."""
 
 
 @contextlib.contextmanager
 def progress() -> Iterator[Tick]:
-    """Display of progress on stderr. It writes only when its function is called, so that timings are not disturbed.
+    """Context manager that shows progress on stderr, with an estimate of the remaining time.
 
-    On a terminal it is a bar. In a file or a pipe it is a line for every tenth, or every half a minute. Both have an estimate of the
-    remaining time.
+    It writes only when its callback is called, so that timings are not disturbed. On a terminal it shows a bar. In a file or a pipe it
+    writes a line for every tenth, or every half minute.
 
     Yields:
-        A function of (text, fraction done).
+        Progress callback (text, fraction done).
     """
     bars, consoles = require("rich.progress", "to show progress"), require("rich.console", "to show progress")
     console = consoles.Console(stderr=True)
@@ -46,7 +46,7 @@ def progress() -> Iterator[Tick]:
 
 
 def _lines() -> Tick:
-    """Progress as lines, for files and pipes."""
+    """Progress callback that writes lines, for files and pipes."""
     last: dict[str, tuple[int, float]] = {}
     first: dict[str, tuple[float, float]] = {}
 
@@ -54,7 +54,7 @@ def _lines() -> Tick:
         tenth, now = int(10 * done + 1e-9), time.monotonic()
         before, when = last.get(what, (-1, now))
         begun, began = first.setdefault(what, (done, now))
-        if tenth > before or now - when > PATIENCE:
+        if tenth > before or now - when > _LONGEST_PAUSE:
             print(f"{what}: {100 * done:.0f} %{_remaining(done, done - begun, now - began)}", file=sys.stderr, flush=True)
             last[what] = max(tenth, before), now
 
@@ -62,7 +62,13 @@ def _lines() -> Tick:
 
 
 def _remaining(done: float, made: float, seconds: float) -> str:
-    """Estimate of the remaining time, from the fraction that was done in some seconds; empty without progress, or below a second."""
+    """Text with the estimated remaining time; empty without progress, or below a second.
+
+    Args:
+        done: Fraction of the work that is done.
+        made: Fraction that was done since the first report.
+        seconds: Time since the first report, s.
+    """
     left = (1.0 - done) * seconds / made if made > 0 else 0.0
     if left < 1.0:
         return ""
@@ -70,6 +76,6 @@ def _remaining(done: float, made: float, seconds: float) -> str:
 
 
 def show_files(paths: Sequence[Path]) -> None:
-    """Prints the paths of files that were written."""
+    """Print the paths of written files."""
     for path in paths:
         print(f"wrote {path}", flush=True)

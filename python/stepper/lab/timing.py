@@ -1,4 +1,4 @@
-"""Repeated timing of a run, in rounds that are interleaved with those of other runs."""
+"""Base class of runs that are timed repeatedly, in rounds that alternate with those of other runs."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ from abc import ABC, abstractmethod
 
 
 class Timed(ABC):
-    """Run that is repeated for timing.
+    """Run that is repeated for timing. Abstract.
 
     Attributes:
-        times: Mean processor time of a run in every round, s.
+        times: Mean processor time of the run in each round so far, s.
     """
 
     times: list[float]
 
     @abstractmethod
     def once(self) -> float:
-        """Processor time of one run from the start, s."""
+        """Run once from the start, and return the processor time, s."""
 
     def measure(self, seconds: float) -> None:
-        """Repeats the run for at least `seconds`, and records its mean processor time."""
+        """Measure one round: repeat the run for at least `seconds`, and append the mean processor time to `times`."""
         runs, total = 0, 0.0
         while total < seconds:
             total += self.once()

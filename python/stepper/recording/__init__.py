@@ -1,4 +1,4 @@
-"""Recordings: inputs and results of a run on disk, and bit-for-bit replay."""
+"""Recordings: inputs and results of a simulation on disk, and replays that compare them bit for bit."""
 
 from stepper.recording.format import HEADER, RecordingError
 from stepper.recording.recorder import Recorder

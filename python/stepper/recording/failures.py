@@ -1,4 +1,4 @@
-"""Causes of failed episodes: the status of the steps, attributed to physics, sensing or action."""
+"""Failures during a recording, by cause: physics, sensing or action."""
 
 from __future__ import annotations
 
@@ -12,29 +12,29 @@ if TYPE_CHECKING:
     from stepper._stepper import Stepper
 
 KEPT = 1000
-"""Failures of each cause that are kept one by one; all are counted."""
+"""Largest number of failures of each kind whose row and environment are stored; all are counted."""
 
 CAUSES = {
     ("action", "non-finite"): "a control is NaN or infinite; the environment kept its state",
     ("action", "clipped"): "a control lies outside its range and was clipped",
-    ("action", "saturated"): "the effort of an actuator was cut to its bounds",
-    ("physics", "non-finite"): "the step was not finite though its controls were; the environment kept its state",
+    ("action", "saturated"): "the effort of an actuator was limited to its bounds",
+    ("physics", "non-finite"): "the result of the step was not finite although its controls were; the environment kept its state",
     ("physics", "residual"): "the residual is above the tolerance",
-    ("physics", "contacts full"): "there were more contacts than room",
+    ("physics", "contacts full"): "there were more contacts than Options.max_contacts",
     ("physics", "unresolved"): "the time step was too long for the motion",
-    ("physics", "tunnelled"): "something moved so fast that it may have passed through something thin",
-    ("physics", "infeasible"): "what constraints demand cannot be met, and impulses prove it",
+    ("physics", "tunnelled"): "a geom moved so fast that it may have passed through a thin one",
+    ("physics", "infeasible"): "the constraints contradict each other, as the impulses prove",
     ("physics", "deep"): "geoms overlap by more than 1 mm",
     ("physics", "over limit"): "a joint or tendon is beyond its range by more than 0.01 rad or m",
     ("physics", "equality violated"): "the position error of an equality is above 1 mm or 1 mrad",
     ("sensing", "saturation"): "a reading was clipped to the limits of its sensor",
-    ("sensing", "dropout"): "a sample of a sensor was lost, and the one before stayed held",
+    ("sensing", "dropout"): "a sample of a sensor was lost; the reading kept its last value",
 }
-"""Whose fault, and what happened."""
+"""Meaning of each failure, by its cause (action, physics or sensing) and its kind."""
 
 
 class Failures:
-    """Counts of failures by cause, sensor and actuator, with the places of the first ones."""
+    """Counts of failures by kind, sensor and actuator, with row and environment of the first ones."""
 
     def __init__(self, sim: Stepper):
         bounds = np.asarray(sim.model.actuator_ctrlrange).reshape(-1, 2)
@@ -42,7 +42,7 @@ class Failures:
         if sim.actuators is not None:
             drives = [sim.actuators.drive_of(name or f"#{index}") for index, name in enumerate(sim.model.actuator_names)]
             servos = [index for index, drive in enumerate(drives) if drive is not None and drive.servo is not None]
-            # A set point of a servo has no range.
+            # The control of a servo is not limited to ctrlrange.
             self._low[servos], self._high[servos] = -np.inf, np.inf
         sensors = [sensor["name"] or f"#{index}" for index, sensor in enumerate(sim.model.sensors)]
         actuators = [name or f"#{index}" for index, name in enumerate(sim.model.actuator_names)]
@@ -54,16 +54,16 @@ class Failures:
         self._count = dict.fromkeys(CAUSES, 0)
         self._first: dict[tuple[str, str], list[tuple[int, int]]] = {cause: [] for cause in CAUSES}
 
-    def look(
+    def count(
         self, row: int, fields: dict[str, np.ndarray[Any, Any]], faults: np.ndarray[Any, Any], saturation: np.ndarray[Any, Any]
     ) -> None:
         """Counts the failures in one row of a recording.
 
         Args:
             row: Number of the row.
-            fields: See `stepper.recording.format.FIELDS`.
-            faults: Counts of sensor faults, (num_envs, nsensor), a number of `Stepper.sensor_faults`.
-            saturation: Flags of saturated actuators, (num_envs, nu), of `Stepper.actuator_saturation`.
+            fields: Arrays of the row, as in `stepper.recording.format.FIELDS`.
+            faults: Numbers of clipped and lost samples, (num_envs, nsensor, 2) counts, from `Stepper.sensor_faults`.
+            saturation: Counts or flags of saturated actuators, (num_envs, nu), from `Stepper.actuator_saturation`.
         """
         ctrl = fields["ctrl"]
         faults, saturation = faults.reshape(len(ctrl), -1, 2), saturation.reshape(len(ctrl), -1)
@@ -78,41 +78,42 @@ class Failures:
         bad = ~np.all(np.isfinite(ctrl), axis=1)
         outside = np.any((ctrl < self._low) | (ctrl > self._high), axis=1) & ~bad
 
-        def says(flag: Status) -> np.ndarray[Any, Any]:
+        def has(flag: Status) -> np.ndarray[Any, Any]:
             return (status & flag.value).astype(bool)
 
         found = {
             ("action", "non-finite"): bad,
             ("action", "clipped"): outside,
-            ("physics", "non-finite"): says(Status.NON_FINITE) & ~bad,
-            ("physics", "residual"): says(Status.NOT_CONVERGED),
-            ("physics", "contacts full"): says(Status.CONTACTS_FULL),
-            ("physics", "unresolved"): says(Status.UNRESOLVED),
-            ("physics", "tunnelled"): says(Status.TUNNELLED),
-            ("physics", "infeasible"): says(Status.INFEASIBLE),
-            ("physics", "deep"): says(Status.DEEP),
-            ("physics", "over limit"): says(Status.OVER_LIMIT),
-            ("physics", "equality violated"): says(Status.EQUALITY_VIOLATED),
+            ("physics", "non-finite"): has(Status.NON_FINITE) & ~bad,
+            ("physics", "residual"): has(Status.NOT_CONVERGED),
+            ("physics", "contacts full"): has(Status.CONTACTS_FULL),
+            ("physics", "unresolved"): has(Status.UNRESOLVED),
+            ("physics", "tunnelled"): has(Status.TUNNELLED),
+            ("physics", "infeasible"): has(Status.INFEASIBLE),
+            ("physics", "deep"): has(Status.DEEP),
+            ("physics", "over limit"): has(Status.OVER_LIMIT),
+            ("physics", "equality violated"): has(Status.EQUALITY_VIOLATED),
             **{cause: np.any(counts, axis=1) for cause, counts in counted.items()},
         }
         for cause, where in found.items():
             environments = np.flatnonzero(where)
             self._count[cause] += len(environments)
-            room = KEPT - len(self._first[cause])
-            self._first[cause] += [(row, int(env)) for env in environments[:room]]
+            free = KEPT - len(self._first[cause])
+            self._first[cause] += [(row, int(env)) for env in environments[:free]]
 
     def summary(self) -> list[dict[str, Any]]:
-        """All failures: cause, flag, number of calls of `step` over all environments, and the first (row, environment) pairs.
+        """All failures that occurred, one dictionary per kind.
 
-        Failures of sensing also have "readings", the number for each sensor. Saturation also has "steps", the number for each actuator.
+        Entries are "cause", "what" (the kind), "meaning", "count" (over all calls of `step` and environments) and "first" (pairs of row and
+        environment). Failures of sensing also have "readings", the number per sensor; saturation has "steps", the number per actuator.
         """
         found = [
-            {"whose": whose, "what": what, "meaning": CAUSES[whose, what], "count": count, "first": self._first[whose, what]}
-            for (whose, what), count in self._count.items()
+            {"cause": cause, "what": what, "meaning": CAUSES[cause, what], "count": count, "first": self._first[cause, what]}
+            for (cause, what), count in self._count.items()
             if count
         ]
         for entry in found:
-            if (counted := self._each.get((str(entry["whose"]), str(entry["what"])))) is not None:
+            if (counted := self._each.get((str(entry["cause"]), str(entry["what"])))) is not None:
                 word, names, counts = counted
                 entry[word] = {name: int(count) for name, count in zip(names, counts, strict=True) if count}
         return found

@@ -1,16 +1,17 @@
-"""Format of a recording, and functions to read it. Files that were cut, swapped or edited raise an error with the place.
+"""Format of a recording, and functions to read it. Files that were truncated, swapped or edited are detected by their SHA-256.
 
 A recording is a folder:
 
-    run.json         versions, machine, options, precision, seed, digest of the model, shapes and units of the fields;
-                     of every file its rows, its calls of step and its SHA-256; what failed; whether it was closed; and its own SHA-256
-    model.stepper    the model, as `Model.save` writes it
-    00000.npz ...    rows, each file complete in itself
+    run.json         versions, machine, options, precision, seed, digest of the model, units of the fields;
+                     for every .npz file the numbers of rows and of calls of step, and the SHA-256;
+                     failures; whether the recording was closed; and the SHA-256 of run.json itself
+    model.stepper    the model, as written by `Model.save`
+    00000.npz ...    rows; a row is an event such as a call of step or reset
 
-run.json is replaced atomically after every file: a crash loses only the last file.
+run.json is replaced atomically after every .npz file, so that a crash loses only the last file.
 
-Arrays of a file: `kind` (n,) gives the kind of each row (`KINDS`). The rows of steps have the fields of `FIELDS`, stacked in
-their order; the others their arguments, as "row/name".
+The array `kind`, (n,), of a .npz file has the kind of each row as an index into `KINDS`. Fields of the rows of steps (`FIELDS`) are stacked
+in one array per field. Arguments of other rows are stored in arrays with the name "row/argument".
 """
 
 from __future__ import annotations
@@ -31,18 +32,18 @@ Arrays = dict[str, np.ndarray[Any, Any]]
 Header = dict[str, Any]
 
 FORMAT = 6
-"""6: names are those of the attributes and arguments of `Stepper`."""
+"""Version of the format. Since version 6, names are those of attributes and arguments of `Stepper`."""
 HEADER, MODEL = "run.json", "model.stepper"
 KINDS = ("start", "step", "reset", "set_state", "applied", "randomize")
-"""Kinds of rows. "applied" stands before a step whose forces, mocap poses or equalities are other than those of the step before."""
+"""Kinds of rows. "applied" has the applied forces, mocap poses and equalities of the next step, if these have changed."""
 FIELDS = {
-    "ctrl": "as given, N, N m or what the actuator takes",
-    "nstep": "steps of the call",
+    "ctrl": "in the unit of the actuator, as given",
+    "nstep": "number of steps of the call",
     "qpos": "m and rad",
     "qvel": "m/s and rad/s",
     "act": "",
     "time": "s",
-    "sensordata": "of each sensor",
+    "sensordata": "in the unit of the sensor",
     "residual": "m/s",
     "iterations": "",
     "status": "flags, stepper.Status",
@@ -51,41 +52,42 @@ FIELDS = {
     "max_equality_violation": "m or rad",
 }
 COMPARED = tuple(name for name in FIELDS if name not in ("ctrl", "nstep"))
-"""Fields that a replay has to reproduce, bit for bit."""
+"""Fields that a replay compares bit for bit."""
 
 
 class RecordingError(ValueError):
-    """Recording that cannot be read or repeated; the message has the place, the problem and the remedy."""
+    """A recording cannot be read or repeated. The message has the file or row, the problem and a remedy."""
 
 
 @contextmanager
 def reading(place: str | Path) -> Iterator[None]:
-    """Context that turns errors in the contents of a file into a `RecordingError` with the place.
+    """Context manager that converts exceptions from invalid contents into a `RecordingError` whose message begins with `place`.
 
-    OSError and MemoryError stay as they are.
+    OSError and MemoryError are not converted.
     """
     try:
         yield
     except (RecordingError, OSError, MemoryError):
         raise
     except Exception as error:
-        what = f"{error.args[0]} is missing" if isinstance(error, KeyError) and error.args else str(error) or type(error).__name__
-        raise RecordingError(f"{place}: {what}; copy the recording again, or record it again") from error
+        problem = f"{error.args[0]} is missing" if isinstance(error, KeyError) and error.args else str(error) or type(error).__name__
+        raise RecordingError(f"{place}: {problem}; copy the recording again, or record it again") from error
 
 
 def digest_of(file: BinaryIO) -> str:
-    """SHA-256 of a file from its present place on, in hexadecimal."""
+    """SHA-256 of a file from its current position on, in hexadecimal."""
     return hashlib.file_digest(cast("BufferedReader", file), "sha256").hexdigest()
 
 
 def write_header(folder: Path, head: Header) -> None:
-    """Writes run.json with its checksum, in one piece."""
+    """Writes run.json with its SHA-256, atomically."""
     text = json.dumps(head | {"sha256": _digest_of_header(head)}, indent=2) + "\n"
     with atomic_write(folder / HEADER) as file:
         file.write(text.encode())
 
 
 def _digest_of_header(head: Header) -> str:
+    """SHA-256 of the contents of run.json without the entry "sha256"."""
     held = {name: value for name, value in head.items() if name != "sha256"}
     return hashlib.sha256(json.dumps(held, sort_keys=True).encode()).hexdigest()
 
@@ -94,18 +96,18 @@ def read_header(folder: Path) -> Header:
     """Contents of run.json.
 
     Raises:
-        RecordingError: The format is of another version, or the file was changed.
-        OSError: It cannot be read.
+        RecordingError: The format has another version, or the file was changed.
+        OSError: The file cannot be read.
     """
     file = existing(folder / HEADER, "recording")
     with reading(file):
         head = json.loads(file.read_text(encoding="utf-8"))
         if not isinstance(head, dict):
-            raise RecordingError(f"{file}: no description of a recording; give the folder that Stepper.record wrote")
+            raise RecordingError(f"{file}: the contents are not those of a recording; give a folder that Stepper.record wrote")
         if head.get("format") != FORMAT:
             made = head.get("provenance", {}).get("versions", {}).get("stepper", "an unknown version")
             raise RecordingError(
-                f"{folder} has format {head.get('format')} of recordings, this version reads {FORMAT}: replay it with stepper {made}"
+                f"{folder} has format {head.get('format')} of recordings, this version reads format {FORMAT}: replay it with stepper {made}"
             )
         if head["sha256"] != _digest_of_header(head):
             raise RecordingError(f"{file}: its contents do not match its SHA-256: it was damaged or edited; copy the recording again")
@@ -113,7 +115,7 @@ def read_header(folder: Path) -> Header:
             raise RecordingError(f"{file}: closed is {head['closed']!r}, must be true or false")
         name = head["model"]["file"]
         if name != MODEL:
-            raise RecordingError(f"{file}: model.file is {name!r}, must be {MODEL!r}, which lies in the recording's own folder")
+            raise RecordingError(f"{file}: model.file is {name!r}, must be {MODEL!r}, in the folder of the recording")
     return head
 
 
@@ -127,17 +129,17 @@ def check_files(folder: Path, head: Header) -> None:
         listed = [entry["name"] for entry in head["files"]]
         rows = sum(entry["rows"] for entry in head["files"])
         if listed != [f"{k:05d}.npz" for k in range(len(listed))] or rows != head["rows"]:
-            raise RecordingError(f"{folder / HEADER}: {len(listed)} files of {rows} rows together are not its {head['rows']} rows")
+            raise RecordingError(f"{folder / HEADER}: {len(listed)} files with {rows} rows are listed, but {head['rows']} rows in total")
         there = {file.name for file in folder.glob("*.npz")}
         if missing := [name for name in listed if name not in there]:
             raise RecordingError(f"{folder}: {missing[0]} is missing, {len(missing)} of {len(listed)} files; copy the recording again")
-        # A run that was cut off can have written a file that run.json does not have yet.
+        # A recording that was not closed may have a file that run.json does not list yet.
         if head["closed"] and (more := sorted(there.difference(listed))):
-            raise RecordingError(f"{folder}: {more[0]} is no file of this recording; remove it, or copy the recording again")
+            raise RecordingError(f"{folder}: {more[0]} does not belong to this recording; remove it, or copy the recording again")
 
 
 def read_rows(folder: Path, head: Header) -> Iterator[tuple[str, str, Arrays]]:
-    """Rows of a recording, each with its place, kind and arrays. One file is in memory at a time.
+    """Yields the rows of a recording: place (for messages), kind and arrays. One file is in memory at a time.
 
     Raises:
         RecordingError: A file is missing, additional or changed.
@@ -161,9 +163,12 @@ def read_rows(folder: Path, head: Header) -> Iterator[tuple[str, str, Arrays]]:
 
 
 def _read_file(path: Path, entry: dict[str, Any]) -> tuple[list[str], Arrays]:
+    """Kinds of the rows and arrays of a .npz file; `entry` is its entry in run.json."""
     with path.open("rb") as file:
         if digest_of(file) != entry["sha256"]:
-            raise RecordingError(f"{path}: its contents are not those that were recorded: it was cut, swapped or edited; copy it again")
+            raise RecordingError(
+                f"{path}: its contents are not those that were recorded: the file was truncated, swapped or edited; copy it again"
+            )
         file.seek(0)
         with np.load(file, allow_pickle=False) as chunk:
             arrays = dict(chunk)

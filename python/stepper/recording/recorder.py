@@ -1,4 +1,4 @@
-"""Recorder of a stepper: inputs and results of each call on disk, in the format of `stepper.recording.format`."""
+"""`Recorder`: writes inputs and results of each call of a stepper to disk, in the format of `stepper.recording.format`."""
 
 from __future__ import annotations
 
@@ -24,27 +24,27 @@ if TYPE_CHECKING:
 
 
 class Recorder:
-    """Recorder of the calls and results of a `Stepper` in a folder. It is a context manager; `close` ends the recording.
+    """Writes the calls and results of a `Stepper` to a folder; a context manager. `Stepper.record` creates it, and `close` ends it.
 
     Args:
-        sim: Stepper without another recorder.
-        path: The folder, new or empty.
-        chunk: Number of bytes in memory at which a file is written.
-        note: Remark to keep in run.json.
+        sim: The stepper, without another recorder.
+        path: New or empty folder.
+        chunk: Size of the rows in memory at which a file is written, bytes.
+        note: Remark for run.json.
 
     Raises:
         FileExistsError: The folder is not empty.
-        ValueError: The stepper is recorded already.
+        ValueError: The stepper already has a recorder.
 
     Attributes:
-        path: The folder.
-        rows: Number of rows so far.
-        failures: Failures so far.
+        path: Folder of the recording.
+        rows: Number of rows recorded so far.
+        failures: Counts of failures so far.
     """
 
     def __init__(self, sim: Stepper, path: str | os.PathLike[str], *, chunk: int = 64 << 20, note: str = ""):
         if sim.recorder is not None:
-            raise ValueError(f"this stepper is already recorded into {sim.recorder.path}; close that recording first")
+            raise ValueError(f"this stepper is already being recorded to {sim.recorder.path}; close that recording first")
         if chunk < 1:
             raise ValueError(f"chunk is {chunk}, must be 1 or more bytes")
         self.path = Path(path)
@@ -63,41 +63,44 @@ class Recorder:
         self._add("start", state=_state_bytes(sim), **_parameters(sim.randomized, np.full(sim.num_envs or 1, True)))
 
     def step(self, sim: Stepper, *, ctrl: np.ndarray[Any, Any], nstep: int, applied: list[np.ndarray[Any, Any] | None]) -> None:
-        """Called by the stepper after a call of `step` with controls (num_envs, nu)."""
+        """Records a call of `step` with controls (num_envs, nu). The stepper calls it after the steps.
+
+        `applied` has the arrays of `APPLIED`, in that order; None for arrays that were never set.
+        """
         if not all(_same(now, before) for now, before in zip(applied, self._applied, strict=True)):
             self._applied = [None if now is None else now.copy() for now in applied]
             self._add("applied", **{name: now for name, now in zip(APPLIED, self._applied, strict=True) if now is not None})
         row = {name: np.asarray(getattr(sim, name)) for name in COMPARED}
         row |= {"ctrl": ctrl, "nstep": np.asarray(nstep)}
-        self.failures.look(self.rows, row, sim.sensor_faults, sim.actuator_saturation)
+        self.failures.count(self.rows, row, sim.sensor_faults, sim.actuator_saturation)
         for name, value in row.items():
             self._steps[name].append(value)
         self._count("step", sum(value.nbytes for value in row.values()))
 
     def reset(self, _sim: Stepper, **arguments: Any) -> None:
-        """Called by the stepper after a reset. A reset clears applied forces, so that the next ones are recorded again."""
+        """Records a reset. A reset clears applied forces, so that the next ones are recorded again."""
         self._applied = [None] * len(APPLIED)
         self._add("reset", **arguments)
 
     def set_state(self, _sim: Stepper, **arguments: Any) -> None:
-        """Called by the stepper after `set_state`."""
+        """Records a call of `set_state`."""
         if "state" in arguments:
             arguments = {"state": _state_bytes(self._sim)}
         self._add("set_state", **arguments)
 
     def randomize(self, sim: Stepper, *, envs: Any = None, fields: dict[str, Any] | None = None) -> None:
-        """Called by the stepper after `randomize`. Only rows of changed environments are recorded."""
+        """Records a call of `randomize`, with only the rows of changed environments."""
         chosen, order = np.zeros(sim.num_envs or 1, dtype=bool), selected(envs, sim.num_envs or 1)
         chosen[order] = True
         rows = {name: values for name, values in (fields or {}).items() if values is not None}
-        if envs is not None and np.asarray(envs).dtype != np.bool_:  # A row for each index.
+        if envs is not None and np.asarray(envs).dtype != np.bool_:  # One row per index.
             rows = {name: values if name == "actuators" else _of_all(values, order, len(chosen)) for name, values in rows.items()}
-        # The model's own numbers again: a name alone, or no name at all.
+        # Fields that are set back to the values of the model.
         shared = [name for name in fields or {} if name not in rows]
         self._add("randomize", envs=chosen, shared=np.array(shared, "U"), **_parameters(rows, chosen))
 
     def close(self) -> None:
-        """Writes the remaining rows, and marks the recording as complete. The stepper continues without recording."""
+        """Writes the remaining rows and marks the recording as complete. The stepper can be used further, without recording."""
         if self._sim.recorder is self:
             self._sim.recorder = None
             self._flush(closed=True)
@@ -109,12 +112,14 @@ class Recorder:
         self.close()
 
     def _add(self, kind: str, **arguments: Any) -> None:
-        # Copies: the caller may write the next numbers into the same arrays.
+        """Adds a row other than a step."""
+        # Copy, because the caller may change the arrays later.
         arrays = {name: np.array(value) for name, value in arguments.items()}
         self._others |= {f"{len(self._kinds)}/{name}": value for name, value in arrays.items()}
         self._count(kind, sum(value.nbytes for value in arrays.values()))
 
     def _count(self, kind: str, nbytes: int) -> None:
+        """Counts a row and its size, and writes a file if the rows in memory are large enough."""
         self._kinds.append(KINDS.index(kind))
         self.rows += 1
         self._bytes += nbytes
@@ -122,17 +127,20 @@ class Recorder:
             self._flush()
 
     def _clear(self) -> None:
+        """Discards the rows in memory."""
         self._kinds: list[int] = []
         self._steps: dict[str, list[np.ndarray[Any, Any]]] = {name: [] for name in FIELDS}
         self._others: dict[str, np.ndarray[Any, Any]] = {}
         self._bytes = 0
 
     def _flush(self, *, closed: bool = False) -> None:
+        """Writes the rows in memory, if any, and run.json."""
         if self._kinds:
             self._write_rows()
         write_header(self.path, self._header | {"closed": closed, **self._so_far()})
 
     def _write_rows(self) -> None:
+        """Writes the rows in memory to the next .npz file."""
         stacked = {name: np.stack(rows) for name, rows in self._steps.items() if rows}
         final = self.path / f"{len(self._files):05d}.npz"
         with atomic_write(final) as file:
@@ -150,7 +158,7 @@ class Recorder:
 
 
 def header(sim: Stepper, note: str = "") -> dict[str, Any]:
-    """Header of a recording: versions, machine, options, precision, seed and model."""
+    """Entries of run.json that do not change during the recording: versions, machine, options, precision, seed and model."""
     return {
         "format": FORMAT,
         "note": note,
@@ -170,13 +178,13 @@ def header(sim: Stepper, note: str = "") -> dict[str, Any]:
 
 
 def _source(model: Model) -> str | None:
-    """The file that a model was loaded from, where it is known: what it looks like is there alone."""
+    """File from which a model was loaded, for drawing colours and meshes; None if it is unknown."""
     origin = origin_of(model)
     return str(origin.source) if origin is not None and origin.is_file else None
 
 
 def _parameters(fields: dict[str, Any], chosen: np.ndarray[Any, Any]) -> dict[str, np.ndarray[Any, Any]]:
-    """Arrays of a row for what `randomize` takes: numbers of the chosen environments, and drives as JSON."""
+    """Arrays of a row for parameters per environment: values in the environments of a mask, and drives as JSON."""
     rows = {name: values for name, values in fields.items() if name != "actuators"}
     kept = {f"theta/{name}": np.asarray(values, np.float64).reshape(len(chosen), -1)[chosen] for name, values in rows.items()}
     if "actuators" in fields:
@@ -185,15 +193,17 @@ def _parameters(fields: dict[str, Any], chosen: np.ndarray[Any, Any]) -> dict[st
 
 
 def _of_all(values: Any, order: list[int], num_envs: int) -> np.ndarray[Any, Any]:
-    """Rows of all environments from those of some, zero for the others."""
+    """Array for all environments, (num_envs, ...), with `values` in the environments `order` and 0 in the others."""
     full = np.zeros((num_envs, *np.shape(values)[1:]))
     full[order] = values
     return full
 
 
 def _state_bytes(sim: Stepper) -> np.ndarray[Any, Any]:
+    """Full state of a stepper as an array of bytes."""
     return np.frombuffer(sim.get_state().bytes, np.uint8)
 
 
 def _same(a: np.ndarray[Any, Any] | None, b: np.ndarray[Any, Any] | None) -> bool:
+    """Whether two arrays are equal bit for bit, or both None."""
     return (a is None and b is None) or (a is not None and b is not None and a.tobytes() == b.tobytes())

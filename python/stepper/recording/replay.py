@@ -1,4 +1,4 @@
-"""Replay of a recording, with a bit-for-bit comparison."""
+"""Replay of a recording: repeats all calls and compares the results bit for bit."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from stepper.shared.progress import Tick, silent
 
 @dataclass(frozen=True)
 class Difference:
-    """First number that a replay did not reproduce.
+    """First field of a step that differs between a recording and its replay.
 
     Attributes:
-        row: Row of the recording.
-        step: Call of `step`, counted from 0.
+        row: Index of the row in the recording.
+        step: Index of the call of `step`, from 0.
         field: Name of the field that differs.
-        env: Environment; 0 for a single one.
-        recorded: Recorded values of that environment.
-        replayed: Values of the replay.
+        env: Index of the first environment that differs; 0 with `num_envs=None`.
+        recorded: Recorded values of the field in that environment, in its unit.
+        replayed: Values of the field in the replay.
     """
 
     row: int
@@ -47,14 +47,14 @@ class Difference:
 
 @dataclass(frozen=True)
 class Replay:
-    """Outcome of a replay.
+    """Result of a replay. It is true if all results are identical bit for bit.
 
     Attributes:
-        rows: Number of repeated rows.
-        steps: Number of calls of `step` among them.
-        difference: The first difference; None when every bit was reproduced.
+        rows: Number of rows that were repeated.
+        steps: Number of calls of `step` that were repeated.
+        difference: First difference; None if there is none.
         complete: Whether the recording was closed; otherwise its last rows may be missing.
-        versions: Version of stepper that recorded, and the present one. Only equal versions guarantee equal bits.
+        versions: Version of stepper that made the recording, and the current one. Only equal versions guarantee identical results.
     """
 
     rows: int
@@ -64,7 +64,7 @@ class Replay:
     versions: tuple[str, str]
 
     def __bool__(self) -> bool:
-        """Whether every bit was reproduced."""
+        """Whether all results are identical bit for bit."""
         return self.difference is None
 
     def __str__(self) -> str:
@@ -78,19 +78,19 @@ class Replay:
 
 
 def replay(path: str | os.PathLike[str], *, model: Model | None = None, threads: int | None = None, tick: Tick | None = None) -> Replay:
-    """Repeats a recording and compares states, observations, residuals and flags, bit for bit. It stops at the first difference.
+    """Repeats a recording and compares states, sensor readings, residuals and flags bit for bit, up to the first difference.
 
     Args:
-        path: The folder that `Stepper.record` wrote.
-        model: Model of the recorded stepper; None loads the one in the recording.
-        threads: Number of threads; None is as recorded. The bits do not depend on it.
-        tick: Called with "replay" and the fraction of rows.
+        path: Folder that `Stepper.record` wrote.
+        model: Model that the recorded one must equal; None skips this check.
+        threads: Number of threads; None is as recorded. Results do not depend on it.
+        tick: Function that is called with "replay" and the fraction of the rows that are done.
 
     Raises:
         TypeError, ValueError: `model` or `threads` is invalid.
-        RecordingError: The recording is of another model, or a file is missing or changed.
-        OSError: It cannot be read.
-        MemoryError: The memory does not suffice for its environments.
+        RecordingError: The recording has another model, or a file is missing or changed.
+        OSError: A file cannot be read.
+        MemoryError: There is not enough memory for the environments.
     """
     if model is not None and not isinstance(model, Model):
         raise TypeError(f"model is {model!r} ({type(model).__name__}), must be a stepper.Model")
@@ -113,16 +113,16 @@ def replay(path: str | os.PathLike[str], *, model: Model | None = None, threads:
 
 
 def recorded_stepper(folder: Path, head: Header, model: Model | None, threads: int | None) -> Stepper:
-    """Stepper with the settings of the recorded one."""
+    """Stepper with the settings of the recorded one; `model`, if given, must equal the recorded model."""
     with reading(folder / MODEL):
         own = Model.from_file(folder / MODEL)
-    for digest, whose in [(own.digest, "the model in its folder"), (model.digest if model else own.digest, "the model given")]:
+    for digest, place in [(own.digest, "the model in its folder"), (model.digest if model else own.digest, "the argument model")]:
         if digest != head["model"]["sha256"]:
             name = head["model"]["name"]
-            raise RecordingError(f'{folder} was recorded with model "{name}" {head["model"]["sha256"][:12]}, {whose} is {digest[:12]}')
+            raise RecordingError(f'{folder} was recorded with model "{name}" {head["model"]["sha256"][:12]}, and {place} is {digest[:12]}')
     if differ := head["options"].keys() ^ {field.name for field in fields(Options)}:
         raise RecordingError(
-            f"{folder / HEADER}: options have or lack {', '.join(sorted(differ))}; replay it with the version that recorded"
+            f"{folder / HEADER}: its options differ in {', '.join(sorted(differ))}; replay it with the version that recorded it"
         )
     return Stepper(
         own,
@@ -137,9 +137,9 @@ def recorded_stepper(folder: Path, head: Header, model: Model | None, threads: i
 
 
 def repeat(sim: Stepper, kind: str, arrays: Arrays, row: int, step: int) -> Difference | None:
-    """Repeats a row of a recording; for a step, returns the differences of the result."""
+    """Repeats a row of a recording. For a step, returns the first difference of the result; None if there is none."""
     if (kind == "start") != (row == 0):
-        raise ValueError(f"it is a {kind}, must be a start: the first row of a recording is a start, and no other row is")
+        raise ValueError(f"the row has kind {kind}; the first row of a recording must have kind start, and no other row may")
     if kind == "step":
         ctrl = arrays["ctrl"] if sim.num_envs is not None else arrays["ctrl"][0]
         sim.step(ctrl, nstep=int(arrays["nstep"]))
@@ -165,7 +165,7 @@ def repeat(sim: Stepper, kind: str, arrays: Arrays, row: int, step: int) -> Diff
 
 
 def apply_parameters(sim: Stepper, arrays: Arrays) -> None:
-    """Assigns the fields of a row of the recording; its rows are those of the environments that changed."""
+    """Assigns the parameters in a row of the recording to a stepper; arrays have the rows of the changed environments only."""
     rows = {name.removeprefix("theta/"): values for name, values in arrays.items() if name.startswith("theta/")}
     n = sim.num_envs or 1
     mask = arrays.get("envs", np.full(n, True))
@@ -182,13 +182,14 @@ def apply_parameters(sim: Stepper, arrays: Arrays) -> None:
 
 
 def _compare(sim: Stepper, arrays: Arrays, row: int, step: int) -> Difference | None:
+    """Compares the result of a step with the recorded arrays; returns the first difference."""
     n = sim.num_envs or 1
     for name in COMPARED:
         was, now = arrays[name], np.asarray(getattr(sim, name))
         if was.shape != now.shape:
             raise ValueError(f"{name} has shape {was.shape}, must be {now.shape}")
         was, now = was.reshape(n, -1), now.reshape(n, -1)
-        # As bits, so that -0 is not 0 and NaN is NaN.
+        # Compare bytes: -0 differs from 0, and NaN equals NaN.
         differs = was.dtype != now.dtype or was.tobytes() != now.tobytes()
         if differs:
             env = next((e for e in range(n) if was[e].tobytes() != now[e].tobytes()), 0)

@@ -1,4 +1,4 @@
-"""Segments of a recording as arrays: consecutive steps of equal length from a known state."""
+"""Segments of a recording as arrays. A segment has consecutive calls of `step` with the same number of steps, from a known state."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ READ = ("qpos", "qvel", "act", "sensordata")
 
 @dataclass(frozen=True)
 class Segment:
-    """Steps of all environments between two events: resets, calls of `set_state`, changes of parameters.
+    """Calls of `step` between two other events: resets, calls of `set_state`, changes of parameters.
 
     Attributes:
-        model: The recording's model.
-        row: First row in the recording.
-        period: Time of a call of `step`, s.
+        model: The recorded model.
+        row: Index of the segment's first row in the recording.
+        period: Simulated time of a call of `step`, s.
         start: State before the first step: "qpos", "qvel", "act", (num_envs, ...).
         ctrl: Controls, (T, num_envs, nu).
         readings: "qpos", "qvel", "act" and "sensordata" after every call, (T, num_envs, ...).
@@ -42,11 +42,11 @@ class Segment:
 
 
 def segments(path: str | os.PathLike[str]) -> Iterator[Segment]:
-    """Segments of a recording, in order. A change of the number of steps per call starts a new segment.
+    """Yields the segments of a recording in order. A change of the number of steps per call also starts a new segment.
 
     Raises:
         RecordingError: A file is missing or changed.
-        OSError: It cannot be read.
+        OSError: A file cannot be read.
     """
     folder = Path(path)
     head = read_header(folder)
@@ -65,7 +65,7 @@ def segments(path: str | os.PathLike[str]) -> Iterator[Segment]:
                 if not steps:
                     start, first = _state(sim), row
                 steps.append(arrays | {f"applied/{name}": array for name, array in applied.items()})
-                # The state that was recorded, without the step that led to it.
+                # Set the recorded state instead of repeating the step.
                 shape = (lambda x: x) if sim.num_envs is not None else (lambda x: np.reshape(x, np.shape(x)[-1:]))
                 sim.set_state(shape(arrays["qpos"]), shape(arrays["qvel"]), act=shape(arrays["act"]), keep_warmstart=True)
             elif kind == "applied":
@@ -78,11 +78,13 @@ def segments(path: str | os.PathLike[str]) -> Iterator[Segment]:
 
 
 def _state(sim: Stepper) -> dict[str, np.ndarray[Any, Any]]:
+    """Attribute `start` of a `Segment`: the current state."""
     n = sim.num_envs or 1
     return {name: np.asarray(getattr(sim, name), np.float64).reshape(n, -1) for name in ("qpos", "qvel", "act")}
 
 
 def _segment(sim: Stepper, row: int, start: dict[str, Any], steps: list[Arrays], unapplied: dict[str, np.ndarray[Any, Any]]) -> Segment:
+    """Segment from the arrays of its steps; `unapplied` has the values of forces and mocap poses that were not set."""
     lead = (len(steps), sim.num_envs or 1)
 
     def stacked(name: str) -> np.ndarray[Any, Any]:

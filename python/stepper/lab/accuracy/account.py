@@ -1,7 +1,7 @@
-"""Account of a run: parts of the scene that it used, and the time and memory of each part.
+"""Account of a run (`stepper.lab.account`): parts of the scene that it used, and the time and memory of each part.
 
-The parts are removed one after the other, sensors first and actuators last. Steps are timed from the same states of the full scene's run.
-The motion of the bodies remains. A part's share is the reduction of the step's time by its removal, so that shares add up.
+Parts are removed one after the other, sensors first and actuators last. After each removal, steps are timed from the same states, which
+come from a run of the full scene. The share of a part is the reduction of the step time by its removal, so that shares add up.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _ROUNDS = 11
 _LEAST = 4e-3
 """Shortest duration of a round, s of processor time."""
 _USED = 1e-9
-"""Share of the cone, or torque over peak force in m, above which a contact counts as using friction."""
+"""Fraction of the friction cone, or ratio of torque to peak force (m), above which a contact counts as using friction."""
 
 
 @dataclass(frozen=True)
@@ -47,8 +47,8 @@ class Part:
 
     Attributes:
         name: Name of the part.
-        share: Share of the time of a batch's step.
-        time: Time of one core for a step of one environment, microseconds.
+        share: Fraction of the step time of a batch.
+        time: Processor time for a step of one environment, microseconds.
         memory: Memory of an environment, bytes.
     """
 
@@ -63,10 +63,10 @@ class Use:
     """Number of elements of one kind in a scene, and the number that a run used.
 
     Attributes:
-        name: Kind of the elements.
-        could: Number in the scene, or a bound; None without one.
-        did: Number that the run used, or the largest value.
-        words: Remark.
+        name: Kind of element.
+        could: Number of elements in the scene, or an upper bound; None if there is no bound.
+        did: Number of elements that the run used, or the largest observed value.
+        words: Remark for the table.
     """
 
     name: str
@@ -77,13 +77,14 @@ class Use:
 
 @dataclass(frozen=True)
 class Account:
-    """Used parts and costs of a run.
+    """Result of `account`: used parts of a scene, and their costs.
 
     Attributes:
         study: The study.
         uses: Elements of the scene, and those that the run used.
-        parts: Parts of the scene with their costs; the whole scene first. Empty for a model without a source.
-        document: The account as a document.
+        parts: Parts of the scene with their costs, after the whole scene. Empty if the model has no source (MJCF, URDF) to remove parts
+            from.
+        document: The account as a document with tables.
     """
 
     study: Study
@@ -96,12 +97,12 @@ class Account:
 
 
 def account(source: Any, *, episodes: int = 4, tick: Tick | None = None) -> Account:
-    """Runs episodes of a study or model, lists the parts of the scene that they used, and measures the cost of each part.
+    """Run episodes of a study or model, list the parts of the scene that they used, and measure the cost of each part.
 
     Args:
         source: A study or its file; or a model, as for `stepper.load`, which gets random controls for one second.
-        episodes: Number of episodes, at the nominal point.
-        tick: Called with a text and the fraction done.
+        episodes: Number of episodes, with nominal values of the parameters.
+        tick: Progress callback with a text and the fraction done.
 
     Raises:
         ValueError: `episodes` is below 1.
@@ -120,6 +121,7 @@ def account(source: Any, *, episodes: int = 4, tick: Tick | None = None) -> Acco
 
 
 def _uses(study: Study, seen: Touching) -> Iterator[Use]:
+    """Rows of the table of used parts."""
     model, options = study.loaded[0], study.options
     pressed = [pair for pair in seen.pairs if pair.impulse > 0]
     rubbed = [pair for pair in pressed if pair.cone > _USED or pair.twists > _USED * pair.peak]
@@ -127,21 +129,27 @@ def _uses(study: Study, seen: Touching) -> Iterator[Use]:
     near = {tuple(sorted(model.geom(g).bodyid for g in pair.geoms)) for pair in seen.pairs}
     yield Use("pairs of bodies within reach of a step", len(pairs_that_may_touch(model, study.loaded[1])), len(near))
     yield Use("pairs of geoms that press, of those within reach", len(seen.pairs), len(pressed))
-    yield Use("those with friction, of those that press", len(pressed), len(rubbed))
+    yield Use("pairs of geoms with friction, of those that press", len(pressed), len(rubbed))
     largest = max((pair.cone for pair in rubbed), default=0.0)
-    yield Use("those of which a contact slides", len(rubbed), len(slid), f"a contact uses {min(1.0, largest):.0%} of its cone at the most")
+    yield Use(
+        "pairs of geoms with a sliding contact, of those with friction",
+        len(rubbed),
+        len(slid),
+        f"at most {min(1.0, largest):.0%} of a cone is used",
+    )
     yield Use("contacts of an environment at once", options.max_contacts, seen.most)
     limited = [k for k in range(model.njnt) if model.joint(k).limited]
     yield Use("limits of joints that are reached", len(limited), int(np.count_nonzero(seen.limits)), "to a hundredth of the range")
     yield Use("actuators at a bound of their effort", model.nu, int(np.count_nonzero(seen.saturated)))
     yield Use("sensors that are read", len(model.sensors), len(model.sensors) if seen.senses else 0, "all or none")
-    yield Use("sweeps of the solver in a step, over all its solves", None, seen.sweeps, f"{options.iterations} of each solve at the most")
-    yield Use("Newton steps of the solver in a step", None, seen.newton_steps, "0: its second tier was never needed")
+    yield Use("sweeps of the solver in a step, summed over its solves", None, seen.sweeps, f"at most {options.iterations} per solve")
+    yield Use("Newton steps of the solver in a step", None, seen.newton_steps, "0: the sweeps always sufficed")
     flags = [flag for flag in Status if flag and flag in seen.status]
     yield Use("kinds of flags that steps set", len(Status), len(flags), ", ".join(flag.name or "" for flag in flags))
 
 
 def _used(uses: tuple[Use, ...], seen: Touching, episodes: int) -> Section:
+    """Section of the document with the used parts."""
     words = [
         f"{counted(seen.steps, 'step')} of {counted(episodes, 'episode')} at the nominal point. `stepper tune` removes unused parts, and "
         "measures on other episodes what that changes."
@@ -152,6 +160,7 @@ def _used(uses: tuple[Use, ...], seen: Touching, episodes: int) -> Section:
 
 
 def _spent(study: Study, parts: tuple[Part, ...]) -> Section:
+    """Section of the document with the costs."""
     if not parts:
         return Section("Costs", ["The model has no source from which parts can be removed; give MJCF, URDF or an MjModel."])
     words = [
@@ -164,7 +173,7 @@ def _spent(study: Study, parts: tuple[Part, ...]) -> Section:
     return Section("Costs", words, ("part", "share of the step", "us of a step of an environment", "bytes of an environment"), rows)
 
 
-# Parts that are removed, in this order.
+# Functions that remove one part of a scene from its description (`stepper.loading.describe`), in place.
 
 
 def _no_sensors(made: Description) -> None:
@@ -214,7 +223,9 @@ _PARTS: tuple[tuple[str, Callable[[Description], None]], ...] = (
     ("drag of air or water", _no_medium),
     ("actuators", _no_actuators),
 )
+"""Removable parts: name and function, in the order of removal."""
 _REST = "motion of the bodies"
+"""Name of the part that remains in the end."""
 
 
 _States = tuple[Array, Array, Array, Array]
@@ -222,7 +233,7 @@ _States = tuple[Array, Array, Array, Array]
 
 
 class _Steps(Timed):
-    """Steps of a model from states of a run: one step that gives the solver its warm start, and one that is timed."""
+    """Timed steps of a model from given states. Before each timed step, an untimed step gives the solver its warm start."""
 
     def __init__(self, model: Model, study: Study, states: list[_States], options: Any):
         sensors = study.sensors if model.nsensordata else None
@@ -254,7 +265,7 @@ def _states(study: Study, episodes: range) -> tuple[list[_States], Any]:
         rows.append((world.qpos.copy(), world.qvel.copy(), np.array(sim.act, float), np.array(sim.ctrl, float)))
 
     drive_through(study, world, episodes, look)
-    # A control acts from the step after the state on.
+    # Row k of the controls acts on the state of row k - 1.
     every = [np.concatenate([row[k] for row in (rows[1:] if k == 3 else rows[:-1])]) for k in range(4)]
     chosen = np.random.default_rng(0).permutation(np.resize(np.arange(len(every[0])), max(BATCH, min(len(every[0]), _BATCHES * BATCH))))
     cut = [chosen[first : first + BATCH] for first in range(0, len(chosen) - BATCH + 1, BATCH)]
@@ -262,7 +273,7 @@ def _states(study: Study, episodes: range) -> tuple[list[_States], Any]:
 
 
 def _costs(study: Study, episodes: range, tick: Tick) -> Iterator[Part]:
-    """Costs of the whole scene, of each of its parts, and of the rest."""
+    """Costs of the whole scene, of each removable part, and of the rest."""
     compiled = study.loaded[1]
     if compiled is None:
         return

@@ -1,4 +1,4 @@
-"""Time budget of a chart: shares of its stages, and the time at which each must end."""
+"""Wall-clock time budget of a chart, and of the stages of its computation."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ _DRAWING = (20.0, 0.15)
 
 @dataclass(frozen=True)
 class Stage:
-    """Stage of the work, with the time at which it must end.
+    """Stage of a computation, with the time at which it must end.
 
     Attributes:
-        end: End by `time.time`, which is valid on other machines too, s; infinite without a budget.
+        end: End of the stage as a value of `time.time`, s. (Tasks of Ray on other machines can read it too.) Infinite without a budget.
     """
 
     end: float = math.inf
@@ -29,18 +29,18 @@ class Stage:
 
     @property
     def limited(self) -> bool:
-        """Whether the stage has an end."""
+        """Whether the stage has a finite end."""
         return math.isfinite(self.end)
 
     def within(self, seconds: float) -> Stage:
-        """Stage inside this one that lasts at most `seconds`."""
+        """Stage that ends with this one, and lasts at most `seconds` from now."""
         return Stage(min(self.end, time.time() + seconds))
 
     def one(self, share: float) -> Stage:
-        """Stage inside this one, with a share of the remaining time.
+        """Stage for one of several runs, with a fraction of the remaining time.
 
-        The first of k remaining runs has the share 1/k. A run that does not finish then takes no time from the others, and one that
-        finishes early leaves them its rest.
+        Give the next of k remaining runs the fraction 1/k. A run that does not finish then takes no time from the others, and a run that
+        finishes early leaves its time to them.
         """
         return Stage(time.time() + share * self.left) if self.limited else self
 
@@ -63,6 +63,6 @@ class Budget:
         return cls(seconds, time.time())
 
     def stage(self, share: float) -> Stage:
-        """Stage that ends when a share of the budget is spent, after the time for pictures is set aside."""
+        """Stage that ends when this fraction of the budget is spent. Time for pictures is subtracted from the budget first."""
         drawing = min(_DRAWING[0], _DRAWING[1] * self.seconds)
         return Stage(self.begin + share * (self.seconds - drawing)) if math.isfinite(self.seconds) else Stage()

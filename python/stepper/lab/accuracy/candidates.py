@@ -1,4 +1,4 @@
-"""Candidate settings of a chart or a tuning: settings of stepper, MuJoCo and rapier, at several time steps."""
+"""Candidate settings for `chart` and `tune`: settings of stepper, MuJoCo and rapier, and time steps."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ class Line:
     Attributes:
         engine: "stepper", "MuJoCo" or "rapier".
         name: Name of the settings.
-        settings: Changed settings, as in `world_of`, without the time step.
-        law: Law of contact: "hard", "mujoco" or "rapier".
+        settings: Changed settings, as for `world_of` (batches.py), without the time step.
+        law: Contact law: "hard", "mujoco" or "rapier".
     """
 
     engine: str
@@ -32,7 +32,7 @@ class Line:
 
     @property
     def label(self) -> str:
-        """Engine and name."""
+        """Engine and name of the settings."""
         return f"{self.engine}: {self.name}"
 
 
@@ -65,12 +65,12 @@ _RAPIER: tuple[tuple[str, dict[str, Any]], ...] = (("its defaults", {}), ("20 it
 
 
 def hard_lines(*, more: bool = False) -> list[Line]:
-    """Settings of stepper with hard contact; `more` has solvers and iterations too."""
+    """Lines of stepper with hard contact. With `more`, settings of the solver are varied too."""
     return [Line("stepper", name, {"contact": "hard"} | given, "hard") for name, given in _HARD + (_MORE if more else ())]
 
 
 def lines(study: Study, *, quick: bool) -> list[Line]:
-    """All lines of a chart of a study: hard contact, MuJoCo's law, and MuJoCo and rapier where they can run the study."""
+    """All lines of a study's chart: hard contact, MuJoCo's contact law, and the engines MuJoCo and rapier if they can run the study."""
     model, _ = study.loaded
     asked = Options.from_model(model).integrator if model.requested else None
     law = {"contact": "mujoco", "integrator": asked}
@@ -85,7 +85,7 @@ def lines(study: Study, *, quick: bool) -> list[Line]:
 
 
 def no_rapier(study: Study) -> str | None:
-    """Why rapier cannot run a study; None where it can."""
+    """Reason why rapier cannot run a study; None if it can."""
     if reason := rapier.not_installed():
         return reason
     if reason := no_peer(study):
@@ -94,14 +94,14 @@ def no_rapier(study: Study) -> str | None:
 
 
 def timesteps(study: Study, *, coarser: int = 3, finer: int = 3) -> list[float]:
-    """Time steps around the study's, each about twice the one before, that divide the control period; s, ascending."""
+    """Time steps around that of the study, s, ascending by factors of about two. All divide the control period."""
     own = steps_of(study, study.options.timestep or float(study.loaded[0].timestep))
     counts = {max(1, round(own * 2.0**k)) for k in range(-coarser, finer + 1)}
     return sorted(study.hold / count for count in counts)
 
 
 def pareto(costs: Sequence[float], errors: Sequence[float]) -> list[int]:
-    """Indices of what nothing is both cheaper and more accurate than, by cost."""
+    """Indices of the Pareto front, by ascending cost: no other entry is both cheaper and more accurate."""
     front: list[int] = []
     best = math.inf
     for k in sorted(range(len(costs)), key=lambda k: (costs[k], errors[k])):

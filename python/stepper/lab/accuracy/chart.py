@@ -1,6 +1,7 @@
 """Chart of error against cost on the user's model, with errors split into parts of the solver, the time step and the model.
 
-Errors of single motions are meaningful as long as the reference is converged. Later, invariants and distributions of outcomes are.
+Errors of single trajectories are meaningful up to the time at which the reference is converged. For longer times the chart also has errors
+of invariants, and distributions of outcomes.
 """
 
 from __future__ import annotations
@@ -21,9 +22,9 @@ from stepper.lab.accuracy.costs import costs
 from stepper.lab.accuracy.distributions import shifts
 from stepper.lab.accuracy.dots import Dot
 from stepper.lab.accuracy.invariants import Invariants
-from stepper.lab.accuracy.measure import COSTS, INVARIANTS, REFERENCE, TARGET, Ground, Point, measure, reference
+from stepper.lab.accuracy.measure import COSTS, INVARIANTS, REFERENCE, TARGET, ChartBasis, Point, measure, reference
 from stepper.lab.accuracy.reference import Reference, check_moves
-from stepper.lab.accuracy.tables import Found, write
+from stepper.lab.accuracy.tables import ChartData, write
 from stepper.lab.accuracy.traces import Distance, quantity
 from stepper.lab.progress import Tick
 from stepper.lab.study.document import Document, check_pages
@@ -36,13 +37,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Chart:
-    """Result of a chart.
+    """Result of `chart`.
 
     Attributes:
         study: The study.
-        distance: Measure of errors.
-        reference: Reference, from which errors are measured.
-        dots: Points of the chart, by settings, then time step.
+        distance: Definition of errors: unit and horizon.
+        reference: Converged run or closed form, relative to which errors are measured.
+        dots: Points of the chart, ordered by settings, then time step.
         skipped: Settings that could not be run, with the reasons.
         document: The chart as a document.
         files: Files that were written.
@@ -71,29 +72,29 @@ def chart(
     budget: str | float | None = None,
     tick: Tick | None = None,
 ) -> Chart:
-    """Charts error against cost for time steps, integrators, solvers, precisions, laws of contact, MuJoCo and rapier.
+    """Chart error against cost for time steps, integrators, solvers, precisions, contact laws, MuJoCo and rapier.
 
     The reference is the study's closed form (`Study.exact`), or a run that is converged by halving the time step
-    (`stepper.lab.accuracy.reference`). Sensors are ideal. With `Study.ray`, settings are run as tasks of Ray, and costs are measured in
+    (`stepper.lab.accuracy.reference`). Sensors are ideal. With `Study.ray`, settings run as tasks of Ray; costs are still measured in
     this process.
 
     Args:
         source: A study or its file; or a model, as for `stepper.load`, which gets random controls.
         out: Output folder; the files are in its folder NAME, the name of the study.
-        horizon: Simulated time up to which errors count: "0.5 s", "500 ms", or a number of seconds. None is the time up to which the
-            reference of the median episode is known to 0.1 mm (1 mrad).
+        horizon: Simulated time up to which errors are measured: "0.5 s", "500 ms", or a number of seconds. None is the time up to which the
+            reference of the median episode is converged to 0.1 mm (1 mrad).
         unit: "m" for the largest distance of a body, geom or site, "rad" for the largest angle of a body.
         episodes: Number of episodes; the chart shows their medians.
         quick: Whether to use fewer settings, time steps and repeats.
-        budget: Bound of the wall-clock time: "60 s", or a number of seconds. Runs that it cuts off are marked in the table. None is no
-            bound, or two minutes with `quick`.
-        tick: Called with a text and the fraction done.
+        budget: Bound of the wall-clock time: "60 s", or a number of seconds. The table marks runs that it stopped. None is no bound, or two
+            minutes with `quick`.
+        tick: Progress callback with a text and the fraction done.
 
     Returns:
         The chart. OUT/NAME has chart.html, chart.md, chart.png, chart.csv, chart.npz.
 
     Raises:
-        ValueError: A model without joints, a horizon outside of the episodes, or a budget too short for any reference.
+        ValueError: The model has no joints, the horizon is longer than an episode, or the budget is too short for a reference.
     """
     seconds = (QUICK if quick else math.inf) if budget is None else quantity(budget, name="budget", units=("s",))[0]
     clock = Budget.from_seconds(seconds)
@@ -108,7 +109,7 @@ def chart(
     numbers, most = range(episodes), 4 if quick else 7
     stage = clock.stage(REFERENCE)
     distance, right = reference(study, numbers, until, unit, most, stage=stage, tick=lambda done: told("reference", done))
-    ground = Ground(study, numbers, distance, right, most, clock)
+    ground = ChartBasis(study, numbers, distance, right, most, clock)
     steps = timesteps(study, coarser=2 if quick else 3, finer=1 if quick else 3)
     points, skipped, laws = measure(ground, lines(study, quick=quick), steps, told)
     peers = (("MuJoCo", no_peer(study)), ("rapier", no_rapier(study)))
@@ -117,12 +118,13 @@ def chart(
     dots = _dots(ground, points, invariants, quick=quick, told=told)
     folder = Path(out) / study.name
     folder.mkdir(parents=True, exist_ok=True)
-    found = Found(ground, points, dots, tuple(skipped), laws, invariants)
+    found = ChartData(ground, points, dots, tuple(skipped), laws, invariants)
     document, files = write(found, folder)
     return Chart(study, distance, right, dots, tuple(skipped), document, tuple(files))
 
 
-def _dots(ground: Ground, points: Sequence[Point], invariants: Invariants, *, quick: bool, told: Tick) -> tuple[Dot, ...]:
+def _dots(ground: ChartBasis, points: Sequence[Point], invariants: Invariants, *, quick: bool, told: Tick) -> tuple[Dot, ...]:
+    """Points of the chart as numbers: measures invariants and costs of all runs."""
     study, limit = ground.study, ground.budget.stage(INVARIANTS)
     nothing, kept = np.full(len(ground.episodes), np.nan), [dict[str, Array]() for _ in points]
     usual = study.options.timestep or float(study.loaded[0].timestep)
@@ -153,7 +155,8 @@ def _dots(ground: Ground, points: Sequence[Point], invariants: Invariants, *, qu
     return tuple(_dot(ground, point, by_point.get(k), kept[k]) for k, point in enumerate(points))
 
 
-def _dot(ground: Ground, point: Point, cost: tuple[float, float] | None, kept: dict[str, Array]) -> Dot:
+def _dot(ground: ChartBasis, point: Point, cost: tuple[float, float] | None, kept: dict[str, Array]) -> Dot:
+    """Point of the chart from a run, its cost (alone, in a batch) and its errors of invariants by name, (episodes,)."""
     study, trace, nan = ground.study, point.trace, math.nan
     outcome = study.decisive or next(iter(study.all_outcomes), None)
     values = np.full(1, nan) if outcome is None or trace is None or trace.stopped else trace.outcomes[outcome.name]
@@ -189,10 +192,12 @@ def _dot(ground: Ground, point: Point, cost: tuple[float, float] | None, kept: d
 
 
 def _mean(values: Array) -> float:
+    """Mean of the finite values; NaN if there are none."""
     finite = values[np.isfinite(values)]
     return float(finite.mean()) if len(finite) else math.nan
 
 
 def _largest(values: Array) -> float:
+    """Largest of the finite values; NaN if there are none."""
     finite = values[np.isfinite(values)]
     return float(finite.max()) if len(finite) else math.nan

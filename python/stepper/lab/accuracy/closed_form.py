@@ -1,4 +1,4 @@
-"""Reference from a study's closed form, in place of a converged run."""
+"""Reference of a chart or tuning: the study's closed-form solution (`Study.exact`) if it has one, or a converged run."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from stepper.lab.accuracy.budget import Stage
 from stepper.lab.accuracy.reference import Reference, converge
-from stepper.lab.accuracy.traces import Distance, Seen, Trace
+from stepper.lab.accuracy.traces import Distance, Trace, TraceRecorder
 from stepper.lab.study import drives
 from stepper.lab.study.batches import begin, world_of
 from stepper.lab.study.points import USUAL
@@ -21,10 +21,10 @@ from stepper.lab.study.worlds import StepperWorld
 
 Array = NDArray[np.float64]
 _BEGINS = 1e-9
-"""Largest difference between the start of a closed form and that of the episodes, m, rad, m/s, rad/s."""
+"""Largest accepted difference between the initial states of a closed form and of the episodes, m, rad, m/s, rad/s."""
 
 
-def right_of(
+def reference_of(
     study: Study,
     episodes: Sequence[int],
     distance: Distance,
@@ -35,7 +35,7 @@ def right_of(
     stage: Stage | None = None,
     tick: Callable[[float], None] | None = None,
 ) -> Reference:
-    """Reference of episodes: the study's closed form if it has one, otherwise a converged run (`converge`)."""
+    """Reference of some episodes: the study's closed form if it has one, otherwise a converged run. See `converge` for the arguments."""
     if study.exact is None:
         return converge(study, episodes, distance, target=target, most=most, law=law, stage=stage, tick=tick)
     trace = closed_form(study, episodes)
@@ -59,7 +59,7 @@ def closed_form(study: Study, episodes: Sequence[int]) -> Trace:
     """Trace of episodes from the study's closed form, after every control period, with outcomes.
 
     Raises:
-        ValueError: The closed form returns wrong shapes, numbers that are not finite, or another initial state than the episodes'.
+        ValueError: The closed form returns wrong shapes, numbers that are not finite, or an initial state that differs from the episodes.
     """
     assert study.exact is not None
     world = world_of(study, USUAL, [study.nominal] * len(episodes), sensors=None)
@@ -80,11 +80,11 @@ def closed_form(study: Study, episodes: Sequence[int]) -> Trace:
             raise ValueError(f"{study.name}: exact, {name}, gives {what} that is not finite: it must be finite at all times")
         if (apart := float(np.abs(made[0] - own).max(initial=0.0))) > _BEGINS:
             raise ValueError(
-                f"{study.name}: exact, {name}, begins {apart:.2g} away from where the episodes do, in {what}: at time 0 it must give the "
-                "world's own qpos and qvel, noise included"
+                f"{study.name}: exact, {name}, begins {apart:.2g} away from the initial {what} of the episodes: at time 0 it must "
+                "return the world's qpos and qvel, with their noise"
             )
         rows.append(made)
-    seen = Seen(study, world)
+    seen = TraceRecorder(study, world)
     seen.look(world)
     for k, time in enumerate(times[1:], start=1):
         world.sim.reset(qpos=rows[0][k], qvel=rows[1][k])

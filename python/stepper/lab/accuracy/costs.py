@@ -19,18 +19,18 @@ from stepper.lab.study.worlds import World
 from stepper.lab.timing import Timed
 
 BATCH = 32
-"""Environments of a batch: two groups of lanes in 32 bits, four in 64."""
-_APART = 4
-"""Environments of a batch in MuJoCo and rapier. They step one after the other, so that more give the same cost."""
+"""Number of environments of a timed batch: two SIMD groups with f32, four with f64."""
+_PEER_BATCH = 4
+"""Number of environments of a timed batch in MuJoCo and rapier. They step one after the other, so that more give the same cost."""
 _LONG = 0.1
-"""Duration from which on a first run counts, s of processor time: filling the caches takes milliseconds."""
+"""Processor time above which the first run of a case is used as a measurement, s. In shorter runs, filling caches would count."""
 
 _PAIRS, _PAIR_SECONDS = 8, 0.01
 """Number of rounds in which two settings are compared, and shortest duration of a round, s of processor time."""
 
 
 class _Case(Timed):
-    """Repeated run with recorded controls and forces, so that only steps are timed."""
+    """Timed run of some settings with the controls and forces of a recorded trace, so that only steps are timed."""
 
     def __init__(self, study: Study, settings: Mapping[str, Any], trace: Trace, num_envs: int, stage: Stage | None = None):
         self.world: World = world_of(study, USUAL, [study.nominal] * num_envs, **(dict(settings) | {"sensors": None}))
@@ -43,7 +43,7 @@ class _Case(Timed):
         self.times: list[float] = []
 
     def once(self) -> float:
-        """Processor time of the steps of one run, s; infinite if the time budget ended it."""
+        """Run once, and return the processor time of its steps, s; infinite if the time budget ended it."""
         world = self.world
         held = [bool(np.isnan(row).any()) for row in self._ctrl]
         world.start(self._qpos, self._qvel, self._study.keyframe, self._study.seed)
@@ -76,22 +76,22 @@ def costs(
     tick: Callable[[float], None] | None = None,
     stage: Stage | None = None,
 ) -> list[tuple[float, float]]:
-    """Measures costs of settings: medians over interleaved rounds. Call it inside `stepper.shared.machine.one_core()`.
+    """Measure the costs of settings, as medians over interleaved rounds. Call it inside `stepper.shared.machine.one_core()`.
 
     Args:
         study: The study; its threads are not used.
         settings: Settings of each case, with the time step.
-        traces: Run of each case, whose controls are repeated.
+        traces: Recorded run of each case, whose controls are used.
         repeats: Number of rounds.
         seconds: Shortest time of a case in a round, s.
-        tick: Called with the fraction done.
-        stage: Stage of the time budget; cases without a round until its end cost NaN. None is no bound.
+        tick: Progress callback with the fraction done.
+        stage: Stage of the time budget. Cases without a complete round before its end get the cost NaN. None is no bound.
 
     Returns:
         Cost of each case alone and in a batch, microseconds of one core for a simulated second of one environment.
     """
     stage = stage or Stage()
-    sizes = [(1, _APART if own.get("engine", "stepper") != "stepper" else BATCH) for own in settings]
+    sizes = [(1, _PEER_BATCH if own.get("engine", "stepper") != "stepper" else BATCH) for own in settings]
     # Single environments and the study's time step come first, so that they are done for all settings if the budget ends early.
     usual = study.options.timestep or float(study.loaded[0].timestep)
     far = [abs(math.log(float(own.get("timestep") or usual) / usual)) for own in settings]
@@ -103,7 +103,7 @@ def costs(
         case = cases[k, which] = _Case(study, settings[k], traces[k], n, stage)
         first = case.once()
         if stage.limited:
-            # Later rounds may not come.
+            # This may remain the only measurement.
             case.times.append(first) if first >= _LONG else case.measure(seconds)
         if tick:
             tick((done + 1) / len(order) / (repeats + 1))
@@ -119,17 +119,17 @@ def costs(
 
 
 def saving(own: tuple[Study, Mapping[str, Any]], less: tuple[Study, Mapping[str, Any]], trace: Trace) -> tuple[float, float]:
-    """Measures the share of a batch's time that a study saves compared with another one, in rounds that run both.
+    """Measure the fraction of a batch's time that one study or setting saves compared with another, in rounds that run both.
 
     Call it inside `stepper.shared.machine.one_core()`.
 
     Args:
-        own: A study, and changed settings as in `world_of`.
-        less: The study and settings that may take less time.
-        trace: Run whose controls are repeated.
+        own: Study and changed settings (as for `world_of`) that are the baseline.
+        less: Study and settings that may take less time.
+        trace: Recorded run whose controls are used.
 
     Returns:
-        Median share, and its lower bound: the second smallest of eight rounds. The true median is below it in 3.5 % of cases.
+        Median fraction, and its lower bound: the second smallest of eight rounds. The true median is below it in 3.5 % of cases.
     """
     cases = [_Case(study, settings, trace, BATCH) for study, settings in (own, less)]
     for case in cases:

@@ -1,7 +1,7 @@
-"""Distributions of outcomes: differences of means and of shares of successes from those of the converged runs.
+"""Distributions of outcomes: differences of mean outcomes and of success rates from those of the converged runs.
 
 They stay meaningful in chaotic motion, where single motions cannot be compared. Episode k of every run has the same start and the same
-random controls, so that differences are taken pair by pair. In chaotic motion the pairs are nearly independent; otherwise they correlate,
+random controls, so that differences are computed per episode. In chaotic motion the pairs are nearly independent; otherwise they correlate,
 and the interval is narrower.
 """
 
@@ -22,7 +22,7 @@ class Shift:
     """Difference of an outcome with some settings from that of the converged runs.
 
     Attributes:
-        name: "mean NAME" or "successes".
+        name: "mean NAME" (of an outcome) or "successes" (fraction of successful episodes).
         value: Value with the settings minus that of the reference; NaN if the time budget stopped either.
         low: Lower end of the 95 % interval of the difference; NaN with a single episode.
         high: Upper end of the interval.
@@ -37,23 +37,23 @@ class Shift:
 
     @property
     def words(self) -> str:
-        """Text with the difference and its interval."""
+        """Difference and its interval as text."""
         if math.isnan(self.value):
             return "-"
         return f"{self.value:+.3g}" + ("" if math.isnan(self.low) else f" [{self.low:+.3g}, {self.high:+.3g}]")
 
 
 def names(study: Study) -> list[str]:
-    """Names of the compared quantities: the mean of every outcome, and the share of successes."""
+    """Names of the compared quantities: the mean of every outcome, and the fraction of successes."""
     return [f"mean {outcome.name}" for outcome in study.all_outcomes] + (["successes"] if study.decisive else [])
 
 
 def shifts(study: Study, own: Trace, right: Trace) -> list[Shift]:
-    """Differences of outcomes, in the order of `names`.
+    """Differences of outcomes from those of the converged run, in the order of `names`.
 
     The interval of a mean is Student's, for differences of pairs. That of successes combines two Wilson intervals (R. G. Newcombe's tenth
     method, Statistics in Medicine 17, 1998). It assumes independent samples, and is conservative for pairs that correlate. An episode that
-    was not finite is no success.
+    was not finite counts as a failure.
 
     Args:
         study: The study.
@@ -76,7 +76,7 @@ def shifts(study: Study, own: Trace, right: Trace) -> list[Shift]:
 
 
 def newcombe(one: int, two: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Interval of the difference of two shares with the same number of trials, by Newcombe's method."""
+    """Confidence interval of one / trials - two / trials (numbers of successes), by Newcombe's method."""
     p, q = one / trials, two / trials
     (a, b), (c, d) = wilson(one, trials, confidence), wilson(two, trials, confidence)
     return p - q - math.hypot(p - a, d - q), p - q + math.hypot(b - p, q - c)

@@ -1,4 +1,4 @@
-"""Points of a chart as numbers: errors, costs, invariants and outcomes of settings at a time step."""
+"""Points of a chart: errors, costs, invariants and outcomes of some settings at one time step."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ class Dot:
         engine: "stepper", "MuJoCo" or "rapier".
         setting: Name of the settings.
         timestep: Time step, s.
-        error: Distance from the reference; infinite if runs are not finite, NaN if the time budget stopped them before the horizon.
+        error: Largest distance from the reference up to the horizon; infinite if runs are not finite, NaN if the time budget stopped them
+            before the horizon.
         least: Smallest error of all episodes.
         most: Largest error of all episodes.
         solver: Part of the solver: distance from the same run solved to 1e-9 m/s in 64 bits; NaN for MuJoCo and rapier.
@@ -29,7 +30,7 @@ class Dot:
         depth: Deepest overlap of all episodes in the engine's contacts, m.
         residual: Largest residual of all episodes, m/s; NaN for MuJoCo and rapier.
         outcome: Mean of the outcome with the success, or of the first one, over finite episodes; NaN without outcomes.
-        share: Share of successes, where episodes that were not finite are failures; NaN without a condition of success.
+        share: Fraction of successful episodes, where episodes that were not finite are failures; NaN without a condition of success.
         invariants: Largest errors of invariants over all episodes, by name; NaN if not measured.
         shifts: Differences of outcomes from those of the converged runs.
         notes: Remarks: runs that were stopped, or not finite.
@@ -56,7 +57,7 @@ class Dot:
 
     @property
     def label(self) -> str:
-        """Engine and settings."""
+        """Engine and name of the settings."""
         return f"{self.engine}: {self.setting}"
 
     @property
@@ -75,6 +76,6 @@ class Dot:
 
 
 def front(dots: Sequence[Dot], cost: str, engine: str | None = None) -> list[Dot]:
-    """Pareto front: points to which no other is both cheaper and more accurate, by the cost "alone" or "batch"."""
+    """Pareto front: points to which no other is both cheaper and more accurate, by the cost "alone" or "batch". None is all engines."""
     own = [dot for dot in dots if math.isfinite(dot.error) and math.isfinite(getattr(dot, cost)) and engine in (None, dot.engine)]
     return [own[k] for k in pareto([getattr(dot, cost) for dot in own], [dot.error for dot in own])]

@@ -1,4 +1,4 @@
-"""Pictures of a chart: error against cost in two panels, alone and in a batch, and where errors come from; invariants and outcomes."""
+"""Pictures of a chart: error against cost (alone and in a batch), sources of errors, invariants and outcomes."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ _RAPIER = ("#000000", "#9e9e9e")
 _SINGLE = ", f32"
 _FLOOR = 1e-12
 _ACROSS = 3
-"""Panels of invariants and outcomes in a row of the picture."""
+"""Number of panels of invariants per row of the picture."""
 
 
 def draw(study: Study, distance: Distance, right: Reference, dots: Sequence[Dot], *, path: Path, note: str) -> Path:
-    """Draws a chart.
+    """Draw the chart into a PNG file: error against cost, and sources of errors.
 
     Raises:
         MissingPackageError: matplotlib is not installed.
@@ -68,10 +68,10 @@ def draw(study: Study, distance: Distance, right: Reference, dots: Sequence[Dot]
 
 
 def draw_later(study: Study, dots: Sequence[Dot], *, path: Path) -> Path | None:
-    """Draws the errors that stay meaningful in chaotic motion: invariants, and differences of outcomes from the converged runs.
+    """Draw the errors that remain meaningful in chaotic motion: invariants, and differences of outcomes from the converged runs.
 
     Returns:
-        The file; None if there is nothing to draw.
+        Path of the file; None if there is nothing to draw.
     """
     # An invariant without any error needs no panel.
     kept = [name for name in dots[0].invariants if any(dot.invariants[name] > 0 for dot in dots)] if dots else []
@@ -96,7 +96,7 @@ def draw_later(study: Study, dots: Sequence[Dot], *, path: Path) -> Path | None:
 
 
 def _colours(labels: Sequence[str]) -> dict[str, str]:
-    """A colour for each kind of settings; those that differ in precision alone have the same one, and another line."""
+    """Colour of each label. Settings that differ only in precision have the same colour, and another line style."""
     found: dict[str, str] = {}
     counts = {"ours": 0, "law": 0, "theirs": 0, "rapier": 0}
     for label in labels:
@@ -136,7 +136,7 @@ def _panel(panel: Axes, dots: Sequence[Dot], cost: str, colours: dict[str, str],
 
 
 def _scale(panel: Axes, axes: str, *, there: bool) -> None:
-    """Sets logarithmic axes, or writes a note into a panel without points."""
+    """Set logarithmic axes, or write a note into a panel without points."""
     if not there:
         panel.text(0.5, 0.5, "nothing was measured: see the notes of the rows", transform=panel.transAxes, ha="center", fontsize=11)
         return
@@ -153,12 +153,12 @@ def _legends(figure: Figure, panels: Sequence[Axes], markers: dict[float, str]) 
     ]
     panels[1].legend(handles=marks, title="time step", fontsize=8, loc="best")
     handles, labels = panels[0].get_legend_handles_labels()
-    # Long enough that dots and dashes are seen.
+    # The handles are long enough to show dots and dashes.
     figure.legend(handles, labels, fontsize=8, loc="outside lower center", ncols=3, frameon=False, handlelength=3.5)
 
 
 def _split(panel: Axes, study: Study, dots: Sequence[Dot], labels: Sequence[str], colours: dict[str, str]) -> None:
-    """Bars of the parts of the error at the study's own time step."""
+    """Draw bars of the parts of the error at the study's time step."""
     own = study.options.timestep or float(study.loaded[0].timestep)
     chosen = [min((dot for dot in dots if dot.label == label), key=lambda dot: abs(dot.timestep - own)) for label in labels]
     place, there = np.arange(len(chosen)), False
@@ -178,7 +178,7 @@ def _split(panel: Axes, study: Study, dots: Sequence[Dot], labels: Sequence[str]
 
 
 def _kept(panel: Axes, name: str, dots: Sequence[Dot], colours: dict[str, str]) -> None:
-    """Errors of an invariant over time steps."""
+    """Draw the errors of an invariant against the time step."""
     for label, colour in colours.items():
         own = [dot for dot in dots if dot.label == label and math.isfinite(dot.invariants[name])]
         x, y = [1e3 * dot.timestep for dot in own], [max(dot.invariants[name], _FLOOR) for dot in own]
@@ -195,7 +195,7 @@ def _kept(panel: Axes, name: str, dots: Sequence[Dot], colours: dict[str, str]) 
 
 
 def _shifted(panel: Axes, name: str, study: Study, dots: Sequence[Dot], colours: dict[str, str]) -> None:
-    """Differences of an outcome from the converged runs with their intervals, at the study's own time step."""
+    """Draw differences of an outcome from the converged runs with their intervals, at the study's time step."""
     own = study.options.timestep or float(study.loaded[0].timestep)
     labels = list(colours)
     for k, label in enumerate(labels):
@@ -208,7 +208,7 @@ def _shifted(panel: Axes, name: str, study: Study, dots: Sequence[Dot], colours:
     panel.axvline(0.0, color="#444444", linewidth=0.8)
     panel.set_yticks(range(len(labels)), labels, fontsize=8)
     panel.invert_yaxis()
-    panel.set_title(f"{name}, less that of the converged runs, with 95 %, at the time step of {own * 1e3:g} ms", fontsize=10)
+    panel.set_title(f"{name} minus that of the converged runs, 95 % intervals, at the time step of {own * 1e3:g} ms", fontsize=10)
     panel.tick_params(axis="x", labelsize=8)
     panel.grid(visible=True, axis="x", color="#dddddd")
     panel.set_axisbelow(True)

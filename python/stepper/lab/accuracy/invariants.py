@@ -1,4 +1,4 @@
-"""Invariants: errors of laws that every correct motion satisfies. They stay meaningful in chaotic motion, where trajectories diverge.
+"""Invariants: violations of laws that every correct motion satisfies. They remain meaningful in chaotic motion, where trajectories diverge.
 
 They are computed from positions and velocities after every control period, in the same way for every engine. MuJoCo's library computes
 kinematics, energies and overlaps; an engine's own diagnostics are not used. The model determines the invariants of a scene. The chart lists
@@ -34,12 +34,12 @@ from stepper.shared.machine import require
 
 Array = NDArray[np.float64]
 _RESTS = 1e-6
-"""Largest overlap, violation of a limit or of a loop at the start of an episode whose energy is compared, m and rad."""
+"""Largest initial overlap, limit violation or loop error of an episode whose energy error is measured, m and rad."""
 
 
 @dataclass(frozen=True)
 class Invariant:
-    """Quantity that a correct motion keeps.
+    """Quantity that is conserved or bounded in every correct motion.
 
     Attributes:
         name: Name of the quantity.
@@ -66,7 +66,7 @@ ANGULAR = Invariant("angular momentum", "kg m2/s")
 
 @dataclass(frozen=True)
 class _Measured:
-    """Measurements of a state.
+    """Measurements of one state, from MuJoCo's library.
 
     Attributes:
         errors: Position errors by invariant, m or rad.
@@ -106,6 +106,7 @@ class Invariants:
         self._choose()
 
     def _choose(self) -> None:
+        """Set `kinds` and `left_out` from properties of the scene."""
         m, mujoco = self._model, self._mujoco
         collides = bool(m.npair or (np.any(m.geom_contype) and np.any(m.geom_conaffinity)))
         if collides and not m.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT):
@@ -145,6 +146,7 @@ class Invariants:
         return found
 
     def _episode(self, trace: Trace, e: int, count: int) -> dict[Invariant, float]:
+        """Largest errors of episode e over its first `count` control periods."""
         path = [(trace.qpos[e], trace.qvel[e]), *zip(trace.path[0][:count, e], trace.path[1][:count, e], strict=True)]
         errors: dict[Invariant, float] = {}
         if NORM in self.kinds:
@@ -153,15 +155,15 @@ class Invariants:
             return errors
         seen = [self._state(qpos, qvel) for qpos, qvel in path]
         for kind in seen[0].errors:
-            # Errors of the start do not count.
+            # Errors of the initial state are not counted.
             errors[kind] = max(own.errors[kind] for own in seen[1:])
         # The work of applied forces cannot be computed from the positions after the control periods.
         pushed = bool(trace.applied[:count, e].any())
         begins = all(own <= _RESTS for own in seen[0].errors.values()) and not pushed
         for kind in (ENERGY, CONSERVED):
             if kind in self.kinds:
-                over = np.array([own.energy for own in seen]) - seen[0].energy - self._work(trace, e, seen)
-                errors[kind] = float(np.max(over if kind is ENERGY else np.abs(over)).clip(0.0)) if begins else np.nan
+                excess = np.array([own.energy for own in seen]) - seen[0].energy - self._work(trace, e, seen)
+                errors[kind] = float(np.max(excess if kind is ENERGY else np.abs(excess)).clip(0.0)) if begins else np.nan
         if MOMENTUM in self.kinds and not pushed:
             gravity = np.zeros(3) if self._weightless else np.array(self._model.opt.gravity)
             gained = float(self._model.body_mass.sum()) * np.outer([0.0, *trace.time[:count]], gravity)
@@ -174,6 +176,7 @@ class Invariants:
         return bool(self._model.opt.disableflags & int(self._mujoco.mjtDisableBit.mjDSBL_GRAVITY))
 
     def _norms(self, qpos: Array) -> float:
+        """Largest deviation of a quaternion's norm from 1."""
         model, worst = self._study.loaded[0], 0.0
         for j in range(model.njnt):
             joint = model.joint(j)
@@ -183,6 +186,7 @@ class Invariants:
         return worst
 
     def _state(self, qpos: Array, qvel: Array) -> _Measured:
+        """Measurements of a state, (nq,) and (nv,)."""
         m, d, mujoco = self._model, self._data, self._mujoco
         d.qpos[:], d.qvel[:] = qpos, qvel
         mujoco.mj_fwdPosition(m, d)
@@ -214,6 +218,7 @@ class Invariants:
         )
 
     def _over_limits(self, unit: str) -> float:
+        """Largest violation of a limit: slides and tendons for "m", hinges and balls for "rad"."""
         m, d, kinds = self._model, self._data, self._mujoco.mjtJoint
         worst = 0.0
         for j in np.flatnonzero(m.jnt_limited):
@@ -233,7 +238,7 @@ class Invariants:
         return worst
 
     def _units(self, e: int) -> tuple[str, ...]:
-        """Units of an equality's error."""
+        """Units of the error of equality e."""
         m, kinds = self._model, self._mujoco.mjtEq
         kind = m.eq_type[e]
         if kind == kinds.mjEQ_WELD:
@@ -244,7 +249,7 @@ class Invariants:
         return ("m",) if int(kind) in (int(kinds.mjEQ_CONNECT), int(kinds.mjEQ_TENDON)) else ()
 
     def _parts(self, e: int, rows: Array) -> dict[str, Array]:
-        """Error of an equality by unit, from its rows of `efc_pos`."""
+        """Error of equality e by unit, from its rows of `efc_pos`."""
         units = self._units(e)
         if self._model.eq_type[e] != self._mujoco.mjtEq.mjEQ_WELD:
             return {unit: rows for unit in units}
@@ -253,7 +258,7 @@ class Invariants:
         return {"m": rows[:3]} | ({"rad": 2.0 * rows[3:] / scale} if scale > 0 else {})
 
     def _work(self, trace: Trace, e: int, seen: list[_Measured]) -> Array:
-        """Work of the actuators since the start, without the loss by their damping, (1 + T,), J."""
+        """Work of the actuators since the start, without the energy that their damping removes, (1 + T,), J."""
         m, done, off = self._model, [0.0], self._mujoco.mjtDisableBit
         if m.nu == 0 or m.opt.disableflags & int(off.mjDSBL_ACTUATION):
             return np.zeros(len(seen))
@@ -270,7 +275,7 @@ class Invariants:
 
 
 def _nominal(study: Study) -> Any:
-    """`mujoco.MjModel` at the nominal point; None without one. No invariant depends on fields that MuJoCo lacks, such as restitution."""
+    """`mujoco.MjModel` with nominal parameters; None if the model has no source. Fields that MuJoCo lacks affect no invariant."""
     model, compiled = study.loaded
     if compiled is None:
         return None
@@ -280,11 +285,11 @@ def _nominal(study: Study) -> Any:
     return with_fields(require("mujoco", "to measure invariants"), compiled, known)
 
 
-# Properties of a scene that exclude an invariant.
+# Properties of a scene that make an invariant inapplicable.
 
 
 def _inflow(study: Study, m: Any, mujoco: Any) -> str | None:
-    """Reason why energy may enter without being accounted for; None if it cannot."""
+    """Reason why energy may be added in a way that is not accounted for; None if there is none."""
     kinds = mujoco.mjtGain, mujoco.mjtBias, mujoco.mjtDyn
     plain = [
         m.actuator_gaintype[k] == kinds[0].mjGAIN_FIXED
@@ -314,7 +319,7 @@ def _inflow(study: Study, m: Any, mujoco: Any) -> str | None:
 
 
 def _along_positions(m: Any, mujoco: Any, k: int) -> bool:
-    """Whether an actuator acts on a hinge, a slide or a tendon, so that its displacement is a change of length."""
+    """Whether actuator k acts on a hinge, a slide or a tendon, so that its displacement is a change of its length."""
     kinds, joints = mujoco.mjtTrn, mujoco.mjtJoint
     if m.actuator_trntype[k] == kinds.mjTRN_TENDON:
         return True
@@ -332,7 +337,7 @@ def _losses(m: Any, mujoco: Any, kinds: list[Invariant]) -> bool:
 
 
 def _outside(study: Study, m: Any, mujoco: Any) -> str | None:
-    """Reason why the world may exert forces on the bodies; None if it cannot."""
+    """Reason why the world may exert forces on the bodies, so that momentum is not conserved; None if there is none."""
     free = int(mujoco.mjtJoint.mjJNT_FREE)
     roots = [b for b in range(1, m.nbody) if m.body_parentid[b] == 0]
     moving = [b for b in roots if m.body_weldid[b] != 0]
@@ -357,7 +362,7 @@ def _outside(study: Study, m: Any, mujoco: Any) -> str | None:
 
 
 def _on_world(m: Any, mujoco: Any, k: int) -> bool:
-    """Whether an actuator acts on anything but a joint between two bodies."""
+    """Whether actuator k may push against the world: it acts on a free joint, or not on a joint."""
     if m.actuator_trntype[k] != int(mujoco.mjtTrn.mjTRN_JOINT):
         return True
     return bool(m.jnt_type[m.actuator_trnid[k, 0]] == int(mujoco.mjtJoint.mjJNT_FREE))

@@ -1,7 +1,7 @@
 """Points of a chart: runs of settings at time steps, their errors, and the sources of the errors, within a time budget.
 
-First all settings run. Then a converged run of each law of contact is computed. Last, the runs are repeated with a tight solver tolerance.
-Runs that the budget stops get a note with the reason; earlier results are kept.
+First, all settings run. Then a converged run of each contact law is computed. Last, the runs are repeated with a tight solver tolerance.
+Runs that the budget stops get a note with the reason.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from stepper.lab.accuracy.budget import Budget, Stage
 from stepper.lab.accuracy.candidates import Line
-from stepper.lab.accuracy.closed_form import right_of
+from stepper.lab.accuracy.closed_form import reference_of
 from stepper.lab.accuracy.reference import TIGHT, Reference, converge, patience
 from stepper.lab.accuracy.traces import Distance, Trace, run
 from stepper.lab.study.jobs import each
@@ -26,9 +26,10 @@ from stepper.lab.study.study import Study
 
 Array = NDArray[np.float64]
 TARGET = {"m": 1e-4, "rad": 1e-3}
-"""Target uncertainty of a reference, by unit. Without a horizon, errors count up to the time at which the reference exceeds it."""
+"""Target uncertainty of a reference, by unit. If no horizon is given, errors are measured until the reference exceeds it."""
 REFERENCE, RUNS, LAWS, SOURCES, INVARIANTS, COSTS = 0.3, 0.55, 0.65, 0.71, 0.77, 1.0
-"""Shares of a budget at which the reference, the runs, the laws, the sources of errors, invariants and costs must be finished."""
+"""Fractions of the time budget at which parts must be finished: reference, runs, converged runs of the contact laws, tight runs,
+invariants, costs."""
 
 
 _SLOWER, _LEAST = 10.0, 10.0
@@ -37,14 +38,14 @@ diverged."""
 
 
 @dataclass(frozen=True)
-class Ground:
-    """Common basis of all points of a chart.
+class ChartBasis:
+    """Data that all points of a chart share.
 
     Attributes:
         study: The study.
         episodes: Numbers of the episodes.
-        distance: Measure of errors.
-        right: Reference, from which errors are measured.
+        distance: Definition of errors.
+        right: Reference, relative to which errors are measured.
         most: Largest number of halvings of the time step for converged runs.
         budget: Time budget.
     """
@@ -59,14 +60,14 @@ class Ground:
 
 @dataclass(frozen=True)
 class Point:
-    """Run of settings at a time step, with its errors.
+    """Run of some settings at a time step, with its errors.
 
     Attributes:
-        line: The settings.
+        line: Line of the chart, with the settings.
         timestep: Time step, s.
         trace: The run; None if the budget left no time for it.
         errors: Errors by name: "total", "solver", "step", "model", (episodes,), m or rad; NaN if the budget stopped a run that they need.
-        notes: Remarks.
+        notes: Remarks for the table.
     """
 
     line: Line
@@ -86,14 +87,23 @@ def reference(
     stage: Stage | None = None,
     tick: Callable[[float], None] | None = None,
 ) -> tuple[Distance, Reference]:
-    """Reference, and the distance with its horizon.
+    """Reference of a chart, and the definition of errors with its horizon.
 
-    The horizon is the given one, or the time up to which the reference is converged. It is shorter if the budget ended the reference's
-    runs earlier. A closed form is exact to the end.
+    The horizon is the given one, or else the time up to which the reference is converged (a closed form: the whole episode). It is shorter
+    if the budget ended the reference's runs earlier.
+
+    Args:
+        study: The study.
+        episodes: Numbers of the episodes.
+        horizon: Simulated time up to which errors are measured, s; None chooses it.
+        unit: "m" or "rad".
+        most: Largest number of halvings of the time step.
+        stage: Stage of the time budget; None is no bound.
+        tick: Progress callback with the fraction done.
     """
     law = {"contact": "mujoco"} if study.options.contact == "mujoco" else None
     distance = Distance(unit, horizon or study.seconds)
-    right = right_of(study, episodes, distance, target=TARGET[unit], most=most, law=law, stage=stage, tick=tick)
+    right = reference_of(study, episodes, distance, target=TARGET[unit], most=most, law=law, stage=stage, tick=tick)
     reached = min(trace.reached for trace in (*right.runs, *right.second))
     if horizon is None or horizon > reached * (1 + 1e-9):
         known = float(np.median(right.known)) if horizon is None else reached
@@ -103,12 +113,18 @@ def reference(
 
 
 def measure(
-    ground: Ground, all_lines: Sequence[Line], steps: Sequence[float], tick: Callable[[str, float], None]
+    ground: ChartBasis, all_lines: Sequence[Line], steps: Sequence[float], tick: Callable[[str, float], None]
 ) -> tuple[list[Point], list[str], dict[str, Reference]]:
-    """Runs all lines at all time steps.
+    """Run all lines of a chart at all time steps.
+
+    Args:
+        ground: Data that all points share.
+        all_lines: Lines of the chart.
+        steps: Time steps, s.
+        tick: Progress callback with a text and the fraction done.
 
     Returns:
-        Points; lines that could not be run, with the reasons; and the converged runs of the laws of contact, by a line's label.
+        Points; lines that could not be run, with the reasons; and the converged run of the contact law of each line, by its label.
     """
     study = ground.study
     made: dict[int, list[tuple[Trace | None, str]] | str] = {}
@@ -133,8 +149,8 @@ def measure(
     return points, skipped, {line.label: found for line in reversed(all_lines) if isinstance(found := laws.get(_law(line)), Reference)}
 
 
-def _laws(ground: Ground, lines: Sequence[Line], tick: Callable[[float], None]) -> dict[str, Reference | str]:
-    """Converged runs of the laws of contact of lines, or the reason why one failed."""
+def _laws(ground: ChartBasis, lines: Sequence[Line], tick: Callable[[float], None]) -> dict[str, Reference | str]:
+    """Converged run of each contact law of some lines, by `_law`, or the reason why it failed."""
     laws: dict[str, Reference | str] = {ground.study.options.contact: ground.right}
     first = {_law(line): line for line in reversed(lines) if _law(line) not in laws}
     jobs = [(line, 1.0 / (len(first) - k)) for k, line in enumerate(reversed(first.values()))]
@@ -145,22 +161,27 @@ def _laws(ground: Ground, lines: Sequence[Line], tick: Callable[[float], None]) 
 
 
 def _law(line: Line) -> str:
-    """Key of a line's law of contact: lines with equal keys share a converged run."""
+    """Key of a line's contact law. Lines with equal keys share a converged run."""
     return line.law if line.engine == "stepper" else json.dumps(line.settings, sort_keys=True)
 
 
 def _solved_key(line: Line, dt: float) -> str:
-    """Key of a line at a time step without solver settings: lines with equal keys share the run with a tight tolerance."""
+    """Key of a line at a time step, without its solver settings. Equal keys share the run with a tight tolerance."""
     return json.dumps({name: own for name, own in line.settings.items() if name not in TIGHT} | {"timestep": dt}, sort_keys=True)
 
 
-def _runs(ground: Ground, steps: Sequence[float], count: int, study: Study, own: tuple[int, Line]) -> list[tuple[Trace | None, str]] | str:
-    """Runs of a line at all time steps, each with a note; or the reason why it could not be run."""
+def _runs(
+    ground: ChartBasis, steps: Sequence[float], count: int, study: Study, own: tuple[int, Line]
+) -> list[tuple[Trace | None, str]] | str:
+    """Runs of a line at all time steps, each with a note; or the reason why the line cannot be run.
+
+    `own` is index and line; `count` is the number of lines, among which the remaining time is divided.
+    """
     (number, line), stage = own, ground.budget.stage(RUNS)
     made: dict[float, tuple[Trace | None, str]] = {}
     left = (count - number) * len(steps)
     try:
-        # Long time steps come first. They take the least time, and leave the rest to the others.
+        # Long time steps run first, because they take the least time.
         for k, dt in enumerate(sorted(steps, reverse=True)):
             made[dt] = _run(ground, stage.one(1.0 / (left - k)), line.settings | {"timestep": dt}, study)
         return [made[dt] for dt in steps]
@@ -168,15 +189,16 @@ def _runs(ground: Ground, steps: Sequence[float], count: int, study: Study, own:
         return " ".join(str(error).split())[:300]
 
 
-def _solved(ground: Ground, study: Study, own: tuple[Line, float, float]) -> tuple[Trace | None, str]:
-    """Run of a line at a time step with a tight solver tolerance, up to the horizon, with a share of the remaining time."""
+def _solved(ground: ChartBasis, study: Study, own: tuple[Line, float, float]) -> tuple[Trace | None, str]:
+    """Run of a line at a time step (s) with a tight solver tolerance, up to the horizon. `own` has a fraction of the remaining time."""
     line, dt, share = own
     return _run(
         ground, ground.budget.stage(SOURCES).one(share), line.settings | TIGHT | {"timestep": dt}, study, until=ground.distance.horizon
     )
 
 
-def _run(ground: Ground, stage: Stage, settings: dict[str, Any], study: Study, until: float = math.inf) -> tuple[Trace | None, str]:
+def _run(ground: ChartBasis, stage: Stage, settings: dict[str, Any], study: Study, until: float = math.inf) -> tuple[Trace | None, str]:
+    """Run with some settings, and a note if it was stopped; None without time for it. `until` is the simulated time, s."""
     if stage.limited and not stage.left:
         return None, f"the budget of {ground.budget.seconds:g} s was spent before"
     patient = patience(study, ground.right.trace, settings["timestep"], slower=_SLOWER, least=_LEAST)
@@ -188,8 +210,8 @@ def _run(ground: Ground, stage: Stage, settings: dict[str, Any], study: Study, u
     return trace, ""
 
 
-def _converged(ground: Ground, study: Study, own: tuple[Line, float]) -> Reference | str:
-    """Converged run of a line's law, with a share of the remaining time; or the reason why it failed."""
+def _converged(ground: ChartBasis, study: Study, own: tuple[Line, float]) -> Reference | str:
+    """Converged run of a line's contact law, or the reason why it failed. `own` has a fraction of the remaining time."""
     line, share = own
     # Hard contact has one integrator for all lines. MuJoCo's law has that of the line, because the study's may be one of hard contact.
     law = None if line.law == "hard" else {name: own for name, own in line.settings.items() if name != "precision"}
@@ -213,8 +235,17 @@ def _converged(ground: Ground, study: Study, own: tuple[Line, float]) -> Referen
 
 
 def _point(
-    ground: Ground, at: tuple[Line, float], own: tuple[Trace | None, str], tight: tuple[Trace | None, str], law: Reference | str
+    ground: ChartBasis, at: tuple[Line, float], own: tuple[Trace | None, str], tight: tuple[Trace | None, str], law: Reference | str
 ) -> Point:
+    """Point of the chart.
+
+    Args:
+        ground: Data that all points share.
+        at: Line and time step, s.
+        own: Run and its note.
+        tight: Run with a tight solver tolerance, and its note.
+        law: Converged run of the contact law, or the reason why it failed.
+    """
     nothing, (line, dt) = np.full(len(ground.episodes), np.nan), at
     trace, note = own
     notes = [note] if trace is not None or not note else [f"not run: {note}"]

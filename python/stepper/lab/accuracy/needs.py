@@ -1,4 +1,4 @@
-"""Removable parts of a scene: parts that a study's episodes do not use, removed one by one, and the effects of removing them."""
+"""Removable parts of a scene for `tune`: parts that the episodes do not use, and the effect of removing each of them."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ _Cut = tuple[str, str, Callable[[Description], None]]
 _NO_FRICTION = 1e-9
 """Ratio of tangential to normal force below which a contact counts as frictionless."""
 _HOLDS = 0.9
-"""Largest share of the friction cone used by a contact that counts as never sliding."""
+"""Largest used fraction of the friction cone at which a contact counts as never sliding."""
 _WIDER = 2.0
-"""Factor of the friction in the test of contacts that never slide: their motion must not change."""
+"""Factor by which friction is increased in the test of contacts that never slide; the motion must not change."""
 _FAR = 0.01
-"""Smallest distance to a limit of a joint that does not need it, as a share of its range."""
+"""Distance from a limit, as a fraction of the joint's range, beyond which the limit counts as not needed."""
 
 
 @dataclass(frozen=True)
@@ -37,33 +37,34 @@ class Spare:
     """Part of a scene that may be removable.
 
     Attributes:
-        what: Name of the part, with numbers.
-        why: Observation that makes it removable.
-        error: Largest change of all episodes without the part, m or rad; NaN if it was not removed.
-        saved: Saved share of a batch's processor time, median of rounds; NaN if it was not measured.
+        part: Name of the part, with numbers: "2 of 3 pairs of bodies".
+        reason: Observation that makes it removable.
+        error: Largest change of the motion in any episode without the part, m or rad; NaN if it was not measured.
+        saved: Saved fraction of a batch's processor time, median of rounds; NaN if it was not measured.
         least: Lower bound of `saved`.
-        taken: Whether the smaller model or settings lack the part. The change must be within the budget, and `least` above 0.
-        setting: Argument that removes the part, if that is an option and not a change of the model.
+        removed: Whether the part is absent in the smaller model (`Tuning.smaller`) or settings. The change must be within the budget, and
+            `least` above 0.
+        setting: Option that removes the part, as text, if it is not a change of the model.
     """
 
-    what: str
-    why: str
+    part: str
+    reason: str
     error: float
     saved: float
     least: float
-    taken: bool
+    removed: bool
     setting: str = ""
 
 
 @dataclass(frozen=True)
 class Bench:
-    """Setup of the measurements: episodes of a study with some settings.
+    """Test bench for removable parts: episodes of a study with some settings.
 
     Attributes:
         study: The study.
         episodes: Numbers of the episodes.
-        settings: Changed settings, as in `world_of`.
-        distance: Measure of changes.
+        settings: Changed settings, as for `world_of`.
+        distance: Definition of changes of the motion.
         trace: Run of the episodes with these settings.
     """
 
@@ -88,19 +89,23 @@ class Bench:
             return math.inf
 
     def saved(self, smaller: Model) -> tuple[float, float]:
-        """Saved share of a batch's time with a smaller model, and its lower bound."""
+        """Saved fraction of a batch's time with a smaller model, and its lower bound."""
         with one_core():
             return saving((self.study, self.settings), (self._with(smaller), self.settings), self.trace)
 
     def cheaper(self, before: Mapping[str, Any], after: Mapping[str, Any]) -> tuple[float, float, float]:
-        """Change of the motion between two settings, the share of time that the second saves, and the lower bound of that share."""
+        """Effect of a change of settings.
+
+        Returns:
+            Largest change of the motion (m or rad), saved fraction of the time, and its lower bound.
+        """
         one, other = {**self.settings, **before}, {**self.settings, **after}
         error = float(self.distance(run(self.study, self.episodes, **one), run(self.study, self.episodes, **other)).max())
         with one_core():
             return error, *saving((self.study, one), (self.study, other), self.trace)
 
     def spare(self, cut: _Cut, smaller: Model, error: float, budget: float) -> Spare:
-        """Result of removing a part, with the time that it saves."""
+        """Result of removing a part: change of the motion (given as `error`), and saved time."""
         what, why, _ = cut
         saved, least = self.saved(smaller) if math.isfinite(error) else (math.nan, math.nan)
         return Spare(what, why, error, saved, least, error <= budget and least > 0)
@@ -112,10 +117,10 @@ class Bench:
 
 
 def spares(bench: Bench, budget: float, tick: Callable[[float], None]) -> tuple[list[Spare], Model | None]:
-    """Removes unused parts of a scene, one by one and then together.
+    """Remove unused parts of a scene, one by one and then together.
 
     Args:
-        bench: The study with its episodes.
+        bench: Test bench.
         budget: Largest allowed change of the motion, m or rad.
         tick: Called with the fraction done.
 
@@ -136,7 +141,7 @@ def spares(bench: Bench, budget: float, tick: Callable[[float], None]) -> tuple[
     taken: list[_Cut] = []
     for own, smaller, error in zip(tries, models, errors, strict=False):
         found.append(bench.spare(own, smaller, error, budget))
-        if found[-1].taken:
+        if found[-1].removed:
             taken.append(own)
     found += [Spare(what, why, error, math.nan, math.nan, False) for (what, why, _), error in zip(wide, errors[len(tries) :], strict=True)]
     if not taken:
@@ -144,11 +149,11 @@ def spares(bench: Bench, budget: float, tick: Callable[[float], None]) -> tuple[
     together = _smaller(whole, [cut for _, _, cut in taken])
     (error,) = bench.errors([together], lambda done: tick(0.9 + 0.1 * done))
     found.append(bench.spare(("all removed parts together", "", lambda _: None), together, error, budget))
-    return found, together if found[-1].taken else None
+    return found, together if found[-1].removed else None
 
 
 def _settings(bench: Bench, seen: Touching, budget: float) -> Iterator[Spare]:
-    """Settings that the episodes may not need: 64 bits, and the solver's Newton method."""
+    """Effects of settings that the episodes may not need: 64 bits, and the solver's Newton method."""
     own = bench.settings
     bits = own.get("precision", bench.study.precision)
     error, saved, least = bench.cheaper({"precision": "f64"}, {"precision": "f32"})
@@ -162,6 +167,7 @@ def _settings(bench: Bench, seen: Touching, budget: float) -> Iterator[Spare]:
 
 
 def _smaller(whole: Description, cuts: Sequence[Callable[[Description], None]]) -> Model:
+    """Model of a description without some parts."""
     # Meshes and height fields stay shared, because no cut changes them.
     made = {name: value if name in ("meshes", "height_fields") else copy.deepcopy(value) for name, value in whole.items()}
     for cut in cuts:
@@ -170,7 +176,7 @@ def _smaller(whole: Description, cuts: Sequence[Callable[[Description], None]]) 
 
 
 def _pairs(model: Model, compiled: Any, seen: Touching, whole: Description) -> list[_Cut]:
-    """Pairs of bodies that may collide and never came near, with their explicit pairs; and unused explicit pairs of other bodies."""
+    """Removable pairs: bodies that may collide but never came near, with their explicit pairs; and unused explicit pairs of others."""
     bodies = {pair.geoms: _bodies(model, pair.geoms) for pair in seen.pairs}
     may = pairs_that_may_touch(model, compiled)
     never = sorted(may - set(bodies.values()))
@@ -196,6 +202,7 @@ def _pairs(model: Model, compiled: Any, seen: Touching, whole: Description) -> l
 
 
 def _without_pairs(made: Description, gone: set[tuple[int, int]]) -> None:
+    """Remove explicit pairs, given by their geoms, from a description."""
     made["pairs"] = [pair for pair in made["pairs"] if _ordered(pair["geoms"]) not in gone]
 
 
@@ -212,6 +219,7 @@ def _meet(model: Model, geoms: tuple[int, int]) -> bool:
 
 
 def _bodies(model: Model, geoms: tuple[int, int]) -> tuple[int, int]:
+    """Bodies of two geoms, the lower index first."""
     return _ordered([model.geom(g).bodyid for g in geoms])
 
 
@@ -221,7 +229,7 @@ def _ordered(pair: Sequence[int]) -> tuple[int, int]:
 
 
 def _frictionless(model: Model, seen: Touching, whole: Description) -> list[_Cut]:
-    """Friction of geoms and explicit pairs whose contacts have no tangential forces."""
+    """Removable friction: geoms and explicit pairs whose contacts have no tangential forces."""
     pressed = {pair.geoms: pair for pair in seen.pairs if pair.impulse > 0}
     idle = {key for key, pair in pressed.items() if pair.used <= _NO_FRICTION and pair.twists <= _NO_FRICTION * pair.peak}
     explicit = _explicit(whole)
@@ -243,8 +251,8 @@ def _frictionless(model: Model, seen: Touching, whole: Description) -> list[_Cut
 def cones(model: Model, seen: Touching, whole: Description) -> list[_Cut]:
     """Friction cones of contacts that never slide, with functions that widen them.
 
-    A contact that stays inside its cone moves as without a bound on friction. There are two tests: the used share of each contact's cone,
-    and the change of the motion with a wider cone. The engine has no friction without a bound, so that nothing is removed.
+    A contact that stays inside its cone would move in the same way without a bound on friction. There are two tests: the used share of each
+    contact's cone, and the change of the motion with a wider cone. The engine has no friction without a bound, so that nothing is removed.
     """
     pressed = {pair.geoms: pair for pair in seen.pairs if pair.impulse > 0}
     holds = {key for key, pair in pressed.items() if _NO_FRICTION < pair.cone <= _HOLDS and pair.twists <= _NO_FRICTION * pair.peak}
@@ -275,7 +283,7 @@ def cones(model: Model, seen: Touching, whole: Description) -> list[_Cut]:
 
 
 def _limits(model: Model, seen: Touching) -> list[_Cut]:
-    """Limits that their joints never came near."""
+    """Removable limits: those of joints that never came near them."""
     far = []
     for k in range(model.njnt):
         joint = model.joint(k)
@@ -297,7 +305,7 @@ def _limits(model: Model, seen: Touching) -> list[_Cut]:
 
 
 def _sensors(model: Model, seen: Touching) -> list[_Cut]:
-    """Sensors, if neither the drive nor an outcome reads any."""
+    """Removable sensors: all of them, if neither the drive nor an outcome reads one."""
     if not model.sensors or seen.senses:
         return []
 

@@ -32,27 +32,27 @@ from stepper.lab.study.study import Study
 
 Array = NDArray[np.float64]
 _HARD: dict[str, Any] = {"contact": "hard", "integrator": "midpoint"}
-"""Law of contact and integrator of the first method, for any options of the study."""
+"""Contact law and integrator of the first method, whatever the options of the study."""
 TIGHT: dict[str, Any] = {"tolerance": 1e-9, "iterations": 200, "precision": "f64"}
 """Settings of a tight solve. Evidence: contacts of a humanoid have rounding errors of about 1e-11 m/s. A tolerance near that uses all
 iterations in most steps and takes twenty times as long."""
 _SECOND = {"euler": "Euler's rule", "implicit": "the implicit rule"}
-"""Integrators of the second method. The first one counts that stays finite and finishes in time."""
-_LEAST, _LOOK = 2.0, 1e-4
-"""Duration that a run may always take, and time per step to read the clock, s."""
+"""Integrators of the second method. The first one that stays finite and finishes in time is used."""
+_LEAST, _PER_STEP = 2.0, 1e-4
+"""Duration that is always allowed for a run, s, and additional duration per time step, s."""
 _SLOWER = 3.0
 """Largest ratio of the second method's duration to the first's."""
 _SHARE = 0.4
-"""Largest share of the remaining time for one run of a reference."""
+"""Largest fraction of the remaining time for one run of a reference."""
 _ROUNDING = 1e-11
-"""Difference of two runs that counts as rounding, m or rad."""
+"""Difference of two runs below which it counts as rounding, m or rad."""
 _SMOOTH = (1.6, 2.6)
 """Range of observed orders of the midpoint rule in smooth motion."""
 
 
 @dataclass(frozen=True)
 class Reference:
-    """Converged run, from which errors are measured, and its uncertainty.
+    """Converged run or closed form, relative to which errors are measured, and its uncertainty.
 
     Attributes:
         runs: The three finest runs of the first method, the finest last. Fewer if the time budget ended; a single run has no uncertainty
@@ -62,11 +62,11 @@ class Reference:
         uncertainty: Uncertainty of every episode up to the horizon, (episodes,), m or rad.
         orders: Observed order of every episode, (episodes,); NaN if a difference is rounding.
         extrapolates: Whether Richardson's estimate applies to each episode, (episodes,).
-        methods: Distance of the two methods, (episodes,), m or rad; NaN with one method.
-        known: Time up to which the last two runs of an episode differ by no more than the target, (episodes,), s.
+        methods: Distance between the results of both methods, (episodes,), m or rad; NaN with one method.
+        known: Time up to which the last two runs of an episode agree to the target, (episodes,), s.
         stopped: Whether the time budget ended the halving before the target was reached.
         rule: Name of the second method.
-        without: Names of integrators that diverge or take too long for the second method.
+        without: Names of integrators of the second method that diverged or took too long.
         exact: Name of the closed form; empty for converged runs.
     """
 
@@ -94,7 +94,7 @@ class Reference:
         return self.trace.timestep
 
     def with_distance(self, distance: Distance) -> Reference:
-        """Reference of the same runs, with its uncertainty by another distance or up to another horizon."""
+        """Reference with the same runs, and the uncertainty for another definition of errors or another horizon."""
         if self.exact:
             return self
         found = _assessed(self.runs, self.second, distance, self.target)
@@ -102,7 +102,7 @@ class Reference:
 
     @property
     def words(self) -> str:
-        """Description for people: time step, order, second method and uncertainty."""
+        """Description as a sentence: time step, order, second method and uncertainty."""
         if self.exact:
             return f"the closed form {self.exact}"
         smooth, n = int(self.extrapolates.sum()), len(self.extrapolates)
@@ -126,23 +126,23 @@ class Reference:
 
 
 def patience(study: Study, of: Trace, timestep: float, *, slower: float = _SLOWER, least: float = _LEAST) -> float:
-    """Duration after which a run is stopped, s. Runs that diverge use all iterations in every step and take much longer than others.
+    """Duration after which a run is stopped, s. Diverging runs use all iterations in every step, and take much longer than others.
 
     Args:
         study: The study.
-        of: Comparable run.
+        of: Comparable run, whose duration is the measure.
         timestep: Time step of the new run, s.
         slower: Largest ratio of the durations.
         least: Duration that is always allowed, s.
     """
-    return max(least, slower * of.spent) + _LOOK * study.seconds / timestep
+    return max(least, slower * of.spent) + _PER_STEP * study.seconds / timestep
 
 
 def check_moves(study: Study) -> Study:
-    """Checks that a study's model has joints: without any, all errors would be zero. Returns the study."""
+    """Return the study if its model has joints; otherwise raise ValueError, because all errors would be zero."""
     model = study.loaded[0]
     if model.nv == 0:
-        raise ValueError(f"{model.name or study.name} has no joints, so that nothing moves: give it some, as <freejoint/> to what flies")
+        raise ValueError(f"{model.name or study.name} has no joints, so that nothing moves: give it some, as <freejoint/> for a free body")
     return study
 
 
@@ -159,17 +159,17 @@ def converge(
     until: float = math.inf,
     stage: Stage | None = None,
 ) -> Reference:
-    """Converges a run: halves the time step until the uncertainty of every episode reaches a target.
+    """Compute a converged run: halve the time step until the uncertainty of every episode is below a target.
 
     Args:
         study: The study.
         episodes: Numbers of the episodes.
-        distance: Measure of the difference of two runs.
+        distance: Definition of the difference of two runs.
         target: Target of the uncertainty, m or rad, which also defines `Reference.known`.
         most: Largest number of halvings of the study's time step, at least 2.
-        setting: Name of the settings.
-        law: Settings in place of hard contact with the midpoint rule, for example those of MuJoCo's law. They have no second method.
-        tick: Called with the fraction done.
+        setting: Name of the study's settings.
+        law: Settings that replace hard contact with the midpoint rule, for example those of MuJoCo's law. There is no second method then.
+        tick: Progress callback with the fraction done.
         until: Simulated time of the runs, s.
         stage: Stage of the time budget; None is no bound.
 
@@ -224,7 +224,10 @@ def converge(
 
 
 def _by(integrator: str, runs: Sequence[Trace], again: Callable[..., Trace], stage: Stage, study: Study) -> list[Trace] | None:
-    """Runs with another integrator at the time steps of given runs; None if one takes far longer or the budget ends."""
+    """Runs with another integrator at the time steps of given runs; None if one takes too long or the budget ends.
+
+    `again` is the function that runs the episodes with some settings.
+    """
     made: list[Trace] = []
     for of in runs:
         settings = _HARD | TIGHT | {"integrator": integrator, "timestep": of.timestep}
@@ -235,12 +238,12 @@ def _by(integrator: str, runs: Sequence[Trace], again: Callable[..., Trace], sta
 
 
 def _sound(second: Sequence[Trace], runs: Sequence[Trace]) -> bool:
-    """Whether the second method is finite in all episodes in which the first is."""
+    """Whether the second method stays finite in all episodes in which the first method does."""
     return all(bool((own.finite | ~of.finite).all()) for own, of in zip(second, runs[-2:], strict=True))
 
 
 def _assessed(runs: Sequence[Trace], second: Sequence[Trace], distance: Distance, target: float) -> Reference:
-    """Reference of up to three runs, with the uncertainty of the last."""
+    """Reference from up to three runs of the first method and two of the second, with the uncertainty of the finest run."""
     nothing = np.full(len(runs[-1].qpos), np.nan)
     one = distance(runs[-3], runs[-2]) if len(runs) == 3 else nothing
     two = distance(runs[-2], runs[-1]) if len(runs) > 1 else np.full(len(nothing), np.inf)

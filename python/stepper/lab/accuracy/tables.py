@@ -1,4 +1,4 @@
-"""Files of a chart: its document, its table, and the numbers of every episode."""
+"""Output files of a chart: document, table, and numbers of every episode."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from stepper.lab.accuracy.costs import BATCH
 from stepper.lab.accuracy.distributions import names
 from stepper.lab.accuracy.dots import Dot, front
 from stepper.lab.accuracy.invariants import Invariants
-from stepper.lab.accuracy.measure import TARGET, Ground, Point
+from stepper.lab.accuracy.measure import TARGET, ChartBasis, Point
 from stepper.lab.accuracy.reference import Reference
 from stepper.lab.study.document import Document, Section, counted
 from stepper.shared.machine import package_version, provenance
 
 
 @dataclass(frozen=True)
-class Found:
-    """Data of a chart.
+class ChartData:
+    """Data of a chart for its output files.
 
     Attributes:
-        ground: Study, reference and budget.
+        ground: Study, reference and time budget.
         points: Runs of all settings at all time steps.
-        dots: Numbers of these runs.
+        dots: Numbers of these runs, in the same order.
         skipped: Settings that could not be run, with the reasons.
-        laws: Converged runs of the laws of contact, by a label.
+        laws: Converged run of each contact law, by the label of a line with this law.
         invariants: Invariants of the scene.
     """
 
-    ground: Ground
+    ground: ChartBasis
     points: Sequence[Point]
     dots: Sequence[Dot]
     skipped: Sequence[str]
@@ -43,8 +43,12 @@ class Found:
     invariants: Invariants
 
 
-def write(found: Found, folder: Path) -> tuple[Document, list[Path]]:
-    """Writes chart.png, .csv, .npz, .html and .md, and chart_later.png of invariants and outcomes."""
+def write(found: ChartData, folder: Path) -> tuple[Document, list[Path]]:
+    """Write the files of a chart: chart.png, .csv, .npz, .html, .md, and chart_later.png with invariants and outcomes.
+
+    Returns:
+        The document, and the paths of all files.
+    """
     from stepper.lab.accuracy.draw import draw, draw_later  # noqa: PLC0415  (matplotlib is optional, and slow to import)
 
     ground, came_from = found.ground, provenance()
@@ -66,8 +70,8 @@ def write(found: Found, folder: Path) -> tuple[Document, list[Path]]:
     return document, [picture, *([later] if later else []), table, _episodes(found, folder / "chart.npz"), *document.save(folder, "chart")]
 
 
-def _episodes(found: Found, path: Path) -> Path:
-    """Errors and outcomes of every episode: (points, episodes) each, with "label" and "timestep" of the points."""
+def _episodes(found: ChartData, path: Path) -> Path:
+    """Write errors and outcomes of every episode to an .npz file: arrays (points, episodes), with "label" and "timestep" of the points."""
     nothing = np.full(len(found.ground.episodes), np.nan)
     kept: dict[str, Any] = {
         "label": np.array([dot.label for dot in found.dots]),
@@ -85,7 +89,8 @@ def _episodes(found: Found, path: Path) -> Path:
     return path
 
 
-def _sections(found: Found, picture: Path, later: Path | None) -> list[Section]:
+def _sections(found: ChartData, picture: Path, later: Path | None) -> list[Section]:
+    """Sections of the document."""
     dots, ground = found.dots, found.ground
     best = set(map(id, [*front(dots, "alone"), *front(dots, "batch")]))
     study, unit = ground.study, ground.distance.unit
@@ -113,7 +118,8 @@ def _sections(found: Found, picture: Path, later: Path | None) -> list[Section]:
     ]
 
 
-def _words(found: Found) -> list[str]:
+def _words(found: ChartData) -> list[str]:
+    """Paragraphs that explain errors, costs and the reference."""
     ground = found.ground
     right, unit, horizon = ground.right, ground.distance.unit, ground.distance.horizon
     what = "largest distance of a body, geom or site" if unit == "m" else "largest angle of a body"
@@ -143,7 +149,8 @@ def _words(found: Found) -> list[str]:
     return [*words, *(f"Not run: {reason}." for reason in found.skipped)]
 
 
-def _kept(found: Found, picture: Path | None) -> Section:
+def _kept(found: ChartData, picture: Path | None) -> Section:
+    """Section with the errors of invariants."""
     kinds, left = [kind.label for kind in found.invariants.kinds], found.invariants.left_out
     words = [
         "Errors of laws that every correct motion satisfies, also a chaotic one: the largest of all episodes, after every control period, "
@@ -156,13 +163,14 @@ def _kept(found: Found, picture: Path | None) -> Section:
     return Section("Invariants", words, ("settings", "time step, ms", *kinds, "notes"), rows, picture)
 
 
-def _distributions(found: Found) -> Section:
+def _distributions(found: ChartData) -> Section:
+    """Section with differences of outcomes from the converged runs."""
     study, right = found.ground.study, found.ground.right
     title = "Distributions of outcomes"
     if not study.all_outcomes:
         return Section(title, ["Left out: the study has no outcome. Give it one to compare outcomes where motions are chaotic."])
     if right.trace.stopped:
-        return Section(title, [f"Left out: the clock stopped the converged runs at {right.trace.reached:.3g} of {study.seconds:g} s."])
+        return Section(title, [f"Left out: the budget stopped the converged runs at {right.trace.reached:.3g} of {study.seconds:g} s."])
     count = counted(len(right.uncertainty), "episode")
     words = [
         f"Differences of means, and of shares of successes, from those of the converged runs, over {count}, with 95 % intervals (Student's "

@@ -1,7 +1,7 @@
-"""Runs of a study's episodes: positions of all bodies after every control period, and distances between runs.
+"""Recorded runs of a study's episodes, and distances between runs.
 
-A time budget may end a run, whose trace is then shorter. An episode ends when its state is not finite. What engines do afterwards is not
-recorded: stepper keeps the last finite state, MuJoCo resets.
+A trace has the positions of all bodies after every control period. It is shorter if a time budget ended the run. States of an episode after
+one that is not finite are not recorded.
 """
 
 from __future__ import annotations
@@ -34,24 +34,25 @@ _UNITS |= {"deg": ("rad", np.pi / 180), "s": ("s", 1.0), "ms": ("s", 1e-3)}
 
 @dataclass(frozen=True)
 class Trace:
-    """Record of the episodes of one run.
+    """Record of a run of several episodes.
 
     Attributes:
         time: Times after the control periods, (T,), s. Fewer than the study's control periods if the run was stopped.
         points: Positions of bodies, geoms and sites, (T, episodes, nbody + ngeom + nsite, 3), m; NaN after an episode was not finite.
         xquat: Orientations of the bodies, (T, episodes, nbody, 4), quaternions (w, x, y, z).
-        ctrl: Controls, (T, episodes, nu); NaN where the drive held the ones before.
+        ctrl: Controls, (T, episodes, nu); NaN where the drive kept the previous controls.
         applied: Forces (N) and torques (N m) on the bodies, (T, episodes, nbody, 6).
         qpos: Initial positions, (episodes, nq), m and rad.
         qvel: Initial velocities, (episodes, nv), m/s and rad/s.
-        path: Positions over time, (T, episodes, nq), m and rad, and velocities, (T, episodes, nv), m/s and rad/s; NaN as `points`.
+        path: Positions, (T, episodes, nq), m and rad, and velocities, (T, episodes, nv), m/s and rad/s, after the control periods; NaN
+            after an episode was not finite.
         finite: Whether each episode was finite to the end of the run, (episodes,).
         outcomes: Outcomes by name, (episodes,); NaN if the run was stopped or is not finite.
         depth: Deepest overlap, (episodes,), m.
         residual: Largest residual, (episodes,), m/s; NaN in MuJoCo.
-        settings: Settings of the engine.
+        settings: All settings of the engine.
         timestep: Time step, s.
-        spent: Duration of the run, s.
+        spent: Wall-clock duration of the run, s.
         stopped: Whether the time budget stopped the run.
     """
 
@@ -88,7 +89,7 @@ def run(
     tick: Callable[[float], None] | None = None,
     **changed: Any,
 ) -> Trace:
-    """Runs episodes at the nominal point. Sensors are ideal, because sensor errors would depend on the time step.
+    """Run episodes with nominal parameters. Sensors are ideal, because sensor errors would depend on the time step.
 
     Args:
         study: The study.
@@ -96,12 +97,12 @@ def run(
         setting: Name of the settings.
         until: Simulated time of the run, s; outcomes are NaN if it is shorter than an episode.
         stage: Stage of the time budget; None is no bound. A run stops between steps, in MuJoCo and rapier between control periods.
-        tick: Called with the fraction done after every control period.
-        **changed: Changed settings, as in `world_of`.
+        tick: Progress callback, called with the fraction done after every control period.
+        **changed: Changed settings, as for `world_of`.
     """
     begun, stage = time.time(), stage or Stage()
     world = world_of(study, setting, [study.nominal] * len(episodes), **(changed | {"sensors": None}))
-    seen = Seen(study, world)
+    seen = TraceRecorder(study, world)
     by_step = stage.limited and world.engine == "stepper"
     enough = max(1, min(study.controls, math.ceil(until / study.hold - 1e-9))) if math.isfinite(until) else study.controls
     for looks in running(study, world, episodes, by_step=by_step):
@@ -116,8 +117,8 @@ def run(
     return seen.trace(world, enough, time.time() - begun)
 
 
-class Seen:
-    """Recorder of a run's trace."""
+class TraceRecorder:
+    """Recorder that builds the trace of a run. Call `look` at the start and after every control period."""
 
     def __init__(self, study: Study, world: World):
         self._study, self._nu = study, world.model.nu
@@ -127,7 +128,7 @@ class Seen:
         self._watch: Watch | None = None
 
     def look(self, now: World) -> None:
-        """Records the start, and at later calls the state after a control period."""
+        """Record the initial state in the first call, and the state after a control period in later calls."""
         if self._watch is None or self._start is None:
             self._start, self._watch = (now.qpos.copy(), now.qvel.copy()), Watch(tuple(self._study.all_outcomes), now)
             return
@@ -147,7 +148,13 @@ class Seen:
             now.sim.reset(lost, qpos=self._start[0], qvel=self._start[1])
 
     def trace(self, world: World, controls: int, spent: float) -> Trace:
-        """Trace of the run. Episodes that are not finite, or were not run to their end, have no outcome."""
+        """Trace of the run. Outcomes are NaN for episodes that were not finite or did not run to their end.
+
+        Args:
+            world: Environments of the run.
+            controls: Number of control periods of a complete run.
+            spent: Wall-clock duration of the run, s.
+        """
         assert self._start is not None
         assert self._watch is not None
         worst, model, count = world.certificate(), world.model, len(self.rows)
@@ -181,14 +188,14 @@ def runs(
     patience: Sequence[float],
     tick: Callable[[float], None] | None = None,
 ) -> list[Trace]:
-    """Runs of the same episodes with several settings, on Ray if `study.ray` is set.
+    """Traces of the same episodes with several settings, computed on Ray if `study.ray` is set.
 
     Args:
         study: The study.
         episodes: Numbers of the episodes.
-        settings: Changed settings of each run, as in `world_of`.
-        patience: Duration after which each run is stopped, s.
-        tick: Called with the fraction done.
+        settings: Changed settings of each run, as for `world_of`.
+        patience: Wall-clock duration after which each run is stopped, s.
+        tick: Progress callback with the fraction done.
     """
     made: dict[int, Trace] = {}
     for number, trace in each(study, list(zip(settings, patience, strict=True)), functools.partial(_one, episodes)):
@@ -210,7 +217,9 @@ def _points(now: World) -> Array:
 
 @dataclass(frozen=True)
 class Distance:
-    """Distance of two runs: the largest distance of a body, geom or site (m), or the largest angle of a body (rad), up to a horizon.
+    """Definition of the error between two runs, which computes it when called.
+
+    It is the largest distance of a body, geom or site (m), or the largest angle of a body (rad), up to a horizon.
 
     Attributes:
         unit: "m" or "rad".
@@ -254,12 +263,12 @@ def _between(a: Array, b: Array) -> Array:
 
 
 def quantity(given: str | float, *, name: str, units: Sequence[str]) -> tuple[float, str]:
-    """Value in a base unit, and that unit, from a text such as "1 mm", which gives (1e-3, "m").
+    """Parse a quantity: "1 mm" gives its value in the base unit, and the base unit: (1e-3, "m").
 
     Args:
         given: Text, or a number if there is only one base unit.
-        name: Name of the argument in errors.
-        units: Allowed base units, of "m", "rad", "s".
+        name: Name of the argument in error messages.
+        units: Allowed base units, some of "m", "rad", "s".
 
     Raises:
         ValueError: The text has another form or unit, or the number is not positive.

@@ -1,4 +1,4 @@
-"""Tuning: the cheapest settings within an error budget, tested on held-out episodes, and removable parts of the scene."""
+"""Tuning (`stepper.lab.tune`): the cheapest settings within an error budget, tested on held-out episodes; removable parts of the scene."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from stepper._options import Options
 from stepper._stepper import Model
 from stepper.lab.accuracy.budget import Stage
 from stepper.lab.accuracy.candidates import hard_lines, timesteps
-from stepper.lab.accuracy.closed_form import right_of
+from stepper.lab.accuracy.closed_form import reference_of
 from stepper.lab.accuracy.costs import costs
 from stepper.lab.accuracy.needs import Bench, Spare, spares
 from stepper.lab.accuracy.reference import Reference, check_moves, patience
@@ -34,18 +34,18 @@ from stepper.shared.machine import one_core, provenance
 
 Array = NDArray[np.float64]
 _KNOWN = 0.1
-"""Uncertainty of the reference, as a share of the error budget."""
+"""Target uncertainty of the reference, as a fraction of the error budget."""
 _BETTER = 0.8
-"""Largest ratio of the next candidate's error to that of a candidate that failed on held-out episodes."""
+"""Largest ratio of the next tested candidate's error to that of a candidate that failed on held-out episodes."""
 
 _BETWEEN = 3
 """Number of rounds of bisection between the longest time step within the budget and the next longer one."""
 _NEAR = 1.25
-"""Cost relative to the cheapest up to which candidates are timed a second time."""
+"""Ratio of a candidate's cost to the lowest cost below which it is timed a second time."""
 OWN = "the study's own"
 """Name of a study's settings among candidates."""
 _PART = 16
-"""Number of held-out episodes that are stepped together, in this process or as a task of Ray."""
+"""Number of held-out episodes in one batch or one task of Ray."""
 
 
 @dataclass(frozen=True)
@@ -76,12 +76,12 @@ class Trial:
 
     Attributes:
         candidate: The candidate.
-        episodes: Number of distinct episodes; repeated ones prove nothing.
-        held: Number of episodes whose error plus the reference's uncertainty is within the budget.
+        episodes: Number of distinct held-out episodes; duplicates are not counted.
+        held: Number of these episodes whose error plus the reference's uncertainty is within the budget.
         unknown: Number of episodes whose reference is uncertain by more than half the budget; they count as failures.
         worst: Largest error, m or rad.
-        share: Lower bound of the share of episodes within the budget.
-        confidence: Confidence of that bound. The first trial uses half of the allowed doubt, each further trial half of the rest.
+        share: Lower bound of the fraction of all possible episodes within the budget.
+        confidence: Confidence of that bound. The first trial uses half of the allowed error probability, each further one half of the rest.
     """
 
     candidate: Candidate
@@ -95,18 +95,18 @@ class Trial:
 
 @dataclass(frozen=True)
 class Tuning:
-    """Result of a tuning.
+    """Result of `tune`.
 
     Attributes:
         study: The study.
         budget: Allowed error, m or rad.
-        distance: Measure of errors.
+        distance: Definition of errors: unit and horizon.
         chosen: The cheapest settings that passed the test on held-out episodes; None if there are none.
-        options: Options of these settings for `stepper.Stepper`; None without chosen settings.
-        precision: Precision of these settings; None without chosen settings.
+        options: Options for `stepper.Stepper` with the chosen settings; None without chosen settings.
+        precision: Precision of the chosen settings; None without chosen settings.
         usual: Candidate with the study's settings.
         candidates: All candidates, those within the budget first, by cost.
-        trials: Tests on held-out episodes, in their order.
+        trials: Tests of candidates on held-out episodes, in order.
         spare: Parts of the scene that may be removable.
         smaller: Model without the removable parts; None if there are none.
         document: The tuning as a document.
@@ -144,11 +144,11 @@ def tune(
     reduce: bool = True,
     tick: Tick | None = None,
 ) -> Tuning:
-    """Finds the cheapest settings of hard contact within an error budget, and parts of the scene that can be removed.
+    """Find the cheapest settings of hard contact within an error budget, and parts of the scene that can be removed.
 
-    Some episodes choose the settings, and held-out episodes test them: with the given confidence, at least the share `coverage` of episodes
-    is within the budget. Errors are those of time step, solver and precision. They are measured from the study's closed form
-    (`Study.exact`), or from a reference with the same law of contact that is converged to a tenth of the budget. With `Study.ray`,
+    Settings are chosen on some episodes and tested on others (held out). With the given confidence, at least the fraction `coverage` of
+    episodes is within the budget. Errors are those of time step, solver and precision. They are measured relative to the study's closed
+    form (`Study.exact`), or to a reference with the same contact law that is converged to a tenth of the budget. With `Study.ray`,
     candidates, held-out episodes and smaller models run as tasks of Ray. The first reference and all costs are computed in this process.
 
     Args:
@@ -156,19 +156,19 @@ def tune(
         out: Output folder; the files are in its folder NAME, the name of the study.
         error: Error budget with its unit: "1 mm", "0.5 deg".
         horizon: Simulated time up to which the error must stay within the budget: "1 s", "500 ms", or a number of seconds.
-        coverage: Share of episodes that must stay within the budget.
-        confidence: Confidence of the coverage.
-        episodes: Number of episodes that choose the settings.
+        coverage: Fraction of episodes that must stay within the budget.
+        confidence: Confidence with which the coverage is proved.
+        episodes: Number of episodes on which settings are chosen.
         alone: Whether to minimise the cost of a single environment instead of a batch.
         reduce: Whether to search for removable parts of the scene.
-        tick: Called with a text and the fraction done.
+        tick: Progress callback with a text and the fraction done.
 
     Returns:
         The tuning. OUT/NAME has tune.html, tune.md, tune.json, and smaller.stepper if parts were removed.
 
     Raises:
-        ValueError: An invalid budget or horizon, a model without joints, or a study with MuJoCo's law. Or a study whose episodes repeat one
-            another, so that held-out ones prove nothing.
+        ValueError: A budget or horizon is invalid, the model has no joints, the study has MuJoCo's contact law, or it has too few distinct
+            episodes for a test.
     """
     budget, unit = quantity(error, name="error", units=("m", "rad"))
     seconds, _ = quantity(horizon, name="horizon", units=("s",))
@@ -189,7 +189,7 @@ def tune(
             f"{confidence} needs all of them; give it qpos_noise, qvel_noise, a random start or drive, or more recorded episodes, or lower "
             "coverage or confidence"
         )
-    right = right_of(study, range(episodes), distance, target=_KNOWN * budget, tick=lambda done: told("reference", done))
+    right = reference_of(study, range(episodes), distance, target=_KNOWN * budget, tick=lambda done: told("reference", done))
     usual, candidates = _candidates(study, range(episodes), distance, right, budget, alone=alone, told=told)
     candidates.sort(key=lambda own: (not own.error <= budget, own.alone if alone else own.batch))
     trials: list[Trial] = []
@@ -217,7 +217,7 @@ def tune(
     told("held-out episodes", 1.0)
     # Parts are searched with settings that do not diverge.
     seen = chosen or (usual if math.isfinite(usual.error) else min(candidates, key=lambda own: own.error))
-    spare, smaller = _not_needed(study, range(episodes), seen, distance, budget=budget, told=told) if reduce else ([], None)
+    spare, smaller = _removable(study, range(episodes), seen, distance, budget=budget, told=told) if reduce else ([], None)
     options, precision = _options(study, chosen)
     document = Document(f"Tuning of {study.name}")
     found = Tuning(
@@ -229,7 +229,7 @@ def tune(
 
 @dataclass
 class _Case:
-    """Settings of a line with a number of steps per control period, and the result of their run."""
+    """Settings with a number of time steps per control period, and the result of their run."""
 
     name: str
     line: dict[str, Any]
@@ -241,10 +241,10 @@ class _Case:
 
 
 def _lines(study: Study) -> list[tuple[str, dict[str, Any]]]:
-    """Distinct lines: the study's settings in both precisions, then those of a chart."""
+    """Names and changed settings of the candidates: the study's settings in both precisions, then those of a chart, without duplicates."""
     other = "f32" if study.precision == "f64" else "f64"
     named: list[tuple[str, dict[str, Any]]] = [(OWN, {}), (f"{OWN}, {other}", {"precision": other})]
-    # A line without a precision has 64 bits, for any precision of the study.
+    # Settings of a chart without a precision have 64 bits, whatever the precision of the study.
     named += [(line.name, {"precision": "f64"} | line.settings) for line in hard_lines()]
     kept: dict[str, tuple[str, dict[str, Any]]] = {}
     for name, given in named:
@@ -260,8 +260,8 @@ def _candidates(
 ) -> tuple[Candidate, list[Candidate]]:
     """Candidate with the study's settings, and all candidates including it, with their errors and costs.
 
-    First, every line runs at time steps around the study's, each twice the one before. Then lines that may beat the cheapest candidate run
-    at time steps between the longest within the budget and the next longer one.
+    First, all settings run at time steps around that of the study, by factors of two. Then settings that may become the cheapest run at
+    time steps between the longest one within the budget and the next longer one.
     """
     by = 0 if alone else 1
     timestep = study.options.timestep or float(study.loaded[0].timestep)
@@ -331,10 +331,10 @@ def _candidates(
     return candidates[id(usual)], list(candidates.values())
 
 
-def _not_needed(
+def _removable(
     study: Study, episodes: Sequence[int], seen: Candidate, distance: Distance, *, budget: float, told: Tick
 ) -> tuple[list[Spare], Model | None]:
-    """Removable parts of the scene with some settings, and the smaller model; none if an episode diverges with them."""
+    """Removable parts of the scene with the settings of a candidate, and the smaller model; nothing if an episode diverges."""
     found: tuple[list[Spare], Model | None] = ([], None)
     if math.isfinite(seen.error):
         bench = Bench(study, episodes, seen.settings, distance, run(study, episodes, **seen.settings))
@@ -344,7 +344,7 @@ def _not_needed(
 
 
 def _distinct(study: Study, episodes: range, settings: Mapping[str, Any]) -> list[int]:
-    """Episodes whose motion and controls differ from those of all earlier ones, from episode 0 on."""
+    """Numbers of the episodes whose motion and controls differ from those of all episodes before them, counted from episode 0."""
     trace = run(study, range(episodes.stop), **settings)
     seen: set[bytes] = set()
     found = []
@@ -358,6 +358,7 @@ def _distinct(study: Study, episodes: range, settings: Mapping[str, Any]) -> lis
 
 
 def _trial(study: Study, candidate: Candidate, episodes: Sequence[int], distance: Distance, budget: float, *, confidence: float) -> Trial:
+    """Test of a candidate on held-out episodes."""
     parts = [episodes[k : k + _PART] for k in range(0, len(episodes), _PART)]
     apart, unsure = np.empty(len(episodes)), np.empty(len(episodes))
     for number, (own, doubt) in each(study, parts, functools.partial(_held_out, candidate, distance, budget)):
@@ -371,13 +372,14 @@ def _trial(study: Study, candidate: Candidate, episodes: Sequence[int], distance
 
 def _held_out(candidate: Candidate, distance: Distance, budget: float, study: Study, episodes: Sequence[int]) -> tuple[Array, Array]:
     """Errors of held-out episodes, and the uncertainty of their reference, (episodes,) each, m or rad."""
-    right = right_of(study, episodes, distance, target=_KNOWN * budget)
+    right = reference_of(study, episodes, distance, target=_KNOWN * budget)
     stage = Stage().within(patience(study, right.trace, candidate.settings["timestep"]))
     trace = run(study, episodes, stage=stage, **candidate.settings)
     return np.full(len(episodes), np.inf) if trace.stopped else distance(trace, right.trace), right.uncertainty
 
 
 def _options(study: Study, chosen: Candidate | None) -> tuple[Options | None, str | None]:
+    """Options and precision of a candidate; None for None."""
     if chosen is None:
         return None, None
     given = dict(chosen.settings)
@@ -386,11 +388,11 @@ def _options(study: Study, chosen: Candidate | None) -> tuple[Options | None, st
 
 
 def words_of(options: Options, precision: str | None) -> str:
-    """Python expression of options and precision, without defaults."""
+    """Python expression that makes options and precision, without default values."""
     usual = Options()
     own = {f.name: getattr(options, f.name) for f in fields(Options) if getattr(options, f.name) != getattr(usual, f.name)}
-    told = ", ".join(f"{name}={value!r}" for name, value in own.items())
-    return f"stepper.Options({told})" + ("" if precision == "f64" else f', precision="{precision}"')
+    arguments = ", ".join(f"{name}={value!r}" for name, value in own.items())
+    return f"stepper.Options({arguments})" + ("" if precision == "f64" else f', precision="{precision}"')
 
 
 def _sections(found: Tuning, right: Reference, *, coverage: float, confidence: float, alone: bool, exhausted: bool) -> list[Section]:
@@ -425,23 +427,23 @@ def _sections(found: Tuning, right: Reference, *, coverage: float, confidence: f
         [t.candidate.name, 1e3 * t.candidate.settings["timestep"], t.held, t.episodes, t.unknown, t.worst, t.share, t.confidence]
         for t in found.trials
     ]
-    heads = ("settings", "time step, ms", "held", "episodes", "reference unknown", f"largest error, {unit}", "share at least", "confidence")
+    heads = ("settings", "time step, ms", "within", "episodes", "uncertain", f"largest error, {unit}", "share at least", "confidence")
     kept = [own for own in found.candidates if own.error <= found.budget]
     stopped = sum(own.stopped for own in found.candidates)
     rows = [[own.name, 1e3 * own.settings["timestep"], own.error, own.alone, own.batch] for own in kept[:20]]
-    spare = [[own.what, own.why, own.error, own.saved, own.least, _taken(own, found.budget)] for own in found.spare]
+    spare = [[own.part, own.reason, own.error, own.saved, own.least, _removal(own, found.budget)] for own in found.spare]
     return [
         Section("Result", words),
         Section(
             "Proof",
-            ["Held-out episodes, which did not choose the settings; each trial has new ones."] if trials else ["No candidate to test."],
+            ["Held-out episodes, on which the settings were not chosen; each trial has new ones."] if trials else ["No candidate to test."],
             heads,
             trials,
         ),
         Section(
             "Candidates within the budget",
             [
-                f"{len(kept)} of {len(found.candidates)}, the cheapest first; errors are the largest of the episodes that chose."
+                f"{len(kept)} of {len(found.candidates)}, the cheapest first; errors are the largest in the training episodes."
                 + (f" {counted(stopped, 'run')} took far longer than the reference and had to be stopped." if stopped else "")
             ],
             ("settings", "time step, ms", f"error, {unit}", "alone, us", "batch, us"),
@@ -450,7 +452,7 @@ def _sections(found: Tuning, right: Reference, *, coverage: float, confidence: f
         Section(
             "Removable parts of the scene",
             [
-                "Measured on the episodes that chose. A part is removed if no body moves differently by more than the budget, and seven of "
+                "Measured on the training episodes. A part is removed if no body moves differently by more than the budget, and seven of "
                 f"eight rounds save time{'; smaller.stepper is the model without these parts' if found.smaller is not None else ''}."
             ]
             if spare
@@ -462,7 +464,7 @@ def _sections(found: Tuning, right: Reference, *, coverage: float, confidence: f
 
 
 def _compared(found: Tuning, cost: str) -> str:
-    """Comparison of the chosen settings with the study's: ratio of costs, and whether the study's are within the budget."""
+    """Sentence that compares the chosen settings with the study's: ratio of costs, and whether the study's are within the budget."""
     assert found.chosen is not None
     unit, usual = found.distance.unit, found.usual
     if found.chosen is usual:
@@ -476,9 +478,7 @@ def _compared(found: Tuning, cost: str) -> str:
             f"That is {spent}, which miss the budget by {usual.error - found.budget:.2g} {unit}: their error is {usual.error:.2g} {unit}."
         )
     if ratio > 1:
-        return (
-            f"That is {spent}, which keep the budget in the episodes that chose ({usual.error:.2g} {unit}), and are not proved by others."
-        )
+        return f"That is {spent}, which keep the budget in the training episodes ({usual.error:.2g} {unit}), but were not tested on others."
     return (
         f"The study's own settings take {getattr(usual, cost):.4g}, {1 / ratio:.2f} times as much, and keep the budget too: their error "
         f"is {usual.error:.2g} {unit}."
@@ -494,21 +494,21 @@ def _usual_error(usual: Candidate, unit: str) -> str:
 
 
 def _cheaper(found: Tuning) -> str:
-    """Note on cheaper candidates, with the reason why none was chosen."""
+    """Sentence on cheaper candidates, with the reason why none was chosen."""
     assert found.chosen is not None
     kept = [own for own in found.candidates if own.error <= found.budget]
     before = kept.index(found.chosen)
     tested = len(found.trials) - 1
-    within = f"{len(kept)} of {counted(len(found.candidates), 'candidate')} keep the budget in the episodes that chose"
+    within = f"{len(kept)} of {counted(len(found.candidates), 'candidate')} keep the budget in the training episodes"
     if not before:
         return f"{within}, and none of them is cheaper."
     left = "" if tested == before else f"; {before - tested} not tested, because their errors are similar to that of one that failed"
-    return f"{within}. {before} of them are cheaper and not proved: {tested} failed on held-out episodes{left}."
+    return f"{within}. {before} of them are cheaper but not chosen: {tested} failed on held-out episodes{left}."
 
 
-def _taken(own: Spare, budget: float) -> str:
-    """Whether a part is removed, or the reason why it is not."""
-    if own.taken:
+def _removal(own: Spare, budget: float) -> str:
+    """Entry of the table: whether a part is removed, or the reason why it is not."""
+    if own.removed:
         return f"yes: {own.setting}" if own.setting else "yes"
     if math.isnan(own.saved):
         return "no"

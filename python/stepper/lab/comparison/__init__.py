@@ -1,8 +1,8 @@
 """Comparison of hard contact, MuJoCo's law of contact and MuJoCo on one model.
 
 - `trial`: run of one engine, recorded step by step
-- `comparison`: figures of all engines as a table
-- `draw`: picture
+- `comparison`: figures of all engines, and their table
+- `draw`: picture of the recorded runs
 """
 
 from stepper.lab.comparison.comparison import Comparison, compare

@@ -1,4 +1,4 @@
-"""`stepper.lab.compare`: comparison of the same episodes with hard contact, with MuJoCo's law of contact and in MuJoCo."""
+"""Comparison (`stepper.lab.compare`) of the same episodes with hard contact, with MuJoCo's contact law and in MuJoCo."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ ONSET = 1e-3
 
 @dataclass(frozen=True)
 class Comparison:
-    """Comparison of engines in the same episodes.
+    """Result of `compare`: recorded runs of the same episodes in several engines.
 
     Attributes:
-        courses: Records of the engines, hard contact first.
-        rewarded: Whether a reward was given.
+        courses: Recorded run of each engine, hard contact first.
+        rewarded: Whether a reward function was given.
     """
 
     courses: tuple[Course, ...]
     rewarded: bool
 
     def figures(self) -> dict[str, dict[str, float]]:
-        """Figures by engine and name; names include the units. Means are over environments."""
+        """Figures (numbers) by engine and name; the names include the units. Means are over environments."""
         return {course.name: self._figures(course) for course in self.courses}
 
     def _figures(self, course: Course) -> dict[str, float]:
@@ -53,14 +53,14 @@ class Comparison:
             "impulse of contacts, N s": float(course.impulse.sum(axis=0).mean()),
             "sliding distance of surfaces, m": float(course.slip.sum(axis=0).mean()),
             "first touch, s": float(np.median(first)),
-            "touches that begin": float(course.begins.sum(axis=0).mean()),
-            "touching, share of time": float((course.pairs > 0).mean()),
+            "new touches": float(course.begins.sum(axis=0).mean()),
+            "touching, fraction of time": float((course.pairs > 0).mean()),
             f"apart from hard contact by {ONSET:g} after, s": float(np.median(parted)),
         }
         return out | ({"return": float(course.reward.sum(axis=0).mean())} if self.rewarded else {})
 
     def table(self) -> str:
-        """Table of the figures, in Markdown."""
+        """Markdown table of the figures."""
         figures = self.figures()
         names = list(figures)
         lines = ["| | " + " | ".join(names) + " |", "|" + "---|" * (len(names) + 1)]
@@ -70,7 +70,7 @@ class Comparison:
         return "\n".join(lines)
 
     def draw(self, path: str | Path) -> Path:
-        """Writes a picture of overlap, force, energy and difference from hard contact over time.
+        """Write a picture of overlap, force, energy and difference from hard contact against time.
 
         Raises:
             MissingPackageError: matplotlib is not installed.
@@ -94,22 +94,23 @@ def compare(
     seed: int = 0,
     tick: Tick | None = None,
 ) -> Comparison:
-    """Runs the same episodes with hard contact, with MuJoCo's law of contact, and in MuJoCo if it is installed.
+    """Run the same episodes with hard contact, with MuJoCo's contact law, and in MuJoCo if it is installed.
 
     Args:
-        source: Source of the model, as for `stepper.load`. With a `Model`, or without MuJoCo, MuJoCo and the sliding distance are left
-            out.
-        drive: Controls (steps, nu) or (steps, num_envs, nu), in their units, of which the last are held. Or a policy: a function of qpos
-            (num_envs, nq) and qvel (num_envs, nv) that returns controls (num_envs, nu) or (nu,). None draws random controls.
+        source: Source of the model, as for `stepper.load`. With a `Model`, or if MuJoCo is not installed, MuJoCo and the sliding
+            distance are left out.
+        drive: Controls (steps, nu) or (steps, num_envs, nu), in their units; after the end the last row is kept. Or a policy: a function of
+            qpos (num_envs, nq) and qvel (num_envs, nv) that returns controls (num_envs, nu) or (nu,). None draws random controls.
         seconds: Length of an episode, s.
         num_envs: Number of episodes.
         options: Options of the step for both laws; `contact` is ignored, and MuJoCo's law has the integrator of the source.
         start: Initial positions (num_envs, nq), m and rad, and velocities (num_envs, nv), m/s and rad/s. None is the reference pose with
             small random velocities.
         hold: Time for which a random control is held, s.
-        reward: Function of (qpos, qvel) before the step, controls (num_envs, nu) and (qpos, qvel) after it, which returns (num_envs,).
+        reward: Reward function with the arguments (qpos, qvel) before the step, controls (num_envs, nu), and (qpos, qvel) after it. It
+            returns (num_envs,).
         seed: Seed of the random numbers.
-        tick: Called with the name of an engine and the fraction of its steps.
+        tick: Progress callback with the name of an engine and the fraction of its steps.
 
     Returns:
         The comparison: `print` shows its table, `Comparison.draw` writes a picture.
@@ -165,12 +166,13 @@ def _load(source: Any) -> tuple[Model, Any]:
 
 
 def _start(model: Model, num_envs: int, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Reference pose with small random velocities: episodes differ, and no overlap is added. Shapes (num_envs, nq), (num_envs, nv)."""
+    """Initial states: reference pose (num_envs, nq) with small random velocities (num_envs, nv), so that episodes differ."""
     qpos = np.tile(np.asarray(model.qpos0, float), (num_envs, 1))
     return qpos, rng.normal(0.0, 0.01, (num_envs, model.nv))
 
 
 def _random(model: Model, num_envs: int, steps: int, hold: int, rng: np.random.Generator) -> Array:
+    """Random controls, (steps, num_envs, nu), each held for `hold` steps."""
     bounds = np.asarray(model.actuator_ctrlrange, float).reshape(model.nu, 2)
     low, high = np.where(np.isfinite(bounds), bounds, [-1.0, 1.0]).T
     drawn = rng.uniform(low, high, (steps // hold + 1, num_envs, model.nu))

@@ -1,4 +1,4 @@
-"""Picture of a comparison."""
+"""Picture of a comparison of engines."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from stepper.shared.machine import require
 
 
 def draw(courses: Sequence[Course], path: Path) -> Path:
-    """Draws four quantities over time, as medians over episodes with the range between quartiles, in one colour for each engine."""
+    """Draw four quantities against time, as medians over episodes with the range between quartiles, in one colour per engine.
+
+    The result is the path.
+    """
     require("matplotlib", "to draw the comparison")
     from matplotlib.figure import Figure  # noqa: PLC0415  (optional)
 

@@ -21,7 +21,7 @@ Drive = Array | Callable[[Array, Array], Any]
 
 @dataclass(frozen=True)
 class Course:
-    """Record of one engine, for every step and environment.
+    """Recorded run of one engine, with values after every step in every environment.
 
     Attributes:
         name: Name of the engine.
@@ -32,9 +32,9 @@ class Course:
         energy: Potential and kinetic energy after every step, (steps, num_envs), J.
         force: Largest normal force of a contact, (steps, num_envs), N.
         impulse: Sum of normal impulses, (steps, num_envs), N s.
-        slip: Sliding distance of touching surfaces in the step, (steps, num_envs), m; NaN if it was not measured.
+        slip: Sliding distance in the step, summed over touching pairs of geoms, (steps, num_envs), m; NaN if it was not measured.
         pairs: Number of pairs of geoms that touch, (steps, num_envs).
-        begins: Number of pairs that touch and did not in the step before, (steps, num_envs).
+        begins: Number of pairs that touch and did not touch in the previous step, (steps, num_envs).
         reward: Reward of every step, (steps, num_envs).
     """
 
@@ -53,7 +53,7 @@ class Course:
 
 
 class Slip:
-    """Meter of the sliding of touching surfaces, in states of any engine. It uses MuJoCo's contact points and velocities."""
+    """Measurement of the sliding speed of touching surfaces, in states of any engine, from MuJoCo's contact points and velocities."""
 
     def __init__(self, compiled: Any) -> None:
         self._mujoco = require("mujoco", "to measure how surfaces slide")
@@ -96,16 +96,16 @@ def run(
     reward: Callable[..., Any] | None = None,
     tick: Tick = silent,
 ) -> Course:
-    """Steps the environments of an engine, and records every step.
+    """Step the environments of an engine, and record every step.
 
     Args:
         name: Name of the engine.
-        world: The environments, at their start.
+        world: Environments, in their initial states.
         drive: Controls or policy, as in `compare`.
         steps: Number of steps.
-        slip: Meter of sliding; None does not measure it.
+        slip: Measurement of sliding; None does not measure it.
         reward: Reward function, as in `compare`.
-        tick: Called after every step with the name and the fraction of the steps.
+        tick: Progress callback, called after every step with the name and the fraction of the steps.
     """
     qpos, qvel = np.array(world.qpos), np.array(world.qvel)
     n = world.num_envs

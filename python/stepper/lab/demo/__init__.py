@@ -1,4 +1,4 @@
-"""Demo: a thousand humanoids fall and come to rest, in stepper and in MuJoCo."""
+"""Demo (`stepper demo`): a thousand humanoids fall and come to rest, in stepper and in MuJoCo."""
 
 from stepper.lab.demo.race import Plan, demo
 

@@ -22,6 +22,7 @@ from stepper.loading import load
 from stepper.shared.machine import allowed_cores, one_core, package_file, provenance, require
 
 MATCHED = MujocoEngine("implicitfast, elliptic", "IMPLICITFAST", "ELLIPTIC", "NEWTON")
+"""Settings of MuJoCo that are most similar to stepper's."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ class Plan:
         seed: Seed of the random controls.
         peers: Number of humanoids in MuJoCo, which is slower, with the controls of stepper's first ones. None is a quarter.
         hold: Number of steps for which a random control is held.
-        chunk: Number of steps of one engine before the next engine's turn. Everything is measured at the end of a chunk.
+        chunk: Number of steps of one engine before the next engine's turn. States are measured at the end of a chunk.
     """
 
     num_envs: int = 1024
@@ -65,7 +66,7 @@ class Track:
     Attributes:
         times: Microseconds per step and environment of every chunk, by phase ("control", "rest").
         samples: Measurements of the referee at the end of every chunk, by phase.
-        own: Contacts per environment and deepest overlap (m) in stepper's contacts, by phase.
+        own: Contacts per environment and deepest overlap (m) by the contacts of stepper itself, by phase.
         after_control: Positions at the end of the controls, (num_envs, nq), m and rad.
     """
 
@@ -89,7 +90,7 @@ def random_control(path: str, plan: Plan) -> Array:
 
     Args:
         path: The MJCF file, for the actuators' ranges.
-        plan: Number of steps, how long each control is held, the seed.
+        plan: Settings of the race: number of steps, duration of a control, and seed.
 
     Returns:
         Controls, (k, num_envs, nu) with k = ceil(steps / hold), uniform in the actuators' ranges, or from -1 to 1.
@@ -101,13 +102,14 @@ def random_control(path: str, plan: Plan) -> Array:
 
 
 def _own_contacts(batch: StepperBatch, sample: int = 32) -> tuple[float, float]:
+    """Mean number of contacts and deepest overlap (m) in the first environments, by the contacts of stepper."""
     found = [batch.sim.contacts(env)["distance"] for env in range(min(sample, batch.num_envs))]
     deepest = max(-float(np.min(distance, initial=0.0)) for distance in found)
     return sum(map(len, found)) / len(found), deepest
 
 
 def _chunk(batch: EngineBatch, control: Array, plan: Plan, steps: range, clock: Callable[[], float]) -> float:
-    """Makes some steps of the plan; returns microseconds per step and environment."""
+    """Make some steps of the plan, and return microseconds per step and environment."""
     quiet, spent = np.zeros((batch.num_envs, control.shape[2])), 0.0
     for step in steps:
         ctrl = control[step // plan.hold, : batch.num_envs] if step < plan.steps else quiet
@@ -119,6 +121,7 @@ def _chunk(batch: EngineBatch, control: Array, plan: Plan, steps: range, clock: 
 
 
 def _look(batch: EngineBatch, track: Track, phase: str, referee: Referee, plan: Plan) -> None:
+    """Add measurements of the current states to a track."""
     track.samples[phase].append(referee.measure(batch.qpos[: plan.num_peers], batch.qvel[: plan.num_peers]))
     if isinstance(batch, StepperBatch):
         track.own[phase].append(_own_contacts(batch))
@@ -134,15 +137,15 @@ def race(
     what: str,
     referee: Referee | None,
 ) -> dict[str, Track]:
-    """Steps all batches through the plan. They take turns of a chunk each, so that other load of the machine affects all alike.
+    """Step all batches through the plan. They take turns of one chunk, so that other load of the machine affects all engines equally.
 
     Args:
         batches: Batches of the engines.
         control: Controls from `random_control`, (k, num_envs, nu), in the actuators' units.
         plan: Settings of the race.
         clock: Clock, s: processor time on one core, wall time on many.
-        tick: Called with `what` and the fraction done.
-        what: Text for the progress.
+        tick: Progress callback.
+        what: Text for the progress callback.
         referee: Referee that measures at the end of every chunk; None does not measure.
 
     Returns:
@@ -176,13 +179,13 @@ def _batches(model: Model, path: str, plan: Plan, threads: int) -> list[EngineBa
 
 
 def _ratios(ours: Track, theirs: Track) -> dict[str, float]:
-    """Speed relative to another engine, by phase: the median ratio of the times of successive chunks."""
+    """Speed relative to another engine, by phase: median ratio of the times of corresponding chunks."""
     pairs = {phase: list(zip(times, theirs.times[phase], strict=True)) for phase, times in ours.times.items() if times}
     return {phase: median(their / our for our, their in both) for phase, both in pairs.items()}
 
 
 def _engine_figures(batch: EngineBatch, one: Track, many: Track, peers: dict[str, Track]) -> dict[str, object]:
-    """Figures of one engine; rates are medians over the chunks."""
+    """Figures of one engine, from its tracks on one core and on many; rates are medians over the chunks."""
     rates = {phase: 1e6 / median(times) for phase, times in one.times.items() if times}
     spread = {phase: [1e6 / max(times), 1e6 / min(times)] for phase, times in one.times.items() if times}
     samples = one.samples["control"] + one.samples["rest"]
@@ -208,11 +211,11 @@ def _engine_figures(batch: EngineBatch, one: Track, many: Track, peers: dict[str
 
 
 def measure(plan: Plan, tick: Tick) -> dict[str, object]:
-    """Runs the whole plan on one core, and its phase with controls on all cores.
+    """Run the whole plan on one core, and its phase with controls on all cores.
 
     Args:
         plan: Settings of the race.
-        tick: Called with a text and the fraction done.
+        tick: Progress callback with a text and the fraction done.
 
     Returns:
         All figures and settings, ready for JSON.
@@ -238,7 +241,7 @@ def measure(plan: Plan, tick: Tick) -> dict[str, object]:
 
 
 def demo(plan: Plan, out: Path) -> dict[str, object]:
-    """Runs the demo: prints the table, and writes `demo.json` and the charts.
+    """Run the demo: print the table, and write `demo.json` and the charts.
 
     Args:
         plan: Settings of the race.

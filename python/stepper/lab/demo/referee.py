@@ -1,4 +1,4 @@
-"""Referee of a race: contacts, penetration and energy of states of any engine, measured alike."""
+"""Referee of a race: contacts, penetration and energy, measured in the same way for all engines."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from stepper.shared.machine import require
 
 @dataclass(frozen=True)
 class Measured:
-    """Measurements of the referee in some environments, at one moment.
+    """Measurements of the referee in some environments at one time.
 
     Attributes:
-        contacts: Touching pairs of geoms per environment, mean.
+        contacts: Mean number of touching contact points per environment.
         penetration: Deepest overlap, m.
         kinetic_mean: Kinetic energy, mean, J.
         kinetic_max: Kinetic energy, largest, J.
@@ -35,6 +35,7 @@ class Referee:
     """
 
     NEAR = 1e-4
+    """Distance below which points count as touching, m."""
 
     def __init__(self, path: str) -> None:
         self._mujoco = require("mujoco", "to measure both engines alike")
@@ -45,7 +46,7 @@ class Referee:
         self._data = self._mujoco.MjData(self._model)
 
     def measure(self, qpos: Array, qvel: Array) -> Measured:
-        """Measures environments.
+        """Measure contacts, penetration and energy of some states.
 
         Args:
             qpos: Positions, (n, nq), m and rad.

@@ -1,4 +1,4 @@
-"""Table of the demo."""
+"""Printed table of the demo."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from stepper.shared.machine import require
 
 Figures = dict[str, Any]
 LENGTHS = ((1.0, "m"), (1e-3, "mm"), (1e-6, "um"), (1e-9, "nm"))
+"""Units of lengths with their names, m."""
 
 
 def length(metres: float) -> str:
@@ -20,10 +21,12 @@ def length(metres: float) -> str:
 
 
 def _phases(values: dict[str, float], form: str) -> str:
+    """Text of the values of all phases, with a format such as ".2f"."""
     return " / ".join(format(value, form) for value in values.values())
 
 
 def _rows(peers: Sequence[str]) -> list[tuple[str, Callable[[Figures], str]]]:
+    """Rows of the table: label, and function from an engine's figures to the text of its cell."""
     return [
         ("environments", lambda f: f"{f['num_envs']:,}"),
         ("steps a second, one core, control / rest", lambda f: _phases(f["steps_per_second_one_core"], ",.0f")),
@@ -49,6 +52,7 @@ def _certified(figures: Figures, form: Callable[[Figures], str]) -> str:
 
 
 def _notes(figures: Figures) -> list[str]:
+    """Notes below the table: settings, method of measurement and machine."""
     plan, engines = figures["plan"], figures["engines"]
     ours = next(f for f in engines.values() if "options" in f)
     options, came_from = ours["options"], figures["provenance"]
@@ -71,7 +75,7 @@ def _notes(figures: Figures) -> list[str]:
 
 
 def show(figures: Figures) -> None:
-    """Prints the table of speeds and errors, with notes on the measurement.
+    """Print the table of speeds and errors, with notes on the measurement.
 
     Args:
         figures: Figures of `stepper.lab.demo.race.measure`.

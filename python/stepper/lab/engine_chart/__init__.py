@@ -1,4 +1,4 @@
-"""Charts of built-in scenes: error against cost of engines, settings and time steps, in one process on one core.
+"""Charts of built-in scenes: error against cost of engines, settings and time steps, measured on one core.
 
 - `scenes`: scenes with known solutions
 - `run`: errors and times of all engines and time steps

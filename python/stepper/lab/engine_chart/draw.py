@@ -1,4 +1,4 @@
-"""The picture and the table of a sweep."""
+"""Picture and table of a chart of a built-in scene."""
 
 from __future__ import annotations
 
@@ -26,16 +26,17 @@ COLOURS = {
 }
 OTHERS = ["#333333", "#666666", "#999999"]
 LEAST_ERROR = 1e-16
+"""Smallest error that is drawn."""
 
 
 def write_csv(path: Path, scene: Scene, rows: Sequence[Row], provenance: Mapping[str, object]) -> None:
-    """Writes the rows of a chart as CSV, after comment lines with the scene and the provenance.
+    """Write the rows of a chart as CSV, after comment lines with the scene and the provenance.
 
     Args:
         path: CSV file.
         scene: The scene.
         rows: Points of the scene's chart.
-        provenance: Command, machine and versions.
+        provenance: Command, machine and versions, from `stepper.shared.machine.provenance`.
     """
     notes = {"title": scene.title, "error": scene.error_label, "reference": scene.reference, "duration_s": scene.duration}
     head = {"scene", "engine", "setting"}
@@ -49,6 +50,7 @@ def write_csv(path: Path, scene: Scene, rows: Sequence[Row], provenance: Mapping
 
 
 def _lines(rows: Sequence[Row]) -> dict[tuple[str, str], list[Row]]:
+    """Rows by (engine, settings): the lines of the chart."""
     lines: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         lines.setdefault((row.engine, row.setting), []).append(row)
@@ -61,10 +63,11 @@ def _colour(engine: str, index: int) -> str:
 
 
 def _label(points: Sequence[Row]) -> str:
+    """Label of a line in the legend, with its order of convergence and the number of diverged runs."""
     first = points[0]
     order = "" if math.isnan(first.slope) else f"  (error ~ dt^{round(first.slope, 1) + 0.0:.1f})"
     lost = sum(not math.isfinite(p.error) for p in points)
-    return f"{first.engine}: {first.setting}{order}" + (f"  [{lost} blew up]" if lost else "")
+    return f"{first.engine}: {first.setting}{order}" + (f"  [{lost} diverged]" if lost else "")
 
 
 def _plot_lines(axes: Axes, rows: Sequence[Row], markers: Mapping[float, str]) -> None:
@@ -103,7 +106,7 @@ def _columns(lines: Sequence[Line2D]) -> list[Line2D]:
 
 
 def draw(path: Path, scene: Scene, rows: Sequence[Row], note: str = "") -> None:
-    """Draws error against cost, both logarithmic; down and left is better.
+    """Draw error against cost on logarithmic axes; down and left is better.
 
     Args:
         path: PNG file.
@@ -128,7 +131,7 @@ def draw(path: Path, scene: Scene, rows: Sequence[Row], note: str = "") -> None:
     axes.tick_params(which="minor", axis="y", length=0.0)
     axes.set_axisbelow(True)
     figure.text(0.09, 0.955, scene.title, fontsize="large", weight="bold")
-    figure.text(0.09, 0.925, f"right answer: {scene.reference}", fontsize="small", color="#444444")
+    figure.text(0.09, 0.925, f"reference: {scene.reference}", fontsize="small", color="#444444")
     figure.text(0.09, 0.895, note, fontsize="small", color="#444444")
     _legends(figure, axes, markers)
     figure.savefig(path)

@@ -1,4 +1,4 @@
-"""Files of the charts of built-in scenes."""
+"""Output files of the charts of built-in scenes."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from stepper.shared.machine import one_core, package_version, provenance, requir
 
 
 def charts(names: Sequence[str], out: Path, effort: Effort, tick: Tick) -> list[Path]:
-    """Measures scenes and writes `chart-NAME.png` and `chart-NAME.csv`.
+    """Measure scenes, and write `chart-NAME.png` and `chart-NAME.csv` for each.
 
     Args:
-        names: Names in `SCENES`.
+        names: Names of the scenes in `SCENES`.
         out: Output folder, which is created if necessary.
         effort: Number and duration of the measurements.
-        tick: Called with a text and the fraction done.
+        tick: Progress callback with a text and the fraction done.
 
     Returns:
         Paths of the pictures.

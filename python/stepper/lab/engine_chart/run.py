@@ -1,4 +1,4 @@
-"""Measurements of a chart: errors of all engines, settings and time steps once, and times in interleaved rounds."""
+"""Measurements of a chart: errors of all engines, settings and time steps, and times in interleaved rounds."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Effort:
     """Number and duration of the measurements.
 
     Attributes:
-        repeats: Number of timed rounds over all cases, whose median counts.
+        repeats: Number of timed rounds over all cases; the chart shows their median.
         seconds: Shortest time of a case in a round, s.
         smallest: Smallest time step, s; smaller ones are left out.
     """
@@ -31,7 +31,7 @@ class Effort:
 
     @classmethod
     def quick(cls) -> Effort:
-        """Effort of a rough chart in a few seconds."""
+        """Small effort, for a rough chart in a few seconds."""
         return cls(repeats=3, seconds=0.004, smallest=2e-4)
 
 
@@ -42,13 +42,13 @@ class Row:
     Attributes:
         scene: Name of the scene.
         engine: Name of the engine.
-        setting: Its settings.
-        dt: Time step in s.
-        error: In the unit of the scene's `error_label`; not finite if the run blew up.
+        setting: Name of the settings.
+        dt: Time step, s.
+        error: Error, in the unit of the scene's `error_label`; infinite if the run diverged.
         cost: Microseconds of one core per simulated second of one environment.
         step: Microseconds of one step of one environment.
-        spread: Half the range of the repeats over their median, of `cost`.
-        slope: d log error / d log dt of the whole line, by least squares; NaN when fewer than two errors are usable.
+        spread: Half the range of the repeated time measurements, relative to their median.
+        slope: Order of convergence of the whole line, d log(error) / d log(dt); NaN with fewer than two usable errors.
     """
 
     scene: str
@@ -64,6 +64,8 @@ class Row:
 
 @dataclass
 class _Case(Timed):
+    """Engine at one time step, with the error of its run."""
+
     engine: Engine
     dt: float
     run: EngineBatch
@@ -74,7 +76,7 @@ class _Case(Timed):
     times: list[float] = field(default_factory=list)
 
     def once(self) -> float:
-        """Processor time of one run from the start, s, without the reset."""
+        """Run once from the start, and return the processor time without the reset, s."""
         self.run.reset(self.qpos, self.qvel)
         begin = time.process_time()
         self.run.step(nstep=self.nstep)
@@ -82,6 +84,7 @@ class _Case(Timed):
 
 
 def _prepare(scene: Scene, engine: Engine, dt: float) -> _Case:
+    """Run an engine once at a time step dt (s), and compute its error."""
     run = engine.start(scene.mjcf, dt)
     qpos, qvel = scene.start(run, dt)
     nstep = round(scene.duration / dt)
@@ -102,12 +105,12 @@ def _row(scene: Scene, case: _Case) -> Row:
 
 
 def slope(rows: Sequence[Row], floor: float = 1e-11, ceiling: float = 0.3) -> float:
-    """Order of convergence of a line: least squares of log error over log dt.
+    """Order of convergence of a line: slope of log(error) against log(dt), by least squares.
 
     Args:
         rows: Points of one engine and setting.
-        floor: Errors below this are rounding and the reference's own error.
-        ceiling: Errors above this have left the asymptotic range.
+        floor: Errors below this are ignored, because they contain rounding and the error of the reference.
+        ceiling: Errors above this are ignored, because they are outside the asymptotic range.
 
     Returns:
         The slope; NaN with fewer than two usable points.
@@ -128,15 +131,15 @@ def _with_slopes(rows: list[Row]) -> list[Row]:
 
 
 def sweep(scene: Scene, effort: Effort | None = None, progress: Callable[[float], None] | None = None) -> list[Row]:
-    """Runs every engine of a scene at every time step.
+    """Run every engine of a scene at every time step, and measure errors and times.
 
-    A case makes all its steps in one call, so that Python takes a microsecond per run. Rounds over all cases are interleaved, so that other
-    load of the machine affects all alike. Call it inside `stepper.shared.machine.one_core()`.
+    A run makes all its steps in one call, so that the overhead of Python is negligible. Rounds over all cases are interleaved, so that
+    other load of the machine affects all cases equally. Call it inside `stepper.shared.machine.one_core()`.
 
     Args:
         scene: The scene.
         effort: Number and duration of the measurements; None is the default.
-        progress: Called with the fraction done, 0 to 1.
+        progress: Progress callback with the fraction done, 0 to 1.
 
     Returns:
         One row per engine, setting and time step, in that order.

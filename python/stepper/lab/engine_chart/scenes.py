@@ -1,4 +1,4 @@
-"""Built-in scenes with known solutions, and the measures of their errors.
+"""Built-in scenes with known solutions, and functions that compute their errors.
 
 To add a scene, write a function that returns a `Scene`, and add it to `SCENES`.
 """
@@ -16,7 +16,7 @@ from stepper.lab.engines import Array, Engine, EngineBatch, MujocoEngine, Steppe
 from stepper.shared.machine import require
 
 TIMESTEPS = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2)
-"""Default sweep, s. Each divides every scene's duration."""
+"""Default time steps, s. Each divides every scene's duration."""
 
 GRAVITY = 9.81
 
@@ -34,7 +34,7 @@ class Scene:
         duration: Simulated time, s.
         error: Function of qpos at the start and at the end, (nq,) each, that returns the error.
         error_label: Label of the error's axis, with its unit.
-        reference: Source of the solution.
+        reference: Description of the known solution.
         engines: Engines with settings, one for each line of the chart.
         timesteps: Time steps, s.
     """

@@ -1,13 +1,13 @@
-"""Studies: episodes of a model with a drive, outcomes and uncertain parameters.
+"""Studies: episodes of a model with a controller (drive), measured outcomes and uncertain parameters.
 
 - `study`: the definition of a study; `files` reads it from TOML
-- `parameters`, `outcomes`, `drives`, `policy_files`: its parts
+- `parameters`, `outcomes`, `drives`, `policy_files`: parts of the definition
 - `worlds`, `rapier`: environments of one engine
-- `points`, `batches`, `jobs`: episodes at values of the parameters, in batches, optionally on Ray
-- `journal`, `table`, `results`: finished rows on disk
-- `sweep`: one parameter at a time; `ranking`: all at once
-- `whose`: causes of failures; `touching`: statistics of contacts
-- `report`, `document`, `draw`: documents and pictures
+- `points`, `batches`, `jobs`: runs of episodes at values of the parameters, in batches, optionally on Ray
+- `journal`, `table`, `results`: results of finished episodes (rows) on disk
+- `sweep`: variation of one parameter at a time; `ranking`: of all at once
+- `failure_causes`: causes of failures; `touching`: statistics of contacts
+- `report`, `document`, `draw`: documents and pictures of the results
 """
 
 from stepper.lab.study.drives import Policy, Recorded

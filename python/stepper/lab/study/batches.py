@@ -1,7 +1,7 @@
-"""Batches of episodes of a study: points with the same settings are stepped together, and finished rows are kept in the journal.
+"""Batches of episodes of a study: points with the same settings are stepped together, and their rows are stored in the journal.
 
-Batches depend only on the points, not on the rows that the journal has. A study that was killed repeats an unfinished batch as a whole, and
-keeps the rows that the journal lacks.
+A row is the result of one episode. Batches depend only on the points, not on the rows in the journal. After an interruption, an unfinished
+batch is repeated as a whole, and only its missing rows are stored.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from stepper.lab.study import drives
 from stepper.lab.study.jobs import each
 from stepper.lab.study.journal import Journal, Row
 from stepper.lab.study.outcomes import Watch
-from stepper.lab.study.parameters import Theta, actuator_model, model_fields, sensor_model
+from stepper.lab.study.parameters import Values, actuator_model, model_fields, sensor_model
 from stepper.lab.study.points import Point
 from stepper.lab.study.rapier import RapierWorld
-from stepper.lab.study.worlds import Plan, Thetas, World, make_world, own_fields, stacked
+from stepper.lab.study.worlds import ParameterValues, Plan, World, make_world, own_fields, stacked
 from stepper.shared.fields import RANDOMIZED
 
 if TYPE_CHECKING:
@@ -34,28 +34,28 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class _Batch:
-    """Batch of episodes: point and number of each."""
+    """Batch of episodes: point and number of each episode, and the name of the common settings."""
 
     setting: str
     episodes: tuple[tuple[Point, int], ...]
 
 
 def run_points(study: Study, points: Sequence[Point], journal: Journal, tick: Callable[[float], None] | None = None) -> list[Row]:
-    """Runs all episodes of some points whose rows the journal lacks.
+    """Run all episodes at some points, except those whose rows are in the journal.
 
     Args:
         study: The study.
-        points: The points.
+        points: Values of the parameters, and settings.
         journal: Journal of finished rows, to which new rows are added.
-        tick: Called with the fraction done.
+        tick: Progress callback with the fraction done.
 
     Returns:
         Rows of all episodes of the points, in their order.
 
     Raises:
-        ValueError: A time step that does not divide the control period, or a value that the model cannot have.
+        ValueError: A time step does not divide the control period, or the model cannot have a value.
     """
-    keys = {(_name(point), e): study.key(point.theta, point.setting, e) for point in points for e in range(study.episodes)}
+    keys = {(_name(point), e): study.key(point.values, point.setting, e) for point in points for e in range(study.episodes)}
     batches = list(_batches(study, points))
     missing = {
         k: [key for point, e in batch.episodes if (key := keys[_name(point), e]) not in journal.rows] for k, batch in enumerate(batches)
@@ -71,18 +71,19 @@ def run_points(study: Study, points: Sequence[Point], journal: Journal, tick: Ca
             tick((len(batches) - len(left) + done + 1) / len(batches))
     # Keys do not contain the names of settings and parameters, which may have changed since a row was written.
     return [
-        journal.rows[keys[_name(point), e]] | {"setting": point.setting, "theta": dict(point.theta)}
+        journal.rows[keys[_name(point), e]] | {"setting": point.setting, "parameters": dict(point.values)}
         for point in points
         for e in range(study.episodes)
     ]
 
 
 def _name(point: Point) -> str:
-    return json.dumps([point.setting, sorted(point.theta.items())])
+    """Text that identifies a point."""
+    return json.dumps([point.setting, sorted(point.values.items())])
 
 
 def _batches(study: Study, points: Sequence[Point]) -> Iterator[_Batch]:
-    """Points in groups that can be stepped together, cut into batches."""
+    """Batches of all episodes at some points; each batch has points that can be stepped together."""
     groups: dict[str, list[Point]] = {}
     noisy = together(study)
     for point in {_name(point): point for point in points}.values():
@@ -104,55 +105,58 @@ def together(study: Study) -> bool:
 
 def group_of(study: Study, point: Point) -> str:
     """Key of the group of a point: points with equal keys can be stepped together."""
-    shared = {name: value for name, value in point.theta.items() if study.parameters[name].kind == "options"}
-    fields = model_fields(study.parameters, study.loaded[0], [point.theta])
-    engine, _, options, _ = options_of(study, point.setting, point.theta)
+    shared = {name: value for name, value in point.values.items() if study.parameters[name].kind == "options"}
+    fields = model_fields(study.parameters, study.loaded[0], [point.values])
+    engine, _, options, _ = options_of(study, point.setting, point.values)
     own = own_fields(options) if engine == "stepper" else frozenset(RANDOMIZED)
     digests = {field: hashlib.sha256(rows.tobytes()).hexdigest() for field, rows in fields.items() if field not in own}
     return json.dumps([point.setting, sorted(shared.items()), sorted(digests.items())])
 
 
-def options_of(study: Study, setting: str, theta: Theta, **changed: Any) -> tuple[str, Precision, Options, dict[str, Any]]:
-    """Engine, precision, options, and the changed settings without engine and precision; the arguments are those of `world_of`."""
-    given: dict[str, Any] = {study.parameters[n].leaf: v for n, v in theta.items() if study.parameters[n].kind == "options"}
+def options_of(study: Study, setting: str, values: Values, **changed: Any) -> tuple[str, Precision, Options, dict[str, Any]]:
+    """Engine, precision, options of the step, and the changed settings without engine and precision.
+
+    The arguments are those of `world_of`, with the parameter values of one environment.
+    """
+    given: dict[str, Any] = {study.parameters[n].leaf: v for n, v in values.items() if study.parameters[n].kind == "options"}
     # Named settings override values of parameters.
     given |= study.setting(setting) | changed
     engine, precision = given.pop("engine", "stepper"), given.pop("precision", study.precision)
     return engine, precision, replace(study.options, **given) if engine == "stepper" else study.options, given
 
 
-def world_of(study: Study, setting: str, thetas: Sequence[Theta], **changed: Any) -> World:
-    """World of a study with one environment for each set of parameter values, and common settings.
+def world_of(study: Study, setting: str, values_by_env: Sequence[Values], **changed: Any) -> World:
+    """World (environments of one engine) of a study, with one environment for each set of parameter values.
 
     Args:
         study: The study.
-        setting: Name of the settings.
-        thetas: Values of the parameters of each environment.
-        **changed: Changed settings, as in `Study.settings`; or sensors=None for ideal sensors; or those of engine="rapier".
+        setting: Name of the settings, which all environments share.
+        values_by_env: Values of the parameters by name, for each environment.
+        **changed: Further settings, as in `Study.settings`; or sensors=None for ideal sensors; or settings of engine="rapier".
     """
     model, compiled = study.loaded
     ideal = changed.pop("sensors", "given") is None
-    engine, precision, options, given = options_of(study, setting, thetas[0], **changed)
+    engine, precision, options, given = options_of(study, setting, values_by_env[0], **changed)
     if engine != "stepper" and options.timestep is not None:
         given.setdefault("timestep", options.timestep)
     plan = Plan(
         model=model,
-        fields=model_fields(study.parameters, model, thetas),
+        fields=model_fields(study.parameters, model, values_by_env),
         options=options,
         precision=precision,
         mujoco=given if engine == "mujoco" else None,
         compiled=compiled,
-        sensors=None if ideal else sensor_model(study.parameters, study.sensors, model, thetas),
-        actuators=actuator_model(study.parameters, study.actuators, model, thetas),
+        sensors=None if ideal else sensor_model(study.parameters, study.sensors, model, values_by_env),
+        actuators=actuator_model(study.parameters, study.actuators, model, values_by_env),
         threads=study.threads,
     )
-    world = RapierWorld(plan, len(thetas), given) if engine == "rapier" else make_world(plan, len(thetas))
+    world = RapierWorld(plan, len(values_by_env), given) if engine == "rapier" else make_world(plan, len(values_by_env))
     world.ideal = ideal
-    names = dict.fromkeys(name for theta in thetas for name in theta)
+    names = dict.fromkeys(name for values in values_by_env for name in values)
     unchanged = {name: study.parameters[name].unchanged for name in study.parameters}
-    world.theta = Thetas(
+    world.parameters = ParameterValues(
         {
-            name: stacked([theta.get(name, value) for theta in thetas])
+            name: stacked([values.get(name, value) for values in values_by_env])
             for name, value in (unchanged | dict.fromkeys(names.keys() - unchanged.keys())).items()
             if name in names or value is not None
         }
@@ -161,14 +165,14 @@ def world_of(study: Study, setting: str, thetas: Sequence[Theta], **changed: Any
 
 
 def begin(study: Study, world: World, episodes: Sequence[int]) -> None:
-    """Starts episodes with these numbers in the environments of a world."""
+    """Start episodes with these numbers in the environments of a world."""
     world.episodes = np.array(episodes)
     qpos, qvel = starts(study, world, episodes)
     world.start(qpos, qvel, study.keyframe, study.seed)
 
 
 def starts(study: Study, world: World, episodes: Sequence[int]) -> tuple[Array, Array]:
-    """Initial positions (num_envs, nq), m and rad, and velocities (num_envs, nv), m/s and rad/s, of episodes."""
+    """Initial positions (num_envs, nq), m and rad, and velocities (num_envs, nv), m/s and rad/s, of episodes with these numbers."""
     model, generators = world.model, study.generators(episodes)
     if study.start is not None:
         qpos, qvel = (np.array(x, float) for x in study.start(world, generators))
@@ -185,7 +189,7 @@ def starts(study: Study, world: World, episodes: Sequence[int]) -> tuple[Array, 
 
 
 def steps_of(study: Study, timestep: float) -> int:
-    """Number of steps in a control period.
+    """Number of time steps (timestep in s) per control period.
 
     Raises:
         ValueError: The time step does not divide the control period.
@@ -198,19 +202,19 @@ def steps_of(study: Study, timestep: float) -> int:
 
 
 def running(study: Study, world: World, episodes: Sequence[int], *, by_step: bool = False) -> Iterator[bool]:
-    """Runs episodes to their end, in pieces.
+    """Run episodes to their end, as a generator that pauses after every step or control period.
 
     Args:
         study: The study.
         world: Environments, one for each episode.
         episodes: Numbers of the episodes.
-        by_step: Whether a piece is one step; otherwise it is a control period.
+        by_step: Whether to pause after every time step; otherwise after every control period.
 
     Yields:
         Whether outcomes must be measured now: at the start and after every control period.
 
     Raises:
-        ValueError: The drive keeps state between batches and has no `begin`.
+        ValueError: The drive keeps state between batches and has no method `begin`.
     """
     nstep = steps_of(study, world.timestep)
     begin(study, world, episodes)
@@ -233,7 +237,7 @@ def running(study: Study, world: World, episodes: Sequence[int], *, by_step: boo
 
 
 def _check_controls(drive: Any, world: World, ctrl: Any) -> None:
-    """Raises ValueError for controls that are not finite although the episode's state is: the drive caused them, not the engine."""
+    """Raise ValueError if the drive returns controls that are not finite in an episode whose state is finite."""
     if ctrl is None or np.isfinite(ctrl).all():
         return
     rows = np.broadcast_to(np.asarray(ctrl, float), (world.num_envs, world.model.nu))
@@ -248,21 +252,21 @@ def _check_controls(drive: Any, world: World, ctrl: Any) -> None:
 
 
 def outcomes_of(watch: Watch, world: World) -> dict[str, Array]:
-    """Final value of every outcome by name, (num_envs,), in its unit; NaN, which is no success, where the episode diverged."""
+    """Final value of every outcome by name, (num_envs,), in its unit; NaN (a failure) if the episode diverged."""
     return {name: np.where(world.diverged, np.nan, value) for name, value in watch.values(world).items()}
 
 
 def drive_through(
     study: Study, world: World, episodes: Sequence[int], look: Callable[[World], None], each: Callable[[World], None] | None = None
 ) -> None:
-    """Runs episodes to their end.
+    """Run episodes to their end.
 
     Args:
         study: The study.
         world: Environments, one for each episode.
         episodes: Numbers of the episodes.
-        look: Called at the start and after every control period.
-        each: Called after every step.
+        look: Function that is called at the start and after every control period.
+        each: Function that is called after every time step; None is none.
     """
     for number, looks in enumerate(running(study, world, episodes, by_step=each is not None)):
         if each is not None and number:
@@ -271,13 +275,13 @@ def drive_through(
             look(world)
 
 
-def run_episodes(study: Study, setting: str, thetas: Sequence[Theta], episodes: Sequence[int], **changed: Any) -> list[Row]:
-    """Runs a batch of episodes; returns a row for each, without keys. The arguments are those of `world_of`."""
-    return rows_in(world_of(study, setting, thetas, **changed), study, setting, thetas, episodes)
+def run_episodes(study: Study, setting: str, values_by_env: Sequence[Values], episodes: Sequence[int], **changed: Any) -> list[Row]:
+    """Run a batch of episodes, and return their rows, without keys. See `world_of` for the arguments."""
+    return rows_in(world_of(study, setting, values_by_env, **changed), study, setting, values_by_env, episodes)
 
 
-def rows_in(world: World, study: Study, setting: str, thetas: Sequence[Theta], episodes: Sequence[int]) -> list[Row]:
-    """Runs a batch of episodes in a given world; returns a row for each, without keys."""
+def rows_in(world: World, study: Study, setting: str, values_by_env: Sequence[Values], episodes: Sequence[int]) -> list[Row]:
+    """Run a batch of episodes in a given world, and return their rows, without keys."""
     seen: list[Watch] = []
 
     def look(now: World) -> None:
@@ -287,30 +291,32 @@ def rows_in(world: World, study: Study, setting: str, thetas: Sequence[Theta], e
             seen.append(Watch(tuple(study.all_outcomes), now))
 
     drive_through(study, world, episodes, look)
-    return _rows(study, setting, list(zip(thetas, episodes, strict=True)), world, outcomes_of(seen[0], world))
+    return _rows(study, setting, list(zip(values_by_env, episodes, strict=True)), world, outcomes_of(seen[0], world))
 
 
 def _run(study: Study, batch: _Batch) -> list[Row]:
-    return run_episodes(study, batch.setting, [point.theta for point, _ in batch.episodes], [e for _, e in batch.episodes])
+    """Rows of one batch, without keys."""
+    return run_episodes(study, batch.setting, [point.values for point, _ in batch.episodes], [e for _, e in batch.episodes])
 
 
-def _rows(study: Study, setting: str, members: Sequence[tuple[Theta, int]], world: World, values: Mapping[str, Array]) -> list[Row]:
+def _rows(study: Study, setting: str, members: Sequence[tuple[Values, int]], world: World, outcomes: Mapping[str, Array]) -> list[Row]:
+    """Rows of finished episodes, without keys. `members` has parameter values and number of each episode, `outcomes` arrays (num_envs,)."""
     decisive, certificate, settings = study.decisive, world.certificate(), world.settings()
-    success = None if decisive is None else decisive.succeeds(values[decisive.name])
+    success = None if decisive is None else decisive.succeeds(outcomes[decisive.name])
     in_force = hashlib.sha256(json.dumps(study.in_force, sort_keys=True, default=str).encode()).hexdigest()[:16]
     return [
         {
             "setting": setting,
-            "theta": dict(theta),
+            "parameters": dict(values),
             "episode": int(episode),
             "seed": study.seed,
-            "outcomes": {name: float(value[env]) for name, value in values.items()},
+            "outcomes": {name: float(value[env]) for name, value in outcomes.items()},
             "success": None if success is None else bool(success[env]),
             "certificate": {name: number(value[env]) for name, value in certificate.items()},
             "settings": settings,
             "in_force": in_force,
         }
-        for env, (theta, episode) in enumerate(members)
+        for env, (values, episode) in enumerate(members)
     ]
 
 

@@ -21,10 +21,10 @@ class Section:
 
     Attributes:
         title: Heading.
-        words: Paragraphs, with `code` in back quotes.
+        words: Paragraphs, in which back quotes mark code.
         head: Headings of the table's columns.
-        rows: Rows of the table.
-        picture: PNG file.
+        rows: Rows of the table; no rows is no table.
+        picture: Path of a PNG file.
         text: Preformatted text.
     """
 
@@ -44,7 +44,7 @@ class Document:
     sections: list[Section] = field(default_factory=list)
 
     def markdown(self) -> str:
-        """Text as Markdown, with links to pictures in the same folder."""
+        """Document as Markdown text, with links to pictures in the same folder."""
         parts = [f"# {self.title}"]
         for section in self.sections:
             parts += [f"## {section.title}", *section.words]
@@ -59,12 +59,12 @@ class Document:
         return "\n\n".join(parts) + "\n"
 
     def html(self) -> str:
-        """Text as an HTML page that contains its pictures."""
+        """Document as text of an HTML page that contains its pictures."""
         page: str = _template().render(title=self.title, sections=self.sections)
         return page
 
     def save(self, folder: Path, name: str) -> list[Path]:
-        """Writes NAME.html and NAME.md to a folder; returns their paths."""
+        """Write NAME.html and NAME.md to a folder, and return their paths."""
         files = [folder / f"{name}.html", folder / f"{name}.md"]
         for file, text in zip(files, (self.html(), self.markdown()), strict=True):
             file.write_text(text, encoding="utf-8")
@@ -72,7 +72,7 @@ class Document:
 
 
 def check_pages() -> None:
-    """Checks that HTML pages can be written. Call it before a long run, not after.
+    """Check that HTML pages can be written. Call it before a long run.
 
     Raises:
         MissingPackageError: jinja2 is not installed.
@@ -81,12 +81,12 @@ def check_pages() -> None:
 
 
 def counted(number: int, what: str) -> str:
-    """A number of things: "1 episode", "2 episodes"."""
+    """Number with a noun in singular or plural: "1 episode", "2 episodes"."""
     return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
 def cell(value: Any) -> str:
-    """Text of a value in a table: real numbers with four digits, a dash for None and NaN."""
+    """Text of a value in a table: floats with four significant digits, a dash for None and NaN."""
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return "-"
     if isinstance(value, bool) or not isinstance(value, int | float):
@@ -96,7 +96,7 @@ def cell(value: Any) -> str:
 
 @functools.cache
 def _template() -> Any:
-    """Template of a page, which escapes its texts."""
+    """Jinja template of an HTML page. It escapes special characters in texts."""
     check_pages()
     jinja2, markupsafe = importlib.import_module("jinja2"), importlib.import_module("markupsafe")
 

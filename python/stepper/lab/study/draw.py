@@ -1,4 +1,4 @@
-"""Pictures of a sweep: shares of successes and outcomes over each parameter, and the values at which success ends."""
+"""Pictures of a sweep: success rates and outcomes against each parameter, and the values at which success ends (cliffs)."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ COLOURS = (
 )
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*", "<", ">", "h", "p")
 WIDEST = 1400
-"""Largest width of a picture, pixels: that of a page."""
+"""Largest width of a picture, pixels: the width of a page."""
 DPI = 130
 _COLUMNS = 3
 _LABEL = 44
-"""Letters of a line of the legend."""
+"""Number of characters after which a label of the legend is wrapped."""
 _ANNOTATED = 5
-"""Largest number of settings for which panels print the values of cliffs; `draw_cliffs` shows them for more."""
+"""Largest number of settings for which panels print the values of cliffs. With more settings, see `draw_cliffs`."""
 
 
 def draw(sweep: Sweep, path: Path) -> Path:
-    """Draws a sweep into a PNG file; see `figure_of`.
+    """Draw a sweep into a PNG file; see `figure_of`.
 
     Raises:
         MissingPackageError: matplotlib is not installed.
@@ -43,9 +43,9 @@ def draw(sweep: Sweep, path: Path) -> Path:
 
 
 def figure_of(sweep: Sweep) -> Any:
-    """Figure of a sweep: shares of successes with Wilson intervals, and below them mean outcomes with standard errors, per parameter.
+    """Figure of a sweep: per parameter, success rates with Wilson intervals, and below them mean outcomes with standard errors.
 
-    Values of a bisection are points without intervals, so that the curve is as steep as the cliff.
+    Values of a bisection are drawn without intervals, so that the curve shows the cliff.
 
     Raises:
         MissingPackageError: matplotlib is not installed.
@@ -83,7 +83,7 @@ def figure_of(sweep: Sweep) -> Any:
 
 
 def draw_cliffs(sweep: Sweep, path: Path) -> Path | None:
-    """Draws the values at which success ends, for each of the settings, into a PNG file; see `cliffs_of`.
+    """Draw the values at which success ends into a PNG file; see `cliffs_of`. The result is None if there is nothing to draw.
 
     Raises:
         MissingPackageError: matplotlib is not installed.
@@ -97,7 +97,9 @@ def draw_cliffs(sweep: Sweep, path: Path) -> Path | None:
 
 
 def cliffs_of(sweep: Sweep) -> Any | None:
-    """Figure of the values at which success ends, with a panel for each parameter that has cliffs with two settings; None without any.
+    """Figure of the values at which success ends, by settings. It has a panel for each parameter with cliffs in two or more settings.
+
+    It is None if there is no such parameter.
 
     Raises:
         MissingPackageError: matplotlib is not installed.
@@ -135,7 +137,7 @@ def cliffs_of(sweep: Sweep) -> Any | None:
 
 
 def _panel(panel: Axes, sweep: Sweep, name: str, *, shares: bool) -> None:
-    """Panel of a parameter: shares of successes, or the outcome."""
+    """Draw the panel of a parameter: success rates if `shares` is set, otherwise mean outcomes."""
     study, parameter = sweep.study, sweep.study.parameters[name]
     settings = [USUAL, *study.settings]
     words = any(isinstance(value, str) for value in parameter.levels())
@@ -151,9 +153,9 @@ def _panel(panel: Axes, sweep: Sweep, name: str, *, shares: bool) -> None:
                         f"{middle:.4g}", (middle, 0.02), xytext=(4, 9 * number), textcoords="offset points", color=colour, fontsize=8,
                         bbox={"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 0.5},
                     )  # fmt: skip
-    panel.set_xlabel(_name(sweep, name) + {"set": "", "scale": " (factor)", "add": " (added)"}[parameter.how])
+    panel.set_xlabel(_name(sweep, name) + {"set": "", "scale": " (factor)", "add": " (added)"}[parameter.operation])
     if shares:
-        panel.set_ylabel("share of successes")
+        panel.set_ylabel("fraction of successes")
         panel.set_ylim(-0.05, 1.05)
     else:
         outcome = study.decisive or study.all_outcomes[0]
@@ -167,7 +169,7 @@ def _panel(panel: Axes, sweep: Sweep, name: str, *, shares: bool) -> None:
 
 
 def _series(panel: Axes, sweep: Sweep, name: str, number: int, *, shares: bool) -> None:
-    """Points of one of the settings. Markers of later settings are smaller, so that overlapping markers stay visible."""
+    """Draw the points of one of the settings. Markers of later settings are smaller, so that overlapping markers stay visible."""
     settings = [USUAL, *sweep.study.settings]
     setting, colour = settings[number], COLOURS[number % len(COLOURS)]
     points, levels = sweep.points(name, setting), sweep.levels_of(name, setting)
@@ -202,7 +204,7 @@ def _wrapped(setting: str) -> str:
 
 
 def _legend_columns(labels: Sequence[str], width: float) -> int:
-    """Number of columns of a legend, for a picture's width in inches. A letter takes 0.08 inches, a marker with its margin 0.7."""
+    """Number of columns of a legend, for the picture's width in inches. A character needs 0.08 inches, a marker with margin 0.7."""
     longest = max(len(line) for label in (*labels, "where success ends") for line in label.split("\n"))
     return max(1, min(4, int(width / (0.08 * longest + 0.7))))
 
@@ -212,7 +214,7 @@ def _line(**look: Any) -> Any:
 
 
 def _bars(levels: Sequence[Level], *, shares: bool) -> tuple[list[float], list[float], list[float]]:
-    """Values, and lengths of the error bars below and above them."""
+    """Success rates (or mean outcomes) of some levels, and lengths of the error bars below and above them."""
     if shares:
         y = [level.share for level in levels]
         if all(level.episodes == 1 for level in levels):

@@ -1,4 +1,4 @@
-"""Drives of a study, which compute its controls: recordings, scripts, policies and random controls."""
+"""Drives (controllers) of a study: recorded controls, policies and random controls; digests of drives and measures."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ from stepper.lab.study.worlds import World
 
 Array = NDArray[np.float64]
 FILES = "stepper_study_"
-"""Prefix of the module names of files of studies."""
+"""Prefix of the names under which `load_file` imports Python files of studies."""
 Drive = Callable[[World], Any]
-"""Function of a `World` that returns controls (num_envs, nu) or (nu,), or None to hold the present ones. Its method `begin(now)`, if it has
-one, is called at the start of each batch."""
+"""Function of a `World` that returns controls (num_envs, nu) or (nu,), or None to keep the last ones. If it has a method
+`begin(now)`, that is called at the start of each batch."""
 
 
 class Recorded:
-    """Drive that plays recorded controls, one per control period, and holds the last.
+    """Drive that plays recorded controls, one row per control period. After the end it keeps the last row.
 
     Args:
-        path: File with the controls, in the actuators' units. An .npz file has "ctrl" (T, nu), or (T, n, nu) for the episodes 0 to n - 1,
-            after which they repeat. A .csv file has a line per control period and a column per actuator; its first line may have the
-            actuators' names, in any order.
+        path: File with the controls, in the actuators' units. An .npz file has "ctrl" (T, nu), or (T, n, nu) with controls for n episodes;
+            episode e then has those of e modulo n. A .csv file has a line per control period and a column per actuator; its first line may
+            have the actuators' names, in any order.
 
     Raises:
-        ValueError: The file has no such controls.
+        ValueError: The file does not contain controls in this form.
     """
 
     def __init__(self, path: str | os.PathLike[str]):
@@ -63,7 +63,7 @@ class Recorded:
         self._places: list[int] | None = None
 
     def begin(self, now: World) -> None:
-        """Returns to the first row.
+        """Return to the first row of controls.
 
         Raises:
             ValueError: The actuators of the file differ from those of the model.
@@ -90,7 +90,7 @@ class Recorded:
 
 
 def _read_csv(path: Path) -> tuple[list[str] | None, Array]:
-    """Names of the actuators, or None if the first line has none, and controls (T, nu)."""
+    """Names of the actuators (None if the first line does not have them), and controls (T, nu), of a CSV file."""
     with path.open(newline="", encoding="utf-8-sig") as file:
         lines = [(number, row) for number, row in enumerate(csv.reader(file), 1) if row]
     names = None
@@ -112,7 +112,9 @@ def _is_number(text: str) -> bool:
 
 
 class Random:
-    """Drive with uniform random controls within their ranges (without a range: -1 to 1). They depend on the episode, not on its batch.
+    """Drive with uniform random controls within their ranges (without a range: -1 to 1).
+
+    The controls of an episode depend on the seed and the number of the episode, not on its batch.
 
     Args:
         seed: Seed of the random numbers.
@@ -124,14 +126,14 @@ class Random:
         self._streams: list[np.random.Generator] = []
 
     def begin(self, now: World) -> None:
-        """Restarts the random numbers of the episodes."""
+        """Restart the random numbers of the episodes."""
         self._count = 0
         self._streams = [np.random.default_rng([self.seed, int(e), 1]) for e in now.episodes]
         bounds = np.asarray(now.model.actuator_ctrlrange, float).reshape(now.model.nu, 2)
         self._low, self._high = np.where(np.isfinite(bounds), bounds, [-1.0, 1.0]).T
 
     def __call__(self, _: World) -> Array | None:
-        """New controls, (num_envs, nu), in the actuators' units; None while the old ones are held."""
+        """New controls, (num_envs, nu), in the actuators' units; None while the last ones are held."""
         self._count += 1
         if (self._count - 1) % self.hold:
             return None
@@ -139,13 +141,13 @@ class Random:
 
 
 class Policy:
-    """Drive by a policy, which maps sensor readings (num_envs, nsensordata) to controls (num_envs, nu).
+    """Drive that calls a policy, which maps sensor readings (num_envs, nsensordata) to controls (num_envs, nu).
 
     Args:
         act: Policy, in one of these forms:
 
             * a function of arrays that returns an array or a torch tensor
-            * a `torch.nn.Module`, which gets tensors
+            * a `torch.nn.Module`, which is called with tensors
             * a file: .onnx (ONNX Runtime), .pt, .pth or .ts (TorchScript), or .npz (`stepper.policies`)
 
             A network for single observations is called row by row. A policy with internal state needs a method `begin(now)`, which is
@@ -153,7 +155,7 @@ class Policy:
             a TorchScript.
 
     Raises:
-        ValueError: The file has no policy.
+        ValueError: The file does not contain a policy.
         MissingPackageError: ONNX Runtime or torch is not installed.
     """
 
@@ -163,12 +165,12 @@ class Policy:
         self.act = Network(act) if is_module(act) else act
 
     def begin(self, now: World) -> None:
-        """Calls the policy's `begin` at the start of a batch, if it has one."""
+        """Call the policy's method `begin` at the start of a batch, if it has one."""
         if hasattr(self.act, "begin"):
             self.act.begin(now)
 
     def __call__(self, now: World) -> Array:
-        """Controls for the present sensor readings, (num_envs, nu) or (nu,), in the actuators' units."""
+        """Controls for the current sensor readings, (num_envs, nu) or (nu,), in the actuators' units."""
         made = self.act(now.sensordata)
         controls = np.asarray(made.detach().cpu().numpy() if hasattr(made, "detach") else made, float)
         if controls.shape not in ((now.num_envs, now.model.nu), (now.model.nu,)):
@@ -187,7 +189,7 @@ def find(reference: str, folder: Path) -> Any:
         folder: Folder of the study, to which paths of files are relative.
 
     Raises:
-        ValueError: No such module, file or name.
+        ValueError: There is no such module, file or name.
     """
     place, _, name = reference.rpartition(":")
     if not place or not name:
@@ -223,17 +225,17 @@ def load_file(path: Path) -> ModuleType:
 
 
 def digest_of(thing: Any) -> str:
-    """SHA-256 of a drive or measure: equal digests mean equal rows.
+    """SHA-256 of a drive or measure. Drives with equal digests give equal rows.
 
     * Function: its name, file, default arguments, closure variables, and the object of which it is a method. Modules that the file imports
-      from the folder of a study count too.
+      from the folder of a study are included.
     * Object with an attribute `digest`: that attribute.
     * Other object: its class, its `state_dict()` if it has one, and its attributes, recursively. Attributes whose names begin with an
-      underscore are internal state and do not count.
+      underscore are internal state and are left out.
     * Number, text or array: its value.
 
     Raises:
-        TypeError: A part has no digest; the message has the remedy.
+        TypeError: A part of the object has no digest; the message has the remedy.
     """
     found = _Digest()
     found.take(thing, name_of(thing))
@@ -241,7 +243,7 @@ def digest_of(thing: Any) -> str:
 
 
 class Memory:
-    """Check that a drive without a method `begin` keeps no state from one batch to the next.
+    """Check that a drive without a method `begin` carries no state from one batch to the next.
 
     Args:
         drive: The drive, before its batch.
@@ -254,9 +256,9 @@ class Memory:
         self._before = {} if self._restarts else self._held()
 
     def check(self) -> None:
-        """Raises ValueError if an attribute or closure variable changed during the batch.
+        """Raise ValueError if an attribute or closure variable of the drive changed during the batch.
 
-        Those that were missing, None or empty before may be caches, and are not checked.
+        Variables that were missing, None or empty before the batch may be caches, and are not checked.
         """
         if self._restarts:
             return
@@ -281,6 +283,7 @@ class Memory:
 
 
 def _state_of(value: Any) -> str | None:
+    """Digest of a value; None if it is None, empty, or has no digest."""
     if value is None or (isinstance(value, Collection) and not isinstance(value, np.ndarray) and not len(value)):
         return None
     try:
@@ -294,14 +297,14 @@ class _Digest:
 
     def __init__(self) -> None:
         self._hash = hashlib.sha256()
-        # By address, with the object itself, so that its address is not used again.
+        # Index of each object that was added, by `id`. The object is kept alive, so that its id is not reused.
         self._seen: dict[int, tuple[int, Any]] = {}
 
     def hexdigest(self) -> str:
         return self._hash.hexdigest()
 
     def take(self, value: Any, where: str) -> None:
-        """Adds a value; `where` names it in errors."""
+        """Add a value of any type to the digest; `where` names it in error messages."""
         if value is None or isinstance(value, int | float | complex | str | bytes | Path):
             self._part(type(value).__qualname__, repr(value).encode())
         elif isinstance(value, np.ndarray | np.generic) and value.dtype.hasobject:
@@ -318,7 +321,7 @@ class _Digest:
         self._hash.update(f"{len(kind)} {kind} {len(data)} ".encode() + data)
 
     def _source(self, file: Path | None) -> None:
-        """Adds the bytes of a source file, and of the modules that it imports from the folder of a study."""
+        """Add the bytes of a source file, and of the modules that it imports from the folder of a study."""
         self._part("file", b"" if file is None else file.read_bytes())
         if file is not None and file.parent in _study_folders():
             for module in sorted(_imported_neighbours(file)):
@@ -436,7 +439,7 @@ def _study_folders() -> set[Path]:
 
 @functools.cache
 def _imported_neighbours(file: Path) -> frozenset[Path]:
-    """Modules of the folder of a file that it imports, directly or through each other, without the file itself."""
+    """Modules in the folder of a file that it imports, directly or indirectly, without the file itself."""
     found: set[Path] = set()
     waiting = [file]
     while waiting:
@@ -467,7 +470,7 @@ def _code(code: CodeType) -> bytes:
 
 
 def name_of(thing: Any) -> str:
-    """Name of a drive or measure, with the name of its file in front."""
+    """Name of a drive or measure for tables: "file.py:name", or the name of a policy file."""
     if isinstance(thing, str) or thing is None:
         return str(thing or "nothing")
     if isinstance(thing, Policy):

@@ -1,4 +1,4 @@
-"""Single episodes of a study, with the bits that they have in its tables: rows, recordings, and stepwise runs for the viewer."""
+"""Selected episodes of a study: their rows (equal to those in tables, bit for bit), recordings, and stepwise runs for the viewer."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 
 
 class Episodes:
-    """Selected episodes at one point of a study, to run or to show.
+    """Selected episodes at one point of a study, which can be run, recorded or viewed.
 
-    With a sensor model, errors depend on the place in a batch. All episodes of the point are then stepped, so that the selected ones have
-    the errors that they have in the tables.
+    With a sensor model, sensor errors depend on the index in a batch. All episodes of the point are then stepped, so that the selected ones
+    have the same errors as in the tables.
 
     Args:
         study: The study.
@@ -34,7 +34,7 @@ class Episodes:
         setting: Name of the settings.
 
     Raises:
-        ValueError: No such parameter, value, settings or episode.
+        ValueError: A parameter, value, name of settings or episode is invalid.
 
     Attributes:
         study: The study.
@@ -58,7 +58,7 @@ class Episodes:
         self.episodes = list(range(study.episodes)) if together(study) else list(numbers)
         self.shown = [self.episodes.index(number) for number in numbers]
         self._point = point
-        self.world = world_of(study, setting, [point.theta] * len(self.episodes))
+        self.world = world_of(study, setting, [point.values] * len(self.episodes))
 
     @property
     def sim(self) -> Stepper:
@@ -72,18 +72,18 @@ class Episodes:
         raise ValueError(f"settings {self._point.setting!r} run in MuJoCo, which cannot be viewed or recorded: choose other settings")
 
     def rows(self, record: str | os.PathLike[str] | None = None) -> list[Row]:
-        """Runs the episodes, and records them if a folder is given.
+        """Run the episodes, and record them if a folder is given.
 
         Returns:
             A row for each selected episode, as in the table of a sweep.
         """
         study, point = self.study, self._point
         with nullcontext() if record is None else self.sim.record(record, note=self.note):
-            made = rows_in(self.world, study, point.setting, [point.theta] * len(self.episodes), self.episodes)
+            made = rows_in(self.world, study, point.setting, [point.values] * len(self.episodes), self.episodes)
         return [made[env] for env in self.shown]
 
     def watched(self) -> Iterator[dict[str, Any] | None]:
-        """Runs the episodes step by step, and repeats them without end.
+        """Run the episodes step by step, and repeat them without end.
 
         Yields:
             None after the start and after every step but the last. After the last step, the outcomes of the selected episodes by name;
@@ -104,8 +104,8 @@ class Episodes:
 
     @property
     def note(self) -> str:
-        """Description for people: study, seed, episodes, settings, and values of parameters."""
-        values = ", ".join(f"{name} {value}" for name, value in self._point.theta.items())
+        """Description for recordings: study, seed, episodes, settings and values of parameters."""
+        values = ", ".join(f"{name} {value}" for name, value in self._point.values.items())
         numbers = ", ".join(map(str, self.episodes))
         text = f"study {self.study.name}, seed {self.study.seed}, episode {numbers}, settings {self._point.setting}"
         return f"{text}, {values}" if values else text

@@ -13,7 +13,7 @@ sensors = "sensors.toml"               # a file for SensorModel.from_file, or ta
 [[outcomes]]
 name = "lifted"
 measure = "body cube z"                # or "file.py:function"
-over = "change"
+reduce = "change"
 success = ">= 0.05"
 
 [parameters.friction]
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
 
 def check_keys(given: Iterable[str], known: Collection[str], place: str) -> None:
-    """Raises ValueError for unknown entries of a table, with similar known ones."""
+    """Raise ValueError for unknown entries of a table; the message has similar known entries. `place` names the table."""
     unknown = sorted(set(given) - set(known))
     if unknown:
         guesses = "".join(did_you_mean(name, known) for name in unknown[:1])
@@ -56,7 +56,7 @@ def check_keys(given: Iterable[str], known: Collection[str], place: str) -> None
 
 
 def read_study(path: Path, kind: type[Study]) -> Study:
-    """Study of a file; see `Study.from_file`."""
+    """Study from a file, for `Study.from_file`. `kind` is the class `Study`."""
     if path.suffix == ".py":
         module = load_file(path)
         study = getattr(module, "study", None)
@@ -72,6 +72,7 @@ def read_study(path: Path, kind: type[Study]) -> Study:
 
 
 def _made(data: dict[str, Any], path: Path, kind: type[Study]) -> Study:
+    """Study from the contents of a TOML file."""
     folder, given = path.resolve().parent, dict(data)
     known = {field.name for field in fields(kind) if not field.name.startswith("_")} | {"policy"}
     check_keys(given, known, "the study")
@@ -101,11 +102,12 @@ def _made(data: dict[str, Any], path: Path, kind: type[Study]) -> Study:
 
 
 def _tables(own: dict[str, Any], name: str) -> dict[str, Any]:
-    """Tables by name; "default" is the table of all elements without one."""
+    """Tables in the form of `SensorModel.from_dict`: those by element under `name`, and "default" for all other elements."""
     return {name: {k: v for k, v in own.items() if k != "default"}} | ({"default": own["default"]} if "default" in own else {})
 
 
 def _model(source: str, folder: Path) -> Any:
+    """Source of a model from its text in a study file: MJCF text, a function, or a path relative to the folder."""
     if "<" in source:
         return source
     if ":" in source and not (folder / source).exists():
@@ -114,6 +116,7 @@ def _model(source: str, folder: Path) -> Any:
 
 
 def _policy(source: str, folder: Path) -> Policy:
+    """Drive from the entry `policy` of a study file."""
     if source.endswith((*ENDINGS, PROGRAM)):
         return Policy(folder / source)
     found = find(source, folder)
@@ -121,6 +124,7 @@ def _policy(source: str, folder: Path) -> Policy:
 
 
 def _drive(source: str, folder: Path) -> Callable[[Any], Any]:
+    """Drive from the entry `drive` of a study file."""
     if source.endswith((".npz", ".csv")):
         return Recorded(folder / source)
     found: Callable[[Any], Any] = find(source, folder)
@@ -129,11 +133,13 @@ def _drive(source: str, folder: Path) -> Callable[[Any], Any]:
 
 
 def _measured(table: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Table of an outcome, with a function in place of a measure "file.py:function"."""
     measure = table.get("measure", "")
     return table | {"measure": find(measure, folder)} if ":" in measure else table
 
 
 def _part(kind: type[Any], table: Any, place: str) -> Any:
+    """Object of a dataclass from a table of a study file; `place` names the table in error messages."""
     if not isinstance(table, dict):
         raise ValueError(f"{place} is {table!r}, must be a table")
     known = {field.name for field in fields(kind)}

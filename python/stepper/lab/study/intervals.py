@@ -1,4 +1,4 @@
-"""Confidence intervals by SciPy: Wilson's interval and Clopper and Pearson's bound of a probability, Student's interval of a mean."""
+"""Confidence intervals, computed by SciPy: Wilson's and Clopper and Pearson's for probabilities, Student's for means."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ def _stats() -> Any:
 
 
 def _trial(successes: int, trials: int, alternative: str) -> Any:
-    """SciPy's binomial test.
+    """Result of SciPy's binomial test, from which intervals are computed.
 
     Raises:
-        ValueError: No trial, or more successes than trials.
+        ValueError: There is no trial, or there are more successes than trials.
     """
     if not 0 <= successes <= trials or trials < 1:
         raise ValueError(f"{successes} successes of {trials} trials: there must be a trial, and no more successes than trials")
@@ -49,7 +49,7 @@ def least_share(successes: int, trials: int, confidence: float = 0.95) -> float:
 
 
 def trials_for(share: float, confidence: float) -> int:
-    """Number of trials that must all succeed to prove a share: ln(1 - confidence) / ln(share), rounded up. See `least_share`."""
+    """Number of trials that must all succeed to prove a probability `share`: ln(1 - confidence) / ln(share), rounded up."""
     return math.ceil(math.log(1 - confidence) / math.log(share))
 
 

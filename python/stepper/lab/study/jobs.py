@@ -1,4 +1,4 @@
-"""Jobs of a study, run one after the other or as tasks of Ray on all machines of its cluster, with the same results."""
+"""Jobs of a study, run one after the other or as tasks of Ray on a cluster, with the same results."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class WorkerVersionError(ValueError):
 
 
 def each(study: Study, jobs: Sequence[Job], run: Callable[[Study, Job], Made]) -> Iterator[tuple[int, Made]]:
-    """Runs jobs one after the other, or as tasks of Ray if `study.ray` is set.
+    """Run jobs one after the other, or as tasks of Ray if `study.ray` is set.
 
     Args:
         study: The study.
@@ -31,7 +31,7 @@ def each(study: Study, jobs: Sequence[Job], run: Callable[[Study, Job], Made]) -
         run: Function that runs one job.
 
     Yields:
-        Number of a job and its result. With Ray they come in the order in which the jobs end.
+        Index of a job and its result. With Ray the order is that in which the jobs end.
     """
     if study.ray and jobs:
         yield from _on_ray(study, jobs, run)
@@ -41,14 +41,14 @@ def each(study: Study, jobs: Sequence[Job], run: Callable[[Study, Job], Made]) -
 
 
 def _on_ray(study: Study, jobs: Sequence[Job], run: Callable[[Study, Job], Made]) -> Iterator[tuple[int, Made]]:
-    """Runs each job as a task of Ray with one CPU per thread of the study, or one CPU with threads=0.
+    """Run each job as a task of Ray with one CPU per thread of the study, or one CPU with threads=0.
 
-    Ray is started if it does not run, and repeats a task whose worker is lost. Functions of the study's files are sent to the workers.
+    Ray is started if it is not running, and repeats a task whose worker is lost. Functions of the study's files are sent to the workers.
     Modules that these files import must be installed on the workers.
 
     Raises:
         MissingPackageError: Ray is not installed.
-        WorkerVersionError: A worker has another stepper, NumPy or MuJoCo, or none.
+        WorkerVersionError: A worker has other versions of stepper, NumPy or MuJoCo, or lacks one of them.
     """
     ray = running_ray("to run a study over Ray", log_to_driver=False)
     for name in [name for name in sys.modules if name.startswith(FILES)]:
@@ -66,14 +66,14 @@ def _on_ray(study: Study, jobs: Sequence[Job], run: Callable[[Study, Job], Made]
 
 
 def _of_task(study: Study) -> Study:
-    """Copy of the study for a task, with its cached properties. threads=0 becomes 1: each task would otherwise use all CPUs."""
+    """Copy of the study for a task, with its cached properties. threads=0 becomes 1, because each task would otherwise use all CPUs."""
     made = copy.copy(study)
     object.__setattr__(made, "threads", max(1, study.threads))
     return made
 
 
 def _guarded() -> Callable[[dict[str, Any], bytes, bytes], tuple[str, dict[str, Any], Any]]:
-    """Function of a task: it compares the worker's versions with this process's, and runs the job if they are equal.
+    """Function that each task runs: it compares the worker's versions with this process's, and runs the job if they are equal.
 
     It is a nested function, so that Ray sends its code. A worker with another version may fail to unpickle objects of this package; the
     function therefore unpickles them after the comparison.

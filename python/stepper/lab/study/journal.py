@@ -1,4 +1,4 @@
-"""The journal of a study: an SQLite file of finished rows.
+"""Journal of a study: an SQLite file with the rows (results) of finished episodes.
 
 Each call of `append` is one transaction with the rows of one batch. A process that is killed while it writes loses these rows, and the next
 run repeats the batch. Other processes may read the file at any time.
@@ -17,8 +17,9 @@ from typing import Any
 from stepper._status import Status
 
 Row = dict[str, Any]
+"""Result of one episode, by name: key, setting, parameters, episode, seed, outcomes, success, certificate, settings, in_force."""
 _VERSION = 1
-"""Version of the tables, in the header of the file."""
+"""Version of the database tables, in the header of the file."""
 _TABLES = (
     "CREATE TABLE study (name TEXT NOT NULL)",
     "CREATE TABLE rows (key TEXT NOT NULL PRIMARY KEY, row TEXT NOT NULL, crc INTEGER NOT NULL)",
@@ -33,11 +34,13 @@ def diverged(row: Row) -> bool:
 
 
 class JournalError(ValueError):
-    """A journal that is damaged, belongs to another study or version, or that another process writes."""
+    """A journal cannot be used: it is damaged, belongs to another study or version, or another process has it open."""
 
 
 class Journal:
-    """Rows by their key, on disk before `append` returns. One process at a time has a journal open; others may call `rows_of`.
+    """Journal that is open for writing. One process at a time can have it open; others may read it with `rows_of`.
+
+    The attribute `rows` has all rows by key.
 
     Args:
         path: The file, which is created with its folder if it does not exist.
@@ -63,7 +66,7 @@ class Journal:
             self._opened = opened.pop_all()
 
     def append(self, rows: Iterable[Row]) -> None:
-        """Writes rows, each with its "key", and waits until they are on the disk: all of them, or none."""
+        """Write rows, each with its "key", as one transaction, and wait until they are on the disk."""
         lines = [(row["key"], text := json.dumps(row, separators=(",", ":")), zlib.crc32(text.encode())) for row in rows]
         with _explained(self.path), self._file:
             self._file.executemany("INSERT INTO rows VALUES (?, ?, ?)", lines)
@@ -71,7 +74,7 @@ class Journal:
         self.rows |= {key: json.loads(text) for key, text, _ in lines}
 
     def close(self) -> None:
-        """Lets other processes open the journal."""
+        """Close the journal, so that other processes can open it."""
         self._opened.close()
 
     def __enter__(self) -> Journal:
@@ -82,7 +85,7 @@ class Journal:
 
 
 def rows_of(path: Path, study: str | None = None) -> list[Row]:
-    """Rows of a journal that another process may be writing; none if there is no such file.
+    """Rows of a journal, also while another process is writing it; empty if there is no such file.
 
     Args:
         path: The file.
@@ -98,12 +101,12 @@ def rows_of(path: Path, study: str | None = None) -> list[Row]:
 
 
 def _has_tables(file: sqlite3.Connection) -> bool:
-    """Whether the tables exist; a process may have been killed before it created them."""
+    """Whether the database has its tables. A process may have been killed before it created them."""
     return bool(file.execute("SELECT count(*) FROM sqlite_schema").fetchone()[0])
 
 
 def _create(file: sqlite3.Connection, study: str) -> None:
-    """Creates the tables of a new journal in one transaction."""
+    """Create the tables of a new journal in one transaction."""
     if _has_tables(file):
         return
     with file:
@@ -132,7 +135,7 @@ def _read(file: sqlite3.Connection, path: Path, study: str | None) -> Iterator[R
 
 
 def _locked(path: Path) -> sqlite3.Connection:
-    """A lock that keeps other processes out until it is closed, or until the process ends."""
+    """Connection that locks the journal for other processes until it is closed or the process ends."""
     with contextlib.ExitStack() as opened:
         try:
             lock = sqlite3.connect(path.with_suffix(".lock"), timeout=0.0, isolation_level=None)
@@ -145,7 +148,7 @@ def _locked(path: Path) -> sqlite3.Connection:
 
 
 def _lock_error(path: Path, error: sqlite3.Error) -> JournalError:
-    """Error for a journal whose lock cannot be had, with the remedy."""
+    """Error for a journal that cannot be locked, with the remedy."""
     if getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_BUSY:
         return JournalError(f"{path}: another process is running this study; wait for it, or choose another folder")
     return JournalError(f"{path.with_suffix('.lock')} cannot be locked ({error}): choose a folder of another file system")
@@ -153,7 +156,7 @@ def _lock_error(path: Path, error: sqlite3.Error) -> JournalError:
 
 @contextlib.contextmanager
 def _explained(path: Path) -> Iterator[None]:
-    """Raises JournalError in place of SQLite's errors, with the remedy."""
+    """Context manager that raises JournalError with a remedy in place of SQLite's errors."""
     try:
         yield
     except sqlite3.OperationalError as error:

@@ -1,4 +1,4 @@
-"""Outcomes of an episode: what is measured, over which part of it, and what counts as a success."""
+"""Outcomes of an episode: measured quantity, reduction over time to one number, and condition of success."""
 
 from __future__ import annotations
 
@@ -18,8 +18,10 @@ Array = NDArray[np.float64]
 Measure = Callable[[Any], Any]
 """Function of a `World` that returns one number per environment, (num_envs,)."""
 
-OVER = ("end", "change", "max", "min", "mean")
-WHOSE = ("physics", "perception", "policy", "evaluation")
+REDUCTIONS = ("end", "change", "max", "min", "mean")
+"""Values of `Outcome.reduce`."""
+CAUSES = ("physics", "perception", "policy", "evaluation")
+"""Values of `Outcome.cause`."""
 _COMPARED = {">=": operator.ge, "<=": operator.le, ">": operator.gt, "<": operator.lt}
 _AXES = {"x": 0, "y": 1, "z": 2}
 _QUANTITIES = {
@@ -39,44 +41,44 @@ class Outcome:
 
     Attributes:
         name: Name in tables.
-        measure: Function of the world that returns one number per environment, (num_envs,). The world has the attributes of a `Stepper`,
-            so that rewards and observations of a task are measures too. Or a text:
+        measure: Function of a `World` that returns one number per environment, (num_envs,). A world has the attributes of a `Stepper`. Or a
+            text:
 
             * "body NAME x", "site NAME z": coordinate of a position, m
             * "joint NAME", "jointvel NAME": position (m or rad) or velocity of a joint
             * "sensor NAME 0": channel of a sensor, without errors
             * "force NAME x": contact force on a body, world axes, N
 
-            A text without an axis or channel is the norm.
-        over: Value that counts: the last one ("end"), the last minus the first ("change"), or the "max", "min" or "mean". Values are
-            measured at the start and after every control period.
+            Without an axis or channel, the measure is the norm.
+        reduce: Reduction of the measured values to one number: the last value ("end"), the last minus the first ("change"), "max", "min" or
+            "mean". Values are measured at the start and after every control period.
         success: Condition of success, a comparison such as ">= 0.05"; None is no condition.
-        margin: Distance to the threshold below which a failure counts as one of the evaluation, in the unit of the measure.
+        margin: Distance to the threshold, in the unit of the measure, below which the cause of a failure is "evaluation".
         unit: Unit of the measure, for tables.
-        whose: Cause of failures, if known: "physics", "perception", "policy" or "evaluation". None: `stepper report` repeats the episode
-            with changes to find the cause.
+        cause: Cause of failures, if it is known beforehand: "physics", "perception", "policy" or "evaluation". With None, `stepper report`
+            repeats failed episodes with changes to find the cause.
     """
 
     name: str
     measure: Measure | str
-    over: str = "end"
+    reduce: str = "end"
     success: str | None = None
     margin: float = 0.0
     unit: str = ""
-    whose: str | None = None
+    cause: str | None = None
 
     def __post_init__(self) -> None:
-        if self.over not in OVER:
-            raise ValueError(f"outcome {self.name!r}: over is {self.over!r}, must be of: {', '.join(OVER)}")
-        if self.whose is not None and self.whose not in WHOSE:
-            raise ValueError(f"outcome {self.name!r}: whose is {self.whose!r}, must be of: {', '.join(WHOSE)}")
+        if self.reduce not in REDUCTIONS:
+            raise ValueError(f"outcome {self.name!r}: reduce is {self.reduce!r}, must be of: {', '.join(REDUCTIONS)}")
+        if self.cause is not None and self.cause not in CAUSES:
+            raise ValueError(f"outcome {self.name!r}: cause is {self.cause!r}, must be of: {', '.join(CAUSES)}")
         if self.success is not None:
             _compare(self.success, self.name)
         if isinstance(self.measure, str):
             measure_of(self.measure)
 
     def check(self, model: Model) -> None:
-        """Checks that the model has the element in the text of the measure.
+        """Check that the model has the element in the text of the measure.
 
         Raises:
             ValueError: The model has no such element.
@@ -114,6 +116,7 @@ class Outcome:
 
 
 def _compare(text: str, name: str) -> tuple[Any, float]:
+    """Operator and threshold of a comparison such as ">= 0.05"; `name` is the outcome, for error messages."""
     found = re.fullmatch(r"\s*(>=|<=|>|<)\s*(\S+)\s*", text)
     try:
         if found is not None:
@@ -124,7 +127,7 @@ def _compare(text: str, name: str) -> tuple[Any, float]:
 
 
 def measure_of(text: str) -> Measure:
-    """Measure from its text, such as "body cube z".
+    """Measure (a function of a `World`) from its text, such as "body cube z".
 
     Raises:
         ValueError: The text has another form.
@@ -151,7 +154,10 @@ def measure_of(text: str) -> Measure:
 
 
 class Watch:
-    """Accumulator of the outcomes of a batch of episodes. Its memory does not grow with the length of an episode."""
+    """Accumulator of the outcomes of a batch of episodes. It is created at the start; call `look` after every control period.
+
+    Its memory does not grow with the length of an episode.
+    """
 
     def __init__(self, outcomes: tuple[Outcome, ...], now: Any):
         self._outcomes = outcomes
@@ -160,10 +166,10 @@ class Watch:
         self._low, self._high, self._sum = ([x.copy() for x in self._first] for _ in range(3))
 
     def look(self, now: Any) -> None:
-        """Adds the values after a control period."""
+        """Measure the values after a control period, and add them."""
         self._count += 1
         for k, outcome in enumerate(self._outcomes):
-            if outcome.over in ("end", "change"):
+            if outcome.reduce in ("end", "change"):
                 continue
             value = outcome.read(now)
             self._low[k], self._high[k] = np.minimum(self._low[k], value), np.maximum(self._high[k], value)
@@ -173,7 +179,7 @@ class Watch:
         """Final value of every outcome by name, (num_envs,), in its unit."""
         found = {}
         for k, outcome in enumerate(self._outcomes):
-            if outcome.over in ("end", "change"):
+            if outcome.reduce in ("end", "change"):
                 self._last[k] = outcome.read(now)
             found[outcome.name] = {
                 "end": lambda k=k: self._last[k],
@@ -181,5 +187,5 @@ class Watch:
                 "max": lambda k=k: self._high[k],
                 "min": lambda k=k: self._low[k],
                 "mean": lambda k=k: self._sum[k] / self._count,
-            }[outcome.over]()
+            }[outcome.reduce]()
         return found

@@ -1,13 +1,13 @@
-"""Parameters of a study: numbers of a model, its sensors, its actuators, its settings or its drive that may vary, and their ranges.
+"""Parameters of a study: uncertain numbers of a model, its sensors, actuators, settings or drive, with their ranges.
 
 A selector (`stepper.shared.selectors`) names the numbers that a parameter changes:
 
-    geom_friction[floor,box][0]                 a field of `stepper.Model` that `Model.replace` takes, or a part of it
+    geom_friction[floor,box][0]                 numbers of a field of `Model.replace`
     actuator_kp[hip], actuator_kv[hip]          gains of servos
-    sensor.delay[imu], sensor.noise_std ...     a number of `stepper.Transfer`
-    actuator.delay[hip], actuator.servo.kp ...  a number of `stepper.Drive`, its motor or its servo
-    options.timestep, options.contact ...       a setting of the step; options.precision too
-    drive                                       no number of the model: the drive and the measures read it, as `now.theta[name]`
+    sensor.delay[imu], sensor.noise_std ...     an attribute of `stepper.Transfer`
+    actuator.delay[hip], actuator.servo.kp ...  an attribute of `stepper.Drive`, its motor or servo
+    options.timestep, options.contact ...       an attribute of `stepper.Options`, or "precision"
+    drive                                       a number for the drive and the measures, which read `now.parameters[name]`
 """
 
 from __future__ import annotations
@@ -32,21 +32,23 @@ from stepper.shared.tables import fitting
 
 Array = NDArray[np.float64]
 Value = float | str
-Theta = Mapping[str, Value]
-"""Values of parameters by name."""
+Values = Mapping[str, Value]
+"""Values of a study's parameters by name."""
 
 ROWS_FROM_NOTHING = ("jnt_stiffness", "dof_frictionloss")
-"""Fields whose value 0 removes a row from the compiled model, so that a batch with any positive value must be compiled with one."""
+"""Fields whose value 0 removes a constraint row from the compiled model. A batch with a positive value is compiled with that value."""
 CHOICES = {"contact", "integrator", "solver", "stabilization", "precision"}
-"""Settings that are words."""
+"""Settings whose values are texts."""
 COUNTS = {"iterations", "max_contacts"}
-"""Settings that are whole numbers."""
+"""Settings whose values are whole numbers."""
 SETTINGS = frozenset(field.name for field in fields(Options)) | {"precision"}
+"""Names of settings after "options." in a selector."""
 LEVELS = 5
+"""Number of values in the sweep of a parameter with low and high."""
 _HEADS = ("sensor", "actuator", "options", "drive")
 """First words of selectors that are not fields of the model."""
 OF_MODEL = frozenset({"field", "sensor", "actuator"})
-"""Kinds of selectors that name elements of the model."""
+"""Kinds of selectors (`Parameter.kind`) that name elements of the model."""
 
 
 @hint_keywords("stepper.lab.Parameter")
@@ -57,18 +59,18 @@ class Parameter:
     Attributes:
         selector: Numbers that change, `field[names][columns]` (docs/reference/what_can_vary.md): "geom_friction[floor,box][0]",
             "actuator.delay[hip]", "options.timestep", "drive".
-        how: Operation with the value: "set" replaces the number, "scale" multiplies it, "add" adds to it. With body_mass, the inertia is
-            multiplied by the same factor as the mass, as with a change of density.
+        operation: Operation of a value on the model's number: "set" replaces it, "scale" multiplies it, "add" adds to it. With body_mass,
+            the inertia is multiplied by the same factor as the mass, as with a change of density.
         low: Lowest plausible value.
         high: Highest plausible value.
-        values: Values of a sweep, in place of five values between low and high; settings may have words.
-        nominal: Value at the nominal point; None keeps the model's.
+        values: Values of a sweep, in place of five values from low to high; values of settings may be texts.
+        nominal: Nominal value, for episodes in which other parameters vary; None keeps the model's number.
         unit: Unit of the value, for tables.
         source: Source of the range: a data sheet, a measurement, a paper.
     """
 
     selector: str = dataclasses.field(kw_only=False)
-    how: str = "set"
+    operation: str = "set"
     low: float | None = None
     high: float | None = None
     values: tuple[Value, ...] | None = None
@@ -77,8 +79,8 @@ class Parameter:
     source: str = ""
 
     def __post_init__(self) -> None:
-        if self.how not in ("set", "scale", "add"):
-            raise ValueError(f'how is {self.how!r}, must be "set", "scale" or "add"')
+        if self.operation not in ("set", "scale", "add"):
+            raise ValueError(f'operation is {self.operation!r}, must be "set", "scale" or "add"')
         if self.values is not None:
             object.__setattr__(self, "values", tuple(self.values))
         for name in ("low", "high"):
@@ -106,7 +108,7 @@ class Parameter:
 
     @property
     def parsed(self) -> Selector:
-        """Selector, parsed into field, elements and columns."""
+        """Parsed selector: field, elements and columns."""
         return parse(self.selector)
 
     @property
@@ -117,13 +119,13 @@ class Parameter:
 
     @property
     def leaf(self) -> str:
-        """Field of the selector after its first dot."""
+        """Part of the selector's field after its first dot: "delay" of "actuator.delay[hip]"."""
         return self.parsed.field.partition(".")[2]
 
     @property
     def unchanged(self) -> Value | None:
-        """Value that changes nothing: the nominal value, or else 1 for "scale" and 0 for "add"; None for "set"."""
-        return self.nominal if self.nominal is not None else {"scale": 1.0, "add": 0.0}.get(self.how)
+        """Value that does not change the model: the nominal value, else 1 for "scale", 0 for "add", None for "set"."""
+        return self.nominal if self.nominal is not None else {"scale": 1.0, "add": 0.0}.get(self.operation)
 
     def levels(self) -> list[Value]:
         """Values of a sweep, in order."""
@@ -135,7 +137,7 @@ class Parameter:
         return [round(x) for x in made] if self.leaf in COUNTS else [float(x) for x in made]
 
     def check_value(self, value: Any, where: str) -> None:
-        """Raises ValueError for an invalid value of this parameter; `where` names it in the message."""
+        """Raise ValueError if a value is invalid for this parameter; `where` names it in the message."""
         if self.kind == "options" and self.leaf in CHOICES:
             if not isinstance(value, str):
                 raise ValueError(f"{where} is {value!r}, must be a text, because {self.leaf} is a choice among names")
@@ -149,8 +151,8 @@ class Parameter:
             raise ValueError(f"{where} is {value!r}, must be a whole number")
 
     def change(self, before: Any, value: Any) -> Any:
-        """Changed number: `before`, replaced by, multiplied by or increased by `value`."""
-        return value if self.how == "set" else before * value if self.how == "scale" else before + value
+        """Number after the operation: `before` replaced by `value`, multiplied by it, or increased by it."""
+        return value if self.operation == "set" else before * value if self.operation == "scale" else before + value
 
 
 def _is_number(value: Any) -> bool:
@@ -160,10 +162,10 @@ def _is_number(value: Any) -> bool:
 def selected(parameters: Mapping[str, Parameter], texts: Sequence[str], model: Model) -> dict[str, Parameter]:
     """Parameters by name, from names of a study's parameters or from selectors with a range.
 
-    Two spellings of one selector with the same range are one parameter.
+    Selectors of the same numbers with the same range are one parameter.
 
     Raises:
-        ValueError: A text that is neither, or two selectors of the same numbers with different ranges.
+        ValueError: A text is neither a name nor a selector, or two selectors of the same numbers have different ranges.
     """
     found: dict[str, Parameter] = {}
     changed: dict[str, frozenset[tuple[str, int]]] = {}
@@ -175,7 +177,7 @@ def selected(parameters: Mapping[str, Parameter], texts: Sequence[str], model: M
         same = next((other for other in others if changed[other] == numbers), None)
         if same is None:
             found[name], changed[name] = own, numbers
-        elif (found[same].how, found[same].low, found[same].high) != (own.how, own.low, own.high):
+        elif (found[same].operation, found[same].low, found[same].high) != (own.operation, own.low, own.high):
             raise ValueError(f"parameters has {text!r} and {same!r}, which are the same numbers with another range: give one of them")
     return found
 
@@ -189,7 +191,7 @@ def _with_range(text: str, parameters: Mapping[str, Parameter]) -> tuple[str, Pa
 
 
 def _changed(parameter: Parameter, model: Model) -> frozenset[tuple[str, int]]:
-    """Numbers that a parameter changes: equal for all spellings of its selector."""
+    """Numbers that a parameter changes. Selectors of the same numbers give equal sets."""
     if parameter.kind == "field":
         return numbers_of(model, parameter.parsed, _where(parameter))
     rows = rows_of(model, parameter.kind, parameter.parsed.elements, _where(parameter)) if parameter.kind in ("sensor", "actuator") else [0]
@@ -197,7 +199,7 @@ def _changed(parameter: Parameter, model: Model) -> frozenset[tuple[str, int]]:
 
 
 def _no_parameter(text: str, parameters: Mapping[str, Parameter], otherwise: str) -> str:
-    """Error message for a text that is neither a name nor a selector."""
+    """Error message for a text that is neither the name of a parameter nor a selector; `otherwise` is a further remedy."""
     known = ", ".join(parameters) or "none"
     return f"there is no parameter {text!r}{did_you_mean(text, parameters) or ','} there are: {known}; or {otherwise}"
 
@@ -212,7 +214,7 @@ def with_nominal(parameters: Mapping[str, Parameter], values: Mapping[str, Value
     """Parameters with new nominal values, by name or selector.
 
     Raises:
-        ValueError: A text that is neither, or an invalid value of a parameter.
+        ValueError: A text is neither a name nor a selector, or a value is invalid.
     """
     found = dict(parameters)
     for text, value in values.items():
@@ -225,7 +227,7 @@ def with_nominal(parameters: Mapping[str, Parameter], values: Mapping[str, Value
 
 
 def check(parameters: Mapping[str, Parameter], model: Model) -> None:
-    """Raises ValueError, with the name, for a parameter that a model does not have."""
+    """Raise ValueError if the model does not have what a parameter selects; the message has the parameter's name."""
     for name, parameter in parameters.items():
         try:
             if parameter.kind == "field":
@@ -251,7 +253,7 @@ def _where(parameter: Parameter) -> str:
 
 
 def _check_pairs(parameters: Mapping[str, Parameter], model: Model) -> None:
-    """Raises ValueError for a field of geoms that an explicit pair overrides."""
+    """Raise ValueError if a parameter changes a field of geoms that an explicit pair overrides."""
     for name, parameter in parameters.items():
         if parameter.parsed.field not in OF_PAIRS:
             continue
@@ -264,7 +266,7 @@ def _check_pairs(parameters: Mapping[str, Parameter], model: Model) -> None:
 
 
 def _rows(parameter: Parameter, model: Model) -> list[int]:
-    """Elements that a parameter of a field changes."""
+    """Indices of the elements that a parameter of a field changes."""
     return rows_of(model, FIELDS[parameter.parsed.field].element, parameter.parsed.elements, _where(parameter))
 
 
@@ -274,14 +276,14 @@ _NO_NUMBERS = frozenset({"noise", "limits", "motor", "servo", "control"})
 
 
 def _number_of(kind: type, leaf: str) -> None:
-    """Raises ValueError where a transfer function or drive has no number of a name."""
+    """Raise ValueError if the class `kind` (Transfer, Drive, DCMotor or PID) has no numeric attribute `leaf`."""
     known = [field.name for field in fields(kind) if field.name not in _NO_NUMBERS]
     if leaf not in known:
         raise ValueError(f"a {kind.__name__} has no number {leaf!r}{did_you_mean(leaf, known) or ','} it has: {', '.join(known)}")
 
 
 def _places(parameter: Parameter, model: Model) -> list[tuple[str, NDArray[np.int64], float]]:
-    """Fields, places in their flat rows and signs of all numbers that change."""
+    """Field, indices in the flattened field and sign of all numbers that a parameter changes."""
     selector = parameter.parsed
     if selector.field not in FIELDS and selector.field not in COMPOUNDS:
         raise ValueError(unknown_field("selector", selector.field, [*FIELDS, *COMPOUNDS, "drive"], "docs/reference/what_can_vary.md"))
@@ -295,41 +297,41 @@ def _places(parameter: Parameter, model: Model) -> list[tuple[str, NDArray[np.in
     return found
 
 
-def model_fields(parameters: Mapping[str, Parameter], model: Model, thetas: Sequence[Theta]) -> dict[str, Array]:
+def model_fields(parameters: Mapping[str, Parameter], model: Model, values_by_env: Sequence[Values]) -> dict[str, Array]:
     """Fields of a model that the parameters change, with a row for each set of values: (n, *shape), in the field's unit.
 
     Raises:
-        ValueError: A parameter that the model does not have.
+        ValueError: The model does not have what a parameter selects.
     """
     made: dict[str, Array] = {}
     for name, parameter in parameters.items():
-        if parameter.kind != "field" or not any(name in theta for theta in thetas):
+        if parameter.kind != "field" or not any(name in values for values in values_by_env):
             continue
         masses = made.get("body_mass", np.asarray(model.body_mass, float)).copy()
         for field, places, sign in _places(parameter, model):
             own = np.asarray(getattr(model, field), float)
-            rows = made.setdefault(field, np.tile(own, (len(thetas), *[1] * own.ndim)))
-            flat = rows.reshape(len(thetas), -1)
-            for env, theta in enumerate(thetas):
-                if name in theta:
-                    flat[env, places] = sign * parameter.change(sign * flat[env, places], float(theta[name]))
+            rows = made.setdefault(field, np.tile(own, (len(values_by_env), *[1] * own.ndim)))
+            flat = rows.reshape(len(values_by_env), -1)
+            for env, values in enumerate(values_by_env):
+                if name in values:
+                    flat[env, places] = sign * parameter.change(sign * flat[env, places], float(values[name]))
         if parameter.parsed.field == "body_mass":
             _scale_inertia(made, model, masses)
     return {field: rows for field, rows in made.items() if not np.array_equal(rows, np.broadcast_to(getattr(model, field), rows.shape))}
 
 
 def _scale_inertia(made: dict[str, Array], model: Model, before: Array) -> None:
-    """Multiplies inertias by the ratio of the masses after and before a parameter's change, (n, nbody)."""
+    """Multiply inertias in `made` by the ratio of the masses after and before a parameter's change; `before` is (n, nbody)."""
     masses, own = made["body_mass"], np.asarray(model.body_inertia, float)
     rows = made.setdefault("body_inertia", np.tile(own, (len(masses), 1, 1)))
     rows *= np.divide(masses, before, out=np.ones_like(masses), where=before > 0)[:, :, None]
 
 
 def sensor_model(
-    parameters: Mapping[str, Parameter], base: SensorModel | None, model: Model, thetas: Sequence[Theta]
+    parameters: Mapping[str, Parameter], base: SensorModel | None, model: Model, values_by_env: Sequence[Values]
 ) -> SensorModel | None:
-    """Sensor model with the values of parameters, a number for each set of values; None for ideal sensors."""
-    given = {name: p for name, p in parameters.items() if p.kind == "sensor" and any(name in theta for theta in thetas)}
+    """Sensor model with values per environment of the parameters "sensor...."; None for ideal sensors."""
+    given = {name: p for name, p in parameters.items() if p.kind == "sensor" and any(name in values for values in values_by_env)}
     if not given:
         return base
     names = [s["name"] or f"#{i}" for i, s in enumerate(model.sensors)]
@@ -339,38 +341,40 @@ def sensor_model(
             label = names[index]
             own = fitting(named, base.default if base else None, label) or Transfer()
             before = getattr(own, parameter.leaf)
-            changed: dict[str, Any] = {parameter.leaf: _numbers(parameter, before, [theta.get(name) for theta in thetas])}
+            changed: dict[str, Any] = {parameter.leaf: _numbers(parameter, before, [values.get(name) for values in values_by_env])}
             named[label] = replace(own, **changed)
     return SensorModel(named, default=base.default if base else None)
 
 
 def _numbers(parameter: Parameter, before: Any, values: Sequence[Value | None]) -> Array:
+    """Numbers per environment after the parameter's operation on `before`; None keeps it."""
     own = 0.0 if before is None else before
     return np.array([own if value is None else parameter.change(own, float(value)) for value in values], float)
 
 
 def actuator_model(
-    parameters: Mapping[str, Parameter], base: ActuatorModel | None, model: Model, thetas: Sequence[Theta]
+    parameters: Mapping[str, Parameter], base: ActuatorModel | None, model: Model, values_by_env: Sequence[Values]
 ) -> ActuatorModel | None:
-    """Actuator model with the values of parameters, a number for each set of values; None for ideal actuators.
+    """Actuator model with values per environment of the parameters "actuator...."; None for ideal actuators.
 
     Raises:
-        ValueError: A parameter of a servo or motor that the drive does not have.
+        ValueError: A parameter belongs to a servo or motor that the drive does not have.
     """
-    given = {name: p for name, p in parameters.items() if p.kind == "actuator" and any(name in theta for theta in thetas)}
+    given = {name: p for name, p in parameters.items() if p.kind == "actuator" and any(name in values for values in values_by_env)}
     if not given:
         return base
     named: dict[str, Drive] = dict(base.named) if base else {}
     for name, parameter in given.items():
-        values = [theta.get(name) for theta in thetas]
+        changes = [values.get(name) for values in values_by_env]
         for index in rows_of(model, "actuator", parameter.parsed.elements, _where(parameter)):
             label = model.actuator_names[index] or f"#{index}"
             own = named.get(label) or (base.drive_of(label) if base else None) or Drive()
-            named[label] = _driven(own, parameter, values, f"parameter {name!r}: actuator {label!r}")
+            named[label] = _driven(own, parameter, changes, f"parameter {name!r}: actuator {label!r}")
     return ActuatorModel(named, default=base.default if base else None)
 
 
 def _driven(own: Drive, parameter: Parameter, values: Sequence[Value | None], place: str) -> Drive:
+    """Drive with values per environment of a parameter; `place` names it in error messages."""
     part, _, leaf = parameter.leaf.rpartition(".")
     holder: Drive | PID | DCMotor | None = own if not part else getattr(own, part, None)
     if holder is None or not hasattr(holder, leaf):

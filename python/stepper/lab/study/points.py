@@ -1,4 +1,4 @@
-"""Points of a study: values of its parameters, and settings."""
+"""Points of a study: sets of parameter values, each with a name of settings."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from stepper._hints import did_you_mean
-from stepper.lab.study.parameters import Parameter, Theta, Value
+from stepper.lab.study.parameters import Parameter, Value, Values
 from stepper.lab.study.worlds import MUJOCO_SETTINGS
 
 if TYPE_CHECKING:
     from stepper.lab.study.study import Study
 
 USUAL = "stepper"
-"""Name of the study's default settings."""
+"""Name of the settings that are the options of the study itself."""
 _LACKING = {"midpoint", "auto"}
 """Integrator and solver that MuJoCo does not have."""
 
@@ -24,11 +24,11 @@ class Point:
     """Point of a study: values of its parameters, and settings.
 
     Attributes:
-        theta: Values of parameters by name; others have the model's values.
+        values: Values of parameters by name; absent parameters keep the model's numbers.
         setting: Name of the settings.
     """
 
-    theta: Theta
+    values: Values
     setting: str = USUAL
 
 
@@ -66,9 +66,9 @@ def point_at(study: Study, values: Mapping[str, Value], setting: str = USUAL) ->
     """Point with given values of parameters by name; the others are nominal.
 
     Raises:
-        ValueError: An unknown parameter, one that has no effect with the settings, or a value outside of its range.
+        ValueError: A parameter is unknown or has no effect with the settings, or a value is invalid.
     """
-    theta = nominal_of(study, setting)
+    chosen = nominal_of(study, setting)
     for name, value in values.items():
         if name not in study.parameters:
             known = ", ".join(study.parameters) or "none"
@@ -76,5 +76,5 @@ def point_at(study: Study, values: Mapping[str, Value], setting: str = USUAL) ->
         if reason := inapplicable(study, setting, study.parameters[name]):
             raise ValueError(f"parameter {name!r} has no effect with the settings {setting!r}: {reason}; leave it out")
         study.parameters[name].check_value(value, f"parameter {name!r}")
-        theta[name] = value
-    return Point(theta, setting)
+        chosen[name] = value
+    return Point(chosen, setting)

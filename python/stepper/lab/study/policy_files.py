@@ -1,7 +1,7 @@
-"""Exported policies: ONNX, TorchScript, and files of `stepper.policies`.
+"""Policies from files: ONNX, TorchScript, and files of `stepper.policies`.
 
 A policy maps observations (num_envs, n) to controls (num_envs, nu). A network that was exported for single observations is called row by
-row. Formats that can execute code while they are read are refused: pickles of torch.save, and programs of torch.export, which may contain
+row. Formats that can execute code while they are read are rejected: pickles of torch.save, and programs of torch.export, which may contain
 pickles.
 """
 
@@ -26,14 +26,15 @@ Array = NDArray[Any]
 
 
 class PolicyFile(ABC):
-    """Policy of a file.
+    """Policy that was read from a file. Abstract.
 
     Attributes:
-        path: The file.
-        digest: SHA-256 of its bytes, a part of the keys of a study's rows.
+        path: Path of the file.
+        digest: SHA-256 of the file, which is part of the keys of a study's rows.
     """
 
     endings: ClassVar[tuple[str, ...]]
+    """File name endings of the format."""
 
     def __init__(self, path: Path):
         self.path = path
@@ -92,9 +93,9 @@ class _Onnx(PolicyFile):
 
 
 class Network:
-    """Policy of a `torch.nn.Module`, without gradients.
+    """Policy that calls a `torch.nn.Module`, without gradients.
 
-    Each batch uses a fresh copy of the module, so that internal state such as buffers does not pass from one batch to the next. The
+    Each batch uses a new copy of the module, so that internal state such as buffers does not pass from one batch to the next. The
     `reset()` of a TorchScript is called, if it has one.
 
     Attributes:
@@ -107,7 +108,7 @@ class Network:
         self._playing: Any = None
 
     def begin(self, _: Any = None) -> None:
-        """Replaces the working copy by a fresh one."""
+        """Replace the working copy by a new copy of the module."""
         self._playing = copy.deepcopy(self.module)
         if isinstance(self.module, self._torch.jit.ScriptModule) and hasattr(self.module, "reset"):
             self._playing.reset()
@@ -122,7 +123,7 @@ class Network:
 
 
 class _Torch(PolicyFile):
-    """Policy of a TorchScript file, on the CPU without gradients."""
+    """Policy from a TorchScript file, on the CPU without gradients."""
 
     endings = (".pt", ".pth", ".ts")
 
@@ -137,7 +138,7 @@ class _Torch(PolicyFile):
         self._network = Network(torch.jit.load(str(path), map_location="cpu"))
 
     def begin(self, now: Any) -> None:
-        """Replaces the working copy of the network by a fresh one."""
+        """Replace the working copy of the network by a new copy."""
         self._network.begin(now)
 
     def __call__(self, observation: Array) -> Any:
@@ -146,7 +147,7 @@ class _Torch(PolicyFile):
 
 
 class _Own(PolicyFile):
-    """Policy of a file of `stepper.policies`."""
+    """Policy from a file of `stepper.policies`."""
 
     endings = (".npz",)
 
@@ -162,17 +163,17 @@ class _Own(PolicyFile):
 _FORMATS: tuple[type[PolicyFile], ...] = (_Onnx, _Torch, _Own)
 ENDINGS = tuple(ending for kind in _FORMATS for ending in kind.endings)
 PROGRAM = ".pt2"
-"""Suffix of programs of torch.export, which are refused."""
+"""Ending of programs of torch.export, which are rejected."""
 
 
 def read_policy(path: str | os.PathLike[str]) -> PolicyFile:
-    """Reads a policy.
+    """Read a policy from a file.
 
     Args:
         path: File with the suffix .onnx (ONNX Runtime), .pt, .pth or .ts (TorchScript), or .npz (`stepper.policies`).
 
     Raises:
-        ValueError: Another suffix, or a file without a policy of that format.
+        ValueError: The ending is unknown, or the file does not contain a policy of this format.
         OSError: The file cannot be read.
         MissingPackageError: ONNX Runtime or torch is not installed.
     """
@@ -195,7 +196,7 @@ def is_module(thing: Any) -> bool:
 
 
 def _is_script(path: Path) -> bool:
-    """Whether a file is a TorchScript, by the names of the entries in its archive."""
+    """Whether a file is a TorchScript archive, by the names of its entries."""
     if not zipfile.is_zipfile(path):
         return False
     with zipfile.ZipFile(path) as archive:

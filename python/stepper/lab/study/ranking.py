@@ -1,8 +1,9 @@
-"""Global sensitivity of an outcome to the parameters of a study: Sobol indices, with confidence intervals.
+"""Ranking of a study's parameters (`stepper.lab.rank`): global sensitivity of an outcome, as Sobol indices with confidence intervals.
 
-All parameters are drawn from their ranges at once. The total index of a parameter is the share of the outcome's variance that remains when
-all others are known. The first-order index is the share that the parameter explains alone; the difference is due to interactions. Both are
-estimated with Saltelli's design: matrices of points A and B, and for each parameter the matrix A with that parameter's column of B.
+All parameters are drawn from their ranges at once. The total index of a parameter is the fraction of the outcome's variance that remains
+when all others are known. The first-order index is the fraction that the parameter explains alone; the difference is due to interactions.
+Both are estimated with Saltelli's design: matrices of points A and B, and for each parameter the matrix A with that parameter's column of
+B.
 
 A. Saltelli et al., "Variance based sensitivity analysis of model output", Computer Physics Communications 181 (2010) 259-270.
 """
@@ -35,7 +36,9 @@ from stepper.shared.machine import package_version, require
 
 Array = NDArray[np.float64]
 _THIRDS = 3
+"""Number of parts of a parameter's range in which mean outcomes are computed."""
 _RESAMPLES = 499
+"""Number of bootstrap samples for intervals."""
 
 
 @dataclass(frozen=True)
@@ -44,12 +47,13 @@ class Rank:
 
     Attributes:
         parameter: Name of the parameter.
-        total: Total Sobol index: share of the outcome's variance that remains when all other parameters are known.
+        total: Total Sobol index: fraction of the outcome's variance that remains when all other parameters are known.
         total_interval: 95 % interval of `total`, by bootstrap over the points. With 64 samples of a rare success it covers 89 to 93 %.
-        first: First-order Sobol index: share of the variance that the parameter explains alone. Small values may come out negative.
+        first: First-order Sobol index: fraction of the variance that the parameter explains alone. Estimates of small indices may be
+            negative.
         first_interval: 95 % interval of `first`.
-        thirds: Share of successes (or mean outcome) in the lowest, middle and highest third of the parameter's range.
-        intervals: 95 % intervals of `thirds`: Wilson's for shares, two standard errors for means.
+        thirds: Fraction of successes (or mean outcome) in the lowest, middle and highest third of the parameter's range.
+        intervals: 95 % intervals of `thirds`: Wilson's for fractions, two standard errors for means.
     """
 
     parameter: str
@@ -63,13 +67,13 @@ class Rank:
 
 @dataclass(frozen=True)
 class Ranking:
-    """Result of a ranking.
+    """Result of `rank`.
 
     Attributes:
         study: The study.
         setting: Name of the settings.
-        ranks: Parameters, the largest total index first.
-        outcome: Share of successes (or mean outcome) over all independent points.
+        ranks: Influence of each parameter, the largest total index first.
+        outcome: Fraction of successes (or mean outcome) over all independent points.
         interval: 95 % interval of `outcome`.
         table: Table of all episodes.
         document: The ranking as a document.
@@ -98,25 +102,25 @@ def rank(
     setting: str = USUAL,
     tick: Tick | None = None,
 ) -> Ranking:
-    """Ranks the parameters of a study by their influence on the outcome, with Sobol indices.
+    """Rank the parameters of a study by their influence on the outcome, with Sobol indices.
 
-    All parameters are drawn from their ranges at once. The outcome is the success, if the study has a condition of success, otherwise the
-    measured number; it is averaged over the episodes of a point. Finished episodes are kept on disk and not repeated.
+    All parameters are drawn from their ranges at once. The outcome is success (1 or 0) if the study has a condition of success, otherwise
+    the measured number. It is averaged over the episodes of a point. Finished episodes are kept on disk and not repeated.
 
     Args:
         study: A study, or its file.
         out: Output folder; the files are in its folder NAME, the name of the study.
         samples: Number of base samples, a power of 2. The number of points is samples times (2 + number of parameters).
-        parameters: Names, or selectors with a range, as "geom_friction[floor][0]=0.2..1"; None is all that have a range.
+        parameters: Names, or selectors with a range, as "geom_friction[floor][0]=0.2..1"; None is all parameters with low and high.
         setting: Name of the settings.
-        tick: Called with a text and the fraction done.
+        tick: Progress callback with a text and the fraction done.
 
     Returns:
         The ranking. OUT/NAME has rank.html, rank.md, rank.png, rank_table.csv, rank_table.npz.
 
     Raises:
         ValueError: The study has no outcome, or fewer than two parameters with a range. A parameter has no effect with the settings, or is
-            an option of the step. `samples` is no power of 2. The outcome is not finite, or the same at every point.
+            an option of the step. `samples` is not a power of 2. The outcome is not finite, or the same at every point.
         MissingPackageError: SciPy is not installed.
     """
     study = study_of(study)
@@ -157,7 +161,7 @@ def rank(
 
 
 def _names(study: Study, chosen: Sequence[str] | None, setting: str) -> list[str]:
-    """Names of the parameters to rank."""
+    """Names of the parameters to rank, after a check. `chosen` are the names from the user; None is all with low and high."""
     if not study.all_outcomes:
         raise ValueError("the study has no outcome, so there is nothing to rank by; give it one")
     study.setting(setting)
@@ -176,7 +180,7 @@ def _names(study: Study, chosen: Sequence[str] | None, setting: str) -> list[str
 
 
 def _design(stats: Any, study: Study, names: Sequence[str], samples: int) -> tuple[Array, Array, list[Array]]:
-    """Matrices of Saltelli's design, (samples, parameters): A, B, and for each parameter A with its column of B."""
+    """Matrices of Saltelli's design, (samples, parameters) each: A, B, and for each parameter A with that parameter's column of B."""
     sampler = stats.qmc.Sobol(d=2 * len(names), rng=np.random.default_rng([study.seed, 2]))
     unit = sampler.random(samples)
     low, high = (np.array([getattr(study.parameters[name], end) for name in names], float) for end in ("low", "high"))
@@ -191,7 +195,7 @@ def _design(stats: Any, study: Study, names: Sequence[str], samples: int) -> tup
 
 
 def _indices(stats: Any, study: Study, values: Array, n: int) -> tuple[Array, Array, Array, Array]:
-    """Total and first-order indices, (parameters,), and the ends of their intervals, (parameters, 2).
+    """Total and first-order indices, (parameters,), and the ends of their 95 % intervals, (parameters, 2).
 
     Intervals are percentiles over resampled points. The corrected percentiles of SciPy's bootstrap are NaN for parameters without effect.
     """
@@ -213,12 +217,13 @@ def _indices(stats: Any, study: Study, values: Array, n: int) -> tuple[Array, Ar
 
 
 def _point(study: Study, names: Sequence[str], row: Array, setting: str) -> Point:
+    """Point with the values in a row of the design, and nominal values of other parameters."""
     nominal = {name: value for name, value in study.nominal.items() if not inapplicable(study, setting, study.parameters[name])}
     return Point(nominal | {name: float(value) for name, value in zip(names, row, strict=True)}, setting)
 
 
 def _values(study: Study, rows: Sequence[dict[str, Any]]) -> Array:
-    """Outcome of every point, (points,): mean over its episodes."""
+    """Outcome of every point, (points,): mean over the episodes of the point."""
     name = measured(study)
     if study.decisive is not None:
         values = np.array([row["success"] for row in rows], float)
@@ -242,13 +247,14 @@ def _values(study: Study, rows: Sequence[dict[str, Any]]) -> Array:
 
 
 def _thirds(study: Study, values: Array, column: Array) -> tuple[tuple[float, ...], tuple[tuple[float, float], ...]]:
+    """Mean outcomes in the thirds of a parameter's range, and their intervals. `column` has the parameter's values, (points,)."""
     order = np.argsort(column, kind="stable")
     parts = [_average(study, values[own]) for own in np.array_split(order, _THIRDS)]
     return tuple(mean for mean, _ in parts), tuple(ends for _, ends in parts)
 
 
 def _average(study: Study, values: Array) -> tuple[float, tuple[float, float]]:
-    """Mean over points, and its interval. Each point counts as one trial, because only points are independent, not their episodes."""
+    """Mean over points, and its 95 % interval. Each point is one trial, because only points are independent, not their episodes."""
     mean = float(values.mean())
     if study.decisive is not None:
         return mean, wilson(round(float(values.sum())), len(values))
@@ -257,6 +263,7 @@ def _average(study: Study, values: Array) -> tuple[float, tuple[float, float]]:
 
 
 def _sections(found: Ranking, samples: int, picture: Path | None) -> list[Section]:
+    """Sections of the document of a ranking."""
     study = found.study
     share = study.decisive is not None
     what = f"the success of {measured(study)}" if share else measured(study)
@@ -287,7 +294,7 @@ def _sections(found: Ranking, samples: int, picture: Path | None) -> list[Sectio
 
 
 def _draw(found: Ranking, path: Path) -> Path:
-    """Picture of the indices as bars with intervals, and of the outcome over the thirds of each range."""
+    """Draw the indices as bars with intervals, and the outcome in the thirds of each range. The result is the path."""
     figure = require("matplotlib.figure", "to draw a ranking").Figure(
         figsize=(9.0, 1.2 + 0.42 * len(found.ranks)), dpi=130, layout="constrained"
     )

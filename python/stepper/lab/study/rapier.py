@@ -1,8 +1,8 @@
-"""Environments in rapier, another engine with hard contact, built from MuJoCo's compiled model.
+"""Environments in the engine rapier, built from MuJoCo's compiled model.
 
-Rapier (https://rapier.rs, the package rapier3d) computes in 32 bits. Scenes may have free bodies, hinges and slides with simple shapes.
-States are in MuJoCo's layout. MuJoCo's kinematics and narrow phase compute body poses, position sensors and penetrations from them, so that
-all engines are measured in the same way.
+Rapier (https://rapier.rs, the package rapier3d) has hard contact and computes in 32 bits. Scenes may have free bodies, hinges and slides
+with simple shapes. States are in MuJoCo's layout. MuJoCo's kinematics and narrow phase compute body poses, position sensors and
+penetrations from them, so that all engines are measured in the same way.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 SETTINGS = ("timestep", "iterations")
 """Settings of rapier: the time step, and the iterations of its solver (4 by default)."""
 _ZERO = 1e-12
+"""Norm below which a quaternion is not normalised."""
 
 
 def not_installed() -> str | None:
@@ -49,6 +50,7 @@ _Lack = Callable[[Any, Any], bool]
 
 
 def _colliding(m: Any) -> NDArray[np.intp]:
+    """Indices of the geoms that can collide."""
     return np.flatnonzero((m.geom_contype != 0) | (m.geom_conaffinity != 0))
 
 
@@ -93,14 +95,15 @@ _LACKS: tuple[tuple[str, _Lack], ...] = (
     ("it supports free joints, hinges and slides, one joint per body, and the model has others", _other_joints),
     ("its joints have no damping, armature, friction or springs in the sense of MJCF", _joint_forces),
     ("it supports planes, spheres, boxes, capsules and cylinders, and the model has other colliding shapes", _other_shapes),
-    ("it supports condim 3 or condim 1 for all geoms alike, and the model has others", _other_friction),
+    ("it needs condim 3 for all geoms, or condim 1 for all geoms", _other_friction),
     ("it has no margins, priorities, exclusions and explicit pairs in the sense of MJCF", _other_contacts),
     ("its contact forces and accelerations cannot be read, and the model has sensors of them", _senses_accelerations),
 )
+"""Reasons why rapier cannot run a scene, each with its test."""
 
 
 class RapierWorld(MujocoWorld):
-    """World of the engine rapier, with a rapier scene for each environment. MuJoCo's data compute the derived quantities of its states."""
+    """World of the engine rapier, with a rapier scene for each environment. MuJoCo computes derived quantities of its states."""
 
     engine = "rapier"
 
@@ -120,7 +123,7 @@ class RapierWorld(MujocoWorld):
         self._lost = np.zeros(num_envs, np.bool_)
 
     def start(self, qpos: Array, qvel: Array, keyframe: str | int | None, seed: int) -> None:
-        """Begins an episode in new rapier scenes, so that no contacts of earlier episodes remain; otherwise as `World.start`."""
+        """Start an episode in new rapier scenes, so that no contacts of earlier episodes remain; otherwise as `World.start`."""
         super().start(qpos, qvel, keyframe, seed)
         self._scenes = [_Scene(self._rapier, self._mujoco, model, self._iterations) for model in self._models]
         for scene, q, v in zip(self._scenes, qpos, qvel, strict=True):
@@ -128,19 +131,19 @@ class RapierWorld(MujocoWorld):
         self._behind, self._depth[:], self._lost[:] = False, 0.0, False
 
     def advance(self, ctrl: Any, nstep: int) -> None:
-        """Makes steps, and updates the certificate, as `World.advance` describes."""
+        """Step the environments, and update the certificate, as `World.advance` describes."""
         self.step(ctrl, nstep)
         for env, data in enumerate(self._now()):
             self._depth[env] = max(self._depth[env], max((float(-c.dist) for c in data.contact), default=0.0))
 
     def step(self, ctrl: Any, nstep: int) -> None:
-        """Makes steps, as `World.step` describes. There are no controls, because models with actuators are refused."""
+        """Step the environments, as `World.step` describes. There are no controls, because models with actuators are rejected."""
         for env, scene in enumerate(self._scenes):
             scene.push(self._applied[env])
             for _ in range(nstep):
                 scene.world.step()
         self.time = self.time + nstep * self.timestep
-        self._fresh, self._behind = False, True
+        self._is_current, self._behind = False, True
 
     @property
     def qpos(self) -> Array:
@@ -155,7 +158,7 @@ class RapierWorld(MujocoWorld):
         return super().qvel
 
     def contacts(self) -> NDArray[np.void]:
-        """Raises ModelError, because rapier's contact forces cannot be read."""
+        """Raise ModelError, because rapier's contact forces cannot be read."""
         raise ModelError("rapier cannot run this study: its drive or an outcome reads contact forces, which rapier does not give")
 
     def _now(self) -> list[Any]:
@@ -163,7 +166,7 @@ class RapierWorld(MujocoWorld):
         return super()._now()
 
     def _read(self) -> None:
-        """Copies states of the scenes to MuJoCo's data. A scene whose state is not finite keeps its last finite one."""
+        """Copy states of the scenes to MuJoCo's data. A scene whose state is not finite keeps its last finite state."""
         if not self._behind:
             return
         self._behind = False
@@ -201,7 +204,15 @@ class RapierWorld(MujocoWorld):
 
 @dataclass(frozen=True)
 class RapierJoint:
-    """Joint between two bodies, where 0 is the world. In both bodies its frame is at the anchor, with the axis along x."""
+    """Joint between two bodies. In both bodies its frame is at the anchor, with the axis along x.
+
+    Attributes:
+        body, parent: Indices of the bodies in MuJoCo; 0 is the world.
+        kind: Type of the joint, as in `mujoco.mjtJoint`.
+        qpos, qvel: First index in qpos and qvel.
+        low, high: Limits, m or rad; infinite without a limit.
+        zero: Position at the reference pose, m or rad.
+    """
 
     body: int
     parent: int
@@ -214,16 +225,16 @@ class RapierJoint:
 
 
 class RapierScene:
-    """Rapier world of a model, with states in MuJoCo's layout.
+    """Rapier world of a model, which reads and writes states in MuJoCo's layout.
 
     Args:
         rapier: The library rapier3d.
         mujoco: The library MuJoCo.
-        model: MuJoCo's model.
-        world: rapier's world.
+        model: `mujoco.MjModel` of the scene.
+        world: World of rapier with the scene.
 
     Attributes:
-        bodies: rapier's bodies by MuJoCo's index; 0 is the world.
+        bodies: Handles of rapier's bodies by index in MuJoCo; 0 is the world.
         joints: Joints of the model.
     """
 
@@ -233,7 +244,7 @@ class RapierScene:
         self.joints: list[RapierJoint] = []
 
     def put(self, qpos: Array, qvel: Array) -> None:
-        """Sets the state: qpos (nq,), m and rad, and qvel (nv,), m/s and rad/s."""
+        """Set the state: qpos (nq,), m and rad, and qvel (nv,), m/s and rad/s."""
         m, d, mujoco = self._model, self._data, self._mujoco
         d.qpos[:], d.qvel[:] = qpos, qvel
         mujoco.mj_kinematics(m, d)
@@ -253,6 +264,7 @@ class RapierScene:
 
     @property
     def _at_reference(self) -> Any:
+        """`mujoco.MjData` at the reference pose."""
         if not hasattr(self, "_reference"):
             self._reference = self._mujoco.MjData(self._model)
             self._mujoco.mj_kinematics(self._model, self._reference)
@@ -327,7 +339,7 @@ class _Scene(RapierScene):
         self.joints = [self._joint(j) for j in range(model.njnt)]
 
     def push(self, applied: Array) -> None:
-        """Applies forces (N) and torques (N m) to bodies, (nbody, 6), which act until the next call."""
+        """Apply forces (N) and torques (N m) to bodies, (nbody, 6). They act until the next call."""
         done: set[int] = set()
         for b in range(1, self._model.nbody):
             root = int(self._model.body_weldid[b])
@@ -345,12 +357,12 @@ class _Scene(RapierScene):
                 own.add_torque(_tuple(applied[b, 3:]))
 
     def _mujoco_frame(self, b: int, root: int) -> Array:
-        """Centre of mass of a body in the frame of that which it is fixed to."""
+        """Centre of mass of body b in the frame of the body `root` to which it is fixed, (3,) m."""
         reference = self._at_reference
         return _rotate(_conjugate(reference.xquat[root]), reference.xipos[b] - reference.xpos[root])
 
     def _body(self, b: int) -> Any:
-        """A body with the mass of all that is fixed to it."""
+        """Handle of a new rapier body, with the mass of all bodies that are fixed to body b."""
         m, d, rp = self._model, self._data, self._rp
         parts = np.flatnonzero(m.body_weldid == b)
         mass = float(m.body_mass[parts].sum())
@@ -377,6 +389,7 @@ class _Scene(RapierScene):
         return handle
 
     def _collider(self, g: int) -> None:
+        """Add geom g to the world."""
         m, d, rp, kinds = self._model, self._data, self._rp, self._mujoco.mjtGeom
         root = int(m.body_weldid[m.geom_bodyid[g]])
         size, kind = [float(x) for x in m.geom_size[g]], m.geom_type[g]
@@ -408,6 +421,7 @@ class _Scene(RapierScene):
         self.world.add_collider(shape, self.bodies[root] if root else None)
 
     def _joint(self, j: int) -> RapierJoint:
+        """Add joint j to the world."""
         m, d, rp, kinds = self._model, self._data, self._rp, self._mujoco.mjtJoint
         b, kind = int(m.jnt_bodyid[j]), int(m.jnt_type[j])
         parent, q, v = int(m.body_weldid[m.body_parentid[b]]), int(m.jnt_qposadr[j]), int(m.jnt_dofadr[j])
@@ -421,12 +435,12 @@ class _Scene(RapierScene):
         made = made.local_frame1(self._local(parent, d.xanchor[j], frame)).local_frame2(self._local(b, d.xanchor[j], frame))
         if np.isfinite(low):
             made = made.limits(rp.JointAxis.ANG_X if hinge else rp.JointAxis.LIN_X, low - found.zero, high - found.zero)
-        # A body and its parent do not collide, but for what is fixed to the world.
+        # As in MuJoCo, a body and its parent do not collide, unless the parent is fixed to the world.
         self.world.impulse_joints.insert(self.bodies[parent], self.bodies[b], made.contacts_enabled(parent == 0).build())
         return found
 
     def _local(self, b: int, place: Array, turn: Array) -> Any:
-        """A frame in world axes, as a body has it."""
+        """Frame with this position and quaternion in world axes, expressed in the frame of body b."""
         back = _conjugate(self._data.xquat[b])
         return self._rp.Isometry3(_tuple(_rotate(back, place - self._data.xpos[b])), self._rotation(_product(back, turn)))
 
@@ -437,7 +451,7 @@ class _Scene(RapierScene):
 
 
 def _along_x(axis: Array) -> Array:
-    """A rotation whose first column is an axis."""
+    """Rotation matrix whose first column is the direction of an axis, (3, 3)."""
     first = axis / np.linalg.norm(axis)
     second = np.cross(first, np.eye(3)[int(np.argmin(np.abs(first)))])
     second /= np.linalg.norm(second)
@@ -445,7 +459,7 @@ def _along_x(axis: Array) -> Array:
 
 
 def _nearest(angle: float, before: float) -> float:
-    """An angle, by whole turns as near to the one before as can be: rapier's joints do not count turns."""
+    """Angle plus the number of full turns that brings it closest to `before`, rad, because rapier's joints do not count turns."""
     return float(angle + 2.0 * np.pi * np.round((before - angle) / (2.0 * np.pi)))
 
 

@@ -1,4 +1,4 @@
-"""Simulator report of a study: state and sensors, decisive contacts, settings, perturbations, transfer gap, and causes of failures."""
+"""Documents of a study: `sweep`, and `report` with sensors, contacts, settings, transfer gap and causes of failures."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ import numpy as np
 from stepper.lab.progress import Tick
 from stepper.lab.study.document import Document, Section, cell, counted
 from stepper.lab.study.draw import draw, draw_cliffs
+from stepper.lab.study.failure_causes import RULES, Verdict, causes_of
 from stepper.lab.study.journal import diverged
 from stepper.lab.study.points import USUAL, nominal_of
 from stepper.lab.study.results import Results
@@ -23,7 +24,6 @@ from stepper.lab.study.study import Study
 from stepper.lab.study.sweep import RESOLUTION, Level, Sweep, measured
 from stepper.lab.study.sweep import sweep as run_sweep
 from stepper.lab.study.touching import Touching, touching
-from stepper.lab.study.whose import RULES, Verdict, judge
 from stepper.sensors import Transfer
 from stepper.shared.machine import package_version
 
@@ -33,12 +33,12 @@ LAW, PEER = "MuJoCo's law", "MuJoCo"
 
 @dataclass(frozen=True)
 class Report:
-    """Result of a sweep or of a simulator report.
+    """Result of `sweep` or `report`.
 
     Attributes:
         study: The study, with the settings that the report added.
         sweep: Levels, cliffs and table of the sweep.
-        verdicts: Causes of the failures.
+        verdicts: Causes of the failures; empty for `sweep`.
         document: The report as a document.
         files: Files that were written.
     """
@@ -62,24 +62,24 @@ def sweep(
     resolution: float = RESOLUTION,
     tick: Tick | None = None,
 ) -> Report:
-    """Sweeps each parameter of a study over its range, one at a time, and locates the values at which success ends (cliffs).
+    """Sweep each parameter of a study over its range, one at a time, and locate the values at which success ends (cliffs).
 
-    Finished episodes are kept in OUT/NAME/journal.sqlite and not repeated.
+    Finished episodes are stored in OUT/NAME/journal.sqlite and not repeated.
 
     Args:
         study: A study, or its file.
         out: Output folder; the files are in its folder NAME, the name of the study.
-        parameters: Names, or selectors with a range, as "geom_friction[floor][0]=0.2..1"; None is all of the study.
+        parameters: Names, or selectors with a range, as "geom_friction[floor][0]=0.2..1"; None is all parameters of the study.
         cliffs: Whether to locate the values at which success ends, by bisection.
-        resolution: Width of a cliff's bracket as a fraction of its parameter's range, between 0 and 1.
-        tick: Called with a text and the fraction done.
+        resolution: Width of the interval to which a cliff is located, as a fraction of the parameter's range, between 0 and 1.
+        tick: Progress callback with a text and the fraction done.
 
     Returns:
         The sweep. OUT/NAME has table.csv, table.npz (table.parquet with pyarrow), sweep.html, sweep.md, sweep.png, in_force.json.
 
     Raises:
-        ValueError: No outcome, an unknown parameter, a resolution outside of its range, or a time step that does not divide the control
-            period.
+        ValueError: The study has no outcome, a parameter is unknown, `resolution` is out of range, or a time step does not divide the
+            control period.
         JournalError: The journal is damaged, or another process has it open.
     """
     study = study_of(study)
@@ -96,20 +96,20 @@ def sweep(
 
 
 def report(study: Study | str | os.PathLike[str], out: str | os.PathLike[str] = "out", *, tick: Tick | None = None) -> Report:
-    """Writes the simulator report of a study.
+    """Write the simulator report of a study.
 
-    It describes state and sensors, decisive contacts, settings, perturbations, the transfer gap, and the causes of failures.
+    It describes state and sensors, decisive contacts, settings, effects of parameters, differences between engines, and causes of failures.
 
     Args:
         study: A study, or its file.
         out: Output folder; the files are in its folder NAME, the name of the study.
-        tick: Called with a text and the fraction done.
+        tick: Progress callback with a text and the fraction done.
 
     Returns:
         The report. OUT/NAME has report.html, report.md and the files of `sweep`.
 
     Raises:
-        ValueError: An error of `sweep`.
+        ValueError: As for `sweep`.
         JournalError: The journal is damaged, or another process has it open.
     """
     study = with_peers(study_of(study))
@@ -117,7 +117,7 @@ def report(study: Study | str | os.PathLike[str], out: str | os.PathLike[str] = 
         found = run_sweep(study, results.journal, tick=tick)
         some = range(min(study.episodes, study.batch))
         seen = touching(study, some)
-        verdicts = judge(study, found.table.rows, results.journal)
+        verdicts = causes_of(study, found.table.rows, results.journal)
         document = Document(f"Simulator report of {study.name}")
         document.sections += [
             *_summary(study, found, verdicts),
@@ -143,7 +143,7 @@ def study_of(source: Study | str | os.PathLike[str]) -> Study:
 
 
 def with_peers(study: Study) -> Study:
-    """Study with settings for MuJoCo's law of contact and for MuJoCo, if they can run it and it lacks them."""
+    """Study with added settings for MuJoCo's contact law and for the engine MuJoCo, if it has none and they can run it."""
     given = {name: study.setting(name) for name in study.settings}
     more: dict[str, dict[str, Any]] = {}
     if study.options.contact == "hard" and not any(own.get("contact") == "mujoco" for own in given.values()):
@@ -172,7 +172,7 @@ def no_peer(study: Study) -> str | None:
     return None
 
 
-# Sections.
+# Functions that make the sections of the documents.
 
 
 def _summary(study: Study, found: Sweep, verdicts: Sequence[Verdict]) -> list[Section]:
@@ -194,8 +194,8 @@ def _summary(study: Study, found: Sweep, verdicts: Sequence[Verdict]) -> list[Se
         counts_of = ", ".join(f"{count} with {setting}" for setting, count in lost.most_common())
         words.append(f"Diverged, and so no success: {counts_of}, of {len(found.table)} episodes.")
     if verdicts:
-        counts = Counter(verdict.whose for verdict in verdicts)
-        words.append("Failures: " + ", ".join(f"{whose} {count}" for whose, count in counts.most_common()) + ".")
+        counts = Counter(verdict.cause for verdict in verdicts)
+        words.append("Failures: " + ", ".join(f"{cause} {count}" for cause, count in counts.most_common()) + ".")
     return [Section("Summary", words)]
 
 
@@ -291,11 +291,11 @@ def _settings(study: Study, found: Sweep) -> list[Section]:
         "All settings of the study, and the differences of the others from these. Tolerances of stepper are residuals in m/s; MuJoCo "
         "defines its tolerance differently."
     ]
-    return [Section("Solver settings in force", words, ("settings", "in force"), rows)]
+    return [Section("Solver settings in force", words, ("settings", "values"), rows)]
 
 
 def _differences(own: dict[str, Any], usual: dict[str, Any]) -> str:
-    """Differences between settings as text; "no NAME" is a setting that an engine does not have."""
+    """Differences of settings from the usual ones, as text. "no NAME" marks a setting that the engine does not have."""
     names = list(dict.fromkeys((*usual, *own)))
     changed = [name for name in names if own.get(name) != usual.get(name)]
     told = [f"no {name}" if own.get(name) is None else f"{name} {cell(own[name])}" for name in changed]
@@ -333,7 +333,7 @@ def _perturbations(found: Sweep, folder: Path) -> list[Section]:
 
 
 def _repeated(levels: Sequence[Level]) -> list[str]:
-    """Note on levels without an interval, with the reason."""
+    """Paragraph on levels without an interval, with the reason; empty if all levels have one."""
     fewest = min((level for level in levels), key=lambda level: level.different / level.episodes)
     if fewest.different == fewest.episodes:
         return []
@@ -391,7 +391,7 @@ def _transfer(study: Study, found: Sweep) -> list[Section]:
         "spread",
         f"mean difference of {outcome}",
         "+-",
-        "episodes that end otherwise",
+        "episodes with another success",
         "diverged",
     )
     base = _nominal_rows(found, USUAL)
@@ -413,28 +413,28 @@ def _transfer(study: Study, found: Sweep) -> list[Section]:
 
 def _nominal_rows(found: Sweep, setting: str) -> dict[int, dict[str, Any]]:
     nominal = nominal_of(found.study, setting)
-    return {row["episode"]: row for row in found.table.rows if row["setting"] == setting and row["theta"] == nominal}
+    return {row["episode"]: row for row in found.table.rows if row["setting"] == setting and row["parameters"] == nominal}
 
 
 def _failures(verdicts: Sequence[Verdict], found: Sweep) -> list[Section]:
     if found.study.decisive is None:
         return []
-    counts = Counter((verdict.whose, verdict.rule) for verdict in verdicts)
+    counts = Counter((verdict.cause, verdict.rule) for verdict in verdicts)
     rows: list[list[Any]] = []
-    for (whose, rule), count in counts.most_common():
-        row = next(v.row for v in verdicts if (v.whose, v.rule) == (whose, rule))
-        theta = ", ".join(f"{name} {cell(value)}" for name, value in row["theta"].items()) or "nominal"
-        rows.append([whose, rule, count, f"{row['setting']}: {theta}, episode {row['episode']}"])
+    for (cause, rule), count in counts.most_common():
+        row = next(v.row for v in verdicts if (v.cause, v.rule) == (cause, rule))
+        values = ", ".join(f"{name} {cell(value)}" for name, value in row["parameters"].items()) or "nominal"
+        rows.append([cause, rule, count, f"{row['setting']}: {values}, episode {row['episode']}"])
     words = [
         "All failed episodes of stepper at all points above, and those of MuJoCo that diverged. Each is repeated with one part made ideal "
         "at a time, and the first rule that applies gives the cause:",
-        ". ".join(f"{whose}: {rule}" for whose, rule in RULES) + ".",
+        ". ".join(f"{cause}: {rule}" for cause, rule in RULES) + ".",
     ]
     return [
         Section(
-            "Whose failures",
+            "Causes of failures",
             words if rows else ["No episode of stepper failed, and none of MuJoCo diverged."],
-            ("whose", "rule", "episodes", "first"),
+            ("cause", "rule", "episodes", "first"),
             rows,
         )
     ]
@@ -445,7 +445,7 @@ def _left_out(study: Study) -> list[Section]:
 
 
 def in_force(study: Study, count: int, table: str = "table") -> list[Section]:
-    """Section with digests and versions of a run, and the names of the files with those of each row.
+    """Section "In force": digests and versions of the study, and the files that have them for each row.
 
     Args:
         study: The study.
@@ -462,7 +462,7 @@ def in_force(study: Study, count: int, table: str = "table") -> list[Section]:
         ["seed", used["seed"]],
         [
             "rows",
-            f"{count}, each with its theta, settings and tolerance in force in {table}.csv; in_force.json has the rest, with notes",
+            f"{count}, each with its parameters, settings and tolerance in {table}.csv; in_force.json has the rest, with notes",
         ],
     ]
     return [Section("In force", [], ("", ""), rows)]

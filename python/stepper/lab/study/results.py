@@ -1,4 +1,4 @@
-"""Folder of a study: its journal, in_force.json, table and pages."""
+"""Output folder of a study: journal, in_force.json, tables and pages."""
 
 from __future__ import annotations
 
@@ -15,14 +15,15 @@ from stepper.lab.study.study import Study
 from stepper.shared.files import atomic_write
 
 IN_FORCE, JOURNAL = "in_force.json", "journal.sqlite"
+"""Names of the files with the provenance of rows, and with the rows."""
 
 
 class Results:
-    """Folder of a study. While it is open, its `Journal` locks it for other processes.
+    """Output folder of a study, as a context manager. Until it is closed, its journal is locked for other processes.
 
     Args:
         study: The study.
-        out: Output folder, with a folder for each study by name.
+        out: Output folder; the study's folder in it has the name of the study.
     """
 
     def __init__(self, study: Study, out: str | os.PathLike[str]):
@@ -36,7 +37,7 @@ class Results:
             raise
 
     def _write_in_force(self, study: Study) -> None:
-        """Adds `Study.in_force` to in_force.json, under its digest."""
+        """Add `Study.in_force` (model, versions, digests) to in_force.json, under its digest."""
         file = self.folder / IN_FORCE
         entries: dict[str, Any] = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
         text = json.dumps(study.in_force, sort_keys=True, default=str)

@@ -1,4 +1,4 @@
-"""`stepper.lab.Study`: the definition of a study, with its model, drive, outcomes and parameters."""
+"""Definition of a study (`stepper.lab.Study`): model, drive, outcomes and parameters."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from stepper.actuators import ActuatorModel
 from stepper.lab.study import drives
 from stepper.lab.study.episode import Episodes
 from stepper.lab.study.outcomes import Outcome
-from stepper.lab.study.parameters import OF_MODEL, Parameter, Theta, Value, check, with_nominal
+from stepper.lab.study.parameters import OF_MODEL, Parameter, Value, Values, check, with_nominal
 from stepper.lab.study.points import USUAL
 from stepper.lab.study.worlds import World
 from stepper.loading import compile_source, is_saved, load
@@ -34,31 +34,36 @@ from stepper.shared.machine import package_version, require
 
 Array = NDArray[np.float64]
 Start = Callable[[World, list[np.random.Generator]], tuple[Any, Any]]
-"""Function of a `World` and a generator per environment that returns qpos (num_envs, nq), m and rad, and qvel (num_envs, nv), m/s and
-rad/s."""
+"""Function of a `World` and a list of one random number generator per environment.
+
+It returns qpos (num_envs, nq), m and rad, and qvel (num_envs, nv), m/s and rad/s.
+"""
 
 Exact = Callable[[World, Array], tuple[Any, Any]]
-"""Function of a `World` at the start and times (T,), s, that returns qpos (T, num_envs, nq), m and rad, and qvel (T, num_envs, nv), m/s
-and rad/s."""
+"""Closed-form solution: function of a `World` at the start and of times (T,), s.
+
+It returns qpos (T, num_envs, nq), m and rad, and qvel (T, num_envs, nv), m/s and rad/s.
+"""
 
 _HOLD = 0.02
 """Default control period, s."""
-_ROWS = 3
-"""Version of the rows, which is a part of their keys. It grows when the same study gives other rows.
+_ROWS = 4
+"""Version of the rows, which is part of their keys in the journal. It increases when the same study gives other rows.
 
 2: Episodes that diverge have no outcome. 3: Inverse weights of MuJoCo's law follow masses, inertias, centres of mass and armatures.
+4: Rows name the values of parameters "parameters".
 """
 
 
 class _Source:
-    """Source of a study's model, loaded at the first use. Copies of a study by `dataclasses.replace` share it."""
+    """Source of a study's model, which is loaded at the first use. Copies of a study by `dataclasses.replace` share it."""
 
     def __init__(self, model: Any):
         self.model = model
 
     @cached_property
     def loaded(self) -> tuple[Model, Any]:
-        """The model, and the `mujoco.MjModel` of the same source; None for saved models and models made in code."""
+        """Model, and `mujoco.MjModel` of the same source (None for saved models and models made in code)."""
         source = self.model() if callable(self.model) else self.model
         if isinstance(source, Model):
             return source, None
@@ -72,23 +77,23 @@ class _Source:
 @hint_keywords("stepper.lab.Study")
 @dataclass(frozen=True, kw_only=True)
 class Study(metaclass=Hinting):
-    """Experiment on a model: episodes with a drive, measured outcomes, and parameters that are uncertain.
+    """Simulation experiment: episodes of a model with a controller (drive), measured outcomes and uncertain parameters.
 
-    If selectors or measures contain names of elements, the study loads its model at once to check them.
+    If selectors or measures contain names of elements, the constructor loads the model to check them.
 
     Attributes:
         model: Source of the model, as for `stepper.load`, or a `Model`, or a function that returns one of these.
         name: Name in tables and of the folder of results; for studies in files the default is the name of the file.
-        drive: Source of the controls: a function of a `World`, `Recorded(path)`, `Policy(function)`, or "random". None holds the controls
+        drive: Source of the controls: a function of a `World`, `Recorded(path)`, `Policy(function)`, or "random". None keeps the controls
             of the keyframe, or 0.
-        outcomes: Measured results of an episode. At most one has a condition of success. None is enough for `chart` and `tune`.
+        outcomes: Measured results of an episode, of which at most one has a condition of success. `chart` and `tune` need no outcome.
         parameters: Uncertain parameters by name.
         settings: Alternative settings for the same episodes, by name: attributes of `Options` and "precision". Or {"engine": "mujoco"} with
             MuJoCo's integrator, cone, solver, impratio, noslip_iterations, iterations, tolerance, timestep.
         seconds: Length of an episode, s.
         control: Control period, s, for any time step; None is the multiple of the model's time step that is nearest to 20 ms.
-        episodes: Number of episodes at each point.
-        seed: Seed of all random numbers. Episode k has the same start, random controls and sensor errors at every point.
+        episodes: Number of episodes at each point (set of parameter values).
+        seed: Seed of all random numbers. Episode k has the same initial state, random controls and sensor errors at every point.
         start: Function that returns the initial states; None is the keyframe or the model's reference.
         keyframe: Keyframe of the initial state, by name or index.
         exact: Closed-form solution, if known: a function of a `World` at the start and of times (T,), s. It returns
@@ -100,7 +105,7 @@ class Study(metaclass=Hinting):
         sensors: Errors of the sensors; None is ideal sensors.
         actuators: Drives of the actuators; None is ideal actuators.
         batch: Largest number of episodes that are stepped together. With a sensor model all episodes of a point are stepped together,
-            because sensor errors depend on the place in a batch.
+            because sensor errors depend on the index in a batch.
         threads: Number of threads that step; 0 is all cores.
         ray: Whether to run batches as tasks of Ray, on all machines of its cluster. The rows are the same.
     """
@@ -134,7 +139,7 @@ class Study(metaclass=Hinting):
         if not (self.drive is None or self.drive == "random" or callable(self.drive)):
             raise TypeError(f'drive is {self.drive!r}, must be a function, Recorded, Policy, "random" or None')
         if not (self.start is None or callable(self.start)):
-            raise TypeError(f'start is {self.start!r}, must be a function or None: "file.py:function" is for studies in TOML')
+            raise TypeError(f'start is {self.start!r}, must be a function or None: "file.py:function" works only in TOML files')
 
     def __post_init__(self) -> None:
         source = self._source if self._source is not None and self._source.model is self.model else _Source(self.model)
@@ -167,7 +172,7 @@ class Study(metaclass=Hinting):
             _ = self.loaded
 
     def _check_kinds(self) -> None:
-        """Raises TypeError or ValueError for outcomes and parameters of wrong types."""
+        """Raise TypeError or ValueError if outcomes or parameters have wrong types."""
         if self.outcomes is not None and not isinstance(self.outcomes, Outcome):
             if isinstance(self.outcomes, str) or not isinstance(self.outcomes, Sequence):
                 raise TypeError(f"outcomes is {self.outcomes!r}, must be a stepper.lab.Outcome or a list of them")
@@ -201,10 +206,10 @@ class Study(metaclass=Hinting):
 
     @classmethod
     def from_file(cls, path: str | Path) -> Study:
-        """Reads a study from a TOML file, or from a Python file that has a `Study` named `study`.
+        """Read a study from a TOML file, or from a Python file that defines a `Study` named `study`.
 
         Raises:
-            ValueError: The file has no valid study; the message has its path.
+            ValueError: The file does not contain a valid study; the message has its path.
         """
         # Imported here, because files.py imports this module.
         from stepper.lab.study.files import read_study  # noqa: PLC0415
@@ -213,7 +218,7 @@ class Study(metaclass=Hinting):
 
     @cached_property
     def loaded(self) -> tuple[Model, Any]:
-        """The model, and the `mujoco.MjModel` of the same source; None for saved models and models made in code.
+        """Model, and `mujoco.MjModel` of the same source (None for saved models and models made in code).
 
         Raises:
             ModelError: The model cannot be loaded.
@@ -228,7 +233,7 @@ class Study(metaclass=Hinting):
 
     @cached_property
     def hold(self) -> float:
-        """Control period, s: the time for which a control is held."""
+        """Control period, s: the time between two calls of the drive."""
         if self.control is not None:
             return self.control
         timestep = self.options.timestep or float(self.loaded[0].timestep)
@@ -246,23 +251,27 @@ class Study(metaclass=Hinting):
 
     @property
     def decisive(self) -> Outcome | None:
-        """Outcome with the condition of success; None without one."""
+        """Outcome with the condition of success; None if no outcome has one."""
         return next((outcome for outcome in self.all_outcomes if outcome.success is not None), None)
 
     @property
     def nominal(self) -> dict[str, Any]:
-        """Values of the parameters at the nominal point, by name."""
+        """Nominal values of the parameters, by name; parameters without a nominal value are left out."""
         return {name: p.nominal for name, p in self.parameters.items() if p.nominal is not None}
 
     def driven(self) -> Any:
-        """Drive for one batch; None holds the initial controls."""
+        """Drive (a function of a `World`) for one batch; None keeps the initial controls."""
         return drives.Random(self.seed) if isinstance(self.drive, str) else self.drive
 
     def setting(self, name: str, given: Mapping[str, Any] | None = None) -> dict[str, Any]:
-        """Options that the settings of a name change.
+        """Changed options of the settings with a name, as a dict.
+
+        Args:
+            name: Name of the settings.
+            given: The settings, to check them; None is those of the study.
 
         Raises:
-            ValueError: No settings of that name, or an unknown option.
+            ValueError: There are no settings of this name, or an option is unknown.
         """
         if name == USUAL:
             return {}
@@ -280,11 +289,11 @@ class Study(metaclass=Hinting):
 
     @cached_property
     def identity(self) -> dict[str, Any]:
-        """Plain values and digests that determine all rows, together with parameters, settings and episode."""
+        """Values and digests (JSON types) that determine the row of an episode, together with parameter values, settings and its number."""
         model, _ = self.loaded
         measured = [
             {
-                **{f.name: getattr(o, f.name) for f in fields(o) if f.name not in ("measure", "whose")},
+                **{f.name: getattr(o, f.name) for f in fields(o) if f.name not in ("measure", "cause")},
                 "measure": drives.name_of(o.measure),
                 "sha256": drives.digest_of(o.measure),
             }
@@ -309,14 +318,14 @@ class Study(metaclass=Hinting):
 
     @property
     def notes(self) -> list[str]:
-        """Elements of the model's source that are left out, and its settings that the default options do not use."""
+        """Elements of the model's source that stepper leaves out, and settings of the source that the default options do not use."""
         model, _ = self.loaded
         left = [f"{kind} {name}: {reason}" for kind, name, reason in model.omitted]
         return left + [f"set in the file, not used by the default options: {line}" for line in model.deviations]
 
     @cached_property
     def in_force(self) -> dict[str, Any]:
-        """Identity of the study, with machine, interpreter, digest of the binary, and `notes`."""
+        """Provenance of the study's rows: `identity`, machine, interpreter, digest of the binary, and `notes`."""
         binary = hashlib.sha256(Path(_stepper.__file__).read_bytes()).hexdigest()
         return self.identity | {
             "notes": self.notes,
@@ -338,12 +347,12 @@ class Study(metaclass=Hinting):
         mujoco.mj_saveModel(compiled, None, buffer)
         return hashlib.sha256(buffer.tobytes()).hexdigest()
 
-    def key(self, theta: Theta, setting: str, episode: int) -> str:
-        """Key of a row in the journal: a digest of everything that determines it."""
+    def key(self, values: Values, setting: str, episode: int) -> str:
+        """Key of a row in the journal: digest of everything that determines the row."""
         given = self.setting(setting)
         # Only for rows of MuJoCo: a change that stepper does not read keeps stepper's rows.
         compiled = [self._compiled_digest] if given.get("engine") == "mujoco" else []
-        own = {name: [value, str(p.parsed), p.how] for name, value in sorted(theta.items()) for p in [self.parameters[name]]}
+        own = {name: [value, str(p.parsed), p.operation] for name, value in sorted(values.items()) for p in [self.parameters[name]]}
         return _digest([self._identity_digest, own, given, episode, *compiled])
 
     @cached_property
@@ -359,22 +368,22 @@ class Study(metaclass=Hinting):
         setting: str = USUAL,
         record: str | os.PathLike[str] | None = None,
     ) -> dict[str, Any]:
-        """Runs one episode. It has the same bits as in the tables of `sweep`, `report` and `rank`.
+        """Run one episode. Its results equal those in the tables of `sweep`, `report` and `rank`, bit for bit.
 
         Args:
             values: Values of parameters, by name or selector; the others are nominal.
-            number: Number of the episode, which determines its start, random controls and sensor errors.
-            seed: Seed in place of the study's.
+            number: Number of the episode, which determines its initial state, random controls and sensor errors.
+            seed: Seed; None is that of the study.
             setting: Name of the settings.
             record: New folder for a recording, which `stepper view` shows and `stepper.replay` repeats. It has a row for every control
                 period. With a sensor model, it has an environment for every episode of the point.
 
         Returns:
-            Row of the episode: "theta" (values of parameters), "outcomes" by name, "success", "certificate" (worst status, residual and
+            Row of the episode: "parameters" (values by name), "outcomes" by name, "success", "certificate" (worst status, residual and
             violations of its steps), "settings" of the engine.
 
         Raises:
-            ValueError: No such parameter, value, settings or episode; or a recording of MuJoCo.
+            ValueError: A parameter, value, name of settings or episode is invalid, or `record` is given with settings that run in MuJoCo.
             FileExistsError: The folder is not empty.
         """
         study = self if seed is None else replace(self, seed=seed)
@@ -385,15 +394,15 @@ class Study(metaclass=Hinting):
         """Copy of the study with other nominal values.
 
         Args:
-            values: Numbers or words by name of a parameter, or by selector, as "geom_friction[floor][0]".
+            values: Values (numbers or texts) by name of a parameter, or by selector, as "geom_friction[floor][0]".
 
         Raises:
-            ValueError: No such parameter, or an invalid value.
+            ValueError: A parameter is unknown, or a value is invalid.
         """
         return replace(self, parameters=with_nominal(self.parameters, values))
 
     def generators(self, episodes: Sequence[int]) -> list[np.random.Generator]:
-        """Random number generators of the initial states of episodes."""
+        """Random number generator of the initial state of each episode."""
         return [np.random.default_rng([self.seed, int(e), 0]) for e in episodes]
 
 

@@ -1,4 +1,4 @@
-"""Sweep of a study: each parameter over its range, one at a time, and the values at which success ends."""
+"""Sweep of a study: variation of one parameter at a time over its range, and bisection for the values at which success ends (cliffs)."""
 
 from __future__ import annotations
 
@@ -21,14 +21,15 @@ from stepper.lab.study.study import Study
 from stepper.lab.study.table import Table
 
 CLIFF = 0.5
-"""Share of successes that defines a cliff: it is above on one side and below on the other."""
+"""Fraction of successes that defines a cliff: it is above this on one side, and below it on the other."""
 RESOLUTION = 1e-3
-"""Width of a cliff's bracket, as a fraction of its parameter's range."""
+"""Default width of a cliff's bracket, as a fraction of the parameter's range."""
 _AT_ONCE = 7
-"""Number of points inside a bracket that one round of a bisection runs as one batch."""
+"""Number of points inside a bracket that one round of the bisection runs as one batch."""
 Bisected = list[tuple[float, list[Row]]]
 """Values of a parameter with the rows of their episodes."""
 UNSOLVED = Status.NOT_CONVERGED | Status.NON_FINITE | Status.CONTACTS_FULL | Status.UNRESOLVED | Status.TUNNELLED | Status.INFEASIBLE
+"""Flags of steps that were not solved reliably."""
 
 
 @dataclass(frozen=True)
@@ -42,10 +43,10 @@ class Level:
         episodes: Number of episodes.
         successes: Number of successful episodes; None if the study has no condition of success.
         different: Number of distinct episodes. Without random starts or drives, episodes may repeat one another bit for bit.
-        interval: Wilson's 95 % interval of the share of successes; NaN if episodes repeat one another, as these are not independent trials.
-        mean: Mean of the outcome with the success, or of the first one, over the episodes that did not diverge; NaN if all did.
+        interval: Wilson's 95 % interval of the fraction of successes; NaN if episodes repeat one another, because they are not independent.
+        mean: Mean of the outcome with a condition of success (or of the first one) over the episodes that did not diverge; NaN if all did.
         spread: Standard deviation of that outcome over episodes.
-        change: Mean difference from the same episodes at the nominal point, without those that diverged, and its standard error.
+        change: Mean difference of that outcome from the same episodes at the nominal point, without diverged ones, and its standard error.
         unsolved: Number of episodes with a step that was not solved, not finite, or unresolved (flags of `Status`).
         diverged: Number of episodes that diverged. They have no outcome and count as failures.
     """
@@ -65,21 +66,21 @@ class Level:
 
     @property
     def share(self) -> float:
-        """Share of successes; NaN if the study has no condition of success."""
+        """Fraction of successes; NaN if the study has no condition of success."""
         return math.nan if self.successes is None else self.successes / self.episodes
 
 
 @dataclass(frozen=True)
 class Cliff:
-    """Bracket of a value of a parameter at which the share of successes crosses one half.
+    """Interval of a parameter's values in which the fraction of successes crosses one half.
 
     Attributes:
         setting: Name of the settings.
         parameter: Name of the parameter.
         low: Lower end of the bracket, in the parameter's unit.
         high: Upper end of the bracket.
-        below: Share of successes at `low`.
-        above: Share of successes at `high`.
+        below: Fraction of successes at `low`.
+        above: Fraction of successes at `high`.
     """
 
     setting: str
@@ -100,7 +101,7 @@ class Sweep:
         cliffs: Values at which success ends.
         table: Table of all episodes.
         skipped: Parameters that were not run with some settings, with the reasons.
-        bisected: Additional levels of the bisections.
+        bisected: Further levels, from the bisections.
     """
 
     study: Study
@@ -115,7 +116,7 @@ class Sweep:
         return [level for level in self.levels if (level.parameter, level.setting) == (parameter, setting)]
 
     def points(self, parameter: str, setting: str = USUAL) -> list[Level]:
-        """Levels of a parameter with one of the settings, including those of bisections; numbers are in order."""
+        """Levels of a parameter with one of the settings, including those of bisections, in ascending order of numbers."""
         found = self.levels_of(parameter, setting)
         found += [level for level in self.bisected if (level.parameter, level.setting) == (parameter, setting)]
         words = any(isinstance(level.value, str) for level in found)
@@ -123,11 +124,11 @@ class Sweep:
 
     @property
     def ranking(self) -> list[tuple[str, float]]:
-        """Parameters in the order of their effect, with the study's default settings.
+        """Parameters in descending order of their effect, with the study's default settings.
 
         Returns:
-            Pairs of a name and its effect: the largest minus the smallest share of successes over the parameter's range; without a
-            condition of success, the same of the mean outcome.
+            Pairs of name and effect. The effect is the largest minus the smallest fraction of successes (without a condition of success:
+            mean outcome) over the parameter's range.
         """
         found = []
         for name in self.study.parameters:
@@ -147,21 +148,21 @@ def sweep(
     resolution: float = RESOLUTION,
     tick: Tick | None = None,
 ) -> Sweep:
-    """Sweeps each parameter over its range, one at a time, with all settings of a study.
+    """Vary one parameter at a time over its range, with all settings of a study.
 
     Args:
         study: The study; it must have parameters and an outcome.
         journal: Journal of its finished rows.
-        parameters: Names, or selectors with a range, as "geom_friction[floor][0]=0.2..1"; None is all of the study.
+        parameters: Names, or selectors with a range, as "geom_friction[floor][0]=0.2..1"; None is all parameters of the study.
         cliffs: Whether to locate the values at which success ends.
         resolution: Width of a cliff's bracket as a fraction of its parameter's range, between 0 and 1.
-        tick: Called with a text and the fraction done.
+        tick: Progress callback with a text and the fraction done.
 
     Returns:
         Levels and cliffs.
 
     Raises:
-        ValueError: No outcome, an unknown parameter, or a resolution outside of its range.
+        ValueError: The study has no outcome, a parameter is unknown, or `resolution` is out of range.
     """
     if not 0 < resolution < 1:
         raise ValueError(f"resolution is {resolution}, must be between 0 and 1: the width of a cliff's bracket over the range")
@@ -200,19 +201,21 @@ def sweep(
 
 
 def _point(study: Study, cell: tuple[str, str, Value | None]) -> Point:
+    """Point of a cell (settings, parameter, value): all other parameters are nominal."""
     setting, name, value = cell
-    theta = nominal_of(study, setting)
+    chosen = nominal_of(study, setting)
     if value is not None:
-        theta[name] = value
-    return Point(theta, setting)
+        chosen[name] = value
+    return Point(chosen, setting)
 
 
 def measured(study: Study) -> str:
-    """Name of the outcome that a table shows: the one with the success, or the first."""
+    """Name of the outcome that tables show: the one with a condition of success, or the first."""
     return (study.decisive or study.all_outcomes[0]).name
 
 
 def _level(study: Study, cell: tuple[str, str, Value | None], rows: Sequence[Row], nominal: Sequence[Row]) -> Level:
+    """Statistics of a cell (settings, parameter, value) from its rows, and the rows of the same episodes at the nominal point."""
     name = measured(study)
     pairs = [
         (row["outcomes"][name], was["outcomes"][name], diverged(was)) for row, was in zip(rows, nominal, strict=True) if not diverged(row)
@@ -249,26 +252,26 @@ def _deviation(values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
 
 
 class _Progress:
-    """Progress of the rounds of all bisections, as one."""
+    """Progress of all bisections together, counted in rounds."""
 
     def __init__(self, what: str, rounds: int, tick: Tick | None):
         self._what, self._rounds, self._tick, self._done = what, rounds, tick, 0
 
     def of_round(self, done: float) -> None:
-        """Tells the fraction that is done of the round under way."""
+        """Report the completed fraction of the current round."""
         if self._tick is not None:
-            # The end is told once: a time step has fewer values between two than a number.
+            # Only `end` reports 1, because a bisection may need fewer rounds than predicted.
             self._tick(self._what, min((self._done + done) / self._rounds, 0.99))
         self._done += done == 1.0
 
     def end(self) -> None:
-        """Tells the end, if there were rounds."""
+        """Report the end, if there were rounds."""
         if self._tick is not None and self._rounds:
             self._tick(self._what, 1.0)
 
 
 def _brackets(study: Study, levels: Sequence[Level], resolution: float) -> list[tuple[Level, Level, float]]:
-    """Neighbouring levels of a parameter with a cliff between them, and the width to which each bracket is narrowed."""
+    """Neighbouring levels of a parameter with a cliff between them, and the width at which the bisection ends."""
     numeric = [level for level in levels if isinstance(level.value, int | float) and not isinstance(level.value, bool)]
     if study.parameters[levels[0].parameter].leaf in COUNTS if levels else True:
         return []
@@ -284,6 +287,7 @@ def _rounds(one: Level, other: Level, width: float) -> int:
 
 
 def _shares(study: Study, points: Sequence[Point], journal: Journal, progress: _Progress) -> list[tuple[float, list[Row]]]:
+    """Fraction of successes and rows of each point."""
     rows = run_points(study, points, journal, progress.of_round)
     n = study.episodes
     cut = [rows[k * n : (k + 1) * n] for k in range(len(points))]
@@ -293,7 +297,10 @@ def _shares(study: Study, points: Sequence[Point], journal: Journal, progress: _
 def _bisect(
     study: Study, one: Level, other: Level, width: float, run: Callable[[Sequence[Point]], list[tuple[float, list[Row]]]]
 ) -> tuple[Cliff, Bisected]:
-    """Cliff between two levels, with a bracket of at most `width`. Each round runs several points at once."""
+    """Cliff between two levels, with a bracket of at most `width`, and the values that were run with their rows.
+
+    `run` returns the fraction of successes and the rows of each point. Each round runs several points at once.
+    """
     assert isinstance(one.value, int | float)
     assert isinstance(other.value, int | float)
     low, high, below, above = float(one.value), float(other.value), one.share, other.share

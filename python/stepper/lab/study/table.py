@@ -1,4 +1,4 @@
-"""Table of a study, with a row for every episode."""
+"""Table of a study's episodes."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from stepper.shared.machine import require
 
 
 class Table:
-    """Table of a study, with columns as arrays (n,) of the n episodes: `table["outcome.lifted"]`.
+    """Table of n episodes of a study. Its columns are arrays (n,), as `table["outcome.lifted"]`.
 
     Columns:
 
     * "setting", "episode", "seed": name of the settings, number and seed of the episode
-    * "theta.NAME": value of a parameter; NaN or "" where the model's value was not changed
+    * "parameters.NAME": value of a parameter; NaN or "" if the model's number was not changed
     * "outcome.NAME": value of an outcome
     * "success": 1, 0, or -1 if the study has no condition of success
     * "status": flags of `stepper.Status` over the episode
-    * "residual" (m/s), "max_penetration" (m), "max_limit_violation" (rad or m), "max_equality_violation" (m or rad): largest of the episode
+    * "residual" (m/s), "max_penetration" (m), "max_limit_violation" (rad or m), "max_equality_violation" (m or rad): largest in the episode
     * "settings.NAME": setting of the engine
     * "in_force": key of an entry in in_force.json, with model, versions and digests
 
@@ -46,7 +46,7 @@ class Table:
         return self.columns[name]
 
     def save(self, folder: Path, name: str = "table") -> list[Path]:
-        """Writes NAME.csv and NAME.npz, and NAME.parquet if pyarrow is installed; returns their paths."""
+        """Write NAME.csv and NAME.npz, and NAME.parquet if pyarrow is installed, and return their paths."""
         folder.mkdir(parents=True, exist_ok=True)
         files = [folder / f"{name}.csv", folder / f"{name}.npz"]
         with files[0].open("w", newline="", encoding="utf-8") as file:
@@ -63,12 +63,13 @@ class Table:
 
 
 def _flat(row: Row) -> dict[str, Any]:
+    """Row of the journal with the names of the table's columns."""
     success = row["success"]
     return {
         "setting": row["setting"],
         "episode": row["episode"],
         "seed": row["seed"],
-        **{f"theta.{name}": value for name, value in row["theta"].items()},
+        **{f"parameters.{name}": value for name, value in row["parameters"].items()},
         **{f"outcome.{name}": value for name, value in row["outcomes"].items()},
         "success": -1 if success is None else int(success),
         **row["certificate"],

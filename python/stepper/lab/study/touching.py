@@ -1,4 +1,4 @@
-"""Statistics of the contacts in a study's episodes, for each pair of geoms: distance, duration, forces and use of friction."""
+"""Statistics of the contacts in a study's episodes, for each pair of geoms: distance, duration, forces and used friction."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from stepper.lab.study.worlds import StepperWorld, World
 
 Array = NDArray[np.float64]
 _STICKS = 0.999
-"""Share of the friction cone beyond which a contact slides."""
+"""Fraction of the friction cone above which a contact counts as sliding."""
 _FIRM = 1e-3
-"""Share of a pair's largest normal force below which the friction ratio of a single contact does not count."""
+"""Fraction of a pair's largest normal force below which the friction ratio of a single contact is ignored."""
 
 
 @dataclass(frozen=True)
@@ -31,16 +31,16 @@ class Pair:
     Attributes:
         geoms: Indices of the geoms, the lower first.
         names: Names of the geoms.
-        time: Share of the steps in which the normal force is positive.
+        time: Fraction of the steps in which the normal force is positive.
         impulse: Impulse of the normal forces, N s per episode.
         peak: Largest total normal force, N.
         friction: Coefficient of sliding friction of the pair.
         used: Largest ratio of total tangential to total normal force.
-        slides: Share of the normal impulse for which that ratio is at its bound, `friction`.
-        cone: Largest share of the friction cone used by a single contact, |f_t| / (mu f_n); contacts below a thousandth of the peak do not
-            count.
-        twists: Largest torque about and across the normal, N m.
-        nearest: Smallest distance of a contact in the constraint problem, m.
+        slides: Fraction of the normal impulse during which that ratio is at its bound, `friction`.
+        cone: Largest used fraction of the friction cone by a single contact, |f_t| / (mu f_n), without contacts whose normal force is below
+            a thousandth of the peak.
+        twists: Largest torsional or rolling friction torque of a contact, N m.
+        nearest: Smallest distance of the contacts, m; negative for overlap.
     """
 
     geoms: tuple[int, int]
@@ -63,12 +63,12 @@ class Touching:
     Attributes:
         pairs: Pairs of geoms, the largest impulse first.
         steps: Number of steps of all episodes.
-        most: Largest number of contacts in one environment.
+        most: Largest number of simultaneous contacts in one environment.
         sweeps: Largest number of Gauss-Seidel sweeps in a step.
         newton_steps: Largest number of Newton steps in a step.
         status: All flags of `Status` that steps set.
-        saturated: Share of the steps in which each actuator was at a bound of its effort, (nu,).
-        limits: Share of the steps in which each joint was near a limit, within a hundredth of its range, (njnt,).
+        saturated: Fraction of the steps in which each actuator was at a bound of its force, (nu,).
+        limits: Fraction of the steps in which each joint was within a hundredth of its range from a limit, (njnt,).
         senses: Whether the drive or an outcome read a sensor.
         reach: Lowest and highest position of every coordinate, (2, nq), m or rad.
     """
@@ -86,13 +86,13 @@ class Touching:
 
     @property
     def deciding(self) -> tuple[Pair, ...]:
-        """Pairs with at least a hundredth of the total impulse, or a tenth of the largest force."""
+        """Pairs with at least a hundredth of the total impulse, or a tenth of the largest force, of all pairs."""
         total, peak = sum(pair.impulse for pair in self.pairs), max((pair.peak for pair in self.pairs), default=0.0)
         return tuple(pair for pair in self.pairs if pair.impulse >= 0.01 * total or pair.peak >= 0.1 * peak)
 
 
 def explicit_friction(compiled: Any) -> dict[tuple[int, int], float]:
-    """Sliding friction of an `MjModel`'s explicit pairs, by their geoms, the lower index first; empty without a model."""
+    """Sliding friction of the explicit pairs of an `mujoco.MjModel`, by their geoms, the lower index first; empty for None."""
     if compiled is None:
         return {}
     pairs = np.sort(np.stack([compiled.pair_geom1, compiled.pair_geom2], axis=1), axis=1)
@@ -100,7 +100,7 @@ def explicit_friction(compiled: Any) -> dict[tuple[int, int], float]:
 
 
 def _friction_of_pairs(model: Model, friction: Array) -> dict[tuple[int, int], float]:
-    """Sliding friction of explicit pairs by their geoms, the lower index first. Of two pairs of the same geoms the first counts."""
+    """Sliding friction of explicit pairs by their geoms, the lower index first. Of two pairs of the same geoms the first is used."""
     found: dict[tuple[int, int], float] = {}
     for k in range(model.npair):
         pair = model.pair(k)
@@ -112,7 +112,7 @@ def pair_friction(model: Model, friction: Array, first: int, second: int, explic
     """Sliding friction of two geoms: that of their explicit pair, else of the geom with the higher priority, else the larger one.
 
     Args:
-        model: The scene.
+        model: Model of the scene.
         friction: Friction coefficients of the geoms, (ngeom, 3): sliding (no unit), torsional (m), rolling (m).
         first: Index of a geom.
         second: Index of another geom.
@@ -130,8 +130,8 @@ def pair_friction(model: Model, friction: Array, first: int, second: int, explic
 def pairs_of_bodies(model: Model) -> set[tuple[int, int]]:
     """Pairs of bodies that may collide, the lower index first.
 
-    The masks of their geoms (contype, conaffinity) match, they can move relative to each other, and they are no parent and child. Bodies
-    without joints count as parts of their parents. The world collides with its children. `pairs_that_may_touch` also applies explicit
+    The masks of their geoms (contype, conaffinity) match, they can move relative to each other, and they are not parent and child. Bodies
+    without joints count as parts of their parents. The world can collide with its children. `pairs_that_may_touch` also applies explicit
     pairs and exclusions.
     """
     rigid = [0] * model.nbody
@@ -154,8 +154,8 @@ def pairs_that_may_touch(model: Model, compiled: Any) -> set[tuple[int, int]]:
     """Pairs of bodies that may collide, with the exclusions and explicit pairs of an `MjModel`.
 
     Args:
-        model: The scene.
-        compiled: The scene's `mujoco.MjModel`, or None.
+        model: Model of the scene.
+        compiled: `mujoco.MjModel` of the scene, or None.
     """
     may = pairs_of_bodies(model)
     if compiled is not None:
@@ -178,7 +178,7 @@ class _Ledger:
         self._limited = [(k, j.qposadr, *j.range) for k, j in enumerate(joints) if j.limited and j.nq == 1]
 
     def look(self, now: World) -> None:
-        """Adds the contacts of a step."""
+        """Add the contacts of a step."""
         assert isinstance(now, StepperWorld)
         self.steps += self.num_envs
         qpos = now.qpos
@@ -197,6 +197,7 @@ class _Ledger:
             self._add(contacts, now.timestep)
 
     def _add(self, contacts: NDArray[np.void], timestep: float) -> None:
+        """Add contacts in the format of `Stepper.contacts`; timestep in s."""
         pairs = np.sort(np.asarray(contacts["geom"], np.int64), axis=1)
         kinds, which = np.unique(pairs, axis=0, return_inverse=True)
         normal = np.asarray(contacts["force"][:, 0], float)
@@ -230,7 +231,7 @@ class _Ledger:
             book["twists"] = max(book["twists"], float(twist[pushes].max()))
 
     def result(self, *, senses: bool) -> Touching:
-        """Statistics of all steps so far."""
+        """Statistics of all steps so far. `senses` is whether a sensor was read."""
         names = [name or f"#{k}" for k, name in enumerate(self.model.geom_names)]
         pairs = [
             Pair(
@@ -263,7 +264,13 @@ class _Ledger:
 
 
 def touching(study: Study, episodes: Sequence[int], **changed: Any) -> Touching:
-    """Runs episodes at the nominal point; returns statistics of the contacts in every step. Changed settings are those of `world_of`."""
+    """Run episodes with nominal parameters, and return statistics of the contacts in every step.
+
+    Args:
+        study: The study.
+        episodes: Numbers of the episodes.
+        **changed: Changed settings, as for `world_of`.
+    """
     world = world_of(study, USUAL, [study.nominal] * len(episodes), **changed)
     assert isinstance(world, StepperWorld)
     # All environments are at the nominal point.

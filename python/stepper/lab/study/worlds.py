@@ -1,4 +1,4 @@
-"""Environments of one engine at one time, with the same interface for stepper and MuJoCo. Drives and measures read it."""
+"""Worlds: environments of a study in one engine, with the same interface for stepper and MuJoCo."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from stepper.shared.machine import require
 
 Array = NDArray[np.float64]
 _WEIGHED = frozenset({"body_mass", "body_inertia", "body_ipos", "dof_armature"})
-"""Fields of `Stepper.randomize` from which the inverse weights of MuJoCo's law follow."""
+"""Fields of `Stepper.randomize` that determine the inverse weights of MuJoCo's contact law."""
 _HUGE = 1e10
 """Bound of positions (m, rad) and velocities (m/s, rad/s) beyond which an episode counts as diverged: mjMAXVAL, at which MuJoCo resets."""
 
@@ -35,15 +35,15 @@ class Plan:
     """Specification of a batch of episodes: model, parameters and settings.
 
     Attributes:
-        model: The scene.
-        fields: Per-environment parameters by field of `Stepper.randomize`, (num_envs, *shape), in the field's unit.
-        options: Settings of stepper's step.
+        model: Model of the scene.
+        fields: Fields with values per environment, (num_envs, *shape), in the field's unit, by name.
+        options: Options of stepper's step.
         precision: "f64" or "f32".
-        mujoco: Settings of MuJoCo's step; None runs stepper.
+        mujoco: Settings of MuJoCo's step; None selects the engine stepper.
         compiled: `mujoco.MjModel` of the scene, if it has one.
-        sensors: Errors of the sensors.
-        actuators: Drives of the actuators.
-        threads: Number of threads that step.
+        sensors: Sensor model; None is ideal sensors.
+        actuators: Actuator model; None is ideal actuators.
+        threads: Number of threads.
     """
 
     model: Model
@@ -57,8 +57,8 @@ class Plan:
     threads: int = 1
 
 
-class Thetas(dict[str, NDArray[Any]]):
-    """Values of parameters by name. The error for an unknown name lists the known ones."""
+class ParameterValues(dict[str, NDArray[Any]]):
+    """Values of a study's parameters by name, (num_envs,) each. The error for an unknown name lists the known names."""
 
     def __missing__(self, name: str) -> NDArray[Any]:
         known = ", ".join(self) or "none"
@@ -66,27 +66,27 @@ class Thetas(dict[str, NDArray[Any]]):
 
 
 CHANGING = frozenset({"step", "reset", "set_state", "randomize", "rollout", "record", "copy_state", "linearize", "view", "save_problem"})
-"""Methods of a stepper that change it, which a world does not have."""
+"""Methods that change a stepper. A world does not have them."""
 
 
 class World:
-    """Environments of one engine at one time, which drives and measures read.
+    """Environments of a study in one engine, which drives and measures read. Abstract.
 
     It has these attributes of `Stepper`, with the environments as the leading axis: `qpos`, `qvel`, `xpos`, `xquat`, `site_xpos`,
     `geom_xpos`, `sensordata`, `sensordata_ideal`, `body_contact_force`, `contacts()` and `read(name, of)`. With the engine stepper it has
-    the others too. Arrays of real numbers are float64. `xfrc_applied` is writable.
+    all other attributes of `Stepper` too. Arrays of real numbers are float64. `xfrc_applied` is writable.
 
     Attributes:
         engine: "stepper", "mujoco" or "rapier".
-        model: The scene, without differences between environments.
+        model: Model of the scene, without values that differ between environments.
         num_envs: Number of environments.
         timestep: Time step, s.
         time: Time since the start of the episode, (num_envs,) s.
         senses: Whether a sensor was read.
-        ideal: Whether sensors have no errors, whatever the study's sensor model: in charts, in tuning, and in runs that diagnose a failure.
-            Drives that add sensor errors, such as a field of view, must then leave them out.
-        last_ctrl: Last controls of the drive, (num_envs, nu) or (nu,); None if it holds the controls before them.
-        theta: Values of the study's parameters by name: (num_envs,), numbers or words.
+        ideal: Whether this run has ideal sensors whatever the study's sensor model, as in charts, tuning and diagnoses of failures. Drives
+            that simulate sensor errors themselves, such as a field of view, must then leave them out.
+        last_ctrl: Last return value of the drive: controls (num_envs, nu) or (nu,), or None if it kept the previous controls.
+        parameters: Values of the study's parameters by name: (num_envs,), numbers or texts.
         episodes: Number of each environment's episode, (num_envs,).
     """
 
@@ -94,7 +94,7 @@ class World:
 
     def __init__(self, plan: Plan, num_envs: int):
         self.model, self.num_envs, self.time = plan.model, num_envs, np.zeros(num_envs)
-        self.theta = Thetas()
+        self.parameters = ParameterValues()
         self.episodes: NDArray[np.int64] = np.arange(num_envs)
         self.timestep = 0.0
         self.last_ctrl: Any = None
@@ -109,7 +109,7 @@ class World:
         return read(self, name, of)
 
     def start(self, qpos: Array, qvel: Array, keyframe: str | int | None, seed: int) -> None:
-        """Begins an episode in all environments.
+        """Start an episode in all environments.
 
         Args:
             qpos: Initial positions, (num_envs, nq), m and rad.
@@ -120,20 +120,20 @@ class World:
         raise NotImplementedError
 
     def advance(self, ctrl: Any, nstep: int) -> None:
-        """Makes steps, and updates the certificate.
+        """Step all environments, and update the certificate.
 
         Args:
-            ctrl: Controls, (num_envs, nu) or (nu,), in their units; None holds the present ones.
+            ctrl: Controls, (num_envs, nu) or (nu,), in their units; None keeps the last ones.
             nstep: Number of steps.
         """
         raise NotImplementedError
 
     def step(self, ctrl: Any, nstep: int) -> None:
-        """Makes steps like `advance`, but without updating the certificate. Timings measure this method."""
+        """Step all environments like `advance`, but without an update of the certificate. Benchmarks time this method."""
         raise NotImplementedError
 
     def certificate(self) -> dict[str, NDArray[Any]]:
-        """Quality of the episode's steps so far, the worst of each environment: "status" flags, "residual", violations; (num_envs,)."""
+        """Worst values over the steps of the episode so far, (num_envs,) each: "status" flags, "residual", and violations of positions."""
         raise NotImplementedError
 
     def settings(self) -> dict[str, Any]:
@@ -142,19 +142,19 @@ class World:
 
     @property
     def diverged(self) -> NDArray[np.bool_]:
-        """Whether each environment's episode diverged, (num_envs,): a state was not finite or huge, or the engine reset itself."""
+        """Whether each environment's episode diverged, (num_envs,): a state was not finite or too large, or the engine reset itself."""
         lost: NDArray[np.bool_] = (self.certificate()["status"] & Status.NON_FINITE) != 0
         return lost
 
     def _beyond(self) -> NDArray[np.bool_]:
-        """Whether each environment's present state is not finite or huge, (num_envs,)."""
+        """Whether each environment's current state is not finite or larger than `_HUGE`, (num_envs,)."""
         state = np.concatenate([self.qpos, self.qvel], axis=1)
         beyond: NDArray[np.bool_] = ~(np.abs(state) <= _HUGE).all(axis=1)
         return beyond
 
 
 class StepperWorld(World):
-    """World of the engine stepper; `sim` is its `Stepper`."""
+    """World of the engine stepper. Its attribute `sim` is the `Stepper`."""
 
     engine = "stepper"
 
@@ -185,7 +185,7 @@ class StepperWorld(World):
         return np.asarray(value, np.float64) if isinstance(value, np.ndarray) and value.dtype == np.float32 else value
 
     def start(self, qpos: Array, qvel: Array, keyframe: str | int | None, seed: int) -> None:
-        """Begins an episode in all environments, as `World.start` describes."""
+        """Start an episode in all environments, as `World.start` describes."""
         if keyframe is not None:
             self.sim.reset(keyframe=keyframe)
             held = np.array(self.sim.ctrl)
@@ -200,7 +200,7 @@ class StepperWorld(World):
         self.time = np.zeros(self.num_envs)
 
     def advance(self, ctrl: Any, nstep: int) -> None:
-        """Makes steps, and updates the certificate, as `World.advance` describes."""
+        """Step all environments, and update the certificate, as `World.advance` describes."""
         self.step(ctrl, nstep)
         worst = self._worst
         worst["status"] = worst["status"] | np.asarray(self.sim.status, np.int64)
@@ -209,7 +209,7 @@ class StepperWorld(World):
             worst[name] = np.maximum(worst[name], np.asarray(getattr(self.sim, name), float))
 
     def step(self, ctrl: Any, nstep: int) -> None:
-        """Makes steps, as `World.step` describes."""
+        """Step all environments, as `World.step` describes."""
         if ctrl is None:
             ctrl = self._held
         # After a step the simulation itself holds the controls.
@@ -229,13 +229,14 @@ class StepperWorld(World):
 
 
 def _default_integrator(sim: Stepper) -> str:
+    """Integrator of a stepper whose options have None."""
     if sim.options.contact == "hard":
         return "midpoint"
     return Options.from_model(sim.model).integrator or "euler" if sim.model.requested else "euler"
 
 
 def own_fields(options: Options) -> frozenset[str]:
-    """Fields of the model that may differ between environments of a batch, with these options.
+    """Names of the fields that may differ between environments of a batch, with these options.
 
     In MuJoCo's law of contact, the resistance of constraints depends on inverse weights of bodies and joints at the reference pose.
     `Stepper.randomize` does not change them; `Model.replace` computes them, as `mj_setConst` does.
@@ -244,7 +245,7 @@ def own_fields(options: Options) -> frozenset[str]:
 
 
 def _split(plan: Plan) -> tuple[Model, dict[str, Array]]:
-    """Model with the fields that all environments share, and the fields that differ, (num_envs, *shape)."""
+    """Model with the values that all environments of a plan share, and the fields that differ, (num_envs, *shape)."""
     shared, varying, may_vary = {}, {}, own_fields(plan.options)
     for field, rows in plan.fields.items():
         before = np.asarray(getattr(plan.model, field), float)
@@ -261,6 +262,7 @@ def _split(plan: Plan) -> tuple[Model, dict[str, Array]]:
 
 
 MUJOCO_SETTINGS = ("integrator", "cone", "solver", "impratio", "noslip_iterations", "iterations", "tolerance", "timestep")
+"""Names of settings with engine="mujoco"."""
 
 
 class MujocoWorld(World):
@@ -289,7 +291,8 @@ class MujocoWorld(World):
         self._models = self._models_of(plan, num_envs)
         self._data = [self._mujoco.MjData(m) for m in self._models]
         self._seen = [self._mujoco.MjData(m) for m in self._models]
-        self._fresh, self._pushed = False, False
+        # Whether `_seen` belongs to the current state, and whether forces were applied in the last step.
+        self._is_current, self._pushed = False, False
         self.timestep = float(self._models[0].opt.timestep)
         self._applied = np.zeros((num_envs, plan.model.nbody, 6))
         self._depth = np.zeros(num_envs)
@@ -309,7 +312,7 @@ class MujocoWorld(World):
         return models
 
     def start(self, qpos: Array, qvel: Array, keyframe: str | int | None, seed: int) -> None:
-        """Begins an episode in all environments, as `World.start` describes."""
+        """Start an episode in all environments, as `World.start` describes."""
         for data, model, q, v in zip(self._data, self._models, qpos, qvel, strict=True):
             if keyframe is None:
                 self._mujoco.mj_resetData(model, data)
@@ -318,10 +321,10 @@ class MujocoWorld(World):
             data.qpos[:], data.qvel[:], data.time = q, v, 0.0
         self._applied[:] = 0.0
         self._depth[:], self._status[:] = 0.0, 0
-        self.time, self._fresh, self._pushed = np.zeros(self.num_envs), False, False
+        self.time, self._is_current, self._pushed = np.zeros(self.num_envs), False, False
 
     def advance(self, ctrl: Any, nstep: int) -> None:
-        """Makes steps, and updates the certificate, as `World.advance` describes."""
+        """Step all environments, and update the certificate, as `World.advance` describes."""
         self.step(ctrl, nstep)
         for env, data in enumerate(self._data):
             depth = max((float(c.includemargin - c.dist) for c in data.contact), default=0.0)
@@ -333,7 +336,7 @@ class MujocoWorld(World):
         self._status[self._beyond()] |= Status.NON_FINITE
 
     def step(self, ctrl: Any, nstep: int) -> None:
-        """Makes steps, as `World.step` describes."""
+        """Step all environments, as `World.step` describes."""
         rows = None if ctrl is None else np.broadcast_to(np.asarray(ctrl, float), (self.num_envs, self.model.nu))
         pushed = self._pushed or bool(self._applied.any())
         self._pushed = bool(self._applied.any())
@@ -345,7 +348,7 @@ class MujocoWorld(World):
                     data.xfrc_applied[:] = self._applied[env]
                 self._mujoco.mj_step(model, data, nstep)
         self.time = self.time + nstep * self.timestep
-        self._fresh = False
+        self._is_current = False
 
     @contextlib.contextmanager
     def _quiet(self) -> Iterator[None]:
@@ -358,14 +361,14 @@ class MujocoWorld(World):
             self._mujoco.set_mju_user_warning(before)
 
     def _now(self) -> list[Any]:
-        """MjData with all derived quantities at the present state; `mj_step` leaves those of the state before it."""
-        if not self._fresh:
+        """MjData of each environment with derived quantities of the current state, because `mj_step` leaves those of the previous state."""
+        if not self._is_current:
             with self._quiet():
                 for data, seen, model in zip(self._data, self._seen, self._models, strict=True):
                     seen.qpos[:], seen.qvel[:], seen.ctrl[:], seen.time = data.qpos, data.qvel, data.ctrl, data.time
                     seen.act[:], seen.xfrc_applied[:], seen.qacc_warmstart[:] = data.act, data.xfrc_applied, data.qacc_warmstart
                     self._mujoco.mj_forward(model, seen)
-            self._fresh = True
+            self._is_current = True
         return self._seen
 
     @property
@@ -434,7 +437,7 @@ class MujocoWorld(World):
 
     @property
     def max_limit_violation(self) -> Array:
-        """Largest violation of a hinge's or slide's range at the present state, (num_envs,), rad or m."""
+        """Largest violation of a hinge's or slide's range in the current state, (num_envs,), rad or m."""
         m, joints = self._models[0], self._mujoco.mjtJoint
         one = (m.jnt_limited != 0) & np.isin(m.jnt_type, [joints.mjJNT_HINGE, joints.mjJNT_SLIDE])
         q = self.qpos[:, m.jnt_qposadr[one]]
@@ -483,21 +486,21 @@ class MujocoWorld(World):
 
 @functools.cache
 def _contact_type() -> Any:
-    """NumPy type of a row of `Stepper.contacts`."""
+    """NumPy type of the rows of `Stepper.contacts`."""
     return Stepper(load("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")).contacts().dtype
 
 
 def _ignore(_: str) -> None:
-    """Handler of warnings that does nothing: MuJoCo counts them."""
+    """Handler of MuJoCo's warnings that does nothing, because MuJoCo counts them."""
 
 
 def with_fields(mujoco: Any, base: Any, fields: Mapping[str, Array]) -> Any:
-    """Copy of an `MjModel` with other parameters.
+    """Copy of an `mujoco.MjModel` with other values of some fields.
 
     Args:
-        mujoco: The library MuJoCo.
+        mujoco: The module `mujoco`.
         base: The `MjModel`.
-        fields: Values by field of `Stepper.randomize`, in the field's shape and unit.
+        fields: Values by name of the field, in the field's shape and unit.
 
     Raises:
         ModelError: MuJoCo does not have a field.
@@ -517,10 +520,10 @@ def with_fields(mujoco: Any, base: Any, fields: Mapping[str, Array]) -> Any:
 
 
 def configure(mujoco: Any, model: Any, settings: Mapping[str, Any]) -> None:
-    """Writes settings of the step into an `MjModel`; others keep their values.
+    """Write settings of the step into an `mujoco.MjModel`; other settings keep their values.
 
     Raises:
-        ValueError: A setting, or a value of one, that MuJoCo does not have.
+        ValueError: MuJoCo does not have a setting or a value of it.
     """
     if unknown := set(settings) - set(MUJOCO_SETTINGS):
         raise ValueError(f"MuJoCo has no settings {sorted(unknown)}, there are: {', '.join(MUJOCO_SETTINGS)}")
@@ -538,10 +541,10 @@ def configure(mujoco: Any, model: Any, settings: Mapping[str, Any]) -> None:
 
 
 def make_world(plan: Plan, num_envs: int) -> World:
-    """World of a plan, in stepper or in MuJoCo."""
+    """World of a plan with this number of environments, in stepper or in MuJoCo."""
     return StepperWorld(plan, num_envs) if plan.mujoco is None else MujocoWorld(plan, num_envs)
 
 
 def stacked(values: Sequence[Any]) -> NDArray[Any]:
-    """Values of a parameter over environments, (num_envs,): an array of numbers, or of objects if there are words."""
+    """Values of a parameter in all environments, (num_envs,): an array of numbers, or of objects if there are texts."""
     return np.array(values) if all(isinstance(v, int | float) for v in values) else np.array(values, dtype=object)

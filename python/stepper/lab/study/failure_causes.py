@@ -2,13 +2,14 @@
 
 The first rule that applies gives the cause:
 
-    physics      the episode diverged: a state was not finite or huge, or MuJoCo reset itself
+    physics      the episode diverged: a state was not finite or too large, or MuJoCo reset itself
+    (declared)   the study declares the cause (`Outcome.cause`)
     physics      steps set flags of failure in `Stepper.status`
-    evaluation   the outcome is not a number, or within its margin of the threshold
+    evaluation   the outcome is not finite, or within its margin of the threshold
     perception   the episode succeeds with ideal sensors
     physics      the episode, with ideal sensors, succeeds at half the time step with a hundredth of the tolerance
     physics      with soft contact: the episode, with ideal sensors, succeeds with hard contact
-    policy       no other rule applies: the drive fails although physics and sensors are correct
+    policy       no other rule applies: the controller fails although physics and sensors are correct
 
 A drive with internal state restarts in every run.
 """
@@ -33,6 +34,7 @@ FINER = 2
 TIGHTER = 1e-2
 """Ratio of the finer run's tolerance to that of the episode."""
 
+# Rules, as texts for tables.
 EVALUATION = "the outcome is not finite, or within its margin of the threshold"
 DIVERGED = "the episode diverged: a state was not finite or huge, or the engine reset itself"
 STATUS = "a step was not solved, not finite or unresolved (status)"
@@ -57,40 +59,46 @@ RULES = (
 
 @dataclass(frozen=True)
 class Verdict:
-    """Cause of the failure of an episode.
+    """Cause of the failure of one episode.
 
     Attributes:
         row: Row of the episode.
-        whose: Cause: "physics", "perception", "policy" or "evaluation".
+        cause: Cause: "physics", "perception", "policy" or "evaluation".
         rule: Rule that gave the cause.
     """
 
     row: Row
-    whose: str
+    cause: str
     rule: str
 
 
-def judge(study: Study, rows: Sequence[Row], journal: Journal) -> list[Verdict]:
-    """Causes of all failures of stepper, and of episodes that diverged in MuJoCo. Repeated episodes are added to the journal."""
+def causes_of(study: Study, rows: Sequence[Row], journal: Journal) -> list[Verdict]:
+    """Cause of each failure in stepper, and of each episode that diverged in MuJoCo.
+
+    Args:
+        study: The study.
+        rows: Rows of finished episodes.
+        journal: Journal, to which rows of repeated episodes are added.
+    """
     failed = {row["key"]: row for row in rows if row["success"] is False and (row["settings"]["engine"] == "stepper" or diverged(row))}
     verdicts = {key: _cause_in(study, row) for key, row in failed.items()}
-    for name, change, whose, rule in _TRIALS:
+    for name, change, cause, rule in _TRIALS:
         left = [row for key, row in failed.items() if verdicts[key] is None and _applies(study, name, row)]
         for row, repeated in zip(left, _repeated(study, left, journal, name, change), strict=True):
             if repeated["success"]:
-                verdicts[row["key"]] = (whose, rule)
+                verdicts[row["key"]] = (cause, rule)
     return [Verdict(row, *(verdicts[key] or ("policy", POLICY))) for key, row in failed.items()]
 
 
 def _cause_in(study: Study, row: Row) -> tuple[str, str] | None:
-    """Cause and rule from the row of an episode alone; None if it must be repeated."""
+    """Cause and rule that follow from the row of an episode; None if the episode must be repeated to find them."""
     outcome = study.decisive
     assert outcome is not None
     assert outcome.threshold is not None
     if diverged(row):
         return "physics", DIVERGED
-    if outcome.whose is not None:
-        return outcome.whose, DECLARED
+    if outcome.cause is not None:
+        return outcome.cause, DECLARED
     if int(row["certificate"]["status"]) & UNSOLVED:
         return "physics", STATUS
     value = row["outcomes"][outcome.name]
@@ -100,13 +108,14 @@ def _cause_in(study: Study, row: Row) -> tuple[str, str] | None:
 
 
 def _applies(study: Study, trial: str, row: Row) -> bool:
-    """Whether a trial changes an episode: ideal sensors if it had sensor errors, hard contact if its contact was soft."""
+    """Whether a trial would change an episode: ideal sensors only with sensor errors, hard contact only with soft contact."""
     if trial == "hard contact":
         return bool(row["settings"]["contact"] != "hard")
-    return trial == "finer" or study.sensors is not None or any(study.parameters[name].kind == "sensor" for name in row["theta"])
+    return trial == "finer" or study.sensors is not None or any(study.parameters[name].kind == "sensor" for name in row["parameters"])
 
 
 def _finer(settings: dict[str, Any]) -> dict[str, Any]:
+    """Settings with a shorter time step, a tighter tolerance and ideal sensors."""
     better: dict[str, Any] = {"timestep": settings["timestep"] / FINER, "iterations": 10 * settings["iterations"], "sensors": None}
     # With 32 bits a hundredth of the tolerance cannot be reached.
     return better | ({"precision": "f64"} if settings["precision"] == "f32" else {"tolerance": TIGHTER * settings["tolerance"]})
@@ -123,10 +132,10 @@ _TRIALS: tuple[tuple[str, Callable[[dict[str, Any]], dict[str, Any]], str, str],
 def _repeated(
     study: Study, rows: Sequence[Row], journal: Journal, name: str, change: Callable[[dict[str, Any]], dict[str, Any]]
 ) -> list[Row]:
-    """Rows of the same episodes with changed settings."""
+    """Rows of the same episodes with settings changed by `change`; `name` is the trial, which is part of their keys in the journal."""
     groups: dict[str, list[Row]] = {}
     for row in rows:
-        key = json.dumps([group_of(study, Point(row["theta"], row["setting"])), row["settings"]], sort_keys=True)
+        key = json.dumps([group_of(study, Point(row["parameters"], row["setting"])), row["settings"]], sort_keys=True)
         groups.setdefault(key, []).append(row)
     for group in groups.values():
         for first in range(0, len(group), study.batch):
@@ -134,8 +143,8 @@ def _repeated(
             missing = {_key(row, name) for row in some} - journal.rows.keys()
             if missing:
                 # A nominal value without effect in the episode may have one in the trial: restitution with hard contact.
-                thetas, episodes = [study.nominal | row["theta"] for row in some], [row["episode"] for row in some]
-                made = run_episodes(study, some[0]["setting"], thetas, episodes, **change(some[0]["settings"]))
+                values_by_env, episodes = [study.nominal | row["parameters"] for row in some], [row["episode"] for row in some]
+                made = run_episodes(study, some[0]["setting"], values_by_env, episodes, **change(some[0]["settings"]))
                 found = {_key(row, name): repeated for row, repeated in zip(some, made, strict=True)}
                 journal.append({"key": key} | repeated for key, repeated in found.items() if key in missing)
     return [journal.rows[_key(row, name)] for row in rows]

@@ -6,25 +6,28 @@ import warnings
 
 from stepper._stepper import Model
 
-_SHOWN = 8
-"""Number of lines that a warning shows of each kind."""
+_MOST_LINES = 8
+"""Largest number of lines per kind of finding in a warning."""
 
 
 _LARGE_PART = 10.0
-"""Hull volume over the mesh's volume from which the warning names a part of a robot; `Model.explain()` names it from 2 on. Of
-1,390 collision meshes of 120 URDFs, 28 of 13 robots are above, and 247 of 49 robots above 2."""
+"""Smallest ratio of a hull's volume to the mesh's volume at which the warning lists a part of a robot. `Model.explain()` lists ratios
+from 2 on. Of 1,390 collision meshes of 120 URDFs, 28 (of 13 robots) exceed 10, and 247 (of 49 robots) exceed 2."""
 
 
 class ModelWarning(UserWarning):
-    """Warning that a model runs differently from what its source or its meshes suggest; `Model.explain()` has the details."""
+    """A loaded model is simulated differently from its source: other settings, meshes as convex hulls, or disabled contacts.
+
+    `Model.explain()` has the details.
+    """
 
 
-def warn_of(model: Model, *, loaded: bool, excluded: bool, is_robot: bool) -> None:
+def warn_about(model: Model, *, loaded: bool, excluded: bool, is_robot: bool) -> None:
     """Issues one ModelWarning with all findings about a model.
 
     Args:
         model: The model.
-        loaded: Whether the model was read from its source. The user of a saved model was warned when it was first loaded.
+        loaded: Whether the model was read from its source. A saved model had this warning when it was first loaded.
         excluded: Whether overlaps were excluded.
         is_robot: Whether fixed geoms are the base of a robot, as in a URDF, instead of ground.
     """
@@ -43,7 +46,14 @@ def warn_of(model: Model, *, loaded: bool, excluded: bool, is_robot: bool) -> No
 
 
 def _is_worth_a_warning(model: Model, geom: int, ratio: float, *, is_robot: bool) -> bool:
-    """Whether a hull is large enough for a warning: every listed hull of the ground, very large ones of robots."""
+    """Whether the warning lists a hull: every one of `Model.wide_hulls` on fixed ground, and parts of robots from `_LARGE_PART` on.
+
+    Args:
+        model: The model.
+        geom: Index of the geom.
+        ratio: Volume of the hull divided by that of the mesh.
+        is_robot: Whether fixed geoms are the base of a robot, as in a URDF, instead of ground.
+    """
     body = model.body(model.geom(geom).bodyid)
     while body.jntnum == 0 and body.id != 0:
         body = model.body(body.parentid)
@@ -52,6 +62,7 @@ def _is_worth_a_warning(model: Model, geom: int, ratio: float, *, is_robot: bool
 
 
 def _hulls(model: Model, hulls: list[tuple[int, float]]) -> str:
+    """Paragraph on meshes with large hulls, given as geom index and ratio of volumes."""
     lines = [
         f"{_label(model, geom)}: {ratio:.1f} times the volume" if ratio < 100 else f"{_label(model, geom)}: more than 100 times the volume"
         for geom, ratio in hulls
@@ -61,26 +72,29 @@ def _hulls(model: Model, hulls: list[tuple[int, float]]) -> str:
 
 
 def _label(model: Model, geom: int) -> str:
+    """Name of a geom; without a name, its index and body."""
     found = model.geom(geom)
     return found.name or f"#{geom} of body {model.body(found.bodyid).name or f'#{found.bodyid}'}"
 
 
 def _overlaps(model: Model) -> list[str]:
-    """Paragraphs on excluded overlaps and on remaining ones."""
+    """Paragraphs on the overlaps at `qpos0` that were excluded from contact, and on those that remain."""
     parts = []
     if model.excluded_overlaps:
         title = 'overlaps="exclude" disables contact between the bodies of these geoms, which overlap at the reference pose:'
-        parts.append(_listed(title, [_line(*overlap) for overlap in model.excluded_overlaps]))
+        parts.append(_listed(title, [_overlap_line(*overlap) for overlap in model.excluded_overlaps]))
     if kept := model.overlaps():
-        title = 'overlaps="exclude" keeps overlaps with the ground; start from a pose above it (qpos0, the body\'s pos):'
-        parts.append(_listed(title, [_line(*overlap) for overlap in kept]))
+        title = 'overlaps="exclude" does not change overlaps with the ground; start from a pose above it (qpos0 or the body\'s pos):'
+        parts.append(_listed(title, [_overlap_line(*overlap) for overlap in kept]))
     return parts
 
 
-def _line(one: str, other: str, depth: float) -> str:
+def _overlap_line(one: str, other: str, depth: float) -> str:
+    """Line on two overlapping geoms; the depth of the overlap is in m."""
     return f"{one} and {other} by {1e3 * depth:.2f} mm"
 
 
 def _listed(title: str, lines: list[str]) -> str:
-    more = [f"and {len(lines) - _SHOWN} more"] if len(lines) > _SHOWN else []
-    return title + "".join(f"\n  {line}" for line in [*lines[:_SHOWN], *more])
+    """Paragraph: a title and at most `_MOST_LINES` indented lines."""
+    more = [f"and {len(lines) - _MOST_LINES} more"] if len(lines) > _MOST_LINES else []
+    return title + "".join(f"\n  {line}" for line in [*lines[:_MOST_LINES], *more])

@@ -1,4 +1,4 @@
-"""Models from files, text, or a compiled `mujoco.MjModel`."""
+"""`stepper.load`: reading of models from files, text, or a compiled `mujoco.MjModel`."""
 
 import contextlib
 import os
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 from stepper._stepper import Model, ModelError
-from stepper.loading.findings import warn_of
+from stepper.loading.findings import warn_about
 from stepper.loading.mjcf import describe
 from stepper.loading.origins import remember
 from stepper.loading.urdf import resolve_meshes
@@ -20,7 +20,7 @@ from stepper.shared.files import existing
 Source: TypeAlias = "str | os.PathLike[str] | Any"
 
 _MUJOCO = "4"
-"""Major version of MuJoCo whose models are understood."""
+"""Major version of MuJoCo whose compiled models can be read."""
 
 _SAVED = b"stepper\xff"
 """First bytes of every saved model (crates/model/src/file.rs)."""
@@ -39,8 +39,8 @@ def load(
     """Reads a model.
 
     Args:
-        source: Path of an MJCF file (.xml), a URDF file (.urdf), a compiled MuJoCo model (.mjb), or a model that `Model.save` wrote; the
-            contents decide. Or MJCF or URDF text, or a compiled `mujoco.MjModel`.
+        source: Path of an MJCF file (.xml), a URDF file (.urdf), a compiled MuJoCo model (.mjb), or a model that `Model.save` wrote; except
+            for .mjb, the kind is detected from the contents. Alternatively MJCF or URDF text, or a compiled `mujoco.MjModel`.
         strict: Whether unsupported elements that would change the motion are an error. If False, they are left out, and `Model.omitted`
             and `Model.explain()` list them; `nu` counts only the remaining actuators. Saved models ignore `strict`.
         package_dirs: Folders to search for meshes of a URDF: package folders (of `package://package/...` or `model://package/...`), folders
@@ -49,15 +49,15 @@ def load(
         overlaps: Treatment of geoms that overlap at the reference pose (`qpos0`). With "keep", contact pushes them apart. "exclude"
             disables contact between their two bodies permanently (`Model.exclude_overlaps`), except with the ground. A `ModelWarning`,
             `Model.excluded_overlaps` and `Model.explain()` list the pairs.
-        actuators: Kind of actuators to add to the joints of a URDF: servos ("position", "velocity") or motors ("torque"). Their control
+        actuators: Kind of actuators to add to the joints of a URDF: servos ("position", "velocity") or motors ("torque"). The control
             ranges are the position, velocity and effort limits of the file. For the inertia at the reference pose, a position servo
             has a natural frequency of 5 Hz with critical damping, and a velocity servo a bandwidth of 50 Hz. None adds none.
 
     Warns:
-        ModelWarning: The source sets an integrator other than Euler, or its own solref or solimp, which the default options do not use
-            (`Options.from_model(model)` does). A mesh is much smaller than the convex hull as which it collides: by a factor of 1.25 if it
-            is fixed ground, of 10 if it is a part of a robot. `overlaps="exclude"` disabled contacts, or kept overlaps with the ground. One
-            warning per call. Silence it with `warnings.filterwarnings("ignore", category=stepper.ModelWarning)`.
+        ModelWarning: The source sets an integrator other than Euler, or solref or solimp other than MuJoCo's defaults, which the default
+            options do not use (`Options.from_model(model)` does). A mesh collides as a convex hull with a much larger volume: at least 1.25
+            times for fixed ground, and 10 times for a part of a robot. `overlaps="exclude"` disabled contacts, or kept overlaps with the
+            ground. One warning per call. Silence it with `warnings.filterwarnings("ignore", category=stepper.ModelWarning)`.
 
     Raises:
         ModelError: The model is invalid or damaged, uses unsupported elements, or lacks a mesh file. The message has the element and a
@@ -66,7 +66,7 @@ def load(
         ImportError: MJCF or URDF without MuJoCo's compiler installed, or with one of another version; the message has the remedy.
         OSError: The file cannot be read.
     """
-    _check_words(overlaps, actuators)
+    _check_choices(overlaps, actuators)
     saved = is_saved(source)
     urdf = None if saved else read_urdf(source)
     if actuators is not None and urdf is None:
@@ -74,13 +74,14 @@ def load(
     model = Model.from_file(source) if saved else _read(source, strict, package_dirs, urdf, actuators)
     if overlaps == "exclude":
         model = model.exclude_overlaps()
-    warn_of(model, loaded=not saved, excluded=overlaps == "exclude", is_robot=urdf is not None)
+    warn_about(model, loaded=not saved, excluded=overlaps == "exclude", is_robot=urdf is not None)
     if not saved:
         remember(model, source, package_dirs)
     return model
 
 
-def _check_words(overlaps: str, actuators: str | None) -> None:
+def _check_choices(overlaps: str, actuators: str | None) -> None:
+    """Raises a ValueError for an unknown value of an argument of `load`."""
     if overlaps not in ("keep", "exclude"):
         raise ValueError(f'overlaps is {overlaps!r}, must be "keep" or "exclude"')
     if actuators not in (None, *KINDS):
@@ -90,6 +91,7 @@ def _check_words(overlaps: str, actuators: str | None) -> None:
 def _read(
     source: Source, strict: bool, package_dirs: Sequence[str | os.PathLike[str]] | None, urdf: Urdf | None, actuators: Actuators | None
 ) -> Model:
+    """Model of a source other than a saved model; arguments are those of `load`."""
     _mujoco()
     compiled = compile_source(source, package_dirs)
     description = describe(compiled)
@@ -103,7 +105,7 @@ def _read(
 
 
 def read_urdf(source: Source) -> Urdf | None:
-    """URDF of a source; None for other sources."""
+    """URDF elements of a source, for messages and actuators; None if the source is not a URDF."""
     if _is_compiled(source):
         return None
     if _is_text(source):
@@ -121,7 +123,7 @@ def read_urdf(source: Source) -> Urdf | None:
 
 
 def compile_source(source: Source, package_dirs: Sequence[str | os.PathLike[str]] | None = None) -> Any:
-    """Compiled `mujoco.MjModel` of a source of `load` other than a saved model."""
+    """Compiles a source of `load` other than a saved model to a `mujoco.MjModel`."""
     if _is_compiled(source):
         return source
     if _is_text(source):
@@ -130,11 +132,12 @@ def compile_source(source: Source, package_dirs: Sequence[str | os.PathLike[str]
 
 
 def _is_text(source: object) -> bool:
+    """Whether a source is XML text and not a path."""
     return isinstance(source, str) and "<" in source
 
 
 def is_saved(source: Source) -> bool:
-    """Whether a source is the path of a saved model. An invalid source is an error."""
+    """Whether a source is the path of a model that `Model.save` wrote. An invalid source is an error."""
     if _is_compiled(source) or _is_text(source):
         return False
     if not isinstance(source, (str, os.PathLike)):
@@ -147,12 +150,13 @@ def is_saved(source: Source) -> bool:
 
 
 def _is_compiled(source: object) -> bool:
-    """Whether this is a `mujoco.MjModel`, without importing mujoco."""
+    """Whether a source is a `mujoco.MjModel`; checked without importing mujoco."""
     kind = type(source)
     return kind.__name__ == "MjModel" and kind.__module__.split(".")[0] == "mujoco"
 
 
 def _mujoco() -> Any:
+    """The module `mujoco`; an ImportError if it is missing or has another major version."""
     try:
         mujoco = import_module("mujoco")
     except ImportError as error:
@@ -191,24 +195,25 @@ def _compile_file(path: Path, package_dirs: Sequence[str | os.PathLike[str]] | N
 
 
 def _compile(read: Any, source: str, place: str) -> Any:
+    """Result of a constructor of `mujoco.MjModel`; MuJoCo's errors become `ModelError`, in which `place` names the source."""
     try:
         with _warnings_of_mujoco(place):
             return read(source)
     except ValueError as error:
-        said = " ".join(str(error).split())
-        raise ModelError(f"{place}: MuJoCo's compiler refuses it: {said}; correct it there, or give a saved stepper model") from error
+        message = " ".join(str(error).split())
+        raise ModelError(f"{place}: MuJoCo's compiler cannot read it: {message}; correct it, or pass a saved model") from error
 
 
 @contextlib.contextmanager
 def _warnings_of_mujoco(place: str) -> Iterator[None]:
-    """Turns the compiler's warnings into Python's, which would else be written to MUJOCO_LOG.TXT in the working directory."""
+    """Issues the compiler's warnings as Python warnings; MuJoCo would write them to MUJOCO_LOG.TXT in the working directory."""
     mujoco = _mujoco()
-    said: list[str] = []
+    messages: list[str] = []
     before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(said.append)
+    mujoco.set_mju_user_warning(messages.append)
     try:
         yield
     finally:
         mujoco.set_mju_user_warning(before)
-        for message in said:
+        for message in messages:
             warnings.warn(f"{place}: {message}", UserWarning, stacklevel=8)

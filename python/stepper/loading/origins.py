@@ -1,4 +1,4 @@
-"""Sources of models, which have visual elements that a model does not store, such as colours and visual meshes."""
+"""Sources from which models were loaded. Drawing reads them again, because a Model stores no colours and visual meshes."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from typing import Any
 from stepper._stepper import Model
 
 KEPT = 8
-"""Texts and compiled models that are kept in addition to those of existing models: of the last ones that do not, whose variants
-(`Model.replace`) may. Few, because one may be a compiled model with all its meshes."""
+"""Number of texts and compiled models that are kept after their Model was deleted, because a variant of it (`Model.replace`) may still
+exist. The number is small, because a compiled model may be large."""
 KEPT_FILES = 256
-"""Files that are kept in this way; of each only its path."""
+"""Number of file paths that are kept after their Model was deleted."""
 
 
 @dataclass(frozen=True)
 class Origin:
-    """Arguments of `stepper.load`.
+    """Arguments of the call of `stepper.load` that loaded a model.
 
     Attributes:
         source: Path, text or compiled `mujoco.MjModel`.
@@ -31,13 +31,20 @@ class Origin:
 
     @property
     def is_file(self) -> bool:
-        """Whether the source is a path, which is absolute then."""
+        """Whether the source is a path; paths are stored as absolute ones."""
         return isinstance(self.source, str) and "<" not in self.source
 
 
 @dataclass(frozen=True)
 class _Entry:
-    """Looks of a model when it was loaded, its source, and the model while it exists."""
+    """Source of a loaded model, with fields of the model by which variants of it are recognised.
+
+    Attributes:
+        structure: Result of `_structure`.
+        places: Result of `_places`.
+        origin: The source.
+        model: The model, as a weak reference.
+    """
 
     structure: tuple[Any, ...]
     places: tuple[Any, ...]
@@ -45,7 +52,8 @@ class _Entry:
     model: weakref.ref[Model]
 
     @property
-    def looks(self) -> tuple[Any, ...]:
+    def key(self) -> tuple[Any, ...]:
+        """Fields that are compared; a model with equal fields replaces this entry."""
         return self.structure, self.places
 
 
@@ -53,13 +61,13 @@ _remembered: list[_Entry] = []
 
 
 def remember(model: Model, source: Any, package_dirs: Sequence[str | os.PathLike[str]] | None) -> None:
-    """Stores the source of a model."""
+    """Stores the source of a model for `origin_of`."""
     folders = None if package_dirs is None else tuple(os.path.abspath(folder) for folder in package_dirs)
     is_path = isinstance(source, os.PathLike) or (isinstance(source, str) and "<" not in source)
     given = os.path.abspath(source) if is_path else source
     entry = _Entry(_structure(model), _places(model), Origin(given, folders), weakref.ref(model))
-    # What is noted again is the newest, and does not take the place of others.
-    others = [other for other in _remembered if other.looks != entry.looks]
+    # A model that is loaded again replaces its entry, so that it does not displace other entries.
+    others = [other for other in _remembered if other.key != entry.key]
     gone = [other for other in others if other.model() is None]
     forgotten = set()
     for kept, of_files in ((KEPT, False), (KEPT_FILES, True)):
@@ -69,7 +77,10 @@ def remember(model: Model, source: Any, package_dirs: Sequence[str | os.PathLike
 
 
 def origin_of(model: Model) -> Origin | None:
-    """Source of a model, or of the model from which `Model.replace` made it; None if this process did not load it from a source."""
+    """Source of a model, or of the model from which `Model.replace` made it. None if this process did not load it from a source.
+
+    The most recent model with equal names, sizes and places counts; without one, the most recent model with equal names.
+    """
     structure, places = _structure(model), _places(model)
     alike = [entry for entry in reversed(_remembered) if entry.structure == structure]
     same = [entry for entry in alike if entry.places == places]
@@ -77,10 +88,10 @@ def origin_of(model: Model) -> Origin | None:
 
 
 def _structure(model: Model) -> tuple[Any, ...]:
-    """Fields that variants of a model share."""
+    """Fields that `Model.replace` does not change: counts and names."""
     return (model.name, model.nq, model.nv, model.ngeom, *model.body_names, *model.joint_names, *model.geom_names)
 
 
 def _places(model: Model) -> tuple[Any, ...]:
-    """Fields in which variants of a model look different."""
+    """Sizes and places of geoms and bodies, which `Model.replace` may change."""
     return tuple(values.tobytes() for values in (model.geom_size, model.geom_pos, model.geom_quat, model.body_pos, model.body_quat))

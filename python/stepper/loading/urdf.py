@@ -1,4 +1,4 @@
-"""Meshes of URDF files: paths of `package://`, `model://`, `file:` and relative names."""
+"""Paths of the meshes of URDF files: resolves `package://`, `model://`, `file:` and relative names."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ _PACKAGE = ("package://", "model://")
 _FILE = ("file://", "file:")
 
 VARIABLES = {"ROS_PACKAGE_PATH": "", "AMENT_PREFIX_PATH": "share", "GAZEBO_MODEL_PATH": "", "GZ_SIM_RESOURCE_PATH": ""}
-"""Environment variables with lists of folders, and the folder in each of these that has packages."""
+"""Environment variables with lists of folders, and the subfolder of these in which the packages are ("" for the folders themselves)."""
 
 
 def resolve_meshes(text: str, place: str, file: Path | None, package_dirs: Sequence[str | os.PathLike[str]] | None) -> str:
-    """Text of a URDF with absolute paths of its collision meshes.
+    """Replaces the paths of the collision meshes in the text of a URDF by absolute paths.
 
     Args:
         text: The URDF.
         place: Name of the URDF in messages.
         file: File of the URDF, if it was read from one.
-        package_dirs: Folders with packages or meshes, or packages; None is the folders above the file. The folders of `VARIABLES` come
-            after these.
+        package_dirs: Packages, or folders with packages or meshes; None searches for packages in all folders above the file. The folders
+            of `VARIABLES` are searched last.
 
     Returns:
         The text with absolute paths; unchanged if it has no mesh, or if MuJoCo's compiler finds all meshes.
@@ -39,16 +39,16 @@ def resolve_meshes(text: str, place: str, file: Path | None, package_dirs: Seque
     if robot is None:
         return text  # MuJoCo's compiler reports the fault.
     compiler = robot.find("mujoco/compiler")
-    said = {} if compiler is None else compiler.attrib
-    if said.get("strippath") == "true":
-        return text  # Without folders names are found in the folder of the file.
-    kinds = ["collision", "visual"] if said.get("discardvisual") == "false" else ["collision"]
+    settings = {} if compiler is None else compiler.attrib
+    if settings.get("strippath") == "true":
+        return text  # The compiler removes folders from the names, and finds the files in the folder of the URDF.
+    kinds = ["collision", "visual"] if settings.get("discardvisual") == "false" else ["collision"]
     meshes = [(link, mesh) for link in robot.iter("link") for kind in kinds for mesh in link.findall(f"{kind}/geometry/mesh")]
     if file is None and all("/" not in mesh.get("filename", "") for _, mesh in meshes):
-        return text  # Text has no folder: such names are in the working directory.
-    places = _places(file, said.get("meshdir") or said.get("assetdir") or "", package_dirs)
+        return text  # Text has no folder: MuJoCo reads names without a folder from the working directory.
+    folders = _search_folders(file, settings.get("meshdir") or settings.get("assetdir") or "", package_dirs)
     for link, mesh in meshes:
-        mesh.set("filename", str(_found(mesh.get("filename", ""), places, place, link.get("name", ""))))
+        mesh.set("filename", str(_find_mesh(mesh.get("filename", ""), folders, place, link.get("name", ""))))
     if not meshes:
         return text
     if compiler is None:
@@ -58,63 +58,70 @@ def resolve_meshes(text: str, place: str, file: Path | None, package_dirs: Seque
 
 
 @dataclass(frozen=True)
-class _Places:
-    """Folders in which meshes may be.
+class _SearchFolders:
+    """Folders in which meshes are searched.
 
     Attributes:
-        own: Those of the file.
-        packages: Those that have packages, or are one.
-        given: Those that the user gave.
+        of_file: Folder of the URDF, after its `meshdir` if it has one; empty for XML text.
+        packages: Folders that may be packages or contain packages.
+        given: Folders of the argument `package_dirs`.
     """
 
-    own: list[Path]
+    of_file: list[Path]
     packages: list[Path]
     given: list[Path]
 
 
-def _places(file: Path | None, meshdir: str, package_dirs: Sequence[str | os.PathLike[str]] | None) -> _Places:
+def _search_folders(file: Path | None, meshdir: str, package_dirs: Sequence[str | os.PathLike[str]] | None) -> _SearchFolders:
+    """Folders to search for meshes; `meshdir` is the setting of MuJoCo's compiler in the URDF, or ""."""
     above = [] if file is None else list(file.absolute().parents)
-    own = above[:1]
-    if own and meshdir:
-        own = [own[0] / meshdir, *own]
+    of_file = above[:1]
+    if of_file and meshdir:
+        of_file = [of_file[0] / meshdir, *of_file]
     given = [Path(folder).absolute() for folder in package_dirs or ()]
-    return _Places(own, [*(above if package_dirs is None else given), *_of_environment()], given)
+    return _SearchFolders(of_file, [*(above if package_dirs is None else given), *_folders_of_environment()], given)
 
 
-def _of_environment() -> Iterator[Path]:
+def _folders_of_environment() -> Iterator[Path]:
+    """Folders with packages from the environment variables `VARIABLES`."""
     for variable, inner in VARIABLES.items():
         yield from (Path(folder).absolute() / inner for folder in os.environ.get(variable, "").split(os.pathsep) if folder)
 
 
-def _found(name: str, places: _Places, place: str, link: str) -> Path:
-    searched = list(dict.fromkeys(_candidates(name, places)))
+def _find_mesh(name: str, folders: _SearchFolders, place: str, link: str) -> Path:
+    """Path of an existing mesh file; otherwise a ModelError. `name` is as in the URDF, `link` and `place` are names for the message."""
+    searched = list(dict.fromkeys(_candidates(name, folders)))
     for candidate in searched:
         if candidate.is_file():
             return candidate
     where = ", ".join(str(candidate) for candidate in searched) or "no folder, because XML text has none"
-    package = _without(_PACKAGE, name).partition("/")[0] if name.startswith(_PACKAGE) else ""
+    package = _without_prefix(_PACKAGE, name).partition("/")[0] if name.startswith(_PACKAGE) else ""
     folder = f"the folder that contains the package {package}, or the package itself" if package else "the folder that the path starts from"
     remedy = f"Pass {folder} in stepper.load(..., package_dirs=[...])" + (", or set ROS_PACKAGE_PATH" if package else "")
     raise ModelError(f'{place}: link "{link}": mesh {name} not found; searched {where}. {remedy}')
 
 
-def _without(prefixes: tuple[str, ...], name: str) -> str:
+def _without_prefix(prefixes: tuple[str, ...], name: str) -> str:
+    """Name without that of the prefixes with which it begins."""
     return next((name[len(prefix) :] for prefix in prefixes if name.startswith(prefix)), name)
 
 
-def _candidates(name: str, places: _Places) -> Iterator[Path]:
-    """Possible paths of a mesh, the likeliest first: in the folders of the file, in those that have packages, in those that were given."""
+def _candidates(name: str, folders: _SearchFolders) -> Iterator[Path]:
+    """Yields possible paths of a mesh in the order of the search.
+
+    Names with a package are searched in the packages, other names in the folders of the file and then in the given ones.
+    """
     if name.startswith(_PACKAGE):
-        package, _, rest = _without(_PACKAGE, name).partition("/")
-        for folder in places.packages:
+        package, _, rest = _without_prefix(_PACKAGE, name).partition("/")
+        for folder in folders.packages:
             yield folder / package / rest
             if folder.name == package:
                 yield folder / rest
         return
-    path = Path(unquote(_without(_FILE, name)) if name.startswith(_FILE) else name)
+    path = Path(unquote(_without_prefix(_FILE, name)) if name.startswith(_FILE) else name)
     if path.is_absolute():
         yield path
         return
-    yield from (folder / path for folder in [*places.own, *places.given])
-    # Where a compiler that strips names of their folders finds it.
-    yield from (folder / PurePosixPath(name).name for folder in places.own)
+    yield from (folder / path for folder in [*folders.of_file, *folders.given])
+    # With `strippath`, MuJoCo's compiler finds the file in this folder without the folders in its name.
+    yield from (folder / PurePosixPath(name).name for folder in folders.of_file)

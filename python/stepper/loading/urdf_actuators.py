@@ -1,4 +1,4 @@
-"""Actuators for the joints of a URDF, since that format has none."""
+"""Actuators for the joints of a URDF, a format without actuators (argument `actuators` of `stepper.load`)."""
 
 from __future__ import annotations
 
@@ -16,15 +16,16 @@ KINDS: tuple[Actuators, ...] = ("position", "velocity", "torque")
 _MOVABLE = ("revolute", "continuous", "prismatic")
 
 POSITION_FREQUENCY = 5.0
-"""Natural frequency of a position servo, Hz. Gravity deflects a rod of length l by at most 1.5 g / (l w^2): 0.03 rad for 0.5 m."""
+"""Natural frequency of a position servo, Hz. Gravity deflects a rod of length l by at most 1.5 g / (l w^2), w = 2 pi times
+this frequency: 0.03 rad for 0.5 m."""
 
 VELOCITY_FREQUENCY = 50.0
-"""Bandwidth of a velocity servo, Hz: ten times that of the position servo, as the inner loop of a cascade has. Gravity moves a rod of
-0.5 m at 0.09 rad/s at the most, 1.5 g / (l w)."""
+"""Bandwidth of a velocity servo, Hz: ten times that of the position servo, as usual for the inner loop of a cascade. With control 0,
+gravity moves a rod of length l with at most 1.5 g / (l w): 0.09 rad/s for 0.5 m."""
 
 
 def add_actuators(kind: Actuators, urdf: Urdf, compiled: Any, description: dict[str, Any]) -> None:
-    """Adds an actuator to every hinge and slide of a description that no other joint drives (`mimic`).
+    """Adds an actuator to every hinge and slide of a description, except to joints that follow another one (`mimic`).
 
     Args:
         kind: Kind of the actuators. I is a joint's effective inertia at the reference pose with all other joints held.
@@ -33,9 +34,9 @@ def add_actuators(kind: Actuators, urdf: Urdf, compiled: Any, description: dict[
             * "velocity": servo with damping d = I w, where w = 2 pi `VELOCITY_FREQUENCY`.
             * "torque": motor.
 
-            Controls have the bounds of the position, velocity or effort in the file, forces those of the effort.
-        urdf: The file.
-        compiled: The `mujoco.MjModel` of the file.
+            Control ranges are the position, velocity or effort limits of the file; force ranges are the effort limits.
+        urdf: The URDF.
+        compiled: The `mujoco.MjModel` that was compiled from the URDF.
         description: Description to which the actuators are added.
 
     Raises:
@@ -46,7 +47,9 @@ def add_actuators(kind: Actuators, urdf: Urdf, compiled: Any, description: dict[
     names = [joint["name"] for joint in description["joints"]]
     driven = [name for name in names if name in urdf.joints and _can_drive(urdf, name)]
     if not driven:
-        raise ModelError(f"{urdf.place}: actuators={kind!r}, and it has no revolute, continuous or prismatic joint; leave actuators= out")
+        raise ModelError(
+            f"{urdf.place}: actuators={kind!r}, and the file has no revolute, continuous or prismatic joint; omit the argument actuators"
+        )
     mass = _mass_matrix(compiled)
     for name in driven:
         joint = names.index(name)
@@ -59,16 +62,19 @@ def add_actuators(kind: Actuators, urdf: Urdf, compiled: Any, description: dict[
 
 
 def _can_drive(urdf: Urdf, name: str) -> bool:
+    """Whether a joint is a hinge or slide that does not follow another joint."""
     joint = urdf.joints[name]
     return joint.get("type") in _MOVABLE and joint.find("mimic") is None
 
 
-def _unbounded(name: str, what: str) -> dict[str, Any]:
-    reason = f"the file has no {what} limit, so the control is unbounded; model.replace(actuator_ctrlrange=...) sets bounds"
-    return {"kind": f"URDF {what} limit", "name": name, "reason": reason, "changes_motion": False}
+def _unbounded(name: str, limit: str) -> dict[str, Any]:
+    """Omission that lists a joint without a "velocity" or "effort" limit."""
+    reason = f"the file has no {limit} limit, so the control is unbounded; model.replace(actuator_ctrlrange=...) sets bounds"
+    return {"kind": f"URDF {limit} limit", "name": name, "reason": reason, "changes_motion": False}
 
 
 def _mass_matrix(compiled: Any) -> np.ndarray[Any, Any]:
+    """Mass matrix at `qpos0`, nv x nv."""
     mujoco = import_module("mujoco")
     data = mujoco.MjData(compiled)
     mujoco.mj_forward(compiled, data)
@@ -78,7 +84,15 @@ def _mass_matrix(compiled: Any) -> np.ndarray[Any, Any]:
 
 
 def _effective_inertia(mass: np.ndarray[Any, Any], compiled: Any, urdf: Urdf, names: list[str], name: str) -> float:
-    """Inertia that a joint moves while all others are held, kg m^2 or kg, with that of the joints that it drives (`mimic`)."""
+    """Effective inertia of a joint with all other joints held, kg m^2 or kg, including the joints that follow it (`mimic`).
+
+    Args:
+        mass: Mass matrix, nv x nv.
+        compiled: The `mujoco.MjModel`.
+        urdf: The URDF.
+        names: Names of all joints, in the order of the model.
+        name: Name of the joint.
+    """
     motion = np.zeros(compiled.nv)
     motion[compiled.jnt_dofadr[names.index(name)]] = 1.0
     for other, element in urdf.joints.items():
@@ -90,13 +104,14 @@ def _effective_inertia(mass: np.ndarray[Any, Any], compiled: Any, urdf: Urdf, na
 
 
 def _actuator(kind: Actuators, urdf: Urdf, joint: dict[str, Any], index: int, inertia: float) -> dict[str, Any]:
+    """Description of an actuator of a joint with index `index` and effective inertia `inertia`, kg m^2 or kg."""
     effort, speed = urdf.effort_limit(joint["name"]), urdf.speed_limit(joint["name"])
     position, velocity = 2 * math.pi * POSITION_FREQUENCY, 2 * math.pi * VELOCITY_FREQUENCY
     stiffness, damping = inertia * position**2, 2 * inertia * position
     gain, bias, bounds = {
         "position": (stiffness, [0.0, -stiffness, -damping], joint["range"]),
-        "velocity": (inertia * velocity, [0.0, 0.0, -inertia * velocity], _within(speed)),
-        "torque": (1.0, [0.0, 0.0, 0.0], _within(effort)),
+        "velocity": (inertia * velocity, [0.0, 0.0, -inertia * velocity], _symmetric(speed)),
+        "torque": (1.0, [0.0, 0.0, 0.0], _symmetric(effort)),
     }[kind]
     return {
         "name": joint["name"],
@@ -105,7 +120,7 @@ def _actuator(kind: Actuators, urdf: Urdf, joint: dict[str, Any], index: int, in
         "delay": 0.0,
         "delay_holds": True,
         "ctrl_range": bounds,
-        "force_range": _within(effort),
+        "force_range": _symmetric(effort),
         "act_range": None,
         "activation": "None",
         "gain": [gain, 0.0, 0.0],
@@ -114,5 +129,6 @@ def _actuator(kind: Actuators, urdf: Urdf, joint: dict[str, Any], index: int, in
     }
 
 
-def _within(limit: float | None) -> list[float] | None:
+def _symmetric(limit: float | None) -> list[float] | None:
+    """Range from -limit to limit; None without a limit."""
     return None if limit is None else [-limit, limit]

@@ -1,7 +1,7 @@
-"""Elements of a URDF: simulated ones, and others with the reasons why they are left out.
+"""Elements of a URDF, and a list of those that are left out, with reasons.
 
-MuJoCo's parser reads some elements and silently drops the others. `READ` lists the elements and attributes that it reads. `LEFT_OUT` has a
-reason for common elements that are not simulated. Any other element gets a separate line in the report.
+MuJoCo's parser silently drops the elements that it does not read. `READ` lists the elements and attributes that are simulated. `LEFT_OUT`
+has a reason for common elements that are not simulated. Other elements are listed as not supported.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ _SHAPES = {
 
 
 def _under(path: str, children: dict[str, set[str]]) -> dict[str, set[str]]:
+    """The dictionary `children` with `path/` before each key."""
     return {f"{path}/{name}": attributes for name, attributes in children.items()}
 
 
@@ -48,9 +49,9 @@ READ: dict[str, set[str]] = {
     "robot/joint/limit": {"lower", "upper", "effort", "velocity"},
     "robot/joint/mimic": {"joint", "multiplier", "offset"},
 }
-"""Attributes of every element that is simulated; the speed limit is kept in the model and not enforced."""
+"""Simulated elements and their attributes. The velocity limit is stored in the model, but not enforced."""
 
-_OTHERS = "contact settings of another simulator are not read; set them with model.replace(geom_friction=...) and similar fields"
+_CONTACT_SETTINGS = "contact settings of another simulator are not read; set them with model.replace(geom_friction=...) and similar fields"
 _ACTUATORS = 'stepper.load(..., actuators="position") adds actuators'
 
 LEFT_OUT: dict[str, str] = {
@@ -64,29 +65,29 @@ LEFT_OUT: dict[str, str] = {
     "robot/ros2_control": "hardware interfaces are not read",
     "robot/sensor": "is not read; model.with_sensors(...) adds sensors",
     "robot/gazebo": "settings of Gazebo are not read",
-    "robot/link/contact": _OTHERS,
-    "robot/link/surface": _OTHERS,
-    "robot/link/collision/surface": _OTHERS,
+    "robot/link/contact": _CONTACT_SETTINGS,
+    "robot/link/surface": _CONTACT_SETTINGS,
+    "robot/link/collision/surface": _CONTACT_SETTINGS,
     "robot/link/collision_checking": "belongs to a motion planner",
     "robot/link/self_filter": "belongs to a perception program",
     "robot/deformable": "deformable bodies are not simulated",
 }
-"""Reason for every element that is left out with all that it contains."""
+"""Reason for each common element that is left out, with everything inside it."""
 
 _UNKNOWN = "is not supported, and not read"
 _DRIVES = ("URDF transmission", "URDF ros2_control")
-"""Omissions for which the actuators of `load` are a substitute."""
-_HIDDEN = frozenset({"robot/mujoco"})
-"""Elements that MuJoCo's compiler reads and checks by itself."""
-_FREE = ("continuous", "revolute", "prismatic")
+"""Kinds of omissions for which the argument `actuators` of `load` is a substitute; the reason then mentions it."""
+_MUJOCO_ELEMENTS = frozenset({"robot/mujoco"})
+"""Elements that MuJoCo's compiler reads and checks, and that are therefore never listed."""
+_MOVABLE = ("continuous", "revolute", "prismatic")
 
 
 @dataclass(frozen=True)
 class Urdf:
-    """URDF with its elements, for reading.
+    """Parsed URDF.
 
     Attributes:
-        text: The file.
+        text: Contents of the URDF.
         place: Name of the URDF in messages.
     """
 
@@ -100,14 +101,14 @@ class Urdf:
 
     @cached_property
     def joints(self) -> dict[str, Element]:
-        """Joints by name."""
+        """Joint elements by name; empty if the XML is not well-formed."""
         return {} if self.root is None else {joint.get("name", ""): joint for joint in self.root.findall("joint")}
 
     def number(self, joint: str, path: str, attribute: str) -> float | None:
-        """Number of an attribute of a joint; None if it is absent.
+        """Value of an attribute of a joint's child element `path`; None if it is absent.
 
         Raises:
-            ModelError: It is not a number.
+            ModelError: The value is not a number.
         """
         element = self.joints[joint].find(path)
         given = None if element is None else element.get(attribute)
@@ -131,18 +132,19 @@ class Urdf:
 
 
 def _bound(given: float | None) -> float | None:
+    """The limit if it is positive and finite; otherwise None."""
     return given if given is not None and 0.0 < given < math.inf else None
 
 
 def refuse_xacro(urdf: Urdf) -> None:
-    """Raises a ModelError for a xacro template of a URDF, whose elements would be dropped silently."""
+    """Raises a ModelError for a xacro template, because MuJoCo's parser would silently drop its xacro elements."""
     elements = re.sub(r"<!--.*?-->", "", urdf.text, flags=re.DOTALL)
     if "<xacro:" in elements or re.search(r"=\s*[\"'][^\"']*\$[{(]", elements):
-        raise ModelError(f"{urdf.place}: it is a template with xacro elements, not a URDF; expand it: xacro FILE > robot.urdf")
+        raise ModelError(f"{urdf.place}: the file is a xacro template, not a URDF; expand it: xacro FILE > robot.urdf")
 
 
 def omissions(urdf: Urdf, actuators: str | None = None) -> list[Omission]:
-    """Elements of a URDF that the model lacks, as the Rust crate's `Omission`; `actuators` is the argument of `load`."""
+    """Elements and attributes of a URDF that the model leaves out, as `Omission`; `actuators` is the argument of `load`."""
     if urdf.root is None:
         reason = "the XML is not well-formed, so that unsupported elements cannot be listed; correct the file"
         return [_omission("URDF", urdf.place, reason)]
@@ -158,13 +160,19 @@ def _omission(kind: str, name: str, reason: str) -> Omission:
 
 
 def _left_out(element: Element, path: str, owner: str) -> Iterator[Omission]:
-    """Attributes and descendants of an element that are not simulated; `owner` is the name of the link or joint around it."""
+    """Yields attributes and descendants of an element that are not simulated.
+
+    Args:
+        element: The element.
+        path: Path of the element, as in `READ`.
+        owner: Name of the link or joint that contains the element; "" if none does.
+    """
     for attribute in element.attrib:
         if attribute not in READ[path]:
             yield _omission(f"URDF {element.tag} attribute {prefixed(attribute)}", owner or element.get("name", ""), _UNKNOWN)
     for child in element:
-        # Comments and processing instructions have no name.
-        if not isinstance(child.tag, str) or (inner := f"{path}/{child.tag}") in _HIDDEN:
+        # Comments and processing instructions have a function as their tag.
+        if not isinstance(child.tag, str) or (inner := f"{path}/{child.tag}") in _MUJOCO_ELEMENTS:
             continue
         name = owner or child.get("name") or child.get("reference") or f"<{prefixed(child.tag)}>"
         if inner in READ:
@@ -174,7 +182,7 @@ def _left_out(element: Element, path: str, owner: str) -> Iterator[Omission]:
 
 
 def _masses(robot: Element) -> Iterator[Omission]:
-    """Inertias of links that are welded to the world."""
+    """Yields inertias of links that are welded to the world and therefore have no effect."""
     joints = robot.findall("joint")
     ends = [(_end(joint, "parent"), _end(joint, "child"), joint.get("type")) for joint in joints]
     moved = {child for _, child, _ in ends}
@@ -192,12 +200,13 @@ def _masses(robot: Element) -> Iterator[Omission]:
 
 
 def _end(joint: Element, which: str) -> str:
+    """Name of the "parent" or "child" link of a joint; "" if it is missing."""
     element = joint.find(which)
     return "" if element is None else element.get("link", "")
 
 
 def _limits(urdf: Urdf) -> Iterator[Omission]:
-    """Limits that are ignored or have no effect."""
+    """Yields joint limits that are ignored: empty ranges, ranges of continuous joints, and effort or velocity limits that count as none."""
     for name, joint in urdf.joints.items():
         kind, limit = joint.get("type"), joint.find("limit")
         low, high = (urdf.number(name, "limit", end) for end in ("lower", "upper"))
@@ -205,7 +214,7 @@ def _limits(urdf: Urdf) -> Iterator[Omission]:
             yield _omission("URDF range", name, f"from {low or 0:g} to {high or 0:g} is empty, so the joint has no limits")
         if kind == "continuous" and not (low is None and high is None):
             yield _omission("URDF range", name, "a continuous joint has no limits; make it revolute")
-        if kind not in _FREE or limit is None:
+        if kind not in _MOVABLE or limit is None:
             continue
         if limit.get("effort") is not None and urdf.effort_limit(name) is None:
             yield _omission("URDF effort limit", name, f"is {limit.get('effort')}, which counts as none: actuator forces are unbounded")

@@ -1,4 +1,4 @@
-"""The XML of URDF files, which is often less strict than XML: MuJoCo's parser does not mind."""
+"""Parsing of the XML of URDF files. These often violate the XML standard in two ways that MuJoCo's parser accepts; see `parse`."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ _DECLARED = re.compile(r"xmlns:([\w.-]+)\s*=")
 
 
 def parse(text: str) -> ElementTree.Element | None:
-    """The element `robot`; None where the text is not well-formed.
+    """Element `robot` of a URDF; None if the text is not well-formed.
 
-    Blank lines before the XML declaration, and prefixes without a namespace (`drake:acceleration`), are no error.
+    Blank lines before the XML declaration, and prefixes without a declared namespace (`drake:acceleration`), are accepted.
     """
     text = text.lstrip()
     unbound = {prefix for prefix in _PREFIX.findall(text) if not prefix.lower().startswith("xml")} - set(_DECLARED.findall(text))

@@ -1,4 +1,4 @@
-"""MJCF: what MuJoCo's compiler made of it, as a description that the Rust crate checks."""
+"""Conversion of a model that MuJoCo's compiler made, a `mujoco.MjModel`, into a description for `Model.from_description`."""
 
 from stepper.loading.mjcf.describe import describe
 

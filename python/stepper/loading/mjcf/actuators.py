@@ -1,4 +1,4 @@
-"""Actuators of a compiled `mujoco.MjModel`, as the Rust crate describes them (crates/model/src/description.rs)."""
+"""Description of the actuators of a compiled `mujoco.MjModel` (the Rust type is in crates/model/src/description.rs)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 Description = dict[str, Any]
 
-# MuJoCo's numbers (mjtype.h), compared with the installed version's by a test.
+# Values of MuJoCo's enumerations (mjtype.h); a test compares them with the installed version.
 TRN_JOINT, TRN_JOINT_IN_PARENT, TRN_TENDON, TRN_SITE = 0, 1, 3, 4
 DYN_NONE, DYN_INTEGRATOR, DYN_FILTER, DYN_FILTER_EXACT = range(4)
 SIMULATED = (DYN_NONE, DYN_INTEGRATOR, DYN_FILTER, DYN_FILTER_EXACT)
@@ -20,12 +20,12 @@ BIAS_NONE, BIAS_AFFINE, BIAS_DCMOTOR = 0, 1, 3
 GAIN_TYPES = {GAIN_FIXED: "Fixed", GAIN_AFFINE: "Affine"}
 BIAS_TYPES = {BIAS_NONE: "None", BIAS_AFFINE: "Affine"}
 INPUT_POS, INPUT_VEL, INPUT_VOLTAGE = 1, 2, 8
-OLDER, BETWEEN, CUBIC = range(3)
-"""Interpolation between two samples of a delayed control or reading (`interp`)."""
+PREVIOUS, LINEAR, CUBIC = range(3)
+"""Values of MJCF's attribute `interp` (zoh, linear, cubic): interpolation between two samples of a delayed control or reading."""
 
 
-def why_dropped(source: Source, a: int) -> list[str]:
-    """Attributes of an actuator that no description can have."""
+def reasons_to_omit(source: Source, a: int) -> list[str]:
+    """Properties of an actuator that are not supported, because of which it is left out; an empty list if it is kept."""
     m, mj = source.m, source.mujoco
     target, transmission = int(m.actuator_trnid[a, 0]), int(m.actuator_trntype[a])
     on_joint = transmission in (TRN_JOINT, TRN_JOINT_IN_PARENT)
@@ -36,7 +36,7 @@ def why_dropped(source: Source, a: int) -> list[str]:
     reasons = []
     if not (on_joint or transmission in (TRN_TENDON, TRN_SITE)):
         reasons.append(f"transmission {name_in('mjtTrn', transmission)}")
-    elif on_joint and not source.moves_one(target):
+    elif on_joint and not source.is_hinge_or_slide(target):
         reasons.append(f"transmission to the ball or free joint {source.label('JOINT', target)}")
     elif transmission == TRN_TENDON and target not in source.tendons:
         reasons.append(f"transmission to the spatial tendon {source.label('TENDON', target)}")
@@ -55,12 +55,13 @@ def why_dropped(source: Source, a: int) -> list[str]:
 
 
 def force_of(source: Source, a: int) -> Description | None:
-    """Parameters of an actuator's gain and bias that act, and their types; None of one that is not simulated."""
+    """Gain and bias of an actuator: their parameters and types, as fields of its description. None if the actuator is not supported."""
     m = source.m
     kinds = int(m.actuator_gaintype[a]), int(m.actuator_biastype[a])
     gain, bias, inputs = m.actuator_gainprm[a], m.actuator_biasprm[a], int(m.actuator_ctrlspec[a])
     if kinds == (GAIN_DCMOTOR, BIAS_DCMOTOR):
-        # Torque K (u - K w) / R. Voltage limits (dynprm[1]) are those of a controller; all else is circuit, heat, cogging or friction.
+        # Torque K (u - K w) / R. The voltage limit (dynprm[1]) only concerns controllers. Other parameters (circuit, heat, cogging,
+        # friction) are not supported.
         more = np.any(gain[2:]) or np.any(bias) or np.any(np.delete(m.actuator_dynprm[a], 1)) or m.actuator_actnum[a]
         return None if more or inputs != INPUT_VOLTAGE else _force([*gain[:2].tolist(), 0.0], [0.0, 0.0, 0.0], "DcMotor", "DcMotor")
     if m.actuator_dyntype[a] not in SIMULATED:
@@ -79,18 +80,18 @@ def _force(gain: list[float], bias: list[float], gain_type: str, bias_type: str)
 
 
 def delay(source: Source, a: int) -> tuple[float, int]:
-    """Time in s by which a control acts later, as far back as its history goes, and what acts between two controls."""
+    """Delay of a control in s, at most the length of its history; and the interpolation: `PREVIOUS`, `LINEAR` or `CUBIC`."""
     samples, between = (int(x) for x in source.m.actuator_history[a])
     return min(float(source.m.actuator_delay[a]), samples * float(source.m.opt.timestep)), between
 
 
 def is_whole(time: float, step: float) -> bool:
-    """Whether a time is a whole number of steps, but for rounding."""
+    """Whether a time is a whole number of time steps, apart from rounding; both in s."""
     return abs(time / step - round(time / step)) < 1e-9 * (1 + time / step)
 
 
 def actuator(source: Source, i: int) -> Description:
-    """An actuator of those that are described."""
+    """Description of an actuator, which must be one of `source.actuators`."""
     m = source.m
     ctrl, on_site = int(m.actuator_ctrladr[i]), int(m.actuator_trntype[i]) == TRN_SITE
     group = int(m.actuator_group[i])
@@ -105,7 +106,7 @@ def actuator(source: Source, i: int) -> Description:
         "transmission": _transmission(source, i),
         "gear": 1.0 if on_site else source.gear(i),
         "delay": late,
-        "delay_holds": between == OLDER,
+        "delay_holds": between == PREVIOUS,
         "ctrl_range": m.actuator_ctrlrange[ctrl].tolist() if clamps else None,
         "force_range": m.actuator_forcerange[i].tolist() if m.actuator_forcelimited[i] else None,
         "act_range": m.actuator_actrange[i].tolist() if m.actuator_actlimited[i] else None,
@@ -124,7 +125,7 @@ def _transmission(source: Source, i: int) -> Description:
 
 
 def activation(source: Source, i: int) -> str | Description:
-    """Dynamics of the activation."""
+    """Activation dynamics of an actuator, as in its description; the time constants of filters are in s."""
     kind, tau = int(source.m.actuator_dyntype[i]), float(source.m.actuator_dynprm[i, 0])
     if kind == DYN_FILTER:
         return {"Filter": tau}

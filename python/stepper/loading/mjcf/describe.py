@@ -35,22 +35,21 @@ from stepper.loading.mjcf.source import (
 
 
 def describe(m: Any) -> Description:
-    """The description of a compiled model.
+    """Description of a compiled model.
 
     Args:
         m: A `mujoco.MjModel`.
 
     Returns:
-        What `Model.from_description` takes; numbers of meshes and height fields are arrays, some of them the compiled model's own. Its
-        "omitted" lists what the model has and the description does not.
+        Argument of `Model.from_description`. Vertices, faces and heights are arrays, some of which share memory with `m`. The value of
+        "omitted" lists the elements of `m` that the description leaves out.
     """
     source = Source(m)
     list_omissions(source)
-    none = source.off("gravity")
     return {
         "name": m.names.split(b"\0", 1)[0].decode(),
         "timestep": float(m.opt.timestep),
-        "gravity": [0.0, 0.0, 0.0] if none else m.opt.gravity.tolist(),
+        "gravity": [0.0, 0.0, 0.0] if source.off("gravity") else m.opt.gravity.tolist(),
         "magnetic": m.opt.magnetic.tolist(),
         "medium": _medium(source),
         "explicit_damping": source.off("eulerdamp"),
@@ -87,13 +86,13 @@ def _body(source: Source, i: int) -> Description:
         "iquat": m.body_iquat[i].tolist(),
         "inertia": m.body_inertia[i].tolist(),
         "mocap": bool(m.body_mocapid[i] >= 0),
-        "gravcomp": 0.0 if source.still else float(m.body_gravcomp[i]),
+        "gravcomp": 0.0 if source.skips_passive_forces else float(m.body_gravcomp[i]),
     }
 
 
 def _medium(source: Source) -> Description:
     opt = source.m.opt
-    if source.still:
+    if source.skips_passive_forces:
         return {"density": 0.0, "viscosity": 0.0, "wind": [0.0, 0.0, 0.0]}
     return {"density": float(opt.density), "viscosity": float(opt.viscosity), "wind": opt.wind.tolist()}
 
@@ -101,8 +100,8 @@ def _medium(source: Source) -> Description:
 def _joint(source: Source, i: int) -> Description:
     m = source.m
     dof = source.dofs(i).start
-    # Rotor inertia and damping of actuators act through their gear (MuJoCo adds gear^2 times both to the joint's).
-    # A gear whose square is not finite is an error of the model itself.
+    # Like MuJoCo, add rotor inertia and damping of the actuators, times gear^2, to those of the joint.
+    # `min` keeps the square finite: a gear that is too large is reported as an error of the model elsewhere.
     gears = [(a, min(source.gear(a) * source.gear(a), sys.float_info.max)) for a in source.joint_actuators[i]]
     damping = float(m.dof_damping[dof]) + sum(g * float(m.actuator_damping[a]) for a, g in gears)
     return {
@@ -122,14 +121,14 @@ def _joint(source: Source, i: int) -> Description:
 
 
 def _joint_range(source: Source, i: int) -> list[float] | None:
-    """Range within which a joint moves freely: MuJoCo's limits push from `margin` before the end on."""
+    """Range of a joint, rad or m, narrowed by `margin`, from which on MuJoCo's limits push; None if unlimited."""
     m = source.m
     if not m.jnt_limited[i] or source.off("limit"):
         return None
     low, high = m.jnt_range[i].tolist()
     margin = float(m.jnt_margin[i])
-    # A ball joint has one end, the largest angle.
-    return [low + margin if source.moves_one(i) else low, high - margin]
+    # A ball joint has only an upper limit, on its angle.
+    return [low + margin if source.is_hinge_or_slide(i) else low, high - margin]
 
 
 def _geom(source: Source, i: int) -> Description:
@@ -146,8 +145,8 @@ def _geom(source: Source, i: int) -> Description:
         "condim": int(m.geom_condim[i]),
         "priority": int(m.geom_priority[i]),
         "friction": (m.opt.o_friction[[0, 2, 3]] if source.overrides else m.geom_friction[i]).tolist(),
-        "restitution": 0.0,  # MJCF has none: its contacts are springs and dampers
-        # A pair takes the sum of two margins.
+        "restitution": 0.0,  # MJCF has no restitution: its contacts are springs and dampers
+        # The margin of a contact is the sum of the margins of its two geoms.
         "margin": float(m.opt.o_margin / 2 if source.overrides else m.geom_margin[i]),
         "gap": float(m.geom_gap[i]),
         "surface_velocity": m.geom_surfacevel[i].tolist(),
@@ -157,7 +156,7 @@ def _geom(source: Source, i: int) -> Description:
 
 
 def _ellipsoid(source: Source, i: int) -> Description | None:
-    """Coefficients of the medium for a geom with the model of ellipsoids (the order of mjNFLUID, engine_passive.c)."""
+    """Coefficients of MuJoCo's ellipsoid fluid model for a geom, in the order of `geom_fluid`; None if the geom does not use that model."""
     x, kind, (a, b, c) = source.m.geom_fluid[i].tolist(), int(source.m.geom_type[i]), source.m.geom_size[i].tolist()
     if x[0] <= 0:
         return None
@@ -201,7 +200,7 @@ def _height_field(source: Source, i: int) -> Description:
     rows, columns = int(m.hfield_nrow[i]), int(m.hfield_ncol[i])
     x, y, top, base = m.hfield_size[i].tolist()
     start = int(m.hfield_adr[i])
-    # MuJoCo keeps heights as shares of the elevation, in single precision.
+    # MuJoCo stores heights in single precision, as fractions of the largest elevation.
     heights = m.hfield_data[start : start + rows * columns].astype(float) * top
     return {
         "name": source.label("HFIELD", i),
@@ -259,19 +258,22 @@ def _equality(source: Source, i: int) -> Description:
         "name": source.name("EQUALITY", i),
         "kind": {("Connect", "Weld", "Joint", "Tendon")[kind]: shape},
         "active": bool(m.eq_active0[i]),
-        "stiffness": np.inf,  # MJCF's are springs and dampers; here they are hard
+        "stiffness": np.inf,  # equalities are springs and dampers in MJCF, and rigid here
         "damping": 0.0,
         **equality_softness(source, i),
     }
 
 
 def _points(source: Source, i: int, data: list[float], objects: list[int]) -> Description:
-    """Bodies and anchors of a connect or weld; a site is a point and an orientation of its body."""
+    """Bodies and anchors of a connect or weld, and the relative orientation of a weld.
+
+    For an equality between sites, these are the bodies of the sites and the positions and orientations of the sites in their bodies.
+    """
     m, weld = source.m, int(source.m.eq_type[i]) == WELD
     anchors, relpose = ([data[3:6], data[0:3]] if weld else [data[0:3], data[3:6]]), np.array(data[6:10])
     if int(m.eq_objtype[i]) != OBJ_BODY:
         anchors, back = [m.site_pos[s].tolist() for s in objects], np.zeros(4)
-        # First body times first site is second body times second site.
+        # Both sites have the same orientation in the world: q_body1 q_site1 = q_body2 q_site2.
         source.mujoco.mju_negQuat(back, m.site_quat[objects[1]])
         source.mujoco.mju_mulQuat(relpose, m.site_quat[objects[0]], back)
         objects = [int(m.site_bodyid[s]) for s in objects]

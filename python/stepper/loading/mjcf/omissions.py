@@ -1,14 +1,15 @@
 """Elements of a compiled `mujoco.MjModel` that its description leaves out.
 
-`FIELDS` classifies every field of MjModel 4; a test compares it with the installed version. Elements that would change the motion are
-errors unless `stepper.load(..., strict=False)`. Described elements that the step does not simulate yet are listed by the Rust crate.
+`FIELDS` classifies every field of MuJoCo 4's MjModel; a test compares the table with the installed version. An omission that changes the
+motion is an error, except with `stepper.load(..., strict=False)`. The Rust crate adds elements of the description that it does not
+simulate.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from stepper.loading.mjcf.actuators import CUBIC, activation, delay, is_whole, why_dropped
+from stepper.loading.mjcf.actuators import CUBIC, activation, delay, is_whole, reasons_to_omit
 from stepper.loading.mjcf.source import Source
 
 FIELDS = {
@@ -41,7 +42,7 @@ FIELDS = {
         flex_* flexedge_* plugin* body_plugin geom_plugin sensor_plugin
         key_mpos key_mquat flex_solref flex_solimp *_solmix pair_solreffriction
         """,
-    # Counts, addresses, names, derived constants, drawing, bounding volumes, and what belongs to MuJoCo's own solver.
+    # Counts, addresses, names, derived constants, drawing, bounding volumes, and settings of MuJoCo's solver.
     "no effect on the motion": """
         n[a-zA-Z]* flg_* vis stat signature paths
         body_rootid body_weldid body_jntnum body_jntadr body_dofnum body_dofadr body_treeid body_geomnum body_geomadr body_simple
@@ -61,37 +62,49 @@ FIELDS = {
 
 FLAGS = {
     "disable": {
-        "warmstart": (9, "the solver begins with the impulses of the last step, whatever the flag says", False),
-        "filterparent": (10, "parent and child never collide here, whatever the flag says", True),
-        "midphase": (14, "it is about MuJoCo's search for contacts, and changes none of them", False),
-        "eulerdamp": (15, "the integrator euler takes the joints' damping explicitly, as the flag says; the others, implicitly", False),
-        "autoreset": (16, "a step whose result is not finite is refused, and a flag of status says so", False),
-        "nativeccd": (17, "it chooses among MuJoCo's ways to find contacts; stepper has its own", False),
-        "island": (18, "it is about MuJoCo's solver", False),
-        "multiccd": (19, "it chooses among MuJoCo's ways to find contacts; stepper finds all points of a patch", False),
+        "warmstart": (9, "the solver always starts from the impulses of the last step", False),
+        "filterparent": (10, "a body never collides with its parent in stepper", True),
+        "midphase": (14, "the flag concerns MuJoCo's search for contacts, and does not change the contacts", False),
+        "eulerdamp": (
+            15,
+            "as in MuJoCo, euler then applies joint damping explicitly; other integrators apply it implicitly",
+            False,
+        ),
+        "autoreset": (
+            16,
+            "a step whose result is not finite leaves the state unchanged and sets a flag in status",
+            False,
+        ),
+        "nativeccd": (17, "the flag selects one of MuJoCo's collision algorithms; stepper uses another one", False),
+        "island": (18, "the flag concerns MuJoCo's solver", False),
+        "multiccd": (
+            19,
+            "the flag selects one of MuJoCo's collision algorithms; stepper always finds all points of a patch",
+            False,
+        ),
     },
     "enable": {
-        "energy": (1, "Stepper.energy() says it whenever it is asked", False),
-        "fwdinv": (2, "it is about MuJoCo's solver; status and residual say how well a step was solved", False),
-        "invdiscrete": (3, "there are no inverse dynamics that it could change", False),
+        "energy": (1, "Stepper.energy() returns the energy at any time", False),
+        "fwdinv": (2, "the flag concerns MuJoCo's solver; status and residual measure the solution of a step", False),
+        "invdiscrete": (3, "the inverse dynamics of stepper do not depend on the flag", False),
         "sleep": (4, "bodies at rest are simulated like all others", False),
         "diagexact": (
             5,
-            "hard contact has no regularisation, and that of MuJoCo's law is relative to its inverse weights, whatever the flag says",
+            "hard contact has no regularisation, and MuJoCo's contact law always uses the approximate inverse weights for it",
             False,
         ),
-        "ipc": (6, "it is about deformable bodies, which are not simulated", False),
-        "speculative": (7, "contacts that may close within a step are always found before they do", False),
+        "ipc": (6, "the flag concerns deformable bodies, which are not simulated", False),
+        "speculative": (7, "stepper always finds contacts that may close within a step in advance", False),
     },
 }
-"""Flags of MuJoCo that are listed when they are set: bit, what is done instead, whether that changes the motion.
+"""Flags of MuJoCo that have no effect here: bit, stepper's behaviour, whether it changes the motion. A model's flags of these are listed.
 
-`stepper.loading.mjcf.source.DISABLE` has those that are honoured; a test holds both against the installed version.
+`stepper.loading.mjcf.source.DISABLE` has the flags that take effect; a test compares both tables with the installed version.
 """
 
 
 def list_omissions(source: Source) -> None:
-    """Fills `source.omitted`."""
+    """Adds all elements that the description leaves out to `source.omitted`."""
     _scene(source)
     _joints(source)
     _contacts(source)
@@ -108,15 +121,19 @@ def _scene(source: Source) -> None:
             if flags >> bit & 1 and _matters(source, name):
                 source.leave_out(f"flag {name}", f"{kind}d", reason, changes_motion=changes_motion)
     if source.overrides and m.opt.o_friction[0] != m.opt.o_friction[1]:
-        source.leave_out("o_friction", "option", f"{m.opt.o_friction.tolist()} differ between the tangents; both get the first")
+        source.leave_out("o_friction", "option", f"{m.opt.o_friction.tolist()} depends on the direction; the first is used")
     for i in range(m.nflex):
-        source.leave_out("flex", source.label("FLEX", i), "deformable bodies are not simulated; its vertices move as bodies without shape")
+        source.leave_out(
+            "flex", source.label("FLEX", i), "deformable bodies are not simulated; the vertices of the flex move as bodies without shape"
+        )
     for i in range(m.nplugin):
-        source.leave_out("plugin", source.label("PLUGIN", i), "plugins are MuJoCo's; its forces, shapes and readings are missing")
+        source.leave_out(
+            "plugin", source.label("PLUGIN", i), "plugins of MuJoCo do not run here; forces, shapes and readings of the plugin are missing"
+        )
 
 
 def _matters(source: Source, flag: str) -> bool:
-    """Whether a scene has what a flag is about, where that is easily told."""
+    """Whether a flag can affect this model; checked for two flags only, and True for all others."""
     if flag == "eulerdamp":
         return bool(np.any(source.m.dof_damping)) and not source.off("damper")
     return flag != "filterparent" or source.collides
@@ -128,19 +145,23 @@ def _joints(source: Source) -> None:
         name, dofs = source.label("JOINT", i), source.dofs(i)
         if np.any(m.jnt_stiffnesspoly[i]) and not source.off("spring"):
             source.leave_out("joint spring polynomial", name, "stiffness that grows with deflection is not simulated; the linear part is")
-        if m.jnt_actgravcomp[i] and m.jnt_actfrclimited[i] and np.any(m.body_gravcomp) and not source.still:
-            reason = "gravity compensation is not counted among the actuators' forces that its bounds hold for"
+        if m.jnt_actgravcomp[i] and m.jnt_actfrclimited[i] and np.any(m.body_gravcomp) and not source.skips_passive_forces:
+            reason = "gravity compensation acts as a passive force, which actuatorfrcrange does not limit"
             source.leave_out("joint gravity compensation", name, reason)
         if m.jnt_springyield[i] and m.jnt_stiffness[i] and not source.off("spring"):
-            source.leave_out("joint spring yield", name, "springs do not yield; it stays elastic")
+            source.leave_out("joint spring yield", name, "plastic yielding of springs is not simulated; the spring stays elastic")
         if np.any(m.dof_dampingpoly[dofs]) and not source.off("damper"):
             source.leave_out("joint damping polynomial", name, "damping that grows with speed is not simulated; the linear part is")
         for field in ("damping", "armature", "frictionloss"):
             values = getattr(m, f"dof_{field}")[dofs]
             if np.any(values != values[0]):
-                source.leave_out(f"joint {field}", name, f"{values.tolist()} differ between its degrees of freedom; all get {values[0]:g}")
+                source.leave_out(
+                    f"joint {field}",
+                    name,
+                    f"{values.tolist()} differ between the joint's degrees of freedom; {values[0]:g} is used for all",
+                )
         if m.jnt_limited[i] and m.jnt_margin[i] and not source.off("limit"):
-            reason = f"its range is narrowed by the margin {m.jnt_margin[i]:g}, where MuJoCo's limit comes to rest"
+            reason = f"the range is narrowed by the margin {m.jnt_margin[i]:g}, because MuJoCo's limit pushes from there on"
             source.leave_out("joint margin", name, reason, changes_motion=False)
 
 
@@ -157,7 +178,7 @@ def _contacts(source: Source) -> None:
         if m.pair_adhesion[i]:
             source.leave_out("adhesion", name, "contacts do not pull")
         if (m.pair_dim[i] > 1 and friction[0] != friction[1]) or (m.pair_dim[i] == 6 and friction[3] != friction[4]):
-            reason = f"friction {friction.tolist()} depends on the direction; the first of each two is used"
+            reason = f"friction {friction.tolist()} depends on the direction; the first coefficient of each pair of directions is used"
             source.leave_out("anisotropic friction", name, reason)
 
 
@@ -166,16 +187,16 @@ def _equalities(source: Source) -> None:
     if source.off("equality"):
         return
     for i in range(m.neq):
-        if why := source.why_free(i):
+        if reason := source.reason_to_omit_equality(i):
             kind = str(source.mujoco.mjtEq(int(m.eq_type[i])).name).removeprefix("mjEQ_").lower()
-            source.leave_out(f"equality {kind}", source.label("EQUALITY", i), why, changes_motion=bool(m.eq_active0[i]))
+            source.leave_out(f"equality {kind}", source.label("EQUALITY", i), reason, changes_motion=bool(m.eq_active0[i]))
 
 
 def _tendons(source: Source) -> None:
     m = source.m
     for i in range(m.ntendon):
         fixed = source.is_fixed(i)
-        has = {
+        properties = {
             "stiffness": (bool(m.tendon_stiffness[i]) and not fixed and not source.off("spring")),
             "stiffness that grows with deflection": bool(np.any(m.tendon_stiffnesspoly[i])) and not source.off("spring"),
             "damping": (bool(m.tendon_damping[i]) and not fixed and not source.off("damper")),
@@ -184,30 +205,32 @@ def _tendons(source: Source) -> None:
             "dry friction": bool(m.tendon_frictionloss[i]) and not fixed and not source.off("frictionloss"),
             "armature": bool(m.tendon_armature[i]) and not fixed,
             "yield": bool(m.tendon_springyield[i]) and bool(m.tendon_stiffness[i]) and not source.off("spring"),
-            "bounds of the actuators' force": bool(m.tendon_actfrclimited[i]) and fixed,
+            "actuatorfrcrange": bool(m.tendon_actfrclimited[i]) and fixed,
         }
-        missing = [what for what, there in has.items() if there]
+        missing = [name for name, is_set in properties.items() if is_set]
         if missing:
             kind = "fixed" if fixed else "spatial"
-            source.leave_out(f"{kind} tendon", source.label("TENDON", i), f"not simulated: its {', '.join(missing)}")
+            source.leave_out(f"{kind} tendon", source.label("TENDON", i), f"not simulated: {', '.join(missing)} of the tendon")
         if fixed and m.tendon_limited[i] and m.tendon_margin[i] and not source.off("limit"):
-            reason = f"its range is narrowed by the margin {m.tendon_margin[i]:g}, where MuJoCo's limit comes to rest"
+            reason = f"the range is narrowed by the margin {m.tendon_margin[i]:g}, because MuJoCo's limit pushes from there on"
             source.leave_out("tendon margin", source.label("TENDON", i), reason, changes_motion=False)
 
 
 def _actuators(source: Source) -> None:
     m = source.m
     for a in range(m.nactuator):
-        name, dropped = source.label("ACTUATOR", a), why_dropped(source, a)
-        if dropped:
+        name, unsupported = source.label("ACTUATOR", a), reasons_to_omit(source, a)
+        if unsupported:
             left_out = f"the actuator is left out with its controls, so nu is smaller by {m.actuator_ctrlnum[a]}"
-            source.leave_out("actuator", name, f"{', '.join(dropped)} not simulated; {left_out}")
+            source.leave_out("actuator", name, f"{', '.join(unsupported)} not simulated; {left_out}")
             continue
         if m.actuator_actearly[a] and activation(source, a) != "None":
-            source.leave_out("actuator early activation", name, "its force lags its activation by one step")
+            source.leave_out(
+                "actuator early activation", name, "actearly is not simulated: the force follows the activation one step later"
+            )
         late, between = delay(source, a)
         if between == CUBIC and not is_whole(late, m.opt.timestep):
-            reason = f"between controls {late:g} s ago it takes the line, not the cubic polynomial"
+            reason = f"the control {late:g} s ago is interpolated linearly, not with a cubic polynomial"
             source.leave_out("actuator delay", name, reason)
         if np.any(m.actuator_dampingpoly[a]):
             source.leave_out("actuator damping polynomial", name, "damping that grows with speed is not simulated; the linear part is")
@@ -217,9 +240,9 @@ def _actuators(source: Source) -> None:
 
 def _keyframes(source: Source) -> None:
     m = source.m
-    posed = np.flatnonzero(m.body_mocapid >= 0)
+    mocap_bodies = np.flatnonzero(m.body_mocapid >= 0)
     for i in range(m.nkey):
-        pos, quat = m.body_pos[posed].ravel(), m.body_quat[posed].ravel()
+        pos, quat = m.body_pos[mocap_bodies].ravel(), m.body_quat[mocap_bodies].ravel()
         if np.any(m.key_mpos[i] != pos) or np.any(m.key_mquat[i] != quat):
-            reason = "its poses of mocap bodies are not kept; set Stepper.mocap_pos and mocap_quat"
+            reason = "poses of mocap bodies in keyframes are not stored; set Stepper.mocap_pos and mocap_quat"
             source.leave_out("keyframe mocap pose", source.label("KEY", i), reason, changes_motion=False)

@@ -1,4 +1,4 @@
-"""Method and softness that a compiled `mujoco.MjModel` sets and stepper replaces."""
+"""Integrator, solver and softness that a compiled `mujoco.MjModel` requests, and that stepper's default options replace."""
 
 from __future__ import annotations
 
@@ -8,38 +8,41 @@ import numpy as np
 
 from stepper.loading.mjcf.source import Source
 
-# MuJoCo's defaults; a test holds both against the installed version.
+# MuJoCo's default solref and solimp; a test compares them with the installed version.
 SOLREF = (0.02, 1.0)
 SOLIMP = (0.9, 0.95, 0.001, 0.5, 2.0)
 
-_SHOWN = 4
-"""Names of a kind that are shown."""
+_MOST_NAMES = 4
+"""Largest number of names of elements that are listed per kind."""
 
 
 def requested(source: Source) -> dict[str, Any]:
-    """The fields of the Rust crate's `Requested`."""
+    """Integrator, solver, iterations, friction cone and softness of a model, as fields of the Rust crate's `Requested`.
+
+    "cone" is None if no contact is possible; "constrained" is whether the model can have constraints.
+    """
     m, opt = source.m, source.m.opt
     limited = (np.any(m.jnt_limited) or np.any(m.tendon_limited)) and not source.off("limit")
-    lossy = (np.any(m.dof_frictionloss) or np.any(m.tendon_frictionloss)) and not source.off("frictionloss")
-    tied = np.any(m.eq_active0) and not source.off("equality")
+    has_friction = (np.any(m.dof_frictionloss) or np.any(m.tendon_frictionloss)) and not source.off("frictionloss")
+    has_equalities = np.any(m.eq_active0) and not source.off("equality")
     return {
-        "integrator": _word(source, "mjtIntegrator", opt.integrator),
-        "solver": _word(source, "mjtSolver", opt.solver),
+        "integrator": _mjcf_name(source, "mjtIntegrator", opt.integrator),
+        "solver": _mjcf_name(source, "mjtSolver", opt.solver),
         "iterations": int(opt.iterations),
-        "cone": _word(source, "mjtCone", opt.cone).lower() if source.collides else None,
-        "constrained": bool(source.collides or limited or lossy or tied),
+        "cone": _mjcf_name(source, "mjtCone", opt.cone).lower() if source.collides else None,
+        "constrained": bool(source.collides or limited or has_friction or has_equalities),
         "soft": list(_soft(source)),
     }
 
 
-def _word(source: Source, enum: str, value: int) -> str:
-    """MJCF's own word for a choice."""
+def _mjcf_name(source: Source, enum: str, value: int) -> str:
+    """Name in MJCF of a value of an enumeration of MuJoCo, for example "Newton" for `mjSOL_NEWTON`."""
     name = str(getattr(source.mujoco, enum)(int(value)).name).split("_", 1)[1]
     return {"EULER": "Euler", "NEWTON": "Newton"}.get(name, name if len(name) < 4 else name.lower())
 
 
 def _soft(source: Source) -> list[str]:
-    """Constraints with a softness other than MuJoCo's default, of those that can push."""
+    """One text per kind of constraint, with the enabled constraints whose softness is not MuJoCo's default."""
     m = source.m
     solid = ((m.geom_contype != 0) | (m.geom_conaffinity != 0)) & source.collides
     lossy = np.array([bool(np.any(m.dof_frictionloss[source.dofs(j)])) for j in range(m.njnt)], bool)
@@ -58,8 +61,8 @@ def _soft(source: Source) -> list[str]:
     for (kind, word), chosen in kinds.items():
         names = [source.label(kind, int(i)) for i in np.flatnonzero(chosen)]
         if names:
-            more = ", ..." if len(names) > _SHOWN else ""
-            found.append(f"{len(names)} {word} ({', '.join(names[:_SHOWN])}{more})")
+            more = ", ..." if len(names) > _MOST_NAMES else ""
+            found.append(f"{len(names)} {word} ({', '.join(names[:_MOST_NAMES])}{more})")
     return found
 
 

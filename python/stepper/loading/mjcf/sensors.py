@@ -1,4 +1,4 @@
-"""Sites and sensors of a compiled `mujoco.MjModel`, as the Rust crate describes them (crates/model/src/sensor.rs).
+"""Description of the sites and sensors of a compiled `mujoco.MjModel` (the Rust type is in crates/model/src/sensor.rs).
 
 `docs/reference/sensors.md` lists which sensor types of MuJoCo are simulated and how their readings differ; a test compares it and
 the tables here against the installed version.
@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from stepper.loading.mjcf.actuators import CUBIC, OLDER, is_whole
+from stepper.loading.mjcf.actuators import CUBIC, PREVIOUS, is_whole
 from stepper.loading.mjcf.source import BOX, CAPSULE, CYLINDER, ELLIPSOID, PLANE, SDF, SPHERE, Description, Source
 from stepper.shared.sensor_words import ACTUATORS, FRAMES, JOINTS, PROXIMITIES, SCENE, SITES, SUBTREES, TENDONS
 
@@ -20,24 +20,24 @@ REDUCTIONS = ("None", "MinDistance", "MaxForce", "NetForce")
 
 MISSING = {
     "camprojection": "cameras are not part of the model",
-    "tactile": "pressure over a mesh is not simulated",
-    "plugin": "plugins are MuJoCo's",
-    "user": "its callback is MuJoCo's",
+    "tactile": "pressure on a mesh is not simulated",
+    "plugin": "plugins of MuJoCo do not run here",
+    "user": "callbacks of MuJoCo do not run here",
 }
-"""Types that are not simulated, and why."""
+"""Reason for every type of sensor that is not simulated."""
 
 
 class _NotReadError(Exception):
-    """A sensor that cannot be described, with the reason."""
+    """The sensor is not supported; the message is the reason."""
 
 
 def kind_of(source: Source, i: int) -> str:
-    """MuJoCo's word for the type of a sensor, e.g. "jointpos"."""
+    """Type of a sensor as named in MJCF, for example "jointpos"."""
     return str(source.mujoco.mjtSensor(int(source.m.sensor_type[i])).name).removeprefix("mjSENS_").lower()
 
 
 def sites(source: Source) -> list[Description]:
-    """All sites."""
+    """Descriptions of all sites."""
     m = source.m
     return [
         {
@@ -64,7 +64,7 @@ def _volume(kind: int, size: list[float]) -> Description:
 
 
 def sensors(source: Source) -> Iterator[Description]:
-    """The sensors that are simulated; the others are noted as omissions."""
+    """Yields the descriptions of the sensors that are simulated, and adds the others to `source.omitted`."""
     m = source.m
     for i in range(m.nsensor):
         word, name = kind_of(source, i), source.label("SENSOR", i)
@@ -86,20 +86,29 @@ def sensors(source: Source) -> Iterator[Description]:
 
 
 def _history(source: Source, i: int, word: str, name: str) -> Description:
-    """Delay and interval in s. For a delay that is no whole number of steps, an interval of a step selects the older reading."""
+    """Delay and interval of a sensor in s.
+
+    A delayed reading between two steps is interpolated linearly, except if the sensor has an interval. Therefore a sensor that uses the
+    previous sample (`PREVIOUS`) gets an interval of one step if its delay is no whole number of steps.
+    """
     m, step = source.m, float(source.m.opt.timestep)
     samples, between = (int(x) for x in m.sensor_history[i])
     interval, phase = (float(x) for x in m.sensor_interval[i])
     delay = min(float(m.sensor_delay[i]), samples * (interval or step))
     if phase:
-        source.leave_out(f"sensor {word} phase", name, "its first sample is that of the reset", changes_motion=False)
-    if delay and interval and between != OLDER:
-        reason = "between samples it reads the older one, not what lies between them"
+        source.leave_out(
+            f"sensor {word} phase",
+            name,
+            "the phase of the sampling is not simulated: the first sample is at the reset",
+            changes_motion=False,
+        )
+    if delay and interval and between != PREVIOUS:
+        reason = "samples are not interpolated: the reading is the previous sample"
         source.leave_out(f"sensor {word} interpolation", name, reason, changes_motion=False)
     elif delay and between == CUBIC and not is_whole(delay, step):
-        reason = "between two readings it takes the line, not the cubic polynomial"
+        reason = "delayed readings are interpolated linearly, not with a cubic polynomial"
         source.leave_out(f"sensor {word} interpolation", name, reason, changes_motion=False)
-    if delay and between == OLDER and not is_whole(delay, step):
+    if delay and between == PREVIOUS and not is_whole(delay, step):
         interval = interval or step
     return {"delay": delay, "interval": interval}
 
@@ -108,7 +117,7 @@ def _kind(source: Source, i: int, word: str) -> str | Description:
     target = int(source.m.sensor_objid[i])
     if word in MISSING:
         raise _NotReadError(MISSING[word])
-    if word.startswith("joint") and not source.moves_one(target):
+    if word.startswith("joint") and not source.is_hinge_or_slide(target):
         raise _NotReadError("limits of ball joints have no sensor yet")
     if word in ("force", "torque") and (loop := _loop(source, int(source.m.site_bodyid[target]))):
         raise _NotReadError(f"what it carries is held by the equality {loop} too, whose share of the force is not simulated")
@@ -130,7 +139,7 @@ def _kind(source: Source, i: int, word: str) -> str | Description:
 
 
 def _loop(source: Source, body: int) -> str | None:
-    """An equality that joins what hangs from a body to something else."""
+    """Label of an active connect or weld between the subtree of a body and the rest of the model; None if there is none."""
     m = source.m
     carried = np.zeros(m.nbody, bool)
     carried[body] = True
@@ -198,7 +207,7 @@ def _proximity(source: Source, i: int) -> Description:
 
 def _fields(names: tuple[str, ...], bits: int) -> list[str]:
     if bits >> len(names):
-        raise _NotReadError(f"of its data only {', '.join(names)} are simulated")
+        raise _NotReadError(f"of the sensor's data only {', '.join(names)} are simulated")
     return [name for k, name in enumerate(names) if bits >> k & 1]
 
 
@@ -206,10 +215,10 @@ def _range(source: Source, i: int) -> Description:
     m, site = source.m, int(source.m.sensor_objid[i])
     if _object_types(source).get(int(m.sensor_objtype[i])) != "Site":
         raise _NotReadError("cameras are not part of the model")
-    seen = source.seen_from(site)
+    seen = source.geoms_visible_from(site)
     other = [source.label("GEOM", g) for g in seen if int(m.geom_type[g]) == SDF]
     if other:
-        raise _NotReadError(f"rays do not meet signed distance fields: {', '.join(other)}")
+        raise _NotReadError(f"rays do not detect signed distance fields: {', '.join(other)}")
     fields = _fields(RAY_FIELDS, int(m.sensor_intprm[i, 0]))
     return {"RangeFinder": {"site": site, "rays": [[0.0, 0.0, 1.0]], "fields": fields, "geoms": seen}}
 

@@ -10,7 +10,7 @@ CONES = ("Pyramidal", "Elliptic")
 
 
 def soft_settings(source: Source) -> Description:
-    """The fields of the Rust crate's `SoftSettings`."""
+    """Settings of MuJoCo's contact law for the whole model, as fields of the Rust crate's `SoftSettings`."""
     m = source.m
     return {
         "cone": CONES[int(m.opt.cone)],
@@ -29,7 +29,7 @@ def soft_settings(source: Source) -> Description:
 
 
 def joint_softness(source: Source, i: int) -> Description:
-    """Softness of a joint's limit and of its dry friction."""
+    """Softness (solref and solimp) of a joint's limit and of its dry friction."""
     m, dof = source.m, source.dofs(i).start
     return {
         "limit_softness": _softness(m.jnt_solref[i], m.jnt_solimp[i]),
@@ -38,13 +38,13 @@ def joint_softness(source: Source, i: int) -> Description:
 
 
 def contact_softness(source: Source, i: int) -> Description:
-    """Softness of a geom's contacts, and its weight in a pair."""
+    """Softness (solref and solimp) of a geom's contacts, and its weight `solmix` in the mean over the two geoms of a contact."""
     m = source.m
     return {"softness": _contact(source, m.geom_solref[i], m.geom_solimp[i]), "solmix": float(m.geom_solmix[i])}
 
 
 def pair_softness(source: Source, i: int) -> Description:
-    """Softness of an explicit pair, and ratios of its coefficients of friction."""
+    """Softness (solref and solimp) of an explicit pair, and ratios of its friction coefficients in the second to the first direction."""
     m = source.m
     slide, other_slide, _, roll, other_roll = (m.opt.o_friction if source.overrides else m.pair_friction[i]).tolist()
     ratio = [b / a if a > 0 else 1.0 for a, b in ((slide, other_slide), (roll, other_roll))]
@@ -56,7 +56,7 @@ def pair_softness(source: Source, i: int) -> Description:
 
 
 def tendon_softness(source: Source, i: int) -> Description:
-    """Softness of a tendon's limit and of its dry friction."""
+    """Softness (solref and solimp) of a tendon's limit and of its dry friction."""
     m = source.m
     return {
         "limit_softness": _softness(m.tendon_solref_lim[i], m.tendon_solimp_lim[i]),
@@ -65,13 +65,13 @@ def tendon_softness(source: Source, i: int) -> Description:
 
 
 def equality_softness(source: Source, i: int) -> Description:
-    """Softness of an equality."""
+    """Softness (solref and solimp) of an equality."""
     m = source.m
     return {"softness": _softness(m.eq_solref[i], m.eq_solimp[i])}
 
 
 def _contact(source: Source, solref: Any, solimp: Any) -> Description:
-    """Softness of contacts, for which the options may have one for all."""
+    """Softness of a contact; with `option/flag override` that of the options, for all contacts."""
     opt = source.m.opt
     return _softness(opt.o_solref, opt.o_solimp) if source.overrides else _softness(solref, solimp)
 

@@ -1,4 +1,4 @@
-"""A compiled `mujoco.MjModel` while it is read."""
+"""Reading of a compiled `mujoco.MjModel`: its flags, names, and indices of the elements that the description keeps."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from stepper.loading.mjcf.actuators import TRN_JOINT, TRN_JOINT_IN_PARENT, why_dropped
+from stepper.loading.mjcf.actuators import TRN_JOINT, TRN_JOINT_IN_PARENT, reasons_to_omit
 
 Description = dict[str, Any]
 
@@ -40,11 +40,11 @@ _CONSTRAINTS = ("contact", "limit", "frictionloss", "equality")
 
 @dataclass
 class Source:
-    """A compiled model while it is read.
+    """A compiled model and the list of its elements that the description omits.
 
     Attributes:
         m: The `mujoco.MjModel`.
-        omitted: What is left out, in the order in which it was found.
+        omitted: Elements that were left out so far, as the Rust crate's `Omission`.
     """
 
     m: Any
@@ -52,63 +52,63 @@ class Source:
 
     @cached_property
     def mujoco(self) -> Any:
-        """The module that made the model."""
+        """The Python module `mujoco`."""
         return import_module("mujoco")
 
     def name(self, kind: str, index: int) -> str:
-        """Name of an element, e.g. `name("JOINT", 3)`; empty when it has none."""
+        """Name of an element, for example `name("JOINT", 3)`; an empty string if the element has no name."""
         return str(self.mujoco.mj_id2name(self.m, getattr(self.mujoco.mjtObj, f"mjOBJ_{kind}"), index) or "")
 
     def label(self, kind: str, index: int) -> str:
-        """Name of an element, or its index as "#3"."""
+        """Name of an element, or its index in the form "#3" if it has no name."""
         return self.name(kind, index) or f"#{index}"
 
     def off(self, feature: str) -> bool:
-        """Whether the model's flags disable a feature, one of `DISABLE`."""
+        """Whether the model's flags disable a feature, which is one of the keys of `DISABLE`."""
         flags = int(self.m.opt.disableflags)
         return bool(flags & DISABLE[feature]) or (feature in _CONSTRAINTS and bool(flags & DISABLE["constraint"]))
 
     def leave_out(self, kind: str, name: str, reason: str, *, changes_motion: bool = True) -> None:
-        """Notes an element that the description does without."""
+        """Adds an element that the description omits to `omitted`; arguments are the fields of `Omission`."""
         self.omitted.append({"kind": kind, "name": name, "reason": reason, "changes_motion": changes_motion})
 
     @property
     def overrides(self) -> bool:
-        """Whether the options have one friction, margin and softness for all contacts."""
+        """Whether `option/flag override` is enabled: friction, margin and softness of the options then apply to all contacts."""
         return bool(int(self.m.opt.enableflags) & ENABLE["override"])
 
     @property
     def collides(self) -> bool:
-        """Whether anything can touch anything."""
+        """Whether contacts are enabled and any geom or explicit pair can have one."""
         m = self.m
         return bool(np.any(m.geom_contype) or np.any(m.geom_conaffinity) or m.npair) and not self.off("contact")
 
     @property
-    def still(self) -> bool:
-        """Whether neither the medium nor gravity compensation acts: MuJoCo skips both without springs and dampers."""
+    def skips_passive_forces(self) -> bool:
+        """Whether fluid forces and gravity compensation are off: MuJoCo skips both if springs and dampers are both disabled."""
         return self.off("spring") and self.off("damper")
 
     def dofs(self, joint: int) -> slice:
-        """Degrees of freedom of a joint."""
+        """Indices of the degrees of freedom of a joint, as a slice of `qvel`."""
         start = int(self.m.jnt_dofadr[joint])
         return slice(start, start + (6, 3, 1, 1)[int(self.m.jnt_type[joint])])
 
-    def moves_one(self, joint: int) -> bool:
-        """Whether a joint is a slide or hinge."""
+    def is_hinge_or_slide(self, joint: int) -> bool:
+        """Whether a joint is a hinge or slide, with one degree of freedom."""
         return int(self.m.jnt_type[joint]) in (SLIDE, HINGE)
 
     def is_fixed(self, tendon: int) -> bool:
-        """Whether a tendon is a linear combination of joints."""
+        """Whether a tendon is fixed, a linear combination of joint positions; other tendons are spatial."""
         return bool(self.m.wrap_type[self.m.tendon_adr[tendon]] == WRAP_JOINT)
 
     @cached_property
     def tendons(self) -> dict[int, int]:
-        """Index in the description of every tendon that it has."""
+        """Fixed tendons, which are the ones in the description: index in the description by index in MuJoCo's model."""
         kept = [t for t in range(self.m.ntendon) if self.is_fixed(t)]
         return {tendon: index for index, tendon in enumerate(kept)}
 
-    def why_free(self, equality: int) -> str:
-        """Reason why no description can have an equality; empty without one."""
+    def reason_to_omit_equality(self, equality: int) -> str:
+        """Reason why the description cannot have an equality; an empty string if it can."""
         m, kind = self.m, int(self.m.eq_type[equality])
         if kind not in (CONNECT, WELD, JOINT, TENDON):
             return "constraints of deformable bodies are not simulated"
@@ -118,12 +118,15 @@ class Source:
 
     @cached_property
     def equalities(self) -> list[int]:
-        """Equalities that the description has."""
-        return [] if self.off("equality") else [i for i in range(self.m.neq) if not self.why_free(i)]
+        """Indices in MuJoCo's model of the equalities in the description."""
+        return [] if self.off("equality") else [i for i in range(self.m.neq) if not self.reason_to_omit_equality(i)]
 
     @cached_property
     def solid_assets(self) -> dict[str, list[int]]:
-        """Meshes and height fields of geoms that can touch others or that range finders see, ascending; what is only drawn is not read."""
+        """Indices of the meshes ("MESH") and height fields ("HFIELD") to read, in ascending order.
+
+        Their geoms can have contacts, or rays of range finders can meet them. Assets that are only drawn are not read.
+        """
         m = self.m
         solid = (m.geom_contype != 0) | (m.geom_conaffinity != 0)
         solid[m.pair_geom1] = solid[m.pair_geom2] = True
@@ -132,11 +135,11 @@ class Source:
             solid[:] = False
         finder, site = int(self.mujoco.mjtSensor.mjSENS_RANGEFINDER), int(self.mujoco.mjtObj.mjOBJ_SITE)
         for at in m.sensor_objid[(m.sensor_type == finder) & (m.sensor_objtype == site)].tolist():
-            solid[self.seen_from(at)] = True
+            solid[self.geoms_visible_from(at)] = True
         return {kind: sorted({int(i) for i in m.geom_dataid[solid & np.isin(m.geom_type, types)]}) for kind, types in kinds.items()}
 
-    def seen_from(self, site: int) -> list[int]:
-        """Geoms that rays from a site can meet: those of other bodies that are not transparent."""
+    def geoms_visible_from(self, site: int) -> list[int]:
+        """Indices of the geoms that rays from a site can meet: geoms of other bodies that are not fully transparent."""
         m = self.m
         of_material = np.where(m.geom_matid >= 0, m.mat_rgba[m.geom_matid, 3] if m.nmat else 0, 0)
         visible = (m.geom_rgba[:, 3] != 0) | (of_material != 0)
@@ -144,19 +147,19 @@ class Source:
 
     @cached_property
     def joint_actuators(self) -> dict[int, list[int]]:
-        """Actuators that act on every slide or hinge."""
+        """Indices of the actuators that act on each joint, by joint; empty for ball and free joints."""
         m = self.m
         found: dict[int, list[int]] = {joint: [] for joint in range(m.njnt)}
         for a in range(m.nactuator):
-            if int(m.actuator_trntype[a]) in (TRN_JOINT, TRN_JOINT_IN_PARENT) and self.moves_one(int(m.actuator_trnid[a, 0])):
+            if int(m.actuator_trntype[a]) in (TRN_JOINT, TRN_JOINT_IN_PARENT) and self.is_hinge_or_slide(int(m.actuator_trnid[a, 0])):
                 found[int(m.actuator_trnid[a, 0])].append(a)
         return found
 
     def gear(self, actuator: int) -> float:
-        """Gear of an actuator with one output."""
+        """Gear of an actuator with one output, `actuator_gear[0]`."""
         return float(self.m.actuator_gear[self.m.actuator_outadr[actuator], 0])
 
     @cached_property
     def actuators(self) -> list[int]:
-        """Indices of the actuators in the description."""
-        return [a for a in range(self.m.nactuator) if not why_dropped(self, a)]
+        """Indices in MuJoCo's model of the actuators in the description."""
+        return [a for a in range(self.m.nactuator) if not reasons_to_omit(self, a)]

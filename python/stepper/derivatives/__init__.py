@@ -1,13 +1,18 @@
 """Derivatives of the step and of rollouts (docs/how-to/derivatives.md).
 
-- `perturbations`: perturbed quantities and the widths of their differences
-- `copies`: perturbed copies of a batch, stepped together
+"Nominal" is the unperturbed state, step or environment. A "column" is one perturbed number, a column of A or B. The "mode" of a step is its
+set of active constraints: contacts that stick or slip, joints at their limits.
+
+- `perturbations`: perturbed quantities and the displacements at which they are evaluated
+- `copies`: perturbed copies of the environments, stepped together
 - `kinks`: comparison of the active contacts and limits of the copies
-- `linearize`: matrices of finite differences
-- `implicit`: matrices by the implicit function theorem, for the contact modes of the solved step
-- `rollout`: gradients backwards through time
+- `linearize`: matrices by finite differences
+- `implicit`: matrices by the implicit function theorem, at the mode of the solved step
+- `nominal_mode`, `pair_readings`: replacement of columns whose difference crosses a kink
+- `rollout`: gradients of a function of a rollout, by backpropagation through the steps
 - `smoothing`: randomised smoothing of these gradients
-- `tangent`: conversion between gradients with respect to quaternions and rotation vectors
+- `tangent`: conversion between gradients by quaternions and by rotation vectors
+- `undetermined`: error for gradients through a step without a derivative
 """
 
 from stepper.derivatives.kinks import Kink

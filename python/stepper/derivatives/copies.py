@@ -1,7 +1,7 @@
-"""Perturbed copies of the environments of a stepper, stepped together in lanes and threads.
+"""Perturbed copies of the environments of a stepper, stepped together as one batch.
 
-The stepper itself is only read. Copies start from the full state of its environments: configuration, velocity, activations, applied forces
-and mocap poses. They also have its per-environment parameters, the solver's warm start, and the delays and integrals of drives.
+The original stepper does not change. Copies start from the full state of its environments: configuration, velocity, activations, applied
+forces and mocap poses. They also have the per-environment parameters, the solver's warm start, and the delays and integrals of drives.
 """
 
 from __future__ import annotations
@@ -22,19 +22,20 @@ from stepper.derivatives.perturbations import STATE, Array, Block, Stencil
 from stepper.shared.fields import APPLIED, RANDOMIZED
 
 ROOM = 1024
-"""Copies that a thread steps in one call at the most, unless one environment alone needs more: that many stay in the caches of its core."""
+"""Largest number of copies per thread in one batch, so that the copies fit into the cache of a core. Copies of one environment are never
+split."""
 
 _kept: WeakKeyDictionary[Stepper, dict[tuple[int, float], Stepper]] = WeakKeyDictionary()
-"""Steppers of copies, by their number and tolerance, which the next linearization of the same stepper takes up."""
+"""Steppers of the copies of each stepper, by number of copies and tolerance, reused by its next linearization."""
 
 
 @dataclass(frozen=True)
 class Nominal:
-    """State of the nominal environments for copies, with the environments as the leading axis.
+    """State of the unperturbed environments. The leading axis of all arrays is the environment.
 
     Attributes:
-        fields: "qpos", "qvel", "act", "ctrl" and, flat, every parameter that is perturbed.
-        applied: Applied forces, unless all are 0, mocap poses, and equalities, unless they are the model's.
+        fields: Arrays (num_envs, size) of "qpos", "qvel", "act", "ctrl" and every perturbed parameter, flattened.
+        applied: Mocap poses, applied forces unless all are 0, and active equalities unless as in the model.
         randomized: Parameters per environment, in the format of `randomize`.
     """
 
@@ -52,13 +53,13 @@ def nominal_of(sim: Stepper, ctrl: ArrayLike | None, blocks: Sequence[Block]) ->
     """Snapshot of the environments of a stepper, with controls (num_envs, nu) or (nu,).
 
     Raises:
-        ValueError: Controls of a wrong shape; a stepper in f32 whose drives have memory.
+        ValueError: Controls have a wrong shape, or the stepper has drives and precision f32.
     """
     model, n = sim.model, sim.num_envs or 1
     if sim.precision == "f32" and sim.actuators is not None:
         raise ValueError(
-            "a stepper with precision='f32' and actuators= cannot be linearized: derivatives are taken in f64, which cannot read "
-            "the memory of its drives; make it with precision='f64'"
+            "a stepper with precision='f32' and actuators= cannot be linearized: derivatives are computed in f64, and the memory of "
+            "its drives cannot be converted; create it with precision='f64'"
         )
     fields = {name: rows(sim, name).astype(np.float64) for name in ("qpos", "qvel", "act")}
     fields["ctrl"] = _controls(sim, ctrl)
@@ -71,14 +72,14 @@ def nominal_of(sim: Stepper, ctrl: ArrayLike | None, blocks: Sequence[Block]) ->
         value = randomized.get(field, np.broadcast_to(own, (n, *own.shape)))
         fields[field] = np.array(value).reshape(n, -1)
     applied = {name: rows(sim, name).astype(np.float64) for name in APPLIED}
-    # What copies begin with, but for mocap poses, which they have where the model has them.
-    usual = {"qfrc_applied": 0.0, "xfrc_applied": 0.0, "eq_active": np.asarray(model.eq_active0)}
-    kept = {name: value for name, value in applied.items() if value.size and (name not in usual or (value != usual[name]).any())}
+    # Values that a new stepper has; these need no copying. Mocap poses are always copied.
+    initial = {"qfrc_applied": 0.0, "xfrc_applied": 0.0, "eq_active": np.asarray(model.eq_active0)}
+    kept = {name: value for name, value in applied.items() if value.size and (name not in initial or (value != initial[name]).any())}
     return Nominal(fields, kept, randomized)
 
 
 def _controls(sim: Stepper, ctrl: ArrayLike | None) -> Array:
-    """Controls of every environment, (num_envs, nu); None is those in force."""
+    """Controls of every environment, (num_envs, nu); None selects the controls of the last step."""
     nu, n = sim.model.nu, sim.num_envs
     given = np.asarray(sim.ctrl if ctrl is None else ctrl, np.float64)
     if given.shape not in ((nu,), (n, nu)):
@@ -90,20 +91,20 @@ def _controls(sim: Stepper, ctrl: ArrayLike | None) -> Array:
 
 
 def rows(sim: Stepper, name: str) -> NDArray[Any]:
-    """Array of a stepper with the environments as the leading axis, (num_envs, ...), in its unit, also with `num_envs=None`."""
+    """Array of a stepper, in its unit, with the environments as the leading axis: (num_envs, ...), and (1, ...) with `num_envs=None`."""
     value = np.asarray(getattr(sim, name))
     return value[None] if sim.num_envs is None else value
 
 
 @dataclass(frozen=True)
 class Part:
-    """Some environments and their copies: row e * count + k is copy k of environment e, and copy 0 is the nominal one.
+    """Copies of some environments. Row e * count + k is copy k of environment e of the slice; copy 0 is not perturbed.
 
     Attributes:
         envs: Slice of the environments.
-        count: Copies of each.
+        count: Number of copies of each environment.
         sim: Stepper of the copies, before the first step.
-        ctrl: Their controls, (len * count, nu).
+        ctrl: Controls of the copies, (environments * count, nu).
     """
 
     envs: slice
@@ -115,24 +116,24 @@ class Part:
 def parts_of(
     sim: Stepper, nominal: Nominal, blocks: Sequence[Block], stencil: Stencil, tolerance: float, *, envs: slice | None = None
 ) -> Iterator[Part]:
-    """Perturbed copies of all environments or a slice of them, some environments at a time, ready to be stepped."""
+    """Yields perturbed copies of all environments, or of the slice `envs`, for some environments at a time, ready to be stepped."""
     begin, end = (0, nominal.num_envs) if envs is None else (envs.start, envs.stop)
     levels, points, columns = stencil.offsets.shape[1:]
-    room = ROOM * (sim.threads or os.cpu_count() or 1)
-    most = max(1, room // (1 + levels * points * columns))
+    largest = ROOM * (sim.threads or os.cpu_count() or 1)
+    most = max(1, largest // (1 + levels * points * columns))
     size = -(-(end - begin) // -(-(end - begin) // most))
-    # Nothing of a linearization is left in its copies that the next would not replace, except for what is no part of a state.
-    plain = sim.precision == "f64" and sim.sensors is None and sim.actuators is None and not nominal.applied and not nominal.randomized
-    plain = plain and not any(block.field in RANDOMIZED for block in blocks)
-    kept = _kept.pop(sim, {}) if plain else {}
+    # Steppers are reused only if each linearization overwrites everything in them: no drives, sensors, applied forces or parameters.
+    reusable = sim.precision == "f64" and sim.sensors is None and sim.actuators is None and not nominal.applied and not nominal.randomized
+    reusable = reusable and not any(block.field in RANDOMIZED for block in blocks)
+    kept = _kept.pop(sim, {}) if reusable else {}
     used: dict[tuple[int, float], Stepper] = {}
     for first in range(begin, end, size):
         own = slice(first, min(first + size, end))
         part = _part(sim, nominal, blocks, stencil.offsets[own], envs=own, tolerance=tolerance, kept={**kept, **used})
         yield part
-        if plain:
+        if reusable:
             used[len(part.ctrl), tolerance] = part.sim
-    if plain:
+    if reusable:
         _kept[sim] = used
 
 
@@ -146,6 +147,7 @@ def _part(
     tolerance: float,
     kept: Mapping[tuple[int, float], Stepper],
 ) -> Part:
+    """Perturbed copies of a slice of the environments; `offsets` are those of its environments, as in `Stencil`."""
     n, levels, points, columns = offsets.shape
     count = 1 + levels * points * columns
     index = np.repeat(np.arange(envs.start, envs.stop), count)
@@ -153,7 +155,7 @@ def _part(
     fields = {name: np.repeat(value[envs], count, axis=0).reshape(n, count, value.shape[1]) for name, value in nominal.fields.items()}
     place = 0
     for block in blocks:
-        # Copies of the block's columns, (levels, points, block.count), and where each of them is moved.
+        # Indices of the copies that displace the block's columns, and their displacements.
         copy = 1 + np.arange(levels * points * columns).reshape(levels, points, columns)[..., place : place + block.count].reshape(-1)
         moved = offsets[..., place : place + block.count].reshape(n, -1)
         _move(sim.model, fields, block, copy, moved)
@@ -165,9 +167,9 @@ def _part(
 
 
 def copies_of(sim: Stepper, nominal: Nominal, blocks: Sequence[Block], pairs: Pairs, options: Options) -> tuple[Stepper, Array]:
-    """Copies of environments that are displaced along one column each, and their controls, (rows, nu).
+    """Copies for pairs of an environment and a column, and the controls of the copies, (rows, nu).
 
-    Row k * count is the environment of pair k itself; the count - 1 rows behind it are displaced along the pair's column.
+    Row k * count is an unperturbed copy of the environment of pair k; in the count - 1 rows behind it the pair's column is displaced.
     """
     env, column, offsets = pairs.env, pairs.column, pairs.offsets.reshape(len(pairs), -1)
     count = 1 + offsets.shape[1]
@@ -192,7 +194,10 @@ def copies_of(sim: Stepper, nominal: Nominal, blocks: Sequence[Block], pairs: Pa
 
 
 def ends_of(sim: Stepper, count: int, *, sensors: bool) -> tuple[dict[str, Array], Array]:
-    """Final states of the copies (`count` for each environment), and their differences from the first copy, (num_envs, count, rows)."""
+    """States of the copies (`count` for each environment), and their differences from the first copy, (num_envs, count, rows).
+
+    Rows are displacements of qpos in tangent coordinates, qvel, act and, with `sensors`, readings of ideal sensors.
+    """
     n = len(sim.qpos) // count
     end = {name: np.array(getattr(sim, name)) for name in STATE}
     end = {name: value.reshape(n, count, value.shape[1]) for name, value in end.items()}
@@ -206,9 +211,9 @@ def ends_of(sim: Stepper, count: int, *, sensors: bool) -> tuple[dict[str, Array
 
 
 def replicas_of(sim: Stepper, nominal: Nominal, count: int, tolerance: float | None = None) -> Stepper:
-    """Stepper with `count` copies of every environment in a row, with its options and the full state of the environments.
+    """Stepper with `count` unperturbed copies of every environment, one after another, with the same options and full state.
 
-    Steps are solved to the stepper's own tolerance, or to another, m/s.
+    `tolerance` is the residual of its steps, m/s; None keeps that of the original.
     """
     index = np.repeat(np.arange(nominal.num_envs), count)
     copies = _stepper(sim, index, replace(sim.options, tolerance=sim.tolerance if tolerance is None else tolerance))
@@ -220,7 +225,7 @@ def replicas_of(sim: Stepper, nominal: Nominal, count: int, tolerance: float | N
 
 
 def _move(model: Model, fields: dict[str, Array], block: Block, copy: NDArray[np.int64], moved: Array) -> None:
-    """Displaces the copies of one block: copy[j] by moved[:, j] in the place of its column."""
+    """Displaces the columns of a block in `fields`: in copy `copy[j]` of all environments by `moved[:, j]`, (environments, copies)."""
     field = fields[block.field]
     if not len(copy):
         return
@@ -234,8 +239,10 @@ def _move(model: Model, fields: dict[str, Array], block: Block, copy: NDArray[np
 
 
 def _stepper(sim: Stepper, index: NDArray[np.int64], options: Options) -> Stepper:
-    # Delay lines are as long as the longest of all environments, whichever of them are copied; nothing reads what the copies' sensors
-    # observe, whose ideal readings are those that are differentiated.
+    """Stepper for copies of the environments `index`, with memories of drives and sensors as large as those of the original."""
+    # The length of delay lines is that of the longest delay in any environment of the original, copied or not. The parameters of the
+    # sensors do not matter, because only ideal readings are differentiated.
+
     def memory_of(own: Any) -> Any:
         named = {name: _widest(part, sim, len(index)) for name, part in own.named.items()}
         return type(own)(named, default=_widest(own.default, sim, len(index)))
@@ -249,9 +256,10 @@ def _stepper(sim: Stepper, index: NDArray[np.int64], options: Options) -> Steppe
 
 
 def _widest(part: Any, sim: Stepper, count: int) -> Any:
-    """A drive or transfer for `count` environments whose memory is as large as the stepper's, whatever environments are copied.
+    """Drive or transfer for `count` environments whose memory is as large as that of the stepper `sim`.
 
-    The first has the largest numbers and the longest delay of all, the others the smallest: every stage that any of them has is there.
+    The first environment has the largest parameters and the longest delay of all environments, and the others have the smallest. The result
+    thus has every stage that any environment of `sim` has.
     """
     if not is_dataclass(part) or isinstance(part, type):
         return part
@@ -262,7 +270,7 @@ def _widest(part: Any, sim: Stepper, count: int) -> Any:
     def new(value: Any, *, delays: bool) -> Any:
         if isinstance(value, tuple):
             return tuple(new(end, delays=False) for end in value)
-        # One number is for all environments, and a matrix mixes the axes of a sensor in all of them.
+        # A single number applies to all environments, as does a matrix, which mixes the axes of a sensor.
         if value is None or isinstance(value, str) or is_dataclass(value) or np.size(value) == 1 or np.ndim(value) == 2:
             return _widest(value, sim, count)
         numbers = np.asarray(value, np.float64)
@@ -274,6 +282,7 @@ def _widest(part: Any, sim: Stepper, count: int) -> Any:
 
 
 def _randomize(copies: Stepper, nominal: Nominal, blocks: Sequence[Block], flat: dict[str, Array], index: NDArray[np.int64]) -> None:
+    """Gives copies the parameters of their environments, with the perturbed ones from `flat`."""
     own: dict[str, Any] = {name: value.chosen(index) if name == "actuators" else value[index] for name, value in nominal.randomized.items()}
     for field in {block.field for block in blocks} & RANDOMIZED.keys():
         own[field] = flat[field].reshape(len(index), *np.shape(getattr(copies.model, field)))
@@ -281,13 +290,15 @@ def _randomize(copies: Stepper, nominal: Nominal, blocks: Sequence[Block], flat:
         try:
             copies.randomize(**own)
         except ModelError as error:
-            # The environment that the message names is a copy's.
-            said = str(error).partition(": ")[2] if str(error).startswith("environment ") else str(error)
-            raise ModelError(f"a parameter cannot be perturbed: {said}; name those that can in wrt, as 'dof_damping[knee]'") from None
+            # Remove the environment from the message, because it is the index of a copy.
+            message = str(error).partition(": ")[2] if str(error).startswith("environment ") else str(error)
+            raise ModelError(
+                f"a parameter cannot be perturbed: {message}; list only perturbable elements in wrt, for example 'dof_damping[knee]'"
+            ) from None
 
 
 def _begin(sim: Stepper, copies: Stepper, nominal: Nominal, flat: dict[str, Array], index: NDArray[np.int64]) -> None:
-    """Gives copies the memory and the applied forces of their environments, and separate states."""
+    """Gives copies the memory and applied forces of their environments, and the perturbed states `flat`."""
     _restore(sim, copies, index)
     for name, value in nominal.applied.items():
         getattr(copies, name)[...] = value[index]
@@ -295,9 +306,9 @@ def _begin(sim: Stepper, copies: Stepper, nominal: Nominal, flat: dict[str, Arra
 
 
 def _restore(sim: Stepper, copies: Stepper, index: NDArray[np.int64]) -> None:
-    """Gives every copy k the whole state of environment index[k], the memory that no attribute shows included.
+    """Gives every copy k the whole state of environment index[k], including memory that no attribute shows.
 
-    A state goes from one environment to a mask of others: environments are copied one by one, and stepped together.
+    With precision f32 only the time is copied.
     """
     if sim.precision == "f32":
         copies.set_state(time=rows(sim, "time")[index])

@@ -1,7 +1,7 @@
-"""Derivatives by the implicit function theorem, for the contact modes of the solved step: one solve, not one for every column.
+"""Derivatives by the implicit function theorem at the solution of a step, which take one linear solve instead of a step per column.
 
-The modes are fixed: which contacts push, stick and slip, which joints are at a limit or held by dry friction. Derivatives of the impulses
-solve one linear system for all columns. Forces, inertia and geometry are differentiated by differences of a step with these impulses
+The mode of the step is fixed: contacts that push, stick and slip, and joints at a limit or held by dry friction. Derivatives of the
+impulses solve one linear system for all columns. Forces, inertia and geometry are differentiated by finite differences with fixed impulses
 (`Stepper._differentiate`). docs/development/decisions/implicit_derivatives.md has the formulas and their limits.
 """
 
@@ -20,34 +20,34 @@ from stepper.derivatives.perturbations import ROUNDING, STATE, Array, Block, Ste
 from stepper.shared.fields import RANDOMIZED
 
 STEP = 2.0**-20
-"""Half width of the differences for coordinates of order 1. Modes are fixed, so that no solver error enters. Errors relative to a column's
-largest entry: 1e-9 by rounding, and at most 1e-7 seen by third derivatives of MuJoCo's friction cones."""
+"""Half width of the differences for coordinates of order 1. Modes are fixed, so that differences have no error of the solver. Errors
+relative to a column's largest entry are 1e-9 from rounding; third derivatives of MuJoCo's friction cones gave at most 1e-7 in tests."""
 
 
 def check(sim: Stepper, blocks: Sequence[Block], *, extrapolate: bool, sensors: bool) -> None:
-    """Checks the arguments; the binary refuses settings of the step that implicit derivatives do not cover.
+    """Checks the arguments of `linearize(method="implicit")`. `Stepper._differentiate` raises errors for unsupported options.
 
     Raises:
-        ValueError: An argument that only `method="fd"` supports.
+        ValueError: An argument is only supported by `method="fd"`.
     """
-    remedy = "method='fd' gives them"
+    remedy = "use method='fd'"
     parameters = [block.name for block in blocks if block.field in RANDOMIZED]
     if parameters:
-        raise ValueError(f"wrt has the parameters {', '.join(parameters)}, of which there are no implicit derivatives: {remedy}")
+        raise ValueError(f"wrt has the parameters {', '.join(parameters)}, which have no implicit derivatives: {remedy}")
     if sensors:
         raise ValueError(f"sensors=True: there are no implicit derivatives of sensors: {remedy}")
     if extrapolate:
         raise ValueError("extrapolate=True is for method='fd': implicit derivatives have no differences of solved steps to extrapolate")
     if sim.actuators is not None:
-        raise ValueError(f"actuators= have a memory, of which there are no implicit derivatives: {remedy}")
+        raise ValueError(f"the stepper has actuators=, whose memory has no implicit derivatives: {remedy}")
 
 
 def where_available(
     sim: Stepper, nominal: Nominal, blocks: Sequence[Block], *, nstep: int, tolerance: float, sensors: bool
 ) -> dict[str, NDArray[Any]] | None:
-    """Implicit derivatives in all environments, or None if `method="implicit"` does not cover the options or sensors.
+    """Implicit derivatives in all environments, as `derivatives` returns; None if they do not support the options, sensors or columns.
 
-    Columns of parameters are marked as unsolved.
+    Columns of parameters are 0 and have the flag `Kink.UNSOLVED`.
     """
     state = [block for block in blocks if block.field not in RANDOMIZED]
     if not state:
@@ -68,24 +68,24 @@ def where_available(
 def derivatives(
     sim: Stepper, nominal: Nominal, blocks: Sequence[Block], stencil: Stencil, *, nstep: int, tolerance: float
 ) -> dict[str, NDArray[Any]]:
-    """Derivatives of the state after `nstep` steps in all environments, as `linearize` puts them together.
+    """Derivatives of the state after `nstep` steps in all environments, by the implicit function theorem.
 
     Returns:
-        Arrays by name. "implicit" gives for each environment whether its derivatives are those of the step, (num_envs,) bool: where a step
-        was not solved, or depends on something that the theorem does not cover, they must not be used.
+        Arrays by name, as returned by `linearize._differences`. "implicit", (num_envs,) bool, is whether the derivatives of an environment
+        are valid. They are not where a step was not solved, or depends on something that the theorem does not cover.
     """
     if nstep > 1:
         return _product(sim, nominal, blocks, float(stencil.step.max(initial=0.0)), nstep=nstep, tolerance=tolerance)
     fits = sim.precision == "f64" and sim.num_envs is not None
     plant = sim if fits else replicas_of(sim, nominal, 1, tolerance=tolerance)
     one = plant._differentiate(nominal.fields["ctrl"], [block.field for block in blocks], stencil.offsets[:, 0], tolerance)
-    return _answer(one, one["slopes"], one["causes"], [one], stencil.step[:, 0])
+    return _combined(one, one["slopes"], one["causes"], [one], stencil.step[:, 0])
 
 
 def _product(
     sim: Stepper, nominal: Nominal, blocks: Sequence[Block], width: float, *, nstep: int, tolerance: float
 ) -> dict[str, NDArray[Any]]:
-    """Derivatives of several steps, each linearized where the one before it ends: the product of their matrices."""
+    """Derivatives of several steps: the product of the matrices of the single steps. `width` is the half width of the differences."""
     model, ctrl = sim.model, nominal.fields["ctrl"]
     plant = replicas_of(sim, nominal, 1, tolerance=tolerance)
     whole = blocks_of(model, (*STATE, "ctrl"))
@@ -108,14 +108,15 @@ def _product(
         slopes[..., held] += one["slopes"][..., size : size + held.stop - held.start]
         steps.append(one)
         plant.step(ctrl)
-    # A kink of any step is on the way of every column.
+    # A kink in any step affects every column of the product.
     causes = np.bitwise_or.reduce([np.bitwise_or.reduce(one["causes"], axis=1) for one in steps], axis=0)
-    return _answer(steps[-1], slopes, np.repeat(causes[:, None], columns, axis=1), steps, np.full((nominal.num_envs, columns), width))
+    return _combined(steps[-1], slopes, np.repeat(causes[:, None], columns, axis=1), steps, np.full((nominal.num_envs, columns), width))
 
 
-def _answer(
+def _combined(
     last: dict[str, NDArray[Any]], slopes: Array, causes: NDArray[np.uint32], steps: list[dict[str, NDArray[Any]]], width: Array
 ) -> dict[str, NDArray[Any]]:
+    """Arrays as returned by `derivatives`, from the results `steps` of `Stepper._differentiate`, of which `last` is the final one."""
     size = np.maximum(np.abs(last["qvel"]).max(axis=1, initial=0.0), 1.0)
     return {
         "slopes": np.moveaxis(slopes, 2, 1)[:, None],

@@ -1,7 +1,7 @@
-"""Kinks: places where a step is not differentiable, seen by comparing perturbed copies with the nominal environment.
+"""Kinks, which are states where a step is not differentiable, found by comparing perturbed copies with the nominal environment.
 
-There are two tests. `Stepper._find_kinks` compares the active sets: contacts that push, whether they stick or slip, joints at their limits,
-joints held by dry friction, saturated actuators. The second test compares the slopes on both sides: they may differ by curvature only.
+There are two tests. `Stepper._find_kinks` compares the active constraints: contacts that push, stick or slip, joints at their limits,
+joints held by dry friction, saturated actuators. The second test compares the slopes on both sides, which may differ by curvature only.
 docs/how-to/derivatives.md explains what each test proves.
 """
 
@@ -20,34 +20,37 @@ from stepper.derivatives.perturbations import NOISE_RATIO, Array, Stencil
 Bools = NDArray[np.bool_]
 
 CURVATURE = 1e4
-"""Change of a slope per unit of a coordinate, relative to the slope, that smooth motion may have."""
+"""Largest relative change of a slope per unit of a coordinate (SI) that is attributed to smooth motion and not to a kink."""
 
 LEAST_SLOPE = 0.1
-"""Slope below which a column is compared with this one, SI units: what rests has columns that are 0 but for terms of second order."""
+"""Smallest reference for relative differences of slopes, SI units.
+
+Bodies at rest have slopes near 0, whose relative change means nothing.
+"""
 
 SOLVED = 1e-9
-"""Residual with which the modes of a step are certain, m/s."""
+"""Residual below which the mode of a step is certain, m/s."""
 
 
 class Kink(IntFlag):
-    """Kinds of kinks: differences between perturbed copies and the nominal environment."""
+    """Flags for the kinds of kinks: differences between perturbed copies and the nominal environment."""
 
     NONE = 0
     """No kink."""
     CONTACT = 1
     """Contacts begin or cease to push."""
     SLIP = 2
-    """Contacts that stick in one and slip in the other; not detected with contact="mujoco"."""
+    """A contact sticks in one and slips in the other; not detected with contact="mujoco"."""
     GAP = 4
     """A contact or limit has a tiny gap in one and overlaps in the other. A gap may close within the step; an overlap adds no velocity.
     A robot at rest is at this kink; docs/how-to/derivatives.md has settings without it. With method="implicit" the flag has a second
     cause: equalities move a contact across the depth at which the damping of its position correction begins."""
     LIMIT = 8
-    """Slides and hinges that reach a limit or leave it; limits of ball joints and tendons are not detected."""
+    """A slide or hinge reaches a limit or leaves it; limits of ball joints and tendons are not detected."""
     DRY_FRICTION = 16
-    """Joints that dry friction holds in one and not in the other; not detected with contact="mujoco"."""
+    """Dry friction holds a joint in one and not in the other; not detected with contact="mujoco"."""
     SATURATION = 32
-    """Actuators at the bound of their effort."""
+    """The force of an actuator is at its limit in one and not in the other, or in both."""
     SLOPE = 64
     """Slopes on both sides of the nominal point differ, whatever the cause."""
     UNSOLVED = 128
@@ -58,22 +61,22 @@ class Kink(IntFlag):
 
 @dataclass
 class Report:
-    """Kinks found in some environments.
+    """Result of the comparison of copies in some environments.
 
     Attributes:
-        causes: Flags of `Kink` by column, (num_envs, nstep, columns) uint32.
-        distance: Widths of the difference to the nearest kink of each step, (num_envs, nstep).
+        causes: Flags of `Kink` for every column, (num_envs, nstep, columns) uint32.
+        distance: Estimated distance to the nearest kink in each step, (num_envs, nstep), in units of the half width of the difference.
     """
 
     causes: NDArray[np.uint32]
     distance: Array
 
 
-class Watch:
-    """Comparison of copies with their nominal environment after every step.
+class KinkDetector:
+    """Detects kinks by comparing copies with their nominal environment after every step. `report` has the result.
 
     Args:
-        sim: The copies, row e * count + k for copy k of environment e.
+        sim: Stepper of the copies; row e * count + k is copy k of environment e, and copy 0 is nominal.
         stencil: Displacements of the copies.
         nstep: Number of steps.
     """
@@ -83,24 +86,24 @@ class Watch:
         n, levels, self.sides, columns = stencil.offsets.shape
         self.count = 1 + levels * self.sides * columns
         self.report = Report(np.zeros((n, nstep, columns), np.uint32), np.full((n, nstep), np.inf))
-        fixed, randomized = _numbers_of(sim), sim.randomized
+        fixed, randomized = _joint_data_of(sim), sim.randomized
         self._limited, self._rubbing = fixed.limited, fixed.rubbing
         self._ranges = np.asarray(randomized.get("jnt_range", fixed.ranges))[..., [index for _, _, index in self._limited], :]
         hard = sim.options.contact == "hard"
-        # From the configuration before the step to that at which its rows are taken, s.
+        # Time from the state before a step to the configuration at which its constraints are evaluated, s.
         self._ahead = 0.5 * sim.timestep if hard and sim.options.integrator in (None, "midpoint", "rk4") else 0.0
         self._steps = nstep
-        self._taken = self._where_taken()
+        self._evaluated_at = self._constraint_positions()
 
-    def look(self, step: int) -> None:
-        """Compares the active constraints of the copies after a step."""
+    def compare(self, step: int) -> None:
+        """Compares the active constraints of the copies after step number `step`."""
         causes, distance = self.sim._find_kinks(
             count=self.count,
             sides=self.sides,
             one_sided=~self.stencil.central,
             limited=[[place, dof] for place, dof, _ in self._limited],
             ranges=self._ranges,
-            taken=self._taken,
+            taken=self._evaluated_at,
             rubbing=self._rubbing,
             smooth_at_rest=_smooth_at_rest(self.sim),
             tolerance=NOISE_RATIO * self.sim.tolerance,
@@ -108,24 +111,24 @@ class Watch:
         self.report.causes[:, step] |= causes
         self.report.distance[:, step] = distance
         if step + 1 < self._steps:
-            self._taken = self._where_taken()
+            self._evaluated_at = self._constraint_positions()
 
-    def _where_taken(self) -> Array:
-        """Positions of the limited joints at which the next step takes its rows, (copies, joints)."""
+    def _constraint_positions(self) -> Array:
+        """Positions of the limited joints at which the next step evaluates its constraints, (copies, joints), rad or m."""
         if not self._limited:
             return np.zeros((self.stencil.offsets.shape[0] * self.count, 0))
         place, dof, _ = (np.array(part) for part in zip(*self._limited, strict=True))
-        taken: Array = np.asarray(self.sim.qpos, np.float64)[:, place] + self._ahead * np.asarray(self.sim.qvel, np.float64)[:, dof]
-        return taken
+        positions: Array = np.asarray(self.sim.qpos, np.float64)[:, place] + self._ahead * np.asarray(self.sim.qvel, np.float64)[:, dof]
+        return positions
 
-    def bends(self, changes: Array, slopes: Array, groups: list[slice], noise: float) -> None:
+    def compare_slopes(self, changes: Array, slopes: Array, groups: list[slice], noise: float) -> None:
         """Compares the slopes on both sides at the end of all steps, for columns with two points.
 
         Args:
             changes: Results minus the nominal result, (num_envs, levels, points, columns, n), as in `Stencil.slopes`.
             slopes: Slopes of the finest level, (num_envs, columns, n).
-            groups: Rows of a kind, whose slopes are compared with one another.
-            noise: Noise of a result.
+            groups: Slices of the rows with the same unit; the largest slope of a slice is the reference for its differences.
+            noise: Noise of a result, in SI units.
         """
         if self.sides == 1:
             return
@@ -140,19 +143,19 @@ class Watch:
 
 
 def _smooth_at_rest(sim: Stepper) -> bool:
-    """Whether gaps and overlaps have the same position target: Baumgarte's method that closes all of an overlap in a step."""
+    """Whether the stabilization treats gaps and overlaps alike: Baumgarte's method with factor 1 and no slop."""
     options = sim.options
     return options.stabilization == "baumgarte" and options.baumgarte == 1.0 and options.slop == 0.0
 
 
 @dataclass(frozen=True)
-class _Numbers:
-    """Parts of a model that the comparison of copies reads.
+class _JointData:
+    """Limits and dry friction of a model's joints.
 
     Attributes:
-        limited: Place in qpos, place in qvel and index of every slide and hinge that has a range.
-        rubbing: Degrees of freedom with dry friction.
-        ranges: Of the joints, (njnt, 2).
+        limited: Index in qpos, index in qvel and index of the joint, for every slide and hinge with limits.
+        rubbing: Indices of the degrees of freedom with dry friction.
+        ranges: Limits of all joints, (njnt, 2), rad or m.
     """
 
     limited: list[tuple[int, int, int]]
@@ -160,19 +163,21 @@ class _Numbers:
     ranges: Array
 
 
-_numbers: WeakKeyDictionary[Stepper, _Numbers] = WeakKeyDictionary()
-"""By copies, which are kept from call to call: to find a model takes a hash of all that it has."""
+_joint_data: WeakKeyDictionary[Stepper, _JointData] = WeakKeyDictionary()
+"""Joint data by stepper of copies. The model is not the key, because hashing a model takes longer than a step."""
 
 
-def _numbers_of(sim: Stepper) -> _Numbers:
-    known = _numbers.get(sim)
+def _joint_data_of(sim: Stepper) -> _JointData:
+    """Joint data of a stepper's model, from the cache if possible."""
+    known = _joint_data.get(sim)
     if known is None:
-        known = _numbers[sim] = _read_numbers(sim.model)
+        known = _joint_data[sim] = _read_joint_data(sim.model)
     return known
 
 
-def _read_numbers(model: Model) -> _Numbers:
+def _read_joint_data(model: Model) -> _JointData:
+    """Limits and dry friction of a model's joints."""
     joints = (model.joint(k) for k in range(model.njnt))
     limited = [(joint.qposadr, joint.dofadr, joint.id) for joint in joints if joint.limited and joint.type in ("slide", "hinge")]
     rubbing = np.flatnonzero(np.asarray(model.dof_frictionloss) > 0.0).tolist()
-    return _Numbers(limited, rubbing, np.array(model.jnt_range, np.float64))
+    return _JointData(limited, rubbing, np.array(model.jnt_range, np.float64))

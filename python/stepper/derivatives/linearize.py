@@ -12,18 +12,18 @@ from numpy.typing import ArrayLike, NDArray
 from stepper._stepper import Model, Stepper
 from stepper.derivatives import implicit, nominal_mode
 from stepper.derivatives.copies import Part, ends_of, nominal_of, parts_of
-from stepper.derivatives.kinks import Bools, Kink, Watch
+from stepper.derivatives.kinks import Bools, Kink, KinkDetector
 from stepper.derivatives.pair_readings import Reader
 from stepper.derivatives.perturbations import ROUNDING, STATE, Array, Block, Stencil, blocks_of, stencil_of, step_of
 
 TOLERANCE = 1e-13
-"""Residual to which perturbed copies are solved unless the stepper or the caller sets a smaller one, m/s. It costs two or three
-sweeps more than 1e-6, and keeps noise out of the derivatives."""
+"""Default residual to which perturbed copies are solved, m/s; that of the stepper counts if it is smaller. It costs two or three sweeps of
+the solver more than 1e-6, and reduces the noise of the derivatives."""
 
 
 @dataclass(frozen=True)
 class Linearization:
-    """Derivatives of the state after `nstep` steps.
+    """Derivatives of the state after `nstep` steps, returned by `Stepper.linearize`.
 
     Rows and columns of qpos are displacements in the coordinates of velocities (`Model.integrate_pos`), not entries of qpos. For a free or
     ball joint they are the rotation vector in the body's frame. With `num_envs=None` in the `Stepper`, the leading axis is absent.
@@ -34,9 +34,10 @@ class Linearization:
             shape of the parameter's rows. Units are those of the row over those of the column.
         sensors: Derivatives of the ideal sensors' readings after the steps, (num_envs, nsensordata, *columns), by the name in `wrt`;
             empty unless `sensors=True`.
-        errors: Estimated error of every entry of `blocks`, with `extrapolate=True`; else empty.
+        errors: Estimated error of every entry of `blocks`, with `extrapolate=True`; otherwise empty.
         kinks: Flags of `Kink` for every column of `blocks`, over all steps, (num_envs, *columns) uint32.
-        near_kink: Whether any column of an environment has a flag, (num_envs,) bool. Such a column is the slope of the nominal mode.
+        near_kink: Whether any column of an environment has a flag, (num_envs,) bool. A flagged column is
+            the slope of the nominal mode.
         kinked_steps: Whether any column of an environment has a flag in a step, (num_envs, nstep) bool.
         kink_distance: Estimated distance to the nearest kink, to first order, (num_envs,). Its unit is the width of the difference, which
             is `step` times the size of the coordinate. Beyond 1 the difference does not reach the kink. Infinite: no estimate.
@@ -67,7 +68,7 @@ class Linearization:
 
     @property
     def A(self) -> Array:  # noqa: N802
-        """Derivative of the state by the state before, (num_envs, n, n).
+        """Derivative of the state after the steps by the state before, (num_envs, n, n).
 
         Raises:
             KeyError: `wrt` lacks "qpos", "qvel" or "act".
@@ -76,7 +77,7 @@ class Linearization:
 
     @property
     def B(self) -> Array:  # noqa: N802
-        """Derivative of the state by the controls, (num_envs, n, nu).
+        """Derivative of the state after the steps by the controls, (num_envs, n, nu).
 
         Raises:
             KeyError: `wrt` lacks "ctrl".
@@ -85,15 +86,16 @@ class Linearization:
 
     @property
     def C(self) -> Array:  # noqa: N802
-        """Derivative of the sensors by the state before, (num_envs, nsensordata, n); see `A`."""
+        """Derivative of the sensor readings after the steps by the state before, (num_envs, nsensordata, n); errors are as for `A`."""
         return np.concatenate([self._block(name, sensors=True) for name in STATE], axis=-1)
 
     @property
     def D(self) -> Array:  # noqa: N802
-        """Derivative of the sensors by the controls, (num_envs, nsensordata, nu); see `B`."""
+        """Derivative of the sensor readings after the steps by the controls, (num_envs, nsensordata, nu); errors are as for `B`."""
         return self._block("ctrl", sensors=True)
 
     def _block(self, name: str, *, sensors: bool = False) -> Array:
+        """Derivative of the state or sensors by the quantity `name`; a KeyError if it was not computed."""
         blocks = self.sensors if sensors else self.blocks
         if name not in blocks:
             remedy = "sensors=True" if name in self.blocks else f"{name!r} in wrt"
@@ -103,14 +105,14 @@ class Linearization:
     @property
     def undetermined(self) -> Bools:
         """Whether an environment has a column without a derivative (`Kink.UNDETERMINED`), (num_envs,) bool. Such columns are 0."""
-        lost = [(flags & np.uint32(Kink.UNDETERMINED)) != 0 for flags in self.kinks.values()]
+        undetermined = [(flags & np.uint32(Kink.UNDETERMINED)) != 0 for flags in self.kinks.values()]
         shape = np.shape(self.near_kink)
-        found: Bools = np.logical_or.reduce([own.reshape(*shape, -1).any(axis=-1) for own in lost], axis=0)
+        found: Bools = np.logical_or.reduce([own.reshape(*shape, -1).any(axis=-1) for own in undetermined], axis=0)
         return found
 
     @property
     def causes(self) -> Kink:
-        """Kinks in any column of any environment."""
+        """Flags of all kinks in any column of any environment."""
         return Kink(int(np.bitwise_or.reduce([np.bitwise_or.reduce(flags, axis=None) for flags in self.kinks.values()], initial=0)))
 
 
@@ -162,41 +164,48 @@ def linearize(
         stencil = stencil_with(implicit.STEP if step is None else width)
         whole = solved = implicit.derivatives(sim, nominal, blocks, stencil, nstep=int(nstep), tolerance=tolerance)
         for envs in _runs(~whole["implicit"]):
-            # What the theorem does not cover is differentiated as it is.
+            # Environments that the theorem does not cover use finite differences.
             own = differences(stencil_with(width), envs)
             for name, value in own.items():
                 whole[name][envs] = value
         width = implicit.STEP if step is None else width
     read = Reader(sim, nominal, blocks, whole, nstep=int(nstep), tolerance=tolerance, sensors=sensors)
     nominal_mode.settle(whole, stencil, [*_groups(sim.model), slice(_size(sim.model), None)], solved=solved, read=read)
-    # What Richardson's extrapolation divides by: errors are of second order in the width, or of first.
+    # Order of the error in the width, for Richardson's extrapolation; 0 is no extrapolation.
     order = (2 if centered else 1) if extrapolate else 0
     return _result(sim, blocks, whole, width, tolerance, order=order, sensors=sensors)
 
 
 def _runs(chosen: Bools) -> list[slice]:
-    """Slices of the environments that are chosen."""
+    """Slices of consecutive environments in a mask (num_envs,)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]]).astype(np.int8)))
     return [slice(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
 def _positive(name: str, value: float) -> float:
+    """The value, or a ValueError unless it is a positive finite number; `name` is the argument's name."""
     if not isinstance(value, int | float | np.number) or not 0.0 < value < np.inf:
         raise ValueError(f"{name} is {value!r}, must be a number above 0")
     return float(value)
 
 
 def _rows(stencil: Stencil, envs: slice) -> Stencil:
+    """Stencil of some environments."""
     return Stencil(stencil.offsets[envs], stencil.step[envs], stencil.central[envs], stencil.bounded[envs])
 
 
 def _differences(part: Part, stencil: Stencil, nstep: int, tolerance: float, *, sensors: bool) -> dict[str, NDArray[Any]]:
-    """Steps the copies of some environments, and takes differences of where they end."""
+    """Steps the copies of some environments, and returns differences of the resulting states.
+
+    Returns:
+        Arrays by name, with n environments: "slopes" (n, levels, columns, rows), "width" (n, columns), "noise" (n,), "causes" (n, columns),
+        the nominal state, and fields of `Linearization`.
+    """
     sim, n, count = part.sim, part.envs.stop - part.envs.start, part.count
-    watch, status = Watch(sim, stencil, nstep), np.zeros(n * count, np.uint32)
+    detector, status = KinkDetector(sim, stencil, nstep), np.zeros(n * count, np.uint32)
     for k in range(nstep):
         sim.step(part.ctrl if k == 0 else None)
-        watch.look(k)
+        detector.compare(k)
         status |= np.asarray(sim.status)
     end, whole = ends_of(sim, count, sensors=sensors)
     levels, points, columns = stencil.offsets.shape[1:]
@@ -204,15 +213,15 @@ def _differences(part: Part, stencil: Stencil, nstep: int, tolerance: float, *, 
     slopes = stencil.slopes(changes)
     residual = np.asarray(sim.residual).reshape(n, count).max(axis=1)
     size = np.abs(end["qvel"]).max(axis=(1, 2), initial=1.0)
-    watch.bends(changes, slopes[:, 0], _groups(sim.model), tolerance)
-    causes = watch.report.causes
+    detector.compare_slopes(changes, slopes[:, 0], _groups(sim.model), tolerance)
+    causes = detector.report.causes
     return {
         "slopes": slopes,
         "width": stencil.step[:, 0],
         "noise": residual + ROUNDING * size,
         "causes": np.bitwise_or.reduce(causes, axis=1),
         "kinked_steps": (causes != 0).any(axis=2),
-        "kink_distance": watch.report.distance.min(axis=1),
+        "kink_distance": detector.report.distance.min(axis=1),
         "residual": residual,
         "status": np.bitwise_or.reduce(status.reshape(n, count), axis=1),
         "implicit": np.zeros(n, np.bool_),
@@ -230,14 +239,14 @@ def _result(
     order: int,
     sensors: bool,
 ) -> Linearization:
-    """The answer; `order` is that of the differences' error, which is extrapolated, or 0 for no extrapolation."""
+    """Linearization from arrays as of `_differences`. `order` is the order of the differences' error; 0 is no extrapolation."""
     single = sim.num_envs is None
 
     def shown(array: NDArray[Any]) -> NDArray[Any]:
         return array[0] if single else array
 
     def split(array: NDArray[Any]) -> dict[str, NDArray[Any]]:
-        """Columns, (num_envs, columns, ...) or (num_envs, columns), by block, behind the rows."""
+        """Splits the columns of an array (num_envs, columns, ...) into blocks, and moves them to the last axes."""
         out, place = {}, 0
         for block in blocks:
             own = array[:, place : place + block.count]
@@ -267,9 +276,10 @@ def _result(
 
 
 def _groups(model: Model) -> list[slice]:
-    """Rows of a kind, whose slopes are compared with one another: displacements, velocities, activations."""
+    """Slices of the rows with the same unit: displacements, velocities, activations."""
     return [slice(0, model.nv), slice(model.nv, 2 * model.nv), slice(2 * model.nv, 2 * model.nv + model.na)]
 
 
 def _size(model: Model) -> int:
+    """Number of rows of A."""
     return 2 * model.nv + model.na

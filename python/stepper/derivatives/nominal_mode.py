@@ -2,8 +2,8 @@
 
 The mode of a step is its set of active constraints (docs/how-to/derivatives.md, "Kinks"), and the nominal mode that of the unperturbed
 step. A difference between two modes is a derivative of neither; at a jump it is jump / (2 h). Such columns are differentiated again within
-the nominal mode: by the implicit function theorem, or by the widest difference whose copies stay in that mode. Columns that allow neither
-get `Kink.UNDETERMINED`.
+the nominal mode: by the implicit function theorem, or by the widest difference whose copies stay in that mode. Columns for
+which neither is possible get `Kink.UNDETERMINED`.
 """
 
 from __future__ import annotations
@@ -19,29 +19,30 @@ from stepper.derivatives.kinks import CURVATURE, LEAST_SLOPE, Bools, Kink
 from stepper.derivatives.perturbations import Array, Stencil
 
 WIDTHS = 6
-"""Number of widths to try, each a quarter of the last. The narrowest is 1/1024 of the difference; rounding is then 1e-6 of a slope."""
+"""Number of widths of differences. The narrowest is 1/1024 of the first; its rounding error is about 1e-6 of a slope."""
 
 NARROWER = 0.25
+"""Ratio of each width to the one before."""
 
 SHRINKS = 0.5
-"""Ratio of the slope differences at a quarter of the width and at the full width below which they count as curvature. In theory it is
-a quarter for curvature and 1 at a corner."""
+"""Largest ratio of the difference of two slopes at a quarter of the width to that at the full width that counts as curvature. In theory
+the ratio is 1/4 for curvature and 1 at a kink."""
 
 HARMLESS = np.uint32(Kink.CONTACT | Kink.SLOPE | Kink.UNSOLVED)
-"""Kinks that may have no effect, such as a contact without force that begins. Slopes decide."""
+"""Kinks that may have no effect, such as the begin of a contact without force. The comparison of slopes decides about these."""
 
 LARGEST_BEND = 0.1
-"""Relative difference of slopes up to which it may be curvature."""
+"""Largest relative difference of slopes that may count as curvature."""
 
 
 @dataclass(frozen=True)
 class Pairs:
-    """Columns that are differentiated again, one of one environment each.
+    """Pairs of an environment and a column, which are differentiated again.
 
     Attributes:
         env: Index of the environment, (pairs,).
         column: Index of the column, (pairs,).
-        offsets: Displacements, (pairs, 2, WIDTHS): upwards, then downwards; 0 where there must be none.
+        offsets: Displacements of the column, (pairs, 2, WIDTHS): to the first and to the second side; 0 for a side beyond a bound.
     """
 
     env: NDArray[np.int64]
@@ -57,12 +58,12 @@ class Pairs:
 
 @dataclass(frozen=True)
 class Readings:
-    """Differences of some pairs.
+    """Results of the displaced copies of some pairs.
 
     Attributes:
-        slopes: Slopes from the nominal point to each copy, (pairs, 2, WIDTHS, rows).
-        differs: Whether a copy is in another mode than the nominal step, or is not solved, (pairs, 2, WIDTHS).
-        noise: Noise of where copies end, (pairs,).
+        slopes: Change of the result divided by the displacement of each copy, (pairs, 2, WIDTHS, rows).
+        differs: Whether a copy is not solved, or not in the nominal mode, (pairs, 2, WIDTHS) bool.
+        noise: Noise of the results, (pairs,), in SI units.
     """
 
     slopes: Array
@@ -71,11 +72,11 @@ class Readings:
 
 
 def pairs_of(flagged: Bools, stencil: Stencil) -> Pairs:
-    """Pairs for the columns that are flagged, (num_envs, columns), with the points of a stencil and nearer ones."""
+    """Pairs for the flagged columns, a mask (num_envs, columns), with the displacements of the stencil and smaller ones."""
     env, column = np.nonzero(flagged & (stencil.step[:, 0] > 0.0))
     width = stencil.step[env, 0, column, None] * NARROWER ** np.arange(WIDTHS)
     first = np.sign(stencil.offsets[env, 0, 0, column])[:, None]
-    # A column at a bound goes to one side only; differences to one side by choice may go to both.
+    # Only a column at a bound must stay on one side; with `centered=False` both sides are possible.
     bounded = stencil.bounded[env, column][:, None]
     return Pairs(env, column, np.stack([first * width, np.where(bounded, 0.0, -first * width)], axis=1))
 
@@ -83,25 +84,25 @@ def pairs_of(flagged: Bools, stencil: Stencil) -> Pairs:
 def slopes_of(readings: Readings, offsets: Array, groups: Sequence[slice]) -> tuple[Array, Bools, Bools]:
     """Slopes of the nominal mode, from the copies that stay in it.
 
-    A difference is valid if its copies are in the nominal mode, on both sides or on one. A quarter of its width must give the same slope; a
-    jump would make that slope four times as large. The widest valid difference counts. Without one, a slope counts that is the same on both
-    sides and at two widths.
+    A difference is valid if its copies (on both sides or on one) are in the nominal mode and a quarter of the width gives the same
+    slope. (At a jump that slope would be four times as large.) The result is the widest valid difference. Without a valid difference, a
+    slope that is equal on both sides and at two widths is returned as a slope of another mode.
 
     Args:
-        readings: Differences of some pairs.
+        readings: Results of the displaced copies.
         offsets: Displacements, (pairs, 2, WIDTHS), in the unit of the column, as in `Pairs`.
-        groups: Rows that are compared with one another.
+        groups: Slices of the rows with the same unit, as for `KinkDetector.compare_slopes`.
 
     Returns:
-        Slopes, (pairs, rows), whether they are of copies in the nominal mode, and whether they are of others, (pairs,) bool.
+        Slopes, (pairs, rows); whether each is a slope of the nominal mode, (pairs,) bool; whether it is one of another mode, (pairs,) bool.
     """
     slopes, noise, width = readings.slopes, readings.noise, np.abs(offsets)
-    # Of every width but the last, with the one after it.
-    steady = (width[..., 1:] > 0.0) & _agree(slopes[:, :, :-1], slopes[:, :, 1:], width[..., :-1], groups, noise)
-    inside = steady & ~readings.differs[:, :, :-1] & ~readings.differs[:, :, 1:]
-    level = steady.all(axis=1) & _agree(slopes[:, 0], slopes[:, 1], width[:, 0], groups, noise)[:, :-1]
+    # Compare every width with the next narrower one.
+    constant = (width[..., 1:] > 0.0) & _agree(slopes[:, :, :-1], slopes[:, :, 1:], width[..., :-1], groups, noise)
+    inside = constant & ~readings.differs[:, :, :-1] & ~readings.differs[:, :, 1:]
+    symmetric = constant.all(axis=1) & _agree(slopes[:, 0], slopes[:, 1], width[:, 0], groups, noise)[:, :-1]
     middle = 0.5 * (slopes[:, 0, :-1] + slopes[:, 1, :-1])
-    beside = (slopes[:, :, 1:] - NARROWER * slopes[:, :, :-1]) / (1.0 - NARROWER)
+    one_sided = (slopes[:, :, 1:] - NARROWER * slopes[:, :, :-1]) / (1.0 - NARROWER)
     out, found = np.zeros((len(slopes), slopes.shape[-1])), np.zeros(len(slopes), np.bool_)
 
     def take(chosen: Bools, value: Array) -> None:
@@ -110,19 +111,19 @@ def slopes_of(readings: Readings, offsets: Array, groups: Sequence[slice]) -> tu
         found[new] = True
 
     for k in range(WIDTHS - 1):
-        take(level[:, k] & inside[:, :, k].all(axis=1), middle[:, k])
+        take(symmetric[:, k] & inside[:, :, k].all(axis=1), middle[:, k])
         for side in (0, 1):
-            take(inside[:, side, k] & ~inside[:, 1 - side, k], beside[:, side, k])
+            take(inside[:, side, k] & ~inside[:, 1 - side, k], one_sided[:, side, k])
     nominal = found.copy()
     for k in range(WIDTHS - 1):
-        take(level[:, k], middle[:, k])
+        take(symmetric[:, k], middle[:, k])
     return out, nominal, found & ~nominal
 
 
 def _agree(a: Array, b: Array, width: Array, groups: Sequence[slice], noise: Array) -> Bools:
-    """Whether slopes, (..., widths, rows), differ by no more than curvature and noise explain.
+    """Whether two arrays of slopes, (..., widths, rows), agree apart from curvature and noise; (..., widths) bool.
 
-    Curvature of any size makes a difference that shrinks with the width; that of a corner stays, and a jump's grows.
+    With the width, a difference from curvature decreases, one from a kink is constant, and one from a jump increases.
     """
     good = np.ones(a.shape[:-1], np.bool_)
     safe = np.where(width > 0.0, width, 1.0)
@@ -138,7 +139,9 @@ def _agree(a: Array, b: Array, width: Array, groups: Sequence[slice], noise: Arr
 
 
 Read = Callable[[Pairs, bool], Iterator[tuple[Pairs, Readings]]]
-"""Steps the copies of some pairs, some of them at a time; with True by the step that is smooth at rest."""
+"""Function that steps displaced copies of pairs and yields results for some pairs at a time.
+
+With True it uses the stabilization that is smooth at rest (see `Reader`)."""
 
 
 def settle(
@@ -149,14 +152,14 @@ def settle(
     solved: dict[str, NDArray[Any]] | None,
     read: Read,
 ) -> None:
-    """Puts slopes of the nominal mode into the flagged columns of differences, and flags those that have none.
+    """Replaces flagged columns by slopes of the nominal mode, and adds `Kink.UNDETERMINED` to columns without such a slope.
 
     Args:
-        whole: "slopes", "causes" and what else `linearize` puts together; changed in place.
-        stencil: Points of the differences.
-        groups: Rows that are compared with one another.
-        solved: Derivatives of all environments at the modes of the solution; None where there are none.
-        read: Steps copies.
+        whole: Arrays as of `linearize._differences`; "slopes" and "causes" are changed in place.
+        stencil: Displacements of the differences.
+        groups: Slices of the rows with the same unit.
+        solved: Implicit derivatives of all environments; None if these are not available.
+        read: Function that steps displaced copies.
     """
     left = whole["causes"] != 0
     if solved is not None:

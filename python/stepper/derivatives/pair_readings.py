@@ -1,4 +1,4 @@
-"""Differences of single columns of single environments, at several widths, with the mode of every copy."""
+"""Finite differences of single columns of single environments at several widths, with a check whether copies stay in the nominal mode."""
 
 from __future__ import annotations
 
@@ -11,27 +11,30 @@ import numpy as np
 from stepper._options import Options
 from stepper._stepper import Stepper
 from stepper.derivatives.copies import ROOM, Nominal, copies_of, ends_of
-from stepper.derivatives.kinks import SOLVED, Kink, Watch
+from stepper.derivatives.kinks import SOLVED, Kink, KinkDetector
 from stepper.derivatives.nominal_mode import WIDTHS, Pairs, Readings
 from stepper.derivatives.perturbations import Array, Block, Stencil
 
 SAME_STEP = 1e-6
-"""Difference of velocities, m/s, within which the step that is smooth at rest is the step itself: the default tolerance of the solver. At
-2 ms it is a gap of 2 nm."""
+"""Largest difference of velocities, m/s, between the nominal step and the step with a stabilization that is smooth at rest. A larger one
+means that the latter cannot replace the former. The value is the default tolerance of the solver."""
 
 
 @dataclass(frozen=True)
 class Reader:
-    """The function that steps copies for `nominal_mode.settle`.
+    """Function for `nominal_mode.settle` that steps displaced copies of pairs.
+
+    For bodies at rest it can use Baumgarte stabilization with factor 1 and no slop. Gaps and overlaps then behave alike, so that the step
+    is smooth there.
 
     Attributes:
-        sim: The stepper, which is only read.
-        nominal: State of the nominal environments.
+        sim: The stepper; it does not change.
+        nominal: State of the unperturbed environments.
         blocks: Perturbed quantities.
         end: Nominal state after the steps.
         nstep: Number of steps.
         tolerance: Residual to which copies are solved, m/s.
-        sensors: Whether readings of ideal sensors are rows.
+        sensors: Whether results include readings of ideal sensors.
     """
 
     sim: Stepper
@@ -43,7 +46,10 @@ class Reader:
     sensors: bool
 
     def __call__(self, pairs: Pairs, at_rest: bool) -> Iterator[tuple[Pairs, Readings]]:
-        """Steps the copies of some pairs, some of them at a time; `at_rest` by the step that is smooth at rest, if there is one."""
+        """Yields results of displaced copies for some pairs at a time.
+
+        With `at_rest`, steps use the stabilization that is smooth at rest; without hard contact nothing is yielded then.
+        """
         options = replace(self.sim.options, tolerance=self.tolerance)
         if at_rest:
             if options.contact != "hard":
@@ -59,15 +65,15 @@ class Reader:
         copies, ctrl = copies_of(self.sim, self.nominal, self.blocks, pairs, options)
         # Every copy is a separate column here, displaced to one side.
         to_one_side = np.ones(offsets.shape, np.bool_)
-        watch = Watch(copies, Stencil(offsets[:, None, None], np.abs(offsets)[:, None], ~to_one_side, to_one_side), self.nstep)
+        detector = KinkDetector(copies, Stencil(offsets[:, None, None], np.abs(offsets)[:, None], ~to_one_side, to_one_side), self.nstep)
         for k in range(self.nstep):
             copies.step(ctrl if k == 0 else None)
-            watch.look(k)
+            detector.compare(k)
         ends, changes = ends_of(copies, 1 + offsets.shape[1], sensors=self.sensors)
         slopes = changes[:, 1:] / np.where(offsets == 0.0, np.inf, offsets)[..., None]
-        # A residual that leaves the modes certain is noise, whatever the tolerance.
+        # Above the tolerance but below `SOLVED`, the residual is only noise: the mode is certain.
         residual = np.asarray(copies.residual).reshape(len(pairs), -1).max(axis=1)
-        causes = np.bitwise_or.reduce(watch.report.causes, axis=1)
+        causes = np.bitwise_or.reduce(detector.report.causes, axis=1)
         harmless = np.where(residual < SOLVED, np.uint32(Kink.UNSOLVED), np.uint32(0))[:, None]
         apart = np.abs(ends["qvel"][:, 0] - self.end["qvel"][pairs.env]).max(axis=1, initial=0.0)
         differs = ((causes & ~harmless) != 0) | (apart > SAME_STEP)[:, None]

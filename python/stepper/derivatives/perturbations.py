@@ -1,7 +1,8 @@
-"""Perturbed quantities with their sizes, and the weights that make a derivative of the results.
+"""Perturbed quantities, the sizes of their displacements, and the difference formulas.
 
-A column is one number: a degree of freedom of qpos, a velocity, an activation, a control or an entry of a parameter. Each has two stencil
-points besides the nominal one, or one for differences to one side, and twice as many with Richardson's extrapolation.
+A column is one number: a degree of freedom of qpos, a velocity, an activation, a control or an entry of a parameter. Each is displaced to
+two
+points, or to one with `centered=False`. Richardson's extrapolation has twice as many points.
 """
 
 from __future__ import annotations
@@ -23,29 +24,28 @@ Array = NDArray[np.float64]
 STATE: tuple[str, ...] = ("qpos", "qvel", "act")
 """Parts of the state, in the order of the rows of A."""
 NOISE_RATIO = 10.0
-"""Noise of a velocity after a step relative to the tolerance: impulses that solve a step to a residual move light feet by more than it."""
+"""Noise of a velocity after a step, relative to the tolerance. Light bodies, such as feet, have a larger error than the residual."""
 KINK_DENSITY = 1.0
 """Error of a central difference by kinks within its step, relative to the step, in SI units; see `step_of`."""
 ROUNDING = 2.0**-52
 """Rounding of a number of order 1."""
 
 SIGNED = frozenset({"gravity", "body_ipos", "geom_pos", "jnt_range", "actuator_gainprm", "actuator_biasprm"})
-"""Fields whose numbers may be negative; the others are 0 at least."""
+"""Fields whose values may be negative; all other fields must be at least 0."""
 ABSENT = frozenset({"body_mass", "body_inertia", "geom_size", "dof_frictionloss", "jnt_stiffness", "actuator_gainprm", "actuator_biasprm"})
-"""Fields in which 0 means that the model has none of it, and nothing else may be put there. A law of an actuator without a term, as a
-motor's, has none of that term."""
+"""Fields whose zeros cannot be perturbed, because 0 means that the model lacks the property (for example a spring or dry friction)."""
 OF_AXES = frozenset({"dof_damping", "dof_armature"})
-"""Fields of which the same is true on free and ball joints alone."""
+"""Fields whose zeros cannot be perturbed for free and ball joints."""
 
 
 def step_of(tolerance: float) -> float:
-    """Half width of a difference for coordinates of order 1, from the tolerance in force.
+    """Half width of a difference for coordinates of order 1, from the tolerance of the solver in m/s.
 
     A step through contact is smooth between kinks, so that the error of a central difference of width 2 h has three parts, in SI units:
 
         noise of the solution   e / h           with e = 10 tolerance, 1e-15 at least for rounding
         truncation              h^2 |f'''| / 6
-        kinks within the step   k h             their chance is proportional to h, and the jump of the slope is not small
+        kinks within the step   k h             the probability is proportional to h, and the change of the slope is not small
 
     Without kinks h = (3 e / |f'''|)^(1/3) is best. With them the third part is larger than the second for all h < 6 k / |f'''|, and
     h = sqrt(e / k) is best. With k = 1 and the default tolerance of 1e-13 m/s, h is 1e-6. The noise is then 1e-6 at worst and 1e-9 in the
@@ -59,9 +59,9 @@ class Block:
     """Columns of one perturbed quantity: a part of the state, the controls or a parameter.
 
     Attributes:
-        name: As in `wrt`: "qpos", "ctrl", "geom_friction[floor]".
+        name: Name in the argument `wrt`, for example "qpos", "ctrl" or "geom_friction[floor]".
         field: "qpos", "qvel", "act", "ctrl" or a field of `Stepper.randomize`.
-        places: Indices of the columns in the field's flat row of one environment, (count,).
+        places: Indices of the columns in the flattened field of one environment, (count,).
         shape: Shape of the columns in the result.
     """
 
@@ -78,14 +78,14 @@ class Block:
 
 @dataclass(frozen=True)
 class Stencil:
-    """Points of all columns of a batch and their weights.
+    """Displacements (stencil points) of all columns in all environments, and difference formulas for the results.
 
     Attributes:
         offsets: Displacements of the stencil's points, (num_envs, levels, points, columns); level 0 is the finest, points are 2 or 1.
-        step: Widths, (num_envs, levels, columns); 0 where a column is absent.
-        central: Whether points are on both sides, (num_envs, columns); otherwise two are on one side, at one and two widths, or there is
-            one alone.
-        bounded: Whether a bound lets the column go to one side only, (num_envs, columns).
+        step: Half widths, (num_envs, levels, columns); 0 for columns that cannot be perturbed.
+        central: Whether the points are on both sides, (num_envs, columns) bool. Otherwise there is one point, or two on the same side at
+            one and two half widths.
+        bounded: Whether a bound allows displacements to one side only, (num_envs, columns) bool.
     """
 
     offsets: Array
@@ -94,13 +94,13 @@ class Stencil:
     bounded: NDArray[np.bool_]
 
     def slopes(self, changes: Array) -> Array:
-        """Derivatives of second order of accuracy, or of first order from one point.
+        """Finite differences: accurate to second order from two points, to first order from one point.
 
         Args:
             changes: Results minus the nominal result, (num_envs, levels, points, columns, n), in the units of the rows.
 
         Returns:
-            (num_envs, levels, columns, n); 0 where a column is absent.
+            Derivatives, (num_envs, levels, columns, n); 0 for columns that cannot be perturbed.
         """
         first, sign = changes[:, :, 0], np.sign(self.offsets[:, :, 0])[..., None]
         if changes.shape[2] == 1:
@@ -112,12 +112,13 @@ class Stencil:
         return np.where(self.central[:, None, :, None], both, one) * (sign / self._divisor(2.0))
 
     def bends(self, changes: Array) -> Array:
-        """Differences of the slopes on both sides, or of the two points on one side, (num_envs, levels, columns, n)."""
+        """Absolute differences of the slopes of the two points, (num_envs, levels, columns, n), in units of a slope."""
         first, second = changes[:, :, 0], changes[:, :, 1]
         bend: Array = np.abs(np.where(self.central[:, None, :, None], first + second, second - 2.0 * first)) / self._divisor(1.0)
         return bend
 
     def _divisor(self, factor: float) -> Array:
+        """Half widths times a factor, with 1 instead of 0, (num_envs, levels, columns, 1)."""
         return np.where(self.step > 0.0, factor * self.step, 1.0)[..., None]
 
 
@@ -125,12 +126,12 @@ def blocks_of(model: Model, wrt: Sequence[str]) -> list[Block]:
     """Blocks of the names in `wrt`.
 
     Raises:
-        TypeError: `wrt` is a string or has something else than strings.
-        ValueError: A name twice, none at all, or one that no field or element has.
+        TypeError: `wrt` is a string, or an entry is not a string.
+        ValueError: `wrt` is empty, or a name is repeated or matches no field or element.
     """
     _check_names("wrt", wrt, "('qpos', 'qvel', 'act', 'ctrl')")
     if not wrt:
-        raise ValueError("wrt is (), must have one name at least")
+        raise ValueError("wrt is (), must have at least one name")
     return [_block(model, name, "wrt") for name in wrt]
 
 
@@ -138,14 +139,14 @@ def check_parameters(model: Model, parameters: Sequence[str]) -> None:
     """Checks the parameters by which a rollout is differentiated.
 
     Raises:
-        TypeError: `parameters` is a string or has something else than strings.
-        ValueError: A name twice, one that no field or element has, or a part of the state or the controls, whose gradients a rollout
-            always has.
+        TypeError: `parameters` is a string, or an entry is not a string.
+        ValueError: A name is repeated, matches no field or element, or is a part of the state or the controls. Gradients by these are
+            always computed.
     """
     _check_names("parameters", parameters, "('body_mass', 'geom_friction[floor]')")
     for name in parameters:
         if name in (*STATE, "ctrl"):
-            raise ValueError(f"parameters has {name!r}, but gradients by the state and the controls are always there: leave it out")
+            raise ValueError(f"parameters has {name!r}, but gradients by the state and the controls are always computed: remove the name")
         _block(model, name, "parameters")
 
 
@@ -153,23 +154,23 @@ def _check_names(argument: str, names: Sequence[str], example: str) -> None:
     """Checks that an argument is a sequence of names without repetition."""
     if isinstance(names, str) or not all(isinstance(name, str) for name in names):
         remedy = f"({names!r},)" if isinstance(names, str) else example
-        raise TypeError(f"{argument} is {names!r}, must be a sequence of names, as {remedy}")
+        raise TypeError(f"{argument} is {names!r}, must be a sequence of names, for example {remedy}")
     if twice := sorted({name for name in names if list(names).count(name) > 1}):
-        raise ValueError(f"{argument} has {twice[0]!r} more than once: name it once")
+        raise ValueError(f"{argument} has {twice[0]!r} more than once")
 
 
 def _block(model: Model, name: str, argument: str) -> Block:
-    """Block of a name that is in an argument."""
+    """Block of one name; `argument` is the name of the argument that contains it, for messages."""
     selector = parse(name, argument)
     field, whole = selector.field, selector.elements is None and selector.columns is None
     sizes = {"qpos": model.nv, "qvel": model.nv, "act": model.na, "ctrl": model.nu}
     if field in sizes:
         if not whole:
-            raise ValueError(f"{argument} has {name!r}, but {field} has no elements by name: write {field!r} alone")
+            raise ValueError(f"{argument} has {name!r}, but {field} has no named elements: write {field!r} alone")
         return Block(name, field, np.arange(sizes[field]), (sizes[field],))
     if field in COMPOUNDS:
         parts = " and ".join(f"'{part}[...][{column}]'" for part, column, _ in COMPOUNDS[field].parts)
-        raise ValueError(f"{argument} has {name!r}, which is no field by itself: write {parts}")
+        raise ValueError(f"{argument} has {name!r}, which combines several fields: write {parts}")
     if field not in RANDOMIZED:
         known = [*sizes, *RANDOMIZED] if argument == "wrt" else RANDOMIZED
         raise ValueError(unknown_field(argument, field, known, "docs/reference/what_can_vary.md"))
@@ -178,14 +179,14 @@ def _block(model: Model, name: str, argument: str) -> Block:
     own = np.asarray(getattr(model, field), np.float64).reshape(-1)[chosen]
     if not whole and ((own == 0.0) & _absent(model, field, chosen)).all():
         raise ValueError(
-            f"{argument} has {name!r}, but {field} is 0 there, where the model has none, and nothing can be perturbed; give it some with "
+            f"{argument} has {name!r}, but the {field} of these elements is 0 and cannot be perturbed; set another value with "
             f"model.replace({field}=...)"
         )
     return Block(name, field, chosen, index.shape)
 
 
 def _absent(model: Model, field: str, places: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Whether a 0 in these places means that the model has none of it."""
+    """Whether a 0 at these indices of a flattened field cannot be perturbed, (places,) bool."""
     if field in OF_AXES:
         joints = (model.joint(k) for k in range(model.njnt))
         turning = [joint.dofadr + i for joint in joints if joint.type in ("free", "ball") for i in range(joint.nv)]
@@ -194,7 +195,7 @@ def _absent(model: Model, field: str, places: NDArray[np.int64]) -> NDArray[np.b
 
 
 def stencil_of(model: Model, blocks: Sequence[Block], values: Mapping[str, Array], *, step: float, levels: int, centered: bool) -> Stencil:
-    """Points of all columns, at which the step is evaluated.
+    """Displacements of all columns in all environments.
 
     Coordinates of the state and controls are displaced by `step` in their SI unit, parameters by `step` times their size. Points are on
     both sides of the nominal one. A control at the end of its range, or a parameter at a bound such as 0, has both points on one side. They
@@ -203,7 +204,7 @@ def stencil_of(model: Model, blocks: Sequence[Block], values: Mapping[str, Array
     Args:
         model: The model.
         blocks: Perturbed quantities.
-        values: Present values of every field but qpos, (num_envs, size), in the field's unit.
+        values: Current values of every field except qpos, (num_envs, size), in the field's unit.
         step: Half width for a coordinate of order 1.
         levels: Number of widths: 1, or 2 for extrapolation; the second is twice the first.
         centered: Whether columns have two points. If False they have one, above the nominal value where the bounds allow it.
@@ -218,7 +219,7 @@ def stencil_of(model: Model, blocks: Sequence[Block], values: Mapping[str, Array
             size[(now == 0.0) & _absent(model, block.field, block.places)] = 0.0
         reach = size * 2.0 ** (levels - 1)
         up, down = now + reach <= high, now - reach >= low
-        # Beyond its range a control has no effect on either side.
+        # Beyond its range a control has no effect, so that both sides are allowed.
         outside = (now > high) | (now < low)
         widths.append(size)
         central.append((up & down) | outside)
@@ -233,7 +234,7 @@ def stencil_of(model: Model, blocks: Sequence[Block], values: Mapping[str, Array
 
 
 def _bounds(model: Model, block: Block) -> tuple[Array, Array]:
-    """Lowest and highest value of each column."""
+    """Smallest and largest allowed value of each column, (columns,) each, in the field's unit."""
     low, high = np.full(block.count, -np.inf), np.full(block.count, np.inf)
     if block.field == "ctrl":
         ranges = np.array(model.actuator_ctrlrange, np.float64)

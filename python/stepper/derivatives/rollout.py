@@ -1,4 +1,4 @@
-"""Vector-Jacobian products of rollouts, with checkpoints in place of stored matrices."""
+"""Vector-Jacobian products of rollouts. Checkpoints of states are stored; matrices are computed again when needed."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ class Gradients:
         act: Gradient by the initial act, (num_envs, na).
         ctrl: Gradient by the controls, (T, num_envs, nu).
         parameters: Gradients by parameters, (num_envs, *shape), by name as given to `rollout`.
-        near_kink: Whether the steps of a control are near a kink, (T, num_envs); see `Linearization`. The gradient is then that of the
+        near_kink: Whether the steps of a control are near a kink, (T, num_envs) bool; see `Linearization`. The gradient is then that of the
             nominal mode.
-        undetermined: Environments with a kink at which the nominal mode has no slope, (num_envs,); their gradients are 0.
+        undetermined: Whether an environment has a kink at which the nominal mode has no slope, (num_envs,) bool. Its gradients are then 0.
     """
 
     qpos: Array
@@ -49,11 +49,11 @@ class Gradients:
 
 
 class Rollout:
-    """States of a rollout, and its derivative. `rollout` creates it.
+    """Rollout with its states and derivatives; created by `rollout`.
 
     Attributes:
-        qpos, qvel, act: States after every control, (T, num_envs, ...).
-        sensors: Ideal readings after every control, (T, num_envs, nsensordata), with `sensors=True`; else None.
+        qpos, qvel, act: States after the steps of each control, (T, num_envs, ...), m and rad, m/s and rad/s, units of the activations.
+        sensors: Readings of ideal sensors after the steps of each control, (T, num_envs, nsensordata); None without `sensors=True`.
         every: Number of controls between two checkpoints.
     """
 
@@ -80,8 +80,8 @@ class Rollout:
     def memory(self) -> int:
         """Upper bound of the memory of `vjp` in bytes: checkpoints, the states between two of them, and the matrices of one control.
 
-        It does not include the copies that are stepped for finite differences, at most `stepper.derivatives.copies.ROOM` per thread; the
-        stepper keeps them for the next linearization. With `smoothing`, multiply the matrices by the number of samples.
+        It does not include the copies that are stepped for finite differences, at most `stepper.derivatives.copies.ROOM` per thread; these
+        are kept for the next linearization. With `smoothing`, multiply the matrices by the number of samples.
         """
         model, n = self._plant.model, self._plant.num_envs or 1
         state = self._checkpoints[0].nbytes
@@ -103,22 +103,23 @@ class Rollout:
     ) -> Gradients:
         """Vector-Jacobian product: gradients of a scalar function by the controls, the initial state and parameters.
 
-        It goes backwards over the checkpoints. It recomputes the states after each, linearizes the steps of every control, and
-        propagates the gradient one control back.
+        The checkpoints are processed in reverse order. The states after each are recomputed, the steps of every control are linearized,
+        and the gradient is propagated backwards by one control.
 
         Args:
             qpos: Gradient of the function by `self.qpos`, (T, num_envs, nq); None is zero.
             qvel: Gradient by `self.qvel`, (T, num_envs, nv); None is zero.
             act: Gradient by `self.act`, (T, num_envs, na); None is zero.
             sensors: Gradient by `self.sensors`, (T, num_envs, nsensordata); None is zero.
-            smoothing: Derivatives averaged over random displacements, for gradients across kinks; None takes those of the actual steps.
+            smoothing: Derivatives averaged over random displacements, for gradients across kinks. None uses the derivatives of the actual
+                steps.
             undetermined: Action at a kink where the nominal mode has no slope (docs/how-to/derivatives.md): "raise" an error, or return
                 "zero" gradients for the environment, flagged in `Gradients.undetermined`.
             **settings: `step`, `tolerance`, `centered`, `extrapolate` and `method` of `linearize`.
 
         Raises:
             UndeterminedDerivative: A kink where the nominal mode has no slope, with its environment, control and coordinate.
-            ValueError: A wrong shape, a number that is not finite, or `sensors` of a rollout without them.
+            ValueError: A wrong shape, a number that is not finite, or `sensors` for a rollout without `sensors=True`.
             TypeError: `smoothing` is not a `Smoothing`.
         """
         if smoothing is not None and not isinstance(smoothing, Smoothing):
@@ -138,11 +139,11 @@ class Rollout:
             for t, state in zip(reversed(segment), reversed(self._states(segment)), strict=True):
                 adjoint += self._direct(cotangents, t)
                 self._plant.set_state(state)
-                asked: dict[str, Any] = {"ctrl": self._ctrl[t], "nstep": self._nstep, "sensors": cotangents["sensors"] is not None}
+                arguments: dict[str, Any] = {"ctrl": self._ctrl[t], "nstep": self._nstep, "sensors": cotangents["sensors"] is not None}
                 if smoothing is None:
-                    part = linearize(self._plant, wrt, **asked, **settings)
+                    part = linearize(self._plant, wrt, **arguments, **settings)
                 else:
-                    part = smoothed(self._plant, smoothing, wrt, draw=t, **asked, **settings)
+                    part = smoothed(self._plant, smoothing, wrt, draw=t, **arguments, **settings)
                 reading = None if cotangents["sensors"] is None else cotangents["sensors"][t]
                 needed = np.any(adjoint if reading is None else np.concatenate([adjoint, reading], axis=1), axis=1)
                 for env, error in first_undetermined(part, needed, t, model).items():
@@ -160,20 +161,21 @@ class Rollout:
         return self._gradients(adjoint, controls, parameters, kinked, lost)
 
     def _cotangent(self, name: str, given: ArrayLike | None) -> Array | None:
+        """Checked argument of `vjp`, (T, num_envs, ...); None if it was not given."""
         if given is None:
             return None
-        there = getattr(self, name)
-        if there is None:
+        states = getattr(self, name)
+        if states is None:
             raise ValueError("gradients by sensors need rollout(..., sensors=True)")
         array = np.asarray(given, np.float64)
-        if array.shape != there.shape:
-            raise ValueError(f"the gradient by {name} has shape {array.shape}, must be {there.shape}")
+        if array.shape != states.shape:
+            raise ValueError(f"the gradient by {name} has shape {array.shape}, must be {states.shape}")
         if not np.isfinite(array).all():
             raise ValueError(f"the gradient by {name} has a number that is not finite, at control {np.argwhere(~np.isfinite(array))[0][0]}")
         return array[:, None] if self._plant.num_envs is None else array
 
     def _direct(self, cotangents: dict[str, Array | None], t: int) -> Array:
-        """Direct gradient by the state after a control, in tangent coordinates."""
+        """Gradient of the function by the state after control t, without the effect on later states, (num_envs, n), tangent coordinates."""
         model, n = self._plant.model, self._plant.num_envs or 1
         after = self.qpos[t].reshape(n, -1)
         numbers = cotangents["qpos"]
@@ -184,7 +186,7 @@ class Rollout:
         return np.concatenate(parts, axis=1)
 
     def _states(self, segment: range) -> list[State]:
-        """States before every control of a segment, recomputed from its checkpoint."""
+        """States before each control of a segment between two checkpoints, recomputed from the first one."""
         self._plant.set_state(self._checkpoints[segment.start // self.every])
         states = []
         for t in segment:
@@ -194,7 +196,14 @@ class Rollout:
         return states
 
     def _pull(self, part: Linearization, name: str, adjoint: Array, reading: Array | None) -> Array:
-        """Gradient by the columns of a block, (num_envs, *columns)."""
+        """Gradient by the quantity `name` before the steps of a control, (num_envs, *columns).
+
+        Args:
+            part: Linearization of the steps.
+            name: Name in `wrt`.
+            adjoint: Gradient by the state after the steps, (num_envs, n).
+            reading: Gradient by the sensor readings after the steps, (num_envs, nsensordata); None is zero.
+        """
         n = len(adjoint)
         block = part.blocks[name].reshape(n, adjoint.shape[1], *np.shape(part.blocks[name])[1 + (self._plant.num_envs is not None) :])
         out: Array = np.einsum("er,er...->e...", adjoint, block)
@@ -204,6 +213,7 @@ class Rollout:
         return out
 
     def _gradients(self, adjoint: Array, controls: Array, parameters: dict[str, Array], kinked: Bools, lost: Bools) -> Gradients:
+        """Gradients as returned by `vjp`, with quaternions for qpos, and without the axis of environments if `num_envs` is None."""
         model = self._plant.model
         single = self._plant.num_envs is None
         nv = model.nv
@@ -236,12 +246,12 @@ def rollout(
         ctrl: Controls, (T, num_envs, nu), or (T, nu) for all environments.
         nstep: Number of steps for which each control is held.
         parameters: Parameters to differentiate by, named as in `wrt` of `linearize`.
-        every: Number of controls between two checkpoints; None is the square root of T, which takes the least memory. `vjp` steps each
-            control once more.
+        every: Number of controls between two checkpoints; None is the square root of T, which takes the least memory. `vjp` repeats the
+            steps of each control once.
         sensors: Whether to compute readings of ideal sensors.
 
     Raises:
-        TypeError: `parameters` is a string or has something else than strings.
+        TypeError: `parameters` is a string, or an entry is not a string.
         ValueError: A wrong shape, a number of steps below 1, or a parameter that is unknown, given twice, or a part of
             the state or the controls.
     """

@@ -1,4 +1,4 @@
-"""Smoothed derivatives: their mean over random displacements of the state and the controls."""
+"""Randomised smoothing: means of derivatives over random displacements of the state and the controls."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from stepper.derivatives.perturbations import Array
 
 @dataclass(frozen=True)
 class Smoothing:
-    """Randomised smoothing of derivatives, which `Rollout.vjp(smoothing=...)` takes.
+    """Settings of randomised smoothing, for `Rollout.vjp(smoothing=...)`.
 
     The derivative of a step is averaged over normally distributed displacements of the state and the controls. Where the step is
     continuous, this is the derivative of the averaged step (Suh, Pang & Tedrake 2022, "Bundled gradients through contact via randomized
     smoothing"). The gradient then includes contacts that are nearly closed, and has no jumps at kinks. The rollout itself does not change.
 
     Attributes:
-        samples: Number of displacements per environment, even: they are drawn in pairs of opposite sign.
+        samples: Number of displacements per environment. It is even, because displacements are drawn in pairs of opposite sign.
         qpos: Standard deviation of displacements of qpos, m and rad.
         qvel: Standard deviation of displacements of qvel, m/s and rad/s.
         act: Standard deviation of displacements of act, in its unit.
@@ -45,7 +45,7 @@ class Smoothing:
 
     def __post_init__(self) -> None:
         if not isinstance(self.samples, int | np.integer) or self.samples < 2 or self.samples % 2:
-            raise ValueError(f"samples is {self.samples!r}, must be an even number of 2 at least")
+            raise ValueError(f"samples is {self.samples!r}, must be an even number, at least 2")
         if not isinstance(self.seed, int | np.integer) or self.seed < 0:
             raise ValueError(f"seed is {self.seed!r}, must be a whole number, 0 or above")
         spreads = {field.name: getattr(self, field.name) for field in fields(self) if field.name in ("qpos", "qvel", "act", "ctrl")}
@@ -53,32 +53,32 @@ class Smoothing:
             if not isinstance(spread, int | float | np.number) or not 0.0 <= spread < math.inf:
                 raise ValueError(f"{name} is {spread!r}, must be a standard deviation, 0 or above")
         if not any(spreads.values()):
-            raise ValueError("nothing is displaced: give a standard deviation above 0 to qpos, qvel, act or ctrl")
+            raise ValueError("all standard deviations are 0: set one of qpos, qvel, act or ctrl above 0")
 
 
 def smoothed(
     sim: Stepper, smoothing: Smoothing, wrt: Sequence[str], *, ctrl: Array, draw: int, sensors: bool, **settings: Any
 ) -> Linearization:
-    """Derivatives as `linearize` gives them, but the mean over displacements.
+    """Means of the derivatives of `linearize` over random displacements.
 
     Args:
-        sim: The stepper, which is only read.
+        sim: The stepper; it does not change.
         smoothing: The displacements.
         wrt: As in `linearize`.
         ctrl: Controls, (num_envs, nu) or (nu,).
-        draw: Number of the draw under the seed.
+        draw: Number that selects the random displacements, together with the seed.
         sensors: As in `linearize`.
         **settings: Other arguments of `linearize`.
 
     Returns:
-        Blocks and sensors are means over the samples that have a derivative; flags of kinks are those of all samples together, and
-        distances the least. There are no `errors`. The state is that of the first sample.
+        Linearization whose derivatives are means over the samples that have a derivative. Flags of kinks are those of all samples
+        together, and distances are the smallest. `errors` is empty. The state is that of the first sample.
     """
     nominal, model, count = nominal_of(sim, ctrl, ()), sim.model, smoothing.samples
     n, half = nominal.num_envs, smoothing.samples // 2
 
     def displaced(name: str, size: int) -> Array:
-        # Numbers of one field for all environments, the first of them first: an environment's do not depend on how many there are.
+        # Drawn per field, in the order of the environments: an environment's displacements do not depend on the number of environments.
         rng = np.random.default_rng((smoothing.seed, draw, list(nominal.fields).index(name)))
         one = getattr(smoothing, name) * rng.normal(size=(n, half, size))
         return np.stack([one, -one], axis=2).reshape(n * count, size)
@@ -103,9 +103,9 @@ def smoothed(
         return (lin.kinks[name] & np.uint32(Kink.UNDETERMINED)) == 0
 
     def mean(name: str, block: Any) -> Any:
-        # Over the samples that have the derivative; the others are 0.
-        there = determined(name).reshape(n, count, 1, *block.shape[2:]).sum(axis=1)
-        means = block.reshape(n, count, *block.shape[1:]).sum(axis=1) / np.maximum(there, 1)
+        # Mean over the samples that have the derivative; it is 0 in the others.
+        valid = determined(name).reshape(n, count, 1, *block.shape[2:]).sum(axis=1)
+        means = block.reshape(n, count, *block.shape[1:]).sum(axis=1) / np.maximum(valid, 1)
         return means[0] if single else means
 
     def flags_of(name: str, flags: Any) -> Any:

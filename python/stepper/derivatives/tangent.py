@@ -1,4 +1,4 @@
-"""Gradients by qpos: conversion between the four numbers of quaternions, for optimisers, and tangent coordinates."""
+"""Conversion of gradients by qpos between quaternions (four numbers, for optimisers) and tangent coordinates (rotation vectors)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,12 @@ from stepper.derivatives.perturbations import Array
 
 @functools.lru_cache(maxsize=8)
 def _places(model: Model) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Places in qpos and qvel of what is one number in both; of quaternions in qpos (count, 4), of their rotations in qvel (count, 3)."""
+    """Indices of the coordinates of a model.
+
+    Returns:
+        Indices in qpos and in qvel of all coordinates except rotations, (k,) each. Indices of quaternions in qpos, (count, 4), and of the
+        corresponding angular velocities in qvel, (count, 3).
+    """
     plain, turned = [], []
     for k in range(model.njnt):
         joint = model.joint(k)
@@ -27,14 +32,17 @@ def _places(model: Model) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray
 
 
 def _rates(quat: Array) -> Array:
-    """Derivative of q * exp(r / 2) by the rotation vector r in the body's frame at 0: (..., 4, 3), and 2 of it has orthonormal columns."""
+    """Derivative of the quaternion q * exp(r / 2) by the rotation vector r in the body's frame, at r = 0, (..., 4, 3) in 1/rad.
+
+    Twice this matrix has orthonormal columns.
+    """
     w, x, y, z = np.moveaxis(quat, -1, 0)
     rates: Array = 0.5 * np.stack([-x, -y, -z, w, -z, y, z, w, -x, -y, x, w], axis=-1).reshape(*quat.shape[:-1], 4, 3)
     return rates
 
 
 def to_tangent(model: Model, qpos: Array, gradient: Array) -> Array:
-    """Gradient by displacements, (..., nv), from the gradient by the numbers of qpos, (..., nq)."""
+    """Converts a gradient by the entries of qpos, (..., nq), to one by displacements in tangent coordinates, (..., nv)."""
     q, v, quat, rotation = _places(model)
     out = np.zeros((*gradient.shape[:-1], model.nv))
     out[..., v] = gradient[..., q]
@@ -44,7 +52,10 @@ def to_tangent(model: Model, qpos: Array, gradient: Array) -> Array:
 
 
 def from_tangent(model: Model, qpos: Array, gradient: Array) -> Array:
-    """Gradient by the numbers of qpos, (..., nq), from the gradient by displacements, (..., nv). It is orthogonal to unit quaternions."""
+    """Converts a gradient by displacements in tangent coordinates, (..., nv), to one by the entries of qpos, (..., nq).
+
+    The result is orthogonal to the quaternions in qpos.
+    """
     q, v, quat, rotation = _places(model)
     out = np.zeros((*gradient.shape[:-1], model.nq))
     out[..., q] = gradient[..., v]

@@ -10,13 +10,13 @@ from stepper.derivatives.linearize import Linearization
 
 
 class UndeterminedDerivative(ArithmeticError):  # noqa: N818
-    """Error raised by `Rollout.vjp` for a kink at which the nominal mode has no slope (docs/how-to/derivatives.md).
+    """Raised by `Rollout.vjp`: a step is at a kink and has no derivative (docs/how-to/derivatives.md).
 
     Attributes:
         env: Index of the environment.
         control: Index of the control whose steps have the kink.
-        coordinate: Coordinate along which the step has no derivative.
-        kinks: Kinds of the kink.
+        coordinate: Name of the coordinate by which the step has no derivative, for example "qvel[3] (joint 'knee')".
+        kinks: Flags of the kink.
     """
 
     def __init__(self, env: int, control: int, coordinate: str, kinks: Kink):
@@ -29,7 +29,14 @@ class UndeterminedDerivative(ArithmeticError):  # noqa: N818
 
 
 def first_undetermined(part: Linearization, needed: Bools, control: int, model: Model) -> dict[int, UndeterminedDerivative]:
-    """Errors for columns without a derivative, by environment, restricted to a mask (num_envs,) of those that need gradients."""
+    """Errors for columns without a derivative, one per environment, by index of the environment.
+
+    Args:
+        part: Linearization of the steps of a control.
+        needed: Mask of the environments with a nonzero gradient, (num_envs,); others have no error.
+        control: Index of the control.
+        model: The model.
+    """
     errors: dict[int, UndeterminedDerivative] = {}
     for name, flags in part.kinks.items():
         rows = flags.reshape(len(needed), -1)
@@ -41,7 +48,7 @@ def first_undetermined(part: Linearization, needed: Bools, control: int, model: 
 
 
 def _coordinate(model: Model, name: str, column: int) -> str:
-    """Name of a column: of a degree of freedom with its joint, of a control with its actuator."""
+    """Name of a column of the block `name`, with the name of the joint or actuator."""
     if name in ("qpos", "qvel"):
         joint = max((model.joint(k) for k in range(model.njnt)), key=lambda joint: joint.dofadr if joint.dofadr <= column else -1)
         return f"{name}[{column}] (joint {joint.name!r})" if joint.name else f"{name}[{column}]"

@@ -13,8 +13,8 @@ import stepper.cli.view
 from models import SOURCES
 from stepper.cli import main
 from stepper.viewer import shapes
-from stepper.viewer.dragging import Drag, felt_mass
-from stepper.viewer.frames import frame_of, own_of, shown_envs, sizes_of
+from stepper.viewer.dragging import Drag, effective_mass
+from stepper.viewer.frames import frame_of, parameter_of, shown_envs, sizes_of
 from stepper.viewer.live import View, scene_for
 from stepper.viewer.looks import looks_of
 from stepper.viewer.recordings import RecordedRun
@@ -83,7 +83,7 @@ def test_a_saved_model_is_drawn_without_its_source(tmp_path):
     for k in range(stepper.loading.origins.KEPT + 1):  # Until nobody remembers where it came from.
         stepper.load(f"<mujoco><worldbody><body name='{k}'/></worldbody></mujoco>")
     model = stepper.load(tmp_path / "model")
-    with pytest.warns(UserWarning, match=r"2 geoms are not drawn \(ground, wedge\).*Give it as source"):
+    with pytest.warns(UserWarning, match=r"2 geoms are not drawn \(ground, wedge\).*Pass the MJCF as source"):
         scene = scene_for(model, None)
     assert {model.geom_names[g] for part in scene.parts for g in part.geom} == {"ball", "egg", "pill", "can", "brick", "ghost"}
     assert scene_for(model, ALL_KINDS).missing == ()
@@ -161,7 +161,7 @@ def test_sizes_are_those_that_environments_have(num_envs):
         expected = given[envs, g] if model.geom(g).type in ("sphere", "ellipsoid", "capsule", "cylinder", "box") else scene.sizes[g]
         np.testing.assert_array_equal(found[:, g], np.broadcast_to(expected, (len(envs), 3)), err_msg=model.geom_names[g])
     np.testing.assert_array_equal(found[0, model.geom("table").id], [0.2, 0.1, 0.1])
-    np.testing.assert_array_equal(own_of(sim, "geom_pos", envs), np.tile(model.geom_pos, (len(envs), 1, 1)))
+    np.testing.assert_array_equal(parameter_of(sim, "geom_pos", envs), np.tile(model.geom_pos, (len(envs), 1, 1)))
     sim.randomize()
     np.testing.assert_array_equal(sizes_of(sim, envs, scene), np.tile(scene.sizes, (len(envs), 1, 1)))
 
@@ -258,8 +258,8 @@ def test_the_mass_that_is_felt_is_that_of_a_free_body():
     </worldbody></mujoco>"""),
         2,
     )
-    assert felt_mass(sim, 1, 1, np.array([0.0, 0, 1])) == pytest.approx(3)
-    assert felt_mass(sim, 1, 2, np.array([1.0, 0, 0])) == pytest.approx(3 * 2)  # It moves in one of three directions.
+    assert effective_mass(sim, 1, 1, np.array([0.0, 0, 1])) == pytest.approx(3)
+    assert effective_mass(sim, 1, 2, np.array([1.0, 0, 0])) == pytest.approx(3 * 2)  # It moves in one of three directions.
     assert Drag.begin(sim, 1, 3, np.array([2.0, 0, 0])) is None
 
 

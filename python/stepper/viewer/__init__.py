@@ -1,4 +1,4 @@
-"""Visualization of environments: pictures by MuJoCo's renderer, a view in the browser, logs for Rerun.
+"""Visualization: pictures from MuJoCo's renderer, a view of environments in the browser, logs for the Rerun viewer.
 
     sim = stepper.Stepper(stepper.load("robot.xml"), 16)
     with stepper.viewer.view(sim) as view:

@@ -1,4 +1,4 @@
-"""Dragging of a body: a spring and a damper between a point of the body and the pointer."""
+"""Dragging of a body with the mouse: a spring and a damper between a point of the body and the pointer."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import numpy as np
 
 from stepper._stepper import Stepper
 from stepper.shared.rotations import matrices
-from stepper.viewer.frames import some_of
+from stepper.viewer.frames import values_of
 from stepper.viewer.looks import Array
 
 FREQUENCY = 10.0
-"""Angular frequency of the spring with the mass that the point feels, rad/s: MuJoCo's viewer has 10, too (visual/map/stiffness is 100)."""
+"""Angular frequency of the spring with the effective mass at the point, rad/s, as in MuJoCo's viewer (visual/map/stiffness is 100)."""
 
 
 @dataclass
@@ -35,21 +35,24 @@ class Drag:
 
     @classmethod
     def begin(cls, sim: Stepper, env: int, body: int, place: Array) -> Drag | None:
-        """Drag that starts at a point of the world, (3,), m; None if the body cannot move."""
-        mass = felt_mass(sim, env, body, place)
+        """Starts to drag a body at a point in world coordinates, (3,), m. None if the body cannot move."""
+        mass = effective_mass(sim, env, body, place)
         if mass is None:
             return None
         rotation, origin = matrices(_row(sim, "xquat", env)[body]), _row(sim, "xpos", env)[body]
         return cls(env, body, rotation.T @ (place - origin), np.array(place), mass)
 
     def at(self, sim: Stepper) -> Array:
-        """Position of the point in the world, (3,) m."""
+        """Position of the pulled point in the world, (3,), m."""
         rotation = matrices(_row(sim, "xquat", self.env)[self.body])
         place: Array = _row(sim, "xpos", self.env)[self.body] + rotation @ self.point
         return place
 
     def wrench(self, sim: Stepper, strength: float = 1.0) -> Array:
-        """Force in N and torque in N m about the body's centre of mass, world axes: (6,), as `Stepper.xfrc_applied` takes them."""
+        """Force in N and torque in N m about the body's centre of mass, in world axes, (6,), for `Stepper.xfrc_applied`.
+
+        `strength` multiplies the stiffness.
+        """
         origin, rotation = _row(sim, "xpos", self.env)[self.body], matrices(_row(sim, "xquat", self.env)[self.body])
         place = self.at(sim)
         spin = _row(sim, "body_angvel", self.env)[self.body]
@@ -60,8 +63,11 @@ class Drag:
         return np.concatenate([force, np.cross(place - centre, force)])
 
 
-def felt_mass(sim: Stepper, env: int, body: int, place: Array) -> float | None:
-    """Effective mass at a point of a body, (3,) m, in kg: the harmonic mean over the three directions. None if the point cannot move."""
+def effective_mass(sim: Stepper, env: int, body: int, place: Array) -> float | None:
+    """Effective mass at a point of a body, kg: the harmonic mean over the three directions. None if the point cannot move.
+
+    The point `place`, (3,), m, is in world coordinates.
+    """
     matrices_of_mass = np.asarray(sim.mass_matrix(), np.float64)
     mass = matrices_of_mass if sim.num_envs is None else matrices_of_mass[env]
     if not len(mass):
@@ -75,5 +81,6 @@ def felt_mass(sim: Stepper, env: int, body: int, place: Array) -> float | None:
 
 
 def _row(sim: Stepper, name: str, env: int) -> Array:
-    values: Array = some_of(sim, name, np.array([env]))[0]
+    """Values of a quantity of a stepper in one environment, in its unit."""
+    values: Array = values_of(sim, name, np.array([env]))[0]
     return values.astype(np.float64)

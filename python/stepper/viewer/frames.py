@@ -1,4 +1,4 @@
-"""Frames of a view: poses, contacts and scalars of some environments of a `Stepper` or of a recording at one time."""
+"""Frames for drawing: poses, contacts and scalars of some environments of a `Stepper` or of a recording at one time."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Envs: TypeAlias = "int | range | list[int] | None"
 
 @dataclass(frozen=True)
 class Frame:
-    """Frame of n environments: their poses, contacts and scalars at one time.
+    """State of n environments at one time, for drawing.
 
     Attributes:
         time: Simulated time, s: (n,).
@@ -24,11 +24,11 @@ class Frame:
         geom_xquat: Orientations of the geoms, (n, ngeom, 4), quaternions (w, x, y, z).
         xpos: Positions of the bodies, (n, nbody, 3), m.
         xquat: Orientations of the bodies, (n, nbody, 4), quaternions (w, x, y, z).
-        center: Centres of mass of the scenes, m: (n, 3).
-        contact_env: Row, from 0 to n - 1, of each contact: (k,).
+        center: Centres of mass of all bodies, m: (n, 3).
+        contact_env: Row of the environment of each contact in this frame, from 0 to n - 1: (k,).
         contact_pos: Positions of the contacts, (k, 3), m.
         contact_force: Forces on the second geoms in world axes, (k, 3), N.
-        status: Flags, see `stepper.Status`: (n,).
+        status: Flags of `stepper.Status`: (n,).
         residual: Residuals of the last steps, m/s: (n,).
         max_penetration: Largest penetrations of the last call of `step`, m: (n,).
         energy: Potential and kinetic energy, J: (n, 2).
@@ -50,32 +50,32 @@ class Frame:
 
 
 def shown_envs(sim: Stepper, envs: Envs, most: int) -> Array:
-    """Indices of the environments to show, (n,), from their number or a list; None is all up to `most`.
+    """Indices of the environments to show, (n,), from a number of environments or a list. None selects all, but at most `most`.
 
     Raises:
-        ValueError: There are fewer environments.
+        ValueError: The stepper has no such environments, or none is selected.
     """
     count = sim.num_envs or 1
     if envs is None:
         return np.arange(min(count, most))
     chosen = np.arange(envs) if isinstance(envs, int) else np.array(list(envs), dtype=np.int64)
     if len(chosen) == 0 or chosen.min() < 0 or chosen.max() >= count:
-        raise ValueError(f"envs is {envs!r}, must be some of the {count} environments: a number of them, or a list from 0 to {count - 1}")
+        raise ValueError(f"envs is {envs!r}, must be a number of environments up to {count}, or a list of indices from 0 to {count - 1}")
     return chosen
 
 
 def frame_of(sim: Stepper, envs: Array, *, energy: bool = False) -> Frame:
-    """Frame of some environments of a stepper, by their indices, (n,); energies are zero unless requested."""
+    """Frame of some environments of a stepper, with indices (n,). Energies are 0 without `energy=True`."""
     listed = sim.contacts()
     row = np.full((sim.num_envs or 1), -1)
     row[envs] = np.arange(len(envs))
     listed = listed[row[listed["env"]] >= 0]
     return Frame(
         **{
-            name: some_of(sim, name, envs)
+            name: values_of(sim, name, envs)
             for name in ("time", "geom_xpos", "geom_xquat", "xpos", "xquat", "status", "residual", "max_penetration")
         },
-        center=some_of(sim, "subtree_com", envs)[:, 0],
+        center=values_of(sim, "subtree_com", envs)[:, 0],
         contact_env=row[listed["env"]],
         contact_pos=listed["pos"],
         contact_force=np.einsum("nij,ni->nj", listed["frame"], listed["force"]),
@@ -84,23 +84,23 @@ def frame_of(sim: Stepper, envs: Array, *, energy: bool = False) -> Frame:
 
 
 def sizes_of(sim: Stepper, envs: Array, scene: Scene) -> Array:
-    """Present sizes of the drawn geoms in some environments, (n, ngeom, 3), m: those of the scene, or randomized ones."""
+    """Current sizes of the drawn geoms in some environments, (n, ngeom, 3), m, including randomized sizes."""
     sizes = np.tile(scene.sizes, (len(envs), 1, 1))
     if "geom_size" in sim.randomized:
         sized = sized_geoms(sim.model)
-        sizes[:, sized] = own_of(sim, "geom_size", envs)[:, sized]
+        sizes[:, sized] = parameter_of(sim, "geom_size", envs)[:, sized]
     return sizes
 
 
-def own_of(sim: Stepper, name: str, envs: Array) -> Array:
-    """Values of a field of the model in some environments, (n, ...), in the field's unit."""
+def parameter_of(sim: Stepper, name: str, envs: Array) -> Array:
+    """Values of a field of the model in some environments, (n, ...), in the field's unit, including randomized values."""
     shared = np.asarray(getattr(sim.model, name))
     own: Array = np.broadcast_to(sim.randomized.get(name, shared), (sim.num_envs or 1, *shared.shape))[envs]
     return own
 
 
-def some_of(sim: Stepper, name: str, envs: Array) -> Array:
-    """Values of a quantity in some environments, by indices (n,): (n, ...), in its unit, also with `num_envs=None`."""
+def values_of(sim: Stepper, name: str, envs: Array) -> Array:
+    """Values of a quantity of a stepper in some environments with indices (n,), in its unit: (n, ...), also with `num_envs=None`."""
     values = np.asarray(getattr(sim, name))
     chosen: Array = (values[None] if sim.num_envs is None else values)[envs]
     return chosen

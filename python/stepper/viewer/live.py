@@ -19,16 +19,16 @@ from stepper.viewer.shapes import Scene, scene_of
 from stepper.viewer.window import Window
 
 SHOWN = 16
-"""Environments that are shown by default."""
+"""Largest number of environments that are shown by default."""
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4", "as fast as it can")
 SLIDERS = 12
-"""Most controls whose sliders are unfolded at first."""
+"""Largest number of controls for which the folder of sliders is open initially."""
 _BEHIND = 0.25
-"""Seconds that a simulation that is too slow may be behind the clock; what is more is forgotten."""
+"""Largest lag behind real time that is caught up, s. A simulation that is too slow does not accumulate more."""
 
 
 class _Applied(NamedTuple):
-    """A wrench that is applied: what `xfrc_applied` has at its body without it, and with it, (6,)."""
+    """Wrench of a dragged body in `xfrc_applied`: values at the body without and with this wrench, (6,) each, N and N m."""
 
     env: int
     body: int
@@ -37,13 +37,13 @@ class _Applied(NamedTuple):
 
 
 def scene_for(model: Model, source: Any) -> Scene:
-    """Drawing of a model, with a warning where some of its looks are missing."""
+    """Drawing of a model. Warns about meshes and height fields that are not drawn because the source of the model is unknown."""
     scene = scene_of(model, looks_of(model, source))
     if scene.missing:
         names = ", ".join(model.geom(g).name or f"#{g}" for g in scene.missing[:5])
         warnings.warn(
-            f"{len(scene.missing)} geoms are not drawn ({names}{', ...' if len(scene.missing) > 5 else ''}): they are meshes or height "
-            "fields, which only the MJCF has. Give it as source, or load the model with stepper.load from it",
+            f"{len(scene.missing)} geoms are not drawn ({names}{', ...' if len(scene.missing) > 5 else ''}): the shapes of meshes and "
+            "height fields are only in the MJCF. Pass the MJCF as source, or load the model from it with stepper.load",
             UserWarning,
             stacklevel=3,
         )
@@ -51,31 +51,30 @@ def scene_for(model: Model, source: Any) -> Scene:
 
 
 class View:
-    """View of a `Stepper` in the browser, with a web server. It is a context manager.
+    """View of a running `Stepper` in the browser, with a web server; a context manager.
 
         with stepper.viewer.view(sim) as view:
             while view.open:
                 sim.step(policy(sim))
                 view.update()
 
-    Drag a body with Ctrl and the left mouse button. A spring then adds its force and torque to `sim.xfrc_applied`. A reset, or a value that
-    the user writes there meanwhile, replaces both.
+    Drag a body with Ctrl and the left mouse button. The force and torque of a spring are then added to `sim.xfrc_applied`. A
+    reset, or a value that the program writes there, replaces them.
 
     Args:
         sim: The stepper.
         envs: Number of environments to show, or a list of indices; None is all, up to 16.
-        source: Source of the model, as for `stepper.load`, with its colours and meshes. None is the source from which this process loaded
-            it.
-            Without a source, colours are plain, and meshes and height fields are not drawn.
+        source: Source of the model, as for `stepper.load`, with colours and meshes. None is the source from which this process loaded the
+            model. If that is unknown, colours are plain, and meshes and height fields are not drawn.
         host: Address of the server; the default accepts connections from this machine only.
-        port: Port of the server, or the next free one.
+        port: Port of the server; if it is in use, the next free one.
         spacing: Distance between neighbouring environments, m; None is one and a half times the scene's extent.
-        reset: Function of the button "reset"; None is `sim.reset()`.
+        reset: Function that the button "reset" calls; None is `sim.reset()`.
 
     Raises:
-        LooksError: The source is of another model.
+        LooksError: The source belongs to another model.
         MissingPackageError: viser is not installed.
-        ValueError: No such environments.
+        ValueError: `envs` is not valid for the stepper.
     """
 
     def __init__(
@@ -91,11 +90,11 @@ class View:
     ):
         self.sim, self.envs = sim, shown_envs(sim, envs, SHOWN)
         self._reset = sim.reset if reset is None else reset
-        # A stepper cannot be read while it steps, and the browser answers at any time.
+        # Stored here, because callbacks from the browser may come while the stepper steps, when it cannot be read.
         self._body_of = [sim.model.geom(g).bodyid for g in range(sim.model.ngeom)]
         self.window = Window(scene_for(sim.model, source), sim.model, len(self.envs), host=host, port=port, spacing=spacing)
         self._lock = threading.Lock()
-        self._asked_reset, self._steps, self._wake = False, 0, threading.Event()
+        self._requested_reset, self._steps, self._wake = False, 0, threading.Event()
         self._drag: Drag | None = None
         self._grabbed: tuple[int, int, Array] | None = None
         self._target: Array | None = None
@@ -107,17 +106,17 @@ class View:
 
     @property
     def url(self) -> str:
-        """Address of the view."""
+        """Address (URL) of the view."""
         return self.window.url
 
     @property
     def open(self) -> bool:
-        """Whether the view is open."""
+        """Whether the view is open; False after `close`."""
         return self.window.open
 
     @property
     def paused(self) -> bool:
-        """Whether the view is paused, so that `update` waits."""
+        """Whether the view is paused. `update` then waits."""
         return bool(self._pause.value)
 
     @paused.setter
@@ -126,10 +125,10 @@ class View:
         self._wake.set()
 
     def update(self) -> None:
-        """Shows the present state, if a frame is due, and keeps real time. Call it after every step, or every few.
+        """Shows the current state at the frame rate and keeps real time. Call it after every step, or after every few steps.
 
-        It waits until the clock, times the speed, reaches the simulated time. While the view is paused it waits for the user to continue
-        or to make a single step.
+        It waits until real time, multiplied by the chosen speed, reaches the simulated time. While the view is paused, it waits until the
+        user continues, makes a single step or resets.
         """
         if not self.open:
             self._release()
@@ -140,20 +139,20 @@ class View:
         self._keep_time()
         if self.paused and self._steps == 0:
             self.show()
-            while self.open and self.paused and self._steps == 0 and not self._asked_reset:
+            while self.open and self.paused and self._steps == 0 and not self._requested_reset:
                 self._wake.wait(0.1)
                 self._wake.clear()
             self._clock = time.monotonic()
         with self._lock:
             self._steps = max(self._steps - 1, 0)
-            asked, self._asked_reset = self._asked_reset, False
-        if asked:
+            requested, self._requested_reset = self._requested_reset, False
+        if requested:
             self._release()
             self._reset()
             self.show()
 
     def run(self, advance: Callable[[], Any] | None = None) -> None:
-        """Steps and shows until the view is closed or Ctrl-C ends it.
+        """Steps and shows the simulation until the view is closed or Ctrl-C is pressed.
 
         Args:
             advance: Function that makes one step. None is `sim.step` with controls from sliders, one slider per actuator for all
@@ -171,7 +170,7 @@ class View:
             self._release()
 
     def show(self) -> None:
-        """Shows the present state at once."""
+        """Shows the current state immediately."""
         pull = None
         if self._drag is not None:
             shift = self.window.offsets[int(np.flatnonzero(self.envs == self._drag.env)[0])]
@@ -190,6 +189,7 @@ class View:
         self._release()
 
     def _panel(self) -> None:
+        """Adds the buttons and sliders of the folder "Run"."""
         gui = self.window.server.gui
         with gui.add_folder("Run"):
             self._pause = gui.add_checkbox("pause", False)
@@ -199,7 +199,7 @@ class View:
             gui.add_markdown("Drag a body with Ctrl and the left button.")
         self._pause.on_update(lambda _: self._wake.set())
         step.on_click(lambda _: self.step_once())
-        reset.on_click(lambda _: self.ask_reset())
+        reset.on_click(lambda _: self.request_reset())
 
     def step_once(self) -> None:
         """Pauses the view and makes a single step, like the button "step"."""
@@ -207,14 +207,14 @@ class View:
             self._steps += 1
         self.paused = True
 
-    def ask_reset(self) -> None:
+    def request_reset(self) -> None:
         """Resets the simulation at the next `update`, like the button "reset"."""
         with self._lock:
-            self._asked_reset = True
+            self._requested_reset = True
         self._wake.set()
 
     def _sliders(self) -> Callable[[], None]:
-        """A folder with a slider for each control, and what makes a step with them."""
+        """Adds a folder with a slider for each control, and returns a function that makes a step with their values."""
         model, gui = self.sim.model, self.window.server.gui
         held = np.atleast_2d(np.asarray(self.sim.ctrl))[int(self.envs[0])]
         sliders = []
@@ -232,9 +232,11 @@ class View:
         return step
 
     def _now(self) -> float:
+        """Simulated time of the first shown environment, s."""
         return float(row(self.sim, "time", int(self.envs[0])))
 
     def _keep_time(self) -> None:
+        """Sleeps until real time, multiplied by the chosen speed, reaches the simulated time."""
         now, clock = self._now(), time.monotonic()
         passed, self._time = max(now - self._time, 0.0), now
         if self._speed.value == SPEEDS[-1]:
@@ -245,13 +247,14 @@ class View:
             time.sleep(self._clock - clock)
 
     def _dragged(self, phase: str, k: int, geom: int, place: Array) -> None:
+        """Stores an event of dragging from the browser (see `Window.on_pull`) for the next `update`."""
         with self._lock:
             if phase == "start":
                 self._grabbed = (int(self.envs[k]), self._body_of[geom], place)
             self._target = None if phase == "end" else place
 
     def _pull(self) -> None:
-        """Applies the force of what is dragged to the next step."""
+        """Applies the force on the dragged body for the next step."""
         with self._lock:
             grabbed, self._grabbed, target = self._grabbed, None, self._target
         if grabbed is not None:
@@ -264,16 +267,17 @@ class View:
             self._apply((self._drag.env, self._drag.body, self._drag.wrench(self.sim, self._strength.value)))
 
     def _release(self) -> None:
+        """Ends dragging and removes the force."""
         self._drag = None
         self._apply(None)
 
     def _apply(self, wrench: tuple[int, int, Array] | None) -> None:
-        """Puts a wrench in the place of the one before, in addition to what the user applies."""
+        """Replaces the wrench of dragging, (environment, body, wrench), in `xfrc_applied`; other applied forces remain. None removes it."""
         forces = self.sim.xfrc_applied if self.sim.num_envs is not None else self.sim.xfrc_applied[None]
         if self._applied is not None:
-            # Other numbers were written since, by a reset or by the user. They have nothing of this wrench to take away.
-            there = forces[self._applied.env, self._applied.body]
-            there[:] = np.where(there == self._applied.with_it, self._applied.without, there)
+            # Entries that changed since then were written by a reset or by the program, without this wrench.
+            current = forces[self._applied.env, self._applied.body]
+            current[:] = np.where(current == self._applied.with_it, self._applied.without, current)
         self._applied = None
         if wrench is not None:
             env, body, values = wrench

@@ -1,4 +1,4 @@
-"""Visual elements of a scene, from MuJoCo's model: colours, lights, cameras and visual meshes, which stepper's model lacks."""
+"""Visual elements of a model: colours, lights, cameras and visual meshes. These are only in MuJoCo's model, compiled from the source."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from stepper.shared.machine import require
 Array = NDArray[Any]
 
 _KINDS = ("plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh", "mesh")
-"""Values of `Geom.type` for MuJoCo's kinds of geoms (mjtGeom), whose last is a signed distance field."""
+"""Value of `Geom.type` for each value of MuJoCo's mjtGeom. The last is a signed distance field, which is loaded as a mesh."""
 _SIZED = ("sphere", "capsule", "ellipsoid", "cylinder", "box")
 _JOINTS = ("free", "ball", "slide", "hinge")
 _POSES = ("geom_pos", "geom_quat", "body_pos", "body_quat")
 
 
 class LooksError(ValueError):
-    """Scene that cannot be drawn; the message has the missing part and the remedy."""
+    """A model cannot be drawn, because its source is missing or belongs to another model. The message has a remedy."""
 
 
 def looks_of(model: Model, source: Any = None) -> Any | None:
-    """`mujoco.MjModel` of a scene for drawing, with the positions and sizes of stepper's model.
+    """`mujoco.MjModel` for drawing, compiled from the model's source, with the positions and sizes of stepper's model.
 
     Args:
-        model: The scene.
-        source: Source of the model, as for `stepper.load`, or an `Origin`; None is the one from which the model was loaded.
+        model: The model.
+        source: Source of the model, as for `stepper.load`, or an `Origin`; None is the source from which the model was loaded.
 
     Returns:
-        The model; None if its source is unknown.
+        The `mujoco.MjModel`; None if the source is unknown.
 
     Raises:
         LooksError: The source has other bodies, joints or geoms than the model.
@@ -43,7 +43,7 @@ def looks_of(model: Model, source: Any = None) -> Any | None:
     if origin is None:
         return None
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # They were given when the model was loaded.
+        warnings.simplefilter("ignore", UserWarning)  # Issued already when the model was loaded.
         m = copy.deepcopy(compile_source(origin.source, origin.package_dirs))
     _check_same(model, m)
     for name in _POSES:
@@ -54,7 +54,7 @@ def looks_of(model: Model, source: Any = None) -> Any | None:
 
 
 def sized_geoms(model: Model) -> list[int]:
-    """Geoms whose extent follows from their size alone."""
+    """Indices of the geoms whose shape is given by `geom_size` (primitives without planes)."""
     return [g for g in range(model.ngeom) if model.geom(g).type in _SIZED]
 
 
@@ -81,14 +81,16 @@ def _check_same(model: Model, m: Any) -> None:
             geoms([_KINDS[k] for k in m.geom_type], m.geom_bodyid.tolist(), names(mujoco.mjtObj.mjOBJ_GEOM, m.ngeom)),
         ),
     }
-    for what, (mine, theirs) in compared.items():
+    for kind, (mine, theirs) in compared.items():
         if mine != theirs:
             k = next((k for k, (a, b) in enumerate(zip(mine, theirs, strict=False)) if a != b), min(len(mine), len(theirs)))
             here, there = (", ".join(group[k : k + 1]) or "nothing" for group in (mine, theirs))
-            raise LooksError(f"the source is of another model: {len(theirs)} {what} and {len(mine)}, number {k} is {there} and not {here}")
+            raise LooksError(
+                f"the source belongs to another model, of {len(theirs)} {kind}, not {len(mine)}: number {k} is {there} instead of {here}"
+            )
 
 
 def row(sim: Stepper, name: str, env: int) -> Array:
-    """Value of a quantity in one environment, (...), in its unit, with or without an axis of environments."""
+    """Value of a quantity of a stepper in one environment, (...), in its unit, also with `num_envs=None`."""
     values = np.asarray(getattr(sim, name))
     return values if sim.num_envs is None else values[env]

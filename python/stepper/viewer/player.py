@@ -1,4 +1,4 @@
-"""View of a recording, with play, pause, speed and a slider over its frames."""
+"""Player for recordings in the browser, with play, pause, speed and a slider for the frame."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4")
 
 
 class Player:
-    """View of a recording in the browser, with a web server. It is a context manager.
+    """View of a recording in the browser, with a web server; a context manager.
 
     Args:
         path: Folder that `Stepper.record` wrote.
         envs: Number of environments to show, or a list of indices; None is all, up to 16.
-        source: Source of the recorded model, with its colours and meshes; None is the file that the recording names, if it still exists.
+        source: Source of the recorded model, with colours and meshes; None is the file that is named in the recording, if it still exists.
         host: Address of the server; the default accepts connections from this machine only.
-        port: Port of the server, or the next free one.
+        port: Port of the server; if it is in use, the next free one.
         spacing: Distance between neighbouring environments, m; None is one and a half times the scene's extent.
 
     Raises:
         RecordingError: The recording cannot be read.
-        LooksError: The source given is of another model.
+        LooksError: The argument `source` belongs to another model.
         MissingPackageError: viser is not installed.
-        ValueError: No such environments.
+        ValueError: `envs` is not valid for the recording.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class Player:
         )
         self._lock = threading.Lock()
         self._shown = -1
-        self._asked: int | None = None
+        self._requested: int | None = None
         self._play: Any
         self._speed: Any
         self._slider: Any
@@ -73,16 +73,16 @@ class Player:
 
     @property
     def url(self) -> str:
-        """Address of the view."""
+        """Address (URL) of the view."""
         return self.window.url
 
     @property
     def open(self) -> bool:
-        """Whether the view is open."""
+        """Whether the view is open; False after `close`."""
         return self.window.open
 
     def seek(self, index: int) -> None:
-        """Shows a frame by its number, from 0."""
+        """Shows the frame with an index, from 0."""
         with self._lock:
             if index != self._shown and self.open:
                 self._shown = index
@@ -91,15 +91,15 @@ class Player:
                 self.window.show(frame, sizes_of(self.run_of.sim, self.run_of.envs, self.window.scene))
 
     def run(self) -> None:
-        """Plays the recording in a loop until the view is closed or Ctrl-C ends it."""
+        """Plays the recording in a loop until the view is closed or Ctrl-C is pressed."""
         times = _clock_of(self.run_of)
         at, before = float(times[0]), time.monotonic()
         try:
             while self.open:
                 time.sleep(1.0 / FRAMES)
                 now = time.monotonic()
-                if self._asked is not None:
-                    index, self._asked = self._asked, None
+                if self._requested is not None:
+                    index, self._requested = self._requested, None
                     at = float(times[index])
                     self.seek(index)
                 elif self._play.value:
@@ -124,6 +124,7 @@ class Player:
         self.close()
 
     def _panel(self) -> None:
+        """Adds the controls of the folder "Play"."""
         gui = self.window.server.gui
         with gui.add_folder("Play"):
             self._play = gui.add_checkbox("play", True)
@@ -133,23 +134,24 @@ class Player:
         self._slider.on_update(self._moved)
 
     def _moved(self, event: Any) -> None:
-        if event.client is not None:  # By hand, and not by `seek`.
+        """Pauses and requests a frame when the user moves the slider."""
+        if event.client is not None:  # None if `seek` moved the slider.
             self._play.value = False
-            self._asked = min(int(event.target.value), len(self.run_of) - 1)
+            self._requested = min(int(event.target.value), len(self.run_of) - 1)
 
 
 def recorded_scene(run: RecordedRun, source: Any = None) -> Scene:
-    """Drawing of a recording, with the given source, the file that it names, or no source."""
+    """Drawing of a recorded model from `source`; if None, from the file that is named in the recording, or without a source."""
     if source is None and run.source is not None:
         try:
             return scene_for(run.sim.model, run.source)
         except (LooksError, ModelError, OSError, ImportError) as error:
-            warnings.warn(f"what the recorded model looks like is not known: {error}", UserWarning, stacklevel=2)
+            warnings.warn(f"the recorded model is drawn without colours and meshes: {error}", UserWarning, stacklevel=2)
     return scene_for(run.sim.model, source)
 
 
 def _clock_of(run: RecordedRun) -> Any:
-    """Times of the moments, s, as they follow one another: where time goes back, at a reset, it goes on by a usual step."""
+    """Playing times of the frames, s: (frames,). They increase also at a reset, where the simulated time goes back."""
     steps = np.diff(run.time)
     usual = float(np.median(steps[steps > 0])) if np.any(steps > 0) else float(run.sim.timestep)
     return np.concatenate([[0.0], np.cumsum(np.where(steps > 0, steps, usual))])

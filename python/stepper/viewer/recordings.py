@@ -1,4 +1,4 @@
-"""Frames of a recording, with random access."""
+"""Frames of a recording, accessible by index."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from stepper.viewer.frames import Envs, Frame, frame_of, shown_envs
 from stepper.viewer.looks import Array
 
 _STATE = ("qpos", "qvel", "act", "time")
-_SAID = ("status", "residual", "max_penetration")
+_RECORDED = ("status", "residual", "max_penetration")
 
 
 class RecordedRun:
-    """Frames of some environments of a recording, one after each call of `step`.
+    """Frames of some environments of a recording, with one frame per call of `step`.
 
-    States are the recorded ones. A recording has no contacts: to show them, the step that follows a frame is computed again, with the
-    recorded controls, applied forces and parameters.
+    States come from the recording. Contacts are not recorded: for each frame the next step is computed again, with the recorded controls,
+    applied forces and parameters.
 
     Args:
         path: Folder that `Stepper.record` wrote.
-        envs: Number of environments, or a list of indices; None is all, up to `most`.
+        envs: Number of environments to show, or a list of indices; None is all, up to `most`.
         most: Largest number of environments with `envs=None`.
 
     Raises:
-        RecordingError: The folder cannot be read, or has no step.
-        ValueError: No such environments.
+        RecordingError: The recording cannot be read, or contains no step.
+        ValueError: `envs` is not valid for the recording.
 
     Attributes:
         sim: Stepper with the settings of the recorded one.
@@ -48,7 +48,7 @@ class RecordedRun:
             self.source: str | None = head["model"].get("source")
         self.envs = shown_envs(self.sim, envs, most)
         self._single = self.sim.num_envs is None
-        columns: dict[str, list[Array]] = {name: [] for name in (*_STATE, *_SAID, "ctrl")}
+        columns: dict[str, list[Array]] = {name: [] for name in (*_STATE, *_RECORDED, "ctrl")}
         self._applied: list[Arrays] = []
         self._parameters: list[tuple[int, Arrays]] = []
         applied: Arrays = {}
@@ -65,7 +65,7 @@ class RecordedRun:
             elif kind in ("start", "randomize"):
                 self._parameters.append((len(self._applied), arrays))
         if not self._applied:
-            raise RecordingError(f"{folder}: it has no step to show; give another recording")
+            raise RecordingError(f"{folder}: the recording contains no step to show")
         self._columns = {name: np.array(rows) for name, rows in columns.items()}
         self._in_force = -1
         self.time = self._columns["time"][:, 0]
@@ -75,7 +75,7 @@ class RecordedRun:
         return len(self._applied)
 
     def __getitem__(self, index: int) -> Frame:
-        """Frame by its number, from 0; negative numbers count from the end."""
+        """Frame with an index, from 0; negative indices count from the end."""
         index = range(len(self))[index]
         self._set_parameters(index)
         state = {name: self._whole(name, self._columns[name][index]) for name in _STATE}
@@ -89,10 +89,10 @@ class RecordedRun:
         self.sim.step(ctrl[0] if self._single else ctrl)
         follows = frame_of(self.sim, self.envs)
         contacts = {name: getattr(follows, name) for name in ("contact_env", "contact_pos", "contact_force")}
-        return replace(here, **contacts, **{name: self._columns[name][index] for name in _SAID})
+        return replace(here, **contacts, **{name: self._columns[name][index] for name in _RECORDED})
 
     def _whole(self, name: str, values: Array) -> Array:
-        """Rows of the shown environments, among those of all."""
+        """Values of a quantity in all environments of `sim`, with `values` in the shown environments."""
         if self._single:
             first: Array = values[0]
             return first
@@ -101,7 +101,7 @@ class RecordedRun:
         return whole
 
     def _set_parameters(self, index: int) -> None:
-        """Gives the environments the parameters that were in force at a moment."""
+        """Sets the parameters of the environments to those of frame `index`."""
         due = sum(start <= index for start, _ in self._parameters)
         if due == self._in_force:
             return

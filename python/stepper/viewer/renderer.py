@@ -1,4 +1,4 @@
-"""Pictures by MuJoCo's renderer."""
+"""Pictures of environments from MuJoCo's renderer."""
 
 from __future__ import annotations
 
@@ -16,37 +16,36 @@ from stepper.shared.machine import require
 from stepper.viewer.looks import Array, LooksError, looks_of, row, sized_geoms
 
 TRACK = "track"
-"""Default camera, if the file has it: in Gymnasium's files it follows the robot."""
+"""Name of the default camera, if the model has a camera of this name. In Gymnasium's models it follows the robot."""
 SHADOWS = 1024
-"""Most pixels of a map of shadows on a side. MuJoCo's 4,096 take most of a picture's time where no graphics card draws it, and pictures of
-this size look the same."""
+"""Largest size of a shadow map, pixels. Without a graphics card, MuJoCo's default of 4,096 takes most of the time of a picture. Pictures
+of the default size hardly differ."""
 _LAMP = {"ambient": 0.15, "diffuse": 0.55, "specular": 0.2}
-"""Parts of the light of a lamp, white. Pictures are then as bright as those of the same scene with a light in its file."""
+"""White light of the added lamp, from 0 to 1. Pictures are as bright as those of the same scene with a light in the MJCF."""
 _SLANT = (-0.3, 0.4, -1.0)
-"""Direction in which it shines, so that no two sides of a box look alike."""
+"""Direction of the lamp's light, for which the visible sides of a box differ in brightness."""
 _CONFIG = ("distance", "azimuth", "elevation", "lookat", "trackbodyid")
 
 
 class Renderer:
-    """Renderer of pictures of a `Stepper`'s environments, by MuJoCo's renderer, which needs a platform for OpenGL.
+    """Draws environments of a `Stepper` with MuJoCo's renderer, which needs OpenGL.
 
     On Linux without a screen it uses EGL, unless the environment variable MUJOCO_GL is set.
 
     Args:
-        model: The scene.
+        model: The model.
         width: Width of a picture in pixels.
         height: Height of a picture in pixels.
-        camera: Name or index of a camera of the file. None is the first of these: a free camera by `camera_config`, the file's camera
-            "track", a free camera by `default_config`.
-        camera_config: Settings of a free camera: distance (m), azimuth and elevation (degrees), lookat (3,) in m, and trackbodyid. The
-            camera
-            follows the centre of mass of that body's subtree in x and y; -1 is none.
-        default_config: Default of `camera_config`, from a task.
-        source: Source of the model, as for `stepper.load`; None is the one from which this process loaded it.
+        camera: Name or index of a camera of the model. None selects the first available of these: a free camera with `camera_config`, the
+            model's camera "track", a free camera with `default_config`.
+        camera_config: Settings of a free camera: distance (m), azimuth and elevation (degrees), lookat (3,) in m, and trackbodyid. In x
+            and y the camera follows the centre of mass of that body's subtree; with -1 it follows none.
+        default_config: Settings of the free camera if there is neither `camera_config` nor a camera "track". Tasks set it.
+        source: Source of the model, as for `stepper.load`; None is the source from which this process loaded the model.
         lamp: Whether to add a light to a scene without one. MuJoCo's headlight alone gives nearly black pictures.
 
     Raises:
-        LooksError: The MJCF of the model is missing, or is of another model.
+        LooksError: The source of the model is unknown, or belongs to another model.
         MissingPackageError: MuJoCo or its renderer is not installed.
         RuntimeError: No platform for OpenGL is available; the message lists packages to install.
         ValueError: An unknown camera, or an unknown setting of a camera.
@@ -72,8 +71,8 @@ class Renderer:
         m = looks_of(model, source)
         if m is None:
             raise LooksError(
-                "to draw a model, MuJoCo needs the MJCF that it came from, which a saved model or a description does not have: "
-                "load the model with stepper.load from its file, or give the file as source"
+                "to draw a model, MuJoCo needs its MJCF or URDF file, which a saved model does not contain: "
+                "load the model from that file with stepper.load, or pass the file as source"
             )
         m.vis.global_.offwidth, m.vis.global_.offheight = max(width, m.vis.global_.offwidth), max(height, m.vis.global_.offheight)
         m.vis.quality.shadowsize = min(m.vis.quality.shadowsize, SHADOWS)
@@ -84,11 +83,11 @@ class Renderer:
         self._camera, self._follows = self._chosen(camera, camera_config, default_config)
         self._lookat, self._start = self._camera.lookat.copy(), self._d.subtree_com[self._follows].copy()
         self._renderer = _renderer(mujoco, m, width, height)
-        # Also when Python ends, while there is still OpenGL to free it with.
+        # Also called when Python exits, before OpenGL is unloaded.
         self._freeing = weakref.finalize(self, self._renderer.close)
 
     def render(self, sim: Stepper, env: int = 0) -> Array:
-        """Picture of an environment's present state, (height, width, 3) uint8."""
+        """Picture of the current state of an environment, (height, width, 3) uint8, RGB."""
         mujoco, m, d = self._mujoco, self._m, self._d
         d.qpos[:] = row(sim, "qpos", env)
         if m.nmocap:
@@ -115,7 +114,7 @@ class Renderer:
         self._freeing()
 
     def _chosen(self, camera: str | int | None, config: Mapping[str, Any] | None, default: Mapping[str, Any] | None) -> tuple[Any, int]:
-        """MuJoCo's camera, and the body that it follows if it is a free one; 0 is none."""
+        """MuJoCo's camera for the arguments of `Renderer`, and the index of the body that a free camera follows; 0 is none."""
         mujoco, m = self._mujoco, self._m
         names = [m.camera(k).name for k in range(m.ncam)]
         if camera is None and config is None and TRACK in names:
@@ -124,7 +123,7 @@ class Renderer:
         if camera is None:
             return chosen, self._free(chosen, config if config is not None else default or {})
         if isinstance(camera, str) and camera not in names:
-            raise ValueError(f"there is no camera {camera!r}, there are: {', '.join(map(repr, names)) or 'none'}")
+            raise ValueError(f"there is no camera {camera!r}; the cameras are: {', '.join(map(repr, names)) or 'none'}")
         index = names.index(camera) if isinstance(camera, str) else camera
         if not -1 <= index < m.ncam:
             raise ValueError(f"the camera is {index}, must be from 0 to {m.ncam - 1}, or -1 for a free one")
@@ -134,9 +133,12 @@ class Renderer:
         return chosen, 0
 
     def _free(self, camera: Any, config: Mapping[str, Any]) -> int:
-        """Makes a free camera of numbers, which begins with all of the scene in view as Gymnasium's does; the body that it follows."""
+        """Sets a free camera from its settings and returns the index of the body that it follows; 0 is none.
+
+        By default the whole scene is visible, as in Gymnasium.
+        """
         if unknown := set(config) - set(_CONFIG):
-            raise ValueError(f"camera_config has {sorted(unknown)}, must be of: {', '.join(_CONFIG)}")
+            raise ValueError(f"camera_config has {sorted(unknown)}, must contain only: {', '.join(_CONFIG)}")
         camera.type = self._mujoco.mjtCamera.mjCAMERA_FREE
         camera.lookat[:] = np.median(self._d.geom_xpos, axis=0)
         camera.distance = self._m.stat.extent
@@ -152,7 +154,7 @@ class Renderer:
 
 
 def _add_lamp(mujoco: Any, scene: Any) -> None:
-    """Adds a distant light, with shadows, to what is drawn."""
+    """Adds a distant light with shadows to MuJoCo's scene."""
     light = scene.lights[scene.nlight]
     scene.nlight += 1
     light.type, light.headlight, light.castshadow, light.texid = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, 0, 1, -1
@@ -163,33 +165,33 @@ def _add_lamp(mujoco: Any, scene: Any) -> None:
 
 
 def _renderer(mujoco: Any, m: Any, width: int, height: int) -> Any:
-    """MuJoCo's renderer, with an OpenGL context that this machine has."""
+    """MuJoCo's renderer, with an OpenGL context that is available on this machine."""
     if not hasattr(mujoco, "Renderer"):
         raise RuntimeError('this build of MuJoCo has no renderer: pip install "mujoco>=4.0,<5"')
     chosen = os.environ.get("MUJOCO_GL")
     try:
         _choose_platform()
         return mujoco.Renderer(m, height, width)
-    # What OpenGL lacks is said by libraries in many ways: missing functions of a library that is not there among them.
+    # Libraries report missing parts of OpenGL by various exceptions, such as AttributeError for a missing library.
     except Exception as error:
         platform = os.environ.get("MUJOCO_GL") or "glfw"
-        # What was chosen here and does not work is not the user's choice.
+        # Restore the variable, because the platform chosen here does not work.
         if chosen is None:
             os.environ.pop("MUJOCO_GL", None)
         else:
             os.environ["MUJOCO_GL"] = chosen
         raise RuntimeError(
-            f"MuJoCo's renderer cannot draw here by MUJOCO_GL={platform} ({type(error).__name__}: {error}). Without a screen it draws by "
-            "MUJOCO_GL=egl (Debian: apt install libegl1 libgl1-mesa-dri, or the driver of a graphics card) or by MUJOCO_GL=osmesa "
+            f"MuJoCo's renderer cannot draw with MUJOCO_GL={platform} ({type(error).__name__}: {error}). Without a screen, use "
+            "MUJOCO_GL=egl (Debian: apt install libegl1 libgl1-mesa-dri, or the driver of a graphics card) or MUJOCO_GL=osmesa "
             '(apt install libosmesa6), set before Python starts; both need pip install "stepper-sim[viewer]"'
         ) from error
 
 
 def _choose_platform() -> None:
-    """Chooses EGL where there is no screen and the user chose nothing: MuJoCo's choice would be GLFW, which needs one."""
+    """Sets MUJOCO_GL=egl on Linux without a screen, unless it is set. MuJoCo's default is GLFW, which needs a screen."""
     screen = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     if sys.platform != "linux" or screen or os.environ.get("MUJOCO_GL"):
         return
     os.environ["MUJOCO_GL"] = "egl"
-    # It reads the variable when it is imported, as MuJoCo was long before.
+    # This module reads the variable when it is imported, which MuJoCo already did.
     importlib.reload(importlib.import_module("mujoco.rendering.classic.gl_context"))

@@ -1,4 +1,4 @@
-"""Logs for Rerun: poses, contacts and the status of steps over time."""
+"""Logs for the Rerun viewer: poses, contacts and scalars of environments over time."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from stepper._stepper import Model, Stepper
 from stepper.shared.machine import require
 from stepper.shared.progress import Tick, silent
-from stepper.viewer.frames import Envs, Frame, frame_of, own_of, shown_envs, sizes_of
+from stepper.viewer.frames import Envs, Frame, frame_of, parameter_of, shown_envs, sizes_of
 from stepper.viewer.live import scene_for
 from stepper.viewer.looks import Array
 from stepper.viewer.player import recorded_scene
@@ -21,21 +21,21 @@ from stepper.viewer.shapes import Scene, instances
 from stepper.viewer.window import FORCE
 
 TIMELINE = "simulated"
-"""Name of the timeline: seconds of the first environment, whose episodes follow one another."""
+"""Name of the timeline: simulated time of the first environment, s, which continues over resets."""
 LOGGED = 4
-"""Environments that are logged by default."""
+"""Largest number of environments that are logged by default."""
 
 
 class RerunLog:
-    """Log of a running simulation as a .rrd file for the Rerun viewer. It is a context manager; `close` ends the file.
+    """Writes a log of a running simulation, a .rrd file for the Rerun viewer; a context manager. `close` completes the file.
 
         with stepper.viewer.RerunLog(sim, "run.rrd") as log:
             for _ in range(1000):
                 sim.step()
                 log.log()
 
-    For each environment it has the bodies with their geoms, contacts with forces, and these scalars: residual, max_penetration, contacts,
-    status, potential and kinetic energy.
+    The log has for each environment the bodies with their geoms, and contacts with forces. It also has scalars: residual,
+    max_penetration, number of contacts, status, potential and kinetic energy.
 
     Args:
         sim: The stepper.
@@ -45,7 +45,7 @@ class RerunLog:
 
     Raises:
         MissingPackageError: Rerun is not installed.
-        ValueError: No such environments.
+        ValueError: `envs` is not valid for the stepper.
         OSError: The file cannot be written.
     """
 
@@ -55,10 +55,10 @@ class RerunLog:
         self._passed, self._before = 0.0, 0.0
 
     def log(self) -> None:
-        """Adds the present state."""
+        """Adds the current state to the log."""
         frame = frame_of(self._sim, self.envs, energy=True)
         now = float(frame.time[0])
-        # The time goes on when an episode begins again.
+        # Continue the time when a reset sets it back.
         self._passed += now - self._before if now >= self._before else now
         self._before = now
         self._writer.write(self._passed, frame)
@@ -77,17 +77,17 @@ class RerunLog:
 def log_rerun(
     recording: str | os.PathLike[str], path: str | os.PathLike[str], *, envs: Envs = None, source: Any = None, tick: Tick | None = None
 ) -> int:
-    """Writes a recording as a .rrd file for the Rerun viewer; its contents are those of `RerunLog`.
+    """Converts a recording to a .rrd file for the Rerun viewer, with the contents of `RerunLog`.
 
     Args:
         recording: Folder that `Stepper.record` wrote.
         path: File to write; an existing one is replaced.
         envs: Number of environments to log, or a list of indices; None is all, up to 4.
         source: Source of the recorded model, as for `stepper.viewer.Player`.
-        tick: Called with "log" and the fraction of frames.
+        tick: Function that is called with "log" and the fraction of the frames that were written.
 
     Returns:
-        Number of frames.
+        Number of frames in the recording.
 
     Raises:
         RecordingError: The recording cannot be read.
@@ -109,15 +109,15 @@ def log_rerun(
 
 
 class _Writer:
-    """Base of both logs: a file, with what does not change at its beginning."""
+    """Writer of a .rrd file. The constructor writes the planes, which do not change; `write` adds a frame."""
 
     def __init__(self, path: str | os.PathLike[str], scene: Scene, sim: Stepper, envs: Array):
         self._rr = rr = require("rerun", "to write logs for Rerun")
         file = Path(path)
         if not file.parent.is_dir():
-            raise FileNotFoundError(f"there is no folder {file.parent}: make it, or give another path")
+            raise FileNotFoundError(f"there is no folder {file.parent}: create it, or choose another path")
         self._sim, self._model, self._scene, self._envs = sim, sim.model, scene, envs
-        self._names = [_entity(sim.model, int(env)) for env in envs]
+        self._names = [_body_paths(sim.model, int(env)) for env in envs]
         self._weight = max(float(np.sum(sim.model.body_mass[1:]) * np.linalg.norm(sim.model.gravity)), 1e-9)
         self._extent = scene.extent
         self._stream = rr.RecordingStream(sim.model.name or "stepper")
@@ -129,7 +129,7 @@ class _Writer:
             self._log_planes(bodies)
 
     def write(self, seconds: float, frame: Frame) -> None:
-        """Adds a moment."""
+        """Adds a frame at a time of the timeline, s."""
         rr, stream = self._rr, self._stream
         stream.set_time(TIMELINE, duration=seconds)
         self._log_geoms()
@@ -150,7 +150,7 @@ class _Writer:
                 show_labels=False,
             )
             stream.log(f"env_{env}/contacts", arrows)
-            said = {
+            scalars = {
                 "residual": frame.residual[row],
                 "max_penetration": frame.max_penetration[row],
                 "contacts": contacts[row],
@@ -158,17 +158,17 @@ class _Writer:
                 "energy/kinetic": frame.energy[row, 1],
                 "status": frame.status[row],
             }
-            for name, value in said.items():
+            for name, value in scalars.items():
                 stream.log(f"scalars/env_{env}/{name}", rr.Scalars(float(value)))
 
     def close(self) -> None:
-        """Writes what is left."""
+        """Writes remaining data and closes the file."""
         self._stream.flush()
         self._stream.disconnect()
 
     def _log_geoms(self) -> None:
-        """Shapes of the geoms in the frames of their bodies: all at the first moment, and later those that were randomized since."""
-        sizes, places = sizes_of(self._sim, self._envs, self._scene), own_of(self._sim, "geom_pos", self._envs)
+        """Adds the shapes of the geoms, in the frames of their bodies: of all geoms in the first frame, and later of changed ones."""
+        sizes, places = sizes_of(self._sim, self._envs, self._scene), parameter_of(self._sim, "geom_pos", self._envs)
         shapes = np.concatenate([sizes, places], axis=2)
         new = np.ones(shapes.shape[:2], bool) if self._shapes is None else np.any(shapes != self._shapes, axis=2)
         self._shapes = shapes
@@ -176,46 +176,53 @@ class _Writer:
             self._log_shapes(self._names[row], sizes[row], places[row], new[row])
 
     def _log_shapes(self, bodies: list[str], sizes: Array, places: Array, chosen: Array) -> None:
-        """Shapes of some geoms of an environment."""
+        """Adds the shapes of some geoms of an environment.
+
+        Args:
+            bodies: Names of the bodies in the log.
+            sizes: Sizes of the geoms, (ngeom, 3), m.
+            places: Positions of the geoms in their bodies, (ngeom, 3), m.
+            chosen: Mask of the geoms to add, (ngeom,).
+        """
         model, rr = self._model, self._rr
         for part in self._scene.parts:
             place, turn, scale = instances(part, sizes[None], places[None], np.asarray(model.geom_quat)[None])
             for k, g in enumerate(part.geom):
                 if not chosen[g]:
                     continue
-                vertices = _turned(part.mesh.vertices * scale[k], turn[k]) + place[k]
+                vertices = _rotated(part.mesh.vertices * scale[k], turn[k]) + place[k]
                 mesh = rr.Mesh3D(
                     vertex_positions=vertices.astype(np.float32),
                     triangle_indices=part.mesh.faces,
                     albedo_factor=np.round(255 * part.rgba[k]).astype(np.uint8),
                 )
                 name = model.geom(int(g)).name or f"geom_{g}"
-                self._stream.log(f"{bodies[self._body[g]]}/{_safe(name)}/{k}_{_safe(part.name)}", mesh)
+                self._stream.log(f"{bodies[self._body[g]]}/{_path_part(name)}/{k}_{_path_part(part.name)}", mesh)
 
     def _log_planes(self, bodies: list[str]) -> None:
-        """Floors, which stay as they are."""
+        """Adds the planes of an environment, which do not change; `bodies` are the names of the bodies in the log."""
         model, rr, scene = self._model, self._rr, self._scene
         at, quat = np.asarray(model.geom_pos), np.asarray(model.geom_quat)
         for g in scene.planes:
             side = 5 * scene.extent
-            corners = _turned(np.array([[-side, -side, 0], [side, -side, 0], [side, side, 0], [-side, side, 0]]), quat[g]) + at[g]
+            corners = _rotated(np.array([[-side, -side, 0], [side, -side, 0], [side, side, 0], [-side, side, 0]]), quat[g]) + at[g]
             faces = np.array([[0, 1, 2], [0, 2, 3]])
             mesh = rr.Mesh3D(vertex_positions=corners, triangle_indices=faces, albedo_factor=np.round(255 * scene.rgba[g]).astype(np.uint8))
-            self._stream.log(f"{bodies[self._body[g]]}/{_safe(model.geom(g).name or f'geom_{g}')}", mesh, static=True)
+            self._stream.log(f"{bodies[self._body[g]]}/{_path_part(model.geom(g).name or f'geom_{g}')}", mesh, static=True)
 
 
-def _entity(model: Model, env: int) -> list[str]:
-    """Names of the bodies of an environment in the log. The world does not move, and its frame is that of the environment."""
-    return [f"env_{env}/world"] + [f"env_{env}/{_safe(model.body(b).name or f'body_{b}')}" for b in range(1, model.nbody)]
+def _body_paths(model: Model, env: int) -> list[str]:
+    """Paths of the bodies of an environment in the log."""
+    return [f"env_{env}/world"] + [f"env_{env}/{_path_part(model.body(b).name or f'body_{b}')}" for b in range(1, model.nbody)]
 
 
-def _safe(name: str) -> str:
-    """A name as a part of a path of Rerun's."""
+def _path_part(name: str) -> str:
+    """Name with other characters than letters, digits, "_", "-" and "." replaced by "_", as part of a path in the log."""
     return "".join(letter if letter.isalnum() or letter in "_-." else "_" for letter in name)
 
 
-def _turned(points: Array, quat: Array) -> Array:
-    """Points, (n, 3), turned by a unit quaternion."""
+def _rotated(points: Array, quat: Array) -> Array:
+    """Points, (n, 3), rotated by a unit quaternion (w, x, y, z)."""
     axis = quat[1:]
     half = np.cross(axis, points) + quat[0] * points
     turned: Array = points + 2.0 * np.cross(axis, half)

@@ -1,7 +1,7 @@
-"""Drawing of a model by instances of a few meshes, each in the frame of a geom.
+"""Drawing of a model as scaled instances of a few meshes, one or more instances per geom.
 
-A sphere, ellipsoid, cylinder or box is one mesh of unit size, scaled; a capsule is a cylinder and two spheres. So a batch of robots is
-drawn as a handful of meshes with many instances, whatever the sizes of their geoms.
+A sphere, ellipsoid, cylinder or box is one scaled mesh of unit size; a capsule is a cylinder and two spheres. A batch of robots is thus
+drawn as a few meshes with many instances, even if sizes of geoms differ between environments.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from stepper._stepper import Model, Stepper
 from stepper.viewer.looks import Array
 
 RINGS, SEGMENTS = 12, 24
-"""Faces of round meshes from pole to pole, and around."""
+"""Numbers of faces of round meshes from pole to pole, and around the axis."""
 PLAIN = (0.62, 0.66, 0.72, 1.0)
 """Colour of geoms without a known colour."""
 VISIBLE_GROUPS = 3
-"""Geoms of this group and above are hidden at first, as MuJoCo's viewer hides them: collision geometry of robots that have meshes."""
+"""Geoms of this group and above are hidden initially, as in MuJoCo's viewer. They are often collision geometry of robots with meshes."""
 UNSEEN = 1e-3
-"""Opacity below which a geom is not drawn: files hide geoms so."""
+"""Opacity below which a geom is not drawn. Some models hide geoms in this way."""
 
 Axes: TypeAlias = tuple[int, int, int]
 
@@ -33,7 +33,7 @@ class Mesh:
     Attributes:
         vertices: Vertices, (n, 3) float32, m.
         faces: Indices of the vertices of each face, (m, 3) int32.
-        flat: Whether faces are flat, with sharp edges.
+        flat: Whether to draw flat faces with sharp edges, instead of a smooth surface.
     """
 
     vertices: Array
@@ -43,14 +43,14 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Part:
-    """Instances of one mesh for each environment, drawn with one handle of the viewer.
+    """Instances of one mesh, the same in each environment, which the viewer draws together.
 
     Attributes:
         name: Name of the mesh.
         mesh: The mesh.
-        geom: Geoms that the instances belong to, (n,).
-        axes: Index of the geom's size that scales each axis of the mesh, (n, 3); 3 is no scaling.
-        end: Position of the mesh on the z axis of its geom, (n,), in multiples of the second size.
+        geom: Index of the geom of each instance, (n,).
+        axes: Index into `geom_size` of the number that scales each axis of the mesh, (n, 3); 3 is no scaling.
+        end: Position of the mesh on the z axis of its geom, (n,), in multiples of `geom_size[1]`.
         rgba: Colours, (n, 4), from 0 to 1.
         group: MuJoCo's group of geoms, which are shown or hidden together.
     """
@@ -70,13 +70,13 @@ class Scene:
 
     Attributes:
         parts: Instances of meshes.
-        planes: Floors: planes that are larger than all moving geoms.
-        sizes: Sizes of all drawn geoms, (ngeom, 3), m: those of the model; for planes drawn as tiles, those of the file.
+        planes: Indices of the planes that are drawn as floors, because they are infinite or larger than `extent`.
+        sizes: Sizes of the geoms, (ngeom, 3), m; for planes that are drawn as tiles, the size in the source.
         rgba: Colours of all geoms, (ngeom, 4).
         shown: Groups of geoms that are visible initially.
         center: Middle of all moving geoms at the reference pose, (3,), m; of all geoms if none moves.
         extent: Diagonal of the bounding box of these geoms, m, which sets the scale of arrows and distances.
-        missing: Geoms that are not drawn because their meshes are unknown.
+        missing: Indices of the geoms that are not drawn because their meshes are unknown.
     """
 
     parts: tuple[Part, ...]
@@ -94,7 +94,7 @@ def scene_of(model: Model, looks: Any | None) -> Scene:
 
     Args:
         model: The model.
-        looks: `mujoco.MjModel` of `looks_of`. With None, meshes and height fields are missing, and colours are plain.
+        looks: `mujoco.MjModel` from `looks_of`. With None, meshes and height fields are missing, and colours are plain.
     """
     rgba = np.tile(PLAIN, (model.ngeom, 1)) if looks is None else _colours(looks)
     groups = [0] * model.ngeom if looks is None else looks.geom_group.tolist()
@@ -107,7 +107,7 @@ def scene_of(model: Model, looks: Any | None) -> Scene:
         if rgba[g, 3] < UNSEEN:
             continue
         if kind == "plane":
-            # Collision takes every plane as one without end; what a file draws of it is a tile, which may be as large as a floor.
+            # For contacts every plane is infinite. A plane with a size is drawn as a tile, unless it is as large as a floor.
             if looks is None or not np.all(looks.geom_size[g, :2] > 0) or np.all(looks.geom_size[g, :2] > extent):
                 planes.append(g)
                 continue
@@ -127,7 +127,7 @@ def scene_of(model: Model, looks: Any | None) -> Scene:
 
 
 def _pieces(kind: str, g: int, looks: Any | None) -> list[tuple[str, Mesh, Axes, float]]:
-    """Meshes that a geom is drawn by, with the axes and the end of a `Part`; none if they are not known."""
+    """Meshes that draw geom `g`: name, mesh, and `axes` and `end` as in `Part`. Empty if the mesh is unknown."""
     if kind == "capsule":
         return [("tube", _TUBE, (0, 0, 1), 0.0), ("sphere", _SPHERE, (0, 0, 0), -1.0), ("sphere", _SPHERE, (0, 0, 0), 1.0)]
     if kind in _SIMPLE:
@@ -141,13 +141,14 @@ def _pieces(kind: str, g: int, looks: Any | None) -> list[tuple[str, Mesh, Axes,
 
 
 def _mesh(looks: Any, asset: int) -> Mesh:
+    """Mesh asset of MuJoCo's model."""
     vertices = slice(int(looks.mesh_vertadr[asset]), int(looks.mesh_vertadr[asset] + looks.mesh_vertnum[asset]))
     faces = slice(int(looks.mesh_faceadr[asset]), int(looks.mesh_faceadr[asset] + looks.mesh_facenum[asset]))
     return Mesh(np.array(looks.mesh_vert[vertices], np.float32), np.array(looks.mesh_face[faces], np.int32), flat=True)
 
 
 def _height_field(looks: Any, asset: int) -> Mesh:
-    """The surface of a height field: two triangles for each of its cells."""
+    """Surface of a height field of MuJoCo's model: two triangles per cell."""
     rows, columns, start = int(looks.hfield_nrow[asset]), int(looks.hfield_ncol[asset]), int(looks.hfield_adr[asset])
     x, y, top, _ = looks.hfield_size[asset].tolist()
     heights = looks.hfield_data[start : start + rows * columns] * top
@@ -160,14 +161,14 @@ def _height_field(looks: Any, asset: int) -> Mesh:
 
 
 def _colours(looks: Any) -> Array:
-    """Colours of all geoms, (ngeom, 4): of their materials, whose textures count by the mean of their pixels, or that of the geom."""
+    """Colours of all geoms, (ngeom, 4), from 0 to 1: those of the geom or its material, times the mean colour of its texture."""
     rgba = np.array(looks.geom_rgba, np.float64)
     texture = _texture_colours(looks)
     for g in range(looks.ngeom):
         material = int(looks.geom_matid[g])
         if material < 0:
             continue
-        # MuJoCo: a geom's own colour counts where it is not the default one.
+        # As in MuJoCo, the geom's colour has priority over the material unless it is the default.
         if np.array_equal(rgba[g], [0.5, 0.5, 0.5, 1.0]):
             rgba[g] = looks.mat_rgba[material]
         chosen = [int(t) for t in looks.mat_texid[material] if t >= 0]
@@ -177,7 +178,7 @@ def _colours(looks: Any) -> Array:
 
 
 def _texture_colours(looks: Any) -> list[Array]:
-    """Mean colours of the textures, (3,) from 0 to 1 each."""
+    """Mean colour of each texture, (3,), from 0 to 1."""
     found = []
     for t in range(looks.ntex):
         channels, start = int(looks.tex_nchannel[t]), int(looks.tex_adr[t])
@@ -188,7 +189,7 @@ def _texture_colours(looks: Any) -> list[Array]:
 
 
 def instances(part: Part, sizes: Array, xpos: Array, xquat: Array) -> tuple[Array, Array, Array]:
-    """Poses of the instances of a part, by environment.
+    """Poses and scales of the instances of a part in all environments.
 
     Args:
         part: The part, of k instances.
@@ -210,19 +211,19 @@ def instances(part: Part, sizes: Array, xpos: Array, xquat: Array) -> tuple[Arra
 
 
 def _shown(model: Model, parts: list[Part]) -> frozenset[int]:
-    """Groups that are shown at first.
+    """Groups of geoms that are visible initially: the first `VISIBLE_GROUPS`, as in MuJoCo.
 
-    They are MuJoCo's first three; but without those that only collide, where another has what is only to be seen.
+    If one of these has only visual geoms, groups with only colliding geoms are hidden.
     """
     solid = np.array([bool(geom.contype or geom.conaffinity) for geom in map(model.geom, range(model.ngeom))])
     collides = {group: {bool(solid[g]) for part in parts if part.group == group for g in part.geom} for group in {p.group for p in parts}}
     first = {group for group in collides if group < VISIBLE_GROUPS}
-    only_seen = {group for group in first if collides[group] == {False}}
-    return frozenset({group for group in first if collides[group] != {True}} if only_seen else first)
+    only_visual = {group for group in first if collides[group] == {False}}
+    return frozenset({group for group in first if collides[group] != {True}} if only_visual else first)
 
 
 def _box_around(model: Model, looks: Any | None) -> tuple[Array, float]:
-    """Centre and extent of a `Scene`."""
+    """Attributes `center`, (3,), m, and `extent`, m, of a `Scene`."""
     at = np.asarray(Stepper(model).geom_xpos)
     body = np.array([model.geom(g).bodyid for g in range(model.ngeom)], dtype=np.int64)
     moving = np.flatnonzero(body > 0)
@@ -235,7 +236,7 @@ def _box_around(model: Model, looks: Any | None) -> tuple[Array, float]:
 
 
 def _round(heights: Array, radii: Array) -> Mesh:
-    """A surface of revolution about z."""
+    """Surface of revolution about the z axis through points with the given heights and radii, (n,) each, m."""
     angle = np.linspace(0.0, 2 * np.pi, SEGMENTS, endpoint=False)
     vertices = np.stack([np.outer(radii, np.cos(angle)), np.outer(radii, np.sin(angle)), np.outer(heights, np.ones(SEGMENTS))], axis=-1)
     row, column = np.meshgrid(np.arange(len(heights) - 1), np.arange(SEGMENTS), indexing="ij")
@@ -248,7 +249,7 @@ def _round(heights: Array, radii: Array) -> Mesh:
 
 
 def _box() -> Mesh:
-    """A cube of side 2 whose faces do not share vertices, so that its edges are sharp."""
+    """Cube of side 2 m. Faces do not share vertices, so that the edges are sharp."""
     vertices: list[Array] = []
     faces: list[list[int]] = []
     for axis in range(3):
@@ -264,7 +265,7 @@ def _box() -> Mesh:
 
 
 def _cylinder() -> Mesh:
-    """A cylinder of radius 1 from -1 to 1, whose ends do not share vertices with its side."""
+    """Cylinder of radius 1 m from z = -1 m to 1 m. Lids do not share vertices with the side, so that the edges are sharp."""
     side = _TUBE
     lids: list[Array] = []
     angle = np.linspace(0.0, 2 * np.pi, SEGMENTS, endpoint=False)

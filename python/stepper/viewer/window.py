@@ -1,4 +1,4 @@
-"""Window in the browser that shows environments side by side."""
+"""Web page that shows environments side by side."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from stepper.viewer.looks import Array
 from stepper.viewer.shapes import FLAT, Part, Scene, instances
 
 FRAMES = 30.0
-"""Most pictures per second that are sent to a browser."""
+"""Largest number of frames per second that are sent to the browser."""
 FORCE = 0.5
-"""Length of the arrow of a force that bears the whole weight, as a share of the scene's extent."""
+"""Length of the arrow of a force as large as the model's weight, as a fraction of the scene's extent."""
 TILES = 48
-"""Tiles of a floor on a side."""
+"""Largest number of tiles along a side of a floor."""
 _CONTACT_COLOUR, _FORCE_COLOUR, _PULL_COLOUR = (255, 200, 40), (230, 60, 40), (40, 160, 255)
 _FLOOR = (0.42, 0.46, 0.52)
 
 
 class Window:
-    """Web server that shows environments in the browser.
+    """Web server with a page that shows environments side by side.
 
     Args:
         scene: Drawing of the model.
         model: The model.
         count: Number of environments to show.
         host: Address of the server; "0.0.0.0" also accepts connections from other machines.
-        port: Port of the server, or the next free one.
+        port: Port of the server; if it is in use, the next free one.
         spacing: Distance between neighbouring environments, m; None is one and a half times the scene's extent.
         title: Title of the page.
     """
@@ -67,13 +67,13 @@ class Window:
 
     @property
     def url(self) -> str:
-        """Address of the window."""
+        """Address (URL) of the page."""
         host = self.server.get_host()
         return f"http://{'localhost' if host in ('0.0.0.0', '127.0.0.1') else host}:{self.server.get_port()}"
 
     @property
     def frame(self) -> Frame | None:
-        """Present frame; None before the first."""
+        """Frame that is shown; None before the first."""
         return self._frame
 
     @property
@@ -83,7 +83,7 @@ class Window:
 
     @property
     def offsets(self) -> Array:
-        """Offsets of the shown environments, (n, 3), m, in a square grid."""
+        """Positions of the shown environments in a square grid, (n, 3), m."""
         columns = int(np.ceil(np.sqrt(self.count)))
         k = np.arange(self.count)
         across = (k % columns - (columns - 1) / 2) * self._spacing
@@ -106,7 +106,7 @@ class Window:
         self._write(frame)
 
     def due(self) -> bool:
-        """Whether a frame is due now, by the frame rate. If so, the time of the next one is set."""
+        """Whether the next frame should be sent now, by the frame rate. A call that returns True starts the time to the following frame."""
         now = time.monotonic()
         if now - self._sent < 1.0 / FRAMES:
             return False
@@ -120,12 +120,16 @@ class Window:
             self.server.stop()
 
     def on_pull(self, respond: Callable[[str, int, int, Array], None]) -> None:
-        """Calls `respond(phase, row, geom, place)` while a geom is dragged with Ctrl; phase is "start", "update" or "end"."""
+        """Registers a function that is called while the user drags a geom with Ctrl: `respond(phase, row, geom, place)`.
+
+        `phase` is "start", "update" or "end", `row` the row of the environment, and `place` the position of the pointer, (3,), m, in the
+        coordinates of the environment.
+        """
         for part, handle in zip(self.scene.parts, self._parts, strict=True):
             self._listen(part, handle, respond)
 
     def _listen(self, part: Part, handle: Any, respond: Callable[[str, int, int, Array], None]) -> None:
-        # Asynchronous, so that the phases come in their order.
+        # An asynchronous callback receives the phases in order.
         async def dragged(event: Any) -> None:
             row, k = divmod(int(event.instance_index or 0), len(part.geom))
             place = event.start_position if event.phase == "start" else event.end_position
@@ -137,15 +141,15 @@ class Window:
         server, extent = self.server, self.scene.extent
         across = self._spacing * (np.ceil(np.sqrt(self.count)) - 1) + 2.0 * extent
         server.scene.set_up_direction("+z")
-        # viser's own lights, photographed surroundings and a sun with three maps of shadows, wash colours out and shade floors in bands
-        # where no graphics card draws them.
+        # The default lights of viser, an environment map and a sun with three shadow maps, make colours pale and, without a graphics
+        # card, draw bands on floors.
         server.scene.configure_environment_map(None)
         server.scene.configure_default_lights(enabled=False)
         server.scene.add_light_hemisphere("/sky", sky_color=(255, 255, 255), ground_color=(160, 155, 150), intensity=1.3)
         server.scene.add_light_directional("/sun", intensity=2.0, position=(0.5 * across, -0.7 * across, 2.0 * across), cast_shadow=True)
-        # What is shown is not handed to anybody: viser's button opens a tunnel to the internet.
+        # No share button, because it opens a tunnel to the internet.
         server.gui.configure_theme(show_logo=False, show_share_button=False)
-        # A little to the right of the middle, which the panel covers.
+        # Right of the middle, because the panel covers the right side.
         server.initial_camera.look_at = np.add(self.scene.center, [0.12 * across, 0.0, 0.0])
         server.initial_camera.position = np.add(self.scene.center, [0.4 * across, -1.0 * across, 0.4 * across])
         server.initial_camera.fov = np.radians(45.0)
@@ -173,7 +177,7 @@ class Window:
         )  # fmt: skip
 
     def _floor(self, geom: int) -> Any:
-        """A plane without end, which all environments share: tiles as far as anybody looks."""
+        """Adds a floor of tiles for a plane, shared by all environments; it ends in fog."""
         extent = self.scene.extent
         side = 20 * extent + 4 * self._spacing * np.sqrt(self.count)
         tile = max(10.0 ** np.round(np.log10(0.4 * extent)), side / TILES)
@@ -189,6 +193,7 @@ class Window:
         )  # fmt: skip
 
     def _panel(self) -> None:
+        """Adds the text and the controls of the folder "Show"."""
         gui = self.server.gui
         self.text = gui.add_markdown("")
         with gui.add_folder("Show"):
@@ -216,12 +221,16 @@ class Window:
         self._draw()
 
     def _reveal(self, group: int, shown: bool) -> None:
+        """Shows or hides the geoms of a group."""
         for part, handle in zip(self.scene.parts, self._parts, strict=True):
             if part.group == group:
                 handle.visible = shown
 
     def _draw(self) -> None:
-        # The thread that steps draws, and viser's when something of the panel changes.
+        """Sends the current frame to the browser.
+
+        It is called by the thread that steps, and by a thread of viser when the user changes a control.
+        """
         with self._lock, self.server.atomic():
             frame, pull = self._frame, self._pull
             if frame is None or not self.open:
@@ -241,6 +250,7 @@ class Window:
             self._pulls.visible = pull is not None
 
     def _draw_contacts(self, frame: Frame, offsets: Array) -> None:
+        """Sends the contacts with a force; `offsets` are the positions of the environments, (n, 3), m."""
         pressed = np.linalg.norm(frame.contact_force, axis=1) > 1e-6 * self._weight
         place = (frame.contact_pos + offsets[frame.contact_env])[pressed].astype(np.float32)
         if len(place):
@@ -251,7 +261,7 @@ class Window:
         self._forces.visible = bool(len(place)) and self._show_forces.value
 
     def _shift(self, frame: Frame) -> tuple[float, float, float]:
-        """Displacement of the scene, so that the environment that the view follows stays in place."""
+        """Displacement of the scene, m, that keeps the followed environment at its initial place; 0 if none is followed."""
         chosen = "none" if self._follow is None else self._follow.value
         if chosen == "none" or self._start is None:
             return (0.0, 0.0, 0.0)
@@ -259,6 +269,7 @@ class Window:
         return (x, y, 0.0)
 
     def _write(self, frame: Frame) -> None:
+        """Updates the text with time, residual, penetration depth and status."""
         flags = Status(int(np.bitwise_or.reduce(frame.status)))
         wrong = flags.name if flags else "OK"
         lines = [

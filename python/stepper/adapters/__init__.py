@@ -1,15 +1,15 @@
-"""Adapters of `stepper.envs` to other libraries: one module for each library, imported by its name.
+"""Adapters of `stepper.envs` to other libraries: one module per library, imported by name.
 
     from stepper.adapters.sb3 import StepperVecEnv  # or stepper.adapters.sb3.StepperVecEnv
 
-docs/reference/adapters.md has an example of each. Importing one needs its library; importing this package needs none.
+docs/reference/adapters.md has an example of each. Importing an adapter requires its library; importing this package requires none.
 """
 
 import importlib
 from typing import Any
 
 _SUBMODULES = ("envpool", "jax_rollout", "native", "pufferlib", "ray", "rllib", "sb3", "torch", "torch_rollout", "torchrl", "unisim")
-"""Adapters, which are imported when they are first used."""
+"""Names of the adapter modules, which are imported at first use."""
 
 
 def __getattr__(name: str) -> Any:

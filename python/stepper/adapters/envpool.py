@@ -1,4 +1,7 @@
-"""EnvPool's `send` and `recv`: some environments step on other threads while the policy acts in the rest. It needs no EnvPool."""
+"""Interface of EnvPool, `send` and `recv`: some environments step in other threads while the policy acts in the rest.
+
+EnvPool need not be installed.
+"""
 
 from __future__ import annotations
 
@@ -21,18 +24,18 @@ Result: TypeAlias = tuple[Array, Array, Array, Array, dict[str, Any]]
 
 
 class StepperPool:
-    """Environments in blocks of `batch_size`, which step on worker threads between `send` and `recv`.
+    """Environments in blocks of `batch_size`, which step in worker threads between `send` and `recv`.
 
-    Block k has the environments from k * batch_size on. It starts to step when each of them has an action. `recv` returns blocks in the
-    order in which they started, and environments in the order of their ids. Results and their order therefore depend only on seeds and
-    actions, not on timing; EnvPool returns the first block that is ready. Returned arrays belong to the caller.
+    Block k has the `batch_size` environments from k * batch_size on. It starts to step when each of these has an action. `recv` returns
+    blocks in the order in which they started, and environments in the order of their ids. Results and their order therefore depend only on
+    seeds and actions, not on timing; EnvPool returns the first block that is ready. Returned arrays belong to the caller.
 
     Args:
         env: Id of a registered Gymnasium environment, "stepper/Hopper-v5", with its episode limit; or a `Task`, or the class of one.
         num_envs: Number of environments, a multiple of `batch_size`.
         batch_size: Number of environments that `recv` returns; None is all of them.
-        seed: Seed. Environment i has `seed + i`, as in `StepperVectorEnv`; None draws one.
-        threads: Number of worker threads; 0 is all cores that this process may use. The bits are the same for any number.
+        seed: Seed. Environment i has `seed + i`, as in `StepperVectorEnv`; None draws a random seed.
+        threads: Number of worker threads; 0 is all cores that this process may use. Results are identical bit for bit for any number.
         **settings: Further arguments of `stepper.envs.StepperVectorEnv`. The autoreset is Gymnasium's NEXT_STEP, as in EnvPool.
 
     Raises:
@@ -46,7 +49,7 @@ class StepperPool:
         if size < 1 or num_envs < 1 or num_envs % size:
             raise ValueError(f"num_envs is {num_envs} and batch_size {size}: num_envs must be a multiple of batch_size, both at least 1")
         if threads < 0:
-            raise ValueError(f"threads is {threads}, must be at least 0, which is all that this process may use")
+            raise ValueError(f"threads is {threads}, must be at least 0; 0 is all cores that this process may use")
         threads = threads or len(allowed_cores())
         blocks = num_envs // size
         each = {"threads": max(1, threads // blocks), **settings}
@@ -54,9 +57,9 @@ class StepperPool:
         self._blocks += [make_native(env, size, model=self._blocks[0].sim.model, **each) for _ in range(1, blocks)]
         self._size, self._seed = size, seed
         self._workers = ThreadPoolExecutor(min(threads, blocks), thread_name_prefix="stepper-pool")
-        self._under_way: deque[tuple[int, Future[Result]]] = deque()
+        self._pending: deque[tuple[int, Future[Result]]] = deque()
         self._actions = np.zeros((blocks, size, flatdim(self._blocks[0].single_action_space)))
-        # For each environment: whether its last observation has no action yet, and whether an action is stored.
+        # For each environment: whether it needs an action for its last observation, and whether an action is stored.
         self._waits, self._acts = np.zeros((blocks, size), dtype=bool), np.zeros((blocks, size), dtype=bool)
         self.observation_space, self.action_space = self._blocks[0].single_observation_space, self._blocks[0].single_action_space
         self.all_env_ids = np.arange(num_envs, dtype=np.int32)
@@ -73,28 +76,28 @@ class StepperPool:
 
     @property
     def blocks(self) -> tuple[StepperVectorEnv, ...]:
-        """Vector environments of the blocks. Access one only while none of its steps is pending."""
+        """Vector environments of the blocks. Do not access one while a step of its block is pending."""
         return tuple(self._blocks)
 
     def async_reset(self) -> None:
-        """Begins new episodes in all environments and returns at once; `recv` returns their observations, with rewards of zero.
+        """Starts to reset all environments and returns immediately. `recv` then returns first observations, with rewards of 0.
 
-        Pending steps finish first; their results and errors are dropped.
+        Pending steps finish first; their results and errors are discarded.
         """
-        wait([future for _, future in self._under_way])
-        self._under_way.clear()
+        wait([future for _, future in self._pending])
+        self._pending.clear()
         self._waits[:], self._acts[:] = False, False
         for block in range(len(self._blocks)):
             seed = None if self._seed is None else self._seed + block * self._size
-            self._under_way.append((block, self._workers.submit(self._begin, block, seed)))
+            self._pending.append((block, self._workers.submit(self._begin, block, seed)))
         self._seed = None  # Later resets continue the random numbers.
 
     def send(self, action: ArrayLike, env_id: ArrayLike | None = None) -> None:
-        """Stores actions of environments, and returns at once. Blocks in which every environment has an action start to step.
+        """Stores actions for environments and returns immediately. Blocks in which every environment has an action start to step.
 
         Args:
             action: Actions, (n, nu), in the units of the task.
-            env_id: Ids of their environments, (n,) integers; None is all.
+            env_id: Ids of the environments of these actions, (n,) integers; None is all.
 
         Raises:
             ValueError: A wrong shape, an unknown or repeated id, or an environment whose last observation was not received yet.
@@ -107,36 +110,36 @@ class StepperPool:
         if not np.issubdtype(ids.dtype, np.integer) or (ids < 0).any() or (ids >= len(self)).any():
             raise ValueError(f"env_id has {ids[:10].tolist()}, must be integers from 0 to {len(self) - 1}")
         if len(np.unique(ids)) != len(ids):
-            raise ValueError("env_id has an environment twice")
+            raise ValueError("env_id contains an environment twice")
         if not (waits := self._waits.flat[ids]).all():
             remedy = "call recv before send, or async_reset after an error"
-            raise ValueError(f"environments {ids[~waits][:10].tolist()} have no observation to act on: {remedy}")
+            raise ValueError(f"environments {ids[~waits][:10].tolist()} already have an action or a pending step: {remedy}")
         self._actions.reshape(-1, width)[ids] = action
         self._waits.flat[ids], self._acts.flat[ids] = False, True
         # Blocks start in the order of their ids in `env_id`, so that the order depends only on the calls.
         for block in dict.fromkeys((ids // self._size).tolist()):
             if self._acts[block].all():
                 self._acts[block] = False
-                self._under_way.append((block, self._workers.submit(self._blocks[block].step, self._actions[block].copy())))
+                self._pending.append((block, self._workers.submit(self._blocks[block].step, self._actions[block].copy())))
 
     def recv(self) -> Result:
-        """Waits for the block that started first.
+        """Waits for the block that started to step first, and returns its results.
 
-        An error in its step is raised here. Other blocks continue; the environments of this one continue after `async_reset`.
+        An error in the block's step is raised here. Other blocks are not affected; this block needs `async_reset` to continue.
 
         Returns:
-            Observations (batch_size, n), rewards, terminations and truncations (batch_size,), and infos. To the infos of
-            `StepperVectorEnv` it adds "env_id" (batch_size,) int32, the ids for `send`, and "elapsed_step" (batch_size,) int32, the
-            number of actions in the episode.
+            Observations (batch_size, n), rewards, terminations and truncations (batch_size,), and infos. Infos are
+            those of `StepperVectorEnv` with "env_id" (batch_size,) int32, the ids for `send`, and "elapsed_step" (batch_size,) int32, the
+            number of actions since the start of the episode.
 
         Raises:
             RuntimeError: No block is stepping.
         """
-        if not self._under_way:
-            raise RuntimeError("no block is under way: call async_reset, or send actions of all environments of a block, before recv")
-        block, future = self._under_way[0]
+        if not self._pending:
+            raise RuntimeError("no block is stepping: call async_reset, or send actions for all environments of a block, before recv")
+        block, future = self._pending[0]
         wait([future])  # After an interrupt here, recv can be called again.
-        self._under_way.popleft()
+        self._pending.popleft()
         observation, reward, terminated, truncated, infos = future.result()
         self._waits[block] = True
         ids = self.all_env_ids[block * self._size : (block + 1) * self._size].copy()
@@ -144,10 +147,10 @@ class StepperPool:
         return observation, reward, terminated, truncated, infos
 
     def reset(self) -> tuple[Array, dict[str, Any]]:
-        """Begins new episodes in all environments and waits for them; only for batch_size = num_envs.
+        """Resets all environments and waits for the result; only for batch_size = num_envs.
 
         Returns:
-            Observations (num_envs, n), and infos of `recv`.
+            Observations (num_envs, n), and infos as of `recv`.
 
         Raises:
             RuntimeError: batch_size is not num_envs.
@@ -159,17 +162,17 @@ class StepperPool:
         return observation, infos
 
     def step(self, action: ArrayLike, env_id: ArrayLike | None = None) -> Result:
-        """Calls `send`, then `recv`, which may return another block than that of these actions.
+        """Calls `send`, then `recv`. The result may belong to another block than the actions; its "env_id" has the environments.
 
         Args:
             action: Actions, (n, nu), in the units of the task.
-            env_id: Ids of their environments, (n,) integers; None is all.
+            env_id: Ids of the environments of these actions, (n,) integers; None is all.
         """
         self.send(action, env_id)
         return self.recv()
 
     def close(self) -> None:
-        """Ends the worker threads after the pending steps."""
+        """Waits for pending steps and ends the worker threads."""
         self._workers.shutdown()
 
     def __enter__(self) -> StepperPool:
@@ -179,7 +182,7 @@ class StepperPool:
         self.close()
 
     def _begin(self, block: int, seed: int | None) -> Result:
-        """Begins new episodes in a block."""
+        """Resets a block; returns a result as of `recv`, with rewards of 0."""
         observation, infos = self._blocks[block].reset(seed=seed)
         never = np.zeros(self._size, dtype=bool)
         return observation, np.zeros(self._size), never, never.copy(), infos

@@ -1,4 +1,4 @@
-"""Rollouts of a stepper as a function of JAX that has a derivative (docs/how-to/derivatives.md)."""
+"""Rollouts of a stepper as a differentiable function for JAX (docs/how-to/derivatives.md)."""
 
 from __future__ import annotations
 
@@ -20,28 +20,28 @@ jax = require("jax", "for stepper.adapters.jax_rollout")
 def rollout(
     sim: Stepper, nstep: int = 1, *, parameters: Sequence[str] = (), every: int | None = None, sensors: bool = False, **settings: Any
 ) -> Callable[..., dict[str, Any]]:
-    """A function of JAX that makes steps on copies of a stepper, with a rule for reverse differentiation.
+    """Makes a JAX function that steps copies of a stepper and can be differentiated in reverse mode.
 
-    It works under `jax.jit` and `jax.grad`: JAX calls back into the stepper (`jax.pure_callback`). The way back makes the rollout once
-    more, and takes it from the last control to the first (`stepper.derivatives.Rollout.vjp`). Numbers are float64 with
-    `jax_enable_x64`, and float32 without; steps are made in the stepper's own precision.
+    The function works under `jax.jit` and `jax.grad`; it calls the stepper through `jax.pure_callback`. The backward pass repeats the
+    rollout and computes `stepper.derivatives.Rollout.vjp`. Arrays are float64 with `jax_enable_x64`, and otherwise float32. Steps have the
+    precision of the stepper.
 
     Args:
-        sim: The stepper; what is made of it begins with a copy, which has all but the state from it.
-        nstep: Steps that each control is held.
+        sim: The stepper, which is copied. The rollout has the model and all settings of the stepper, but starts from the given state.
+        nstep: Number of steps for which each control is held.
         parameters: Parameters to differentiate by, as selectors.
-        every: Controls between two checkpoints, see `stepper.derivatives.rollout`.
-        sensors: Whether readings of ideal sensors are wanted.
-        **settings: Those of `stepper.derivatives.Rollout.vjp`: `smoothing`, `step`, `tolerance`, `centered` and `extrapolate`.
+        every: Number of controls between two checkpoints, see `stepper.derivatives.rollout`.
+        sensors: Whether to compute readings of ideal sensors.
+        **settings: Arguments of `stepper.derivatives.Rollout.vjp`: `smoothing`, `step`, `tolerance`, `centered` and `extrapolate`.
 
     Returns:
-        f(ctrl, qpos, qvel, act, *parameters) of arrays (T, num_envs, nu) or, for all environments, (T, nu), then (num_envs, nq),
-        (num_envs, nv), (num_envs, na) and, for each name of `parameters`, (num_envs, ...). It gives "qpos", "qvel" and "act" after every
-        control, (T, num_envs, ...), and "sensors" if they are wanted. A state that is given begins without the memory of drives. It raises
-        TypeError for another number of arrays, and for one that is neither float32 nor float64.
+        Function f(ctrl, qpos, qvel, act, *parameters). Arguments are controls, (T, num_envs, nu) or (T, nu), the initial state,
+        (num_envs, nq), (num_envs, nv) and (num_envs, na), and values of each of `parameters`, (num_envs, ...). The result is a dictionary
+        with "qpos", "qvel" and "act" after the steps of each control, (T, num_envs, ...), and "sensors" if requested. Delays and integrals
+        of drives are reset. The function raises a TypeError for another number of arrays, or for another type than float32 or float64.
 
     Raises:
-        TypeError, ValueError: `parameters` that are no selectors of the stepper's model.
+        TypeError, ValueError: `parameters` has an entry that is no selector of the stepper's model.
     """
     check_parameters(sim.model, parameters)
     original = copy.deepcopy(sim)
@@ -60,8 +60,8 @@ def rollout(
         return {name: np.asarray(getattr(result, name), given[0].dtype) for name in names}
 
     def backwards(gradients: dict[str, Any], *given: Any) -> tuple[Any, ...]:
-        asked: dict[str, Any] = {name: np.asarray(gradients[name], np.float64) for name in names}
-        found = made(*given).vjp(**asked, **settings)
+        cotangents: dict[str, Any] = {name: np.asarray(gradients[name], np.float64) for name in names}
+        found = made(*given).vjp(**cotangents, **settings)
         own = (found.ctrl, found.qpos, found.qvel, found.act, *(found.parameters[name] for name in parameters))
         return tuple(np.asarray(array, like.dtype) for array, like in zip(own, given, strict=True))
 
@@ -84,8 +84,8 @@ def rollout(
         arrays = [jax.numpy.asarray(value) for value in given]
         for name, array in zip(arguments, arrays, strict=True):
             if array.dtype not in (np.float32, np.float64):
-                raise TypeError(f"{name} has dtype {array.dtype}, must be float32 or float64: convert it, as {name}.astype(float)")
-        # Spread outside the rule, so that JAX adds the gradients of all environments.
+                raise TypeError(f"{name} has dtype {array.dtype}, must be float32 or float64: convert it with {name}.astype(float)")
+        # Broadcast outside of the custom rule, so that JAX adds the gradients of all environments.
         if original.num_envs is not None and arrays[0].ndim == 2:
             arrays[0] = jax.numpy.broadcast_to(arrays[0][:, None], (len(arrays[0]), original.num_envs, arrays[0].shape[1]))
         found: dict[str, Any] = ruled(*arrays)

@@ -1,4 +1,4 @@
-"""Construction of the vector environment that every adapter wraps."""
+"""Construction of the `StepperVectorEnv` that every adapter wraps."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ Env: TypeAlias = str | Task | type[Task]
 
 
 def with_autoreset(settings: dict[str, Any], mode: AutoresetMode, library: str) -> dict[str, Any]:
-    """Settings of environments with the mode of automatic resets that a library needs.
+    """Settings of environments with the autoreset mode that a library needs.
 
     Raises:
-        ValueError: They have another mode.
+        ValueError: The settings have another mode.
     """
     given = autoreset(settings.get("autoreset_mode", mode))
     if given != mode:
@@ -29,7 +29,7 @@ def with_autoreset(settings: dict[str, Any], mode: AutoresetMode, library: str) 
 
 
 def make_native(env: Env, num_envs: int, **settings: Any) -> StepperVectorEnv:
-    """Makes the vector environment of a name or a task.
+    """Makes a vector environment from an id or a task.
 
     Args:
         env: Id of a registered Gymnasium environment, "stepper/Hopper-v5", with its episode limit; or a `Task`, or the class of one.

@@ -1,4 +1,4 @@
-"""PufferLib's native vector environment, `PufferEnv`. It writes to the buffers that PufferLib shares with its workers."""
+"""Vector environment with PufferLib's interface `PufferEnv`, which writes to the buffers that PufferLib shares between processes."""
 
 from __future__ import annotations
 
@@ -16,15 +16,16 @@ from gymnasium.vector import AutoresetMode  # noqa: E402
 
 
 class StepperPufferEnv(pufferlib.PufferEnv):  # type: ignore[misc]
-    """Environments of one task as the agents of one `PufferEnv`, with PufferLib's autoreset: an episode ends and begins in the same step.
+    """`PufferEnv` whose agents are environments of one task. The autoreset is that of PufferLib: SAME_STEP in Gymnasium.
 
-    After a step that ended episodes, infos have their mean "episode_return" and mean "episode_length".
+    After a step in which episodes ended, the info has the means of their return and length, "episode_return" and "episode_length".
 
     Args:
         env: Id of a registered Gymnasium environment, "stepper/Hopper-v5", with its episode limit; or a `Task`, or the class of one.
         num_envs: Number of environments, `num_agents` to PufferLib.
         buf: PufferLib's buffers, arrays by name; None allocates them.
-        seed: Seed. Environment i has the seed `seed * num_envs + i` at the first reset, because PufferLib's workers have successive seeds.
+        seed: Seed. Environment i has the seed `seed * num_envs + i` at the first reset. PufferLib gives its workers successive seeds, so
+            that no seed occurs twice.
         **settings: Further arguments of `stepper.envs.StepperVectorEnv`. Observations are float32.
     """
 
@@ -36,7 +37,11 @@ class StepperPufferEnv(pufferlib.PufferEnv):  # type: ignore[misc]
         super().__init__(buf)
 
     def reset(self, seed: int | None = None) -> tuple[Array, list[dict[str, Any]]]:
-        """Begins new episodes, with `seed` or that of the constructor. After the first reset, None continues the random numbers."""
+        """Begins new episodes with a seed; None is the seed of the constructor at the first reset, and later continues the random numbers.
+
+        Returns:
+            PufferLib's buffer of observations, (num_agents, n), and an empty list of infos.
+        """
         given, self._seed = self._seed if seed is None else seed, None
         self.envs.reset(seed=None if given is None else given * self.num_agents, out=self.observations)
         self.rewards[:], self.terminals[:], self.truncations[:] = 0.0, False, False

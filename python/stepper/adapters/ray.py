@@ -1,4 +1,4 @@
-"""Environments, rollouts and sweeps on Ray, on one machine or a cluster."""
+"""Environments, rollouts and sweeps that run on Ray, on one machine or a cluster."""
 
 from __future__ import annotations
 
@@ -35,32 +35,35 @@ Policy: TypeAlias = Callable[[Array, np.random.Generator], ArrayLike]
 Call: TypeAlias = tuple[str, tuple[Any, ...]]
 """Name of a method of `_Block`, and its arguments."""
 Results: TypeAlias = list[Any]
-"""Return values of a call, one for each block."""
+"""Return values of a call, one per block."""
 
 _LOST = (RayActorError, ObjectLostError)
-"""Errors of Ray when an actor, or the machine with its return value, is lost."""
+"""Errors of Ray if an actor has died, or the machine with its return value."""
 _ATTEMPTS = 5
-"""Number of actors in a row that may be lost in the same call."""
+"""Number of attempts at a call, each with a new actor, before the error of a lost actor is raised."""
 
 
 class RayVectorEnv(VectorEnv[Array, Array, Array]):
-    """Vector environment in blocks that Ray's actors step. It has the bits of one `StepperVectorEnv`, for any number of actors.
+    """Vector environment in blocks, which actors of Ray step.
 
-    The model is compiled once and shared through Ray's object store. If an actor is lost, a new one restores its blocks to the same bits.
-    It starts from their last saved state or their seeds, and repeats the calls since then. Ray is started if it does not run.
+    Results are identical bit for bit to those of one `StepperVectorEnv`, for any number of actors. The model is compiled once and shared
+    through Ray's object store. If an actor dies, a new one restores its blocks: it starts from their last saved state or their seeds, and
+    repeats the calls since then. Ray is started if it is not running.
 
     Args:
         env: Id of a registered Gymnasium environment, "stepper/Hopper-v5", with its episode limit; or a `Task`, or the class of one.
         num_envs: Number of environments.
-        num_actors: Number of actors. None fits Ray's CPUs, with at least one and at most one per block. More than the CPUs allow gives a
-            warning, and the first call waits until the cluster has grown.
-        block_size: Environments per block. A policy acts on one block at a time, so that its bits do not depend on the number of actors.
-        save_every: Number of calls between copies of all states to this process. After a loss, at most that many calls are repeated.
-        actor_options: Arguments of Ray's `options` for an actor, {"resources": ...}. The default has one CPU per thread.
+        num_actors: Number of actors. None is as many as Ray's CPUs allow, at least one and at most one per block. If there are too few CPUs
+            for the given number, a warning is issued, and the first call waits until the cluster has grown.
+        block_size: Number of environments per block. `rollout` calls the policy for one block at a time, so that its results do not depend
+            on the number of actors.
+        save_every: Number of calls between two backups of all states in this process. If an actor dies, at most that many calls are
+            repeated.
+        actor_options: Arguments of Ray's `options` for an actor, such as {"resources": ...}. The default is one CPU per thread.
         **settings: Further arguments of `stepper.envs.StepperVectorEnv`. The default `autoreset_mode` is SAME_STEP.
 
     Raises:
-        ValueError: Numbers out of their range, more actors than blocks.
+        ValueError: A number is out of range, or there are more actors than blocks.
     """
 
     def __init__(
@@ -80,7 +83,7 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
                 raise ValueError(f"{name} is {value}, must be at least 1")
         blocks = math.ceil(num_envs / block_size)
         if num_actors is not None and not 1 <= num_actors <= blocks:
-            blocks_of = f"the number of blocks of {block_size} that {num_envs} environments make: lower block_size for more"
+            blocks_of = f"the number of blocks of {block_size} in {num_envs} environments: lower block_size for more"
             raise ValueError(f"num_actors is {num_actors}, must be from 1 to {blocks}, {blocks_of}")
         running_ray("for stepper.adapters.ray")
         settings = {"autoreset_mode": AutoresetMode.SAME_STEP, **settings}
@@ -106,7 +109,7 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Begins new episodes, as `StepperVectorEnv.reset`.
+        """Begins new episodes, like `StepperVectorEnv.reset`.
 
         Returns:
             Observations (num_envs, n), and infos.
@@ -118,10 +121,10 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         if not self._begun:  # Environments without a seed get one here, so that a lost block can be repeated.
             seeds = [self._seed + k if value is None else value for k, value in enumerate(seeds)]
         if unknown := set(options or {}) - {"reset_mask"}:
-            raise ValueError(f"unknown options {sorted(unknown)}, there is: 'reset_mask'")
+            raise ValueError(f"unknown options {sorted(unknown)}, the only option is 'reset_mask'")
         mask = np.ones(self.num_envs, dtype=bool) if options is None else options.get("reset_mask", np.ones(self.num_envs, dtype=bool))
         if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (self.num_envs,) or not mask.any():
-            raise ValueError(f"reset_mask is {mask!r}, must be an array of bool, ({self.num_envs},), with one True at least")
+            raise ValueError(f"reset_mask is {mask!r}, must be an array of bool, ({self.num_envs},), with at least one True")
         if not self._begun and not mask.all():
             raise ResetNeeded("call reset without reset_mask first: not all environments have begun")
         super().reset(seed=seed if isinstance(seed, int) else None)
@@ -135,7 +138,7 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         return observation, infos
 
     def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
-        """Makes the steps of one action in every environment, as `StepperVectorEnv.step`.
+        """Makes the steps of one action in every environment, like `StepperVectorEnv.step`.
 
         Args:
             actions: Actions, (num_envs, nu), in the units of the task.
@@ -149,23 +152,25 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         return observation, reward, terminated, truncated, infos
 
     def rollout(self, policy: Policy, num_steps: int) -> dict[str, Array]:
-        """Runs a policy inside the actors for many steps, with one call. Episodes continue from their present state.
+        """Runs a policy for many steps inside the actors. Episodes continue from the current state.
 
         Args:
-            policy: Function of observations (n, k) and a random generator that returns actions (n, nu). It is pickled once and is called
-                for one block at a time. The seed of the last reset, the block, and the number of rollouts since seed the generator.
+            policy: Function of observations (n, k) and a random generator that returns actions (n, nu). It is pickled once, and
+                called for one block at a time. The generator is seeded by the seed of the last reset, the index of the block and the number
+                of rollouts since that reset.
             num_steps: Number of actions per environment.
 
         Returns:
             Arrays by name: "observation" and "next_observation" (num_steps, num_envs, k), "action" (num_steps, num_envs, nu), "reward",
-            "terminated" and "truncated" (num_steps, num_envs). Where an episode ends, "next_observation" is its last one.
+            "terminated" and "truncated" (num_steps, num_envs). At the end of an episode, "next_observation" is the last observation of that
+            episode.
             "last_observation" (num_envs, k) is the input of the policy's next action.
 
         Raises:
-            ValueError: num_steps is below 1, or the autoreset is not SAME_STEP: other modes would ignore some actions.
+            ValueError: num_steps is below 1, or the autoreset is not SAME_STEP, because other modes ignore some actions.
             ResetNeeded: `reset` was not called yet.
-            ray.exceptions.RayTaskError: The policy raised an error. Blocks may have made different numbers of steps: call
-                `reset(seed=...)`.
+            ray.exceptions.RayTaskError: The policy raised an error. Blocks may then have made different numbers of steps:
+                call `reset(seed=...)`.
         """
         if num_steps < 1:
             raise ValueError(f"num_steps is {num_steps}, must be at least 1")
@@ -180,34 +185,35 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         return {name: np.concatenate([part[name] for part in parts], axis=axes.get(name, 1)) for name in parts[0]}
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Ends the actors; Ray keeps running."""
-        if ray.is_initialized():  # Otherwise they ended with Ray.
+        """Ends the actors, but not Ray."""
+        if ray.is_initialized():  # Otherwise the actors have ended with Ray.
             for actor in self._actors:
                 ray.kill(actor)
         self._actors = []
 
     def _check_begun(self, name: str) -> None:
+        """Raises ResetNeeded if `reset` was not called; `name` is the method for the message."""
         if not self._begun:
             raise ResetNeeded(f"call reset before {name}")
 
     def _joined(self, results: Results) -> Any:
-        """Return values of `reset` or `step` of all blocks, concatenated to those of one batch."""
+        """Concatenates the return values of `reset` or `step` of all blocks."""
         sizes = [part.stop - part.start for part in self._slices]
         *arrays, infos = zip(*results, strict=True)
         return *(np.concatenate(array) for array in arrays), _join_infos(infos, sizes)
 
     def _forget(self) -> None:
-        """Drops saved states and calls, so that the next call creates all blocks."""
+        """Discards saved states and calls, so that the next call creates all blocks again."""
         self._saved = [None] * len(self._slices)
         self._calls = [[("make", (part.stop - part.start,))] for part in self._slices]
         self._whole, self._made = True, False
 
     def _run(self, calls: list[Call]) -> Results:
-        """Calls a method of every block, and restores the blocks of lost actors."""
+        """Calls a method of every block and returns the results. Blocks of actors that have died are restored first."""
         if not self._actors:
             raise RuntimeError("the environments are closed")
         if not self._whole:
-            raise RuntimeError("a call failed or was interrupted in some environments: start again with reset(seed=...)")
+            raise RuntimeError("a call failed or was interrupted in some environments: call reset(seed=...)")
         self._whole = False  # Until all blocks have returned.
         before = [[] if self._made else calls_before for calls_before in self._calls]
         pending = [
@@ -222,7 +228,7 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
                 except _LOST:
                     if attempt + 1 == _ATTEMPTS:
                         raise
-                    pending[k] = self._make_again(k, calls)
+                    pending[k] = self._replace_actor(k, calls)
             for block in share:
                 results[block] = returned[block]
                 self._calls[block].append(calls[block])
@@ -231,16 +237,16 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
             self._save()
         return results
 
-    def _make_again(self, k: int, calls: list[Call]) -> Any:
-        """Replaces a lost actor, and returns the pending result of its calls."""
-        ray.kill(self._actors[k])  # It may be alive but out of reach.
+    def _replace_actor(self, k: int, calls: list[Call]) -> Any:
+        """Replaces actor k, which has died, and returns the pending result of its calls."""
+        ray.kill(self._actors[k])  # It may be alive but unreachable.
         self._actors[k] = self._start()
         share = self._shares[k]
         states = {b: saved for b in share if (saved := self._saved[b]) is not None}
         return self._actors[k].run.remote({b: [*self._calls[b], calls[b]] for b in share}, states)
 
     def _save(self) -> None:
-        """Copies the states of all blocks to this process, and drops the calls that led to them."""
+        """Copies the states of all blocks to this process, and discards the calls up to these states."""
         pending = [actor.save.remote() for actor in self._actors]
         for k, share in enumerate(self._shares):
             try:
@@ -252,18 +258,18 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
 
 
 def rollout(env: Env, policy: Policy, num_envs: int, num_steps: int, *, seed: int | None = None, **settings: Any) -> dict[str, Array]:
-    """Runs a policy in new environments inside Ray's actors: makes a `RayVectorEnv`, resets it, calls `rollout` and closes it.
+    """Runs a policy in new environments on Ray: creates a `RayVectorEnv`, calls `reset` and `rollout`, and closes it.
 
     Args:
         env: Environment, as in `RayVectorEnv`.
         policy: Policy, as in `RayVectorEnv.rollout`.
         num_envs: Number of environments.
         num_steps: Number of actions per environment.
-        seed: Seed. Environment i has `seed + i`; None draws one.
+        seed: Seed. Environment i has `seed + i`; None draws a random seed.
         **settings: Further arguments of `RayVectorEnv`.
 
     Returns:
-        Arrays by name, as `RayVectorEnv.rollout` returns them.
+        Arrays by name, as returned by `RayVectorEnv.rollout`.
     """
     envs = RayVectorEnv(env, num_envs, **settings)
     try:
@@ -276,14 +282,14 @@ def rollout(env: Env, policy: Policy, num_envs: int, num_steps: int, *, seed: in
 def sweep(
     run: Callable[..., Any], cases: Iterable[Any], *shared: Any, attempts: int = 3, options: dict[str, Any] | None = None
 ) -> list[Any]:
-    """Calls `run(*shared, case)` for every case on Ray's workers. Examples of cases: values of friction, or contact models.
+    """Calls `run(*shared, case)` for every case, in parallel on Ray. Examples of cases are values of friction, or contact models.
 
     Args:
         run: Function to call. Its return value is pickled.
-        cases: Last arguments, one for each call.
-        *shared: First arguments of all calls: models, policies, arrays. They are pickled once.
-        attempts: Number of workers that may be lost with the same case.
-        options: Arguments of Ray's `options` for a task, {"num_cpus": 2}.
+        cases: Last argument of each call.
+        *shared: First arguments of all calls, such as models, policies and arrays; they are pickled once.
+        attempts: Number of times that a case is repeated if its worker dies.
+        options: Arguments of Ray's `options` for a task, such as {"num_cpus": 2}.
 
     Returns:
         Return values of the calls, in the order of the cases.
@@ -296,14 +302,14 @@ def sweep(
 
 
 class _Host:
-    """Actor of Ray with blocks of environments of one model."""
+    """Actor of Ray that contains blocks of environments of one model."""
 
     def __init__(self, env: Env, model: Model, settings: dict[str, Any]):
         self._env, self._model, self._settings = env, model, settings
         self._blocks: dict[int, _Block] = {}
 
     def run(self, calls: dict[int, list[Call]], states: dict[int, bytes] | None = None) -> dict[int, Any]:
-        """Restores the blocks that have a state, makes the calls of each block, and returns the value of its last call."""
+        """Restores blocks from states, if any, makes the calls of each block, and returns the value of the last call, by block."""
         for block, state in (states or {}).items():
             self._blocks[block] = _Unpickler(io.BytesIO(state), self._model).load()
         results: dict[int, Any] = {}
@@ -317,7 +323,7 @@ class _Host:
         return results
 
     def save(self) -> dict[int, bytes]:
-        """States of all blocks, without the model."""
+        """Pickled blocks without the model, by index of the block."""
         states = {}
         for block, value in self._blocks.items():
             file = io.BytesIO()
@@ -327,21 +333,21 @@ class _Host:
 
 
 class _Block:
-    """A vector environment, and the observation that a policy acts on next."""
+    """Vector environment of a block, and its last observation, (n, k)."""
 
     def __init__(self, envs: StepperVectorEnv):
         self.envs = envs
         self.observation: Array = np.zeros(0)
 
     def reset(self, seed: list[int | None], mask: Array) -> tuple[Array, dict[str, Any]]:
-        """Begins episodes in the environments of a mask, which may be empty."""
+        """Begins new episodes in the environments of a mask, (n,), which may be all False."""
         if not mask.any():
             return self.observation, {}
         self.observation, infos = self.envs.reset(seed=seed, options={"reset_mask": mask})
         return self.observation, infos
 
     def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
-        """Makes the steps of one action."""
+        """Makes the steps of one action, (n, nu), in every environment of the block."""
         returned = self.envs.step(actions)
         self.observation = returned[0]
         return returned
@@ -371,7 +377,7 @@ class _Block:
 
 
 class _Pickler(cloudpickle.CloudPickler):  # type: ignore[misc]
-    """Pickler that writes a reference in place of the model, which the reader has."""
+    """Pickler that writes a reference instead of the model, which `_Unpickler` has."""
 
     def __init__(self, file: io.BytesIO, model: Model):
         super().__init__(file)
@@ -382,6 +388,8 @@ class _Pickler(cloudpickle.CloudPickler):  # type: ignore[misc]
 
 
 class _Unpickler(pickle.Unpickler):
+    """Reader for `_Pickler`, which inserts the model."""
+
     def __init__(self, file: io.BytesIO, model: Model):
         super().__init__(file)
         self._model = model
@@ -391,7 +399,7 @@ class _Unpickler(pickle.Unpickler):
 
 
 def _count(num_actors: int | None, blocks: int, each: float, cpus: float) -> int:
-    """Number of actors, if each needs `each` CPUs and the cluster has `cpus`."""
+    """Number of actors: `num_actors`, or as many as fit if each needs `each` CPUs and the cluster has `cpus`."""
     count = num_actors or max(1, min(blocks, int(cpus // (each or 1))))
     if count * each > cpus:
         needed = f"{count} actors with {each:g} CPUs each take {count * each:g}, and the cluster has {cpus:g}"
@@ -400,7 +408,7 @@ def _count(num_actors: int | None, blocks: int, each: float, cpus: float) -> int
 
 
 def _seeds(seed: int | Sequence[int | None] | None, num_envs: int) -> list[int | None]:
-    """A seed, or None, for each environment."""
+    """Seed of each environment, or None, from the argument of `reset`."""
     if seed is None:
         return [None] * num_envs
     if isinstance(seed, int | np.integer):
@@ -411,7 +419,7 @@ def _seeds(seed: int | Sequence[int | None] | None, num_envs: int) -> list[int |
 
 
 def _join_infos(infos: Sequence[dict[str, Any]], sizes: list[int]) -> dict[str, Any]:
-    """Infos of blocks, concatenated to those of one batch. A block without a key gets zeros (or None) and a mask of False."""
+    """Concatenates the infos of blocks. Blocks that lack a key have zeros (or None), and False in the mask of the key."""
     joined: dict[str, Any] = {}
     for name in dict.fromkeys(name for info in infos for name in info):
         example = next(info[name] for info in infos if name in info)

@@ -1,4 +1,4 @@
-"""Registration of environments with RLlib, with one `StepperVectorEnv` in each env runner."""
+"""Registration of environments with RLlib, as one `StepperVectorEnv` per env runner."""
 
 from __future__ import annotations
 

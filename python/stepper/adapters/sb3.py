@@ -1,4 +1,4 @@
-"""Stable-Baselines3's `VecEnv`."""
+"""Vector environment with the interface `VecEnv` of Stable-Baselines3."""
 
 from __future__ import annotations
 
@@ -19,12 +19,14 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices,
 
 
 class StepperVecEnv(VecEnv):  # type: ignore[misc]
-    """`VecEnv` of Stable-Baselines3, with the bits of its `DummyVecEnv` of single environments. Returned arrays belong to the caller.
+    """`VecEnv` of Stable-Baselines3. Returned arrays belong to the caller.
+
+    Results are identical bit for bit to those of a `DummyVecEnv` of single environments.
 
     Args:
         env: Id of a registered Gymnasium environment, "stepper/Hopper-v5", with its episode limit; or a `Task`, or the class of one.
         num_envs: Number of environments.
-        seed: Seed of the first episodes: environment i has `seed` + i. None draws one.
+        seed: Seed of the first episodes: environment i has `seed` + i. None draws a random seed.
         infos: Environments whose info dictionaries are filled: "all", or only those whose episode has "ended". With a thousand
             environments, "all" takes a tenth to a third of the time of a step.
         episode_statistics: Whether the info of an ended episode has "episode", in the format of `Monitor`.
@@ -55,13 +57,13 @@ class StepperVecEnv(VecEnv):  # type: ignore[misc]
             self.seed(seed)
 
     def reset(self) -> Array:
-        """Begins new episodes, with the seeds of `seed`; returns observations, (num_envs, n).
+        """Begins new episodes, with the seeds set by `seed`, and returns observations, (num_envs, n).
 
         Raises:
-            ValueError: Options were set: these environments have none.
+            ValueError: Options were set; the environments have no options.
         """
         if any(self._options):
-            raise ValueError(f"unknown options {self._options[0]}, there are none")
+            raise ValueError(f"unknown options {self._options[0]}; the environments have no options")
         observation, infos = self.envs.reset(seed=self._seeds)
         self.reset_infos = _rows(infos, np.arange(self.num_envs), self.num_envs)
         self._reset_seeds()
@@ -77,11 +79,11 @@ class StepperVecEnv(VecEnv):  # type: ignore[misc]
         self._actions = actions
 
     def step_wait(self) -> VecEnvStepReturn:
-        """Makes the steps.
+        """Makes the steps of the stored actions.
 
         Returns:
-            Observations (num_envs, n), of the new episode where one has ended; rewards (num_envs,) float32; whether episodes have ended,
-            (num_envs,) bool; and infos, with "terminal_observation" where an episode has ended.
+            Observations (num_envs, n), of the new episode if one has ended; rewards (num_envs,) float32; whether episodes have ended,
+            (num_envs,) bool; and infos, with "terminal_observation" if an episode has ended.
 
         Raises:
             RuntimeError: No actions were given.
@@ -111,44 +113,51 @@ class StepperVecEnv(VecEnv):  # type: ignore[misc]
         self.envs.close()
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """Attribute of the vector environment, repeated for each of the selected environments."""
+        """Attribute of the `StepperVectorEnv` (`envs`), one reference per selected environment."""
         value = getattr(self.envs, attr_name)
         return [value for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
-        """Sets an attribute of the vector environment.
+        """Sets an attribute of the `StepperVectorEnv` (`envs`), which applies to all environments.
 
         Raises:
-            ValueError: `indices` selects some environments only; all share the attribute.
+            ValueError: `indices` does not select all environments.
         """
         self._check_all(indices)
         setattr(self.envs, attr_name, value)
 
     def env_method(self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any) -> list[Any]:
-        """Calls a method of the vector environment once. What it returns is returned once for each environment.
+        """Calls a method of the `StepperVectorEnv` (`envs`) once, and returns the result once per environment.
 
         Raises:
-            ValueError: Indices: it acts on all.
+            ValueError: `indices` does not select all environments, on which the method acts.
         """
         self._check_all(indices)
         result = getattr(self.envs, method_name)(*method_args, **method_kwargs)
         return [result] * self.num_envs
 
     def env_is_wrapped(self, wrapper_class: type[Any], indices: VecEnvIndices = None) -> list[bool]:
-        """Whether the environments record the statistics of `Monitor`, if that is the wrapper class; False for other wrappers."""
+        """Whether the environments provide the function of a wrapper: True for `Monitor` with `episode_statistics`, otherwise False.
+
+        Returns:
+            The same value for each selected environment.
+        """
         return [self._monitored and issubclass(wrapper_class, Monitor) for _ in self._get_indices(indices)]
 
     def get_images(self) -> Sequence[Array | None]:
-        """A picture of every environment, (height, width, 3) uint8; None of each without `render_mode="rgb_array"`."""
+        """One picture per environment, (height, width, 3) uint8; or None per environment without `render_mode="rgb_array"`."""
         return list(self.envs.render() or [None] * self.num_envs)
 
     def _check_all(self, indices: VecEnvIndices) -> None:
+        """Raises a ValueError unless the indices select all environments."""
         if len(set(self._get_indices(indices))) != self.num_envs:
-            raise ValueError(f"environments are one batch: give no indices, or use the masks of {type(self.envs).__name__}, `envs`")
+            raise ValueError(
+                "environments cannot be selected here, because they are one batch: omit indices, or use the masks of the methods of `envs`"
+            )
 
 
 def _rows(infos: dict[str, Any], envs: Array, num_envs: int) -> list[dict[str, Any]]:
-    """Infos of a batch as one dictionary per environment; those of environments outside of `envs`, (n,), are empty."""
+    """Converts infos of a batch to one dictionary per environment. Dictionaries of environments not in `envs`, indices (n,), are empty."""
     rows: list[dict[str, Any]] = [{} for _ in range(num_envs)]
     for name, value in infos.items():
         if name.startswith("_"):

@@ -1,4 +1,4 @@
-"""Vector environment with PyTorch tensors, without copies on the CPU."""
+"""Vector environment with PyTorch tensors, which share memory with NumPy arrays on the CPU."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ import torch  # noqa: E402
 class TorchVectorEnv:
     """Vector environment whose observations, rewards and actions are PyTorch tensors. On the CPU they share memory with NumPy arrays.
 
-    Rewards are copies in float32. Observations alternate between two buffers, so that an observation stays valid until the second call
-    after it. Clone it to keep it longer, or pass the destination: `envs.step(action, out=storage[t + 1])`.
+    Rewards are copies in float32. Observations alternate between two buffers, so that an observation stays valid until the second
+    following call. Clone it to keep it longer, or pass the destination: `envs.step(action, out=storage[t + 1])`.
 
     Args:
         env: Id of a registered Gymnasium environment, "stepper/Hopper-v5", with its episode limit; or a `Task`, or the class of one.
@@ -34,7 +34,7 @@ class TorchVectorEnv:
         self.num_envs, self.device = num_envs, torch.device(device)
         self.single_observation_space, self.single_action_space = self.envs.single_observation_space, self.envs.single_action_space
         dtype = {"float32": torch.float32, "float64": torch.float64}[str(self.single_observation_space.dtype)]
-        pinned = self.device.type == "cuda"  # Copies to it are faster from there.
+        pinned = self.device.type == "cuda"  # Copies from pinned memory to the GPU are faster.
         shape = (num_envs, *(self.single_observation_space.shape or ()))
         self._buffers = [torch.zeros(shape, dtype=dtype, pin_memory=pinned) for _ in range(2)]
 

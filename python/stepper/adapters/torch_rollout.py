@@ -1,4 +1,4 @@
-"""Rollouts of a stepper as a function of PyTorch that has a derivative (docs/how-to/derivatives.md)."""
+"""Rollouts of a stepper as a differentiable function for PyTorch (docs/how-to/derivatives.md)."""
 
 from __future__ import annotations
 
@@ -20,11 +20,13 @@ import torch  # noqa: E402
 
 
 class States(NamedTuple):
-    """States after every control: tensors (T, num_envs, nq), (T, num_envs, nv), (T, num_envs, na), and readings (T, num_envs, nsensordata).
+    """States after the steps of each control.
 
     Attributes:
-        qpos, qvel, act: Configurations, velocities and activations.
-        sensors: Readings of ideal sensors; empty (T, num_envs, 0) without `sensors=True`.
+        qpos: Positions, (T, num_envs, nq), m and rad.
+        qvel: Velocities, (T, num_envs, nv), m/s and rad/s.
+        act: Activations, (T, num_envs, na).
+        sensors: Readings of ideal sensors, (T, num_envs, nsensordata); (T, num_envs, 0) without `sensors=True`.
     """
 
     qpos: torch.Tensor
@@ -48,33 +50,35 @@ def rollout(
 ) -> States:
     """Makes `nstep` steps with each of T controls on a copy of a stepper; gradients flow to every input tensor.
 
-    The backward pass is `stepper.derivatives.Rollout.vjp`: finite differences of every control's step over the batch, with checkpoints.
-    Gradients with respect to quaternions lie in their tangent space. There is no second derivative.
+    The backward pass is `stepper.derivatives.Rollout.vjp`: linearizations of the steps of each control, with
+    checkpoints. Gradients by quaternions are tangent to the unit sphere. There is no second derivative.
 
     Args:
-        sim: The stepper, which is only read. The rollout starts from its state, except for the parts given below.
-        ctrl: Controls, (T, num_envs, nu), or (T, nu) for all environments, in their units; float32 or float64. All tensors have its type.
+        sim: The stepper; it does not change. The rollout starts from its state, except for the parts given below.
+        ctrl: Controls, (T, num_envs, nu), or (T, nu) for all environments, in their units; float32 or float64. Results have the same type
+            and device.
         nstep: Number of steps for which each control is held.
-        qpos: Initial positions, (num_envs, nq), m and rad; None is the stepper's. A given state starts without the memory of drives.
-        qvel: Initial velocities, (num_envs, nv), m/s and rad/s; None is the stepper's.
-        act: Initial activations, (num_envs, na); None is the stepper's.
-        parameters: Values by selector, as `Stepper.randomize` takes them, each (num_envs, ...).
-        every: Controls between two checkpoints, see `stepper.derivatives.rollout`.
-        sensors: Whether readings of ideal sensors are wanted.
-        **settings: Those of `stepper.derivatives.Rollout.vjp`: `smoothing`, `step`, `tolerance`, `centered` and `extrapolate`.
+        qpos: Initial positions, (num_envs, nq), m and rad; None is those of the stepper. If a part of the state is given,
+            delays and integrals of drives are reset.
+        qvel: Initial velocities, (num_envs, nv), m/s and rad/s; None is those of the stepper.
+        act: Initial activations, (num_envs, na), in their units; None is those of the stepper.
+        parameters: Values by selector, as for `Stepper.randomize`, each (num_envs, ...).
+        every: Number of controls between two checkpoints, see `stepper.derivatives.rollout`.
+        sensors: Whether to compute readings of ideal sensors.
+        **settings: Arguments of `stepper.derivatives.Rollout.vjp`: `smoothing`, `step`, `tolerance`, `centered` and `extrapolate`.
 
     Raises:
-        TypeError: A tensor that is neither float32 nor float64.
-        ValueError: A wrong shape, a number that is not finite, a parameter that is no field.
-        ModelError: Parameters that no model may have.
+        TypeError: A tensor is neither float32 nor float64.
+        ValueError: A wrong shape, a number that is not finite, or an unknown parameter.
+        ModelError: The values of the parameters are not valid for a model, such as a negative mass.
     """
     given = dict(zip(STATE, (qpos, qvel, act), strict=True))
     names = tuple(parameters or {})
     check_parameters(sim.model, names)
     for name, tensor in {"ctrl": ctrl, **given, **(parameters or {})}.items():
         if tensor is not None and tensor.dtype not in (torch.float32, torch.float64):
-            raise TypeError(f"{name} has dtype {tensor.dtype}, must be torch.float32 or torch.float64: convert it, as {name}.double()")
-    # Spread where autograd sees it, so that it adds the gradients of all environments.
+            raise TypeError(f"{name} has dtype {tensor.dtype}, must be torch.float32 or torch.float64: convert it with {name}.double()")
+    # Broadcast with autograd, so that it adds the gradients of all environments.
     if sim.num_envs is not None and ctrl.ndim == 2:
         ctrl = ctrl[:, None].expand(-1, sim.num_envs, -1)
     tensors = [ctrl, *given.values(), *(parameters or {}).values()]
@@ -83,6 +87,8 @@ def rollout(
 
 
 class _Plan(NamedTuple):
+    """Arguments of `rollout` that are not tensors; `parameters` are the names of the selectors."""
+
     sim: Stepper
     nstep: int
     parameters: Sequence[str]
@@ -91,7 +97,7 @@ class _Plan(NamedTuple):
     settings: dict[str, Any]
 
     def make(self, ctrl: Any, state: Sequence[Any], parameters: Sequence[Any]) -> Rollout:
-        """The rollout of arrays; None is the stepper's own."""
+        """Rollout of the stepper with given arrays; a part of the state that is None is that of the stepper."""
         plant = copy.deepcopy(self.sim)
         if parameters:
             plant.randomize(dict(zip(self.parameters, parameters, strict=True)))
@@ -102,6 +108,8 @@ class _Plan(NamedTuple):
 
 
 class _Rollout(torch.autograd.Function):  # type: ignore[misc]
+    """Operation of autograd: arguments are a plan and tensors (controls, state, parameters), results are the fields of `States`."""
+
     @staticmethod
     def forward(ctx: Any, plan: _Plan, *tensors: torch.Tensor | None) -> tuple[torch.Tensor, ...]:
         arrays = [None if t is None else t.detach().cpu().numpy().astype(np.float64) for t in tensors]

@@ -1,4 +1,4 @@
-"""TorchRL environment whose batch is a `StepperVectorEnv`."""
+"""TorchRL environment, a batch that steps as one `StepperVectorEnv`."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from torchrl.envs import EnvBase  # noqa: E402
 class StepperTorchRLEnv(EnvBase):  # type: ignore[misc]
     """TorchRL environment with the batch size (num_envs,) and the entries "observation", "action" and "reward".
 
-    It supports TorchRL's partial resets and partial steps by the masks "_reset" and "_step". Tensors share memory with the arrays of the
-    step and belong to the caller.
+    Partial resets and partial steps by TorchRL's masks "_reset" and "_step" are supported. On the CPU, tensors share memory with the NumPy
+    arrays of the step. They belong to the caller.
 
     Args:
         env: Id of a registered Gymnasium environment, "stepper/Hopper-v5", with its episode limit; or a `Task`, or the class of one.
@@ -38,7 +38,7 @@ class StepperTorchRLEnv(EnvBase):  # type: ignore[misc]
         self.envs = make_native(env, num_envs, **settings)
         self._seed: int | None = None
         self._last: TensorDictBase | None = None
-        self._over: Array = np.zeros(num_envs, dtype=bool)
+        self._ended: Array = np.zeros(num_envs, dtype=bool)
         dtype = {"float32": torch.float32, "float64": torch.float64}[str(self.envs.single_observation_space.dtype)]
         space: Any = self.envs.action_space
         low, high = (torch.from_numpy(bound).to(device) for bound in (space.low, space.high))
@@ -58,22 +58,20 @@ class StepperTorchRLEnv(EnvBase):  # type: ignore[misc]
         mask = np.ones(self.batch_size, dtype=bool) if chosen is None else chosen.cpu().numpy().reshape(self.batch_size)
         seed, self._seed = self._seed, None
         observation, _ = self.envs.reset(seed=seed, options={"reset_mask": mask})
-        self._over = self._over & ~mask
-        nothing = np.zeros_like(self._over)
-        kept = nothing if self._last is None else self._last["terminated"].cpu().numpy()[:, 0] & ~mask
-        self._last = self._entries(observation, kept, self._over & ~kept)
+        self._ended = self._ended & ~mask
+        no_flags = np.zeros_like(self._ended)
+        kept = no_flags if self._last is None else self._last["terminated"].cpu().numpy()[:, 0] & ~mask
+        self._last = self._entries(observation, kept, self._ended & ~kept)
         return self._last
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
         chosen = tensordict.get("_step", None)
         mask = np.ones(self.batch_size, dtype=bool) if chosen is None else chosen.cpu().numpy().reshape(self.batch_size)
-        if (mask & self._over).any():
-            raise RuntimeError(f"episodes of environments {np.flatnonzero(mask & self._over)[:10].tolist()} are over: reset them")
-        if not (mask | self._over).all():
-            waiting = np.flatnonzero(~(mask | self._over))[:10].tolist()
-            raise RuntimeError(
-                f"environments {waiting} are left out of a step by '_step', although their episodes are not over: step or reset them"
-            )
+        if (mask & self._ended).any():
+            raise RuntimeError(f"episodes of environments {np.flatnonzero(mask & self._ended)[:10].tolist()} have ended: reset them")
+        if not (mask | self._ended).all():
+            waiting = np.flatnonzero(~(mask | self._ended))[:10].tolist()
+            raise RuntimeError(f"'_step' excludes the environments {waiting}, whose episodes have not ended: step or reset them")
         last = self._last
         observation, reward, terminated, truncated, _ = self.envs.step(tensordict["action"].detach().cpu().numpy())
         result = self._entries(observation, terminated, truncated)
@@ -82,12 +80,12 @@ class StepperTorchRLEnv(EnvBase):  # type: ignore[misc]
             out = torch.from_numpy(~mask).to(self.device)
             for name in ("observation", "done", "terminated", "truncated"):
                 result[name] = torch.where(out.unsqueeze(-1), last[name], result[name])
-        self._over = result["done"].cpu().numpy()[:, 0]
+        self._ended = result["done"].cpu().numpy()[:, 0]
         self._last = result
         return result
 
     def _entries(self, observation: Array, terminated: Array, truncated: Array) -> TensorDictBase:
-        """Entries that resets and steps have in common: the observation (num_envs, n) and the flags (num_envs, 1)."""
+        """Entries of the result of a reset or step: the observation (num_envs, n) and the flags (num_envs, 1)."""
         flags = {"terminated": terminated, "truncated": truncated, "done": terminated | truncated}
         values = {name: torch.from_numpy(flag).to(self.device).unsqueeze(-1) for name, flag in flags.items()}
         return TensorDict({"observation": torch.from_numpy(observation).to(self.device), **values}, self.batch_size, device=self.device)

@@ -1,4 +1,4 @@
-"""UniSim's `SimBackend`: one interface of several engines, with tensors on the CPU."""
+"""Backend for UniSim, an interface to several engines (`SimBackend`), with tensors on the CPU."""
 
 from __future__ import annotations
 
@@ -35,17 +35,17 @@ Array = NDArray[Any]
 
 
 class StepperBackend(SimBackend):  # type: ignore[misc]
-    """Environments of one model behind UniSim's contract: state, sensors, bodies, steps and selected resets.
+    """Environments of one model as a backend of UniSim: state, sensors, bodies, steps and resets of some environments.
 
-    Tensors are float32 copies on the CPU. Bodies, joints and columns have MuJoCo's order and conventions. Randomization through UniSim,
-    playback and rendering are not declared, and UniSim refuses them; `sim` randomizes.
+    Tensors are float32 copies on the CPU. Bodies, joints and coordinates have MuJoCo's order and conventions. Playback, rendering and
+    randomization through UniSim are not supported; use `sim.randomize`.
 
     Args:
-        model: The scene, of `stepper.load`.
+        model: The model, from `stepper.load`.
         num_envs: Number of environments.
         options: Settings of the step; None is `Options()`.
         precision: "f64" or "f32".
-        threads: Threads that step; 0 is all that this process may use. The bits are the same for any number.
+        threads: Number of threads; 0 is all cores that this process may use. Results are identical bit for bit for any number.
 
     Attributes:
         sim: The stepper.
@@ -66,7 +66,7 @@ class StepperBackend(SimBackend):  # type: ignore[misc]
 
     @property
     def model(self) -> Model:
-        """The scene."""
+        """The model."""
         return self.sim.model
 
     @property
@@ -76,11 +76,11 @@ class StepperBackend(SimBackend):  # type: ignore[misc]
 
     @property
     def num_dof_vel(self) -> int:
-        """Number of velocities, without the six of a floating base."""
+        """Number of velocities without those of free joints (six each)."""
         return self.sim.model.nv - self._base
 
     def get_public_state_widths(self) -> PublicStateWidths:
-        """Numbers of coordinates and velocities of an environment (nq, nv)."""
+        """Sizes of qpos and qvel of one environment, nq and nv."""
         return PublicStateWidths(nq=self.sim.model.nq, nv=self.sim.model.nv)
 
     def get_actuator_ctrl_range(self) -> Array:
@@ -88,28 +88,32 @@ class StepperBackend(SimBackend):  # type: ignore[misc]
         return np.array(self.sim.model.actuator_ctrlrange)
 
     def get_actuator_names(self) -> tuple[str, ...]:
-        """Names in the order of controls."""
+        """Names of the actuators in the order of the controls."""
         return tuple(self.sim.model.actuator_names)
 
     def get_joint_range(self, *, names: Sequence[str] | None = None) -> Array:
-        """Limits of hinges and slides, (n, 2), rad or m, in their order or that of the names; infinite without limits."""
+        """Limits of all hinges and slides, or of the named ones, (n, 2), rad or m; infinite without limits.
+
+        Raises:
+            ValueError: A named joint is a ball or free joint.
+        """
         model = self.sim.model
         every = [model.joint(k) for k in range(len(model.joint_names))] if names is None else [model.joint(name) for name in names]
         joints = [joint for joint in every if joint.nv == 1 or names is not None]
         if several := [joint.name for joint in joints if joint.nv != 1]:
-            raise ValueError(f"joints {several} have more than one degree of freedom, and so no range")
+            raise ValueError(f"joints {several} have more than one degree of freedom, and therefore no range")
         return np.array([joint.range if joint.limited else (-np.inf, np.inf) for joint in joints]).reshape(-1, 2)
 
     def get_keyframe_qpos(self, name: str) -> Array:
         """Positions of a keyframe, (nq,), m and rad.
 
         Raises:
-            KeyError: No keyframe of that name.
+            KeyError: There is no keyframe of this name.
         """
         return np.array(self.sim.model.keyframe(name).qpos)
 
     def get_default_qpos(self) -> Array:
-        """The model's reference configuration, (nq,)."""
+        """Reference positions of the model (`qpos0`), (nq,), m and rad."""
         return np.array(self.sim.model.qpos0)
 
     def get_init_qvel(self) -> Array:
@@ -117,13 +121,13 @@ class StepperBackend(SimBackend):  # type: ignore[misc]
         return np.zeros(self.sim.model.nv)
 
     def get_root_state_layout(self, root_body_name: str) -> RootStateLayout:
-        """Columns of the free joint of a body.
+        """Columns of qpos and qvel that belong to the free joint of a body.
 
         Raises:
-            ValueError: The body has none.
+            ValueError: The body has no free joint.
         """
         if root_body_name not in self._free:
-            raise ValueError(f"body {root_body_name!r} has no free joint, these have one: {', '.join(self._free) or 'none'}")
+            raise ValueError(f"body {root_body_name!r} has no free joint; bodies with one: {', '.join(self._free) or 'none'}")
         joint = self._free[root_body_name]
         return RootStateLayout(tuple(range(joint.qposadr, joint.qposadr + 7)), tuple(range(joint.dofadr, joint.dofadr + 6)))
 
@@ -131,23 +135,23 @@ class StepperBackend(SimBackend):  # type: ignore[misc]
         """Indices of bodies, (n,) int32.
 
         Raises:
-            ValueError: A name that no body has.
+            ValueError: There is no body of a name.
         """
         known = self.sim.model.body_names
         if missing := [name for name in names if name not in known]:
-            raise ValueError(f"there are no bodies {missing}, there are: {', '.join(filter(None, known))}")
+            raise ValueError(f"there are no bodies {missing}; the bodies are: {', '.join(filter(None, known))}")
         return np.array([known.index(name) for name in names], dtype=np.int32)
 
     def get_dr_capabilities(self) -> DomainRandomizationCapabilities:
-        """Domain randomization of UniSim's interface that this backend has: none."""
+        """Kinds of domain randomization through UniSim that this backend supports: none."""
         return DomainRandomizationCapabilities()
 
     def get_tensor_execution(self) -> TensorExecution:
-        """Place of execution: the CPU, with host tensors."""
+        """Device of the tensors: the CPU (`HOST_BRIDGE` in UniSim)."""
         return TensorExecution.HOST_BRIDGE
 
     def get_tensor_capabilities(self) -> TensorLifecycleCapabilities:
-        """Features of UniSim's tensor interface that this backend has."""
+        """Features of UniSim's tensor interface that this backend supports."""
         return TensorLifecycleCapabilities(
             execution=self.get_tensor_execution(),
             state_views=True,
@@ -164,34 +168,34 @@ class StepperBackend(SimBackend):  # type: ignore[misc]
         )
 
     def get_state_views(self, fields: tuple[str, ...] | str | None = None, device: Any | None = None) -> Mapping[str, torch.Tensor]:
-        """Copies of "qpos" (num_envs, nq), "qvel" (num_envs, nv) and "ctrl" (num_envs, num_actuators).
+        """Copies of "qpos" (num_envs, nq), "qvel" (num_envs, nv) and "ctrl" (num_envs, num_actuators), by name; None selects all.
 
         Raises:
-            KeyError: Another field.
+            KeyError: An unknown field.
         """
         names = ("qpos", "qvel", "ctrl") if fields is None else (fields,) if isinstance(fields, str) else tuple(fields)
         if unknown := set(names) - {"qpos", "qvel", "ctrl"}:
-            raise KeyError(f"unknown fields {sorted(unknown)}, there are: qpos, qvel, ctrl")
+            raise KeyError(f"unknown fields {sorted(unknown)}; the fields are: qpos, qvel, ctrl")
         return {name: self._tensor(getattr(self.sim, name), device) for name in names}
 
     def get_sensor_names(self) -> tuple[str, ...]:
-        """Names of the sensors that have one."""
+        """Names of all sensors that have a name."""
         return tuple(filter(None, self.sim.model.sensor_names))
 
     def get_sensor_view(self, name: str, device: Any | None = None) -> torch.Tensor:
-        """A copy of the readings of a sensor, (num_envs, its width)."""
+        """Copy of the readings of a sensor, (num_envs, size of the reading)."""
         sensor = self.sim.model.sensor(name)
         return self._tensor(self.sim.sensordata[:, sensor.adr : sensor.adr + sensor.dim], device)
 
     def get_tracked_body_views(self, body_names: Sequence[str] | None = None, device: Any | None = None) -> TrackedBodyStateViews:
-        """Copies of places, quaternions, and velocities of bodies in world axes; None is all bodies that have a name."""
+        """Copies of positions, quaternions, linear and angular velocities of bodies in world axes. None selects all bodies with a name."""
         names = tuple(filter(None, self.sim.model.body_names)) if body_names is None else tuple(body_names)
         ids, sim = self.get_body_ids(names), self.sim
         parts = (self._tensor(value[:, ids], device) for value in (sim.xpos, sim.xquat, sim.body_linvel, sim.body_angvel))
         return TrackedBodyStateViews(names, *parts)
 
     def step_tensor(self, ctrl: torch.Tensor, nsteps: int = 1) -> None:
-        """Makes `nsteps` steps under the controls (num_envs, num_actuators) float32."""
+        """Makes `nsteps` steps with the same controls, (num_envs, num_actuators) float32."""
         self._check("ctrl", ctrl, (self.num_envs, self.num_actuators), torch.float32)
         if nsteps < 1:
             raise ValueError(f"nsteps is {nsteps}, must be at least 1")
@@ -201,8 +205,8 @@ class StepperBackend(SimBackend):  # type: ignore[misc]
         """Resets the environments of `env_indices` (n,) int64 to states (n, nq) and (n, nv) float32.
 
         Raises:
-            ValueError: Other shapes, indices out of range or repeated, numbers that are not finite, or a randomization.
-            TypeError: Other types.
+            ValueError: A wrong shape, an index out of range or repeated, a number that is not finite, or a randomization.
+            TypeError: A tensor of another type or device.
         """
         n = len(env_indices)
         self._check("env_indices", env_indices, (n,), torch.int64)
@@ -220,9 +224,9 @@ class StepperBackend(SimBackend):  # type: ignore[misc]
     def set_state_tensor_mask(
         self, reset_mask: torch.Tensor, qpos: torch.Tensor, qvel: torch.Tensor, randomization: Any = None, *, full_refresh: bool = False
     ) -> None:
-        """Resets the environments of a mask (num_envs,) bool to their rows of states (num_envs, nq) and (num_envs, nv) float32."""
+        """Resets the environments of a mask (num_envs,) bool to states, whose rows are (num_envs, nq) and (num_envs, nv) float32."""
         if full_refresh:
-            raise ValueError("full_refresh is True, must be False: derived quantities always belong to the present state")
+            raise ValueError("full_refresh is True, must be False: derived quantities are always up to date")
         self._check("reset_mask", reset_mask, (self.num_envs,), torch.bool)
         self._check("qpos", qpos, (self.num_envs, self.sim.model.nq), torch.float32)
         self._check("qvel", qvel, (self.num_envs, self.sim.model.nv), torch.float32)
@@ -240,7 +244,7 @@ class StepperBackend(SimBackend):  # type: ignore[misc]
 
     def _reset(self, mask: Array, qpos: Array, qvel: Array, randomization: Any) -> None:
         if randomization is not None and not randomization.is_empty():
-            raise ValueError("randomization is given, must be None: use randomize of `sim`")
+            raise ValueError("randomization is given, must be None: use sim.randomize")
         if mask.any():
             self.sim.reset(mask, qpos=qpos, qvel=qvel)
 
@@ -250,7 +254,7 @@ class StepperBackend(SimBackend):  # type: ignore[misc]
 
     @staticmethod
     def _check(name: str, value: Any, shape: tuple[int, ...], dtype: torch.dtype) -> None:
-        """Raises what is wrong with a tensor."""
+        """Raises an error if a tensor has another type, device or shape, or numbers that are not finite; `name` is for the message."""
         if not isinstance(value, torch.Tensor) or value.dtype != dtype or value.device.type != "cpu":
             raise TypeError(f"{name} is {getattr(value, 'dtype', type(value).__name__)}, must be a {dtype} tensor on the CPU")
         if tuple(value.shape) != shape or not value.is_contiguous():
@@ -260,5 +264,5 @@ class StepperBackend(SimBackend):  # type: ignore[misc]
 
 
 def _free_joints(model: Model) -> list[Joint]:
-    """Joints of floating bodies."""
+    """All free joints of a model."""
     return [joint for joint in map(model.joint, range(len(model.joint_names))) if joint.type == "free"]

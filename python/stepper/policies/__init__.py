@@ -1,11 +1,12 @@
-"""Trained policies, without the library that trained them: small networks that act in NumPy, and what they were trained in.
+"""Trained policies: small networks that run in NumPy, stored with the settings of the environment of their training.
 
-    policy = stepper.policies.load("half_cheetah.npz", env=envs)  # warns of everything that differs from what it was trained in
+    policy = stepper.policies.load("half_cheetah.npz", env=envs)  # warns of all differences from the environment of the training
     observation, reward, terminated, truncated, info = envs.step(policy(observation))
 
     stepper.policies.evaluate(policy, "stepper/HalfCheetah-v5", episodes=20)
 
-Loading and acting need NumPy alone; `evaluate`, `compare` and `film` need Gymnasium, SciPy and MoviePy. docs/how-to/train.md trains one.
+Loading and running a policy needs only NumPy. `evaluate` and `compare` need Gymnasium and SciPy, and `film` needs Gymnasium and MoviePy.
+docs/how-to/train.md shows how to train one.
 """
 
 from stepper.policies.environment import describe, differences

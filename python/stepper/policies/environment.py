@@ -1,4 +1,4 @@
-"""Settings of an environment, as data that can be stored with a policy and compared."""
+"""Description of an environment's settings, which is stored with a policy and compared with other environments."""
 
 from __future__ import annotations
 
@@ -14,23 +14,24 @@ from stepper._stepper import __version__
 from stepper.shared.machine import package_version
 
 Description = dict[str, Any]
-"""Numbers, strings, lists and dictionaries, as JSON has them."""
+"""Data of JSON: numbers, strings, lists and dictionaries."""
 
 _PACKAGES = ("gymnasium", "mujoco-core", "numpy")
-_SHOWN = 60
-"""Characters of a value that a difference shows."""
+_LONGEST = 60
+"""Largest number of characters of a value in the text of a difference."""
 
 
 def describe(env: Any) -> Description:
-    """Settings of an environment, single or vector.
+    """Settings of a single or vector environment.
 
     Args:
-        env: An environment of `stepper.envs` or one of Gymnasium's on MuJoCo. Of other environments, only spaces and versions are listed.
+        env: Environment of `stepper.envs`, or MuJoCo environment of Gymnasium. For other environments, the result has only spaces and
+            versions.
 
     Returns:
-        Engine and versions; the task with its arguments; name and digest of the model; options, time step and steps per action;
-        precision; rows of the observation; bounds of the actions; models of actuators and sensors. The key "theta" has the parameters of
-        `Stepper.randomize` that differ between environments: the lowest and highest value of each element.
+        Dictionary with engine and versions; the task with its arguments; name and digest of the model; options, time step and steps per
+        action; precision; structure of the observation; bounds of the actions; models of actuators and sensors. The key "theta" has the
+        parameters that were set by `Stepper.randomize`: the smallest and largest value of each element over the environments.
     """
     base = env.unwrapped
     base = base.envs[0].unwrapped if hasattr(base, "envs") else base
@@ -39,16 +40,17 @@ def describe(env: Any) -> Description:
     found["action"] = {"low": np.asarray(space.low, float).tolist(), "high": np.asarray(space.high, float).tolist()}
     versions = {name: version for name in _PACKAGES if (version := package_version(name))}
     found["versions"] = {"stepper": __version__, "python": platform.python_version()} | versions
-    plain: Description = json.loads(json.dumps(found, default=_plain))  # Tuples become lists here, not when a file is read.
+    plain: Description = json.loads(json.dumps(found, default=_plain))  # Tuples become lists, as after reading from a file.
     return plain
 
 
 def _plain(value: Any) -> Any:
-    """JSON for other values: numbers of arrays, and the `repr` of anything else."""
+    """JSON data for values of other types: lists for arrays, and `repr` for anything else."""
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else repr(value)
 
 
 def _of_stepper(base: Any) -> Description:
+    """Settings of an environment of `stepper.envs`."""
     sim, task = base.sim, base.task
     options = dataclasses.asdict(sim.options) | {"timestep": sim.timestep, "tolerance": sim.tolerance}
     options["integrator"] = options["integrator"] or ("midpoint" if options["contact"] == "hard" else "of the model")
@@ -74,7 +76,7 @@ def _of_stepper(base: Any) -> Description:
 
 
 def _of_mujoco(base: Any) -> Description:
-    """Settings of an environment of Gymnasium on MuJoCo. Its model has no digest that stepper's could be compared with."""
+    """Settings of a MuJoCo environment of Gymnasium. Its model has no digest that is comparable with one of stepper."""
     option = base.model.opt
     integrators = ("euler", "rk4", "implicit", "implicitfast", "discrete")
     return {
@@ -95,30 +97,33 @@ def _of_mujoco(base: Any) -> Description:
 
 
 def _of_other(base: Any) -> Description:
+    """Settings of an environment of another engine."""
     space = getattr(base, "single_observation_space", base.observation_space)
     return {"engine": type(base).__name__, "observation": {"size": int(space.shape[0])}}
 
 
 def differences(one: Description, other: Description) -> list[str]:
-    """Differences between two environments, a line for each: "options.contact: 'mujoco' there, 'hard' here".
+    """Differences between the settings of two environments, such as "options.contact: 'mujoco' there, 'hard' here".
 
-    A setting that only one of them has is a difference, too. But where the engines differ, their line also covers what only one engine
-    has (the digest of a model, settings of its solver). Randomised parameters ("theta") are left out where the environment here has none,
-    because tasks draw them at the first reset.
+    A setting that only one environment has also counts, except if the engines differ. Randomised parameters ("theta") count only if the
+    second environment has any, because tasks draw them at the first reset.
 
     Args:
-        one: The environment there, as `describe` gives it.
-        other: The environment here.
+        one: Result of `describe` for the first environment, "there".
+        other: Result of `describe` for the second environment, "here".
+
+    Returns:
+        One line per difference.
     """
     if not other.get("theta"):
         one = {name: value for name, value in one.items() if name != "theta"}
     there, here = dict(_leaves(one)), dict(_leaves(other))
     names = sorted(there.keys() | here.keys()) if one.get("engine") == other.get("engine") else sorted(there.keys() & here.keys())
-    return [f"{name}: {_shown(there, name)} there, {_shown(here, name)} here" for name in names if there.get(name) != here.get(name)]
+    return [f"{name}: {_text(there, name)} there, {_text(here, name)} here" for name in names if there.get(name) != here.get(name)]
 
 
 def _leaves(description: Description, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Values with their dotted paths. Lists are values."""
+    """Yields dotted paths and values of the entries that are not dictionaries."""
     for name, value in description.items():
         if isinstance(value, dict):
             yield from _leaves(value, f"{path}{name}.")
@@ -126,8 +131,9 @@ def _leaves(description: Description, path: str = "") -> Iterator[tuple[str, Any
             yield f"{path}{name}", value
 
 
-def _shown(leaves: dict[str, Any], name: str) -> str:
+def _text(leaves: dict[str, Any], name: str) -> str:
+    """Shortened text of a value; "nothing" if it is missing."""
     if name not in leaves:
         return "nothing"
     text = repr(leaves[name])
-    return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 3]}..."
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."

@@ -1,4 +1,4 @@
-"""Returns of a policy over fresh episodes, and whether two environments give it the same."""
+"""Evaluation of a policy: its returns in episodes of an environment, and a test whether those in two environments are equivalent."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from stepper.shared.progress import Tick, silent
 
 Array = NDArray[Any]
 Act = Callable[[Array], Array]
-"""Controller with actions (num_envs, nu) for observations (num_envs, n): a `Policy`, or any function."""
+"""Function of observations, (num_envs, n), that returns actions, (num_envs, nu): a `Policy` or any other."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Evaluation:
-    """Episodes of a policy in an environment.
+    """Results of episodes of a policy in an environment.
 
     Attributes:
-        env: Name of the environment.
-        returns: Sums of rewards, (episodes,).
-        lengths: Actions, (episodes,).
-        non_finite: Episodes that ended because their state would not have been finite.
-        infos: Means over each episode of the requested infos, (episodes,), by name.
+        env: Id of the environment.
+        returns: Sum of the rewards of each episode, (episodes,).
+        lengths: Number of actions of each episode, (episodes,).
+        non_finite: Number of episodes that ended because the next state would not have been finite.
+        infos: Means over each episode of the requested infos, (episodes,), by key.
     """
 
     env: str
@@ -44,7 +44,7 @@ class Evaluation:
         return float(self.returns.mean())
 
     def interval(self, confidence: float = 0.95, info: str = "") -> tuple[float, float]:
-        """Student's confidence interval of the mean return, or of the mean of one of `infos`."""
+        """Confidence interval of the mean return, or of the mean of the info with the key `info`, by Student's t distribution."""
         return _interval(self.infos[info] if info else self.returns, confidence)
 
     def __str__(self) -> str:
@@ -56,12 +56,12 @@ class Evaluation:
         for name, means in self.infos.items():
             low, high = self.interval(info=name)
             text += f", {name} {means.mean():.4g} ({low:.4g} to {high:.4g})"
-        return text + (f", {self.non_finite} ended as their state would not have been finite" if self.non_finite else "")
+        return text + (f", {self.non_finite} ended because their next state would not have been finite" if self.non_finite else "")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Comparison:
-    """Comparison of a policy in two environments, from the same starts.
+    """Comparison of a policy in two environments, from the same initial states.
 
     Equivalence is tested by two one-sided tests (Schuirmann), each at the level alpha. The mean returns are equivalent if the confidence
     interval of their paired difference, at 1 - 2 alpha, lies within the margin.
@@ -69,7 +69,7 @@ class Comparison:
     Attributes:
         one: Episodes in the first environment.
         other: Episodes in the second environment, from the same initial states.
-        margin: Largest difference of mean returns that counts as none, as a fraction of the first's mean return.
+        margin: Largest difference of mean returns that counts as equivalent, as a fraction of the mean return in the first environment.
         alpha: Level of each test. At 0.05, environments that differ by exactly the margin pass as equivalent in at most 5 % of cases.
     """
 
@@ -80,7 +80,7 @@ class Comparison:
 
     @property
     def difference(self) -> float:
-        """Mean of the paired differences of returns, second less first."""
+        """Mean of the paired differences of returns, second minus first environment."""
         return float((self.other.returns - self.one.returns).mean())
 
     @property
@@ -90,12 +90,12 @@ class Comparison:
 
     @property
     def bound(self) -> float:
-        """The margin as a return."""
+        """Largest difference of mean returns that counts as equivalent, in the unit of the return."""
         return self.margin * abs(self.one.mean)
 
     @property
     def verdict(self) -> str:
-        """Whether the interval lies within the margin ("equivalent"), beyond it ("different"), or across its bound ("open")."""
+        """Result of the test: "equivalent" if the interval lies within the margin, "different" if beyond, and otherwise "open"."""
         low, high = self.interval
         if -self.bound < low and high < self.bound:
             return "equivalent"
@@ -104,18 +104,18 @@ class Comparison:
     def __str__(self) -> str:
         low, high = self.interval
         return (
-            f"{self.other.env} less {self.one.env}: {self.difference:+.1f} ({_share(self.difference, self.one.mean)}), "
+            f"{self.other.env} minus {self.one.env}: {self.difference:+.1f} ({_share(self.difference, self.one.mean)}), "
             f"{1.0 - 2.0 * self.alpha:.0%} confidence {low:+.1f} to {high:+.1f}, margin {self.bound:.1f}: {self.verdict}"
         )
 
 
 def make(env: str, num_envs: int | None = None, *, training: bool = False, **settings: Any) -> Any:
-    """Makes an environment by its id in Gymnasium's registry, of stepper or of another simulator.
+    """Creates an environment of Gymnasium's registry, on stepper or on another simulator.
 
     Args:
-        env: Id, with the module that registers it and a colon in front if needed: "push_task:me/Push-v0".
+        env: Id of the environment, if needed after the module that registers it: "push_task:me/Push-v0".
         num_envs: Number of environments; None makes a single environment, not a vector environment.
-        training: Whether a vector environment is for training: with autoreset SAME_STEP and the infos of `RecordEpisodeStatistics`.
+        training: Whether a vector environment has the autoreset mode SAME_STEP and the infos of `RecordEpisodeStatistics`.
         **settings: Arguments of the environment.
 
     Raises:
@@ -123,14 +123,14 @@ def make(env: str, num_envs: int | None = None, *, training: bool = False, **set
         MissingPackageError: Gymnasium, or a package that its MuJoCo environments need, is not installed.
     """
     gymnasium = require("gymnasium", "to run policies")
-    importlib.import_module("stepper.envs")  # It registers its environments.
+    importlib.import_module("stepper.envs")  # The import registers the environments.
     env = import_env(env)
     try:
         spec = gymnasium.spec(env)
     except gymnasium.error.Error as error:
         raise ValueError(str(error)) from error
     if str(spec.entry_point).startswith("gymnasium.envs.mujoco"):
-        require("imageio", "for MuJoCo environments of Gymnasium's")
+        require("imageio", "for MuJoCo environments of Gymnasium")
     if num_envs is None:
         return gymnasium.make(env, **settings)
     if not training:
@@ -138,7 +138,7 @@ def make(env: str, num_envs: int | None = None, *, training: bool = False, **set
     mode: dict[str, Any] = {"autoreset_mode": gymnasium.vector.AutoresetMode.SAME_STEP}
     if is_native(env):
         return gymnasium.make_vec(env, num_envs=num_envs, **mode, episode_statistics=True, **settings)
-    # A native vector environment takes the mode as an argument. A vector of single environments takes it in `vector_kwargs`.
+    # The mode is an argument of native vector environments. For vectors of single environments it is in `vector_kwargs`.
     mode = mode if spec.vector_entry_point else {"vector_kwargs": mode}
     return gymnasium.wrappers.vector.RecordEpisodeStatistics(gymnasium.make_vec(env, num_envs=num_envs, **mode, **settings))
 
@@ -154,42 +154,42 @@ def evaluate(
     tick: Tick | None = None,
     **settings: Any,
 ) -> Evaluation:
-    """Runs a policy for a number of episodes and collects its returns.
+    """Runs a policy for a number of episodes and returns the results.
 
     Args:
         policy: Function of observations, (num_envs, n), that returns actions, (num_envs, nu): a `Policy` or any other.
-        env: Id of an environment in Gymnasium's registry. Environments of `stepper.envs`, and others with vector environments only, run
-            all episodes at once; the rest run one after the other.
+        env: Id of an environment in Gymnasium's registry. Environments of `stepper.envs`, and others that have only a vector
+            environment, run all episodes in parallel; the rest run one episode after the other.
         episodes: Number of episodes, at least 2.
         seed: Seed of the first episode; episode k has the seed `seed + k`.
         starts: Initial positions (episodes, nq), m and rad, and velocities (episodes, nv), m/s and rad/s. None draws them from the seeds.
         infos: Keys of infos with one number per environment; the result has their means over each episode.
-        tick: Called with the environment's id and the fraction done.
+        tick: Function that is called with the environment's id and the fraction of the work that is done.
         **settings: Arguments of the environment.
 
     Returns:
-        Returns and lengths of the episodes.
+        Results of the episodes.
 
     Raises:
         ValueError: An unknown environment, setting or info, or fewer than two episodes.
         MissingPackageError: Gymnasium is not installed.
     """
     if episodes < 2:
-        raise ValueError(f"episodes is {episodes}, must be at least 2: one has no confidence interval")
-    if is_native(env) or _is_vector_alone(env):
-        return _together(make(env, episodes, **settings), policy, seed, starts, infos, tick=tick or silent)
-    return _one_by_one(make(env, **settings), policy, range(seed, seed + episodes), starts, infos, tick=tick or silent)
+        raise ValueError(f"episodes is {episodes}, must be at least 2: one episode gives no confidence interval")
+    if is_native(env) or _has_only_vector_environment(env):
+        return _in_parallel(make(env, episodes, **settings), policy, seed, starts, infos, tick=tick or silent)
+    return _in_sequence(make(env, **settings), policy, range(seed, seed + episodes), starts, infos, tick=tick or silent)
 
 
 def is_native(env: str) -> bool:
-    """Whether an id is of an environment on stepper: a task of `stepper.envs` or of the user."""
+    """Whether an id belongs to an environment on stepper: a task of `stepper.envs`, or one that the user registered."""
     gymnasium = require("gymnasium", "to evaluate policies")
     importlib.import_module("stepper.envs")  # It registers its environments.
     spec = gymnasium.registry.get(import_env(env))
     return spec is not None and str(spec.vector_entry_point) in ("stepper.envs:StepperVectorEnv", "stepper.envs.vector:StepperVectorEnv")
 
 
-def _is_vector_alone(env: str) -> bool:
+def _has_only_vector_environment(env: str) -> bool:
     """Whether an id in Gymnasium's registry has a vector environment and no single one."""
     spec = require("gymnasium", "to evaluate policies").registry.get(import_env(env))
     return spec is not None and spec.entry_point is None and spec.vector_entry_point is not None
@@ -207,25 +207,26 @@ def compare(
     settings: tuple[dict[str, Any], dict[str, Any]] = ({}, {}),
     tick: Tick | None = None,
 ) -> Comparison:
-    """Runs a policy in two environments from the same initial states, and tests whether its mean returns are equivalent.
+    """Runs a policy in two environments from the same initial states, and tests whether the mean returns are equivalent.
 
     Args:
         policy: Function of observations, (num_envs, n), that returns actions, (num_envs, nu): a `Policy` or any other.
         one: Id of the first environment, of `stepper.envs` or of Gymnasium.
-        other: Id of the second environment, with the same task. At least one of the two is of `stepper.envs`; its seeds draw the states.
+        other: Id of the second environment, with the same task. At least one of the two must be on stepper; it draws
+            the initial states.
         episodes: Number of episodes in each environment.
         seed: Seed of the first episode; episode k has the seed `seed + k`.
-        margin: Largest difference of mean returns that counts as equivalent, as a fraction of the first's mean return.
+        margin: Largest difference of mean returns that counts as equivalent, as a fraction of the mean return in the first environment.
         alpha: Level of each of the two one-sided tests; 0.025 gives a 95 % interval. See `Comparison`.
         settings: Arguments of the first and of the second environment.
-        tick: Called with the environment's id and the fraction done.
+        tick: Function that is called with the environment's id and the fraction of the work that is done.
 
     Raises:
-        ValueError: Neither environment is of stepper, or an error of `evaluate`.
+        ValueError: Neither environment is on stepper, or an error of `evaluate`.
     """
     ours = [(name, given) for name, given in zip((one, other), settings, strict=True) if is_native(name)]
     if not ours:
-        raise ValueError(f"the environments are {one!r} and {other!r}: one must be of stepper, whose starts both have")
+        raise ValueError(f"the environments are {one!r} and {other!r}: one must be on stepper, to draw the initial states of both")
     starts = _starts(ours[0][0], episodes, seed, ours[0][1])
     first, second = (
         evaluate(policy, name, episodes=episodes, seed=seed, starts=starts, tick=tick, **given)
@@ -235,14 +236,14 @@ def compare(
 
 
 def _starts(env: str, episodes: int, seed: int, settings: dict[str, Any]) -> tuple[Array, Array]:
-    """Initial states of the episodes of some seeds."""
+    """Initial positions (episodes, nq) and velocities (episodes, nv) of episodes with seeds from `seed` on."""
     envs = make(env, episodes, **settings)
     envs.reset(seed=seed)
     return envs.unwrapped.sim.qpos.astype(np.float64), envs.unwrapped.sim.qvel.astype(np.float64)
 
 
-def _together(envs: Any, policy: Act, seed: int, starts: tuple[Array, Array] | None, infos: Sequence[str], *, tick: Tick) -> Evaluation:
-    """Evaluation with every episode in a separate environment. Later episodes of the same environment do not count."""
+def _in_parallel(envs: Any, policy: Act, seed: int, starts: tuple[Array, Array] | None, infos: Sequence[str], *, tick: Tick) -> Evaluation:
+    """Evaluation with one environment per episode. Only the first episode of each environment counts."""
     observation, _ = envs.reset(seed=seed)
     if starts is not None:
         observation = envs.unwrapped.set_state(*starts)
@@ -263,14 +264,17 @@ def _together(envs: Any, policy: Act, seed: int, starts: tuple[Array, Array] | N
     return Evaluation(env=envs.spec.id, returns=returns, lengths=lengths, non_finite=int(failed.sum()), infos=means)
 
 
-def _one_by_one(env: Any, policy: Act, seeds: range, starts: tuple[Array, Array] | None, infos: Sequence[str], *, tick: Tick) -> Evaluation:
+def _in_sequence(
+    env: Any, policy: Act, seeds: range, starts: tuple[Array, Array] | None, infos: Sequence[str], *, tick: Tick
+) -> Evaluation:
+    """Evaluation with one episode after the other in a single environment."""
     returns, lengths = np.zeros(len(seeds)), np.zeros(len(seeds), dtype=np.int64)
     sums = {key: np.zeros(len(seeds)) for key in infos}
     for k, seed in enumerate(seeds):
         observation, _ = env.reset(seed=seed)
         if starts is not None:
             env.unwrapped.set_state(starts[0][k], starts[1][k])
-            observation = env.unwrapped._get_obs()  # Gymnasium's MuJoCo environments have no public name for it.
+            observation = env.unwrapped._get_obs()  # MuJoCo environments of Gymnasium have no public method for it.
         over = False
         while not over:
             observation, reward, terminated, truncated, info = env.step(policy(np.asarray(observation)[None])[0])
@@ -285,18 +289,20 @@ def _one_by_one(env: Any, policy: Act, seeds: range, starts: tuple[Array, Array]
 
 
 def _info(info: Mapping[str, Any], name: str) -> Array:
-    """Values of an info, one number per environment."""
+    """Values of the info with the key `name`, (num_envs,) or a number; a ValueError if there is none."""
     if name not in info or np.ndim(info[name]) > 1:
         numbers = sorted(key for key, value in info.items() if not key.startswith("_") and np.ndim(value) < 2)
-        raise ValueError(f"the infos have no number {name!r}, they have: {', '.join(numbers) or 'none'}")
+        raise ValueError(f"there is no info {name!r} with one number per environment; such infos are: {', '.join(numbers) or 'none'}")
     return np.asarray(info[name], dtype=np.float64)
 
 
 def _interval(values: Array, confidence: float) -> tuple[float, float]:
+    """Confidence interval of a mean by Student's t distribution."""
     stats = require("scipy.stats", "for confidence intervals")
     half = float(stats.t.ppf(0.5 + confidence / 2.0, len(values) - 1)) * float(values.std(ddof=1)) / math.sqrt(len(values))
     return float(values.mean()) - half, float(values.mean()) + half
 
 
 def _share(part: float, whole: float) -> str:
+    """Text of a part in percent of a whole."""
     return f"{100.0 * part / abs(whole):+.1f} %" if whole else "of nothing"

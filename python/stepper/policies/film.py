@@ -1,4 +1,4 @@
-"""Films of policies."""
+"""Videos of policies."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Array = NDArray[Any]
 
 
 def check_film(env: str, **settings: Any) -> None:
-    """Renders one frame of an environment, so that a training that ends with a film fails at its start if it cannot render.
+    """Renders one frame, to find out before a training whether `film` can render the environment on this machine.
 
     Args:
         env: Id of an environment in Gymnasium's registry.
@@ -55,8 +55,8 @@ def film(
         file: Video file, mp4; an existing file is replaced.
         actions: Number of actions to film; fewer if the episode ends earlier.
         seed: Seed of the episode.
-        progress: Called after each action with the number of actions so far. Without a graphics card a frame takes a tenth of a second
-            or more.
+        progress: Function that is called after each action with the number of actions so far. Without a graphics card a frame takes a tenth
+            of a second or more.
         **settings: Arguments of the environment.
 
     Raises:

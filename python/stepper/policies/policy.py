@@ -1,4 +1,4 @@
-"""A policy: a small network of fully connected layers, with the normalisation of its observations, in NumPy and in one file."""
+"""`Policy`: a small fully connected network in NumPy, with the normalisation of observations; and functions to save and load it."""
 
 from __future__ import annotations
 
@@ -23,43 +23,43 @@ Array = NDArray[Any]
 FORMAT = 1
 _DAMAGED = (
     *(ValueError, KeyError, IndexError, AttributeError, TypeError, EOFError, MemoryError, OverflowError),
-    *(RuntimeError, zipfile.BadZipFile, zlib.error),  # zipfile's of what it cannot read: a method of compression, a password.
+    *(RuntimeError, zipfile.BadZipFile, zlib.error),  # From zipfile, for unsupported compression or encryption.
 )
-"""Exceptions of NumPy, its archives and JSON for a file of another kind or a damaged one."""
+"""Exceptions of NumPy, zipfile and json for a damaged file or one of another kind."""
 
 ACTIVATIONS: dict[str, Callable[[Array], Array]] = {
     "tanh": np.tanh,
     "elu": lambda x: np.where(x > 0.0, x, np.expm1(np.minimum(x, 0.0))),
     "relu": lambda x: np.maximum(x, 0.0),
 }
-"""Functions between the layers, by name."""
+"""Activation functions by name."""
 
 
 class PolicyError(ValueError):
-    """A policy that does not fit an environment, or a file that holds none: where, what is wrong, and what to do."""
+    """A policy does not match an environment, or a file contains no valid policy. The message has a remedy."""
 
 
 class PolicyWarning(UserWarning):
-    """An environment differs from the one that a policy was trained in."""
+    """An environment differs from the environment of a policy's training."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Policy:
-    """Deterministic policy network: its action is the mean of the distribution that was trained.
+    """Deterministic policy network. Its action is the mean of the trained distribution of actions.
 
     The input of the first layer is (observation - mean) / std, clipped to +-`clip`. Every layer is `x @ weight + bias`, with the
-    activation after each but the last. The output is clipped to -1 and 1, and scaled to the bounds of the actions.
+    activation after each but the last. The output is clipped to +-1 and scaled to the bounds of the actions.
 
     Attributes:
         mean: Mean of the observations in training, (n,).
         std: Standard deviation of the observations, (n,).
-        clip: Bound of normalised observations.
+        clip: Largest absolute value of normalised observations.
         layers: Weights (inputs, outputs) and biases (outputs,) of every layer, float32.
-        activation: One of `ACTIVATIONS`.
-        low: Lower bounds of the actions, (nu,).
-        high: Upper bounds of the actions, (nu,).
-        environment: Settings of the environment that it was trained in, from `stepper.policies.describe`.
-        training: Notes on the training, as JSON.
+        activation: Name of the activation function, one of `ACTIVATIONS`.
+        low: Lower bounds of the actions, (nu,), in the units of the task.
+        high: Upper bounds of the actions, (nu,), in the units of the task.
+        environment: Settings of the environment of the training, from `stepper.policies.describe`.
+        training: Notes on the training, as data of JSON.
     """
 
     mean: Array
@@ -82,12 +82,13 @@ class Policy:
                 raise PolicyError(f"layer {k} has weights {weight.shape} and biases {bias.shape}, must be {fit} and (n,)")
         if self.std.shape != self.mean.shape or not np.all(self.std > 0.0):
             raise PolicyError(
-                f"std has shape {self.std.shape} and least number {self.std.min(initial=np.inf)}, must fit mean and be above 0"
+                f"std has shape {self.std.shape} and smallest value {self.std.min(initial=np.inf)}, must have the shape of mean and be "
+                "above 0"
             )
         if not self.low.shape == self.high.shape == (sizes[-1],):
             raise PolicyError(f"bounds of actions have shapes {self.low.shape} and {self.high.shape}, must be ({sizes[-1]},)")
         if not all(np.isfinite(part).all() for part in (self.mean, self.std, self.low, self.high, *sum(self.layers, ()))):
-            raise PolicyError("a number of the policy is not finite: it was not trained, or training diverged")
+            raise PolicyError("a number of the policy is not finite: the training diverged, or there was none")
 
     def __call__(self, observation: ArrayLike) -> Array:
         """Actions for observations.
@@ -96,10 +97,10 @@ class Policy:
             observation: Observations, (n,) or (num_envs, n).
 
         Returns:
-            Actions, (nu,) or (num_envs, nu), float32.
+            Actions, (nu,) or (num_envs, nu), float32, in the units of the task.
 
         Raises:
-            PolicyError: Observations of another size.
+            PolicyError: The observations have another size.
         """
         given = np.asarray(observation)
         if given.shape[-1:] != self.mean.shape:
@@ -114,27 +115,27 @@ class Policy:
         return action.astype(np.float32)
 
     def differences(self, env: Any) -> list[str]:
-        """Differences between an environment and the one of the training, a line for each; see `stepper.policies.differences`."""
+        """Differences between the environment of the training ("there") and another one ("here"), one line each."""
         return differences(self.environment, describe(env))
 
     def check(self, env: Any) -> None:
-        """Warns of everything in which an environment differs from the one that this was trained in.
+        """Issues a `PolicyWarning` with all differences between an environment and that of the training.
 
         Raises:
-            PolicyError: It has observations or actions of another size.
+            PolicyError: The environment has observations or actions of another size.
         """
         base = env.unwrapped
         sizes = [getattr(base, f"single_{name}", getattr(base, name)).shape for name in ("observation_space", "action_space")]
         if sizes != [self.mean.shape, self.low.shape]:
             raise PolicyError(
                 f"the environment has observations {sizes[0]} and actions {sizes[1]}, the policy {self.mean.shape} and {self.low.shape}: "
-                f"it was trained in {self.environment.get('task', {}).get('name')}"
+                f"the policy was trained in {self.environment.get('task', {}).get('name')}"
             )
         if found := self.differences(env):
             warnings.warn("the policy was trained in another environment:\n  " + "\n  ".join(found), PolicyWarning, stacklevel=2)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes a file for `stepper.policies.load`, in one piece: a NumPy archive (.npz) with arrays and JSON, without pickles.
+        """Writes a file for `stepper.policies.load` atomically: a NumPy archive (.npz) with arrays and JSON, without pickles.
 
         Raises:
             ValueError: The name does not end in .npz.
@@ -156,11 +157,11 @@ def load(path: str | os.PathLike[str], env: Any = None) -> Policy:
     """Reads a policy.
 
     Args:
-        path: A file of `Policy.save`.
-        env: The environment that it is to act in; a `PolicyWarning` names everything that differs from what it was trained in.
+        path: File that `Policy.save` wrote.
+        env: Environment for the policy, which is compared with that of the training. A `PolicyWarning` lists all differences.
 
     Raises:
-        PolicyError: The file holds no policy that this version reads; the environment has observations or actions of another size.
+        PolicyError: The file contains no policy that this version can read, or `env` has observations or actions of another size.
         OSError: The file cannot be read.
     """
     file = Path(path)
@@ -170,7 +171,7 @@ def load(path: str | os.PathLike[str], env: Any = None) -> Policy:
             arrays = dict(archive)
         said = json.loads(str(arrays.pop("said")))
         if said["format"] != FORMAT:
-            raise PolicyError(f"it has format {said['format']} of policies, this version reads {FORMAT}")
+            raise PolicyError(f"the file has format {said['format']} of policies, and this version reads format {FORMAT}")
         count = sum(name.startswith("weight") for name in arrays)
         layers = tuple((arrays[f"weight{k}"], arrays[f"bias{k}"]) for k in range(count))
         shared = {name: arrays[name] for name in ("mean", "std", "low", "high")}
@@ -179,7 +180,7 @@ def load(path: str | os.PathLike[str], env: Any = None) -> Policy:
     except PolicyError as error:
         raise PolicyError(f"{file}: {error}") from error
     except _DAMAGED as error:
-        raise PolicyError(f"{file} holds no policy ({type(error).__name__}: {error}); give a file that Policy.save wrote") from error
+        raise PolicyError(f"{file} contains no policy ({type(error).__name__}: {error}); give a file that Policy.save wrote") from error
     if env is not None:
         policy.check(env)
     return policy

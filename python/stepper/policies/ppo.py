@@ -3,14 +3,14 @@
     stepper train stepper/HalfCheetah-v5 --seed 1 --film half_cheetah.mp4
 
 Each update adds a row to the learning curve, and a checkpoint is written every half a minute. The same command continues a stopped run,
-to the same curve. With `HalfCheetah-v5` as the name, the learner trains in Gymnasium's environment. No checkpoint has the state of that
-environment. A stopped run then continues with new episodes, and its curve is another.
+to the same curve. With `HalfCheetah-v5` as the name, the learner trains in Gymnasium's environment. Checkpoints do not
+include the state of that environment: a stopped run continues with new episodes, and its curve differs from that of an uninterrupted run.
 
 To change the learner, write a copy of this file with `stepper train --copy my_ppo.py`, and train with `python my_ppo.py`.
 
 The method is that of Schulman et al. (2017, https://arxiv.org/abs/1707.06347), with generalised advantages (2016,
-https://arxiv.org/abs/1506.02438). Running moments normalise observations and rewards. The learning rate holds the Kullback-Leibler
-divergence of an update near a target.
+https://arxiv.org/abs/1506.02438). Running means and variances normalise observations and rewards. The learning rate is adapted
+so that the Kullback-Leibler divergence of an update stays near a target.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from stepper.shared.machine import require
 
 if __name__ == "__main__":
     print("importing PyTorch", flush=True)
-# By default, waiting threads of OpenMP spin, which takes processor time from the physics.
+# By default, waiting threads of OpenMP are busy, which takes processor time from the physics.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 for name in ("torch", "gymnasium"):
     require(name, "to train", "train")
@@ -54,7 +54,7 @@ PRINT_INTERVAL = 5.0
 
 
 class Moments:
-    """Running mean and variance (Chan's update), of every column."""
+    """Running mean and variance of every column of a stream of rows, by Chan's update."""
 
     def __init__(self, size: int):
         self.mean, self.var, self.count = np.zeros(size), np.ones(size), 1e-4
@@ -68,9 +68,9 @@ class Moments:
 
 
 class ActorCritic(nn.Module):
-    """Actor and critic, with two hidden layers each: the mean of Gaussian actions, and the value of a state.
+    """Two networks with two hidden layers each: the actor returns the mean of Gaussian actions, the critic the value of a state.
 
-    The standard deviation of the actions does not depend on the state.
+    Actions are in units of half their range. Their standard deviation does not depend on the state.
     """
 
     def __init__(self, observations: int, actions: int, settings: Settings):
@@ -80,12 +80,13 @@ class ActorCritic(nn.Module):
         self.log_std = nn.Parameter(torch.full((actions,), float(np.log(settings.initial_std))))
 
     def log_prob(self, mean: Tensor, action: Tensor) -> Tensor:
-        """Log probability densities of actions (n, nu) for their means (n, nu): (n,)."""
+        """Log probability densities, (n,), of actions (n, nu) with means (n, nu)."""
         scaled = (action - mean) * torch.exp(-self.log_std)
         return -0.5 * (scaled * scaled).sum(-1) - self.log_std.sum() - 0.5 * np.log(2.0 * np.pi) * mean.shape[-1]
 
 
 def _network(inputs: int, hidden: int, outputs: int, gain: float) -> nn.Sequential:
+    """Network with two hidden layers and orthogonal initial weights; `gain` scales those of the last layer."""
     layers = [nn.Linear(inputs, hidden), nn.Linear(hidden, hidden), nn.Linear(hidden, outputs)]
     for layer, scale in zip(layers, (2**0.5, 2**0.5, gain), strict=True):
         nn.init.orthogonal_(layer.weight, scale)
@@ -120,7 +121,7 @@ class Run:
 
     @torch.no_grad()
     def collect(self) -> dict[str, Tensor]:
-        """Steps all environments for `horizon` steps; returns samples with their advantages, one tensor (samples, ...) by name."""
+        """Steps all environments `horizon` times and returns samples with advantages: tensors (samples, ...) by name."""
         s, net = self.settings, self.net
         shape = (s.horizon, s.num_envs)
         seen = np.empty((*shape, len(self.observed.mean)), dtype=np.float32)
@@ -164,13 +165,13 @@ class Run:
         return samples
 
     def _count(self, info: dict[str, Any], over: Array) -> None:
-        """Records returns and lengths of the episodes that ended."""
+        """Adds returns and lengths of episodes that ended, by a mask (num_envs,), to `recent` and `episodes`."""
         episode = info.get("episode") or info["final_info"]["episode"]
         self.recent += [(float(r), int(n)) for r, n in zip(episode["r"][over], episode["l"][over], strict=True)]
         self.episodes += int(over.sum())
 
     def update(self, samples: dict[str, Tensor]) -> dict[str, float]:
-        """Trains the networks on samples; returns statistics of the update."""
+        """Trains the networks on samples of `collect`, adapts the learning rate, and returns statistics for the learning curve."""
         s, net, count = self.settings, self.net, len(samples["return"])
         old_log_std = net.log_std.detach().clone()
         losses, clipped = [], []
@@ -206,7 +207,7 @@ class Run:
         }
 
     def policy(self) -> Policy:
-        """Trained policy, in NumPy."""
+        """Current actor as a `Policy` in NumPy."""
         linear = [layer for layer in self.net.actor if isinstance(layer, nn.Linear)]
         layers = tuple((layer.weight.detach().numpy().T.copy(), layer.bias.detach().numpy().copy()) for layer in linear)
         space = self.envs.single_action_space
@@ -245,7 +246,7 @@ class Run:
         run.net.load_state_dict(state.pop("net"))
         run.optimizer.load_state_dict(state.pop("optimizer"))
         envs, random = state.pop("envs"), state.pop("random")
-        if envs is None:  # Episodes are new, and have no return yet.
+        if envs is None:  # The new episodes have no observation and no return yet.
             del state["observation"], state["discounted"]
         else:
             run.envs = envs
@@ -255,7 +256,7 @@ class Run:
 
 
 def _divergence(mean: Tensor, log_std: Tensor, new_mean: Tensor, new_log_std: Tensor) -> float:
-    """Kullback-Leibler divergence of Gaussians, old from new, nats; mean over states."""
+    """Mean over states of the Kullback-Leibler divergence of the old from the new Gaussian, KL(old, new), nats."""
     var, new_var = torch.exp(2.0 * log_std), torch.exp(2.0 * new_log_std)
     parts = new_log_std - log_std + (var + (mean - new_mean).square()) / (2.0 * new_var) - 0.5
     return float(parts.sum(-1).mean())
@@ -268,30 +269,33 @@ def train(settings: Settings, folder: Path, *, every: float = 30.0, quiet: bool 
         settings: Settings of the run.
         folder: Folder for curve.csv, checkpoint.pt and policy.npz.
         every: Time between two checkpoints, s.
-        quiet: Whether to print nothing.
+        quiet: Whether to print no progress.
+
+    Returns:
+        The completed run.
 
     Raises:
-        ValueError: The folder has a run with other settings.
+        ValueError: The folder contains a run with other settings.
     """
     torch.set_num_threads(settings.threads)
     folder.mkdir(parents=True, exist_ok=True)
     curve, checkpoint = folder / "curve.csv", folder / "checkpoint.pt"
     if not quiet:
-        begins = "continuing" if checkpoint.exists() else "making"
-        print(f"{settings.env}: {begins} a run of {settings.num_envs:,} environments, seed {settings.seed}, in {folder}", flush=True)
+        action = "continuing" if checkpoint.exists() else "starting"
+        print(f"{settings.env}: {action} a run of {settings.num_envs:,} environments, seed {settings.seed}, in {folder}", flush=True)
     if checkpoint.exists():
         run = Run.load(checkpoint)
         theirs, ours = dataclasses.asdict(run.settings), dataclasses.asdict(settings)
         theirs["steps"], run.settings = settings.steps, settings  # A run may continue with more steps.
         if found := [f"{name} is {theirs[name]} there, {ours[name]} here" for name in ours if theirs.get(name) != ours[name]]:
-            raise ValueError(f"{folder} has another run: {'; '.join(found)}; give another folder with --out")
+            raise ValueError(f"{folder} contains a run with other settings: {'; '.join(found)}; give another folder with --out")
     else:
         run = Run(settings)
     _cut(curve, run.iteration)
     if not quiet:
-        goes_on = f", from step {run.steps:,} on" if run.steps else ""
+        continued = f", from step {run.steps:,} on" if run.steps else ""
         rest = f"a line every {PRINT_INTERVAL:.0f} s, and every update in {curve}"
-        print(f"training for {settings.steps:,} steps{goes_on}; {rest}", flush=True)
+        print(f"training for {settings.steps:,} steps{continued}; {rest}", flush=True)
     printed = -np.inf
     saved, begun, spent = time.perf_counter(), time.perf_counter() - run.seconds, time.process_time() - run.processor
     while run.steps < settings.steps:
@@ -315,13 +319,14 @@ def train(settings: Settings, folder: Path, *, every: float = 30.0, quiet: bool 
 
 
 def _cut(curve: Path, iteration: int) -> None:
-    """Removes the rows of a learning curve after a checkpoint's iteration, which the run repeats."""
+    """Removes the rows of a learning curve after an iteration, that of the checkpoint, because the run repeats these."""
     if curve.exists():
         lines = curve.read_text().splitlines(keepends=True)
         curve.write_text("".join(lines[: iteration + 1]))
 
 
 def _append(curve: Path, row: dict[str, float]) -> None:
+    """Appends a row to a CSV file, after a header if the file is new."""
     new = not curve.exists() or not curve.stat().st_size
     with curve.open("a", newline="") as file:
         writer = csv.DictWriter(file, list(row))
@@ -335,7 +340,7 @@ def main(words: Sequence[str] | None = None, prog: str | None = None) -> None:
 
     Args:
         words: Arguments of the command line; None is those of the process.
-        prog: Name of the command in its help; None is the name of the file.
+        prog: Name of the command in the help text; None is the name of the file.
     """
     given = vars(arguments(prog).parse_args(words))
     env, out, episodes, video, copy = (given.pop(name) for name in ("env", "out", "evaluate", "film", "copy"))
@@ -356,7 +361,7 @@ def main(words: Sequence[str] | None = None, prog: str | None = None) -> None:
     run = train(settings, folder)
     policy = run.policy()
     print(f"{run.steps:,} steps in {run.seconds:.0f} s, {run.processor:.0f} s of processor time; the run is in {folder}")
-    print(f"evaluating {episodes} fresh episodes", flush=True)
+    print(f"evaluating {episodes} new episodes", flush=True)
     print(evaluate(policy, env, episodes=episodes, seed=EVALUATION_SEED, **settings.environment()), flush=True)
     if video is not None:
         print("filming at most 300 actions", flush=True)
@@ -365,7 +370,7 @@ def main(words: Sequence[str] | None = None, prog: str | None = None) -> None:
 
 
 def _filmed(actions: int) -> None:
-    """Prints the progress of a film."""
+    """Prints progress after every 50 filmed actions."""
     if actions % 50 == 0:
         print(f"{actions:>12,} actions filmed", flush=True)
 

@@ -1,4 +1,4 @@
-"""Settings of the learner (`stepper.policies.ppo`), their defaults for each task, and the command line. It does not import PyTorch."""
+"""Settings of the learner (`stepper.policies.ppo`) with defaults for each task, and its command line. PyTorch is not imported."""
 
 from __future__ import annotations
 
@@ -13,41 +13,43 @@ from typing import Any
 
 from stepper.policies.evaluation import is_native
 
-ABOUT = """Trains a task by proximal policy optimisation (PPO), keeps its learning curve, checkpoint and policy, evaluates and films it.
+ABOUT = """Trains a policy for a task by proximal policy optimisation (PPO), evaluates it, and films it with --film.
+
+The learning curve, a checkpoint and the policy are written to a folder.
 
     stepper train stepper/HalfCheetah-v5 --seed 1 --film half_cheetah.mp4
 
-A stopped run continues with the same command. Settings of a task are those in stepper/policies/ppo_settings.py; options replace them."""
+The same command continues a stopped run. Each task has its settings in stepper/policies/ppo_settings.py; options override these."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """Settings of a training run. The same settings give the same learning curve.
+    """Settings of a training run. Equal settings give the same learning curve.
 
     Attributes:
         env: Id of an environment in Gymnasium's registry.
         seed: Seed of all random numbers.
         steps: Number of environment steps.
-        contact: Law of contact of stepper's environments, "mujoco" or "hard"; empty is the task's default.
-        precision: Scalar type of the steps of stepper's environments.
-        num_envs: Number of environments that step together.
-        horizon: Steps of each environment between two updates.
-        epochs: Passes over the samples of an update.
-        minibatch: Samples per gradient step; samples that do not fill a minibatch are skipped.
-        hidden: Units of each of the two hidden layers.
+        contact: Contact law of environments on stepper, "mujoco" or "hard"; empty is the default of the task.
+        precision: Precision of environments on stepper, "f64" or "f32".
+        num_envs: Number of environments that step in parallel.
+        horizon: Number of steps of each environment between two updates.
+        epochs: Number of passes over the samples of an update.
+        minibatch: Number of samples per gradient step; samples that do not fill a minibatch are skipped.
+        hidden: Number of units in each of the two hidden layers.
         learning_rate: Initial learning rate of Adam.
         target_kl: Target Kullback-Leibler divergence of an update, nats; above twice it the learning rate falls, below half it rises.
-        gamma: Discount.
-        gae_lambda: Decay factor of the advantage estimator.
-        clip: Largest change of the probability ratio.
+        gamma: Discount factor per action.
+        gae_lambda: Decay factor lambda of generalised advantage estimation.
+        clip: Deviation of the probability ratio from 1 at which the objective is clipped.
         entropy: Weight of the entropy bonus.
-        value: Weight of the value loss.
-        max_grad_norm: Bound of the gradient's norm.
-        initial_std: Initial standard deviation of the actions, as a share of half their range.
-        threads: Threads of the physics and of the learner.
+        value: Weight of the loss of the critic.
+        max_grad_norm: Largest norm of the gradient; larger gradients are scaled down.
+        initial_std: Initial standard deviation of the actions, as a fraction of half their range.
+        threads: Number of threads of the physics and of the learner.
 
     Raises:
-        ValueError: There are fewer samples between two updates than a minibatch has.
+        ValueError: A minibatch has more samples than there are between two updates.
     """
 
     env: str = "stepper/HalfCheetah-v5"
@@ -81,11 +83,11 @@ class Settings:
 
     @classmethod
     def of_task(cls, env: str, **given: Any) -> Settings:
-        """Settings of a task in `TASKS`, with the changes of `given`."""
+        """Settings from `TASKS` for an environment, overridden by the arguments `given`."""
         return cls(env=env, **{**TASKS.get(env.rpartition("/")[2], {}), **given})
 
     def environment(self) -> dict[str, Any]:
-        """Arguments of the environment: contact and precision, for environments on stepper."""
+        """Arguments for the creation of the environment: contact and precision if it is on stepper, otherwise none."""
         given = {"contact": self.contact, "precision": self.precision} if is_native(self.env) else {}
         return {name: value for name, value in given.items() if value}
 
@@ -101,7 +103,7 @@ SMALL: Mapping[str, Any] = {
     "max_grad_norm": 0.5,
     "initial_std": 1.0,
 }
-"""Settings with many small gradient steps and a large initial spread of actions, for tasks whose episodes end with a fall."""
+"""Settings with many small gradient steps and a large initial standard deviation of the actions, for tasks that end with a fall."""
 
 ROUGH: Mapping[str, Any] = {
     "steps": 100_000_000,
@@ -112,7 +114,7 @@ ROUGH: Mapping[str, Any] = {
     "entropy": 0.005,
     "initial_std": 0.5,
 }
-"""Settings of mjlab's rough velocity tasks, with smaller networks."""
+"""Settings of mjlab for its velocity tasks on rough terrain, with smaller networks."""
 
 
 TASKS: Mapping[str, Mapping[str, Any]] = {
@@ -132,18 +134,20 @@ TASKS: Mapping[str, Mapping[str, Any]] = {
     "G1Rough-v0": {**ROUGH, "steps": 200_000_000},
     "G1Velocity-v0": {"steps": 40_000_000, "epochs": 5, "contact": "mujoco", "hidden": 128, "initial_std": 0.5},
 }
-"""Settings of tasks that differ from the defaults of `Settings`, for any simulator. Options of the command line override both."""
+"""Settings of each task that differ from the defaults of `Settings`, by id without the namespace, for any simulator.
+
+Options of the command line override them."""
 
 
 def copy_learner(source: Path, file: Path) -> None:
-    """Copies the file of a learner.
+    """Copies the source file of the learner, and prints how to run the copy (option --copy).
 
     Args:
-        source: File of the learner.
+        source: Source file of the learner.
         file: Path of the copy.
 
     Raises:
-        ValueError: The copy exists already.
+        ValueError: `file` exists already.
     """
     if file.exists():
         raise ValueError(f"--copy: {file} exists; name a new file, or remove it")
@@ -152,12 +156,10 @@ def copy_learner(source: Path, file: Path) -> None:
 
 
 def arguments(prog: str | None = None) -> argparse.ArgumentParser:
-    """Parser of the command line: every setting is an option, with its description in `Settings` as help."""
+    """Parser of the command line. Every setting is an option; its help text is the description in `Settings`."""
     parser = argparse.ArgumentParser(prog=prog, description=ABOUT, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument(
-        "env", nargs="?", default=Settings.env, help=f"an id in Gymnasium's registry, or module:id; {Settings.env} by default"
-    )
-    parser.add_argument("--out", type=Path, help="folder of the run; a folder in out/train by default")
+    parser.add_argument("env", nargs="?", default=Settings.env, help=f"id in Gymnasium's registry, or module:id [{Settings.env}]")
+    parser.add_argument("--out", type=Path, help="folder of the run [a folder in out/train]")
     parser.add_argument("--evaluate", type=int, default=20, metavar="EPISODES", help="number of evaluation episodes after the training")
     parser.add_argument("--film", type=Path, metavar="FILE", help="video (mp4) of one more episode")
     parser.add_argument("--copy", type=Path, metavar="FILE", help="copy the learner's source to a new file, for changes, and exit")

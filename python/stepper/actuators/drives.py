@@ -1,4 +1,4 @@
-"""Drives of actuators: delay, filters, servo and motor between a control and its force."""
+"""Drive of an actuator and its parts: delay, lag, servo and motor between a control and the force."""
 
 from __future__ import annotations
 
@@ -17,18 +17,20 @@ Envs: TypeAlias = "np.ndarray[Any, Any] | None"
 
 @dataclass(frozen=True, kw_only=True)
 class PID:
-    """Servo that replaces the force law of an actuator: the control is a set point of the actuator's length (with MJCF's gear).
+    """Servo (PID controller) that replaces the force law of an actuator. The control is then the target of the actuator's length.
 
-    effort = kp (control - length) + integral of ki (control - length) - kd velocity. The integral does not grow while the effort is at its
-    bounds and would be driven further beyond them. Every number is a scalar for all environments or an array (num_envs,).
+    The length is MJCF's gear times the joint position. effort = kp (control - length) + I - kd velocity, where I is the sum of
+    ki (control - length) dt. I stays constant in a step in which the effort exceeds a limit and the new I would increase the excess. Every
+    number is a scalar for all environments or an array (num_envs,).
 
     Attributes:
         kp: Proportional gain, N or N m per unit of length.
         ki: Integral gain, N or N m per unit of length and second.
         kd: Derivative gain, N or N m per unit of velocity.
-        integral_limit: Largest effort of the integral, N or N m; None is no limit.
-        period: Sampling period of a digital controller, s: it holds the effort between samples; at least a time step.
-            None is a continuous servo: its stiffness and damping are implicit, so that no time step is too long for them.
+        integral_limit: Largest absolute value of the integral term I, N or N m; None is no limit.
+        period: Sampling period of a digital controller, s, at least one time step; the effort is constant between samples.
+            None is a continuous servo. The integrators midpoint and implicit then treat kp and kd implicitly and are stable for any time
+            step.
     """
 
     kp: Number
@@ -51,7 +53,7 @@ class PID:
 
 @dataclass(frozen=True, kw_only=True)
 class DCMotor:
-    """DC motor behind a gear without backlash. Parameters refer to the motor shaft, which turns `gear` times as fast as the actuator.
+    """DC motor with a gear without backlash. Parameters refer to the motor shaft, which turns `gear` times as fast as the actuator.
 
     At nominal voltage the torque is stall_torque (1 - speed / no_load_speed). The step treats this back-EMF damping implicitly. Every
     number but rotor_inertia and gear is a scalar for all environments or an array (num_envs,).
@@ -61,10 +63,10 @@ class DCMotor:
         no_load_speed: Speed without load at nominal voltage, rad/s.
         rotor_inertia: Inertia of the rotor, kg m^2; the joint's armature gets gear^2 times as much.
         gear: Gear ratio: shaft speed over actuator speed (rad per unit of actuator length).
-        efficiency: Fraction of the power that the gear transmits in either direction. Driving the joint, the torque is multiplied by it;
-            driven back by the joint, the torque is divided by it.
-        control: Unit of the effort. "torque": a torque, N m, limited to the torque-speed curve for voltages of both signs. "voltage": a
-            fraction of the nominal voltage, from -1 to 1.
+        efficiency: Fraction of the power that the gear transmits in either direction. The torque at the joint is multiplied by it if the
+            motor drives the joint, and divided by it if the joint drives the motor.
+        control: Kind of input of the motor. With "torque", it is a torque, N m, limited by the torque-speed curve for voltages of both
+            signs. With "voltage", it is a fraction of the nominal voltage, from -1 to 1.
     """
 
     stall_torque: Number | None = None
@@ -82,7 +84,7 @@ class DCMotor:
         if self.control not in ("torque", "voltage"):
             raise ValueError(f"control is {self.control!r}, must be 'torque' or 'voltage'")
         if (self.stall_torque is None) != (self.no_load_speed is None):
-            raise ValueError("stall_torque and no_load_speed go together: give both or none")
+            raise ValueError("give both stall_torque and no_load_speed, or none of them")
 
     def _row(self, num_envs: int, envs: Envs = None) -> dict[str, Any]:
         def curve(name: str) -> list[float]:
@@ -101,21 +103,21 @@ class DCMotor:
 
 @dataclass(frozen=True, kw_only=True)
 class Drive:
-    """Delay, filters, servo and motor between the control of an actuator and its force, in the order in which they act.
+    """Model of the delay, servo, lag, motor, gear and friction of an actuator. The default is an ideal actuator.
 
-    The default is an ideal actuator.
-
-    The order: control range, delay, servo, lag, force law of the actuator, limits, torque-speed curve, gear, friction. Every number is a
-    scalar for all environments or an array (num_envs,). See docs/reference/actuators.md.
+    The control passes these stages in this order: control range, delay, servo, lag, force law of the actuator, limits, torque-speed curve,
+    gear, friction. Every number is a scalar for all environments or an array (num_envs,). See docs/reference/actuators.md.
 
     Attributes:
-        delay: Delay of the control, s. If it is not a multiple of the time step, a step uses the control's mean over the step.
+        delay: Delay of the control, s. If it is no multiple of the time step, a step uses the mean of the delayed control over the step.
+            With a sampled servo (`PID.period`), the delay is rounded up to whole steps.
         delay_steps: Delay of the control, time steps; it is added to `delay`.
-        lag: Time constant in s of a first-order lag of the control, or of the servo's effort; 0 is none.
-        limits: Lowest and highest effort, N or N m, in addition to those of the actuator.
-        motor: Motor with its gear.
+        lag: Time constant of a first-order lag of the control, or of the effort of a servo, s; 0 is no lag.
+        limits: Smallest and largest effort, N or N m, in addition to `forcerange` of the actuator.
+        motor: DC motor with gear.
         servo: Servo that replaces the force law and the control range of the actuator.
-        friction: Dry friction before the actuator's gear (MJCF), N or N m; at the joint it is gear times as large.
+        friction: Dry friction on the actuator's side of MJCF's gear, N or N m. At the joint it is the absolute value of that gear times as
+            large.
     """
 
     delay: Number = 0.0

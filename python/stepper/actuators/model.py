@@ -1,4 +1,4 @@
-"""Actuators that are not ideal: drives of a model's actuators, by name, in code and in files."""
+"""Assignment of drives to the actuators of a model by name, with conversion to and from files."""
 
 from __future__ import annotations
 
@@ -21,8 +21,9 @@ class ActuatorModel:
     """Drives of a model's actuators, for `Stepper(..., actuators=)` and `Stepper.randomize(actuators=)`.
 
     Args:
-        drives: By the name of the actuator, or a pattern like "left_*"; a name goes before patterns, and of patterns the first counts.
-        default: For actuators that none of them fits; None leaves those ideal, or, of `randomize`, as they are.
+        drives: Drives by name of the actuator, or by a pattern like "left_*". Names have precedence over patterns, and the first matching
+            pattern counts.
+        default: Drive of all other actuators. None leaves them ideal, and with `randomize` unchanged.
     """
 
     def __init__(self, drives: Mapping[str, Drive] | None = None, *, default: Drive | None = None):
@@ -32,46 +33,48 @@ class ActuatorModel:
     def from_file(cls, path: str | os.PathLike[str]) -> ActuatorModel:
         """Reads a TOML (.toml) or JSON (.json) file.
 
-        A table `actuators` has a table for every name or pattern, and a table `default` is optional. Their entries are the attributes of
-        `Drive`, with tables `motor` and `servo` for those of `DCMotor` and `PID`.
+        The table `actuators` has one table per name or pattern; a table `default` is optional. Entries of these tables are the attributes
+        of `Drive`, with tables `motor` and `servo` for the attributes of `DCMotor` and `PID`.
 
         Raises:
-            ValueError: An unknown entry, named with the file.
+            ValueError: An unknown entry; the message has the entry and the file.
         """
         return cls.from_dict(read_file(path), str(path))
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], place: str = "actuators") -> ActuatorModel:
-        """The inverse of `to_dict`, and the contents of a file; `place` begins messages."""
+        """Actuator model from a dictionary in the format of `to_dict` and of files; messages begin with `place`."""
         tables = named_tables(data, "actuators", place)
         named = {name: _read(table, Drive, f"{place}: actuator {name!r}") for name, table in tables.items()}
         return cls(named, default=_read(data["default"], Drive, f"{place}: default") if "default" in data else None)
 
     def to_dict(self) -> dict[str, Any]:
-        """The contents of a file that `from_file` reads; arrays become lists."""
+        """Dictionary in the format of the files of `from_file`; arrays become lists."""
         out: dict[str, Any] = {"actuators": {name: _plain(drive) for name, drive in self.named.items()}}
         return out | ({"default": _plain(self.default)} if self.default else {})
 
     def drives(self, model: Model, num_envs: int, envs: Envs = None) -> list[dict[str, Any] | None]:
-        """Drives for the actuators of a model, one entry for each; None for those without. Of all environments, or of some.
+        """Drives of all actuators of a model, as fields of the Rust crate's `ActuatorSpec`; None for ideal actuators.
+
+        `envs` is a mask (num_envs,) of the environments whose numbers the drives have; None is all.
 
         Raises:
-            ValueError: A name that no actuator has, a pattern that fits none, a wrong shape.
+            ValueError: A name or pattern matches no actuator, or an array has a wrong shape.
         """
         names = _names(model)
         check_names(self.named, names, "actuator")
         return [self._row(name, num_envs, envs) for name in names]
 
     def drive_of(self, name: str) -> Drive | None:
-        """The drive of an actuator, by its name or "#3"; None where nothing is said of it."""
+        """Drive of an actuator, by name or by index in the form "#3"; None if neither a name, a pattern nor a default applies."""
         return fitting(self.named, self.default, name)
 
     def chosen(self, index: np.ndarray[Any, Any]) -> ActuatorModel:
-        """Copy with the numbers of some environments alone: a mask (num_envs,), or indices, which may repeat."""
+        """Copy with the numbers of some environments only, by a mask (num_envs,) or by indices, which may repeat."""
         return self._changed(lambda x: x[index])
 
     def spread(self, mask: np.ndarray[Any, Any]) -> ActuatorModel:
-        """Model for all environments of a mask, (num_envs,), the inverse of `chosen`: rows of other environments are 0."""
+        """Inverse of `chosen` for a mask, (num_envs,): copy for all environments, with 0 in environments outside of the mask."""
 
         def spread(x: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
             out = np.zeros(len(mask))
@@ -81,12 +84,13 @@ class ActuatorModel:
         return self._changed(spread)
 
     def _changed(self, change: Callable[[np.ndarray[Any, Any]], np.ndarray[Any, Any]]) -> ActuatorModel:
+        """Copy in which `change` was applied to all arrays of environments."""
         default = None if self.default is None else _changed(self.default, change)
         return ActuatorModel({name: _changed(drive, change) for name, drive in self.named.items()}, default=default)
 
     @classmethod
     def _from_rows(cls, model: Model, rows: list[dict[str, Any] | None]) -> ActuatorModel:
-        """The inverse of `drives`."""
+        """Actuator model from drives in the format of `drives`."""
         named = zip(_names(model), rows, strict=True)
         return cls({name: _from_row(row, Drive) for name, row in named if row is not None})
 
@@ -109,7 +113,7 @@ class ActuatorModel:
 
 
 def _plain(part: PID | DCMotor | Drive) -> dict[str, Any]:
-    """Attributes that are given, as plain numbers, lists and tables."""
+    """Attributes other than None, as numbers, strings, lists and dictionaries."""
     out: dict[str, Any] = {}
     for field in fields(part):
         value = getattr(part, field.name)
@@ -125,11 +129,12 @@ def _plain(part: PID | DCMotor | Drive) -> dict[str, Any]:
 
 
 def _names(model: Model) -> list[str]:
+    """Names of the actuators, or their indices in the form "#3"."""
     return [name or f"#{index}" for index, name in enumerate(model.actuator_names)]
 
 
 def _changed(part: Any, change: Callable[[np.ndarray[Any, Any]], np.ndarray[Any, Any]]) -> Any:
-    """A part of an actuator model with other arrays of environments; what all of them share stays."""
+    """Copy of a drive, motor or servo in which `change` was applied to all arrays of environments, but not to scalars."""
 
     def new(value: Any) -> Any:
         if isinstance(value, PID | DCMotor):
@@ -142,7 +147,7 @@ def _changed(part: Any, change: Callable[[np.ndarray[Any, Any]], np.ndarray[Any,
 
 
 def _from_row(row: dict[str, Any], kind: type[Any]) -> Any:
-    """A part of an actuator model from what the Rust crate holds: None for missing and for infinite numbers."""
+    """Drive, motor or servo from fields of the Rust crate; missing and infinite numbers become None."""
 
     def number(value: Any) -> Any:
         if not isinstance(value, list):
@@ -162,13 +167,13 @@ def _from_row(row: dict[str, Any], kind: type[Any]) -> Any:
 
 
 def _read(table: Any, kind: type[Any], place: str) -> Any:
-    """A part of an actuator model from a table of a file."""
+    """Drive, motor or servo from a table of a file; messages begin with `place`."""
     if not isinstance(table, dict):
         raise ValueError(f"{place} is {table!r}, must be a table of entries")
     given = dict(table)
     known = {field.name for field in fields(kind)}
     if unknown := set(given) - known:
-        raise ValueError(f"{place}: unknown entries {sorted(unknown)}, must be of: {', '.join(sorted(known))}")
+        raise ValueError(f"{place}: unknown entries {sorted(unknown)}, must be one of: {', '.join(sorted(known))}")
     if kind is Drive:
         for name, part in (("motor", DCMotor), ("servo", PID)):
             if name in given:

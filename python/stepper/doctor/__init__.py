@@ -1,4 +1,4 @@
-"""Check of an installation: CPU level, versions, optional packages, and whether a short trajectory has the expected bits."""
+"""Check of an installation: versions, CPU level, optional packages, and a self-test that compares a short trajectory bit for bit."""
 
 from stepper._stepper import cpu_levels
 from stepper.doctor.diagnosis import Diagnosis, diagnose

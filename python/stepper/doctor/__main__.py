@@ -1,4 +1,4 @@
-"""`python -m stepper.doctor`: the command `stepper doctor`, for an installation without the packages of the command line."""
+"""`python -m stepper.doctor`, which is `stepper doctor` for installations without the packages of the command line."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""The report of `stepper doctor`."""
+"""Diagnosis of an installation, which `stepper doctor` prints."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from stepper.shared.machine import allowed_cores, cpu_name, package_version
 _LEVEL = "STEPPER_CPU_LEVEL"
 _VERSIONS = ("numpy", "mujoco-core", "mujoco")
 _MEANING = (
-    "This build does not compute the bits of the tested one at these CPU levels. Recordings and saved trajectories of other machines will "
-    "differ. Report it with this output, and use another level meanwhile: STEPPER_CPU_LEVEL=baseline."
+    "At the CPU levels without the expected bits, this build computes other results than the tested build. Recordings and saved "
+    "trajectories of other machines will differ. Report this output, and use another level meanwhile: STEPPER_CPU_LEVEL=baseline."
 )
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """State of an installation. `print` shows it as `stepper doctor` does.
+    """Diagnosis of an installation; its text is the output of `stepper doctor`. It is true if there is no fault.
 
     Attributes:
-        versions: Versions of stepper, Python, the system and the packages it works with, by name.
+        versions: Versions of stepper, Python, the operating system, NumPy and MuJoCo, by name.
         cpu: Name of the processor.
         cores: Number of cores that this process may use.
-        cpu_levels: CPU levels that this machine and this build have, slowest first.
-        cpu_level: The level in use, or the unusable one that `STEPPER_CPU_LEVEL` names.
-        level_error: Why `STEPPER_CPU_LEVEL` cannot be used; empty if it can, or is not set.
-        extras: Optional packages.
-        self_test: Result of the self-test by CPU level: empty if the bits are the expected ones, otherwise what is wrong.
+        cpu_levels: Sets of CPU instructions that this machine and this build support, slowest first.
+        cpu_level: Level that is used, or the value of the environment variable STEPPER_CPU_LEVEL.
+        level_error: Reason why the value of STEPPER_CPU_LEVEL cannot be used; empty if there is none.
+        extras: Groups of optional packages.
+        self_test: Result of the self-test by CPU level: the fault, or an empty string if the trajectory is as expected.
     """
 
     versions: dict[str, str]
@@ -45,17 +45,20 @@ class Diagnosis:
     self_test: dict[str, str]
 
     def __bool__(self) -> bool:
-        """Whether the level in use exists, MuJoCo is whole and no self-test failed. Missing extras are no fault."""
+        """Whether the CPU level is available, there is one version of MuJoCo, and no self-test failed. Missing extras are no fault."""
         return not (self.level_error or self._mujoco_error or any(self.self_test.values()))
 
     @property
     def _mujoco_error(self) -> str:
-        """Why MuJoCo cannot be used; empty if it can, or is not installed. `mujoco` and `mujoco-core` install into the same folder."""
+        """Reason why MuJoCo cannot be used: `mujoco` and `mujoco-core`, which have the same files, have different versions.
+
+        Empty if there is no such fault.
+        """
         whole, core = self.versions.get("mujoco"), self.versions.get("mujoco-core")
         if whole is None or core is None or whole == core:
             return ""
         return (
-            f"mujoco {whole} and mujoco-core {core} overwrite each other's files, so that no model may load: "
+            f"mujoco {whole} and mujoco-core {core} overwrite each other's files, so that models may not load: "
             'pip uninstall mujoco mujoco-core, then pip install "stepper-sim[mjcf]"'
         )
 
@@ -76,32 +79,32 @@ def diagnose(*, self_test: bool = True) -> Diagnosis:
     """Examines this installation.
 
     Args:
-        self_test: Whether to step a short trajectory at every CPU level, each in a separate process, and compare its bits: a second
-            or two.
+        self_test: Whether to compute a short trajectory at every CPU level, in a separate process each, and compare it bit for bit. This
+            takes one or two seconds.
     """
     levels = cpu_levels()
-    asked = os.environ.get(_LEVEL, "")
-    error = f"none, as {_LEVEL}={asked} names no level of this machine and build; unset it, or use one of {', '.join(levels)}"
+    requested = os.environ.get(_LEVEL, "")
+    error = f"none, as {_LEVEL}={requested} names no level of this machine and build; unset it, or use one of {', '.join(levels)}"
     return Diagnosis(
         versions=_versions(),
         cpu=cpu_name(),
         cores=len(allowed_cores()),
         cpu_levels=levels,
-        cpu_level=asked or levels[-1],
-        level_error="" if asked in {"", *levels} else error,
+        cpu_level=requested or levels[-1],
+        level_error="" if requested in {"", *levels} else error,
         extras=extras(),
         self_test={level: _verdict(level) for level in levels} if self_test else {},
     )
 
 
 def _versions() -> dict[str, str]:
-    """Versions by name, in the order of the report."""
+    """Versions of stepper, Python, the operating system and installed packages, in the order of the report."""
     system = {"stepper": __version__, "python": platform.python_version(), "system": platform.platform()}
     return system | {name: version for name in _VERSIONS if (version := package_version(name))}
 
 
 def _verdict(level: str) -> str:
-    """Fault of the self-test at a CPU level; empty without one."""
+    """Fault in the self-test at a CPU level; an empty string if there is none."""
     try:
         digest = digest_at(level)
     except (RuntimeError, subprocess.TimeoutExpired) as error:

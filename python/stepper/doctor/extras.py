@@ -1,4 +1,4 @@
-"""Optional packages: which are installed, and the command that installs the others."""
+"""Extras, which are groups of optional packages: installed versions, and commands that install missing packages."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ PACKAGES = {
     "identify": ("scipy",),
     "onnx": ("onnxruntime",),
 }
-"""Distributions that each extra of pyproject.toml installs."""
+"""Packages of each extra in pyproject.toml."""
 
 
 @dataclass(frozen=True)
 class Extra:
-    """An extra of the package, as in `pip install "stepper-sim[viewer]"`.
+    """Group of optional packages, as in `pip install "stepper-sim[viewer]"`.
 
     Attributes:
         name: Name of the extra.
-        versions: Version of each of its packages by name; None if the package is not installed.
+        versions: Installed version of each package of the extra by name; None if it is not installed.
     """
 
     name: str
@@ -32,12 +32,12 @@ class Extra:
 
     @property
     def missing(self) -> list[str]:
-        """Names of its packages that are not installed."""
+        """Names of the packages that are not installed."""
         return [name for name, version in self.versions.items() if version is None]
 
     @property
     def command(self) -> str:
-        """Command that installs it."""
+        """Command that installs the extra."""
         return f'pip install "stepper-sim[{self.name}]"'
 
     def __str__(self) -> str:
@@ -47,5 +47,5 @@ class Extra:
 
 
 def extras() -> tuple[Extra, ...]:
-    """All extras, with the versions that are installed."""
+    """All extras with installed versions."""
     return tuple(Extra(name, {package: package_version(package) for package in packages}) for name, packages in PACKAGES.items())

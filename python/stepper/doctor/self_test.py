@@ -1,6 +1,6 @@
-"""A short trajectory with contacts, limits and servos, and a digest of its bits.
+"""Self-test of `stepper doctor`: the SHA-256 of a short trajectory with contacts, limits and servos.
 
-`scene.stepper` is its model and `digest.txt` the expected digest; `python tests/self_test_scene.py` writes both.
+The model is in `scene.stepper` and the expected SHA-256 in `digest.txt`; `python tests/self_test_scene.py` writes both files.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from stepper._stepper import Model, Stepper
 FOLDER = Path(__file__).parent
 SCENE = FOLDER / "scene.stepper"
 DIGEST = FOLDER / "digest.txt"
-PATIENCE = 120.0
-"""Seconds that one CPU level may take; 0.3 on an idle machine."""
+LONGEST = 120.0
+"""Largest duration of the self-test at one CPU level, s. It takes 0.3 s on an idle machine."""
 _ENVS = 19
-"""Number of environments: it leaves lanes of every register width empty."""
+"""Number of environments, no multiple of any number of SIMD lanes, so that some lanes are empty."""
 _CALLS, _STEPS = 50, 4
 
 
 def trajectory_digest() -> str:
-    """SHA-256 of the trajectory in both precisions and with both contact laws, at the CPU level of this process."""
+    """SHA-256 of the trajectories with both precisions and both contact laws, at the CPU level of this process."""
     model = Model.from_file(SCENE)
     digest = hashlib.sha256()
     precisions: tuple[Precision, ...] = ("f64", "f32")
@@ -42,27 +42,27 @@ def trajectory_digest() -> str:
 
 
 def expected_digest() -> str:
-    """Digest of the build that was tested."""
+    """SHA-256 from the tested build."""
     return DIGEST.read_text(encoding="ascii").strip()
 
 
 def digest_at(level: str) -> str:
-    """Digest of the trajectory of the self-test, computed by a new process at a CPU level.
+    """SHA-256 of the trajectories, computed by a new process at a CPU level.
 
     Raises:
-        RuntimeError: The process failed; the message has its last line.
+        RuntimeError: The process failed; the message has the last line of its output.
     """
     command = [sys.executable, "-P", "-c", f"from {__name__} import trajectory_digest; print(trajectory_digest())"]
     environment = os.environ | {"STEPPER_CPU_LEVEL": level}
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=PATIENCE, check=False)
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=LONGEST, check=False)
     if done.returncode != 0:
-        said = done.stderr.strip().splitlines() or [f"exit code {done.returncode}"]
-        raise RuntimeError(f"the self-test failed at CPU level {level}: {said[-1]}")
+        output = done.stderr.strip().splitlines() or [f"exit code {done.returncode}"]
+        raise RuntimeError(f"the self-test failed at CPU level {level}: {output[-1]}")
     return done.stdout.strip()
 
 
 def _trajectory(sim: Stepper) -> Iterator[bytes]:
-    """Bits of positions, velocities and residuals along a trajectory from set velocities with set controls."""
+    """Yields the bytes of positions, velocities and residuals along a trajectory with fixed initial velocities and controls."""
     sim.set_state(qvel=np.linspace(-0.5, 0.5, _ENVS * sim.model.nv).reshape(_ENVS, -1))
     ctrl = np.linspace(-1.0, 1.0, _ENVS * sim.model.nu).reshape(_ENVS, -1)
     for _ in range(_CALLS):

@@ -1,4 +1,4 @@
-"""Sensors: sensor errors, devices with data sheets, additional sensors of a model, and height fields."""
+"""Sensor errors, commercial devices with data sheets, additional sensors for a model, and heights of height fields."""
 
 from stepper.sensors import devices
 from stepper.sensors.heights import HeightField

@@ -1,7 +1,8 @@
-"""Transfer functions of commercial devices, from their data sheets. Errors without a number in the sheet are ideal.
+"""Transfer functions of commercial sensors from data sheets. Errors that the data sheet does not specify are 0.
 
-Units are those of the readings: rad, rad/s, m/s^2, N, N m. Rates and accelerations are per axis. A sheet's zero-rate or zero-g offset is
-one standard deviation of the bias. In-run stability is the long-run standard deviation of a Gauss-Markov drift of 100 s.
+Units are those of the readings: rad, rad/s, m/s^2, N, N m. Rates and accelerations are per axis. The zero-rate or zero-g offset of a data
+sheet is used as one standard deviation of the bias. In-run stability is used as the stationary standard deviation of a drift, a first-order
+Gauss-Markov process with a correlation time of 100 s.
 """
 
 from __future__ import annotations
@@ -21,28 +22,49 @@ _TAU = 100.0
 
 
 def encoder(bits: int, *, turn: float = 2 * math.pi) -> Transfer:
-    """Transfer function of an absolute encoder with this number of bits per turn (rad, or m of travel)."""
+    """Transfer function of an absolute encoder: quantisation in 2^bits steps per turn.
+
+    Args:
+        bits: Number of bits per turn.
+        turn: Range of the encoder, rad, or m of travel.
+    """
     if not 1 <= bits <= 40:
         raise ValueError(f"bits is {bits}, must be from 1 to 40")
     return Transfer(quantum=turn / 2**bits)
 
 
 def encoder_velocity(bits: int, period: float, *, turn: float = 2 * math.pi) -> Transfer:
-    """Transfer function of the speed from an absolute encoder, as counts per sampling period (s)."""
+    """Transfer function of a speed that is computed as counts of an absolute encoder per sampling period.
+
+    Args:
+        bits: Number of bits per turn.
+        period: Sampling period, s.
+        turn: Range of the encoder, rad, or m of travel.
+    """
     if period <= 0:
         raise ValueError(f"period is {period} s, must be above 0")
     return Transfer(quantum=encoder(bits, turn=turn).quantum / period, period=period)  # type: ignore[operator]
 
 
 def _drift(stability: float) -> float:
-    """Driving noise, per sqrt(s), of a Gauss-Markov process of this standard deviation in the long run."""
+    """`Transfer.drift_std`, per sqrt(s), of a Gauss-Markov process with this stationary standard deviation."""
     return stability * math.sqrt(2.0 / _TAU)
 
 
 def _gyro(
     *, density: float, bias: float, stability: float, full: float, bits: int | None, scale: float = 0.0, cross: float = 0.0
 ) -> Transfer:
-    """A gyro in a sheet's units: degrees, seconds, Hz; stability in degrees per hour."""
+    """Transfer function of a gyro from values in the units of data sheets.
+
+    Args:
+        density: Noise density, deg/s/sqrt(Hz).
+        bias: Zero-rate offset, deg/s.
+        stability: In-run bias stability, deg/h; 0 is no drift.
+        full: Range in both directions, deg/s.
+        bits: Resolution over the whole range; None is no quantisation.
+        scale: Relative error of the scale.
+        cross: Cross-axis sensitivity, rad.
+    """
     return Transfer(
         noise_density=density * _DEG,
         bias_std=bias * _DEG,
@@ -58,7 +80,17 @@ def _gyro(
 def _accelerometer(
     *, density: float, bias: float, stability: float, full: float, bits: int | None, scale: float = 0.0, cross: float = 0.0
 ) -> Transfer:
-    """An accelerometer in a sheet's units: micro-g per sqrt(Hz), milli-g of bias, micro-g of stability, g of range."""
+    """Transfer function of an accelerometer from values in the units of data sheets.
+
+    Args:
+        density: Noise density, micro-g/sqrt(Hz).
+        bias: Zero-g offset, milli-g.
+        stability: In-run bias stability, micro-g; 0 is no drift.
+        full: Range in both directions, g.
+        bits: Resolution over the whole range; None is no quantisation.
+        scale: Relative error of the scale.
+        cross: Cross-axis sensitivity, rad.
+    """
     return Transfer(
         noise_density=density * 1e-6 * _G,
         bias_std=bias * 1e-3 * _G,
@@ -95,15 +127,15 @@ DEVICES: dict[str, Callable[[], Transfer]] = {
     "ati_gamma_force": lambda: Transfer(quantum=1 / 40, limits=(-130.0, 130.0)),
     "ati_gamma_torque": lambda: Transfer(quantum=1 / 800, limits=(-10.0, 10.0)),
 }
-"""Every device by name; call the entry for its `Transfer`."""
+"""All devices by name. An entry is a function that returns the `Transfer`."""
 
 
 def find(name: str) -> Transfer:
-    """Transfer function of a device, by name.
+    """Transfer function of a device of `DEVICES` by name.
 
     Raises:
         ValueError: An unknown device; the message lists the known ones.
     """
     if name not in DEVICES:
-        raise ValueError(f"no device {name!r}, there are: {', '.join(sorted(DEVICES))}")
+        raise ValueError(f"there is no device {name!r}; the devices are: {', '.join(sorted(DEVICES))}")
     return DEVICES[name]()

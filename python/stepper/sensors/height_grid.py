@@ -1,4 +1,4 @@
-"""Heights between the points of a grid, for many places at once."""
+"""Interpolation of heights on a grid, for many points at once."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 Array = NDArray[Any]
 
 _CHUNK = 16384
-"""Places that are read together, so that the arrays between the operations stay in a core's cache. Half and twice of it are as fast."""
+"""Number of points that are computed together, so that intermediate arrays stay in a core's cache. Half and twice are as fast."""
 
 
 class HeightGrid:
-    """Heights of a grid of points over a rectangle around the origin.
+    """Heights at the points of a grid over a rectangle centred at the origin, with linear interpolation.
 
     Each cell is two triangles, split by the diagonal from its corner with the smallest x and y.
 
     Args:
-        top: Heights of the points, (rows, columns): rows along y, columns along x, from the corner with the smallest x and y.
+        top: Heights of the grid points, (rows, columns), m: rows along y, columns along x, from the corner with the smallest x and y.
         half: Half the extent in x and y, (2,), m.
     """
 
@@ -28,14 +28,14 @@ class HeightGrid:
         rows, columns = top.shape
         self._cells = np.array([columns - 1, rows - 1])
         self._scale = self._cells / (2.0 * half)
-        # Heights at the least corners, and slopes of both triangles per cell, the upper ones first: what a look-up needs, and no more.
+        # Per cell: height at the corner with the smallest x and y, and slopes along x and y of its two triangles (upper ones first).
         least, right, above, far = top[:-1, :-1], top[:-1, 1:], top[1:, :-1], top[1:, 1:]
         self._least = np.ascontiguousarray(least).ravel()
         self._along = np.concatenate([(far - above).ravel(), (right - least).ravel()])
         self._across = np.concatenate([(above - least).ravel(), (far - right).ravel()])
 
     def at(self, places: Array, out: Array) -> None:
-        """Writes heights, m, at points (..., 2), m, to `out` (...); NaN beyond the border."""
+        """Writes heights, m, at the points `places`, (..., 2), m, to `out`, (...); NaN beyond the border."""
         flat, found = places.reshape(-1, 2), out.reshape(-1)
         for start in range(0, len(flat), _CHUNK):
             rows = slice(start, start + _CHUNK)
@@ -67,12 +67,12 @@ class HeightGrid:
             self._look_up(u, v, bool(nears_border[rows].any()), out[rows])
 
     def _look_up(self, u: Array, v: Array, checks: bool, out: Array) -> None:
-        """Writes heights at steps u along x and v along y of the grid to `out`. Changes u and v.
+        """Writes heights at points, given in cells, to `out`. Changes u and v.
 
         Args:
-            u: Steps from the least corner, 1 for each cell.
-            v: Steps across.
-            checks: Whether places may lie beyond the border.
+            u: Distances along x from the corner with the smallest x and y, in cells.
+            v: Distances along y from that corner, in cells.
+            checks: Whether points may lie beyond the border.
             out: Array of the shape of u.
         """
         columns, rows = self._cells
@@ -96,6 +96,6 @@ class HeightGrid:
 
 
 def _outer(first: Array, second: Array) -> Array:
-    """Products of all pairs: (n, k). `np.einsum` is faster here than broadcasting."""
+    """Outer product of two vectors, (n,) and (k,): (n, k). `np.einsum` is faster here than broadcasting."""
     products: Array = np.einsum("i,j->ij", first, second)
     return products

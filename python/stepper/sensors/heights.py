@@ -1,4 +1,4 @@
-"""Heights of a height field at given places: terrain that a robot observes."""
+"""Heights of a height field at given points, for observations of the terrain."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ from stepper.sensors.height_grid import HeightGrid
 Array = NDArray[Any]
 
 _UPRIGHT = 1e-9
-"""Largest x and y of a quaternion of a field whose z axis is taken for vertical."""
+"""Largest absolute x and y component of the quaternion of a height field whose z axis counts as vertical."""
 
 
 class HeightField:
     """Heights of a height field at many points of all environments at once.
 
         ground = stepper.sensors.HeightField(model, "terrain")
-        ground.heights(sim, places)  # (num_envs, n) m, of places (num_envs, n, 2) in the world
-        ground.scan(sim, "base", offsets)  # (num_envs, n) m, around a body, turned with it
+        ground.heights(sim, places)  # (num_envs, n) m, of points (num_envs, n, 2) in the world
+        ground.scan(sim, "base", offsets)  # (num_envs, n) m, around a body, rotated with its heading
         ground.heights(None, places)  # (..., n) m, without a simulation
         ground.around(places, headings, offsets)  # (n, k) m, without a simulation
 
     Each cell of the grid is two triangles, split by the diagonal from its corner with the smallest x and y, as in contacts. Elevations are
-    read from the source of the model, because a model cannot return them; `from_elevation` takes an array instead.
+    read from the source of the model, because `Model` has no function for them. `from_elevation` uses an array instead.
 
     Args:
-        model: The scene.
-        geom: Name or index of the geom. The field's z axis must be vertical.
-        source: Source of the model, as for `stepper.load`; None is the one from which the model was loaded.
+        model: The model.
+        geom: Name or index of the height field's geom. Its z axis must be vertical.
+        source: Source of the model, as for `stepper.load`; None is the source from which the model was loaded.
 
     Raises:
-        ValueError: The geom is no height field, or its z axis is not vertical; or the source is unknown or of another model.
-        KeyError, IndexError: No geom of that name or index.
+        ValueError: The geom is no height field, or its z axis is not vertical; or the source is unknown or belongs to another model.
+        KeyError, IndexError: There is no geom of that name or index.
     """
 
     _geom: int | None = None
@@ -54,18 +54,18 @@ class HeightField:
         quat = np.asarray(reference.geom_xquat)[found.id]
         if np.abs(quat[1:3]).max() > _UPRIGHT or _moves(model, found.bodyid):
             raise ValueError(
-                f"{place} is inclined or on a joint, and heights need a field whose z axis is vertical: fix it to the world upright"
+                f"{place} is inclined or on a joint; heights need a height field that is fixed in the world with a vertical z axis"
             )
         origin = origin_of(model) if source is None else Origin(source)
         if origin is None:
-            raise ValueError(f"the elevations of {place} are unknown, because this process did not load the model from MJCF: give source=")
+            raise ValueError(f"the elevations of {place} are unknown, because this process did not load the model from MJCF: pass source=")
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # They were given when the model was loaded.
+            warnings.simplefilter("ignore", UserWarning)  # Issued already when the model was loaded.
             m = copy.copy(compile_source(origin.source, origin.package_dirs))
         field = int(m.geom_dataid[found.id]) if found.id < m.ngeom else -1
         if field < 0 or m.ngeom != model.ngeom or int(m.geom_type[found.id]) != 1:
             raise ValueError(
-                f"the source is of another model: its geom {found.id} is no height field; give the source from which the model was loaded"
+                f"the source belongs to another model: its geom {found.id} is no height field; pass the source of the loaded model"
             )
         rows, columns = int(m.hfield_nrow[field]), int(m.hfield_ncol[field])
         start = int(m.hfield_adr[field])
@@ -86,7 +86,7 @@ class HeightField:
             angle: Angle about the z axis, rad.
 
         Raises:
-            ValueError: An array of another shape, or with fewer than two rows or columns.
+            ValueError: An array has a wrong shape, or fewer than two rows or columns.
         """
         top, extent, middle = np.array(elevation, np.float64), np.array(half, np.float64), np.array(pos, np.float64)
         if top.ndim != 2 or min(top.shape) < 2:
@@ -110,20 +110,20 @@ class HeightField:
         return half
 
     def heights(self, sim: Stepper | None, places: ArrayLike, *, beyond: float = np.nan, out: Array | None = None) -> Array:
-        """Heights of the ground in the world.
+        """Heights of the ground at points, in world coordinates.
 
         Args:
             sim: The stepper, whose environments may differ in the position of the geom (`sim.randomize(geom_pos=)`). None uses the
                 position of the model.
-            places: World x and y, (num_envs, n, 2) or (n, 2) for all, m; without a stepper (..., 2).
+            places: World x and y of the points, m: (num_envs, n, 2), or (n, 2) for all environments; without a stepper (..., 2).
             beyond: Height of points beyond the border of the field, m.
             out: Destination of the result, m, with its shape, (..., n); None is a new array.
 
         Returns:
-            (num_envs, n) float64, m; without a stepper (...).
+            Heights, (num_envs, n) float64, m; without a stepper (...).
 
         Raises:
-            ValueError: Places or an `out` of another shape or scalar type.
+            ValueError: `places` or `out` has a wrong shape, or `out` another scalar type.
         """
         given = np.asarray(places, dtype=np.float64)
         pos, angle = self._pose(sim)
@@ -133,19 +133,19 @@ class HeightField:
         if sim is not None and (given.ndim < 2 or given.shape[-1] != 2 or given.shape[:-2] not in ((), axes)):
             raise ValueError(f"places has shape {given.shape}, must be {(*axes, 'n', 2)} or ('n', 2)")
         shift = pos if sim is None else pos[..., None, :]
-        local = _turned(given - shift[..., :2], -angle if sim is None else -angle[..., None])
+        local = _rotated(given - shift[..., :2], -angle if sim is None else -angle[..., None])
         found = output_array(local.shape[:-1], np.dtype(np.float64), out)
         self._grid.at(local, found)
         found += shift[..., 2]
         return _filled(found, beyond)
 
     def scan(self, sim: Stepper, body: str | int, offsets: ArrayLike, *, beyond: float = np.nan, out: Array | None = None) -> Array:
-        """Heights of the ground at points around a body that turn with its heading, an observation of locomotion policies.
+        """Heights of the ground at points around a body, a usual observation for locomotion. The points rotate with the body's heading.
 
         Args:
             sim: The stepper.
             body: Name or index of the body.
-            offsets: Positions of the points ahead of the body's origin and to its left, (n, 2), m.
+            offsets: Positions of the points relative to the body's origin, ahead and to the left, (n, 2), m.
             beyond: Height of points beyond the border of the field, m.
             out: Destination of the result, m, with its shape, (..., n); None is a new array.
 
@@ -153,8 +153,8 @@ class HeightField:
             Heights in the world, (num_envs, n) float64, m. Subtract `sim.xpos` of the body for heights relative to it.
 
         Raises:
-            ValueError: Offsets or an `out` of another shape or scalar type.
-            KeyError, IndexError: No body of that name or index.
+            ValueError: `offsets` or `out` has a wrong shape, or `out` another scalar type.
+            KeyError, IndexError: There is no body of that name or index.
         """
         which = sim.model.body(body).id
         places = np.asarray(sim.xpos, dtype=np.float64)[..., which, :2]
@@ -164,20 +164,20 @@ class HeightField:
     def around(
         self, places: ArrayLike, angles: ArrayLike, offsets: ArrayLike, *, beyond: float = np.nan, out: Array | None = None
     ) -> Array:
-        """Heights of the ground around points, without a simulation, with the position of the field in the model.
+        """Heights of the ground around given points, without a simulation. The height field has its position in the model.
 
         Args:
-            places: World x and y, (n, 2) m.
-            angles: Headings about the z axis, (n,) rad.
-            offsets: Places ahead and to the left, (k, 2) m.
+            places: World x and y of the centres, (n, 2), m.
+            angles: Headings about the z axis, (n,), rad.
+            offsets: Positions relative to the centres, ahead and to the left, (k, 2), m.
             beyond: Height of points beyond the border of the field, m.
             out: Destination of the result, m, with its shape, (..., n); None is a new array.
 
         Returns:
-            (n, k) float64, m.
+            Heights, (n, k) float64, m.
 
         Raises:
-            ValueError: Arrays of another shape, or an `out` of another shape or scalar type.
+            ValueError: An array has a wrong shape, or `out` another scalar type.
         """
         middles, turns = np.asarray(places, np.float64), np.asarray(angles, np.float64)
         if middles.shape != (*turns.shape, 2) or turns.ndim > 1:
@@ -185,7 +185,7 @@ class HeightField:
         return _filled(self._around(self._pose(None), middles, turns, offsets, out), beyond)
 
     def _pose(self, sim: Stepper | None) -> tuple[Array, Array]:
-        """Position (..., 3) and angle (...) of the field: of each environment, or those of the model."""
+        """Position (..., 3), m, and angle about z (...), rad, of the height field, in each environment; without a stepper, in the model."""
         if sim is None or self._geom is None:
             return self._pos, np.asarray(self._angle)
         pos = np.asarray(sim.geom_xpos, dtype=np.float64)[..., self._geom, :]
@@ -193,13 +193,14 @@ class HeightField:
         return pos, np.asarray(2.0 * np.arctan2(quat[..., 3], quat[..., 0]))
 
     def _around(self, pose: tuple[Array, Array], places: Array, angles: Array, offsets: ArrayLike, out: Array | None) -> Array:
+        """Heights as of `around` for a pose of the height field as of `_pose`; NaN beyond the border."""
         given = np.asarray(offsets, dtype=np.float64)
         if given.ndim != 2 or given.shape[1] != 2:
             raise ValueError(f"offsets has shape {given.shape}, must be (n, 2)")
         pos, angle = pose
         found = output_array((*angles.shape, len(given)), np.dtype(np.float64), out)
         rows = found if found.flags.c_contiguous else np.empty(found.shape)
-        local, height = np.atleast_2d(_turned(places - pos[..., :2], -angle)), pos[..., 2, None]
+        local, height = np.atleast_2d(_rotated(places - pos[..., :2], -angle)), pos[..., 2, None]
         self._grid.around(local, np.atleast_1d(angles - angle), given, rows.reshape(len(local), len(given)))
         rows += height
         if rows is not found:
@@ -208,7 +209,7 @@ class HeightField:
 
 
 def _moves(model: Model, body: int) -> bool:
-    """Whether a body or one that carries it has a joint."""
+    """Whether a body or one of its ancestors has a joint."""
     while body:
         found = model.body(body)
         if found.dofnum:
@@ -218,13 +219,13 @@ def _moves(model: Model, body: int) -> bool:
 
 
 def _filled(heights: Array, beyond: float) -> Array:
-    """Heights, with `beyond` in place of NaN."""
+    """Replaces NaN in heights by `beyond`, in place, and returns them."""
     if not np.isnan(beyond):
         heights[np.isnan(heights)] = beyond
     return heights
 
 
-def _turned(places: Array, angle: Array) -> Array:
-    """Places (..., 2) turned by angles (...), rad."""
+def _rotated(places: Array, angle: Array) -> Array:
+    """Points (..., 2) rotated by angles (...), rad."""
     c, s = np.cos(angle), np.sin(angle)
     return np.stack([c * places[..., 0] - s * places[..., 1], s * places[..., 0] + c * places[..., 1]], axis=-1)

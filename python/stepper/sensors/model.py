@@ -1,4 +1,4 @@
-"""Sensor models: transfer functions of a model's sensors by name, in code and in files."""
+"""Assignment of transfer functions to the sensors of a model by name, with conversion to and from files."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class SensorModel:
 
     @classmethod
     def from_mjcf(cls, model: Model) -> SensorModel:
-        """Declarations of each sensor in the model's source: noise, cutoff, delay and interval."""
+        """Transfer functions with the noise, cutoff, delay and interval that the MJCF declares for each sensor."""
         transfers = {}
         for index, sensor in enumerate(model.sensors):
             cutoff = sensor["cutoff"] if sensor["datatype"] in ("real", "positive") else 0.0
@@ -50,17 +50,17 @@ class SensorModel:
     def from_file(cls, path: str | os.PathLike[str]) -> SensorModel:
         """Reads a TOML (.toml) or JSON (.json) file.
 
-        A table `sensors` has a table for every name or pattern, and a table `default` is optional. Their entries are the attributes of
-        `Transfer`; an entry `device` begins with one of `stepper.sensors.devices`, e.g. device = "mpu6050_gyro".
+        The table `sensors` has one table per name or pattern; a table `default` is optional. Entries of these tables are the attributes of
+        `Transfer`. With an entry like device = "mpu6050_gyro", the defaults are those of that device of `stepper.sensors.devices`.
 
         Raises:
-            ValueError: An unknown entry or device, named with the file.
+            ValueError: An unknown entry or device; the message has the entry and the file.
         """
         return cls.from_dict(read_file(path), str(path))
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], place: str = "sensors") -> SensorModel:
-        """Sensor model from a dictionary of `to_dict`, or from the contents of a file; `place` precedes messages."""
+        """Sensor model from a dictionary of `to_dict`, or from the contents of a file; messages begin with `place`."""
         named = {name: _read(table, f"{place}: sensor {name!r}") for name, table in named_tables(data, "sensors", place).items()}
         return cls(named, default=_read(data["default"], f"{place}: default") if "default" in data else None)
 
@@ -75,10 +75,10 @@ class SensorModel:
         return out | ({"default": plain(self.default)} if self.default else {})
 
     def transfers(self, model: Model, num_envs: int) -> list[dict[str, Any] | None]:
-        """Transfer functions for the sensors of a model, one entry for each; None for ideal ones.
+        """Transfer functions of all sensors of a model, as fields of the Rust crate's `Transfer`; None for ideal sensors.
 
         Raises:
-            ValueError: A name that no sensor has, a pattern that fits none, a wrong shape.
+            ValueError: A name or pattern matches no sensor, or an array has a wrong shape.
         """
         names = [sensor["name"] or f"#{index}" for index, sensor in enumerate(model.sensors)]
         check_names(self.named, names, "sensor")
@@ -108,10 +108,12 @@ class SensorModel:
 
 
 def _chosen(transfer: Transfer, index: np.ndarray[Any, Any]) -> Transfer:
+    """Transfer function with the numbers of some environments only, by a mask or by indices."""
+
     def new(value: Any) -> Any:
         if isinstance(value, tuple):
             return tuple(new(end) for end in value)
-        # One number is for all environments, and a matrix mixes the axes of a sensor in all of them.
+        # A single number applies to all environments, as does a matrix, which mixes the axes of a sensor.
         shared = value is None or isinstance(value, str) or np.size(value) == 1 or np.ndim(value) == 2
         return value if shared else np.asarray(value, np.float64)[index]
 
@@ -119,14 +121,14 @@ def _chosen(transfer: Transfer, index: np.ndarray[Any, Any]) -> Transfer:
 
 
 def _read(table: Any, place: str) -> Transfer:
-    """A transfer from a table of a file."""
+    """Transfer function from a table of a file; messages begin with `place`."""
     if not isinstance(table, dict):
         raise ValueError(f"{place} is {table!r}, must be a table of entries like noise_std")
     given = dict(table)
     device = given.pop("device", None)
     known = {field.name for field in fields(Transfer)}
     if unknown := set(given) - known:
-        raise ValueError(f"{place}: unknown entries {sorted(unknown)}, must be of: {', '.join(sorted(known))}")
+        raise ValueError(f"{place}: unknown entries {sorted(unknown)}, must be one of: {', '.join(sorted(known))}")
     if isinstance(given.get("limits"), list):
         given["limits"] = tuple(given["limits"])
     try:

@@ -1,4 +1,4 @@
-"""Sensors that `Model.with_sensors` adds to a loaded model, including some that MJCF does not have."""
+"""Sensors that `Model.with_sensors` adds to a loaded model, including ray fans and combinations, which MJCF does not have."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Combination:
     """Linear combination of readings of other sensors with equal dimensions, for `Model.with_sensors`.
 
     Attributes:
-        terms: Coefficients by the names of sensors, which are in the model or were added before.
+        terms: Coefficients by name of the sensor, which must be in the model or earlier in the argument of `with_sensors`.
     """
 
     terms: Mapping[str, float]
@@ -91,7 +91,7 @@ class SensorSpec:
 
 
 _OBJECTS = {"body": "XBody", "inertial": "Body", "geom": "Geom", "site": "Site"}
-"""Whose frame a frame sensor reads, and the Rust crate's names for it."""
+"""Attributes for the measured frame of a frame sensor, and their names in the Rust crate."""
 _OF = ("joint", "tendon", "actuator", "site", "body", "inertial", "geom")
 _WORDS: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
     "joint": (("joint",), JOINTS),
@@ -102,14 +102,14 @@ _WORDS: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
     "frame": (tuple(_OBJECTS), FRAMES),
     "scene": ((), SCENE),
 }
-"""Kind of element that a sensor of each family measures, and its types."""
+"""For each family of sensors, the attributes that may name the measured element, and the types with their names in the Rust crate."""
 
 
 def describe(model: Model, sensors: Mapping[str, RayFan | Combination | SensorSpec]) -> list[dict[str, Any]]:
-    """Fields of the Rust crate's `Sensor`, for every sensor.
+    """Descriptions of sensors, as fields of the Rust crate's `Sensor`.
 
     Raises:
-        TypeError: A sensor of another type.
+        TypeError: An entry is no sensor, or has an attribute of a wrong type.
         ValueError: An unknown name, or a direction of length 0; the message has the sensor's name.
     """
     if not isinstance(sensors, Mapping):
@@ -134,6 +134,7 @@ def describe(model: Model, sensors: Mapping[str, RayFan | Combination | SensorSp
 
 
 def _fan(model: Model, fan: RayFan, place: str) -> dict[str, Any]:
+    """Description of a ray fan; messages begin with `place`."""
     site = _index(model.site_names, fan.site, "site", place)
     for what in ("geoms", "data"):
         if isinstance(getattr(fan, what), str):
@@ -156,6 +157,7 @@ def _fan(model: Model, fan: RayFan, place: str) -> dict[str, Any]:
 
 
 def _terms(names: Sequence[str], combination: Combination, place: str) -> list[tuple[int, float]]:
+    """Indices and coefficients of a combination; `names` are those of the sensors so far, and messages begin with `place`."""
     if not isinstance(combination.terms, Mapping):
         raise TypeError(f"{place}: terms is {combination.terms!r}, must be a mapping of names to coefficients")
     terms: list[tuple[int, float]] = []
@@ -168,20 +170,22 @@ def _terms(names: Sequence[str], combination: Combination, place: str) -> list[t
 
 
 def _kind(model: Model, reading: SensorSpec, place: str) -> str | dict[str, Any]:
-    """Name in the Rust crate of the element that a reading measures."""
+    """Description of a sensor with a type of MJCF; messages begin with `place`."""
     family = next((family for family, (_, words) in _WORDS.items() if reading.type in words), None)
     if family is None:
         known = ", ".join(word for _, words in _WORDS.values() for word in words)
-        raise ValueError(f"{place}: there is no type {reading.type!r}, there are: {known}")
+        raise ValueError(f"{place}: there is no type {reading.type!r}; the types are: {known}")
     takes, words = _WORDS[family]
     given = [what for what in _OF if getattr(reading, what) is not None]
     references = [what for what in _OBJECTS if getattr(reading, f"reference_{what}") is not None]
     if [what for what in given if what in takes] != given or len(given) != bool(takes):
-        wanted = f"one of {', '.join(takes)}" if len(takes) > 1 else takes[0] if takes else "nothing"
-        raise ValueError(f"{place}: a {reading.type} is of {wanted}, and {', '.join(given) or 'nothing'} is given")
+        needed = f"one of {', '.join(takes)}" if len(takes) > 1 else takes[0] if takes else "no element"
+        raise ValueError(f"{place}: type {reading.type} needs {needed}, and {', '.join(given) or 'none'} is given")
     if references and (family != "frame" or reading.type in ("framelinacc", "frameangacc") or len(references) > 1):
-        said = "has one reference at most" if len(references) > 1 else "has no reference"
-        raise ValueError(f"{place}: a {reading.type} {said}, and {', '.join(f'reference_{what}' for what in references)} is given")
+        allowed = "at most one reference" if len(references) > 1 else "no reference"
+        raise ValueError(
+            f"{place}: type {reading.type} has {allowed}, and {', '.join(f'reference_{what}' for what in references)} is given"
+        )
     if not takes:
         return words[reading.type]
     index = _named(model, given[0], getattr(reading, given[0]), place)
@@ -195,11 +199,13 @@ def _kind(model: Model, reading: SensorSpec, place: str) -> str | dict[str, Any]
 
 
 def _named(model: Model, what: str, name: str, place: str) -> int:
+    """Index of the element that an attribute of `SensorSpec` names."""
     kind = "body" if what == "inertial" else what
     return _index(getattr(model, f"{kind}_names"), name, kind, place)
 
 
 def _index(names: Sequence[str], name: str, kind: str, place: str) -> int:
+    """Index of a name; a ValueError if it is missing. `kind` is the kind of element, and messages begin with `place`."""
     if name not in names:
-        raise ValueError(f"{place}: no {kind} {name!r}, there are: {', '.join(filter(None, names)) or 'none'}")
+        raise ValueError(f"{place}: there is no {kind} {name!r}; the names are: {', '.join(filter(None, names)) or 'none'}")
     return names.index(name)

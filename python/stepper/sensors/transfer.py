@@ -36,9 +36,9 @@ class Transfer:
         noise_density: Density of Gaussian white noise per sqrt(Hz), as in data sheets. A sample's standard deviation is the density divided
             by the square root of the sampling time, for any time step.
         quantum: Step of quantisation: readings are whole multiples of it; 0 is none.
-        limits: Lowest and highest reading.
+        limits: Smallest and largest reading.
         period: Sampling time, s; the reading is held between samples. None or 0 samples at every step.
-        delay: Delay of the readings, s. Between steps they are interpolated, unless `period` holds them.
+        delay: Delay of the readings, s. A delayed reading between two steps is interpolated, except with `period`.
         jitter: Half width of the delay's uniform random part, drawn at every step, s.
         dropout: Probability that a sample is lost; the reading then keeps its last value.
     """
@@ -65,7 +65,7 @@ class Transfer:
             raise ValueError(f"noise is {self.noise!r}, must be 'gaussian' or 'uniform'")
         if self.noise == "uniform" and self.noise_density is not None:
             raise ValueError(
-                "noise_density is that of Gaussian noise; give uniform noise its noise_std, which is the half width over sqrt(3)"
+                "noise_density is only for Gaussian noise; for uniform noise set noise_std, which is the half width divided by sqrt(3)"
             )
         check_numbers(self, "noise")
 
@@ -88,6 +88,6 @@ class Transfer:
         }
 
     def _spread(self, num_envs: int) -> list[float]:
-        """The `noise_std` of the Rust crate: the standard deviation of Gaussian noise, the half width of uniform noise."""
+        """Value of the field `noise_std` of the Rust crate: standard deviation of Gaussian noise, or half width of uniform noise."""
         half_widths = math.sqrt(3.0) if self.noise == "uniform" else 1.0
         return [std * half_widths for std in numbers("noise_std", self.noise_std, num_envs)]

@@ -1,4 +1,4 @@
-"""Field of view of a camera, or of its detector."""
+"""Field of view of a camera or of a detector in its images."""
 
 from __future__ import annotations
 
@@ -12,16 +12,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class FieldOfView:
-    """Field of view of a camera: a pyramid ahead of it, between two distances.
+    """Field of view of a camera: a pyramid in front of the camera, between two distances.
 
-    Positions are in the camera's frame: x to the right, y down, z ahead. (MuJoCo's cameras look along -z: turn them by 180 degrees about
-    x.)
-    A "framepos" sensor with a site or body as reference reads them. With a delayed sensor, the reading is the position at the time of the
-    frame, and the result is whether it was in view then. A pose is in view if its position is.
+    Positions are in the camera's frame: x to the right, y down, z ahead. (MuJoCo's cameras look along -z; rotate them by 180 degrees about
+    x.) A "framepos" sensor with a site or body as reference measures such positions. With a delayed sensor, position and result are those
+    at the time of the frame. Orientations do not matter.
 
     Attributes:
-        width: Angle between the left and the right edge, rad, a number or (num_envs,).
-        height: Angle between the upper and the lower edge, rad, a number or (num_envs,).
+        width: Angle between the left and the right edge, rad, a scalar or (num_envs,).
+        height: Angle between the upper and the lower edge, rad, a scalar or (num_envs,).
         near: Smallest distance ahead, m.
         far: Largest distance ahead, m.
 
@@ -63,11 +62,11 @@ class FieldOfView:
         return found
 
     def detect(self, reading: ArrayLike, last: ArrayLike) -> Array:
-        """Readings of a detector, (num_envs, 3 + k): the present ones in view, and the last ones otherwise, as a tracker holds them.
+        """Readings of a detector, (num_envs, 3 + k): the current reading if the position is in view, and otherwise the last one.
 
         Args:
             reading: Position in the camera's frame, m, and further outputs of the detector, (num_envs, 3 + k).
-            last: Last readings, (num_envs, 3 + k); NaN before the first detection.
+            last: Result of the previous call, (num_envs, 3 + k), in the units of `reading`; NaN before the first detection.
 
         Raises:
             ValueError: The shapes differ, or a row has fewer than three numbers.

@@ -88,6 +88,8 @@ class ReadOnly(np.ndarray[Any, Any]):
 
 
 def _guarded(write: Callable[..., Any]) -> Callable[..., Any]:
+    """Wraps a method that writes to an array, so that it raises the array's message if the array is read-only."""
+
     @functools.wraps(write)
     def guarded(self: ReadOnly, *given: Any) -> Any:
         if not self.flags.writeable:

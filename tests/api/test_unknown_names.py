@@ -83,7 +83,7 @@ def test_what_randomize_does_not_take_is_said_to_be_elsewhere(name, remedy):
 
 @pytest.mark.parametrize(("parameters", "error", "message"), [
     (("typo",), ValueError, r"^parameters: there is no field 'typo'"),
-    (("qpos",), ValueError, r"^parameters has 'qpos', but gradients by the state .* are always there: leave it out"),
+    (("qpos",), ValueError, r"^parameters has 'qpos', but gradients by the state .* are always computed: remove the name"),
     (("ctrl",), ValueError, r"^parameters has 'ctrl'"),
     (("gravity", "gravity"), ValueError, r"^parameters has 'gravity' more than once"),
     ((3,), TypeError, r"^parameters is \(3,\), must be a sequence of names"),

@@ -43,6 +43,7 @@ class PID:
         check_numbers(self)
 
     def _row(self, num_envs: int, envs: Envs = None) -> dict[str, Any]:
+        """Fields of the servo in the Rust crate's `ActuatorSpec`."""
         limit = math.inf if self.integral_limit is None else self.integral_limit
         return {
             **{name: numbers(name, getattr(self, name), num_envs, envs) for name in ("kp", "ki", "kd")},
@@ -87,6 +88,8 @@ class DCMotor:
             raise ValueError("give both stall_torque and no_load_speed, or none of them")
 
     def _row(self, num_envs: int, envs: Envs = None) -> dict[str, Any]:
+        """Fields of the motor in the Rust crate's `ActuatorSpec`."""
+
         def curve(name: str) -> list[float]:
             value = getattr(self, name)
             return [] if value is None else numbers(name, value, num_envs, envs)

@@ -95,6 +95,7 @@ class ActuatorModel:
         return cls({name: _from_row(row, Drive) for name, row in named if row is not None})
 
     def _row(self, name: str, num_envs: int, envs: Envs) -> dict[str, Any] | None:
+        """Drive of an actuator as fields of the Rust crate; None if it is ideal."""
         drive = self.drive_of(name)
         if drive is None:
             return None

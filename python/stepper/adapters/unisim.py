@@ -243,12 +243,14 @@ class StepperBackend(SimBackend):  # type: ignore[misc]
         self.set_state_tensor(torch.from_numpy(np.asarray(env_indices, dtype=np.int64)), position, velocity, randomization)
 
     def _reset(self, mask: Array, qpos: Array, qvel: Array, randomization: Any) -> None:
+        """Resets the environments of a mask (num_envs,) to states for all environments, in float64."""
         if randomization is not None and not randomization.is_empty():
             raise ValueError("randomization is given, must be None: use sim.randomize")
         if mask.any():
             self.sim.reset(mask, qpos=qpos, qvel=qvel)
 
     def _tensor(self, value: Array, device: Any) -> torch.Tensor:
+        """Copy of an array as a float32 tensor; UniSim checks the device."""
         validate_torch_device(("cpu",), torch.device("cpu" if device is None else device), label="stepper")
         return torch.from_numpy(np.array(value, dtype=np.float32))
 

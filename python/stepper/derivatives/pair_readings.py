@@ -61,6 +61,7 @@ class Reader:
             yield some, self._read(some, options)
 
     def _read(self, pairs: Pairs, options: Options) -> Readings:
+        """Results of the displaced copies of some pairs, with given options of the step."""
         offsets = pairs.offsets.reshape(len(pairs), -1)
         copies, ctrl = copies_of(self.sim, self.nominal, self.blocks, pairs, options)
         # Every copy is a separate column here, displaced to one side.

@@ -364,6 +364,7 @@ def _check_actions(action: Array) -> None:
 
 
 def _warn_without_actions(task: Task, model: Model) -> None:
+    """Issues a `ModelWarning` that a model has no actuators, so that actions have size 0."""
     name = f' "{model.name}"' if model.name else ""
     message = (
         f"{type(task).__name__}: the model{name} has no actuators, so actions have size 0 and no effect; add actuators to its file, "

@@ -35,6 +35,7 @@ def contact_forces(now: Moment, geoms: Sequence[str], against: Sequence[str] | N
 
 @per_moment
 def _contacts(now: Moment) -> Array:
+    """Contacts of all environments (`Moment.contacts`), read once per moment."""
     contacts: Array = now.contacts()
     return contacts
 

@@ -177,6 +177,7 @@ def _mujoco() -> Any:
 
 
 def _compile_text(text: str, package_dirs: Sequence[str | os.PathLike[str]] | None) -> Any:
+    """Compiles MJCF or URDF text to a `mujoco.MjModel`."""
     place = "XML text"
     if "<robot" in text:
         text = resolve_meshes(text, place, None, package_dirs)
@@ -184,6 +185,7 @@ def _compile_text(text: str, package_dirs: Sequence[str | os.PathLike[str]] | No
 
 
 def _compile_file(path: Path, package_dirs: Sequence[str | os.PathLike[str]] | None) -> Any:
+    """Compiles an MJCF, URDF or .mjb file to a `mujoco.MjModel`."""
     compiler, place = _mujoco().MjModel, str(existing(path, "model"))
     if path.suffix == ".mjb":
         return _compile(compiler.from_binary_path, place, place)

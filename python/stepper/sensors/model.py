@@ -90,6 +90,7 @@ class SensorModel:
         return SensorModel({name: _chosen(transfer, index) for name, transfer in self.named.items()}, default=default)
 
     def _row(self, name: str, num_envs: int) -> dict[str, Any] | None:
+        """Transfer function of a sensor as fields of the Rust crate; None if it is ideal."""
         transfer = fitting(self.named, self.default, name)
         if transfer is None:
             return None

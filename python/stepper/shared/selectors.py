@@ -119,6 +119,7 @@ def parse_range(text: str, where: str = "selector") -> tuple[Selector, tuple[flo
 
 @functools.lru_cache(maxsize=1024)
 def _parsed(text: str, where: str) -> tuple[Selector, str]:
+    """Selector at the start of a text, and the rest of the text; `where` is the argument's name for messages."""
     found = _TEXT.match(text)
     if found is None or text[found.end() : found.end() + 1] not in ("", "="):
         raise _spelling(where, text)
@@ -134,6 +135,7 @@ def _parsed(text: str, where: str) -> tuple[Selector, str]:
 
 
 def _items(part: str, text: str, where: str) -> tuple[Item, ...]:
+    """Names, patterns and indices between brackets; `text` and `where` are for messages."""
     items: list[Item] = []
     for item in (found.strip() for found in re.findall(_ITEM, part, re.DOTALL)):
         if re.fullmatch("-?[0-9]+", item):

@@ -72,6 +72,7 @@ class Episode:
             raise ValueError(f"{self.name}: {error}") from None
 
     def _checked(self, model: Model) -> Episode:
+        """This episode with arrays of floats; a ValueError for wrong shapes or values."""
         if not self.period > 0:
             raise ValueError(f"period is {self.period}, must be above 0 s")
         ctrl = np.asarray(self.ctrl, np.float64)

@@ -308,6 +308,7 @@ class _Com(_OfOneBody):
     """Centre of mass of a body. Theta is its position in the body's frame, (3,) m."""
 
     def _prepare(self, model: Model) -> None:
+        """Sets scale, limits, labels and units for a centre of mass."""
         body = self._one()
         self._scale = float(self._gyration(model).max())
         reach = 10 * self._scale
@@ -327,6 +328,7 @@ class _Moments(_OfOneBody):
     """
 
     def _prepare(self, model: Model) -> None:
+        """Sets scale, limits, labels and units for principal moments of inertia."""
         self._one()
         own = np.asarray(model.body(self.index[0]).inertia)
         moments = shape.second_moments(own)
@@ -349,6 +351,7 @@ class _Inertia(_OfOneBody):
     """Mass, centre of mass and inertia of a body. Theta is the ten log-Cholesky parameters (inertia.py), 0 for the model's body."""
 
     def _prepare(self, model: Model) -> None:
+        """Sets scale, limits, labels and units for all inertial parameters of a body."""
         self._one()
         self._gyration(model)
         self.body = model.body(self.index[0])

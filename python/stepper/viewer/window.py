@@ -129,6 +129,8 @@ class Window:
             self._listen(part, handle, respond)
 
     def _listen(self, part: Part, handle: Any, respond: Callable[[str, int, int, Array], None]) -> None:
+        """Registers the callback for dragging instances of a part."""
+
         # An asynchronous callback receives the phases in order.
         async def dragged(event: Any) -> None:
             row, k = divmod(int(event.instance_index or 0), len(part.geom))
@@ -138,6 +140,7 @@ class Window:
         handle.on_drag("left", modifier="cmd/ctrl")(dragged)
 
     def _build(self) -> None:
+        """Creates the scene in the browser: lights, camera, meshes, floors, contacts and forces."""
         server, extent = self.server, self.scene.extent
         across = self._spacing * (np.ceil(np.sqrt(self.count)) - 1) + 2.0 * extent
         server.scene.set_up_direction("+z")

@@ -124,6 +124,7 @@ def _named(name: str, table: Mapping[str, float]) -> float:
 
 
 def _geom(name: str) -> dict[str, str]:
+    """MJCF attributes of a geom of G1 by name: only geoms of the feet have contacts."""
     is_foot = re.fullmatch(r"(left|right)_foot\d_collision", name) is not None
     touch = {"priority": "1", "friction": "0.6 0.005 0.0005", "condim": "3"} if is_foot else {}
     return {"contype": str(int(is_foot)), "rgba": "0.75 0.75 0.78 1", **touch}

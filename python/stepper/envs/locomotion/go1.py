@@ -127,6 +127,7 @@ def _touching(name: str, touches: bool) -> dict[str, str]:
 
 
 def _servo(name: str) -> Servo:
+    """Servo of a joint of Go1 by name, such as "FR_hip_joint"."""
     leg, kind, _ = name.split("_")
     side = -1.0 if kind == "hip" and leg.endswith("L") else 1.0
     return Servo(_ROTOR * _GEAR[kind] ** 2, _TORQUE[kind], _STANCE[kind] * side)

@@ -86,6 +86,7 @@ def _unit(vectors: Array) -> Array:
 
 @cache_model
 def _without_bounds() -> Model:
+    """Model of the point mass without control ranges."""
     tree = source_tree(PointMass.file)
     for motor in tree.iter("motor"):
         motor.attrib.pop("ctrlrange", None)

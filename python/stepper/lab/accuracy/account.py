@@ -186,6 +186,7 @@ def _no_friction(made: Description) -> None:
 
 
 def _no_contacts(made: Description) -> None:
+    """Removes all contacts from a description, in place."""
     made["pairs"] = []
     for geom in made["geoms"]:
         geom["contype"] = geom["conaffinity"] = 0

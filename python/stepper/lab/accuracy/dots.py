@@ -66,6 +66,7 @@ class Dot:
         return dict(self._columns())
 
     def _columns(self) -> Iterator[tuple[str, object]]:
+        """Yields names and values of the table's columns."""
         for own in fields(self):
             if own.name not in ("invariants", "shifts", "notes"):
                 yield own.name, getattr(self, own.name)

@@ -116,6 +116,7 @@ def _line(label: str) -> str:
 
 
 def _panel(panel: Axes, dots: Sequence[Dot], cost: str, colours: dict[str, str], markers: dict[float, str]) -> None:
+    """Draws error against one of the costs, with a line per label and a marker per time step."""
     good = [dot for dot in dots if math.isfinite(dot.error) and math.isfinite(getattr(dot, cost))]
     for label, colour in colours.items():
         own = [dot for dot in good if dot.label == label]
@@ -147,6 +148,7 @@ def _scale(panel: Axes, axes: str, *, there: bool) -> None:
 
 
 def _legends(figure: Figure, panels: Sequence[Axes], markers: dict[float, str]) -> None:
+    """Adds legends for the time steps and for the settings."""
     lines = require("matplotlib.lines", "to draw a chart")
     marks = [
         lines.Line2D([], [], marker=mark, color="#444444", linestyle="none", label=f"{dt * 1e3:.4g} ms") for dt, mark in markers.items()

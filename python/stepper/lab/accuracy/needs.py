@@ -83,6 +83,7 @@ class Bench:
         return [found[number] for number in range(len(smaller))]
 
     def _error(self, _: Study, smaller: Model) -> float:
+        """Largest error of the episodes with a smaller model; infinite if the distance cannot be measured."""
         try:
             return float(self.distance(run(self._with(smaller), self.episodes, **self.settings), self.trace).max())
         except KeyError:

@@ -396,6 +396,7 @@ def words_of(options: Options, precision: str | None) -> str:
 
 
 def _sections(found: Tuning, right: Reference, *, coverage: float, confidence: float, alone: bool, exhausted: bool) -> list[Section]:
+    """Sections of the report of a tuning."""
     unit, cost = found.distance.unit, "alone" if alone else "batch"
     words = [f"Budget: {found.budget:g} {unit} up to {found.distance.horizon:g} s. Reference: {right.words}."]
     if found.chosen is not None and found.options is not None:
@@ -486,6 +487,7 @@ def _compared(found: Tuning, cost: str) -> str:
 
 
 def _usual_error(usual: Candidate, unit: str) -> str:
+    """Sentence on the error of the study's own settings, in `unit`."""
     if usual.stopped:
         return "With the study's own settings, episodes were stopped: they took far longer than the reference, as diverging motions do."
     if not math.isfinite(usual.error):
@@ -518,6 +520,7 @@ def _removal(own: Spare, budget: float) -> str:
 
 
 def _save(found: Tuning, folder: Path) -> list[Path]:
+    """Writes the report and tune.json to a folder; returns the files."""
     folder.mkdir(parents=True, exist_ok=True)
     files = found.document.save(folder, "tune")
     told = {

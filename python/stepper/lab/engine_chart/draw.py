@@ -71,6 +71,7 @@ def _label(points: Sequence[Row]) -> str:
 
 
 def _plot_lines(axes: Axes, rows: Sequence[Row], markers: Mapping[float, str]) -> None:
+    """Draws error against cost, with a line per setting and a marker per time step."""
     seen: dict[str, int] = {}
     for (engine, _), points in _lines(rows).items():
         colour = _colour(engine, seen.get(engine, 0))
@@ -83,6 +84,7 @@ def _plot_lines(axes: Axes, rows: Sequence[Row], markers: Mapping[float, str]) -
 
 
 def _legends(figure: Figure, axes: Axes, markers: Mapping[float, str]) -> None:
+    """Adds legends for the time steps and for the settings."""
     lines = require("matplotlib.lines", "to draw a chart")
     by_dt = [lines.Line2D([], [], marker=mark, color="#444444", linestyle="none", label=f"{dt * 1e3:g} ms") for dt, mark in markers.items()]
     steps = axes.legend(handles=by_dt, title="time step", loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)

@@ -97,6 +97,7 @@ def _prepare(scene: Scene, engine: Engine, dt: float) -> _Case:
 
 
 def _row(scene: Scene, case: _Case) -> Row:
+    """Row of the table for a case, with the median of its measured times."""
     middle = median(case.times)
     micro = 1e6 / case.run.num_envs
     spread = 0.5 * (max(case.times) - min(case.times)) / middle
@@ -123,6 +124,7 @@ def slope(rows: Sequence[Row], floor: float = 1e-11, ceiling: float = 0.3) -> fl
 
 
 def _with_slopes(rows: list[Row]) -> list[Row]:
+    """Rows with the slope of error over time step of their engine and setting."""
     lines: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         lines.setdefault((row.engine, row.setting), []).append(row)

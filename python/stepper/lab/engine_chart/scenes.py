@@ -59,6 +59,7 @@ CHAIN_RTOL = 1e-12
 
 
 def _chain_mjcf() -> str:
+    """MJCF of the chain of hinges without contacts."""
     link = '<body pos="0 0 {z}"><joint type="hinge" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 -.2" size=".02" mass=".25"/>'
     bodies = "".join(link.format(z=1.5 if i == 0 else -0.2) for i in range(CHAIN_LINKS)) + "</body>" * CHAIN_LINKS
     return f"""<mujoco model="chain"><option gravity="0 0 -{GRAVITY}"/>

@@ -104,6 +104,7 @@ def _read_csv(path: Path) -> tuple[list[str] | None, Array]:
 
 
 def _is_number(text: str) -> bool:
+    """Whether a text is a number."""
     try:
         float(text)
     except ValueError:
@@ -328,17 +329,20 @@ class _Digest:
                 self._part("imported module", module.read_bytes())
 
     def _sequence(self, kind: str, values: Collection[Any], where: str) -> None:
+        """Adds a kind and the values of a sequence to the digest; `where` is for messages."""
         self._part(kind, str(len(values)).encode())
         for number, own in enumerate(values):
             self.take(own, f"{where}[{number}]")
 
     def _mapping(self, kind: str, values: Mapping[Any, Any], where: str, called: str = "[{!r}]") -> None:
+        """Adds a kind and the entries of a mapping, sorted by key, to the digest; `where` is for messages."""
         self._part(kind, str(len(values)).encode())
         for name, own in sorted(values.items(), key=lambda item: repr(item[0])):
             self.take(name, where)
             self.take(own, where + called.format(name))
 
     def _compound(self, value: Any, where: str) -> None:
+        """Adds a container, function, class or object to the digest; `where` is for messages."""
         kind = type(value).__qualname__
         if isinstance(value, Mapping):
             self._mapping(kind, value, where)
@@ -364,6 +368,7 @@ class _Digest:
             self._object(value, where)
 
     def _routine(self, value: Any, where: str) -> None:
+        """Adds a function or method with its source file to the digest."""
         owner = getattr(value, "__self__", None)
         if inspect.ismethod(value):
             self.take(value.__func__, where)
@@ -387,6 +392,7 @@ class _Digest:
             self.take(owner, where)
 
     def _class(self, value: type, where: str) -> None:
+        """Adds a class with the source files of its bases to the digest."""
         for base in value.__mro__[:-1]:
             file = _file_of(base)
             self._part("class", f"{base.__module__} {base.__qualname__}".encode())
@@ -397,6 +403,7 @@ class _Digest:
                         self.take(own, f"{where}.{name}")
 
     def _object(self, value: Any, where: str) -> None:
+        """Adds an object to the digest: its type, and its attribute `digest`, its array or its attributes."""
         self.take(type(value), where)
         digest = getattr(value, "digest", None)
         if isinstance(digest, str | bytes):
@@ -412,6 +419,7 @@ class _Digest:
             self._attributes(value, where)
 
     def _attributes(self, value: Any, where: str) -> None:
+        """Adds the public attributes of an object to the digest; a TypeError if it has none."""
         state = getattr(value, "state_dict", None)
         if state is not None:
             self.take(dict(state()), f"{where}.state_dict()")
@@ -463,6 +471,7 @@ def _file_of(thing: Any) -> Path | None:
 
 
 def _code(code: CodeType) -> bytes:
+    """Bytes that identify compiled code: instructions, constants and names."""
     # The order of a set of strings differs between processes.
     ordered = (sorted(c, key=repr) if isinstance(c, frozenset) else c for c in code.co_consts)
     constants = b"".join(_code(c) if isinstance(c, CodeType) else repr(c).encode() + b"\0" for c in ordered)

@@ -59,6 +59,7 @@ def _other_joints(m: Any, mujoco: Any) -> bool:
 
 
 def _other_shapes(m: Any, mujoco: Any) -> bool:
+    """Whether a colliding geom has a shape that rapier does not support."""
     kinds = mujoco.mjtGeom
     known = (kinds.mjGEOM_PLANE, kinds.mjGEOM_SPHERE, kinds.mjGEOM_CAPSULE, kinds.mjGEOM_BOX, kinds.mjGEOM_CYLINDER)
     return not np.isin(m.geom_type[_colliding(m)], [int(kind) for kind in known]).all()
@@ -74,6 +75,7 @@ def _other_friction(m: Any, _: Any) -> bool:
 
 
 def _other_contacts(m: Any, mujoco: Any) -> bool:
+    """Whether contacts have settings that the rapier scene does not support, such as margins or pairs."""
     own = _colliding(m)
     off = mujoco.mjtDisableBit
     flags = off.mjDSBL_CONTACT | off.mjDSBL_LIMIT | off.mjDSBL_CONSTRAINT | off.mjDSBL_FILTERPARENT | off.mjDSBL_GRAVITY
@@ -445,6 +447,7 @@ class _Scene(RapierScene):
         return self._rp.Isometry3(_tuple(_rotate(back, place - self._data.xpos[b])), self._rotation(_product(back, turn)))
 
     def _quaternion(self, matrix: Array) -> Array:
+        """Quaternion (w, x, y, z), (4,), of a rotation matrix (3, 3)."""
         q = np.zeros(4)
         self._mujoco.mju_mat2Quat(q, np.ascontiguousarray(matrix, float).ravel())
         return q
@@ -472,6 +475,7 @@ def _vector(v: Any) -> Array:
 
 
 def _quaternion(r: Any) -> Array:
+    """Unit quaternion (w, x, y, z), (4,), from one of rapier."""
     q = np.array([r.w, r.i, r.j, r.k], float)
     norm = float(np.linalg.norm(q))
     return q / norm if norm > _ZERO else q
@@ -487,6 +491,7 @@ def _product(a: Array, b: Array) -> Array:
 
 
 def _rotate(q: Array, v: Array) -> Array:
+    """Vector (3,) rotated by a unit quaternion (4,), in the unit of the vector."""
     twice = 2.0 * np.cross(q[1:], v)
     turned: Array = v + q[0] * twice + np.cross(q[1:], twice)
     return turned

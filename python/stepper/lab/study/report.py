@@ -176,6 +176,7 @@ def no_peer(study: Study) -> str | None:
 
 
 def _summary(study: Study, found: Sweep, verdicts: Sequence[Verdict]) -> list[Section]:
+    """Section with the main results of a study."""
     nominal = found.levels_of("")[0]
     model = f" of model `{name}`" if (name := study.loaded[0].name) else ""
     words = [
@@ -200,6 +201,7 @@ def _summary(study: Study, found: Sweep, verdicts: Sequence[Verdict]) -> list[Se
 
 
 def _state(study: Study) -> list[Section]:
+    """Section with the joints, ranges and units of the state."""
     model, _ = study.loaded
     rows = []
     for k in range(model.njnt):
@@ -218,6 +220,7 @@ def _state(study: Study) -> list[Section]:
 
 
 def _observation(study: Study) -> list[Section]:
+    """Section with the sensors and their transfer functions."""
     model, _ = study.loaded
     head = ("sensor", "type", "readings", "transfer function")
     rows = []
@@ -231,6 +234,7 @@ def _observation(study: Study) -> list[Section]:
 
 
 def _transfer_words(own: dict[str, Any] | None) -> str:
+    """Text with the entries of a transfer function that differ from those of an ideal sensor."""
     ideal = Transfer()._row(1)
     told = (
         []
@@ -241,6 +245,7 @@ def _transfer_words(own: dict[str, Any] | None) -> str:
 
 
 def _drives(study: Study) -> list[Section]:
+    """Section with the actuators and their drives."""
     model, _ = study.loaded
     rows = []
     for k in range(model.nu):
@@ -258,6 +263,7 @@ def _drives(study: Study) -> list[Section]:
 
 
 def _contacts(study: Study, seen: Touching, episodes: int) -> list[Section]:
+    """Section with the contact pairs: durations, impulses and friction."""
     model, _ = study.loaded
     head = (
         *("pair", "pressed, share of time", "impulse, N s", "peak, N", "friction in force", "largest ratio used", "impulse at that bound"),
@@ -282,6 +288,7 @@ def _contacts(study: Study, seen: Touching, episodes: int) -> list[Section]:
 
 
 def _settings(study: Study, found: Sweep) -> list[Section]:
+    """Section with the settings of the study."""
     columns: dict[str, dict[str, Any]] = {}
     for row in found.table.rows:
         columns.setdefault(row["setting"], row["settings"])
@@ -303,6 +310,7 @@ def _differences(own: dict[str, Any], usual: dict[str, Any]) -> str:
 
 
 def _perturbations(found: Sweep, folder: Path) -> list[Section]:
+    """Sections with the effect of each parameter on the outcomes."""
     study = found.study
     outcome = study.decisive or study.all_outcomes[0]
     unit = f", {outcome.unit}" if outcome.unit else ""
@@ -345,18 +353,21 @@ def _repeated(levels: Sequence[Level]) -> list[str]:
 
 
 def _interval(level: Level) -> str:
+    """Text of the confidence interval of a level's success rate; episodes must differ for an interval."""
     if level.different < level.episodes:
         return f"none, {level.different} different"
     return "{:.3f} to {:.3f}".format(*level.interval)
 
 
 def _picture(found: Sweep, folder: Path) -> Path | None:
+    """Draws the sweep; returns the file, or None without Matplotlib or parameters."""
     if package_version("matplotlib") is None or not found.study.parameters:
         return None
     return draw(found, folder / "sweep.png")
 
 
 def _level_row(study: Study, level: Level) -> list[Any]:
+    """Row of the table of perturbations for a level."""
     parameter = study.parameters.get(level.parameter)
     shares = [level.successes, level.share, _interval(level)] if study.decisive else []
     told = (level.setting, level.parameter or "nominal", level.value, parameter.unit if parameter else "")
@@ -364,6 +375,7 @@ def _level_row(study: Study, level: Level) -> list[Any]:
 
 
 def _cliffs(found: Sweep, folder: Path, *, searched: bool = True) -> list[Section]:
+    """Section with the cliffs; `searched` is whether they were searched."""
     if found.study.decisive is None:
         return []
     (folder / "cliffs.png").unlink(missing_ok=True)
@@ -381,6 +393,7 @@ def _cliffs(found: Sweep, folder: Path, *, searched: bool = True) -> list[Sectio
 
 
 def _transfer(study: Study, found: Sweep) -> list[Section]:
+    """Section that compares the outcomes with measurements on the real system or other settings."""
     outcome = measured(study)
     own = [level for level in found.levels_of("")]
     head = (
@@ -417,6 +430,7 @@ def _nominal_rows(found: Sweep, setting: str) -> dict[int, dict[str, Any]]:
 
 
 def _failures(verdicts: Sequence[Verdict], found: Sweep) -> list[Section]:
+    """Section with the causes of failed episodes."""
     if found.study.decisive is None:
         return []
     counts = Counter((verdict.cause, verdict.rule) for verdict in verdicts)

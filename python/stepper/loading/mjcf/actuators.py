@@ -116,6 +116,7 @@ def actuator(source: Source, i: int) -> Description:
 
 
 def _transmission(source: Source, i: int) -> Description:
+    """Description of an actuator's transmission: joint, fixed tendon or site."""
     m, kind = source.m, int(source.m.actuator_trntype[i])
     target, reference = m.actuator_trnid[i].tolist()
     if kind == TRN_SITE:

@@ -75,6 +75,7 @@ def describe(m: Any) -> Description:
 
 
 def _body(source: Source, i: int) -> Description:
+    """Description of a body."""
     m = source.m
     return {
         "name": source.name("BODY", i),
@@ -91,6 +92,7 @@ def _body(source: Source, i: int) -> Description:
 
 
 def _medium(source: Source) -> Description:
+    """Density, viscosity and wind of the surrounding fluid."""
     opt = source.m.opt
     if source.skips_passive_forces:
         return {"density": 0.0, "viscosity": 0.0, "wind": [0.0, 0.0, 0.0]}
@@ -98,6 +100,7 @@ def _medium(source: Source) -> Description:
 
 
 def _joint(source: Source, i: int) -> Description:
+    """Description of a joint."""
     m = source.m
     dof = source.dofs(i).start
     # Like MuJoCo, add rotor inertia and damping of the actuators, times gear^2, to those of the joint.
@@ -132,6 +135,7 @@ def _joint_range(source: Source, i: int) -> list[float] | None:
 
 
 def _geom(source: Source, i: int) -> Description:
+    """Description of a geom."""
     m = source.m
     collides = not source.off("contact")
     return {
@@ -166,6 +170,7 @@ def _ellipsoid(source: Source, i: int) -> Description | None:
 
 
 def _shape(source: Source, i: int) -> str | Description:
+    """Description of a geom's shape."""
     m = source.m
     x, y, z = m.geom_size[i].tolist()
     kind, asset = int(m.geom_type[i]), int(m.geom_dataid[i])
@@ -185,6 +190,7 @@ def _shape(source: Source, i: int) -> str | Description:
 
 
 def _mesh(source: Source, i: int) -> Description:
+    """Description of a mesh asset."""
     m = source.m
     vertices = slice(int(m.mesh_vertadr[i]), int(m.mesh_vertadr[i] + m.mesh_vertnum[i]))
     faces = slice(int(m.mesh_faceadr[i]), int(m.mesh_faceadr[i] + m.mesh_facenum[i]))
@@ -196,6 +202,7 @@ def _mesh(source: Source, i: int) -> Description:
 
 
 def _height_field(source: Source, i: int) -> Description:
+    """Description of a height field asset."""
     m = source.m
     rows, columns = int(m.hfield_nrow[i]), int(m.hfield_ncol[i])
     x, y, top, base = m.hfield_size[i].tolist()
@@ -212,6 +219,7 @@ def _height_field(source: Source, i: int) -> Description:
 
 
 def _pair(source: Source, i: int) -> Description:
+    """Description of an explicit contact pair."""
     m = source.m
     return {
         "name": source.name("PAIR", i),
@@ -226,6 +234,7 @@ def _pair(source: Source, i: int) -> Description:
 
 
 def _tendon(source: Source, i: int) -> Description:
+    """Description of a fixed tendon."""
     m = source.m
     path = range(int(m.tendon_adr[i]), int(m.tendon_adr[i] + m.tendon_num[i]))
     limited = bool(m.tendon_limited[i]) and not source.off("limit")
@@ -245,6 +254,7 @@ def _tendon(source: Source, i: int) -> Description:
 
 
 def _equality(source: Source, i: int) -> Description:
+    """Description of an equality."""
     m, kind = source.m, int(source.m.eq_type[i])
     data, objects = m.eq_data[i].tolist(), [int(m.eq_obj1id[i]), int(m.eq_obj2id[i])]
     if kind in (CONNECT, WELD):
@@ -282,6 +292,7 @@ def _points(source: Source, i: int, data: list[float], objects: list[int]) -> De
 
 
 def _keyframe(source: Source, i: int) -> Description:
+    """Description of a keyframe, with the controls and activations of the actuators in the description."""
     m = source.m
     qpos = np.array(m.key_qpos[i])
     source.mujoco.mj_normalizeQuat(m, qpos)

@@ -115,6 +115,7 @@ def list_omissions(source: Source) -> None:
 
 
 def _scene(source: Source) -> None:
+    """Adds flags, options, deformable bodies and plugins that are left out."""
     m = source.m
     for kind, flags in (("disable", int(m.opt.disableflags)), ("enable", int(m.opt.enableflags))):
         for name, (bit, reason, changes_motion) in FLAGS[kind].items():
@@ -140,6 +141,7 @@ def _matters(source: Source, flag: str) -> bool:
 
 
 def _joints(source: Source) -> None:
+    """Adds properties of joints that are left out."""
     m = source.m
     for i in range(m.njnt):
         name, dofs = source.label("JOINT", i), source.dofs(i)
@@ -166,6 +168,7 @@ def _joints(source: Source) -> None:
 
 
 def _contacts(source: Source) -> None:
+    """Adds properties of geoms and pairs that are left out."""
     m = source.m
     if not source.collides:
         return
@@ -183,6 +186,7 @@ def _contacts(source: Source) -> None:
 
 
 def _equalities(source: Source) -> None:
+    """Adds equalities that are left out."""
     m = source.m
     if source.off("equality"):
         return
@@ -193,6 +197,7 @@ def _equalities(source: Source) -> None:
 
 
 def _tendons(source: Source) -> None:
+    """Adds properties of tendons that are left out."""
     m = source.m
     for i in range(m.ntendon):
         fixed = source.is_fixed(i)
@@ -217,6 +222,7 @@ def _tendons(source: Source) -> None:
 
 
 def _actuators(source: Source) -> None:
+    """Adds actuators, and properties of actuators, that are left out."""
     m = source.m
     for a in range(m.nactuator):
         name, unsupported = source.label("ACTUATOR", a), reasons_to_omit(source, a)
@@ -239,6 +245,7 @@ def _actuators(source: Source) -> None:
 
 
 def _keyframes(source: Source) -> None:
+    """Adds keyframes whose poses of mocap bodies are left out."""
     m = source.m
     mocap_bodies = np.flatnonzero(m.body_mocapid >= 0)
     for i in range(m.nkey):

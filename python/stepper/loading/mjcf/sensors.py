@@ -52,6 +52,7 @@ def sites(source: Source) -> list[Description]:
 
 
 def _volume(kind: int, size: list[float]) -> Description:
+    """Description of a site's shape."""
     x, y, z = size
     volumes: dict[int, Description] = {
         SPHERE: {"Sphere": {"radius": x}},
@@ -114,6 +115,7 @@ def _history(source: Source, i: int, word: str, name: str) -> Description:
 
 
 def _kind(source: Source, i: int, word: str) -> str | Description:
+    """Description of what a sensor measures; a `_NotReadError` if it is not supported. `word` is its type in MJCF."""
     target = int(source.m.sensor_objid[i])
     if word in MISSING:
         raise _NotReadError(MISSING[word])
@@ -156,6 +158,7 @@ def _loop(source: Source, body: int) -> str | None:
 
 
 def _frame(source: Source, i: int, what: str) -> Description:
+    """Description of a sensor of a frame; `what` is the measured quantity."""
     m, reference = source.m, None
     if m.sensor_refid[i] >= 0 and what not in ("LinAcc", "AngAcc"):
         reference = _object(source, int(m.sensor_reftype[i]), int(m.sensor_refid[i]))
@@ -163,12 +166,14 @@ def _frame(source: Source, i: int, what: str) -> Description:
 
 
 def _inside(source: Source, i: int) -> Description:
+    """Description of an insidesite sensor."""
     m = source.m
     found = _object(source, int(m.sensor_objtype[i]), int(m.sensor_objid[i]))
     return {"InsideSite": {"object": found, "site": int(m.sensor_refid[i])}}
 
 
 def _object_types(source: Source) -> dict[int, str]:
+    """Names in the Rust crate of MuJoCo's object types with a frame."""
     objects = source.mujoco.mjtObj
     return {
         int(objects.mjOBJ_BODY): "Body",
@@ -179,6 +184,7 @@ def _object_types(source: Source) -> dict[int, str]:
 
 
 def _object(source: Source, kind: int, index: int) -> Description:
+    """Description of an object with a frame."""
     types = _object_types(source)
     if kind not in types:
         raise _NotReadError("cameras are not part of the model")
@@ -186,12 +192,14 @@ def _object(source: Source, kind: int, index: int) -> Description:
 
 
 def _geoms_of(source: Source, kind: int, index: int) -> list[int]:
+    """Indices of the geoms that a distance sensor measures: a geom, or all geoms of a body."""
     if _object_types(source).get(kind) == "Geom":
         return [index]
     return [int(g) for g in np.flatnonzero(source.m.geom_bodyid == index)]
 
 
 def _proximity(source: Source, i: int) -> Description:
+    """Description of a distance, normal or fromto sensor."""
     m, what = source.m, PROXIMITIES[kind_of(source, i)]
     first = _geoms_of(source, int(m.sensor_objtype[i]), int(m.sensor_objid[i]))
     second = _geoms_of(source, int(m.sensor_reftype[i]), int(m.sensor_refid[i]))
@@ -206,12 +214,14 @@ def _proximity(source: Source, i: int) -> Description:
 
 
 def _fields(names: tuple[str, ...], bits: int) -> list[str]:
+    """Names of the fields that a bit mask selects; a `_NotReadError` if it selects others."""
     if bits >> len(names):
         raise _NotReadError(f"of the sensor's data only {', '.join(names)} are simulated")
     return [name for k, name in enumerate(names) if bits >> k & 1]
 
 
 def _range(source: Source, i: int) -> Description:
+    """Description of a range finder."""
     m, site = source.m, int(source.m.sensor_objid[i])
     if _object_types(source).get(int(m.sensor_objtype[i])) != "Site":
         raise _NotReadError("cameras are not part of the model")
@@ -224,6 +234,7 @@ def _range(source: Source, i: int) -> Description:
 
 
 def _side(source: Source, kind: int, index: int) -> str | Description:
+    """Description of one side of the contacts that a contact sensor selects."""
     types = {**_object_types(source), int(source.mujoco.mjtObj.mjOBJ_XBODY): "Subtree"}
     if index < 0 or kind == int(source.mujoco.mjtObj.mjOBJ_UNKNOWN):
         return "Any"
@@ -231,6 +242,7 @@ def _side(source: Source, kind: int, index: int) -> str | Description:
 
 
 def _contact(source: Source, i: int) -> Description:
+    """Description of a contact sensor."""
     m = source.m
     bits, reduction, slots = (int(x) for x in m.sensor_intprm[i, :3])
     return {

@@ -77,4 +77,5 @@ def _contact(source: Source, solref: Any, solimp: Any) -> Description:
 
 
 def _softness(solref: Any, solimp: Any) -> Description:
+    """Description of a softness from solref and solimp."""
     return {"solref": solref.tolist(), "solimp": solimp.tolist()}

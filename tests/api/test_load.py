@@ -65,10 +65,10 @@ LEFT_OUT = {
         "rest": '<tendon><spatial name="rope"><site site="sa"/><site site="sb"/></spatial></tendon>'
         '<equality><tendon name="tie" tendon1="rope"/></equality>'
     },
-    "spatial tendon rope: not simulated: its stiffness": {
+    "spatial tendon rope: not simulated: stiffness": {
         "rest": '<tendon><spatial name="rope" stiffness="1"><site site="sa"/><site site="sb"/></spatial></tendon>'
     },
-    "fixed tendon belt: not simulated: its stiffness that grows with deflection": {
+    "fixed tendon belt: not simulated: stiffness that grows with deflection": {
         "rest": '<tendon><fixed name="belt" stiffness="1 2"><joint joint="ja" coef="1"/></fixed></tendon>'
     },
     "actuator stick: transmission body": {"rest": '<actuator><adhesion name="stick" body="a" gain="1" ctrlrange="0 1"/></actuator>'},
@@ -271,7 +271,7 @@ def test_a_body_that_moves_needs_mass() -> None:
 
 
 def test_what_mujoco_refuses_is_said_in_its_words() -> None:
-    with pytest.raises(stepper.ModelError, match=r"(?s)XML text: MuJoCo's compiler refuses it.*bodyy"):
+    with pytest.raises(stepper.ModelError, match=r"(?s)XML text: MuJoCo's compiler cannot read it.*bodyy"):
         stepper.load("<mujoco><worldbody><bodyy/></worldbody></mujoco>")
 
 

@@ -157,9 +157,9 @@ def edit_the_options(folder):
     (cut_a_file, "00001.npz: its contents are not those that were recorded"),
     (flip_a_bit, "00001.npz: its contents are not those that were recorded"),
     (edit_the_options, "run.json: its contents do not match its SHA-256"),
-    (lambda folder: (folder / "00077.npz").write_bytes(b""), "00077.npz is no file of this recording"),
+    (lambda folder: (folder / "00077.npz").write_bytes(b""), "00077.npz does not belong to this recording"),
     (lambda folder: (folder / "run.json").write_text("[1"), "run.json: "),
-    (lambda folder: (folder / "run.json").write_text("[1]"), "run.json: no description of a recording"),
+    (lambda folder: (folder / "run.json").write_text("[1]"), "run.json: the contents are not those of a recording"),
     (lambda folder: (folder / "run.json").write_text("{}"), "has format None of recordings"),
     (lambda folder: (folder / "run.json").write_bytes(b"\xff\xfe{}"), "run.json: "),
     (lambda folder: (folder / "model.stepper").write_bytes(b"stepper\xff"), "model.stepper: .*cut off"),
@@ -267,7 +267,7 @@ def test_a_run_that_was_cut_off_is_replayed_as_far_as_it_goes(tmp_path):
 
 def test_one_recording_at_a_time_into_an_empty_folder(tmp_path):
     sim = stepper.Stepper(stepper_model(ROBOT))
-    with sim.record(tmp_path / "run"), pytest.raises(ValueError, match="already recorded"):
+    with sim.record(tmp_path / "run"), pytest.raises(ValueError, match="already being recorded"):
         sim.record(tmp_path / "other")
     with pytest.raises(FileExistsError, match="not empty"):
         sim.record(tmp_path / "run")

@@ -248,8 +248,8 @@ def test_mjcf_declares_delays_and_intervals(history):
     ("history", "what"),
     [
         ('delay=".025" nsample="8" interp="cubic"', "cubic"),
-        ('delay=".02" interval=".03" nsample="8" interp="linear"', "the older one"),
-        ('interval=".03 -.01" nsample="8"', "that of the reset"),
+        ('delay=".02" interval=".03" nsample="8" interp="linear"', "the previous sample"),
+        ('interval=".03 -.01" nsample="8"', "at the reset"),
     ],
 )
 def test_what_mjcf_declares_and_is_read_otherwise_is_listed(history, what):
@@ -294,13 +294,13 @@ def test_fans_of_rays_and_combinations_are_added(tmp_path):
 @pytest.mark.parametrize(
     ("sensors", "error", "match"),
     [
-        ({"fan": RayFan("ear", [[1, 0, 0]])}, ValueError, r"sensor 'fan': no site 'ear', there are: eye"),
+        ({"fan": RayFan("ear", [[1, 0, 0]])}, ValueError, r"sensor 'fan': there is no site 'ear'; the names are: eye"),
         ({"fan": RayFan("eye", [1, 0, 0])}, ValueError, r"sensor 'fan': rays has shape \(3,\), must be \(n, 3\)"),
         ({"fan": RayFan("eye", [[1, 0, 0], [0, 0, 0]])}, ValueError, r"sensor 'fan': ray 1 is \[0.0, 0.0, 0.0\]"),
-        ({"fan": RayFan("eye", [[1, 0, 0]], geoms=["door"])}, ValueError, r"sensor 'fan': no geom 'door', there are: floor"),
+        ({"fan": RayFan("eye", [[1, 0, 0]], geoms=["door"])}, ValueError, r"sensor 'fan': there is no geom 'door'; the names are: floor"),
         ({"fan": RayFan("eye", [[1, 0, 0]], data=("normal",))}, ValueError, r"data has \['normal'\], must be of: distance"),
         ({"fan": RayFan("eye", [[1, 0, 0]], data=())}, stepper.ModelError, r'sensor "fan".*fields'),
-        ({"sum": Combination({"gyr": 1.0})}, ValueError, r"sensor 'sum': no sensor 'gyr', there are: angle, gyro"),
+        ({"sum": Combination({"gyr": 1.0})}, ValueError, r"sensor 'sum': there is no sensor 'gyr'; the names are: angle, gyro"),
         ({"sum": Combination({"gyro": 1.0, "angle": 1.0})}, stepper.ModelError, r'"gyro" of dimension 3 with "angle"'),
         ({"sum": Combination({})}, stepper.ModelError, r"combination of nothing"),
         ({"gyro": Combination({"angle": 1.0})}, stepper.ModelError, r'gyro'),
@@ -355,7 +355,7 @@ def test_files(model, tmp_path):
     with pytest.raises(ValueError, match=r"sensors.toml: sensor 'gyro': unknown entries \['noize'\]"):
         SensorModel.from_file(toml)
     toml.write_text('[sensors.gyro]\ndevice = "abacus"\n')
-    with pytest.raises(ValueError, match=r"sensor 'gyro': no device 'abacus', there are: .*hg1700_gyro"):
+    with pytest.raises(ValueError, match=r"sensor 'gyro': there is no device 'abacus'; the devices are: .*hg1700_gyro"):
         SensorModel.from_file(toml)
 
 

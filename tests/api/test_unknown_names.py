@@ -87,7 +87,7 @@ def test_what_randomize_does_not_take_is_said_to_be_elsewhere(name, remedy):
     (("ctrl",), ValueError, r"^parameters has 'ctrl'"),
     (("gravity", "gravity"), ValueError, r"^parameters has 'gravity' more than once"),
     ((3,), TypeError, r"^parameters is \(3,\), must be a sequence of names"),
-    ("gravity", TypeError, r"^parameters is 'gravity', must be a sequence of names, as \('gravity',\)"),
+    ("gravity", TypeError, r"^parameters is 'gravity', must be a sequence of names, for example \('gravity',\)"),
     (("geom_friction[bell]",), ValueError, r"^parameters has 'geom_friction\[bell\]': no geom 'bell'; did you mean ball"),
     (("geom_friction:ball",), ValueError, r"^parameters has 'geom_friction:ball': write 'geom_friction\[ball\]'"),
 ])  # fmt: skip
@@ -99,9 +99,9 @@ def test_a_rollout_names_the_argument_that_it_was_given(parameters, error, messa
 
 
 @pytest.mark.parametrize(("wrt", "error", "message"), [
-    ((), ValueError, r"^wrt is \(\), must have one name at least"),
+    ((), ValueError, r"^wrt is \(\), must have at least one name"),
     (("qvel", "qvel"), ValueError, "^wrt has 'qvel' more than once"),
-    (("qpos[x]",), ValueError, r"^wrt has 'qpos\[x\]', but qpos has no elements by name: write 'qpos' alone"),
+    (("qpos[x]",), ValueError, r"^wrt has 'qpos\[x\]', but qpos has no named elements: write 'qpos' alone"),
 ])  # fmt: skip
 def test_names_of_linearize(wrt, error, message):
     with pytest.raises(error, match=message):

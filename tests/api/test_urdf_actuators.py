@@ -91,7 +91,7 @@ def test_errors_say_what_to_do():
         stepper.load(arm(), actuators="servo")
     with pytest.raises(ValueError, match="needs a URDF, and the source is not one"):
         stepper.load("<mujoco/>", actuators="torque")
-    with pytest.raises(stepper.ModelError, match="has no revolute, continuous or prismatic joint; leave actuators= out"):
+    with pytest.raises(stepper.ModelError, match="has no revolute, continuous or prismatic joint; omit the argument actuators"):
         stepper.load(robot('<link name="world"/>', link("a"), joint("f", "world", "a", kind="floating")), actuators="torque")
 
 

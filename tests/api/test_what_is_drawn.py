@@ -238,14 +238,14 @@ def test_contacts_of_a_recording_bear_the_weight(tmp_path):
 
 def test_what_is_wrong_with_a_view_is_said(tmp_path):
     sim = stepper.Stepper(stepper.load("<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"), 3)
-    with pytest.raises(ValueError, match=r"envs is 4, must be some of the 3"):
+    with pytest.raises(ValueError, match=r"envs is 4, must be a number of environments up to 3"):
         shown_envs(sim, 4, 16)
     with pytest.raises(ValueError, match=r"envs is \[3\]"):
         shown_envs(sim, [3], 16)
     np.testing.assert_array_equal(shown_envs(sim, None, 2), [0, 1])
     with sim.record(tmp_path / "empty"):
         pass
-    with pytest.raises(stepper.recording.RecordingError, match="it has no step to show"):
+    with pytest.raises(stepper.recording.RecordingError, match="the recording contains no step to show"):
         RecordedRun(tmp_path / "empty")
 
 
@@ -343,7 +343,7 @@ def command(monkeypatch, capsys):
     (("nothing/Nothing-v5",), "is no file, no recording and no environment"),
     (("CartPole-v1",), "CartPole-v1 is an environment of another simulator"),
     (("tests",), "tests is a folder without run.json"),
-    (("a.xml", "--rerun", "a.rrd"), "--rerun converts a recording, and a.xml is none"),
+    (("a.xml", "--rerun", "a.rrd"), "--rerun converts a recording, and a.xml is not a recording"),
     (("a.xml", "--contact", "soft"), "contact is 'soft', must be 'hard' or 'mujoco'"),
     (("a.xml", "--actions", "none"), "actions is 'none', must be 'random' or 'zero'"),
     (("a.xml", "--actions", "zero"), "--actions has no effect on a model, and a.xml is one"),

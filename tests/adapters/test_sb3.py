@@ -108,7 +108,7 @@ def test_calls_that_a_batch_has_no_answer_to_are_named():
     with pytest.raises(RuntimeError, match="step_async"):
         envs.step_wait()
     envs.set_options({"mass": 2})
-    with pytest.raises(ValueError, match="there are none"):
+    with pytest.raises(ValueError, match="have no options"):
         envs.reset()
     with pytest.raises(ValueError, match='"all" or "ended"'):
         StepperVecEnv("stepper/Hopper-v5", 3, infos="none")

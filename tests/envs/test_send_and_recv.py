@@ -60,7 +60,7 @@ def test_a_block_begins_when_each_of_its_environments_has_an_action():
         for _ in range(3):
             pool.recv()
         pool.send(actions[0, [9, 1, 2]], [9, 1, 2])
-        with pytest.raises(RuntimeError, match="no block is under way"):
+        with pytest.raises(RuntimeError, match="no block is stepping"):
             pool.recv()
         pool.send(actions[0, [3, 0, 11, 10]], [3, 0, 11, 10])  # now 0 to 3
         pool.send(actions[0, [8]], [8])  # and 8 to 11
@@ -126,7 +126,7 @@ def test_an_error_is_raised_once_and_the_pool_begins_anew():
         with pytest.raises(ZeroDivisionError, match="too large"):
             pool.recv()
         assert pool.recv()[-1]["env_id"].tolist() == [2, 3]
-        with pytest.raises(ValueError, match=r"environments \[0, 1\] have no observation.*async_reset"):
+        with pytest.raises(ValueError, match=r"environments \[0, 1\] already have an action.*async_reset"):
             pool.send(np.zeros((2, 3)), [0, 1])
         pool.send(np.full((2, 3), 2.0), [2, 3])
         pool.async_reset()  # An error that was not received is dropped, as results are.
@@ -147,7 +147,7 @@ def test_with_one_batch_it_resets_and_steps_as_gymnasium_does():
 
 
 @pytest.mark.parametrize(("action", "env_id", "message"), [
-    (np.zeros((2, 3)), [0, 5], "environments \\[5\\] have no observation"),
+    (np.zeros((2, 3)), [0, 5], "environments \\[5\\] already have an action"),
     (np.zeros((2, 3)), [0, 0], "an environment twice"),
     (np.zeros((2, 3)), [0, 12], "integers from 0 to 11"),
     (np.zeros((2, 3)), [0.0, 1.0], "integers from 0 to 11"),

@@ -47,7 +47,7 @@ def test_infos_are_means_over_each_episode():
 
 
 def test_an_info_that_there_is_not_is_named():
-    with pytest.raises(ValueError, match=r"no number 'speed', they have: .*reward_survive"):
+    with pytest.raises(ValueError, match=r"there is no info 'speed' with one number per environment; such infos are: .*reward_survive"):
         evaluate(still, "stepper/InvertedDoublePendulum-v5", episodes=2, infos=("speed",))
 
 
@@ -107,7 +107,7 @@ def test_episodes_that_fail_are_said():
         gymnasium.register("test/Strong-v0", entry_point="stepper.envs:StepperEnv", **vector)
     found = evaluate(lambda observation: np.full((len(observation), 1), 1e250), "test/Strong-v0", episodes=2)
     assert found.non_finite == 2
-    assert "2 ended as their state would not have been finite" in str(found)
+    assert "2 ended because their next state would not have been finite" in str(found)
 
 
 def test_a_policy_whose_actions_are_nan_is_an_error():
@@ -127,7 +127,7 @@ def test_what_cannot_be_evaluated_is_an_error(arguments, message):
 
 
 def test_starts_are_of_a_stepper():
-    with pytest.raises(ValueError, match="one must be of stepper"):
+    with pytest.raises(ValueError, match="one must be on stepper"):
         compare(still, "InvertedPendulum-v5", "InvertedPendulum-v4")
 
 

@@ -63,16 +63,16 @@ HAND = """<mujoco><worldbody><body name="arm"><joint name="hinge"/><geom name="l
 
 
 @pytest.mark.parametrize(("reading", "said"), [
-    ({"type": "framepose", "site": "tip"}, "sensor 'new': there is no type 'framepose', there are: jointpos"),
-    ({"type": "framepos"}, "a framepos is of one of body, inertial, geom, site, and nothing is given"),
-    ({"type": "framepos", "site": "tip", "body": "arm"}, "a framepos is of one of body, inertial, geom, site, and site, body is given"),
-    ({"type": "gyro", "body": "arm"}, "a gyro is of site, and body is given"),
-    ({"type": "clock", "body": "arm"}, "a clock is of nothing, and body is given"),
-    ({"type": "gyro", "site": "top"}, "no site 'top', there are: tip"),
-    ({"type": "jointpos", "joint": "hinge", "reference_site": "tip"}, "a jointpos has no reference, and reference_site is given"),
-    ({"type": "framelinacc", "site": "tip", "reference_body": "arm"}, "a framelinacc has no reference"),
-    ({"type": "framepos", "site": "tip", "reference_body": "arm", "reference_geom": "link"}, "a framepos has one reference at most"),
-    ({"type": "framepos", "site": "tip", "reference_body": "hand"}, "no body 'hand', there are: world, arm"),
+    ({"type": "framepose", "site": "tip"}, "sensor 'new': there is no type 'framepose'; the types are: jointpos"),
+    ({"type": "framepos"}, "type framepos needs one of body, inertial, geom, site, and none is given"),
+    ({"type": "framepos", "site": "tip", "body": "arm"}, "type framepos needs one of body, inertial, geom, site, and site, body is given"),
+    ({"type": "gyro", "body": "arm"}, "type gyro needs site, and body is given"),
+    ({"type": "clock", "body": "arm"}, "type clock needs no element, and body is given"),
+    ({"type": "gyro", "site": "top"}, "there is no site 'top'; the names are: tip"),
+    ({"type": "jointpos", "joint": "hinge", "reference_site": "tip"}, "type jointpos has no reference, and reference_site is given"),
+    ({"type": "framelinacc", "site": "tip", "reference_body": "arm"}, "type framelinacc has no reference"),
+    ({"type": "framepos", "site": "tip", "reference_body": "arm", "reference_geom": "link"}, "type framepos has at most one reference"),
+    ({"type": "framepos", "site": "tip", "reference_body": "hand"}, "there is no body 'hand'; the names are: world, arm"),
 ])  # fmt: skip
 def test_what_is_wrong_is_said(reading, said):
     with pytest.raises(ValueError, match=said):

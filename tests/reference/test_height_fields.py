@@ -168,7 +168,7 @@ def test_a_field_of_a_package_is_read():
 
 @pytest.mark.parametrize(("call", "said"), [
     (lambda model: HeightField(model, "ball"), "geom 'ball' is a sphere, must be a height field"),
-    (lambda model: HeightField(model, "ground", source="<mujoco/>"), "the source is of another model"),
+    (lambda model: HeightField(model, "ground", source="<mujoco/>"), "the source belongs to another model"),
     (lambda model: HeightField(model, 0).heights(stepper.Stepper(model, 2), np.zeros((3, 4, 2))), r"places has shape \(3, 4, 2\)"),
     (lambda model: HeightField(model, "ground").scan(stepper.Stepper(model, 2), 1, np.zeros(2)), r"offsets has shape \(2,\)"),
     (lambda model: HeightField.from_elevation(np.zeros((1, 5)), (1, 1)), r"elevation has shape \(1, 5\)"),
@@ -189,4 +189,4 @@ def test_a_model_whose_source_is_not_known_asks_for_it(tmp_path: Path):
     stepper.load(scene()).save(tmp_path / "hills.stepper")
     code = "import sys, stepper; m = stepper.load(sys.argv[1]); stepper.sensors.HeightField(m, 'ground')"
     ended = subprocess.run([sys.executable, "-c", code, str(tmp_path / "hills.stepper")], capture_output=True, text=True, check=False)
-    assert "give source=" in ended.stderr
+    assert "pass source=" in ended.stderr

@@ -36,9 +36,9 @@ def test_environments_say_how_they_are_drawn():
 @pytest.mark.parametrize(("settings", "said"), [
     ({"camera_id": 0, "camera_name": "track"}, "give one of them"),
     ({"camera_name": "track", "default_camera_config": {}}, "give one of them"),
-    ({"camera_name": "front"}, "there is no camera 'front', there are: 'track'"),
+    ({"camera_name": "front"}, "there is no camera 'front'; the cameras are: 'track'"),
     ({"camera_id": 1}, "must be from 0 to 0, or -1"),
-    ({"default_camera_config": {"zoom": 2}}, "camera_config has ['zoom'], must be of: distance"),
+    ({"default_camera_config": {"zoom": 2}}, "camera_config has ['zoom'], must contain only: distance"),
     ({"default_camera_config": {"trackbodyid": 9}}, "trackbodyid is 9"),
     ({"width": 0}, "0 x 480"),
 ])  # fmt: skip
@@ -56,12 +56,12 @@ def test_a_model_without_a_source_has_no_looks():
     for k in range(stepper.loading.origins.KEPT + 1):
         stepper.load(f"<mujoco><worldbody><body name='other{k}'/></worldbody></mujoco>")
     assert stepper.loading.origin_of(model) is None
-    with pytest.raises(LooksError, match=r"load the model with stepper\.load from its file, or give the file as source"):
+    with pytest.raises(LooksError, match=r"load the model from that file with stepper\.load, or pass the file as source"):
         Renderer(model)
 
 
 def test_the_source_of_another_model_is_refused():
-    with pytest.raises(LooksError, match="number 0 is box '' of body 0 and not sphere"):
+    with pytest.raises(LooksError, match="number 0 is box '' of body 0 instead of sphere"):
         Renderer(
             stepper.load("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>"),
             source="<mujoco><worldbody><geom type='box' size='1 1 1'/></worldbody></mujoco>",
@@ -144,7 +144,7 @@ def test_without_egl_it_says_what_to_install():
     """Every time, and what was tried is not taken for the user's choice."""
     settings = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY", "MUJOCO_GL")}
     ended = subprocess.run([sys.executable, "-W", "ignore", "-c", _WITHOUT_EGL], capture_output=True, text=True, check=False, env=settings)
-    assert ended.stdout.count("cannot draw here by MUJOCO_GL=egl") == 2, ended.stderr
+    assert ended.stdout.count("cannot draw with MUJOCO_GL=egl") == 2, ended.stderr
     assert ended.stdout.count("\nNone\n") == 2
 
 
@@ -152,5 +152,5 @@ def test_without_a_platform_for_opengl_it_says_what_to_install():
     code = "from stepper.envs import StepperEnv; StepperEnv('Hopper', render_mode='rgb_array').render()"
     settings = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")} | {"MUJOCO_GL": "glfw"}
     ended = subprocess.run([sys.executable, "-W", "ignore", "-c", code], capture_output=True, text=True, check=False, env=settings)
-    assert "cannot draw here by MUJOCO_GL=glfw" in ended.stderr
+    assert "cannot draw with MUJOCO_GL=glfw" in ended.stderr
     assert "MUJOCO_GL=egl (Debian: apt install" in ended.stderr

@@ -86,7 +86,7 @@ def _check_same(model: Model, m: Any) -> None:
             k = next((k for k, (a, b) in enumerate(zip(mine, theirs, strict=False)) if a != b), min(len(mine), len(theirs)))
             here, there = (", ".join(group[k : k + 1]) or "nothing" for group in (mine, theirs))
             raise LooksError(
-                f"the source belongs to another model, of {len(theirs)} {kind}, not {len(mine)}: number {k} is {there} instead of {here}"
+                f"the source belongs to another model: {len(theirs)} {kind} and {len(mine)}, number {k} is {there} instead of {here}"
             )
 
 

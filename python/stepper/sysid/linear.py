@@ -29,15 +29,17 @@ class Directions:
         local: Smallest half widths of differences, (n,), in the unit of x.
         room: Distance from x to its nearest bound, (n,), in the unit of x; infinite without bounds.
         apart: Indices of x with local differences along their axes. The other directions are those of the conditional covariance.
+        leading: Indices of x that the other directions keep fixed, as frictions: a step of a correlated mass could otherwise make a held
+            object slip, and a slope by the mass would include the slip.
 
     Attributes:
         columns: A direction in each column, (n, n).
     """
 
-    def __init__(self, covariance: Array, local: Array, room: Array, apart: Sequence[int]):
+    def __init__(self, covariance: Array, local: Array, room: Array, apart: Sequence[int], leading: Sequence[int] = ()):
         n = len(local)
         self._local, self._apart = local, list(apart)
-        rest = [j for j in range(n) if j not in self._apart]
+        rest = sorted((j for j in range(n) if j not in self._apart), key=lambda j: j not in leading)
         self.columns = np.zeros((n, n))
         self.columns[self._apart, self._apart] = local[self._apart]
         if rest:

@@ -189,7 +189,7 @@ def test_a_cost_that_rises_as_the_slopes_say_confirms_them_all(before, ratio, di
 
 @given(st.floats(0.02, 0.3), st.floats(0.1, 0.5), st.floats(1.1, 4.0))
 def test_an_interval_ends_at_the_next_excluded_value(flat, ratio, farther):
-    """A cost that is flat up to a value, and excludes another farther away: two standard deviations reach to that, or the floor limits them."""
+    """A cost that is flat up to a value, and excludes another farther away: two standard deviations reach to that, up to the floor."""
     before, after, excluded = 1.0, (ratio * flat) ** 2, farther * flat
     share = share_of(np.array([[flat, 0.0], [excluded, 50.0]]), 0.0, before=before, after=after)
     std, most = (math.sqrt(widened(np.array([[after]]), 0, before, kept)[0, 0]) for kept in (share, LEAST))

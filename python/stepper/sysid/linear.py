@@ -29,8 +29,8 @@ class Directions:
         local: Smallest half widths of differences, (n,), in the unit of x.
         room: Distance from x to its nearest bound, (n,), in the unit of x; infinite without bounds.
         apart: Indices of x with local differences along their axes. The other directions are those of the conditional covariance.
-        leading: Indices of x that the other directions keep fixed, as frictions: a step of a correlated mass could otherwise make a held
-            object slip, and a slope by the mass would include the slip.
+        leading: Indices of x, as of frictions, that the other directions keep fixed. A step of a correlated mass could otherwise make a
+            held object slip. The slope by the mass would then include the slip.
 
     Attributes:
         columns: A direction in each column, (n, n).

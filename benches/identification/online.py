@@ -5,6 +5,7 @@ The wrist torque about y is not used: rigid-body statics does not determine the 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -44,8 +45,8 @@ def readings(masses: np.ndarray[Any, Any], friction: float) -> dict[str, np.ndar
     return by_sensor(model, np.stack(rows), NOISE)
 
 
-def follow(seed: int, changes: bool = False) -> Followed:
-    """Results of one run. With `changes`, the mass decreases by a quarter after 2.6 s."""
+def follow(seed: int, changes: bool = False, marks: Sequence[float] = MARKS) -> Followed:
+    """Results of one run at its marks, s. With `changes`, the mass decreases by a quarter after 2.6 s."""
     rng = np.random.default_rng(seed)
     ctrl = controls()
     t = (1 + np.arange(len(ctrl))) * PERIOD
@@ -62,8 +63,8 @@ def follow(seed: int, changes: bool = False) -> Followed:
         drift=(0.2, 0.02) if changes else None,
         options=HARD,
     )
-    marks = [round(mark / PERIOD) for mark in MARKS]
-    return followed(tracker, ctrl, noisy, {mark: np.array([masses[mark - 1], friction]) for mark in marks})
+    counts = [round(mark / PERIOD) for mark in marks]
+    return followed(tracker, ctrl[: max(counts)], noisy, {count: np.array([masses[count - 1], friction]) for count in counts})
 
 
 def table(count: int) -> str:

@@ -42,6 +42,23 @@ def test_derivatives_of_what_is_linear_are_exact_and_leave_no_noise(n, seed, dat
     np.testing.assert_allclose(curved, 0.0, atol=1e-12)
 
 
+@settings(max_examples=50, deadline=None)
+@given(st.integers(2, 6), st.integers(0, 2**20), st.data())
+def test_slip_by_a_friction_is_in_no_slope_by_another_number(n, seed, data):
+    """A reading that is linear in all numbers but one, in which it has a kink: steps of correlated numbers do not cross the kink."""
+    friction = data.draw(st.integers(0, n - 1))
+    rng = np.random.default_rng(seed)
+    root = rng.standard_normal((n, 2 * n))
+    directions = Directions(root @ root.T, np.full(n, 1e-5), np.full(n, np.inf), [], leading=[friction])
+    A, x = rng.standard_normal(n), rng.standard_normal(n)
+    points = np.concatenate([x[None], directions.points(x)])
+    y = points @ A + 10 * np.maximum(points[:, friction] - x[friction] - rng.uniform(-1, 1), 0)
+    J, _ = directions.derivative(y[:, None, None], np.full((n, 2), 1e-5))
+    others = np.delete(np.arange(n), friction)
+    # Rounding, times the condition of the random covariance's root.
+    np.testing.assert_allclose(J[others, 0, 0], A[others], atol=1e-6)
+
+
 def test_slopes_of_a_kink_are_those_of_what_is_likely():
     """max(x, 0) at 0 has half a slope, and noise beside it: that of a normal distribution of which half is beyond the kink."""
     std = 0.02

@@ -7,6 +7,7 @@ docs/how-to/derivatives.md explains what each test proves.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntFlag
 from weakref import WeakKeyDictionary
@@ -23,9 +24,9 @@ CURVATURE = 1e4
 """Largest relative change of a slope per unit of a coordinate (SI) that is attributed to smooth motion and not to a kink."""
 
 LEAST_SLOPE = 0.1
-"""Smallest reference for relative differences of slopes, SI units.
+"""Smallest reference for relative differences of slopes of velocities, SI units.
 
-Bodies at rest have slopes near 0, whose relative change means nothing.
+Bodies at rest have slopes near 0, whose relative change means nothing. Slopes of displacements are smaller by the duration of the steps.
 """
 
 SOLVED = 1e-9
@@ -57,6 +58,19 @@ class Kink(IntFlag):
     """A step was not solved, not finite, or too long for its motion (`Status`)."""
     UNDETERMINED = 256
     """The nominal mode has no slope (docs/how-to/derivatives.md): the column is 0 in place of a derivative."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Rows of one kind, whose slopes are compared with one another.
+
+    Attributes:
+        where: The rows.
+        least: Slope below which a column is compared with this one, SI units.
+    """
+
+    where: slice
+    least: float = LEAST_SLOPE
 
 
 @dataclass
@@ -121,13 +135,13 @@ class KinkDetector:
         positions: Array = np.asarray(self.sim.qpos, np.float64)[:, place] + self._ahead * np.asarray(self.sim.qvel, np.float64)[:, dof]
         return positions
 
-    def compare_slopes(self, changes: Array, slopes: Array, groups: list[slice], noise: float) -> None:
+    def compare_slopes(self, changes: Array, slopes: Array, groups: Sequence[Rows], noise: float) -> None:
         """Compares the slopes on both sides at the end of all steps, for columns with two points.
 
         Args:
             changes: Results minus the nominal result, (num_envs, levels, points, columns, n), as in `Stencil.slopes`.
             slopes: Slopes of the finest level, (num_envs, columns, n).
-            groups: Slices of the rows with the same unit; the largest slope of a slice is the reference for its differences.
+            groups: Rows with the same unit; the largest slope of a group is the reference for its differences.
             noise: Noise of a result, in SI units.
         """
         if self.sides == 1:
@@ -136,8 +150,8 @@ class KinkDetector:
         h = self.stencil.step[:, 0]
         floor = 4.0 * noise / np.where(h > 0.0, h, 1.0)
         for group in groups:
-            size = np.abs(slopes[..., group]).max(axis=-1, initial=LEAST_SLOPE)
-            bend = bends[..., group].max(axis=-1, initial=0.0)
+            size = np.abs(slopes[..., group.where]).max(axis=-1, initial=group.least)
+            bend = bends[..., group.where].max(axis=-1, initial=0.0)
             kinked = bend > np.minimum(CURVATURE * h, 0.1) * size + floor
             self.report.causes[:, -1][kinked] |= np.uint32(Kink.SLOPE)
 

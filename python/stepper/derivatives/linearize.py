@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from stepper._stepper import Model, Stepper
 from stepper.derivatives import implicit, nominal_mode
 from stepper.derivatives.copies import Part, ends_of, nominal_of, parts_of
-from stepper.derivatives.kinks import Bools, Kink, KinkDetector
+from stepper.derivatives.kinks import LEAST_SLOPE, Bools, Kink, KinkDetector, Rows
 from stepper.derivatives.pair_readings import Reader
 from stepper.derivatives.perturbations import ROUNDING, STATE, Array, Block, Stencil, blocks_of, stencil_of, step_of
 
@@ -170,7 +170,8 @@ def linearize(
                 whole[name][envs] = value
         width = implicit.STEP if step is None else width
     read = Reader(sim, nominal, blocks, whole, nstep=int(nstep), tolerance=tolerance, sensors=sensors)
-    nominal_mode.settle(whole, stencil, [*_groups(sim.model), slice(_size(sim.model), None)], solved=solved, read=read)
+    groups = [*_groups(sim, int(nstep)), Rows(slice(_size(sim.model), None))]
+    nominal_mode.settle(whole, stencil, groups, solved=solved, read=read)
     # Order of the error in the width, for Richardson's extrapolation; 0 is no extrapolation.
     order = (2 if centered else 1) if extrapolate else 0
     return _result(sim, blocks, whole, width, tolerance, order=order, sensors=sensors)
@@ -213,7 +214,7 @@ def _differences(part: Part, stencil: Stencil, nstep: int, tolerance: float, *, 
     slopes = stencil.slopes(changes)
     residual = np.asarray(sim.residual).reshape(n, count).max(axis=1)
     size = np.abs(end["qvel"]).max(axis=(1, 2), initial=1.0)
-    detector.compare_slopes(changes, slopes[:, 0], _groups(sim.model), tolerance)
+    detector.compare_slopes(changes, slopes[:, 0], _groups(sim, nstep), tolerance)
     causes = detector.report.causes
     return {
         "slopes": slopes,
@@ -275,9 +276,10 @@ def _result(
     )
 
 
-def _groups(model: Model) -> list[slice]:
-    """Slices of the rows with the same unit: displacements, velocities, activations."""
-    return [slice(0, model.nv), slice(model.nv, 2 * model.nv), slice(2 * model.nv, 2 * model.nv + model.na)]
+def _groups(sim: Stepper, nstep: int) -> list[Rows]:
+    """Rows with the same unit: displacements, velocities, activations."""
+    nv, duration = sim.model.nv, min(nstep * sim.timestep, 1.0)
+    return [Rows(slice(0, nv), LEAST_SLOPE * duration), Rows(slice(nv, 2 * nv)), Rows(slice(2 * nv, _size(sim.model)))]
 
 
 def _size(model: Model) -> int:

@@ -31,15 +31,17 @@ class Directions:
         room: Distance from x to its nearest bound, (n,), in the unit of x; infinite without bounds.
         apart: Indices of numbers in x with local differences along their axis. The directions of the other numbers come from their
             conditional covariance.
+        leading: Indices of numbers in x, such as frictions, that the directions of the other numbers keep fixed. A step of a correlated
+            mass could otherwise make a held object slip. The slope by the mass would then include the slip.
 
     Attributes:
         columns: Directions, (n, n), one per column.
     """
 
-    def __init__(self, covariance: Array, local: Array, room: Array, apart: Sequence[int]):
+    def __init__(self, covariance: Array, local: Array, room: Array, apart: Sequence[int], leading: Sequence[int] = ()):
         n = len(local)
         self._local, self._apart = local, list(apart)
-        rest = [j for j in range(n) if j not in self._apart]
+        rest = sorted((j for j in range(n) if j not in self._apart), key=lambda j: j not in leading)
         self.columns = np.zeros((n, n))
         self.columns[self._apart, self._apart] = local[self._apart]
         if rest:

@@ -29,6 +29,8 @@ NEAREST = 0.005
 """Smallest distance of the two nearest other frictions from the estimate, as a logarithm."""
 ABOVE_BOUND = 0.02
 """Distance of the last other friction above the lower bound, as a logarithm. The bound can rise by this with every sample."""
+CLOSE = 0.025
+"""Largest distance of consecutive values in an excluded range, as a logarithm. At the onset of slip, minima are 0.05 wide."""
 OTHERS_PER_FRICTION = len(OTHERS) + 3
 """Number of other values that are compared with each friction."""
 BETTER = 1.0
@@ -57,7 +59,7 @@ class Verdict:
     Attributes:
         rival: Index of the point whose friction is the best rival of the estimate; None if there is none.
         holding: Indices of frictions at which the object sticks, so that the derivatives with respect to them are zero.
-        excluded: Largest value that the readings exclude, by index of the friction.
+        excluded: Largest value of the excluded range, by index of the friction.
         rises: For each friction at which the object slips, by index: offset of each other value and its increase of the cost, (k, 2).
     """
 
@@ -97,9 +99,8 @@ def verdict_of(
         index = np.array([0, *range(first + k * OTHERS_PER_FRICTION, first + (k + 1) * OTHERS_PER_FRICTION)])
         values = points[index, j]
         window, known = _profiles(j, points[index], residual[index], J=J, mean=mean, whitening=whitening)
-        gone = values[(values < values[window.argmin()]) & (window > window.min() + EXCLUDED)]
-        if len(gone):
-            excluded[j] = float(gone.max())
+        if (end := excluded_end(values, window)) is not None:
+            excluded[j] = end
         if _holds(residual[index], values, window, unknown=unknown[k]):
             holding.append(j)
         else:
@@ -109,6 +110,23 @@ def verdict_of(
         if excess.max() > gain:
             rival, gain = int(index[excess.argmax()]), float(excess.max())
     return Verdict(rival, holding, excluded, rises)
+
+
+def excluded_end(values: Array, costs: Array) -> float | None:
+    """Largest value of the excluded range that begins with the smallest value; None if the smallest value is possible.
+
+    At the onset of slip, the cost can have two minima with a rise between them, and the true value can lie at the first. The range
+    therefore ends before the first possible value, and where the distance of two values could hide a minimum.
+
+    Args:
+        values: Values of a friction, (count,), logarithms.
+        costs: Their costs, (count,).
+    """
+    order = np.argsort(values)
+    possible = costs[order] <= costs.min() + EXCLUDED
+    possible[1:] |= np.diff(values[order]) > CLOSE
+    first = int(possible.argmax())
+    return float(values[order[first - 1]]) if first else None
 
 
 def share_of(rises: Array, step: float, *, before: float, after: float) -> float:
@@ -125,11 +143,16 @@ def share_of(rises: Array, step: float, *, before: float, after: float) -> float
     gained = 1 / after - 1 / before
     if gained * before < LEAST_GAIN:
         return 1.0
-    shares = [
-        ((rise + 2 * apart * step / after) / apart**2 - 1 / before) / gained
-        for apart, rise in rises
-        if apart**2 >= LEAST_DISTANCE * after and rise <= POSSIBLE
-    ]
+    shares = []
+    for apart, rise in rises:
+        if apart**2 < LEAST_DISTANCE * after or rise > POSSIBLE:
+            continue
+        share = ((rise + 2 * apart * step / after) / apart**2 - 1 / before) / gained
+        # An interval of two standard deviations need not reach farther than the next value that is not possible.
+        beyond = [abs(other) for other, cost in rises if other / apart > 1 and cost > POSSIBLE]
+        if beyond:
+            share = max(share, ((2 / min(beyond)) ** 2 - 1 / before) / gained)
+        shares.append(share)
     return float(np.clip(min(shares, default=1.0), LEAST, 1.0))
 
 

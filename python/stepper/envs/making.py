@@ -75,9 +75,8 @@ def _unknown(kind: type[Task], name: str, of_task: list[str], *, vector: bool) -
     if vector:
         return unknown_keyword(call, name, [*VECTOR_SETTINGS, *SETTINGS, *of_task])
     if name in VECTOR_SETTINGS:
-        return (
-            f"{call}() takes no {name!r}, an argument of vector environments: make them with gymnasium.make_vec, without vectorization_mode"
-        )
+        remedy = "make them with gymnasium.make_vec, without vectorization_mode"
+        return f"{call}() takes no {name!r}, an argument of vector environments: {remedy}"
     if (present := NEW_KEYWORDS.get(name)) in VECTOR_SETTINGS:
         return f"{call}() takes no {name!r}: use {present} of gymnasium.make_vec, an argument of vector environments"
     return unknown_keyword(call, name, [*SETTINGS, *of_task])

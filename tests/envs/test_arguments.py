@@ -111,6 +111,7 @@ def test_a_name_of_gymnasium_is_no_name_of_a_task():
 SINGLE = {
     "make": CALLS["make"],
     "single": CALLS["single"],
+    "task": lambda **given: StepperEnv(TASKS["InvertedPendulum"](), **given),
     "sync": lambda **given: gymnasium.make_vec(NAME, num_envs=1, vectorization_mode="sync", **given),
 }
 

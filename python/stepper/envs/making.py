@@ -35,6 +35,8 @@ def make_task(task: Task | type[Task] | str, arguments: dict[str, Any], *, vecto
         ValueError: The name is unknown.
     """
     if isinstance(task, Task):
+        if not vector and (of_vectors := [name for name in arguments if name in VECTOR_SETTINGS]):
+            raise TypeError(_unknown(type(task), of_vectors[0], [], vector=vector))
         if arguments:
             raise TypeError(f"{type(task).__name__} exists already: give {sorted(arguments)} to its constructor, not to the environment")
         return task

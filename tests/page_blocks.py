@@ -9,7 +9,7 @@ The blocks of a page run in order, in one namespace and in a folder of their own
 
 An HTML comment on the line before a block changes that: `<!-- test: needs torch, ray -->` ends the run of the page there if a package is
 missing, and `<!-- test: not run, REASON -->` skips the block. The build of the site removes these comments. The folder has `humanoid.xml`,
-dm_control's humanoid, and `examples`, as a checkout does.
+dm_control's humanoid, `examples`, as a checkout does, and a policy where `stepper train stepper/HalfCheetah-v5` writes it.
 """
 
 import contextlib
@@ -31,8 +31,8 @@ FENCE = re.compile(
     r"^(?:[ ]*<!-- test: (?P<rule>.*?) -->\n)?^(?P<indent>[ ]*)```(?P<info>[^\n]*)\n(?P<text>.*?)^(?P=indent)```$",
     re.MULTILINE | re.DOTALL,
 )
-LANGUAGES = ("python", "sh", "text", "toml", "xml", "json")
-"""Languages of blocks; `text` is a transcript or a formula unless it has the title "output"."""
+LANGUAGES = ("python", "sh", "text", "toml", "xml", "json", "diff")
+"""Languages of blocks; `diff` is a change of another project's file, `text` a transcript or a formula unless it has the title "output"."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +64,9 @@ def prepare(folder: Path) -> None:
     spec.compile()
     (folder / "humanoid.xml").write_text(spec.to_xml())
     (folder / "examples").symlink_to(ROOT / "examples")
+    trained = folder / "out/train/stepper_HalfCheetah-v5/seed1"
+    trained.mkdir(parents=True)
+    (trained / "policy.npz").symlink_to(ROOT / "examples/policies/half_cheetah.npz")
 
 
 def run(page: Path, folder: Path) -> dict:

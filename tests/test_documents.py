@@ -4,6 +4,7 @@ import importlib
 import importlib.util
 import re
 import sys
+import tomllib
 from pathlib import Path
 
 import gymnasium
@@ -162,3 +163,8 @@ def test_only_update_docs_writes_documentation():
         if re.search(r'"docs(/|")', text) and "ArgumentParser(" in text:
             assert "--update-docs" in text, named(path)
     assert "--update-docs" not in (ROOT / "Makefile").read_text().replace("=--update-docs", "")
+
+
+def test_the_site_links_to_the_repository():
+    repository = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["urls"]["Repository"]
+    assert f"\nrepo_url: {repository}\n" in (ROOT / "mkdocs.yml").read_text()

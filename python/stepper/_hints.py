@@ -6,6 +6,7 @@ import difflib
 import functools
 import inspect
 import re
+import sys
 from collections.abc import Callable, Collection, Iterable
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -167,16 +168,26 @@ def _place_of(owner: type, name: str) -> str:
     return ""
 
 
-def no_root_attribute(name: str, known: Iterable[str]) -> AttributeError:
-    """Error for a name that the package `stepper` does not have. The hint is its present place, or similar names."""
-    hint = f"; use {ROOT_NAMES[name]}" if name in ROOT_NAMES else did_you_mean(name, known)
-    return AttributeError(f"module 'stepper' has no attribute {name!r}{hint}")
+def no_root_attribute(name: str, known: Iterable[str]) -> Exception:
+    """Error for a name that `stepper` does not have: its present place, or similar names."""
+    return _absent("stepper", name, f"; use {ROOT_NAMES[name]}" if name in ROOT_NAMES else "", known)
 
 
-def no_name(module: str, name: str, known: Iterable[str]) -> AttributeError:
-    """Error for a name that a submodule does not have. The hint is its present name, or similar names."""
+def no_name(module: str, name: str, known: Iterable[str]) -> Exception:
+    """Error for a name that a submodule does not have: its present name, or similar names."""
     new = NEW_NAMES.get(module, {}).get(name)
-    return AttributeError(f"module {module!r} has no attribute {name!r}{f'; did you mean {new}?' if new else did_you_mean(name, known)}")
+    return _absent(module, name, f"; did you mean {new}?" if new else "", known)
+
+
+def _absent(module: str, name: str, hint: str, known: Iterable[str]) -> Exception:
+    """Error for an absent name of a module: an AttributeError, or an ImportError for `from module import name` with a hint.
+
+    Python itself replaces an AttributeError in that statement by an ImportError without the hint. It then also tries submodules, which
+    have no hint.
+    """
+    if hint and sys._getframe(3).f_code.co_name == "_handle_fromlist":
+        return ImportError(f"cannot import name {name!r} from {module!r}{hint}", name=name)
+    return AttributeError(f"module {module!r} has no attribute {name!r}{hint or did_you_mean(name, known)}")
 
 
 class Hinting(type):

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+_WHOLE_BATCH = "attributes and methods of the whole batch, as envs.unwrapped.sim.qpos and envs.unwrapped.task"
 _ENVIRONMENT = {
     "data": "sim, as env.unwrapped.sim.qpos",
     "model": "sim.model",
@@ -13,12 +14,15 @@ _ENVIRONMENT = {
     "init_qvel": "task.sample_state(...), which sets velocities of a new episode",
     "frame_skip": "task.frame_skip",
     "state_vector": "sim.qpos and sim.qvel",
-    "get_body_com": "sim.read('xipos', name)",
+    "get_body_com": "sim.read('xpos', name)",
     "do_simulation": "sim.step(ctrl, nstep)",
     "mujoco_renderer": "render()",
     "reset_model": "reset()",
     "envs": "sim, one stepper with all environments",
     "contacts": "sim.contacts()",
+    "call": _WHOLE_BATCH,
+    "get_attr": _WHOLE_BATCH,
+    "set_attr": _WHOLE_BATCH,
     **{name: f"sim.{name}" for name in ("qpos", "qvel", "xpos", "sensordata", "ctrl", "timestep", "status", "randomize", "time")},
 }
 
@@ -29,8 +33,23 @@ RENAMED = {
 }
 """Present names of methods and attributes of tasks, by class or module and earlier name."""
 
+_TASKS = {
+    "tasks": (
+        *("Ant", "HalfCheetah", "Hopper", "Humanoid", "HumanoidStandup", "InvertedDoublePendulum", "InvertedPendulum", "Pusher", "Reacher"),
+        *("Swimmer", "Walker2d"),
+    ),
+    "basic": ("FallingBlock", "Grasp"),
+    "locomotion": ("G1Rough", "G1Velocity", "Go1Rough", "Go1Velocity", "VelocityTask"),
+    "suite": ("SUITE",),
+}
+"""Names of submodules of `stepper.envs` that are tried in `stepper.envs` itself."""
+
 NEW_NAMES: dict[str, dict[str, str]] = {
     **RENAMED,
+    "stepper.envs": {
+        **RENAMED["stepper.envs"],
+        **{name: f"stepper.envs.{place}.{name}" for place, names in _TASKS.items() for name in names},
+    },
     "Options": {"of": "from_model"},
     "Study": {"of": "from_model"},
     "World": {
@@ -64,10 +83,10 @@ NEW_NAMES: dict[str, dict[str, str]] = {
         "contact_force": "body_contact_force",
         "opt": "options",
         "xmat": "xquat",
-        "ximat": "xquat",
+        "ximat": "xquat and model.body_iquat, the inertial frame in that of the body",
         "geom_xmat": "geom_xquat",
         "site_xmat": "site_xquat",
-        "xanchor": "xpos",
+        "xanchor": "xpos, xquat and model.joint(name).pos, the anchor in the frame of the body",
         "body_xpos": "xpos",
         "body_xquat": "xquat",
         "xvelp": "body_linvel",
@@ -103,7 +122,7 @@ NEW_NAMES: dict[str, dict[str, str]] = {
         "joint": "read('qpos', name) for values, or sim.model.joint(name)",
         "sensor": "read('sensordata', name) for values, or sim.model.sensor(name)",
         "actuator": "read('actuator_force', name) for values, or sim.model.actuator(name)",
-        "get_body_com": "read('xipos', name)",
+        "get_body_com": "read('xpos', name)",
         "set_parameters": "randomize(...)",
     },
     "Model": {
@@ -124,7 +143,7 @@ NEW_NAMES: dict[str, dict[str, str]] = {
         "actuator_gain": "actuator_gainprm",
         "actuator_bias": "actuator_biasprm",
         **{f"actuator_{name}": f"actuator(name).{name}" for name in ("gaintype", "biastype", "trntype", "trnid", "actadr")},
-        "body_subtreemass": "body_mass",
+        "body_subtreemass": "body_mass, summed over the subtree",
         "copy": "replace(...), a new model: a model does not change",
         "to_xml": "save(path)",
         "compile": "replace(...), a new model: a model does not change",

@@ -85,7 +85,9 @@ def train(envs, seed, iterations=ITERATIONS):
                 advantages[t] = tail = delta + GAMMA * LAMBDA * going_on * tail
         flat = [part.flatten(0, 1) for part in (obs, actions, logprobs, advantages, advantages + values)]
         for _ in range(6):
-            for rows in rng.permutation(NUM_STEPS * NUM_ENVS).reshape(-1, 256):
+            # Without the step after each episode, whose action is ignored.
+            kept = rng.permutation(np.flatnonzero(dones.flatten().numpy() == 0))
+            for rows in np.split(kept, range(256, len(kept), 256)):
                 observation, action, before, advantage, target = (part[rows] for part in flat)
                 _, logprob, value = agent.act(observation, action)
                 ratio = (logprob - before).exp()

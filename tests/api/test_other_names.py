@@ -4,6 +4,7 @@ Three scripts are written as a user of MuJoCo, of Gymnasium and of a batched sim
 in `SCRIPTS`.
 """
 
+import importlib
 import re
 
 import gymnasium
@@ -64,11 +65,14 @@ SCRIPTS = {
         (lambda: ENV.unwrapped.init_qvel, "task.sample_state(...)"),
         (lambda: ENV.unwrapped.frame_skip, "task.frame_skip"),
         (lambda: ENV.unwrapped.state_vector, "use sim.qpos and sim.qvel"),
-        (lambda: ENV.unwrapped.get_body_com("block"), "sim.read('xipos', name)"),
+        (lambda: ENV.unwrapped.get_body_com("block"), "sim.read('xpos', name)"),
         (lambda: ENV.unwrapped.do_simulation(0, 1), "sim.step(ctrl, nstep)"),
         (lambda: ENV.unwrapped.sensordata, "sim.sensordata"),
         (lambda: ENV.unwrapped.contacts, "sim.contacts()"),
         (lambda: ENVS.unwrapped.envs[0], "use sim, one stepper with all environments"),
+        (lambda: ENVS.call("task"), "use attributes and methods of the whole batch, as envs.unwrapped.sim.qpos"),
+        (lambda: ENVS.get_attr("qpos"), "use attributes and methods of the whole batch"),
+        (lambda: ENVS.set_attr("task", None), "use attributes and methods of the whole batch"),
         (lambda: ENVS.unwrapped.data, "use sim, as env.unwrapped.sim.qpos"),
         (lambda: ENVS.unwrapped.randomize(MASK), "sim.randomize"),
         (lambda: SIM.data.qpos, "use qpos, xpos, sensordata and others of the stepper itself"),
@@ -158,3 +162,35 @@ def test_no_call_of_a_stepper_ignores_a_keyword(name):
 def inspect_text(method):
     """Signature of a method of a stepper."""
     return getattr(stepper.Stepper, method).__text_signature__
+
+
+@pytest.mark.parametrize(
+    ("statement", "hint"),
+    [
+        ("from stepper.envs import HalfCheetah", "did you mean stepper.envs.tasks.HalfCheetah?"),
+        ("from stepper.envs import Go1Rough", "did you mean stepper.envs.locomotion.Go1Rough?"),
+        ("from stepper.envs import Quantity", "did you mean Observation?"),
+        ("from stepper import Study", "use stepper.lab.Study"),
+    ],
+)
+def test_an_import_of_a_name_from_elsewhere_has_the_hint(statement, hint):
+    with pytest.raises(ImportError, match=re.escape(hint)):
+        exec(statement)
+
+
+def test_a_name_without_a_hint_stays_absent():
+    """Submodules are imported after their name was not found, and `hasattr` is false."""
+    exec("from stepper.envs import making")
+    assert not hasattr(stepper.envs, "HalfCheetah")
+    assert not hasattr(stepper, "Study")
+
+
+@pytest.mark.parametrize("name", [name for name, place in NEW_NAMES["stepper.envs"].items() if "." in place])
+def test_places_of_tasks_exist(name):
+    module, _, last = NEW_NAMES["stepper.envs"][name].rpartition(".")
+    assert last == name
+    assert hasattr(importlib.import_module(module), name)
+
+
+def test_every_task_of_gymnasium_has_its_place():
+    assert stepper.envs.TASKS.keys() <= NEW_NAMES["stepper.envs"].keys()

@@ -171,6 +171,8 @@ def test_values_are_for_all_selected_one_for_each_environment_or_one():
         ValueError, match=r"'geom_friction\[left_foot,2\]\[0\]' has shape \(3,\), must be \(2, 2\) or \(2,\) or a single number"
     ):
         sim.randomize({"geom_friction[left_foot,2][0]": [1, 2, 3]})
+    with pytest.raises(ValueError, match=r"must be \(4, 3\) or \(4,\) or a single number; np\.broadcast_to\(value, \(4, 3\)\) gives all"):
+        stepper.Stepper(MODEL, 4).randomize({"gravity": [0.0, 0.0, -3.7]})
     before = sim.randomized["geom_friction"].copy()
     sim.randomize({})
     assert np.array_equal(sim.randomized["geom_friction"], before), "no values change nothing"

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from stepper.adapters.envpool import StepperPool
 from stepper.adapters.native import make_native, with_autoreset
 from stepper.envs import StepperEnv, StepperVectorEnv
-from stepper.envs.making import SETTINGS, autoreset
+from stepper.envs.making import SETTINGS, VECTOR_SETTINGS, autoreset
 from stepper.envs.tasks import TASKS
 
 NAME = "stepper/InvertedPendulum-v5"
@@ -108,8 +108,33 @@ def test_a_name_of_gymnasium_is_no_name_of_a_task():
         StepperVectorEnv(NAME, 1)
 
 
-def test_settings_are_those_of_the_constructor():
-    known = set(StepperVectorEnv.__init__.__kwdefaults__) | {"num_envs"}
-    assert set(SETTINGS) == known
+SINGLE = {
+    "make": CALLS["make"],
+    "single": CALLS["single"],
+    "task": lambda **given: StepperEnv(TASKS["InvertedPendulum"](), **given),
+    "sync": lambda **given: gymnasium.make_vec(NAME, num_envs=1, vectorization_mode="sync", **given),
+}
+
+
+@pytest.mark.parametrize("call", SINGLE)
+@pytest.mark.parametrize("name", [name for name in VECTOR_SETTINGS if name != "num_envs"])
+def test_a_single_environment_takes_no_argument_of_vector_environments(call, name):
+    with pytest.raises(TypeError) as error:
+        SINGLE[call](**{name: 1})
+    remedy = "an argument of vector environments: make them with gymnasium.make_vec, without vectorization_mode"
+    assert f"takes no {name!r}, {remedy}" in str(error.value)
+    assert "did you mean" not in str(error.value)
+
+
+def test_a_single_environment_lists_no_argument_of_vector_environments():
+    with pytest.raises(TypeError, match="takes no 'colour'; there are: ") as error:
+        StepperEnv("InvertedPendulum", colour=1)
+    assert not any(name in str(error.value) for name in ("threads", "autoreset_mode", "episode_statistics"))
+
+
+def test_settings_are_those_of_the_constructors():
+    single, vector = set(StepperEnv.__init__.__kwdefaults__), set(StepperVectorEnv.__init__.__kwdefaults__) | {"num_envs"}
+    assert (set(SETTINGS), set(VECTOR_SETTINGS)) == (single, vector - single)
+    known = vector
     for task in TASKS.values():
         assert not known & {field.name for field in dataclasses.fields(task)} - {"contact"}

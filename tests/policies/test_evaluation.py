@@ -1,12 +1,15 @@
 """Returns, confidence intervals and equivalence of a policy."""
 
+from importlib.util import find_spec
+
 import gymnasium
 import numpy as np
 import pytest
 import stepper.envs  # noqa: F401
 from envs.cases import Strong, needs_gymnasiums
 from scipy import stats
-from stepper.policies import Comparison, Evaluation, compare, evaluate
+from stepper.policies import Comparison, Evaluation, compare, evaluate, make
+from stepper.shared import machine
 
 
 def still(observation):
@@ -135,3 +138,14 @@ def test_starts_are_those_of_the_seeds():
     both = compare(still, "stepper/InvertedPendulum-v5", "stepper/InvertedPendulum-v5", episodes=5, seed=4)
     np.testing.assert_array_equal(both.one.returns, both.other.returns)
     np.testing.assert_array_equal(both.one.returns, evaluate(still, "stepper/InvertedPendulum-v5", episodes=5, seed=4).returns)
+
+
+@pytest.mark.parametrize(
+    ("absent", "listed"),
+    [({"imageio"}, "imageio is needed"), ({"glfw", "imageio"}, "glfw, imageio are needed"), ({"mujoco"}, "mujoco is needed")],
+)
+def test_all_missing_packages_of_gymnasiums_environments_are_named_at_once(monkeypatch, absent, listed):
+    monkeypatch.setattr(machine.importlib.util, "find_spec", lambda name: None if name in absent else find_spec(name))
+    with pytest.raises(machine.MissingPackageError, match=listed) as error:
+        make("HalfCheetah-v5")
+    assert str(error.value).endswith('not installed: pip install "stepper-sim[envs]"')

@@ -35,6 +35,19 @@ def envs():
     return gymnasium.make_vec("stepper/Reacher-v5", num_envs=3)
 
 
+@pytest.mark.parametrize("arrays", [{"weight": np.ones(3)}, {"said": np.array("[]")}, {"said": np.array("{}")}])
+def test_an_archive_of_another_library_is_named_without_internal_keys(tmp_path, arrays):
+    """Also a file of PyTorch, which is a ZIP archive as those of NumPy."""
+    file = tmp_path / "agent.pt"
+    with file.open("wb") as stream:
+        np.savez(stream, **arrays)
+    with pytest.raises(PolicyError) as error:
+        load(file)
+    assert str(error.value) == (
+        f"{file} contains no policy; give a file that Policy.save wrote, or make a stepper.policies.Policy of another library's layers"
+    )
+
+
 @pytest.mark.parametrize("activation", ACTIVATIONS)
 def test_an_action_is_what_the_layers_say(envs, activation):
     policy = made(envs, activation)

@@ -9,9 +9,9 @@ from stepper.shared.machine import package_version
 PACKAGES = {
     "mjcf": ("mujoco-core",),
     "cli": ("jinja2", "matplotlib", "rich", "scipy", "typer"),
-    "envs": ("gymnasium", "mujoco-core"),
+    "envs": ("glfw", "gymnasium", "imageio", "mujoco-core", "packaging"),
     "viewer": ("moviepy", "mujoco-core", "rerun-sdk", "viser"),
-    "train": ("gymnasium", "imageio", "matplotlib", "moviepy", "mujoco-core", "rich", "scipy", "torch", "typer"),
+    "train": ("gymnasium", "imageio", "matplotlib", "moviepy", "mujoco-core", "packaging", "rich", "scipy", "torch", "typer"),
     "identify": ("scipy",),
     "onnx": ("onnxruntime",),
 }

@@ -14,7 +14,6 @@ from stepper._options import Options, Precision
 from stepper._quantities import output_array
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
-from stepper.envs.making import make_task
 from stepper.envs.state import EnvState, check_settings, restore, save
 from stepper.envs.streams import Rng, Streams
 from stepper.envs.task import Array, Contact, Moment, Observation, Reset, Task, Terms, with_zero_rows
@@ -27,9 +26,8 @@ class Batch:
     """Episodes of a task in `num_envs` environments of one `Stepper`.
 
     Args:
-        task: A task, a class of tasks, or a name in `stepper.envs.TASKS`.
+        task: The task.
         num_envs: Number of environments.
-        arguments: Arguments of the task's constructor, if `task` is a class or a name.
         contact: Contact law: "mujoco" is `Options.from_model(model)`, "hard" is `Options()`; None is `task.contact`.
         options: Options of the step, in place of those of `contact`.
         precision: "f64" or "f32".
@@ -39,15 +37,14 @@ class Batch:
         model: Model of the scene; None calls `task.model()`.
 
     Raises:
-        ValueError: An unknown task, or an invalid contact, dtype or number.
-        TypeError: Arguments that the task does not have.
+        ValueError: An invalid contact, dtype or number.
+        TypeError: A task without frame_skip.
     """
 
     def __init__(
         self,
-        task: Task | type[Task] | str,
+        task: Task,
         num_envs: int,
-        arguments: dict[str, Any],
         *,
         contact: Contact | None = None,
         options: Options | None = None,
@@ -57,7 +54,7 @@ class Batch:
         max_episode_steps: int | None = None,
         model: Model | None = None,
     ):
-        self.task = task = make_task(task, arguments)
+        self.task = task
         model = task.model() if model is None else model
         law = _options(model, contact or task.contact, options)
         sensors = task.sensors()

@@ -9,24 +9,34 @@ import gymnasium
 from gymnasium.vector import AutoresetMode, VectorEnv
 
 from stepper._hints import did_you_mean_or_all, unknown_keyword
+from stepper._other_names import NEW_KEYWORDS
 from stepper.envs.task import Task
 from stepper.envs.tasks import TASKS
 
 SETTINGS = (
-    *("num_envs", "autoreset_mode", "contact", "options", "precision", "threads", "dtype", "max_episode_steps", "episode_statistics"),
-    *("render_mode", "width", "height", "camera_id", "camera_name", "default_camera_config", "model"),
+    *("contact", "options", "precision", "dtype", "max_episode_steps"),
+    *("render_mode", "width", "height", "camera_id", "camera_name", "default_camera_config"),
 )
-"""Arguments of environments that do not belong to the task."""
+"""Arguments of single and vector environments that do not belong to the task."""
+VECTOR_SETTINGS = ("num_envs", "autoreset_mode", "threads", "episode_statistics", "model")
+"""Arguments that only vector environments have."""
 
 
-def make_task(task: Task | type[Task] | str, arguments: dict[str, Any]) -> Task:
+def make_task(task: Task | type[Task] | str, arguments: dict[str, Any], *, vector: bool) -> Task:
     """Task from the argument `task` of an environment: a task itself, or a class or name whose constructor gets the arguments.
+
+    Args:
+        task: Task, class of tasks, or name in `stepper.envs.TASKS`.
+        arguments: Arguments of the task.
+        vector: Whether the task is for a vector environment; errors list the arguments of the environment.
 
     Raises:
         TypeError: `task` has another type, or an argument is unknown to the task.
         ValueError: The name is unknown.
     """
     if isinstance(task, Task):
+        if not vector and (of_vectors := [name for name in arguments if name in VECTOR_SETTINGS]):
+            raise TypeError(_unknown(type(task), of_vectors[0], [], vector=vector))
         if arguments:
             raise TypeError(f"{type(task).__name__} exists already: give {sorted(arguments)} to its constructor, not to the environment")
         return task
@@ -39,7 +49,7 @@ def make_task(task: Task | type[Task] | str, arguments: dict[str, Any]) -> Task:
     if not any(p.kind == inspect.Parameter.VAR_KEYWORD for p in known.values()):
         for name in arguments:
             if name not in known:
-                raise TypeError(_unknown(kind, name, [*SETTINGS, *known]))
+                raise TypeError(_unknown(kind, name, [*known], vector=vector))
     return kind(**arguments)
 
 
@@ -57,13 +67,21 @@ def autoreset(mode: AutoresetMode | str) -> AutoresetMode:
     return found
 
 
-def _unknown(kind: type[Task], name: str, known: list[str]) -> str:
+def _unknown(kind: type[Task], name: str, of_task: list[str], *, vector: bool) -> str:
     """Error message for an argument that neither environments nor tasks of the class `kind` have."""
+    call = f"an environment of {kind.__name__}"
     if name == "seed":
-        return f"an environment of {kind.__name__}() takes no 'seed': give it to reset(seed=...), which begins episodes under it"
+        return f"{call}() takes no 'seed': give it to reset(seed=...), which begins episodes under it"
     if name == "env_kwargs":
-        return f"an environment of {kind.__name__}() takes no 'env_kwargs': give its arguments themselves, as contact=\"hard\""
-    return unknown_keyword(f"an environment of {kind.__name__}", name, known)
+        return f"{call}() takes no 'env_kwargs': give its arguments themselves, as contact=\"hard\""
+    if vector:
+        return unknown_keyword(call, name, [*VECTOR_SETTINGS, *SETTINGS, *of_task])
+    if name in VECTOR_SETTINGS:
+        remedy = "make them with gymnasium.make_vec, without vectorization_mode"
+        return f"{call}() takes no {name!r}, an argument of vector environments: {remedy}"
+    if (present := NEW_KEYWORDS.get(name)) in VECTOR_SETTINGS:
+        return f"{call}() takes no {name!r}: use {present} of gymnasium.make_vec, an argument of vector environments"
+    return unknown_keyword(call, name, [*SETTINGS, *of_task])
 
 
 def _in_words(value: Any) -> str:

@@ -13,6 +13,7 @@ from stepper._options import Options, Precision
 from stepper._stepper import Stepper
 from stepper.envs.batch import Batch
 from stepper.envs.drawing import RENDER_MODES, Drawing, RenderMode, camera_settings
+from stepper.envs.making import make_task
 from stepper.envs.state import EnvState
 from stepper.envs.task import Array, Camera, Contact, Moment, Task, Terms
 
@@ -68,7 +69,7 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         **arguments: Any,
     ):
         settings: dict[str, Any] = {"contact": contact, "options": options, "precision": precision, "dtype": dtype}
-        self._batch = Batch(task, 1, arguments, max_episode_steps=max_episode_steps, **settings)
+        self._batch = Batch(make_task(task, arguments, vector=False), 1, max_episode_steps=max_episode_steps, **settings)
         camera = camera_settings(width, height, camera_id, camera_name, default_camera_config)
         self.render_mode, self._drawing = render_mode, Drawing(self._batch, render_mode, **camera)
         self.metadata = {"render_modes": [*RENDER_MODES], "render_fps": round(1 / self._batch.dt)}

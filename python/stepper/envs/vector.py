@@ -18,7 +18,7 @@ from stepper._options import Options, Precision
 from stepper._stepper import Model, Stepper, selected
 from stepper.envs.batch import Batch
 from stepper.envs.drawing import RENDER_MODES, Drawing, RenderMode, camera_settings
-from stepper.envs.making import autoreset
+from stepper.envs.making import autoreset, make_task
 from stepper.envs.state import EnvState
 from stepper.envs.task import Array, Camera, Contact, Moment, Task, Terms
 
@@ -90,7 +90,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
     ):
         settings: dict[str, Any] = {"contact": contact, "options": options, "precision": precision, "threads": threads, "dtype": dtype}
         settings["model"] = model
-        self._batch = Batch(task, num_envs, arguments, max_episode_steps=max_episode_steps, **settings)
+        self._batch = Batch(make_task(task, arguments, vector=True), num_envs, max_episode_steps=max_episode_steps, **settings)
         self.num_envs, self.autoreset_mode = num_envs, autoreset(autoreset_mode)
         camera = camera_settings(width, height, camera_id, camera_name, default_camera_config)
         self.render_mode, self._drawing = render_mode, Drawing(self._batch, render_mode, **camera)

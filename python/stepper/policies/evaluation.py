@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper.shared.environments import import_env
-from stepper.shared.machine import require
+from stepper.shared.machine import require, require_all
 from stepper.shared.progress import Tick, silent
 
 Array = NDArray[Any]
@@ -130,7 +130,7 @@ def make(env: str, num_envs: int | None = None, *, training: bool = False, **set
     except gymnasium.error.Error as error:
         raise ValueError(str(error)) from error
     if str(spec.entry_point).startswith("gymnasium.envs.mujoco"):
-        require("imageio", "for MuJoCo environments of Gymnasium")
+        require_all(("mujoco", "glfw", "imageio", "packaging"), f"for {env}, Gymnasium's environment on MuJoCo", "envs")
     if num_envs is None:
         return gymnasium.make(env, **settings)
     if not training:

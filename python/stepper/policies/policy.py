@@ -26,6 +26,8 @@ _DAMAGED = (
     *(RuntimeError, zipfile.BadZipFile, zlib.error),  # From zipfile, for unsupported compression or encryption.
 )
 """Exceptions of NumPy, zipfile and json for a damaged file or one of another kind."""
+_OTHER_KIND = (KeyError, AttributeError, TypeError)
+"""Exceptions for a readable file of another kind. Their texts have internal names only."""
 
 ACTIVATIONS: dict[str, Callable[[Array], Array]] = {
     "tanh": np.tanh,
@@ -180,7 +182,9 @@ def load(path: str | os.PathLike[str], env: Any = None) -> Policy:
     except PolicyError as error:
         raise PolicyError(f"{file}: {error}") from error
     except _DAMAGED as error:
-        raise PolicyError(f"{file} contains no policy ({type(error).__name__}: {error}); give a file that Policy.save wrote") from error
+        reason = "" if isinstance(error, _OTHER_KIND) else f" ({type(error).__name__}: {error})"
+        remedy = "give a file that Policy.save wrote, or make a stepper.policies.Policy of another library's layers"
+        raise PolicyError(f"{file} contains no policy{reason}; {remedy}") from error
     if env is not None:
         policy.check(env)
     return policy

@@ -9,7 +9,7 @@ import os
 import platform
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
 
@@ -73,6 +73,24 @@ def require(module: str, purpose: str, extra: str = "") -> ModuleType:
         if error.name is not None and error.name.split(".", maxsplit=1)[0] != top:
             raise
         raise _missing(module, purpose, extra) from error
+
+
+def require_all(modules: Sequence[str], purpose: str, extra: str) -> None:
+    """Checks that optional modules are installed, without importing them.
+
+    Args:
+        modules: Names of the modules.
+        purpose: Purpose for the message, as in `require`.
+        extra: Extra of stepper that installs all of them.
+
+    Raises:
+        MissingPackageError: Some are not installed; the message names all of these.
+    """
+    missing = [module for module in modules if importlib.util.find_spec(module) is None]
+    if missing:
+        verb = "is" if len(missing) == 1 else "are"
+        text = f'{", ".join(missing)} {verb} needed {purpose}, and {verb} not installed: pip install "stepper-sim[{extra}]"'
+        raise MissingPackageError(text, name=missing[0])
 
 
 def package_file(package: str, file: str, purpose: str) -> str:

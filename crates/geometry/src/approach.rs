@@ -62,6 +62,15 @@ impl<R: Real> Approach<R> {
         gap.ge(R::of(2.0) * closing + self.slack + self.hair(size, self.fastest()))
     }
 
+    /// Longest components of a contact that can count, against each axis and along it, m. With the way u, a contact along the unit vector n is
+    /// shorter than -2 n . u + slack, and (-2 n . u) n . d <= |u| - u . d for every unit vector d.
+    pub(super) fn longest(&self, size: f64) -> [V3<R>; 2] {
+        let (fastest, turn) = (self.fastest(), self.turn.map(|x| x * x));
+        let least = self.slack + self.hair(size, fastest);
+        let swing: V3<R> = array_of(|k| (turn[(k + 1) % 3] + turn[(k + 2) % 3]).sqrt() * self.radius);
+        [array_of(|k| fastest + self.way[k] + swing[k] + least), array_of(|k| fastest - self.way[k] + swing[k] + least)]
+    }
+
     /// Bound on the way of the second in the ball, m.
     #[inline(always)]
     fn fastest(&self) -> R {

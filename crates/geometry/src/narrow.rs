@@ -36,16 +36,17 @@ impl Narrow {
         narrow
     }
 
-    /// The contact points of two solids within reach of each other, and [`Manifold::separating_plane`]; a half space comes first.
+    /// The contact points of two solids within reach of each other, and [`Manifold::separating_plane`]; a half space comes first. With a
+    /// surface, the approach is that of the convex shape to the surface.
     pub fn collide(&mut self, solids: [&Solid; 2], poses: [Pose; 2], reach: Reach) -> (&[Point], Option<SeparatingPlane>) {
         let Self { room, found } = self;
         let prediction = reach.prediction;
         match solids {
             [Solid::Convex(a), Solid::Convex(b)] => collide(a, &poses[0], b, &poses[1], reach, found, room),
             [Solid::HalfSpace, Solid::Convex(b)] => collide_plane(&poses[0], b, &poses[1], prediction, found, room),
-            [Solid::Surface(a), Solid::Convex(b)] => collide_surface(a, &poses[0], b, &poses[1], prediction, found, room),
+            [Solid::Surface(a), Solid::Convex(b)] => collide_surface(a, &poses[0], b, &poses[1], reach, found, room),
             [Solid::Convex(a), Solid::Surface(b)] => {
-                collide_surface(b, &poses[1], a, &poses[0], prediction, found, room);
+                collide_surface(b, &poses[1], a, &poses[0], reach, found, room);
                 found.turn();
             }
             [Solid::HalfSpace, Solid::Surface(b)] => surface::collide_plane_surface(&poses[0], b, &poses[1], prediction, found, room),

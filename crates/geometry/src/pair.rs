@@ -91,6 +91,20 @@ impl<'a> Pair<'a> {
         add(self.pos, rotate(&self.mat, self.b.support(rotate_back(&self.mat, d))))
     }
 
+    /// Least and greatest coordinates of the second's core, whose `ends` are known for a ball or capsule, in the first's frame.
+    pub(super) fn extent_b(&self, ends: Option<&[V]>) -> [V; 2] {
+        if let Some(ends) = ends {
+            return [f64::min, f64::max].map(|pick| array_of(|k| ends.iter().map(|end| end[k]).reduce(pick).unwrap_or_default()));
+        }
+        [-1.0, 1.0].map(|sign| {
+            array_of(|k| {
+                let mut d = [0.0; 3];
+                d[k] = sign;
+                self.support_b(d)[k]
+            })
+        })
+    }
+
     /// The vertex of A - (B + shift) furthest along `d`.
     pub(super) fn support(&self, d: V, shift: V) -> Vertex {
         let (x, i) = self.a.corner(d);

@@ -23,9 +23,11 @@ use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
 use crate::ball::{Ball, Touch, ball_over};
 use crate::facet::{FLAT, Facet, Outline, PARALLEL};
 use crate::facing::{Facing, Separation};
+use crate::height_bounds::HeightBounds;
 use crate::linear_algebra::*;
 use crate::manifold::{LEVEL, Manifold, Point, VERTICES, reduce_points};
 use crate::pair::Pair;
+use crate::reach::Reach;
 use crate::room::Room;
 use crate::round::{ends, is_over, may_touch, nearest_of_triangle};
 use crate::separation::{self};
@@ -71,6 +73,7 @@ pub struct MeshSurface {
     around: Vec<u32>,
     first: Vec<u32>,
     tree: Bvh,
+    heights: HeightBounds,
     /// Least and greatest coordinates, m.
     extent: [V; 2],
 }
@@ -87,12 +90,14 @@ pub struct Grid {
     /// Shapes further below are not pushed up, m.
     pub base: f64,
     highest: f64,
+    /// Coordinates of the columns along x and of the rows along y, m.
+    places: [Vec<f64>; 2],
 }
 
-/// Heights of a grid below a disc.
+/// Heights of a surface below a disc.
 #[derive(Clone, Copy, Debug)]
 pub struct Under {
-    /// Greatest height of the cells there, m; minus infinity off the grid.
+    /// Greatest height of the cells there, m; minus infinity beside the surface.
     pub highest: f64,
     /// Whether they are level and no neighbour falls away: every contact is upright then.
     pub level: bool,
@@ -136,7 +141,8 @@ impl MeshSurface {
         let used = || faces.iter().flatten().map(|&v| vertices[v as usize]);
         let extent =
             [f64::min, f64::max].map(|pick: fn(f64, f64) -> f64| used().reduce(|p, q| array_of(|k| pick(p[k], q[k]))).unwrap_or_default());
-        Self { vertices: vertices.to_vec(), faces, across, around, first, tree, extent }
+        let heights = HeightBounds::new(extent, &boxes);
+        Self { vertices: vertices.to_vec(), faces, across, around, first, tree, heights, extent }
     }
 
     /// Corners of triangle `t`.
@@ -175,19 +181,21 @@ impl Grid {
     /// and y, m.
     pub fn new(shape: [usize; 2], half: [f64; 2], elevation: Vec<f64>, base: f64) -> Self {
         let highest = elevation.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        Self { shape, half, elevation, base, highest }
+        let places = [0, 1].map(|k| {
+            let n = shape[1 - k];
+            (0..n).map(|i| -half[k] + 2.0 * half[k] * i as f64 / (n - 1) as f64).collect()
+        });
+        Self { shape, half, elevation, base, highest, places }
     }
 
     /// Greatest height, m.
     #[inline]
-    pub fn highest(&self) -> f64 {
+    pub(super) fn highest(&self) -> f64 {
         self.highest
     }
 
     fn vertex(&self, c: usize, r: usize) -> V {
-        let at = |k: usize, n: usize, half: f64| -half + 2.0 * half * k as f64 / (n - 1) as f64;
-        let [rows, columns] = self.shape;
-        [at(c, columns, self.half[0]), at(r, rows, self.half[1]), self.elevation[r * columns + c]]
+        [self.places[0][c], self.places[1][r], self.elevation[r * self.shape[1] + c]]
     }
 
     fn near(&self, c: Option<usize>, r: Option<usize>) -> Option<V> {
@@ -267,25 +275,23 @@ impl Grid {
     }
 
     /// Heights of the grid below a horizontal disc.
-    pub fn under_disc(&self, [x, y]: [f64; 2], radius: f64) -> Under {
+    fn under_disc(&self, [x, y]: [f64; 2], radius: f64) -> Under {
         let [rows, columns] = self.shape;
         let (c, r) = (self.cells(0, x - radius, x + radius), self.cells(1, y - radius, y + radius));
         let mut highest = f64::NEG_INFINITY;
         if c.is_empty() || r.is_empty() {
             return Under { highest, level: true };
         }
-        // Cells beside them show whether an edge falls away; at the border of the grid it does.
-        let mut level = c.start > 0 && r.start > 0 && c.end < columns - 1 && r.end < rows - 1;
-        let first = self.elevation[r.start * columns + c.start];
-        for row in r.start.saturating_sub(1)..=(r.end + 1).min(rows - 1) {
-            for column in c.start.saturating_sub(1)..=(c.end + 1).min(columns - 1) {
-                let height = self.elevation[row * columns + column];
-                level &= height == first;
-                if (c.start..=c.end).contains(&column) && (r.start..=r.end).contains(&row) {
-                    highest = highest.max(height);
-                }
-            }
+        let row = |row: usize, columns_of: Range<usize>| &self.elevation[row * columns + columns_of.start..row * columns + columns_of.end];
+        for height in (r.start..=r.end).flat_map(|k| row(k, c.start..c.end + 1)) {
+            highest = highest.max(*height);
         }
+        // Cells beside them show whether an edge falls away; at the border of the grid it does.
+        let level = c.start > 0
+            && r.start > 0
+            && c.end < columns - 1
+            && r.end < rows - 1
+            && (r.start - 1..=r.end + 1).all(|k| row(k, c.start - 1..c.end + 2).iter().all(|height| *height == highest));
         Under { highest, level }
     }
 
@@ -305,6 +311,23 @@ impl Grid {
 }
 
 impl Surface {
+    /// Greatest height, m.
+    #[inline]
+    pub fn highest(&self) -> f64 {
+        match self {
+            Self::Mesh(m) => m.extent[1][2],
+            Self::Grid(g) => g.highest,
+        }
+    }
+
+    /// Heights below a horizontal disc. A mesh never counts as level.
+    pub fn under_disc(&self, centre: [f64; 2], radius: f64) -> Under {
+        match self {
+            Self::Mesh(m) => Under { highest: m.heights.highest_below(centre, radius), level: false },
+            Self::Grid(g) => g.under_disc(centre, radius),
+        }
+    }
+
     fn triangle(&self, t: u32) -> [V; 3] {
         match self {
             Self::Mesh(m) => m.triangle(t),
@@ -319,6 +342,18 @@ impl Surface {
                 Facet::new(m.faces[t].map(at), m.across[t].map(|v| v.map(at)))
             }
             Self::Grid(g) => g.facet(t),
+        }
+    }
+
+    /// Whether an edge of triangle `t` has no neighbour.
+    fn is_at_border(&self, t: u32) -> bool {
+        match self {
+            Self::Mesh(m) => m.across[t as usize].iter().any(Option::is_none),
+            Self::Grid(g) => {
+                let (cell, [rows, columns]) = (t as usize / 2, g.shape);
+                let (r, c) = (cell / (columns - 1), cell % (columns - 1));
+                r == 0 || c == 0 || r == rows - 2 || c == columns - 2
+            }
         }
     }
 
@@ -361,9 +396,22 @@ impl Surface {
     }
 }
 
-/// Finds the contact points of a surface and a convex shape that are within `prediction` (m) of each other: at most [`MAX_SURFACE_POINTS`],
+/// Finds the contact points of a surface and a convex shape that are within reach (m) of each other: at most [`MAX_SURFACE_POINTS`],
 /// normals from the surface.
-pub fn collide_surface(a: &Surface, pose_a: &Pose, b: &ConvexShape, pose_b: &Pose, prediction: f64, out: &mut Manifold, room: &mut Room) {
+///
+/// Where the approach of the shape is known, points that do not count within the step may be absent. The normal of a contact at an edge or
+/// corner is a positive combination of the normals n of the triangles there. It closes by no more than they do, combined in the same way,
+/// so that it can count only if one of these triangles can count by itself. Triangles at a border of the surface have no such neighbours.
+pub fn collide_surface(
+    a: &Surface,
+    pose_a: &Pose,
+    b: &ConvexShape,
+    pose_b: &Pose,
+    reach: impl Into<Reach>,
+    out: &mut Manifold,
+    room: &mut Room,
+) {
+    let Reach { prediction, approach, .. } = reach.into();
     out.clear();
     let nothing = ConvexShape::Sphere { radius: 0.0 };
     let whole = Pair::new(&nothing, pose_a, b, pose_b);
@@ -371,23 +419,32 @@ pub fn collide_surface(a: &Surface, pose_a: &Pose, b: &ConvexShape, pose_b: &Pos
         return;
     }
     let reach = prediction + b.radius();
-    let along = |k: usize, sign: f64| {
-        let mut d = [0.0; 3];
-        d[k] = sign;
-        whole.support_b(d)[k] + sign * reach
-    };
-    let mut triangles = std::mem::take(&mut room.triangles);
-    a.candidates([0, 1, 2].map(|k| along(k, -1.0)), [0, 1, 2].map(|k| along(k, 1.0)), &mut triangles);
-    room.all.clear();
     let core = ends(&whole);
+    // A contact joins a point x of the surface and a point y of the shape, and y - x is a multiple of its normal.
+    let [against, along] = approach.map_or([[f64::INFINITY; 3]; 2], |approach| approach.longest(whole.size));
+    let [low, high] = whole.extent_b(core.as_deref());
+    let low = array_of(|k| low[k] - reach.min(b.radius() + along[k]));
+    let high = array_of(|k| high[k] + reach.min(b.radius() + against[k]));
+    let mut triangles = std::mem::take(&mut room.triangles);
+    a.candidates(low, high, &mut triangles);
+    room.all.clear();
     // What was left to neighbours: the furthest inside.
     let mut left: Option<(u32, Facing)> = None;
     for &t in &triangles {
         let corners = a.triangle(t);
         let normal = triangle_normal(&corners);
         // Nothing is nearer than along the normal.
-        let along = dot(normal, whole.support_b(neg(normal))) - dot(normal, corners[furthest(&corners, normal)]);
+        let along = match &core {
+            Some(ends) => ends.iter().map(|end| dot(normal, sub(*end, corners[0]))).reduce(f64::min).unwrap_or_default(),
+            None => dot(normal, whole.support_b(neg(normal))) - dot(normal, corners[furthest(&corners, normal)]),
+        };
         if along - b.radius() > prediction {
+            continue;
+        }
+        if let Some(approach) = &approach
+            && approach.keeps_along(normal, along - b.radius(), whole.size)
+            && !a.is_at_border(t)
+        {
             continue;
         }
         if let Some(ends) = &core {
@@ -401,7 +458,11 @@ pub fn collide_surface(a: &Surface, pose_a: &Pose, b: &ConvexShape, pose_b: &Pos
                     continue;
                 }
                 // Behind a wall of a mesh, or too far from the outline.
-                let is_far = || norm(sub(centre, nearest_of_triangle(&corners, centre))) - b.radius() > prediction;
+                let is_far = || {
+                    let apart = sub(centre, nearest_of_triangle(&corners, centre));
+                    let (distance, n) = (norm(apart), unit_or(apart, normal));
+                    distance - b.radius() > prediction || approach.is_some_and(|a| a.keeps_along(n, distance - b.radius(), whole.size))
+                };
                 let is_left_out = if along > 0.0 { is_far() } else { matches!(a, Surface::Mesh(_)) };
                 if is_left_out {
                     continue;

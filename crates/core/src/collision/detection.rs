@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
-use stepper_geometry::Narrow;
 use stepper_geometry::pairs::segments;
+use stepper_geometry::{Narrow, Solid};
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::collision::broad_phase::Broad;
@@ -300,6 +300,17 @@ fn ways<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, pos: &[V3<
     }
 }
 
+/// Relative displacement below which a pair cannot pass, m: its thickness, or four times that for a height field.
+///
+/// A height field is solid. On a shorter path through a bump, a ball inside the shape is in the ground at one end, and contacts push it
+/// out.
+#[inline(always)]
+pub(crate) fn min_displacement<R: Real>(compiled: &LaneModel<R>, pair: &CompiledPair<R::Scalar>) -> R {
+    let is_field = |&g: &usize| compiled.geoms[g].solid.as_ref().is_some_and(Solid::is_field);
+    let thickness = compiled.tunnelling_distance(pair.geoms);
+    if pair.kernel == Kernel::Surface && pair.geoms.iter().any(is_field) { thickness * R::of(4.0) } else { thickness }
+}
+
 /// What gravity covers in a step, and a micrometre for scenes without it.
 #[inline(always)]
 pub(crate) fn slack<R: Real>(compiled: &LaneModel<R>, h: R) -> R {
@@ -348,24 +359,28 @@ impl<R: Real> Scene<'_, R> {
     #[inline(always)]
     fn moves_too_far(&self, pair: &CompiledPair<R::Scalar>) -> R::Mask {
         let [a, b] = pair.geoms;
-        let distance = self.compiled.tunnelling_distance(pair.geoms);
-        let far = (self.poses.displacement[a] + self.poses.displacement[b]).gt(distance);
+        let (distance, displacement) = (min_displacement(self.compiled, pair), self.poses.displacement[a] + self.poses.displacement[b]);
+        let far = displacement.gt(distance);
         if far.none() {
             return far;
         }
         // Limbs that fly along together are fast and yet do not pass one another, and what is apart again has gone the whole way through.
         // (Where that chord is shorter than this, a graze an eighth as deep as the two are thick is missed.)
-        let gap = self.gap(pair);
+        let gap = self.gap(pair, far, displacement);
         let through = R::select(gap.gt(R::zero()), gap + distance + distance, distance);
         far.and(self.way_past(a, b).min(self.way_past(b, a)).gt(through))
     }
 
-    /// Lower bound on the distance of a pair that is thin, m.
+    /// Lower bound on the distance of a pair in the lanes `lanes`, m. Of a surface it is at most `most`.
     #[inline(always)]
-    pub(crate) fn gap(&self, pair: &CompiledPair<R::Scalar>) -> R {
+    pub(crate) fn gap(&self, pair: &CompiledPair<R::Scalar>, lanes: R::Mask, most: R) -> R {
         let [a, b] = pair.geoms;
         match pair.kernel {
             Kernel::Segments => segments(&self.segment(a), &self.segment(b)).0[0].distance,
+            Kernel::Surface => match self.surface_and_shape(pair) {
+                Some((surface, geoms)) => self.height_above(surface, geoms, lanes, most).min(most),
+                None => most,
+            },
             _ => norm(sub(self.poses.pos[b], self.poses.pos[a])) - self.compiled.reach(pair.geoms),
         }
     }

@@ -6,7 +6,7 @@ use stepper_geometry::pairs::{
     ContactPoint, Cuboid, Cylinder, Ellipsoid, Segment, capsule_box, cylinder_rims, plane_box, plane_ellipsoid, plane_point, plane_sphere,
     segments, sphere_box, sphere_cylinder, sphere_ellipsoid,
 };
-use stepper_geometry::{Approach, BoundingBox, Pose, Reach, SeparatingPlane, SeparatingPlanes, Solid, Surface};
+use stepper_geometry::{Approach, BoundingBox, Pose, Reach, SeparatingPlane, SeparatingPlanes, Solid};
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::collision::contact_set::{ContactId, Contacts};
@@ -155,21 +155,21 @@ impl<R: Real> Scene<'_, R> {
 
     /// Lane by lane, in f64: what one lane does no other sees.
     #[inline(always)]
-    fn convex(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, search: &mut Search, contacts: &mut Contacts<R>) {
+    fn convex(&self, index: usize, pair: &CompiledPair<R::Scalar>, mut near: R::Mask, search: &mut Search, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
-        let mut near = match &self.compiled.geoms[a].solid {
-            Some(Solid::Surface(surface)) => match &**surface {
-                Surface::Grid(grid) => self.may_meet_terrain(grid, pair, near),
-                Surface::Mesh(_) => near,
-            },
-            _ => near,
-        };
+        let ground = self.surface_and_shape(pair);
+        if let Some((surface, geoms)) = ground {
+            near = self.may_meet_surface(surface, geoms, R::splat(pair.margin), near);
+        }
         let reach = R::splat(pair.margin) + self.poses.travel[a] + self.poses.travel[b] + self.slack;
         near = near.and_not(self.boxes_are_beyond(pair, reach));
         if near.none() {
             return;
         }
         let mut approach = None;
+        if let Some((_, geoms)) = ground {
+            approach = Some(self.approach_to_surface(geoms, R::splat(pair.margin), reach));
+        }
         if let Some(size) = Solid::size_of_hulls([self.solid(a), self.solid(b)]) {
             let moving = self.approach(pair, reach);
             near = near.and_not(self.are_parted(index, pair, near, &moving, size, search));

@@ -1,17 +1,17 @@
-//! Which shapes a height field may be in the way of, from how high it is under them: most of its pairs are done with here, over lanes.
+//! Culling of pairs with a surface, over lanes, by the height of the surface below the shape. It settles most pairs with terrain.
 //!
-//! A contact joins a point x of the field and a point y of the shape with y - x = d n. Where the shape is a gap g above all that the field
+//! A contact joins a point x of the surface and a point y of the shape with y - x = d n. Where the shape is a gap g above all that the surface
 //! has under it, d cos(a) >= g for a normal at an angle a from upright, and stage 3 takes the contact up only if d < 2 h c + slack, c being
 //! the speed at which y closes in along n. With u its speed upwards and w its speed, 2 c cos(a) <= w - u for every a, and so
 //!
 //! ```text
-//! g < h (w - u) + slack,        where the field is level: g < -2 h u + slack.
+//! g < h (w - u) + slack,        where the surface is level: g < -2 h u + slack.
 //! ```
 //!
 //! Nothing moves along n by turning about a point on the line of n: of a ball only the centre's speed counts, of a capsule that of its
 //! segment.
 
-use stepper_geometry::{ConvexShape, Grid, Solid};
+use stepper_geometry::{Approach, ConvexShape, Solid, Surface};
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::collision::detection::Scene;
@@ -20,10 +20,19 @@ use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 
 impl<R: Real> Scene<'_, R> {
-    /// Those of the lanes `near` in which a contact of a height field, the first geom of the pair, may be taken up.
+    /// Surface of a pair, and the geom of the surface with that of the other shape. `None` if neither geom is a surface.
     #[inline(always)]
-    pub(crate) fn may_meet_terrain(&self, grid: &Grid, pair: &CompiledPair<R::Scalar>, near: R::Mask) -> R::Mask {
-        let [field, shape] = pair.geoms;
+    pub(crate) fn surface_and_shape(&self, pair: &CompiledPair<R::Scalar>) -> Option<(&Surface, [usize; 2])> {
+        let [a, b] = pair.geoms;
+        [[a, b], [b, a]].into_iter().find_map(|geoms| match &self.compiled.geoms[geoms[0]].solid {
+            Some(Solid::Surface(surface)) => Some((&**surface, geoms)),
+            _ => None,
+        })
+    }
+
+    /// Lanes of `near` in which a contact of a surface and a shape can count.
+    #[inline(always)]
+    pub(crate) fn may_meet_surface(&self, surface: &Surface, [field, shape]: [usize; 2], margin: R, near: R::Mask) -> R::Mask {
         let (mat, centre) = (&self.poses.mat[field], self.poses.pos[shape]);
         let up = column(mat, 2);
         let at = rotate_back(mat, sub(centre, self.poses.pos[field]));
@@ -34,7 +43,7 @@ impl<R: Real> Scene<'_, R> {
         let (v, w) = (sub(v, v_field), sub(w, w_field));
         let rise = dot(up, v) - norm(cross(up, w)) * core;
         let speed = norm(v) + norm(w) * core;
-        let least = R::splat(pair.margin).max(R::zero()) + self.slack;
+        let least = margin.max(R::zero()) + self.slack;
         let around = self.compiled.params.bounding_radius(shape) + self.poses.travel[field] + self.poses.travel[shape] + least;
         // A hair more than the exact test will ask for, also in single precision.
         let hair = R::of(1e-6) * (around + at[0].abs() + at[1].abs() + at[2].abs());
@@ -43,16 +52,48 @@ impl<R: Real> Scene<'_, R> {
         let level = (-(self.h + self.h) * rise).max(R::zero()) + least;
 
         let low = at[2] - depth;
-        let mut near = near.and((low - R::of(grid.highest())).lt(anyhow));
+        let mut near = near.and((low - R::of(surface.highest())).lt(anyhow));
         for lane in each_of(near.bits()) {
             let of = |x: R| x.lane(lane).to_f64();
-            let under = grid.under_disc([of(at[0]), of(at[1])], of(around + hair));
+            let under = surface.under_disc([of(at[0]), of(at[1])], of(around + hair));
             let limit = if under.level { level } else { anyhow };
             if of(low) - under.highest >= of(limit) {
                 near = near.and_not(R::Mask::from_bits(1 << lane));
             }
         }
         near
+    }
+
+    /// Height of a geom above the highest point of a surface within `around` of it, in the lanes `lanes`, m. Infinite where there is none.
+    #[inline(always)]
+    pub(crate) fn height_above(&self, surface: &Surface, [ground, shape]: [usize; 2], lanes: R::Mask, around: R) -> R {
+        let (mat, centre) = (&self.poses.mat[ground], self.poses.pos[shape]);
+        let at = rotate_back(mat, sub(centre, self.poses.pos[ground]));
+        let radius = self.compiled.params.bounding_radius(shape) + around;
+        let low = at[2] - self.reach_below(shape, column(mat, 2)).0;
+        let mut height = R::of(f64::INFINITY);
+        for lane in each_of(lanes.bits()) {
+            let of = |x: R| x.lane(lane).to_f64();
+            let under = surface.under_disc([of(at[0]), of(at[1])], of(radius));
+            height.set_lane(lane, R::of(of(low) - under.highest).lane(lane));
+        }
+        height
+    }
+
+    /// Approach of a shape to a surface. Contacts are at most `reach` long, m.
+    #[inline(always)]
+    pub(crate) fn approach_to_surface(&self, [surface, shape]: [usize; 2], margin: R, reach: R) -> Approach<R> {
+        let (mat, centre) = (&self.poses.mat[surface], self.poses.pos[shape]);
+        let links = &self.poses.velocity;
+        let ([w, v], [w_surface, v_surface]) = (self.motion_at(links, shape, centre), self.motion_at(links, surface, centre));
+        let (way, turn) = (scale(rotate_back(mat, sub(v, v_surface)), self.h), scale(rotate_back(mat, sub(w, w_surface)), self.h));
+        // The line of a contact's normal passes through the core of a ball or capsule. Other contacts are halfway between the geoms.
+        let radius = match &self.compiled.geoms[shape].solid {
+            Some(Solid::Convex(ConvexShape::Sphere { .. })) => R::zero(),
+            Some(Solid::Convex(ConvexShape::Capsule { .. })) => self.compiled.params.geom_size(shape)[1],
+            _ => self.compiled.params.bounding_radius(shape) + R::of(0.5) * reach,
+        };
+        Approach { way, turn, radius, slack: margin.max(R::zero()) + self.slack }
     }
 
     /// How far a geom reaches from its origin against the unit vector `up`, and the radius of a ball that holds all but what a ball or

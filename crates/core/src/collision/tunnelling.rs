@@ -5,8 +5,8 @@ use std::borrow::Cow;
 use stepper_geometry::{Narrow, Pose, Solid, SolidMotion};
 use stepper_real::{Mask, Real, Scalar};
 
-use crate::collision::detection::{GeomPoses, Placed, Scene};
-use crate::compile::{CompiledJoint, CompiledPair, Kernel, LaneModel};
+use crate::collision::detection::{GeomPoses, Placed, Scene, min_displacement};
+use crate::compile::{CompiledJoint, CompiledPair, LaneModel};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
@@ -85,17 +85,6 @@ pub fn may_have_passed<R: Real>(
     )
 }
 
-/// Relative displacement below which a pair cannot pass, m: its thickness, or four times that for a height field.
-///
-/// A height field is solid. On a shorter path through a bump, a ball inside the shape is in the ground at one end, and contacts push it
-/// out.
-#[inline(always)]
-fn min_displacement<R: Real>(compiled: &LaneModel<R>, pair: &CompiledPair<R::Scalar>) -> R {
-    let is_field = |&g: &usize| compiled.geoms[g].solid.as_ref().is_some_and(Solid::is_field);
-    let thickness = compiled.tunnelling_distance(pair.geoms);
-    if pair.kernel == Kernel::Surface && pair.geoms.iter().any(is_field) { thickness * R::of(4.0) } else { thickness }
-}
-
 /// Paths of all geoms from the poses where contacts were found.
 struct Path<'a, R: Real> {
     compiled: &'a LaneModel<R>,
@@ -113,21 +102,21 @@ impl<R: Real> Path<'_, R> {
         if suspected.none() {
             return passed;
         }
-        let suspected = suspected.and(self.exceed_gap(pair));
+        let suspected = suspected.and(self.exceed_gap(pair, suspected));
         if suspected.any() { passed.or(self.test_path(pair.geoms, suspected, narrow)) } else { passed }
     }
 
-    /// Lanes in which the relative displacement of a pair exceeds its thickness and its gap.
+    /// Lanes of `suspected` in which the relative displacement of a pair exceeds its thickness and its gap.
     ///
     /// Limbs that fly in the same direction have a small relative displacement.
     #[inline(always)]
-    fn exceed_gap(&self, pair: &CompiledPair<R::Scalar>) -> R::Mask {
+    fn exceed_gap(&self, pair: &CompiledPair<R::Scalar>, suspected: R::Mask) -> R::Mask {
         let (Self { compiled, kinematics, placed, step, slack }, [a, b]) = (self, pair.geoms);
         let scene = Scene { compiled, kinematics, poses: placed, h: step.h, slack: *slack, look_ahead: step.h, looks_ahead: false };
         let displacement = scene.way_past(a, b).min(scene.way_past(b, a))
             + placed.arc_deviation(compiled, a, step.h)
             + placed.arc_deviation(compiled, b, step.h);
-        displacement.gt(min_displacement(compiled, pair).max(scene.gap(pair)))
+        displacement.gt(min_displacement(compiled, pair).max(scene.gap(pair, suspected, displacement)))
     }
 
     /// Lanes of `suspected` in which the path of a pair may pass. Each lane is tested alone, in 64 bits.

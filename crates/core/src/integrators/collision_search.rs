@@ -1,6 +1,6 @@
 //! Search for the pairs of geoms with deferred contacts that collide in the motion of a step.
 
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real};
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::detection::GeomPoses;
@@ -15,8 +15,11 @@ use crate::math::lanes::{MAX_LANES, each_of};
 use crate::options::StepSettings;
 use crate::tuning::SIMULTANEOUS_FRACTION;
 
-/// Number of bisections for the time of first touch at most. Ten give 1e-3 of the path.
-const BISECTIONS: usize = 10;
+/// Largest number of evaluations that narrow a time of first touch. Secants need two or three, and ten bisections give 1e-3 of the path.
+const MAX_EVALUATIONS: usize = 10;
+
+/// Number of evaluations at secants. Bisections follow, because secants can stall where a path is curved.
+const SECANTS: usize = 4;
 
 /// Candidate pairs of deferred contacts, and the lanes in which they collide.
 #[derive(Clone, Debug)]
@@ -42,8 +45,8 @@ struct PackedPath<S> {
     gap: Gap<S>,
     /// Overlap on the path that counts, m.
     tolerance: S,
-    /// Time until which the first touch is searched, s.
-    until: S,
+    /// Time of the next evaluation, s.
+    time: S,
 }
 
 /// Candidate pair: its linearised gap closes in some lanes.
@@ -58,17 +61,39 @@ struct CandidatePair<R: Real> {
     /// Time at which the pair touches, and a time before its first touch, s: both are narrowed where the order of candidates matters.
     time: R,
     before: R,
+    /// Distance less the overlap that counts, at these two times, m. It is negative at `time` and positive at `before`.
+    distance_at_time: R,
+    distance_before: R,
+    /// Lanes in which the order of this candidate and another one is uncertain.
+    uncertain: R::Mask,
     /// Lanes in which the overlap may be due to the error of the motion.
     doubtful: R::Mask,
-    /// Lanes (bits) in which another pair of the same trees touches earlier.
-    later_lanes: u32,
+    /// Lanes in which another pair of the same trees touches earlier.
+    later: R::Mask,
 }
 
 impl<R: Real> CandidatePair<R> {
+    /// Candidate without a known collision.
+    fn new(pair: usize, lanes: R::Mask) -> Self {
+        let (zero, none) = (R::zero(), R::Mask::splat(false));
+        Self {
+            pair,
+            lanes,
+            tolerance: zero,
+            time: zero,
+            before: zero,
+            distance_at_time: zero,
+            distance_before: zero,
+            uncertain: none,
+            doubtful: none,
+            later: none,
+        }
+    }
+
     /// Takes over the first touch of the pair. An overlap of at most `error` beyond the tolerance is doubtful.
     #[inline(always)]
     fn take(&mut self, touch: &Touch<R>, error: R) {
-        (self.lanes, self.time) = (touch.lanes, touch.time);
+        (self.lanes, self.time, self.distance_at_time) = (touch.lanes, touch.time, self.tolerance - touch.overlap);
         self.doubtful = touch.lanes.and(touch.overlap.le(self.tolerance + error));
     }
 
@@ -78,9 +103,50 @@ impl<R: Real> CandidatePair<R> {
         let own = R::Mask::from_bits(1 << lane);
         self.lanes = self.lanes.or(own);
         self.time.set_lane(lane, touch.time.lane(place));
-        if touch.overlap.lane(place) <= self.tolerance.lane(lane) + error.lane(lane) {
+        let (overlap, tolerance) = (touch.overlap.lane(place), self.tolerance.lane(lane));
+        self.distance_at_time.set_lane(lane, tolerance - overlap);
+        if overlap <= tolerance + error.lane(lane) {
             self.doubtful = self.doubtful.or(own);
         }
+    }
+
+    /// Time of evaluation number `evaluation`, s. The distance decreases almost linearly, so the first touch is next to the secant.
+    /// Times on either side of the secant enclose the touch. They are half of `window` apart, s.
+    #[inline(always)]
+    fn next_time(&self, evaluation: usize, window: R) -> R {
+        let half = R::of(0.5);
+        let drop = self.distance_before - self.distance_at_time;
+        let is_usable = drop.lt(R::of(f64::INFINITY)).and(drop.gt(R::zero()));
+        let fraction = if evaluation < SECANTS { R::select(is_usable, self.distance_before / drop, half) } else { half };
+        let span = self.time - self.before;
+        let offset = if evaluation >= SECANTS {
+            R::zero()
+        } else if evaluation.is_multiple_of(2) {
+            -(window * R::of(0.25))
+        } else {
+            window * R::of(0.25)
+        };
+        let time = self.before + span * fraction.max(R::zero()) + R::select(is_usable, offset, R::zero());
+        // A bracket that is narrower than the offset is halved.
+        R::select(time.gt(self.before).and(time.lt(self.time)), time, self.before + span * half)
+    }
+
+    /// Lanes in which the pair is known to touch before `other` by more than `window`, s, or known not to.
+    #[inline(always)]
+    fn has_order(&self, other: &Self, window: R) -> R::Mask {
+        self.time.lt(other.before - window).or(self.before.ge(other.time - window))
+    }
+
+    /// Narrows the time of first touch by the `distance` of the pair at `time`, in the lanes `lanes`.
+    #[inline(always)]
+    fn narrow(&mut self, lanes: R::Mask, time: R, distance: R) {
+        let distance = distance + self.tolerance;
+        let touches = distance.lt(R::zero());
+        let (deep, clear) = (lanes.and(touches), lanes.and_not(touches));
+        self.time = R::select(deep, time, self.time);
+        self.distance_at_time = R::select(deep, distance, self.distance_at_time);
+        self.before = R::select(clear, time, self.before);
+        self.distance_before = R::select(clear, distance, self.distance_before);
     }
 }
 
@@ -140,9 +206,6 @@ impl<R: Real> CollisionSearch<R> {
             #[inline(always)]
             || self.test_paths(query, problem),
         );
-        if !query.ignores_order {
-            self.keep_earliest(query, problem);
-        }
         self.pairs.iter().fold(R::Mask::splat(false), |lanes, candidate| lanes.or(candidate.lanes))
     }
 
@@ -175,22 +238,14 @@ impl<R: Real> CollisionSearch<R> {
                 let lanes = R::Mask::from_bits(lanes);
                 match self.pairs.iter_mut().find(|candidate| candidate.pair == pair) {
                     Some(candidate) => candidate.lanes = candidate.lanes.or(lanes),
-                    None => self.pairs.push(CandidatePair {
-                        pair,
-                        lanes,
-                        tolerance: R::zero(),
-                        time: R::zero(),
-                        before: R::zero(),
-                        doubtful: R::Mask::splat(false),
-                        later_lanes: 0,
-                    }),
+                    None => self.pairs.push(CandidatePair::new(pair, lanes)),
                 }
             }
         }
         !self.pairs.is_empty()
     }
 
-    /// Reduces the lanes of each candidate to those in which its path collides. Finds the times of first touch in lanes with several.
+    /// Reduces the lanes of each candidate to those in which its path collides first.
     #[inline(always)]
     fn test_paths(&mut self, query: &CollisionQuery<'_, R>, problem: &ConstraintProblem<R>) {
         let CollisionQuery { compiled, kinematics, poses, .. } = *query;
@@ -203,6 +258,7 @@ impl<R: Real> CollisionSearch<R> {
             let (gap, touch) = farthest_closing_gap(query, problem, rates, candidate);
             let least = -(gap.distance + time * gap.rate) * R::of(query.margin);
             candidate.tolerance = resting_overlap(query, problem, candidate) + touch;
+            candidate.distance_before = gap.distance + candidate.tolerance;
             let tolerance = candidate.tolerance.max(least);
             if is_packed(compiled, &pair, candidate.lanes.bits()) {
                 add_packed(packed, k, (candidate.pair, &pair), candidate.lanes, gap, [tolerance, R::zero()]);
@@ -251,108 +307,97 @@ impl<R: Real> CollisionSearch<R> {
         }
         if !query.ignores_order {
             self.narrow_times(query, several, time);
+            self.keep_earliest(compiled, time);
         }
     }
 
-    /// Narrows the times of first touch in the lanes `several` by at most [`BISECTIONS`]. Those of paths that are not packed are narrowed
-    /// until the order of the candidates is certain. `closing_time` is the duration of the paths, s.
+    /// Narrows the times of first touch in the lanes `several` until the order of the candidates is certain. `closing_time` is the duration
+    /// of the paths, s.
     #[inline(always)]
     fn narrow_times(&mut self, query: &CollisionQuery<'_, R>, several: R::Mask, closing_time: R) {
         let CollisionQuery { compiled, kinematics, poses, .. } = *query;
         let path =
             |index: usize, pair| Path { compiled, kinematics, start: &poses.placed, time: closing_time, slack: poses.slack, index, pair };
-        let Self { swept, pairs, packed, .. } = self;
-        packed.clear();
-        for (k, candidate) in pairs.iter().enumerate().filter(|(_, candidate)| candidate.lanes.and(several).any()) {
-            let (pair, lanes) = (compiled.pair(candidate.pair), candidate.lanes.and(several));
-            if is_packed(compiled, &pair, candidate.lanes.bits()) {
-                let gap = Gap { distance: R::zero(), rate: R::zero() };
-                add_packed(packed, k, (candidate.pair, &pair), lanes, gap, [candidate.tolerance, candidate.time]);
+        let window = closing_time * R::of(SIMULTANEOUS_FRACTION);
+        for evaluation in 0..MAX_EVALUATIONS {
+            self.find_uncertain(compiled, several, window);
+            let Self { swept, pairs, packed, .. } = self;
+            packed.clear();
+            let mut is_certain = true;
+            for (k, candidate) in pairs.iter_mut().enumerate().filter(|(_, candidate)| candidate.uncertain.any()) {
+                is_certain = false;
+                let (pair, lanes) = (compiled.pair(candidate.pair), candidate.uncertain);
+                let time = candidate.next_time(evaluation, window);
+                if is_packed(compiled, &pair, candidate.lanes.bits()) {
+                    let gap = Gap { distance: R::zero(), rate: R::zero() };
+                    add_packed(packed, k, (candidate.pair, &pair), lanes, gap, [candidate.tolerance, time]);
+                } else {
+                    let gap = swept.gap_at(&path(candidate.pair, pair), time, lanes);
+                    candidate.narrow(lanes, time, gap.distance);
+                }
             }
-        }
-        for_each_packed::<R>(
-            packed,
-            #[inline(always)]
-            |kernel, batch, items| {
-                let sweep = PackedSweep::new(swept, &path(batch[0].item.index, compiled.pair(batch[0].item.index)), kernel, items);
-                let until = gather_scalars(
-                    batch,
-                    #[inline(always)]
-                    |b| b.until,
-                );
-                let tolerance: R = gather_scalars(
-                    batch,
-                    #[inline(always)]
-                    |b| b.tolerance,
-                );
-                let mut times = [R::zero(), until];
-                for _ in 0..BISECTIONS {
-                    let middle = (times[0] + times[1]) * R::of(0.5);
-                    let deep = sweep.gap_at(middle, R::Mask::splat(true)).distance.lt(-tolerance);
-                    times = [R::select(deep, times[0], middle), R::select(deep, middle, times[1])];
-                }
-                for (place, path) in batch.iter().enumerate() {
-                    let candidate = &mut pairs[path.candidate];
-                    candidate.before.set_lane(path.item.lane, times[0].lane(place));
-                    candidate.time.set_lane(path.item.lane, times[1].lane(place));
-                }
-            },
-        );
-        for _ in 0..BISECTIONS {
-            let open = R::Mask::from_bits(self.lanes_without_order(compiled, several.bits(), closing_time));
-            if open.none() {
+            if is_certain {
                 return;
             }
-            let Self { swept, pairs, .. } = self;
-            for candidate in pairs.iter_mut().filter(|candidate| candidate.lanes.and(open).any()) {
-                let (pair, lanes) = (compiled.pair(candidate.pair), candidate.lanes.and(open));
-                if !is_packed(compiled, &pair, candidate.lanes.bits()) {
-                    let middle = (candidate.before + candidate.time) * R::of(0.5);
-                    let deep = swept.gap_at(&path(candidate.pair, pair), middle, lanes).distance.lt(-candidate.tolerance);
-                    candidate.time = R::select(lanes.and(deep), middle, candidate.time);
-                    candidate.before = R::select(lanes.and_not(deep), middle, candidate.before);
-                }
-            }
+            for_each_packed::<R>(
+                packed,
+                #[inline(always)]
+                |kernel, batch, items| {
+                    let sweep = PackedSweep::new(swept, &path(batch[0].item.index, compiled.pair(batch[0].item.index)), kernel, items);
+                    let time = gather_scalars(
+                        batch,
+                        #[inline(always)]
+                        |b| b.time,
+                    );
+                    let gap = sweep.gap_at(time, R::Mask::splat(true));
+                    for (place, path) in batch.iter().enumerate() {
+                        let lanes = R::Mask::from_bits(1 << path.item.lane);
+                        pairs[path.candidate].narrow(lanes, R::splat(path.time), R::splat(gap.distance.lane(place)));
+                    }
+                },
+            );
         }
     }
 
-    /// Lanes (bits) of `several` in which the times of first touch do not yet determine the order of candidates of the same trees.
-    fn lanes_without_order(&self, compiled: &LaneModel<R>, several: u32, closing_time: R) -> u32 {
-        let mut open = 0;
-        for lane in each_of(several) {
-            let window = SIMULTANEOUS_FRACTION * closing_time.lane(lane).to_f64();
-            let here = || self.pairs.iter().filter(|candidate| candidate.lanes.bits() >> lane & 1 == 1);
-            let of = |x: R| x.lane(lane).to_f64();
-            let is_certain = |first: &CandidatePair<R>, second: &CandidatePair<R>| {
-                of(first.time) < of(second.before) - window || of(first.before) >= of(second.time) - window
-            };
-            let mut pairs = here().flat_map(|first| here().map(move |second| (first, second)));
-            let is_open = pairs.any(|(first, second)| {
-                first.pair != second.pair && !is_certain(first, second) && share_trees(compiled, first.pair, second.pair)
-            });
-            open |= u32::from(is_open) << lane;
+    /// Finds the candidates of the lanes `several` whose order with another candidate of the same trees is uncertain. Times that differ by
+    /// less than `window`, s, are equal.
+    #[inline(always)]
+    fn find_uncertain(&mut self, compiled: &LaneModel<R>, several: R::Mask, window: R) {
+        for candidate in &mut self.pairs {
+            candidate.uncertain = R::Mask::splat(false);
         }
-        open
+        for i in 1..self.pairs.len() {
+            let (others, rest) = self.pairs.split_at_mut(i);
+            let candidate = &mut rest[0];
+            for other in others {
+                let open = several.and(candidate.lanes).and(other.lanes);
+                let open = open.and_not(candidate.has_order(other, window).and(other.has_order(candidate, window)));
+                if open.any() && share_trees(compiled, candidate.pair, other.pair) {
+                    (candidate.uncertain, other.uncertain) = (candidate.uncertain.or(open), other.uncertain.or(open));
+                }
+            }
+        }
     }
 
     /// Removes candidates from the lanes in which another pair of the same trees touches earlier.
     ///
     /// The earlier impact changes the motion of these trees.
-    fn keep_earliest(&mut self, query: &CollisionQuery<'_, R>, problem: &ConstraintProblem<R>) {
-        let lanes = self.pairs.iter().fold(0, |bits, candidate| bits | candidate.lanes.bits());
-        for lane in each_of(lanes) {
-            let here = |candidate: &&CandidatePair<R>| candidate.lanes.bits() >> lane & 1 == 1;
-            let time = |candidate: &CandidatePair<R>| candidate.time.lane(lane).to_f64();
-            let window = SIMULTANEOUS_FRACTION * problem.closing_time.lane(lane).to_f64();
-            for i in 0..self.pairs.len() {
-                let candidate = self.pairs[i];
-                let shares = |other: &CandidatePair<R>| share_trees(query.compiled, other.pair, candidate.pair);
-                let is_later = self.pairs.iter().filter(here).any(|other| time(other) < time(&candidate) - window && shares(other));
-                self.pairs[i].later_lanes |= u32::from(is_later) << lane;
+    #[inline(always)]
+    fn keep_earliest(&mut self, compiled: &LaneModel<R>, closing_time: R) {
+        let window = closing_time * R::of(SIMULTANEOUS_FRACTION);
+        for i in 0..self.pairs.len() {
+            let candidate = self.pairs[i];
+            let mut later = R::Mask::splat(false);
+            for other in &self.pairs {
+                let earlier = candidate.lanes.and(other.lanes).and(other.time.lt(candidate.time - window));
+                if earlier.any() && share_trees(compiled, other.pair, candidate.pair) {
+                    later = later.or(earlier);
+                }
             }
+            self.pairs[i].later = later;
         }
         for candidate in &mut self.pairs {
-            candidate.lanes = candidate.lanes.and_not(R::Mask::from_bits(candidate.later_lanes));
+            candidate.lanes = candidate.lanes.and_not(candidate.later);
         }
     }
 }
@@ -365,7 +410,7 @@ fn add_packed<R: Real>(
     (index, pair): (usize, &CompiledPair<R::Scalar>),
     lanes: R::Mask,
     gap: Gap<R>,
-    [tolerance, until]: [R; 2],
+    [tolerance, time]: [R; 2],
 ) {
     for lane in each_of(lanes.bits()) {
         packed.push(PackedPath {
@@ -374,7 +419,7 @@ fn add_packed<R: Real>(
             item: Item { index, geoms: pair.geoms, margin: pair.margin, lane },
             gap: Gap { distance: gap.distance.lane(lane), rate: gap.rate.lane(lane) },
             tolerance: tolerance.lane(lane),
-            until: until.lane(lane),
+            time: time.lane(lane),
         });
     }
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::shapes::{simple, unit, vector};
 use proptest::prelude::*;
 use stepper_geometry::linear_algebra::*;
-use stepper_geometry::{ConvexShape, Grid, Hull, Manifold, MeshSurface, Pose, Room, Surface, collide_surface, distance};
+use stepper_geometry::{Approach, ConvexShape, Grid, Hull, Manifold, MeshSurface, Pose, Reach, Room, Surface, collide_surface, distance};
 
 type V = V3<f64>;
 
@@ -209,5 +209,81 @@ proptest! {
         // Round bodies and flat faces: where several points are equally near, the normal is that of one of them.
         let found = points.iter().find(|p| (p.distance - exact).abs() < 1e-6 && norm(sub(p.normal, normal)) < 1e-3);
         prop_assert!(found.is_some(), "{exact} {normal:?} {points:?}");
+    }
+}
+
+/// Radius of a ball about the origin of a shape that contains it, m. The hulls of these tests are within 0.7 m.
+fn bound(shape: &ConvexShape) -> f64 {
+    match *shape {
+        ConvexShape::Sphere { radius } => radius,
+        ConvexShape::Capsule { radius, half_length } => radius + half_length,
+        ConvexShape::Cylinder { radius, half_length } => radius.hypot(half_length),
+        ConvexShape::Ellipsoid { radii } => radii.into_iter().fold(0.0, f64::max),
+        ConvexShape::Box { half } => norm(half),
+        ConvexShape::Hull(_) | ConvexShape::Triangle(_) => 0.7,
+    }
+}
+
+/// Radius of a ball about the origin of a shape through which the lines of all contact normals pass, m. Contacts are at most `reach` long.
+fn contact_radius(shape: &ConvexShape, reach: f64) -> f64 {
+    match *shape {
+        ConvexShape::Sphere { .. } => 0.0,
+        ConvexShape::Capsule { half_length, .. } => half_length,
+        _ => bound(shape) + 0.5 * reach,
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(2000))]
+
+    /// The deepest contact that can count within the step is found although triangles that cannot count are left out.
+    #[test]
+    fn contacts_that_count_are_found(
+        (grid, form) in rough(), b in shape(), at in prop::array::uniform2(-1.1..1.1f64), lift in -0.05..0.3f64, mat in rotation(),
+        way in vector(0.1), turn in vector(0.3),
+    ) {
+        let surface = match form {
+            0 => Surface::Grid(grid.clone()),
+            _ => {
+                let (vertices, faces) = triangles(&grid, form == 2);
+                Surface::Mesh(MeshSurface::new(&vertices, &faces))
+            }
+        };
+        let pose = Pose { pos: [at[0], at[1], lift - lowest(&b, &Pose { pos: [0.0; 3], mat }, [0.0, 0.0, 1.0])], mat };
+        let slack = 1e-3;
+        // Contacts are within twice the displacement of the step.
+        let prediction = 2.0 * (norm(way) + norm(turn) * bound(&b)) + slack;
+        let approach = Approach { way, turn, radius: contact_radius(&b, prediction), slack };
+        let find = |reach: Reach| {
+            let mut out = Manifold::default();
+            collide_surface(&surface, &STILL, &b, &pose, reach, &mut out, &mut Room::default());
+            out.points
+        };
+        let (all, found) = (find(prediction.into()), find(Reach { approach: Some(approach), ..prediction.into() }));
+        let counts = |p: &&stepper_geometry::Point| {
+            let velocity = add(way, cross(turn, sub(p.pos, pose.pos)));
+            p.distance < 2.0 * (-dot(p.normal, velocity)).max(0.0) + slack
+        };
+        if let Some(deepest) = all.iter().filter(counts).map(|p| p.distance).reduce(f64::min) {
+            let own = found.iter().filter(counts).map(|p| p.distance).fold(f64::INFINITY, f64::min);
+            prop_assert!(own <= deepest + TIE, "{own} {deepest}\n{all:?}\n{found:?}");
+        }
+    }
+
+    /// No triangle rises above the greatest height below a disc that is centred over it.
+    #[test]
+    fn heights_below_a_disc_are_bounds((grid, form) in rough(), at in prop::array::uniform2(-1.2..1.2f64), radius in 0.0..0.5f64) {
+        let (vertices, faces) = triangles(&grid, form == 2);
+        let bound = Surface::Mesh(MeshSurface::new(&vertices, &faces)).under_disc(at, radius).highest;
+        for corners in faces.iter().map(|face| face.map(|v| vertices[v as usize])) {
+            for k in 0..=10 {
+                for j in 0..=10 - k {
+                    let [u, v] = [k, j].map(|x| f64::from(x) / 10.0);
+                    let p: V = std::array::from_fn(|i| corners[0][i] + u * (corners[1][i] - corners[0][i]) + v * (corners[2][i] - corners[0][i]));
+                    // Rounding of the sum.
+                    prop_assert!((p[0] - at[0]).hypot(p[1] - at[1]) > radius || p[2] <= bound + 1e-12, "{p:?} {bound}");
+                }
+            }
+        }
     }
 }

@@ -4,11 +4,14 @@ use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::velocity_rounding;
 
 use crate::collision::contact_set::Contacts;
+use crate::constraints::approaching::resting_speed;
 use crate::constraints::assembler::Assembler;
 use crate::constraints::constraint_problem::DeferredContact;
 use crate::constraints::elimination::SquaredLengths;
 use crate::constraints::equality::RowInput;
 use crate::math::spatial::*;
+use crate::options::StepSettings;
+use crate::tuning::MIN_UNMET_TARGET;
 
 /// Least mobility along a contact's normal, as a fraction of that of all moving mass as one body.
 ///
@@ -22,6 +25,18 @@ pub(crate) fn least_mobility<R: Real>() -> f64 {
 /// With a smaller lever arm, holding a body takes 1e5 times the force that turns it, or the result is rounding error.
 fn least_lever<R: Real>() -> f64 {
     f64::max(1e-5, 1e3 * <R::Scalar as Scalar>::EPSILON.to_f64())
+}
+
+/// Approach speed that is negligible for an immovable contact with the offsets g in the velocity and position solves, m/s.
+///
+/// A touching contact at the resting speed stays within the slop for about a second. Lever arms below [`least_lever`] exist where a face is
+/// normal to a hinge or along a slide, up to the rounding of the model file. An overlap beyond the slop has a position target. Above
+/// [`MIN_UNMET_TARGET`] stage 8 reports it. Below that target only the residual can report that the overlap grows.
+#[inline(always)]
+fn negligible_approach<R: Real>(options: &StepSettings, [velocity, position]: [R; 2]) -> R {
+    let (resting, correction) = (R::of(resting_speed(options)), (velocity - position).abs());
+    let reported_by_residual = correction.gt(resting).and_not(correction.gt(R::of(MIN_UNMET_TARGET)));
+    R::select(reported_by_residual, R::zero(), resting)
 }
 
 /// Rows of a slot along the normal and the tangents. Their entries are in the column of the row builder.
@@ -54,9 +69,9 @@ impl<R: Real> Assembler<'_, R> {
             [g[0][0], g[1][0], g[2][0]],
         );
         if self.problem.rows.contacts.held().any() {
-            let (released, rounding) = self.reconsider(input, contacts, k, lanes);
+            let (released, negligible) = self.reconsider(input, contacts, k, lanes, g[0]);
             self.problem.rows.contacts.make_movable(released);
-            self.problem.rows.contacts.drop_rounding(rounding);
+            self.problem.rows.contacts.drop_approach(negligible);
         }
         if let Some(lengths) = lengths {
             self.problem.rows.contacts.set_trace_ratio(lengths.trace_ratio());
@@ -81,15 +96,22 @@ impl<R: Real> Assembler<'_, R> {
         self.problem.constrained = self.problem.constrained.or(solved);
     }
 
-    /// Lanes in which slot `k` can move along its normal although its normal mobility is small. The second result is the normal velocity
-    /// that is rounding error, m/s.
+    /// Lanes in which slot `k` can move along its normal although its normal mobility is small. The second result is the approach speed
+    /// that is negligible in the other lanes, m/s.
     ///
     /// The mobility counts as small compared with that of its tangents, or of a body with the whole moving mass. The contact can move if
-    /// some degree of freedom has a lever arm. Overwrites `column`.
+    /// some degree of freedom has a lever arm. `targets` are the offsets g of the normal row. Overwrites `column`.
     #[cold]
     #[inline(never)]
-    pub(crate) fn reconsider(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> (R::Mask, R) {
-        let RowInput { compiled, kinematics, mass, assembly, .. } = input;
+    pub(crate) fn reconsider(
+        &mut self,
+        input: RowInput<'_, R>,
+        contacts: &Contacts<R>,
+        k: usize,
+        lanes: u32,
+        targets: [R; 2],
+    ) -> (R::Mask, R) {
+        let RowInput { compiled, options, kinematics, mass, assembly, .. } = input;
         self.problem.may_be_held = true;
         R::vectorize(
             #[inline(always)]
@@ -117,7 +139,8 @@ impl<R: Real> Assembler<'_, R> {
                     let (x, scale) = (self.builder.column[d as usize][0], self.builder.scales[d as usize][0]);
                     movable = movable.or(x.square().gt(scale * least));
                 }
-                (movable, speed.sqrt() * R::of(velocity_rounding::<R>()))
+                let rounding = speed.sqrt() * R::of(velocity_rounding::<R>());
+                (movable, rounding.max(negligible_approach(options, targets)))
             },
         )
     }

@@ -87,9 +87,9 @@ impl<R: Real> Assembler<'_, R> {
             [slides[0][0], slides[1][0], slides[2][0], turns[0][0], turns[1][0], turns[2][0]],
         );
         if self.problem.rows.rolling_contacts.held().any() {
-            let (released, rounding) = self.reconsider(input, contacts, k, lanes);
+            let (released, negligible) = self.reconsider(input, contacts, k, lanes, slides[0]);
             self.problem.rows.rolling_contacts.make_movable(released);
-            self.problem.rows.rolling_contacts.drop_rounding(rounding);
+            self.problem.rows.rolling_contacts.drop_approach(negligible);
         }
         if let (Some(sliding), Some(turned)) = (sliding, turned) {
             let (before, after) =

@@ -269,13 +269,13 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         )
     }
 
-    /// Sets the target of the contact pushed last to zero along an immovable normal, if it is below `rounding`, m/s.
-    pub fn drop_rounding(&mut self, rounding: R) {
+    /// Sets the target of the contact pushed last to zero along an immovable normal, if it approaches at `negligible` speed or less, m/s.
+    pub fn drop_approach(&mut self, negligible: R) {
         R::vectorize(
             #[inline(always)]
             || {
                 let Some(contact) = self.rows.items.last_mut() else { return };
-                let none = contact.immovable.and((-contact.g[0]).le(rounding));
+                let none = contact.immovable.and((-contact.g[0]).le(negligible));
                 contact.g[0] = R::select(none, contact.g[0].max(R::zero()), contact.g[0]);
             },
         )

@@ -43,6 +43,8 @@ fn negligible_approach<R: Real>(options: &StepSettings, [velocity, position]: [R
 pub(crate) struct SlidingRows<R: Real> {
     /// Offset g of each row in the velocity solve and in the position solve, m/s: its velocity without impulses, plus its bias.
     pub(crate) targets: [[R; 2]; 3],
+    /// Curvature terms in the targets of the tangents, m/s, if there are any.
+    pub(crate) curve: Option<[R; 2]>,
     /// Squared lengths of the rows, if equalities are eliminated from them.
     pub(crate) lengths: Option<SquaredLengths<R, 3>>,
     /// Lanes with a row, active or deferred.
@@ -58,7 +60,7 @@ impl<R: Real> Assembler<'_, R> {
     #[inline(always)]
     pub(crate) fn add_contact(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         let (slot, mass) = (&contacts.data[k], input.mass);
-        let SlidingRows { targets: g, lengths, active, deferred, compliance } = self.sliding_rows(input, contacts, k, lanes);
+        let SlidingRows { targets: g, curve, lengths, active, deferred, compliance } = self.sliding_rows(input, contacts, k, lanes);
         let (column, contact) = (&self.builder.column, self.problem.rows.contacts.len());
         self.problem.rows.push_contact(
             &self.builder.support,
@@ -72,6 +74,10 @@ impl<R: Real> Assembler<'_, R> {
             let (released, negligible) = self.reconsider(input, contacts, k, lanes, g[0]);
             self.problem.rows.contacts.make_movable(released);
             self.problem.rows.contacts.drop_approach(negligible);
+        }
+        if let Some(curve) = curve {
+            self.problem.store_curve(contact, curve);
+            self.problem.drop_curve(self.problem.curves.len() - 1, self.problem.rows.contacts.holds_itself());
         }
         if let Some(lengths) = lengths {
             self.problem.rows.contacts.set_trace_ratio(lengths.trace_ratio());
@@ -176,9 +182,7 @@ impl<R: Real> Assembler<'_, R> {
         let impulse = [R::zero(); 6];
         let doubtful = R::Mask::splat(false);
         let deferred = DeferredContact { contact: 0, slot: k, lanes, doubtful, bounces, bias: targets[0][0] - free_eliminated[0], impulse };
-        if curves {
-            self.add_curve(input, contacts, k, active, [free, change], &mut targets);
-        }
-        SlidingRows { targets, lengths, active, deferred, compliance: springs.map(|row| row.compliance) }
+        let curve = curves.then(|| self.add_curve(input, contacts, k, active, [free, change], &mut targets));
+        SlidingRows { targets, curve, lengths, active, deferred, compliance: springs.map(|row| row.compliance) }
     }
 }

@@ -59,7 +59,7 @@ impl<R: Real> Assembler<'_, R> {
         let slot = &contacts.data[k];
         let mut friction = Friction::of(compiled, contacts, k, lanes);
         friction.scale_to(slot.mu);
-        let SlidingRows { targets: mut slides, lengths: sliding, active, deferred, compliance } =
+        let SlidingRows { targets: mut slides, curve, lengths: sliding, active, deferred, compliance } =
             self.sliding_rows(input, contacts, k, lanes);
         for &d in &self.builder.support {
             self.builder.linear[d as usize] = self.builder.column[d as usize];
@@ -90,6 +90,9 @@ impl<R: Real> Assembler<'_, R> {
             let (released, negligible) = self.reconsider(input, contacts, k, lanes, slides[0]);
             self.problem.rows.rolling_contacts.make_movable(released);
             self.problem.rows.rolling_contacts.drop_approach(negligible);
+        }
+        if let Some(curve) = curve {
+            self.problem.store_curve(contact, curve.map(|term| term * rub));
         }
         if let (Some(sliding), Some(turned)) = (sliding, turned) {
             let (before, after) =

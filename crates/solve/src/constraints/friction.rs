@@ -125,7 +125,7 @@ pub struct FrictionContact<R: Real, const N: usize, L> {
     /// Step of the natural map.
     step: NaturalStep<R>,
     /// Solver of this contact alone.
-    local: L,
+    pub(super) local: L,
 }
 
 impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
@@ -182,7 +182,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
 /// A contact's support lists the coordinates of w that it touches in any lane, ascending. Lanes that do not touch one have zeros there.
 #[derive(Clone, Debug)]
 pub struct FrictionContacts<R: Real, const N: usize, L> {
-    rows: Rows<FrictionContact<R, N, L>>,
+    pub(super) rows: Rows<FrictionContact<R, N, L>>,
     support: Vec<u32>,
     y: Entries<[R; N]>,
 }

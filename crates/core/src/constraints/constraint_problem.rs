@@ -44,6 +44,8 @@ pub struct ConstraintProblem<R: Real> {
     pub(crate) resolves_impacts: bool,
     /// Approaching contacts, whose rows are deferred until the solved motion closes their gap.
     pub(crate) deferred: Vec<DeferredContact<R>>,
+    /// Curvature terms in the targets of friction rows.
+    pub(crate) curves: Vec<Curve<R>>,
     /// Time to the evaluation point of the next step, within which a row lets its gap close, s.
     pub(crate) closing_time: R,
     /// Lanes in which each equality of the model is active.
@@ -85,6 +87,15 @@ pub(crate) struct DeferredContact<R: Real> {
     pub(crate) impulse: [R; 6],
 }
 
+/// Curvature terms in the targets of one contact.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Curve<R: Real> {
+    /// Index of the contact in the problem: those of three rows come first, then those of six.
+    pub(crate) contact: usize,
+    /// Term in the target of each tangent, m/s. 0 where it is removed.
+    pub(crate) terms: [R; 2],
+}
+
 impl<R: Real> ConstraintProblem<R> {
     /// Problem for a compiled model with at most `max_contacts` contacts per environment.
     pub fn new(compiled: &ModelStructure<R::Scalar>, max_contacts: usize) -> Self {
@@ -109,6 +120,7 @@ impl<R: Real> ConstraintProblem<R> {
             elastic: false,
             resolves_impacts: false,
             deferred: Vec::with_capacity(max_contacts + rolling_contacts),
+            curves: Vec::with_capacity(max_contacts + rolling_contacts),
             closing_time: R::zero(),
             active_equalities: ActiveEqualities::new(compiled),
             soft: SoftSystem::new(compiled, max_contacts, soft_contacts, soft_support),

@@ -4,11 +4,14 @@ use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::velocity_rounding;
 
 use crate::collision::contact_set::Contacts;
+use crate::constraints::approaching::resting_speed;
 use crate::constraints::assembler::Assembler;
 use crate::constraints::constraint_problem::DeferredContact;
 use crate::constraints::elimination::SquaredLengths;
 use crate::constraints::equality::RowInput;
 use crate::math::spatial::*;
+use crate::options::StepSettings;
+use crate::tuning::MIN_UNMET_TARGET;
 
 /// Least mobility along a contact's normal, as a fraction of that of all moving mass as one body.
 ///
@@ -24,10 +27,24 @@ fn least_lever<R: Real>() -> f64 {
     f64::max(1e-5, 1e3 * <R::Scalar as Scalar>::EPSILON.to_f64())
 }
 
+/// Approach speed that is negligible for an immovable contact with the offsets g in the velocity and position solves, m/s.
+///
+/// A touching contact at the resting speed stays within the slop for about a second. Lever arms below [`least_lever`] exist where a face is
+/// normal to a hinge or along a slide, up to the rounding of the model file. An overlap beyond the slop has a position target. Above
+/// [`MIN_UNMET_TARGET`] stage 8 reports it. Below that target only the residual can report that the overlap grows.
+#[inline(always)]
+fn negligible_approach<R: Real>(options: &StepSettings, [velocity, position]: [R; 2]) -> R {
+    let (resting, correction) = (R::of(resting_speed(options)), (velocity - position).abs());
+    let reported_by_residual = correction.gt(resting).and_not(correction.gt(R::of(MIN_UNMET_TARGET)));
+    R::select(reported_by_residual, R::zero(), resting)
+}
+
 /// Rows of a slot along the normal and the tangents. Their entries are in the column of the row builder.
 pub(crate) struct SlidingRows<R: Real> {
     /// Offset g of each row in the velocity solve and in the position solve, m/s: its velocity without impulses, plus its bias.
     pub(crate) targets: [[R; 2]; 3],
+    /// Curvature terms in the targets of the tangents, m/s, if there are any.
+    pub(crate) curve: Option<[R; 2]>,
     /// Squared lengths of the rows, if equalities are eliminated from them.
     pub(crate) lengths: Option<SquaredLengths<R, 3>>,
     /// Lanes with a row, active or deferred.
@@ -43,7 +60,7 @@ impl<R: Real> Assembler<'_, R> {
     #[inline(always)]
     pub(crate) fn add_contact(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         let (slot, mass) = (&contacts.data[k], input.mass);
-        let SlidingRows { targets: g, lengths, active, deferred, compliance } = self.sliding_rows(input, contacts, k, lanes);
+        let SlidingRows { targets: g, curve, lengths, active, deferred, compliance } = self.sliding_rows(input, contacts, k, lanes);
         let (column, contact) = (&self.builder.column, self.problem.rows.contacts.len());
         self.problem.rows.push_contact(
             &self.builder.support,
@@ -54,9 +71,13 @@ impl<R: Real> Assembler<'_, R> {
             [g[0][0], g[1][0], g[2][0]],
         );
         if self.problem.rows.contacts.held().any() {
-            let (released, rounding) = self.reconsider(input, contacts, k, lanes);
+            let (released, negligible) = self.reconsider(input, contacts, k, lanes, g[0]);
             self.problem.rows.contacts.make_movable(released);
-            self.problem.rows.contacts.drop_rounding(rounding);
+            self.problem.rows.contacts.drop_approach(negligible);
+        }
+        if let Some(curve) = curve {
+            self.problem.store_curve(contact, curve);
+            self.problem.drop_curve(self.problem.curves.len() - 1, self.problem.rows.contacts.holds_itself());
         }
         if let Some(lengths) = lengths {
             self.problem.rows.contacts.set_trace_ratio(lengths.trace_ratio());
@@ -81,15 +102,22 @@ impl<R: Real> Assembler<'_, R> {
         self.problem.constrained = self.problem.constrained.or(solved);
     }
 
-    /// Lanes in which slot `k` can move along its normal although its normal mobility is small. The second result is the normal velocity
-    /// that is rounding error, m/s.
+    /// Lanes in which slot `k` can move along its normal although its normal mobility is small. The second result is the approach speed
+    /// that is negligible in the other lanes, m/s.
     ///
     /// The mobility counts as small compared with that of its tangents, or of a body with the whole moving mass. The contact can move if
-    /// some degree of freedom has a lever arm. Overwrites `column`.
+    /// some degree of freedom has a lever arm. `targets` are the offsets g of the normal row. Overwrites `column`.
     #[cold]
     #[inline(never)]
-    pub(crate) fn reconsider(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> (R::Mask, R) {
-        let RowInput { compiled, kinematics, mass, assembly, .. } = input;
+    pub(crate) fn reconsider(
+        &mut self,
+        input: RowInput<'_, R>,
+        contacts: &Contacts<R>,
+        k: usize,
+        lanes: u32,
+        targets: [R; 2],
+    ) -> (R::Mask, R) {
+        let RowInput { compiled, options, kinematics, mass, assembly, .. } = input;
         self.problem.may_be_held = true;
         R::vectorize(
             #[inline(always)]
@@ -117,7 +145,8 @@ impl<R: Real> Assembler<'_, R> {
                     let (x, scale) = (self.builder.column[d as usize][0], self.builder.scales[d as usize][0]);
                     movable = movable.or(x.square().gt(scale * least));
                 }
-                (movable, speed.sqrt() * R::of(velocity_rounding::<R>()))
+                let rounding = speed.sqrt() * R::of(velocity_rounding::<R>());
+                (movable, rounding.max(negligible_approach(options, targets)))
             },
         )
     }
@@ -153,9 +182,7 @@ impl<R: Real> Assembler<'_, R> {
         let impulse = [R::zero(); 6];
         let doubtful = R::Mask::splat(false);
         let deferred = DeferredContact { contact: 0, slot: k, lanes, doubtful, bounces, bias: targets[0][0] - free_eliminated[0], impulse };
-        if curves {
-            self.add_curve(input, contacts, k, active, [free, change], &mut targets);
-        }
-        SlidingRows { targets, lengths, active, deferred, compliance: springs.map(|row| row.compliance) }
+        let curve = curves.then(|| self.add_curve(input, contacts, k, active, [free, change], &mut targets));
+        SlidingRows { targets, curve, lengths, active, deferred, compliance: springs.map(|row| row.compliance) }
     }
 }

@@ -35,7 +35,7 @@ struct Field<R> {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds the curvature term to the targets of a contact's friction rows, except at impacts.
+    /// Adds the curvature term to the targets of a contact's friction rows, except at impacts. Returns the terms, m/s.
     ///
     /// `free` are their velocities without constraints, `change` the change of these by the free motion. The work of such a row's impulse
     /// is (t^2 - (J v)^2) / 2 G for the target J v+ = t. A target of at most the present speed therefore adds no energy. A separate kernel:
@@ -49,7 +49,7 @@ impl<R: Real> Assembler<'_, R> {
         active: R::Mask,
         [free, change]: [V3<R>; 2],
         targets: &mut [[R; 2]; 3],
-    ) {
+    ) -> [R; 2] {
         R::vectorize(
             #[inline(always)]
             || {
@@ -64,13 +64,16 @@ impl<R: Real> Assembler<'_, R> {
                     None => lanes,
                 };
                 let rate = rate(input, contacts, k, lanes.bits());
+                let mut curves = [R::zero(); 2];
                 for i in 1..3 {
                     let most = (free[i] - change[i]).abs();
                     let curve = (dot(axes[i], rate) * (h - time_before)).clamp(-most, most);
                     for target in &mut targets[i] {
                         *target = R::select(lanes, *target + curve, *target);
                     }
+                    curves[i - 1] = R::select(lanes, curve, R::zero());
                 }
+                curves
             },
         )
     }

@@ -8,6 +8,7 @@ pub mod constraint_problem;
 pub mod contact;
 pub mod contact_spring;
 pub mod curvature;
+pub(crate) mod curves;
 pub mod dry_friction;
 pub mod elimination;
 pub mod equality;

@@ -59,7 +59,7 @@ impl<R: Real> Assembler<'_, R> {
         let slot = &contacts.data[k];
         let mut friction = Friction::of(compiled, contacts, k, lanes);
         friction.scale_to(slot.mu);
-        let SlidingRows { targets: mut slides, lengths: sliding, active, deferred, compliance } =
+        let SlidingRows { targets: mut slides, curve, lengths: sliding, active, deferred, compliance } =
             self.sliding_rows(input, contacts, k, lanes);
         for &d in &self.builder.support {
             self.builder.linear[d as usize] = self.builder.column[d as usize];
@@ -87,9 +87,12 @@ impl<R: Real> Assembler<'_, R> {
             [slides[0][0], slides[1][0], slides[2][0], turns[0][0], turns[1][0], turns[2][0]],
         );
         if self.problem.rows.rolling_contacts.held().any() {
-            let (released, rounding) = self.reconsider(input, contacts, k, lanes);
+            let (released, negligible) = self.reconsider(input, contacts, k, lanes, slides[0]);
             self.problem.rows.rolling_contacts.make_movable(released);
-            self.problem.rows.rolling_contacts.drop_rounding(rounding);
+            self.problem.rows.rolling_contacts.drop_approach(negligible);
+        }
+        if let Some(curve) = curve {
+            self.problem.store_curve(contact, curve.map(|term| term * rub));
         }
         if let (Some(sliding), Some(turned)) = (sliding, turned) {
             let (before, after) =

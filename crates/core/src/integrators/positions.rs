@@ -75,7 +75,7 @@ pub(crate) fn find_tunnelling<R: Real>(
     corrected: CorrectedLanes<R>,
     outcome: &StepOutcome<R>,
 ) -> R::Mask {
-    let Evaluation { scheme, kinematics, poses, .. } = evaluation;
+    let Evaluation { scheme, kinematics, poses, impacts, .. } = evaluation;
     let PositionSolution { impact_displacement: motion, correction, .. } = position;
     let is_free = !outcome.impulses_act && !scheme.corrects;
     let rebounding = corrected.all.and(corrected.rebounding);
@@ -89,7 +89,14 @@ pub(crate) fn find_tunnelling<R: Real>(
         &*motion
     };
     let step = TakenStep { velocity: v, is_free, h: scheme.h, contacts_at_end: false };
-    may_have_passed(input.compiled, kinematics, step, input.alive, poses)
+    let passed = may_have_passed(input.compiled, kinematics, step, input.alive, poses);
+    // The last step tested the path to where it expected this evaluation point. The search for an impact may have moved this point on.
+    let placed = impacts.lanes.and(input.alive).and(scheme.time_before.gt(R::zero()));
+    if placed.none() {
+        return passed;
+    }
+    let flight = TakenStep { velocity: &input.state.v, is_free: false, h: scheme.time_before, contacts_at_end: true };
+    passed.or(may_have_passed(input.compiled, kinematics, flight, placed, poses))
 }
 
 /// Replaces the configuration after the step by the corrected one, except where a jam makes the correction ineffective.

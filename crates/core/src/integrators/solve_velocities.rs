@@ -15,7 +15,7 @@ use crate::probe::{Counter, Probe, Span};
 use crate::stages::s05_solve::solve;
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::stages::s08_stabilise::{PositionInput, limit_baumgarte};
-use crate::tuning::{IMPACT_PASSES, ORDERED_PASSES};
+use crate::tuning::{IMPACT_PASSES, ORDERED_PASSES, ROUGH_ITERATIONS};
 
 /// Solves for the velocity after the step until it agrees with the problem.
 ///
@@ -32,12 +32,12 @@ pub(crate) fn solve_velocities<R: Real>(
     collisions: &mut CollisionSearch<R>,
     probe: impl Probe,
 ) -> (Outcome<R>, R::Mask) {
-    let Place { input: StepInput { compiled, options, state, .. }, evaluation: Evaluation { scheme, contacts, .. } } = place;
+    let Place { input: StepInput { compiled, .. }, evaluation: Evaluation { scheme, .. } } = place;
     let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };
     let (mut lanes, mut first) = (problem.constrained, true);
     let (mut passes, mut impacts, mut inelastic) = (0, 0, R::Mask::splat(false));
     loop {
-        let solved = probe.span(Span::Solve, || solve(options, &state.v, lanes, problem, velocity, contacts));
+        let solved = probe.span(Span::Solve, || solve_lanes(place, lanes, problem, velocity));
         if first {
             outcome = solved;
         } else {
@@ -64,6 +64,29 @@ pub(crate) fn solve_velocities<R: Real>(
     probe.span(Span::Solve, || resolve_ambiguous(place, free, problem, velocity, &mut outcome));
     count_effort(&outcome, probe);
     (outcome, inelastic)
+}
+
+/// Solves the lanes `lanes`, and lanes that Newton's method leaves unsolved again without curvature terms.
+///
+/// The impulses of the first solve press contacts into each other against terms that they cannot meet. The second one starts from none.
+fn solve_lanes<R: Real>(
+    place: Place<'_, R>,
+    lanes: R::Mask,
+    problem: &mut ConstraintProblem<R>,
+    velocity: &mut VelocitySolution<R>,
+) -> Outcome<R> {
+    let Place { input: StepInput { options, state, .. }, evaluation: Evaluation { contacts, .. } } = place;
+    let mut outcome = solve(options, &state.v, lanes, problem, velocity, contacts);
+    let unsolved = lanes.and_not(outcome.residual.le(R::of(options.tolerance)));
+    let [_, newton_steps] = options.effort();
+    if newton_steps > 0 && unsolved.any() {
+        let changed = problem.drop_curves(unsolved);
+        if changed.any() {
+            stepper_solve::gauss_seidel::sweep_from_none(&problem.rows, &mut velocity.impulses, ROUGH_ITERATIONS, changed);
+            outcome.replace(&solve(options, &state.v, changed, problem, velocity, contacts), changed);
+        }
+    }
+    outcome
 }
 
 /// Bounds the velocity in lanes with a large Baumgarte bias, with a motion that is too fast for the step, or with an ambiguous energy.

@@ -83,6 +83,7 @@ impl<R: Real> Assembler<'_, R> {
         builder.velocity_scales.clear();
         problem.slots.clear();
         problem.rolling_slots.clear();
+        problem.curves.clear();
         problem.deferred.clear();
         problem.impacts.clear();
         problem.closing_time = assembly.h / assembly.closing_fraction;

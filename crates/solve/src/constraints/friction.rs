@@ -125,7 +125,7 @@ pub struct FrictionContact<R: Real, const N: usize, L> {
     /// Step of the natural map.
     step: NaturalStep<R>,
     /// Solver of this contact alone.
-    local: L,
+    pub(super) local: L,
 }
 
 impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
@@ -182,7 +182,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
 /// A contact's support lists the coordinates of w that it touches in any lane, ascending. Lanes that do not touch one have zeros there.
 #[derive(Clone, Debug)]
 pub struct FrictionContacts<R: Real, const N: usize, L> {
-    rows: Rows<FrictionContact<R, N, L>>,
+    pub(super) rows: Rows<FrictionContact<R, N, L>>,
     support: Vec<u32>,
     y: Entries<[R; N]>,
 }
@@ -269,13 +269,13 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         )
     }
 
-    /// Sets the target of the contact pushed last to zero along an immovable normal, if it is below `rounding`, m/s.
-    pub fn drop_rounding(&mut self, rounding: R) {
+    /// Sets the target of the contact pushed last to zero along an immovable normal, if it approaches at `negligible` speed or less, m/s.
+    pub fn drop_approach(&mut self, negligible: R) {
         R::vectorize(
             #[inline(always)]
             || {
                 let Some(contact) = self.rows.items.last_mut() else { return };
-                let none = contact.immovable.and((-contact.g[0]).le(rounding));
+                let none = contact.immovable.and((-contact.g[0]).le(negligible));
                 contact.g[0] = R::select(none, contact.g[0].max(R::zero()), contact.g[0]);
             },
         )

@@ -2,6 +2,7 @@
 
 use crate::cone::{masked, norm2};
 use crate::constraints::friction::{FrictionContact, FrictionContacts, LocalSolver, MAX_NEWTON, NaturalStep, least_tangent, near};
+use crate::constraints::orthogonalisation::velocity_rounding;
 use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real, Scalar};
 
@@ -59,6 +60,25 @@ impl<R: Real> SlidingSolver<R> {
         trace
     }
 
+    /// Lanes in which a contact with the offsets `g` holds itself: see [`SlidingContacts::holds_itself`].
+    ///
+    /// The impulses without effect are those along the principal axes of A without mobility. With the normal impulse
+    /// `n = -coupling . x`, the cone contains `x` within the angle `acos(1 / (mu |coupling|))` of `-coupling`.
+    #[inline(always)]
+    fn holds_itself(&self, mu: R, g: [R; 3]) -> R::Mask {
+        let [nn, na, nb, aa, _, bb] = self.gram;
+        let (floor, [cos, sin]) = (least_tangent(nn + aa + bb - self.own), self.axis);
+        let (t1, t2) = (g[1] - na * self.inv_gnn * g[0], g[2] - nb * self.inv_gnn * g[0]);
+        let fixed = self.a.map(|a| a.le(floor));
+        let p = [masked(fixed[0], cos * t1 + sin * t2), masked(fixed[1], cos * t2 - sin * t1)];
+        let c = [masked(fixed[0], self.coupling[0]), masked(fixed[1], self.coupling[1])];
+        let (length, sizes) = (norm2(c[0], c[1]), g[0].abs() + g[1].abs() + g[2].abs());
+        // Largest power that an impulse of the cone takes from the offsets, times |coupling|: by the sum of two angles.
+        let turned = ((mu * length).square() - R::one()).max(R::zero()).sqrt();
+        let power = c[0] * p[0] + c[1] * p[1] + (c[0] * p[1] - c[1] * p[0]).abs() * turned;
+        (mu * length).gt(R::one()).and(power.gt(sizes * length * R::of(velocity_rounding::<R>())))
+    }
+
     /// Impulse at the s > 0 at which |lambda_t(s)| = mu lambda_n(s), in the lanes `todo`.
     ///
     /// A step within [`near`] is the last, and its error is not tested.
@@ -104,6 +124,22 @@ impl<R: Real> SlidingSolver<R> {
         let n = push * d - (self.coupling[0] * x[0] + self.coupling[1] * x[1]);
         let dn = push * (d0 + d1) + (self.coupling[0] * p[0] + self.coupling[1] * p[1]);
         Sliding { x, n, dn, d }
+    }
+}
+
+impl<R: Real> SlidingContacts<R> {
+    /// Lanes in which the contact pushed last holds itself, like a wedge, so that no sticking impulse meets its offsets g.
+    ///
+    /// Bodies with fewer than three joints between them have impulses without effect. If one of these is in the cone, the contact holds any
+    /// load. Its velocity is a motion of the joints. Other offsets may press the contact into itself.
+    pub fn holds_itself(&self) -> R::Mask {
+        R::vectorize(
+            #[inline(always)]
+            || match self.rows.items.last() {
+                Some(contact) => contact.active.and(contact.local.holds_itself(contact.mu, contact.g)),
+                None => R::Mask::splat(false),
+            },
+        )
     }
 }
 

@@ -192,6 +192,8 @@ def test_an_inertia_stays_physical_and_is_found():
     np.testing.assert_allclose(np.sort(moments), [0.0026, 0.003, 0.0048], rtol=1e-2)
     assert found["body_inertial[load].mass"] == pytest.approx(0.7, rel=1e-3)
     np.testing.assert_allclose([found[f"body_inertial[load].com.{axis}"] for axis in "xyz"], [0.02, 0.015, -0.01], atol=1e-4)
+    # Ten numbers of a body are functions of all its parameters, so that their intervals are symmetric about the values.
+    np.testing.assert_allclose(found.interval().mean(axis=1), found.values, rtol=1e-12, atol=1e-12)
     with pytest.raises(ValueError, match=r"body_iquat.*result\.models"):
         found.sample(4)
     for drawn in found.models(4):

@@ -250,7 +250,7 @@ def test_frictions_ranges_and_gains_may_vanish():
     ("fields", "parts"),
     [
         ({"body_mass": np.ones((4, 3))}, ["body_mass has shape (4, 3), must be (4, 11)"]),
-        ({"gravity": np.ones(3)}, ["gravity has shape (3,), must be (4, 3)"]),
+        ({"gravity": np.ones(3)}, ["gravity has shape (3,), must be (4, 3)", "np.broadcast_to(value, (4, 3))"]),
         ({"colour": np.ones(4)}, ["no field 'colour'", "help(stepper.Stepper.randomize)"]),
         ({"timestep": np.ones(4)}, ["no field 'timestep'", "all environments of a stepper share", "model.replace(timestep=...)"]),
         ({"timestep": None}, ["no field 'timestep'", "all environments of a stepper share"]),

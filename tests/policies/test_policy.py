@@ -219,7 +219,7 @@ def test_the_command_names_differences_and_compares(envs, tmp_path, capsys):
     first, second, verdict = out.splitlines()
     assert first.startswith("stepper/Reacher-v5: -")
     assert second.startswith("Reacher-v5: -")
-    assert verdict.startswith("Reacher-v5 less stepper/Reacher-v5:")
+    assert verdict.startswith("Reacher-v5 minus stepper/Reacher-v5:")
     evaluate(tmp_path / "policy.npz", "stepper/Reacher-v5", "", episodes=3, seed=0, margin=0.02, settings=settings, infos=["reward_ctrl"])
     assert ", reward_ctrl -" in capsys.readouterr().out
     with pytest.raises(ValueError, match="--info has no comparison"):

@@ -423,10 +423,12 @@ impl Description {
         self.geoms.get(i).map_or_else(|| label("", i), |x| label(&x.name, i))
     }
 
-    /// "floor", or "#3 of body torso" when the geom has no name.
+    /// "floor", "#3 of body torso" when the geom has no name, or "#3" when the model has no such geom.
     pub fn geom_label_with_body(&self, i: usize) -> String {
-        let geom = &self.geoms[i];
-        if geom.name.is_empty() { format!("#{i} of body {}", self.body_label(geom.body)) } else { geom.name.clone() }
+        match self.geoms.get(i) {
+            Some(geom) if geom.name.is_empty() => format!("#{i} of body {}", self.body_label(geom.body)),
+            _ => self.geom_label(i),
+        }
     }
 }
 

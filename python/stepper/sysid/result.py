@@ -130,7 +130,7 @@ class Identification:
         pieces = zip(self.blocks, *(split(self.blocks, x) for x in (self.theta, spread, self.values, self.std)), strict=True)
         out = []
         for block, theta, of_theta, value, of_value in pieces:
-            if block.parameter.kind in ("inertia", "moments"):
+            if block.parameter.kind in ("body_inertial", "body_inertia"):
                 out.append(np.stack([value - t * of_value, value + t * of_value], axis=1))
             else:
                 ends = [np.clip(theta + sign * t * of_theta, block.low, block.high) for sign in (-1, 1)]

@@ -15,7 +15,7 @@ use crate::probe::{Counter, Probe, Span};
 use crate::stages::s05_solve::solve;
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::stages::s08_stabilise::{PositionInput, limit_baumgarte};
-use crate::tuning::{IMPACT_PASSES, ORDERED_PASSES, ROUGH_ITERATIONS};
+use crate::tuning::{IMPACT_PASSES, LEAST_CURVE_STEPS, ORDERED_PASSES, ROUGH_ITERATIONS};
 
 /// Solves for the velocity after the step until it agrees with the problem.
 ///
@@ -66,7 +66,7 @@ pub(crate) fn solve_velocities<R: Real>(
     (outcome, inelastic)
 }
 
-/// Solves the lanes `lanes`, and lanes that Newton's method leaves unsolved again without curvature terms.
+/// Solves the lanes `lanes`. Lanes that Newton's method leaves unsolved are solved again without curvature terms.
 ///
 /// The impulses of the first solve press contacts into each other against terms that they cannot meet. The second one starts from none.
 fn solve_lanes<R: Real>(
@@ -79,7 +79,7 @@ fn solve_lanes<R: Real>(
     let mut outcome = solve(options, &state.v, lanes, problem, velocity, contacts);
     let unsolved = lanes.and_not(outcome.residual.le(R::of(options.tolerance)));
     let [_, newton_steps] = options.effort();
-    if newton_steps > 0 && unsolved.any() {
+    if newton_steps >= LEAST_CURVE_STEPS && unsolved.any() {
         let changed = problem.drop_curves(unsolved);
         if changed.any() {
             stepper_solve::gauss_seidel::sweep_from_none(&problem.rows, &mut velocity.impulses, ROUGH_ITERATIONS, changed);

@@ -77,7 +77,10 @@ impl<R: Real> Assembler<'_, R> {
         }
         if let Some(curve) = curve {
             self.problem.store_curve(contact, curve);
-            self.problem.drop_curve(self.problem.curves.len() - 1, self.problem.rows.contacts.holds_itself());
+            let holds_itself = self.problem.rows.contacts.holds_itself();
+            if holds_itself.any() {
+                self.problem.drop_curve(self.problem.curves.len() - 1, holds_itself);
+            }
         }
         if let Some(lengths) = lengths {
             self.problem.rows.contacts.set_trace_ratio(lengths.trace_ratio());

@@ -68,8 +68,11 @@ impl<R: Real> SlidingSolver<R> {
     fn holds_itself(&self, mu: R, g: [R; 3]) -> R::Mask {
         let [nn, na, nb, aa, _, bb] = self.gram;
         let (floor, [cos, sin]) = (least_tangent(nn + aa + bb - self.own), self.axis);
-        let (t1, t2) = (g[1] - na * self.inv_gnn * g[0], g[2] - nb * self.inv_gnn * g[0]);
         let fixed = self.a.map(|a| a.le(floor));
+        if fixed[0].or(fixed[1]).none() {
+            return R::Mask::splat(false);
+        }
+        let (t1, t2) = (g[1] - na * self.inv_gnn * g[0], g[2] - nb * self.inv_gnn * g[0]);
         let p = [masked(fixed[0], cos * t1 + sin * t2), masked(fixed[1], cos * t2 - sin * t1)];
         let c = [masked(fixed[0], self.coupling[0]), masked(fixed[1], self.coupling[1])];
         let (length, sizes) = (norm2(c[0], c[1]), g[0].abs() + g[1].abs() + g[2].abs());

@@ -19,7 +19,7 @@ def test_the_command_finds_this_installation_in_order():
     assert re.search(rf"stepper +{re.escape(stepper.__version__)}\n", done.stdout)
     assert re.search(rf"CPU levels +{', '.join(stepper.doctor.cpu_levels())}; in use: ", done.stdout)
     for level in stepper.doctor.cpu_levels():
-        assert re.search(rf"{level} +expected bits\n", done.stdout)
+        assert re.search(rf"{level} +trajectory as expected\n", done.stdout)
 
 
 def test_other_bits_fail_with_both_digests(monkeypatch):

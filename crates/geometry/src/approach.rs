@@ -62,8 +62,10 @@ impl<R: Real> Approach<R> {
         gap.ge(R::of(2.0) * closing + self.slack + self.hair(size, self.fastest()))
     }
 
-    /// Longest components of a contact that can count, against each axis and along it, m. With the way u, a contact along the unit vector n is
-    /// shorter than -2 n . u + slack, and (-2 n . u) n . d <= |u| - u . d for every unit vector d.
+    /// Longest components of a contact that can count, against each axis and along it, m.
+    ///
+    /// With the displacement u, a contact along the unit vector n is shorter than -2 n . u + slack. For every unit vector d,
+    /// (-2 n . u) n . d <= |u| - u . d.
     pub(super) fn longest(&self, size: f64) -> [V3<R>; 2] {
         let (fastest, turn) = (self.fastest(), self.turn.map(|x| x * x));
         let least = self.slack + self.hair(size, fastest);

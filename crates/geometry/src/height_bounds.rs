@@ -42,14 +42,14 @@ impl HeightBounds {
         bounds
     }
 
-    /// Greatest height below a horizontal disc, m; minus infinity where there is no triangle.
+    /// Bound on the height below a horizontal disc, m: minus infinity, or the height over the nearest cell, where there is no triangle.
     pub(super) fn highest_below(&self, [x, y]: [f64; 2], radius: f64) -> f64 {
         let [columns, rows] = [(0, x), (1, y)].map(|(k, at)| self.range(k, at - radius, at + radius));
         let in_row = |row: usize| &self.heights[row * self.cells[0] + columns.start()..=row * self.cells[0] + columns.end()];
         rows.flat_map(in_row).copied().fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// Columns (k = 0) or rows (k = 1) of cells between two coordinates; the nearest cell of coordinates that are beside all cells.
+    /// Columns (k = 0) or rows (k = 1) of cells between two coordinates; the nearest cell of coordinates outside all cells.
     fn range(&self, k: usize, low: f64, high: f64) -> RangeInclusive<usize> {
         // A cell without extent gives NaN, which becomes 0 as an integer. A hair keeps coordinates on a border in both cells.
         let at = |x: f64, hair: f64| ((((x - self.low[k]) / self.size[k]) + hair) as usize).min(self.cells[k] - 1);

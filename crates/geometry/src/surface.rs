@@ -97,7 +97,7 @@ pub struct Grid {
 /// Heights of a surface below a disc.
 #[derive(Clone, Copy, Debug)]
 pub struct Under {
-    /// Greatest height of the cells there, m; minus infinity beside the surface.
+    /// Greatest height of the cells there, m; minus infinity outside the surface.
     pub highest: f64,
     /// Whether they are level and no neighbour falls away: every contact is upright then.
     pub level: bool,
@@ -399,9 +399,9 @@ impl Surface {
 /// Finds the contact points of a surface and a convex shape that are within reach (m) of each other: at most [`MAX_SURFACE_POINTS`],
 /// normals from the surface.
 ///
-/// Where the approach of the shape is known, points that do not count within the step may be absent. The normal of a contact at an edge or
-/// corner is a positive combination of the normals n of the triangles there. It closes by no more than they do, combined in the same way,
-/// so that it can count only if one of these triangles can count by itself. Triangles at a border of the surface have no such neighbours.
+/// If the approach of the shape is known, points that do not count within the step may be absent. The normal of a contact at an edge or
+/// corner is a positive combination of the normals of the triangles there. The contact therefore closes by at most the same combination of
+/// the approaches to these triangles. It counts only if a contact with one of the triangles counts. At a border this need not hold.
 pub fn collide_surface(
     a: &Surface,
     pose_a: &Pose,

@@ -84,7 +84,7 @@ class ActuatorModel:
         return self._changed(spread)
 
     def _changed(self, change: Callable[[np.ndarray[Any, Any]], np.ndarray[Any, Any]]) -> ActuatorModel:
-        """Copy in which `change` was applied to all arrays of environments."""
+        """Copy in which `change` was applied to all arrays with one number per environment."""
         default = None if self.default is None else _changed(self.default, change)
         return ActuatorModel({name: _changed(drive, change) for name, drive in self.named.items()}, default=default)
 
@@ -135,7 +135,7 @@ def _names(model: Model) -> list[str]:
 
 
 def _changed(part: Any, change: Callable[[np.ndarray[Any, Any]], np.ndarray[Any, Any]]) -> Any:
-    """Copy of a drive, motor or servo in which `change` was applied to all arrays of environments, but not to scalars."""
+    """Copy of a drive, motor or servo in which `change` was applied to all arrays with one number per environment."""
 
     def new(value: Any) -> Any:
         if isinstance(value, PID | DCMotor):

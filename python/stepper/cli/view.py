@@ -110,6 +110,7 @@ def _study(file: str, options: ViewOptions, of_study: StudyOptions) -> None:
         next(running)
 
     def advance() -> None:
+        """Advances the episodes by one step. After the last step, prints their results and pauses."""
         outcomes = next(running, None)
         if outcomes is None:
             return

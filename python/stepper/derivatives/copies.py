@@ -256,10 +256,10 @@ def _stepper(sim: Stepper, index: NDArray[np.int64], options: Options) -> Steppe
 
 
 def _widest(part: Any, sim: Stepper, count: int) -> Any:
-    """Drive or transfer for `count` environments whose memory is as large as that of the stepper `sim`.
+    """Copy of a drive or of a sensor's transfer for `count` environments, with delays and filters as long as any in the stepper `sim`.
 
     The first environment has the largest parameters and the longest delay of all environments, and the others have the smallest. The result
-    thus has every stage that any environment of `sim` has.
+    thus has every part (delay, lag, integral) that any environment of `sim` has. Other values are returned unchanged.
     """
     if not is_dataclass(part) or isinstance(part, type):
         return part
@@ -270,7 +270,7 @@ def _widest(part: Any, sim: Stepper, count: int) -> Any:
     def new(value: Any, *, delays: bool) -> Any:
         if isinstance(value, tuple):
             return tuple(new(end, delays=False) for end in value)
-        # A single number applies to all environments, as does a matrix, which mixes the axes of a sensor.
+        # A number, or a matrix that mixes the axes of a sensor, applies to all environments. A nested part, such as a motor, is copied.
         if value is None or isinstance(value, str) or is_dataclass(value) or np.size(value) == 1 or np.ndim(value) == 2:
             return _widest(value, sim, count)
         numbers = np.asarray(value, np.float64)

@@ -110,7 +110,7 @@ class KinkDetector:
         self._evaluated_at = self._constraint_positions()
 
     def compare(self, step: int) -> None:
-        """Compares the active constraints of the copies after step number `step`."""
+        """Compares active constraints of the copies with those of the nominal one, after step `step` (from 0), and adds to `report`."""
         causes, distance = self.sim._find_kinks(
             count=self.count,
             sides=self.sides,
@@ -136,12 +136,12 @@ class KinkDetector:
         return positions
 
     def compare_slopes(self, changes: Array, slopes: Array, groups: Sequence[Rows], noise: float) -> None:
-        """Compares the slopes on both sides at the end of all steps, for columns with two points.
+        """Compares the slopes at the stencil's two points at the end of all steps; nothing to compare if it has one point per column.
 
         Args:
             changes: Results minus the nominal result, (num_envs, levels, points, columns, n), as in `Stencil.slopes`.
             slopes: Slopes of the finest level, (num_envs, columns, n).
-            groups: Rows with the same unit; the largest slope of a group is the reference for its differences.
+            groups: Rows of the derivatives with the same unit. Differences are relative to their largest slope (or `least`, if larger).
             noise: Noise of a result, in SI units.
         """
         if self.sides == 1:
@@ -157,7 +157,7 @@ class KinkDetector:
 
 
 def _smooth_at_rest(sim: Stepper) -> bool:
-    """Whether the stabilization treats gaps and overlaps alike: Baumgarte's method with factor 1 and no slop."""
+    """Whether contact at rest is no kink: gaps and overlaps have the same target velocity (Baumgarte, factor 1, no slop)."""
     options = sim.options
     return options.stabilization == "baumgarte" and options.baumgarte == 1.0 and options.slop == 0.0
 

@@ -15,7 +15,7 @@ from stepper.shared.machine import allowed_cores, cpu_name, package_version
 _LEVEL = "STEPPER_CPU_LEVEL"
 _VERSIONS = ("numpy", "mujoco-core", "mujoco")
 _MEANING = (
-    "At the CPU levels without the expected bits, this build computes other results than the tested build. Recordings and saved "
+    "At the CPU levels with a failed self-test, this build computes other results than the tested build. Recordings and saved "
     "trajectories of other machines will differ. Report this output, and use another level meanwhile: STEPPER_CPU_LEVEL=baseline."
 )
 
@@ -69,7 +69,7 @@ class Diagnosis:
         lines += [f"  {'CPU levels':<12} {', '.join(self.cpu_levels)}; in use: {self.level_error or self.cpu_level}"]
         lines += ["", "Extras", *(f"  {extra.name:<12} {extra}" for extra in self.extras)]
         if self.self_test:
-            lines += ["", "Self-test", *(f"  {level:<12} {wrong or 'expected bits'}" for level, wrong in self.self_test.items())]
+            lines += ["", "Self-test", *(f"  {level:<12} {wrong or 'trajectory as expected'}" for level, wrong in self.self_test.items())]
         if any(self.self_test.values()):
             lines += ["", _MEANING]
         return "\n".join(lines)

@@ -290,9 +290,9 @@ class Task(ABC):
         """Samples initial states of n episodes.
 
         Args:
-            qpos: Positions, (n, nq), m and rad: the model's reference, to be changed in place.
+            qpos: Positions, (n, nq), m and rad: the reference positions (`qpos0`), to be changed in place.
             qvel: Velocities, (n, nv), m/s and rad/s: zero, to be changed in place.
-            rng: Random number generator of these environments, with draws (n, size).
+            rng: Random number generator of these environments: `rng.uniform(low, high, size)` returns an array (n, size).
         """
 
     def place(self, reset: Reset) -> None:

@@ -80,8 +80,8 @@ def identify(
             estimated from the residuals.
         loss: Loss function of `least_squares`, applied to residuals divided by their noise. All except "linear" give outliers less weight.
         f_scale: Residual, in units of the noise, above which a robust loss reduces the weight.
-        starts: Number of searches. One starts at the model's values. The others start at the best of eight times as many points of a Sobol
-            sequence around them.
+        starts: Number of searches. One starts at the model's values. The others start at the best points of a Sobol sequence around
+            them, which has at least eight points for each of these searches.
         step: Half width of the finite differences, relative for positive quantities. It is small, because a contact that closes one sample
             earlier causes a jump, which a wide difference would count as a derivative.
         max_evaluations: Largest number of evaluations per search.

@@ -292,7 +292,7 @@ class _OfOneBody(Block):
             or self.parameter.prior is not None
         ):
             raise ValueError(
-                f"{self.parameter}: several numbers of one body, which begin at the model's; give neither start, bounds nor prior"
+                f"{self.parameter}: it must select one body, without start, bounds and prior: its numbers start at the model's values"
             )
         return self.index[0]
 

@@ -57,10 +57,10 @@ class Verdict:
     """Result of a comparison of the estimate with other frictions.
 
     Attributes:
-        rival: Index of the point whose friction is the best rival of the estimate; None if there is none.
-        holding: Indices of frictions at which the object sticks, so that the derivatives with respect to them are zero.
-        excluded: Largest value of the excluded range, by index of the friction.
-        rises: For each friction at which the object slips, by index: offset of each other value and its increase of the cost, (k, 2).
+        rival: Row, in the points of `verdict_of`, whose friction explains the readings best in place of the estimate; None without rival.
+        holding: Indices of the frictions that hold the object at the estimate, so that the derivatives with respect to them are zero.
+        excluded: Upper end of the excluded range, which begins at the smallest compared value, by index of the friction, if it exists.
+        rises: For the other frictions, by index: offsets of compared values from the estimate, and their increases of the cost, (k, 2).
     """
 
     rival: int | None

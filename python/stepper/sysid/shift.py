@@ -138,7 +138,7 @@ class Watch:
         self._twins: dict[int, _Twin] = {}
 
     def begin(self, tracker: Any) -> None:
-        """Store a copy of the tracker every `STRETCH` samples. The tracker calls it before each sample."""
+        """Before each sample of the tracker: stores a copy of it every `STRETCH` samples, but not while shifted copies are running."""
         if self._origin is None or (len(self._samples) >= STRETCH and not self._twins):
             self._origin = twin_of(tracker)
             self._samples, self._surprise = [], self._surprise[-RECENT:]

@@ -130,7 +130,7 @@ class Player:
             self._play = gui.add_checkbox("play", True)
             self._speed = gui.add_dropdown("speed", SPEEDS, initial_value="1")
             last = max(len(self.run_of) - 1, 1)
-            self._slider = gui.add_slider("call of step", min=0, max=last, step=1, initial_value=0, disabled=len(self.run_of) == 1)
+            self._slider = gui.add_slider("frame", min=0, max=last, step=1, initial_value=0, disabled=len(self.run_of) == 1)
         self._slider.on_update(self._moved)
 
     def _moved(self, event: Any) -> None:

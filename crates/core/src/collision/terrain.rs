@@ -1,7 +1,7 @@
 //! Culling of pairs with a surface, over lanes, by the height of the surface below the shape. It settles most pairs with terrain.
 //!
-//! A contact joins a point x of the surface and a point y of the shape with y - x = d n. Where the shape is a gap g above all that the surface
-//! has under it, d cos(a) >= g for a normal at an angle a from upright, and stage 3 takes the contact up only if d < 2 h c + slack, c being
+//! A contact joins a point x of the surface and a point y of the shape with y - x = d n. Let the shape be a gap g above all of the surface
+//! below it. Then d cos(a) >= g for a normal at an angle a from upright. Stage 3 takes the contact up only if d < 2 h c + slack, where c is
 //! the speed at which y closes in along n. With u its speed upwards and w its speed, 2 c cos(a) <= w - u for every a, and so
 //!
 //! ```text

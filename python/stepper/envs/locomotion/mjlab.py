@@ -120,7 +120,7 @@ def scene(
 
 
 def _strip(tree: Element, geom: Callable[[str], Mapping[str, str]]) -> None:
-    """Remove visual elements and exclusions of contact pairs, and set the attributes of the other geoms."""
+    """Remove assets, lights, cameras, exclusions and elements of class "visual"; set attributes of each named geom to `geom(name)`."""
     for asset in tree.findall("asset"):
         tree.remove(asset)
     remove_elements(tree, lambda element: element.tag in ("light", "camera", "exclude") or element.get("class") == "visual")

@@ -143,7 +143,7 @@ class PyramidStairs(BoxTerrain):
     """Stairs to a platform in the middle.
 
     Attributes:
-        step_height_range: Height of a step, m.
+        step_height_range: Height of a step at difficulty 0 and at difficulty 1, m.
         step_width: Depth of a tread, m.
         platform_width: Smallest side of the platform, m.
         inverted: Whether stairs go down to the middle.
@@ -156,7 +156,7 @@ class PyramidStairs(BoxTerrain):
     inverted: bool = False
 
     def boxes(self, size: float, difficulty: float, rng: np.random.Generator) -> Array:
-        """Boxes of the stairs, (n, 2, 3), m: one for each step and all above it, or four for each step of inverted stairs."""
+        """Boxes of border and stairs, (n, 2, 3), m: stacked, one per step; or four per step around the platform of inverted stairs."""
         step, outer = _at(self.step_height_range, difficulty), size / 2 - self.border_width
         count = max(0, int((outer - self.platform_width / 2) / self.step_width + _EDGE))
         halves = outer - self.step_width * np.arange(count + 1)

@@ -77,11 +77,11 @@ class Trial:
     Attributes:
         candidate: The candidate.
         episodes: Number of distinct held-out episodes; duplicates are not counted.
-        held: Number of these episodes whose error plus the reference's uncertainty is within the budget.
+        held: Number of these episodes that passed: their error plus the reference's uncertainty is within the budget.
         unknown: Number of episodes whose reference is uncertain by more than half the budget; they count as failures.
         worst: Largest error, m or rad.
-        share: Lower bound of the fraction of all possible episodes within the budget.
-        confidence: Confidence of that bound. The first trial uses half of the allowed error probability, each further one half of the rest.
+        share: Lower bound of the fraction of episodes that are within the budget, among all possible episodes.
+        confidence: Confidence of that bound: 1 - (1 - c) / 2^k in trial k, so that all bounds together have the confidence c of `tune`.
     """
 
     candidate: Candidate

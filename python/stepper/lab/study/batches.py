@@ -114,7 +114,7 @@ def group_of(study: Study, point: Point) -> str:
 
 
 def options_of(study: Study, setting: str, values: Values, **changed: Any) -> tuple[str, Precision, Options, dict[str, Any]]:
-    """Engine, precision, options of the step, and the changed settings without engine and precision.
+    """Engine, precision, options of the step, and the other settings (named, changed, or from parameters) that differ from the study's.
 
     The arguments are those of `world_of`, with the parameter values of one environment.
     """

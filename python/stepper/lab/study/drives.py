@@ -259,7 +259,8 @@ class Memory:
     def check(self) -> None:
         """Raise ValueError if an attribute or closure variable of the drive changed during the batch.
 
-        Variables that were missing, None or empty before the batch may be caches, and are not checked.
+        Drives with a method `begin` and networks are not checked. Nor are variables that were missing, None or empty before the batch (they
+        may be caches), or have no digest.
         """
         if self._restarts:
             return
@@ -268,8 +269,8 @@ class Memory:
         if changed:
             raise ValueError(
                 f"the drive {name_of(self._drive)} has changed {', '.join(changed)} in a batch and has no method begin(now): the next "
-                "batch would continue with the changed value, and rows would depend on the batches. Make it a class with a method "
-                "begin(now) that resets it (an empty method, if no control depends on it)"
+                "batch would continue with the changed value, and results would depend on how episodes are batched. Make it a class with "
+                f"a method begin(now) that resets {', '.join(changed)} (an empty method, if no control depends on them)"
             )
 
     def _held(self) -> dict[str, str | None]:

@@ -135,7 +135,7 @@ def _read(file: sqlite3.Connection, path: Path, study: str | None) -> Iterator[R
 
 
 def _locked(path: Path) -> sqlite3.Connection:
-    """Connection that locks the journal for other processes until it is closed or the process ends."""
+    """Connection to a lock file next to the journal. While it is open, no other process can run the study; reading remains possible."""
     with contextlib.ExitStack() as opened:
         try:
             lock = sqlite3.connect(path.with_suffix(".lock"), timeout=0.0, isolation_level=None)

@@ -75,7 +75,7 @@ class _Onnx(PolicyFile):
         self._type = kinds[self._input.type]
         shape = self._input.shape
         if len(shape) not in (1, 2) or (len(shape) == 2 and isinstance(shape[0], int) and shape[0] != 1):
-            raise ValueError(f"{path}: its input has the shape {shape}, must be (num_envs, n), (1, n) or (n,); export it with a free batch")
+            raise ValueError(f"{path}: its input has the shape {shape}, must be (num_envs, n), (1, n) or (n,): export a dynamic first axis")
         self._single = len(shape) == 1 or shape[0] == 1
 
     def __call__(self, observation: Array) -> Array:
@@ -133,7 +133,7 @@ class _Torch(PolicyFile):
         if not _is_script(path):
             raise ValueError(
                 f"{path}: it is no TorchScript (torch.jit.save); a pickle of torch.save and a program of torch.export are not read, "
-                "because they can run any code: load it yourself and give stepper.lab.Policy the module"
+                "because they can run any code: if you trust it, load it yourself and give stepper.lab.Policy the module"
             )
         self._network = Network(torch.jit.load(str(path), map_location="cpu"))
 

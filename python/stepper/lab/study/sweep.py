@@ -21,7 +21,7 @@ from stepper.lab.study.study import Study
 from stepper.lab.study.table import Table
 
 CLIFF = 0.5
-"""Fraction of successes that defines a cliff: it is above this on one side, and below it on the other."""
+"""Fraction of successes that defines a cliff: it is at least this on one side, and below it on the other."""
 RESOLUTION = 1e-3
 """Default width of a cliff's bracket, as a fraction of the parameter's range."""
 _AT_ONCE = 7
@@ -43,11 +43,11 @@ class Level:
         episodes: Number of episodes.
         successes: Number of successful episodes; None if the study has no condition of success.
         different: Number of distinct episodes. Without random starts or drives, episodes may repeat one another bit for bit.
-        interval: Wilson's 95 % interval of the fraction of successes; NaN if episodes repeat one another, because they are not independent.
+        interval: Wilson's 95 % interval of the fraction of successes; NaN without a condition of success or if episodes repeat one another.
         mean: Mean of the outcome with a condition of success (or of the first one) over the episodes that did not diverge; NaN if all did.
         spread: Standard deviation of that outcome over episodes.
         change: Mean difference of that outcome from the same episodes at the nominal point, without diverged ones, and its standard error.
-        unsolved: Number of episodes with a step that was not solved, not finite, or unresolved (flags of `Status`).
+        unsolved: Number of episodes with at least one step that was not solved reliably, which has a flag of `UNSOLVED`.
         diverged: Number of episodes that diverged. They have no outcome and count as failures.
     """
 
@@ -97,7 +97,7 @@ class Sweep:
 
     Attributes:
         study: The study.
-        levels: Levels by settings, then parameters, then values; the nominal point first.
+        levels: The nominal points of all settings, then the other levels, by settings, parameters and values.
         cliffs: Values at which success ends.
         table: Table of all episodes.
         skipped: Parameters that were not run with some settings, with the reasons.
@@ -116,7 +116,7 @@ class Sweep:
         return [level for level in self.levels if (level.parameter, level.setting) == (parameter, setting)]
 
     def points(self, parameter: str, setting: str = USUAL) -> list[Level]:
-        """Levels of a parameter with one of the settings, including those of bisections, in ascending order of numbers."""
+        """Levels of a parameter with one of the settings, including those of bisections; numbers are ascending."""
         found = self.levels_of(parameter, setting)
         found += [level for level in self.bisected if (level.parameter, level.setting) == (parameter, setting)]
         words = any(isinstance(level.value, str) for level in found)
@@ -271,9 +271,9 @@ class _Progress:
 
 
 def _brackets(study: Study, levels: Sequence[Level], resolution: float) -> list[tuple[Level, Level, float]]:
-    """Neighbouring levels of a parameter with a cliff between them, and the width at which the bisection ends."""
+    """Neighbouring levels with a cliff between them, and the width at which bisection ends; empty if the values are counts or words."""
     numeric = [level for level in levels if isinstance(level.value, int | float) and not isinstance(level.value, bool)]
-    if study.parameters[levels[0].parameter].leaf in COUNTS if levels else True:
+    if not levels or study.parameters[levels[0].parameter].leaf in COUNTS:
         return []
     numeric.sort(key=lambda level: float(level.value or 0))
     width = resolution * abs(float(numeric[-1].value or 0) - float(numeric[0].value or 0)) if numeric else 0.0

@@ -124,7 +124,7 @@ def _joint(source: Source, i: int) -> Description:
 
 
 def _joint_range(source: Source, i: int) -> list[float] | None:
-    """Range of a joint, rad or m, narrowed by `margin`, from which on MuJoCo's limits push; None if unlimited."""
+    """Range of a joint, rad or m, narrowed by `margin`: MuJoCo's limits push outside of it. None if the joint has no active limits."""
     m = source.m
     if not m.jnt_limited[i] or source.off("limit"):
         return None

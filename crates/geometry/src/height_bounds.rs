@@ -1,4 +1,4 @@
-//! Upper bounds on the height of a mesh, for shapes that fly above it.
+//! Upper bounds on the height of a mesh, which reject shapes that are too high to touch it.
 
 use std::ops::RangeInclusive;
 
@@ -51,8 +51,8 @@ impl HeightBounds {
 
     /// Columns (k = 0) or rows (k = 1) of cells between two coordinates; the nearest cell of coordinates outside all cells.
     fn range(&self, k: usize, low: f64, high: f64) -> RangeInclusive<usize> {
-        // A cell without extent gives NaN, which becomes 0 as an integer. A hair keeps coordinates on a border in both cells.
-        let at = |x: f64, hair: f64| ((((x - self.low[k]) / self.size[k]) + hair) as usize).min(self.cells[k] - 1);
+        // A cell without extent gives NaN, which becomes 0 as an integer. The tolerance assigns a coordinate on a border to both cells.
+        let at = |x: f64, tolerance: f64| ((((x - self.low[k]) / self.size[k]) + tolerance) as usize).min(self.cells[k] - 1);
         at(low, -1e-9)..=at(high, 1e-9)
     }
 }

@@ -97,9 +97,9 @@ pub struct Grid {
 /// Heights of a surface below a disc.
 #[derive(Clone, Copy, Debug)]
 pub struct Under {
-    /// Greatest height of the cells there, m; minus infinity outside the surface.
+    /// Greatest height of the cells there, m. Outside, minus infinity for a height field and the nearest height for a mesh.
     pub highest: f64,
-    /// Whether they are level and no neighbour falls away: every contact is upright then.
+    /// Whether these cells and their neighbours have one height. Every contact normal is then vertical.
     pub level: bool,
 }
 
@@ -243,7 +243,7 @@ impl Grid {
         // Saturating: what is off the grid has an empty range.
         let first = ((low + self.half[k]) / cell).floor().max(0.0) as usize;
         let last = ((high + self.half[k]) / cell).floor();
-        first..if last < 0.0 { 0 } else { (last as usize + 1).min(n - 1) }
+        first..if last < 0.0 { 0 } else { (last as usize).saturating_add(1).min(n - 1) }
     }
 
     /// Whether a point is below the surface; beside the grid, below the point of its border that is nearest.
@@ -428,7 +428,8 @@ pub fn collide_surface(
     let mut triangles = std::mem::take(&mut room.triangles);
     a.candidates(low, high, &mut triangles);
     room.all.clear();
-    // What was left to neighbours: the furthest inside.
+    let mut culled = false;
+    // Deepest nearest point that was left to a neighbouring triangle.
     let mut left: Option<(u32, Facing)> = None;
     for &t in &triangles {
         let corners = a.triangle(t);
@@ -445,6 +446,7 @@ pub fn collide_surface(
             && approach.keeps_along(normal, along - b.radius(), whole.size)
             && !a.is_at_border(t)
         {
+            culled = true;
             continue;
         }
         if let Some(ends) = &core {
@@ -458,10 +460,12 @@ pub fn collide_surface(
                     continue;
                 }
                 // Behind a wall of a mesh, or too far from the outline.
-                let is_far = || {
+                let mut is_far = || {
                     let apart = sub(centre, nearest_of_triangle(&corners, centre));
                     let (distance, n) = (norm(apart), unit_or(apart, normal));
-                    distance - b.radius() > prediction || approach.is_some_and(|a| a.keeps_along(n, distance - b.radius(), whole.size))
+                    let keeps = approach.is_some_and(|a| a.keeps_along(n, distance - b.radius(), whole.size));
+                    culled |= keeps;
+                    distance - b.radius() > prediction || keeps
                 };
                 let is_left_out = if along > 0.0 { is_far() } else { matches!(a, Surface::Mesh(_)) };
                 if is_left_out {
@@ -483,7 +487,11 @@ pub fn collide_surface(
         drop_nearer_elsewhere(a, &triangles, whole.size, &mut room.all);
     }
     room.triangles = triangles;
-    // What is nearest of all is no neighbour's, up to rounding.
+    if culled && left.is_some() && room.all.is_empty() {
+        // The neighbour may be a triangle that was left out.
+        return collide_surface(a, pose_a, b, pose_b, prediction, out, room);
+    }
+    // If no triangle accepted a point, rounding rejected the nearest one.
     if let Some((t, facing)) = left.filter(|_| room.all.is_empty()) {
         let triangle = ConvexShape::Triangle(a.facet(t as usize).corners);
         let pair = Pair::between(&triangle, b, whole.pos, whole.mat);

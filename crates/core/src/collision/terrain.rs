@@ -15,14 +15,17 @@ use stepper_geometry::{Approach, ConvexShape, Solid, Surface};
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::collision::detection::Scene;
-use crate::compile::CompiledPair;
+use crate::compile::{CompiledPair, Kernel};
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 
 impl<R: Real> Scene<'_, R> {
-    /// Surface of a pair, and the geom of the surface with that of the other shape. `None` if neither geom is a surface.
+    /// Surface of a pair of a surface and a convex shape, and the geoms of both. `None` for other pairs, also of a plane and a surface.
     #[inline(always)]
     pub(crate) fn surface_and_shape(&self, pair: &CompiledPair<R::Scalar>) -> Option<(&Surface, [usize; 2])> {
+        if pair.kernel != Kernel::Surface {
+            return None;
+        }
         let [a, b] = pair.geoms;
         [[a, b], [b, a]].into_iter().find_map(|geoms| match &self.compiled.geoms[geoms[0]].solid {
             Some(Solid::Surface(surface)) => Some((&**surface, geoms)),

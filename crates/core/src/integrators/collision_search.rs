@@ -15,11 +15,11 @@ use crate::math::lanes::{MAX_LANES, each_of};
 use crate::options::StepSettings;
 use crate::tuning::SIMULTANEOUS_FRACTION;
 
-/// Largest number of evaluations that narrow a time of first touch. Secants need two or three, and ten bisections give 1e-3 of the path.
-const MAX_EVALUATIONS: usize = 10;
-
-/// Number of evaluations at secants. Bisections follow, because secants can stall where a path is curved.
+/// Number of evaluations of a candidate's distance at secants. Bisections follow, because secants can stall where a path is curved.
 const SECANTS: usize = 4;
+
+/// Largest number of evaluations of a candidate's distance. Secants need two or three, and ten bisections give 1e-3 of the path.
+const MAX_EVALUATIONS: usize = SECANTS + 10;
 
 /// Candidate pairs of deferred contacts, and the lanes in which they collide.
 #[derive(Clone, Debug)]
@@ -61,7 +61,7 @@ struct CandidatePair<R: Real> {
     /// Time at which the pair touches, and a time before its first touch, s: both are narrowed where the order of candidates matters.
     time: R,
     before: R,
-    /// Distance less the overlap that counts, at these two times, m. It is negative at `time` and positive at `before`.
+    /// Distance plus tolerance at these two times, m. It is negative at `time`.
     distance_at_time: R,
     distance_before: R,
     /// Lanes in which the order of this candidate and another one is uncertain.
@@ -110,8 +110,8 @@ impl<R: Real> CandidatePair<R> {
         }
     }
 
-    /// Time of evaluation number `evaluation`, s. The distance decreases almost linearly, so the first touch is next to the secant.
-    /// Times on either side of the secant enclose the touch. They are half of `window` apart, s.
+    /// Time of evaluation number `evaluation`, s. The secant estimates the first touch, because the distance decreases almost linearly.
+    /// Evaluations alternate a quarter of `window`, s, before and after it, so that two of them bracket the touch.
     #[inline(always)]
     fn next_time(&self, evaluation: usize, window: R) -> R {
         let half = R::of(0.5);
@@ -131,9 +131,9 @@ impl<R: Real> CandidatePair<R> {
         R::select(time.gt(self.before).and(time.lt(self.time)), time, self.before + span * half)
     }
 
-    /// Lanes in which the pair is known to touch before `other` by more than `window`, s, or known not to.
+    /// Lanes in which it is decided whether this pair touches more than `window`, s, before `other`.
     #[inline(always)]
-    fn has_order(&self, other: &Self, window: R) -> R::Mask {
+    fn order_is_decided(&self, other: &Self, window: R) -> R::Mask {
         self.time.lt(other.before - window).or(self.before.ge(other.time - window))
     }
 
@@ -371,7 +371,7 @@ impl<R: Real> CollisionSearch<R> {
             let candidate = &mut rest[0];
             for other in others {
                 let open = several.and(candidate.lanes).and(other.lanes);
-                let open = open.and_not(candidate.has_order(other, window).and(other.has_order(candidate, window)));
+                let open = open.and_not(candidate.order_is_decided(other, window).and(other.order_is_decided(candidate, window)));
                 if open.any() && share_trees(compiled, candidate.pair, other.pair) {
                     (candidate.uncertain, other.uncertain) = (candidate.uncertain.or(open), other.uncertain.or(open));
                 }

@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
+use stepper_geometry::Narrow;
 use stepper_geometry::pairs::segments;
-use stepper_geometry::{Narrow, Solid};
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::collision::broad_phase::Broad;
@@ -300,17 +300,6 @@ fn ways<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, pos: &[V3<
     }
 }
 
-/// Relative displacement below which a pair cannot pass, m: its thickness, or four times that for a height field.
-///
-/// A height field is solid. On a shorter path through a bump, a ball inside the shape is in the ground at one end, and contacts push it
-/// out.
-#[inline(always)]
-pub(crate) fn min_displacement<R: Real>(compiled: &LaneModel<R>, pair: &CompiledPair<R::Scalar>) -> R {
-    let is_field = |&g: &usize| compiled.geoms[g].solid.as_ref().is_some_and(Solid::is_field);
-    let thickness = compiled.tunnelling_distance(pair.geoms);
-    if pair.kernel == Kernel::Surface && pair.geoms.iter().any(is_field) { thickness * R::of(4.0) } else { thickness }
-}
-
 /// What gravity covers in a step, and a micrometre for scenes without it.
 #[inline(always)]
 pub(crate) fn slack<R: Real>(compiled: &LaneModel<R>, h: R) -> R {
@@ -359,7 +348,8 @@ impl<R: Real> Scene<'_, R> {
     #[inline(always)]
     fn moves_too_far(&self, pair: &CompiledPair<R::Scalar>) -> R::Mask {
         let [a, b] = pair.geoms;
-        let (distance, displacement) = (min_displacement(self.compiled, pair), self.poses.displacement[a] + self.poses.displacement[b]);
+        let (distance, displacement) =
+            (self.compiled.tunnelling_distance(pair.geoms), self.poses.displacement[a] + self.poses.displacement[b]);
         let far = displacement.gt(distance);
         if far.none() {
             return far;

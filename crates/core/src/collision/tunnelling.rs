@@ -5,8 +5,8 @@ use std::borrow::Cow;
 use stepper_geometry::{Narrow, Pose, Solid, SolidMotion};
 use stepper_real::{Mask, Real, Scalar};
 
-use crate::collision::detection::{GeomPoses, Placed, Scene, min_displacement};
-use crate::compile::{CompiledJoint, CompiledPair, LaneModel};
+use crate::collision::detection::{GeomPoses, Placed, Scene};
+use crate::compile::{CompiledJoint, CompiledPair, Kernel, LaneModel};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
@@ -83,6 +83,17 @@ pub fn may_have_passed<R: Real>(
             passed
         },
     )
+}
+
+/// Relative displacement below which a pair cannot pass, m: its thickness, or four times that for a height field.
+///
+/// A height field is solid. On a shorter path through a bump, a ball inside the shape is in the ground at one end, and contacts push it
+/// out.
+#[inline(always)]
+fn min_displacement<R: Real>(compiled: &LaneModel<R>, pair: &CompiledPair<R::Scalar>) -> R {
+    let is_field = |&g: &usize| compiled.geoms[g].solid.as_ref().is_some_and(Solid::is_field);
+    let thickness = compiled.tunnelling_distance(pair.geoms);
+    if pair.kernel == Kernel::Surface && pair.geoms.iter().any(is_field) { thickness * R::of(4.0) } else { thickness }
 }
 
 /// Paths of all geoms from the poses where contacts were found.

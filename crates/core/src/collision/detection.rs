@@ -356,7 +356,7 @@ impl<R: Real> Scene<'_, R> {
         }
         // Limbs that fly along together are fast and yet do not pass one another, and what is apart again has gone the whole way through.
         // (Where that chord is shorter than this, a graze an eighth as deep as the two are thick is missed.)
-        let gap = self.gap(pair, far, displacement);
+        let gap = if pair.kernel == Kernel::Surface { R::zero() } else { self.gap(pair, far, displacement) };
         let through = R::select(gap.gt(R::zero()), gap + distance + distance, distance);
         far.and(self.way_past(a, b).min(self.way_past(b, a)).gt(through))
     }

@@ -247,7 +247,7 @@ def test_the_same_episodes_have_the_same_noise_at_every_point(tmp_path):
 
 
 def test_mujoco_beside(tmp_path):
-    """The same parameters in MuJoCo: a servo without contacts, of which both are second order or less in a step of 1 ms."""
+    """Outcomes in MuJoCo of the same parameters. The robot is a servo without contacts, so that the engines differ little at 1 ms."""
     study = Study(
         model=ARM,
         drive=lambda now: np.full((now.num_envs, 1), 0.4),

@@ -43,7 +43,7 @@ pub(crate) const MIN_TOLERANCE: f64 = 1e4 * f64::EPSILON;
 /// Smallest limit of Newton steps at which unsolved lanes are solved again without curvature terms.
 ///
 /// With a smaller limit, lanes stay unsolved for lack of steps, and their residual is that of the complete problem. The default is 50.
-pub(crate) const LEAST_CURVE_STEPS: u32 = 50;
+pub(crate) const MIN_NEWTON_STEPS_FOR_RETRY: u32 = 50;
 
 /// Time that contact detection looks ahead in finite differences, s. A displaced state then still has the contacts that the
 /// displacement opens. Gravity alone closes gaps of ten displacements in this time.

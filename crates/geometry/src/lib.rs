@@ -85,7 +85,6 @@ mod expand;
 mod facet;
 mod facing;
 mod gjk;
-mod height_bounds;
 mod hull;
 mod known;
 pub mod linear_algebra;

@@ -23,7 +23,6 @@ use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
 use crate::ball::{Ball, Touch, ball_over};
 use crate::facet::{FLAT, Facet, Outline, PARALLEL};
 use crate::facing::{Facing, Separation};
-use crate::height_bounds::HeightBounds;
 use crate::linear_algebra::*;
 use crate::manifold::{LEVEL, Manifold, Point, VERTICES, reduce_points};
 use crate::pair::Pair;
@@ -73,7 +72,6 @@ pub struct MeshSurface {
     around: Vec<u32>,
     first: Vec<u32>,
     tree: Bvh,
-    heights: HeightBounds,
     /// Least and greatest coordinates, m.
     extent: [V; 2],
 }
@@ -94,10 +92,10 @@ pub struct Grid {
     places: [Vec<f64>; 2],
 }
 
-/// Heights of a surface below a disc.
+/// Heights of a grid below a disc.
 #[derive(Clone, Copy, Debug)]
 pub struct Under {
-    /// Greatest height of the cells there, m. Outside, minus infinity for a height field and the nearest height for a mesh.
+    /// Greatest height of the cells there, m; minus infinity outside the grid.
     pub highest: f64,
     /// Whether these cells and their neighbours have one height. Every contact normal is then vertical.
     pub level: bool,
@@ -141,8 +139,7 @@ impl MeshSurface {
         let used = || faces.iter().flatten().map(|&v| vertices[v as usize]);
         let extent =
             [f64::min, f64::max].map(|pick: fn(f64, f64) -> f64| used().reduce(|p, q| array_of(|k| pick(p[k], q[k]))).unwrap_or_default());
-        let heights = HeightBounds::new(extent, &boxes);
-        Self { vertices: vertices.to_vec(), faces, across, around, first, tree, heights, extent }
+        Self { vertices: vertices.to_vec(), faces, across, around, first, tree, extent }
     }
 
     /// Corners of triangle `t`.
@@ -190,7 +187,7 @@ impl Grid {
 
     /// Greatest height, m.
     #[inline]
-    pub(super) fn highest(&self) -> f64 {
+    pub fn highest(&self) -> f64 {
         self.highest
     }
 
@@ -275,7 +272,7 @@ impl Grid {
     }
 
     /// Heights of the grid below a horizontal disc.
-    fn under_disc(&self, [x, y]: [f64; 2], radius: f64) -> Under {
+    pub fn under_disc(&self, [x, y]: [f64; 2], radius: f64) -> Under {
         let [rows, columns] = self.shape;
         let (c, r) = (self.cells(0, x - radius, x + radius), self.cells(1, y - radius, y + radius));
         let mut highest = f64::NEG_INFINITY;
@@ -286,7 +283,7 @@ impl Grid {
         for height in (r.start..=r.end).flat_map(|k| row(k, c.start..c.end + 1)) {
             highest = highest.max(*height);
         }
-        // Cells beside them show whether an edge falls away; at the border of the grid it does.
+        // Neighbouring cells show whether an edge falls away; at the border of the grid it does.
         let level = c.start > 0
             && r.start > 0
             && c.end < columns - 1
@@ -311,23 +308,6 @@ impl Grid {
 }
 
 impl Surface {
-    /// Greatest height, m.
-    #[inline]
-    pub fn highest(&self) -> f64 {
-        match self {
-            Self::Mesh(m) => m.extent[1][2],
-            Self::Grid(g) => g.highest,
-        }
-    }
-
-    /// Heights below a horizontal disc. A mesh never counts as level.
-    pub fn under_disc(&self, centre: [f64; 2], radius: f64) -> Under {
-        match self {
-            Self::Mesh(m) => Under { highest: m.heights.highest_below(centre, radius), level: false },
-            Self::Grid(g) => g.under_disc(centre, radius),
-        }
-    }
-
     fn triangle(&self, t: u32) -> [V; 3] {
         match self {
             Self::Mesh(m) => m.triangle(t),
@@ -421,10 +401,10 @@ pub fn collide_surface(
     let reach = prediction + b.radius();
     let core = ends(&whole);
     // A contact joins a point x of the surface and a point y of the shape, and y - x is a multiple of its normal.
-    let [against, along] = approach.map_or([[f64::INFINITY; 3]; 2], |approach| approach.longest(whole.size));
+    let [against_axes, along_axes] = approach.map_or([[f64::INFINITY; 3]; 2], |approach| approach.max_components(whole.size));
     let [low, high] = whole.extent_b(core.as_deref());
-    let low = array_of(|k| low[k] - reach.min(b.radius() + along[k]));
-    let high = array_of(|k| high[k] + reach.min(b.radius() + against[k]));
+    let low = array_of(|k| low[k] - reach.min(b.radius() + along_axes[k]));
+    let high = array_of(|k| high[k] + reach.min(b.radius() + against_axes[k]));
     let mut triangles = std::mem::take(&mut room.triangles);
     a.candidates(low, high, &mut triangles);
     room.all.clear();

@@ -348,29 +348,24 @@ impl<R: Real> Scene<'_, R> {
     #[inline(always)]
     fn moves_too_far(&self, pair: &CompiledPair<R::Scalar>) -> R::Mask {
         let [a, b] = pair.geoms;
-        let (distance, displacement) =
-            (self.compiled.tunnelling_distance(pair.geoms), self.poses.displacement[a] + self.poses.displacement[b]);
-        let far = displacement.gt(distance);
+        let distance = self.compiled.tunnelling_distance(pair.geoms);
+        let far = (self.poses.displacement[a] + self.poses.displacement[b]).gt(distance);
         if far.none() {
             return far;
         }
         // Limbs that fly along together are fast and yet do not pass one another, and what is apart again has gone the whole way through.
         // (Where that chord is shorter than this, a graze an eighth as deep as the two are thick is missed.)
-        let gap = if pair.kernel == Kernel::Surface { R::zero() } else { self.gap(pair, far, displacement) };
+        let gap = self.gap(pair);
         let through = R::select(gap.gt(R::zero()), gap + distance + distance, distance);
         far.and(self.way_past(a, b).min(self.way_past(b, a)).gt(through))
     }
 
-    /// Lower bound on the distance of a pair in the lanes `lanes`, m. Of a surface it is at most `most`.
+    /// Lower bound on the distance of a pair that is thin, m.
     #[inline(always)]
-    pub(crate) fn gap(&self, pair: &CompiledPair<R::Scalar>, lanes: R::Mask, most: R) -> R {
+    pub(crate) fn gap(&self, pair: &CompiledPair<R::Scalar>) -> R {
         let [a, b] = pair.geoms;
         match pair.kernel {
             Kernel::Segments => segments(&self.segment(a), &self.segment(b)).0[0].distance,
-            Kernel::Surface => match self.surface_and_shape(pair) {
-                Some((surface, geoms)) => self.height_above(surface, geoms, lanes, most).min(most),
-                None => most,
-            },
             _ => norm(sub(self.poses.pos[b], self.poses.pos[a])) - self.compiled.reach(pair.geoms),
         }
     }
@@ -385,6 +380,13 @@ impl<R: Real> Scene<'_, R> {
         );
         let spin = norm(sub(there[0], here[0]));
         (norm(sub(there[1], here[1])) + spin * self.compiled.params.bounding_radius(b)) * self.look_ahead
+    }
+
+    /// Motion of the second geom as seen from the first (angular, linear at the point `p`), with the velocities of the links.
+    #[inline(always)]
+    pub(crate) fn relative_motion(&self, [a, b]: [usize; 2], p: V3<R>) -> [V3<R>; 2] {
+        let ([wa, va], [wb, vb]) = (self.motion_at(&self.poses.velocity, a, p), self.motion_at(&self.poses.velocity, b, p));
+        [sub(wb, wa), sub(vb, va)]
     }
 
     /// Motion of a geom (angular, linear where it passes the point `p`) if the links have the velocities `links`.

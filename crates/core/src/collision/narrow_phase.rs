@@ -6,7 +6,7 @@ use stepper_geometry::pairs::{
     ContactPoint, Cuboid, Cylinder, Ellipsoid, Segment, capsule_box, cylinder_rims, plane_box, plane_ellipsoid, plane_point, plane_sphere,
     segments, sphere_box, sphere_cylinder, sphere_ellipsoid,
 };
-use stepper_geometry::{Approach, BoundingBox, Pose, Reach, SeparatingPlane, SeparatingPlanes, Solid};
+use stepper_geometry::{Approach, BoundingBox, Pose, Reach, SeparatingPlane, SeparatingPlanes, Solid, Surface};
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::collision::contact_set::{ContactId, Contacts};
@@ -157,18 +157,18 @@ impl<R: Real> Scene<'_, R> {
     #[inline(always)]
     fn convex(&self, index: usize, pair: &CompiledPair<R::Scalar>, mut near: R::Mask, search: &mut Search, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
-        let ground = self.surface_and_shape(pair);
-        if let Some((surface, geoms)) = ground {
-            near = self.may_meet_surface(surface, geoms, R::splat(pair.margin), near);
+        let (ground, margin) = (self.surface_and_shape(pair), R::splat(pair.margin));
+        if let Some((Surface::Grid(grid), geoms)) = ground {
+            near = self.may_meet_grid(grid, geoms, margin, near);
         }
-        let reach = R::splat(pair.margin) + self.poses.travel[a] + self.poses.travel[b] + self.slack;
+        let reach = margin + self.poses.travel[a] + self.poses.travel[b] + self.slack;
         near = near.and_not(self.boxes_are_beyond(pair, reach));
         if near.none() {
             return;
         }
         let mut approach = None;
         if let Some((_, geoms)) = ground {
-            approach = Some(self.approach_to_surface(geoms, R::splat(pair.margin), reach));
+            approach = Some(self.approach_to_surface(geoms, margin, reach));
         }
         if let Some(size) = Solid::size_of_hulls([self.solid(a), self.solid(b)]) {
             let moving = self.approach(pair, reach);
@@ -267,10 +267,18 @@ impl<R: Real> Scene<'_, R> {
         let from_b = length - from_a;
         let radius = (ra * ra - from_a * from_a).min(rb * rb - from_b * from_b).max(R::zero()).sqrt();
         let centre = add_scaled(self.poses.pos[a], apart, from_a / length);
-        let ([wa, va], [wb, vb]) = (self.motion_at(&self.poses.velocity, a, centre), self.motion_at(&self.poses.velocity, b, centre));
-        let mat = &self.poses.mat[a];
-        let (way, turn) = (scale(rotate_back(mat, sub(vb, va)), self.h), scale(rotate_back(mat, sub(wb, wa)), self.h));
-        Approach { way, turn, radius, slack: R::splat(pair.margin).max(R::zero()) + self.slack }
+        self.approach_at(pair.geoms, centre, radius, R::splat(pair.margin))
+    }
+
+    /// Motion of the second geom as seen from the first in a step, in the first's frame, within a ball.
+    #[inline(always)]
+    pub(crate) fn approach_at(&self, geoms: [usize; 2], centre: V3<R>, radius: R, margin: R) -> Approach<R> {
+        let mat = &self.poses.mat[geoms[0]];
+        let [turn, way] = self.relative_motion(geoms, centre).map(
+            #[inline(always)]
+            |x| scale(rotate_back(mat, x), self.h),
+        );
+        Approach { way, turn, radius, slack: margin.max(R::zero()) + self.slack }
     }
 
     #[inline(always)]

@@ -45,7 +45,7 @@ pub struct ConstraintProblem<R: Real> {
     /// Approaching contacts, whose rows are deferred until the solved motion closes their gap.
     pub(crate) deferred: Vec<DeferredContact<R>>,
     /// Curvature terms in the targets of friction rows.
-    pub(crate) curves: Vec<Curve<R>>,
+    pub(crate) curvature_terms: Vec<CurvatureTerms<R>>,
     /// Time to the evaluation point of the next step, within which a row lets its gap close, s.
     pub(crate) closing_time: R,
     /// Lanes in which each equality of the model is active.
@@ -89,7 +89,7 @@ pub(crate) struct DeferredContact<R: Real> {
 
 /// Curvature terms in the targets of one contact.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Curve<R: Real> {
+pub(crate) struct CurvatureTerms<R: Real> {
     /// Index of the contact in the problem: those of three rows come first, then those of six.
     pub(crate) contact: usize,
     /// Term in the target of each tangent, m/s. 0 where it is removed.
@@ -120,7 +120,7 @@ impl<R: Real> ConstraintProblem<R> {
             elastic: false,
             resolves_impacts: false,
             deferred: Vec::with_capacity(max_contacts + rolling_contacts),
-            curves: Vec::with_capacity(max_contacts + rolling_contacts),
+            curvature_terms: Vec::with_capacity(max_contacts + rolling_contacts),
             closing_time: R::zero(),
             active_equalities: ActiveEqualities::new(compiled),
             soft: SoftSystem::new(compiled, max_contacts, soft_contacts, soft_support),

@@ -73,13 +73,13 @@ impl<R: Real> Assembler<'_, R> {
         if self.problem.rows.contacts.held().any() {
             let (released, negligible) = self.reconsider(input, contacts, k, lanes, g[0]);
             self.problem.rows.contacts.make_movable(released);
-            self.problem.rows.contacts.drop_approach(negligible);
+            self.problem.rows.contacts.clear_negligible_approach(negligible);
         }
         if let Some(curve) = curve {
-            self.problem.store_curve(contact, curve);
-            let holds_itself = self.problem.rows.contacts.holds_itself();
-            if holds_itself.any() {
-                self.problem.drop_curve(self.problem.curves.len() - 1, holds_itself);
+            self.problem.store_curvature(contact, curve);
+            let is_self_locking = self.problem.rows.contacts.is_self_locking();
+            if is_self_locking.any() {
+                self.problem.remove_curvature(self.problem.curvature_terms.len() - 1, is_self_locking);
             }
         }
         if let Some(lengths) = lengths {

@@ -8,7 +8,7 @@ pub mod constraint_problem;
 pub mod contact;
 pub mod contact_spring;
 pub mod curvature;
-pub(crate) mod curves;
+pub(crate) mod curvature_terms;
 pub mod dry_friction;
 pub mod elimination;
 pub mod equality;

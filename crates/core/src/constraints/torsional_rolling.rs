@@ -89,10 +89,10 @@ impl<R: Real> Assembler<'_, R> {
         if self.problem.rows.rolling_contacts.held().any() {
             let (released, negligible) = self.reconsider(input, contacts, k, lanes, slides[0]);
             self.problem.rows.rolling_contacts.make_movable(released);
-            self.problem.rows.rolling_contacts.drop_approach(negligible);
+            self.problem.rows.rolling_contacts.clear_negligible_approach(negligible);
         }
         if let Some(curve) = curve {
-            self.problem.store_curve(contact, curve.map(|term| term * rub));
+            self.problem.store_curvature(contact, curve.map(|term| term * rub));
         }
         if let (Some(sliding), Some(turned)) = (sliding, turned) {
             let (before, after) =

@@ -90,13 +90,13 @@ pub(crate) fn find_tunnelling<R: Real>(
     };
     let step = TakenStep { velocity: v, is_free, h: scheme.h, contacts_at_end: false };
     let passed = may_have_passed(input.compiled, kinematics, step, input.alive, poses);
-    // The last step tested the path to where it expected this evaluation point. The search for an impact may have moved this point on.
-    let placed = impacts.lanes.and(input.alive).and(scheme.time_before.gt(R::zero()));
-    if placed.none() {
+    // The last step tested the path up to the expected evaluation point. The search for an impact may have moved this point later.
+    let moved = impacts.lanes.and(input.alive).and(scheme.time_before.gt(R::zero()));
+    if moved.none() {
         return passed;
     }
     let flight = TakenStep { velocity: &input.state.v, is_free: false, h: scheme.time_before, contacts_at_end: true };
-    passed.or(may_have_passed(input.compiled, kinematics, flight, placed, poses))
+    passed.or(may_have_passed(input.compiled, kinematics, flight, moved, poses))
 }
 
 /// Replaces the configuration after the step by the corrected one, except where a jam makes the correction ineffective.

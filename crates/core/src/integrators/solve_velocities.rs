@@ -15,7 +15,7 @@ use crate::probe::{Counter, Probe, Span};
 use crate::stages::s05_solve::solve;
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::stages::s08_stabilise::{PositionInput, limit_baumgarte};
-use crate::tuning::{IMPACT_PASSES, LEAST_CURVE_STEPS, ORDERED_PASSES, ROUGH_ITERATIONS};
+use crate::tuning::{IMPACT_PASSES, MIN_NEWTON_STEPS_FOR_RETRY, ORDERED_PASSES, ROUGH_ITERATIONS};
 
 /// Solves for the velocity after the step until it agrees with the problem.
 ///
@@ -68,7 +68,7 @@ pub(crate) fn solve_velocities<R: Real>(
 
 /// Solves the lanes `lanes`. Lanes that Newton's method leaves unsolved are solved again without curvature terms.
 ///
-/// The impulses of the first solve press contacts into each other against terms that they cannot meet. The second one starts from none.
+/// Impulses of the first solve grow without bound against targets that they cannot reach. The second solve starts from zero impulses.
 fn solve_lanes<R: Real>(
     place: Place<'_, R>,
     lanes: R::Mask,
@@ -79,8 +79,8 @@ fn solve_lanes<R: Real>(
     let mut outcome = solve(options, &state.v, lanes, problem, velocity, contacts);
     let unsolved = lanes.and_not(outcome.residual.le(R::of(options.tolerance)));
     let [_, newton_steps] = options.effort();
-    if newton_steps >= LEAST_CURVE_STEPS && unsolved.any() {
-        let changed = problem.drop_curves(unsolved);
+    if newton_steps >= MIN_NEWTON_STEPS_FOR_RETRY && unsolved.any() {
+        let changed = problem.remove_all_curvature(unsolved);
         if changed.any() {
             stepper_solve::gauss_seidel::sweep_from_none(&problem.rows, &mut velocity.impulses, ROUGH_ITERATIONS, changed);
             outcome.replace(&solve(options, &state.v, changed, problem, velocity, contacts), changed);

@@ -83,7 +83,7 @@ impl<R: Real> Assembler<'_, R> {
         builder.velocity_scales.clear();
         problem.slots.clear();
         problem.rolling_slots.clear();
-        problem.curves.clear();
+        problem.curvature_terms.clear();
         problem.deferred.clear();
         problem.impacts.clear();
         problem.closing_time = assembly.h / assembly.closing_fraction;

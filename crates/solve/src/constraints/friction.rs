@@ -270,7 +270,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     }
 
     /// Sets the target of the contact pushed last to zero along an immovable normal, if it approaches at `negligible` speed or less, m/s.
-    pub fn drop_approach(&mut self, negligible: R) {
+    pub fn clear_negligible_approach(&mut self, negligible: R) {
         R::vectorize(
             #[inline(always)]
             || {

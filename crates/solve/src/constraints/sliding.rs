@@ -60,12 +60,12 @@ impl<R: Real> SlidingSolver<R> {
         trace
     }
 
-    /// Lanes in which a contact with the offsets `g` holds itself: see [`SlidingContacts::holds_itself`].
+    /// Lanes in which a contact with the offsets `g` is self-locking: see [`SlidingContacts::is_self_locking`].
     ///
     /// The impulses without effect are those along the principal axes of A without mobility. With the normal impulse
     /// `n = -coupling . x`, the cone contains `x` within the angle `acos(1 / (mu |coupling|))` of `-coupling`.
     #[inline(always)]
-    fn holds_itself(&self, mu: R, g: [R; 3]) -> R::Mask {
+    fn is_self_locking(&self, mu: R, g: [R; 3]) -> R::Mask {
         let [nn, na, nb, aa, _, bb] = self.gram;
         let (floor, [cos, sin]) = (least_tangent(nn + aa + bb - self.own), self.axis);
         let fixed = self.a.map(|a| a.le(floor));
@@ -76,7 +76,7 @@ impl<R: Real> SlidingSolver<R> {
         let p = [masked(fixed[0], cos * t1 + sin * t2), masked(fixed[1], cos * t2 - sin * t1)];
         let c = [masked(fixed[0], self.coupling[0]), masked(fixed[1], self.coupling[1])];
         let (length, sizes) = (norm2(c[0], c[1]), g[0].abs() + g[1].abs() + g[2].abs());
-        // Largest power that an impulse of the cone takes from the offsets, times |coupling|: by the sum of two angles.
+        // Greatest power, times |coupling|, that impulses without effect at the edge of the cone take from the offsets.
         let turned = ((mu * length).square() - R::one()).max(R::zero()).sqrt();
         let power = c[0] * p[0] + c[1] * p[1] + (c[0] * p[1] - c[1] * p[0]).abs() * turned;
         (mu * length).gt(R::one()).and(power.gt(sizes * length * R::of(velocity_rounding::<R>())))
@@ -131,15 +131,15 @@ impl<R: Real> SlidingSolver<R> {
 }
 
 impl<R: Real> SlidingContacts<R> {
-    /// Lanes in which the contact pushed last holds itself, like a wedge, so that no sticking impulse meets its offsets g.
+    /// Lanes in which the contact pushed last is self-locking: no impulse of the friction cone makes it stick with its offsets g.
     ///
-    /// Bodies with fewer than three joints between them have impulses without effect. If one of these is in the cone, the contact holds any
-    /// load. Its velocity is a motion of the joints. Other offsets may press the contact into itself.
-    pub fn holds_itself(&self) -> R::Mask {
+    /// If fewer than three degrees of freedom move the contact, some impulse changes no velocity. If it is in the cone, it can grow without
+    /// bound, and the contact carries any load. Offsets that the joints cannot produce then have no solution.
+    pub fn is_self_locking(&self) -> R::Mask {
         R::vectorize(
             #[inline(always)]
             || match self.rows.items.last() {
-                Some(contact) => contact.active.and(contact.local.holds_itself(contact.mu, contact.g)),
+                Some(contact) => contact.active.and(contact.local.is_self_locking(contact.mu, contact.g)),
                 None => R::Mask::splat(false),
             },
         )

@@ -1,22 +1,21 @@
 //! Curvature terms in the targets of friction rows ([`crate::constraints::curvature`]), which the solver can remove.
 //!
-//! A term is that of the free motion. Contacts that hold each other, as in a jam, stop this motion. No impulse then meets the terms, unless
-//! they are a motion of the joints.
+//! A term is computed for the free motion. In a jam contacts stop this motion, and no impulse can reach the targets.
 
 use stepper_real::{Mask, Real};
 
-use crate::constraints::constraint_problem::{ConstraintProblem, Curve};
+use crate::constraints::constraint_problem::{ConstraintProblem, CurvatureTerms};
 
 impl<R: Real> ConstraintProblem<R> {
     /// Stores the terms that the targets of contact `contact` have, m/s.
-    pub(crate) fn store_curve(&mut self, contact: usize, terms: [R; 2]) {
-        self.curves.push(Curve { contact, terms });
+    pub(crate) fn store_curvature(&mut self, contact: usize, terms: [R; 2]) {
+        self.curvature_terms.push(CurvatureTerms { contact, terms });
     }
 
     /// Removes term `i` from the targets of its contact in the lanes `lanes`. Returns the lanes in which this changes a target.
-    pub(crate) fn drop_curve(&mut self, i: usize, lanes: R::Mask) -> R::Mask {
-        let (Self { rows, curves, .. }, mut changed) = (self, R::Mask::splat(false));
-        let Curve { contact, terms } = &mut curves[i];
+    pub(crate) fn remove_curvature(&mut self, i: usize, lanes: R::Mask) -> R::Mask {
+        let (Self { rows, curvature_terms, .. }, mut changed) = (self, R::Mask::splat(false));
+        let CurvatureTerms { contact, terms } = &mut curvature_terms[i];
         let g = match contact.checked_sub(rows.contacts.len()) {
             None => &mut rows.contacts[*contact].g[1..3],
             Some(rolling) => &mut rows.rolling_contacts[rolling].g[1..3],
@@ -31,7 +30,7 @@ impl<R: Real> ConstraintProblem<R> {
     }
 
     /// Removes all terms in the lanes `lanes`. Returns the lanes in which this changes a target.
-    pub(crate) fn drop_curves(&mut self, lanes: R::Mask) -> R::Mask {
-        (0..self.curves.len()).fold(R::Mask::splat(false), |changed, i| changed.or(self.drop_curve(i, lanes)))
+    pub(crate) fn remove_all_curvature(&mut self, lanes: R::Mask) -> R::Mask {
+        (0..self.curvature_terms.len()).fold(R::Mask::splat(false), |changed, i| changed.or(self.remove_curvature(i, lanes)))
     }
 }

@@ -68,7 +68,7 @@ class ReadOnly(np.ndarray[Any, Any]):
     Results of arithmetic and of `copy()` are plain writable arrays.
     """
 
-    # Class attribute that `kind` sets: the error message for a write.
+    # Error message for a write; subclasses from `kind` set it.
 
     message = ""
     # The result of arithmetic with another array has the type of the other array.
@@ -180,10 +180,10 @@ def no_name(module: str, name: str, known: Iterable[str]) -> Exception:
 
 
 def _absent(module: str, name: str, hint: str, known: Iterable[str]) -> Exception:
-    """Error for an absent name of a module: an AttributeError, or an ImportError for `from module import name` with a hint.
+    """Error for an absent name of a module: an AttributeError, or an ImportError if `from module import name` fails and there is a hint.
 
     Python itself replaces an AttributeError in that statement by an ImportError without the hint. It then also tries submodules, which
-    have no hint.
+    have no hint. The third caller is this statement, after the `__getattr__` of the module and the function for its error.
     """
     if hint and sys._getframe(3).f_code.co_name == "_handle_fromlist":
         return ImportError(f"cannot import name {name!r} from {module!r}{hint}", name=name)

@@ -36,7 +36,7 @@ impl Narrow {
         narrow
     }
 
-    /// The contact points of two solids within reach of each other, and [`Manifold::separating_plane`]; a half space comes first. With a
+    /// Contact points of two solids within reach of each other, and [`Manifold::separating_plane`]; a half space comes first. With a
     /// surface, `reach.approach` is the motion of the convex shape in the frame of the surface.
     pub fn collide(&mut self, solids: [&Solid; 2], poses: [Pose; 2], reach: Reach) -> (&[Point], Option<SeparatingPlane>) {
         let Self { room, found } = self;

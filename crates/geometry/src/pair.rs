@@ -91,7 +91,7 @@ impl<'a> Pair<'a> {
         add(self.pos, rotate(&self.mat, self.b.support(rotate_back(&self.mat, d))))
     }
 
-    /// Least and greatest coordinates of the second's core in the first's frame. `ends` are those of a ball's or capsule's core, else None.
+    /// Least and greatest coordinates of the second's core in the first's frame. `ends`: end points of the core of a ball or capsule.
     pub(super) fn extent_b(&self, ends: Option<&[V]>) -> [V; 2] {
         if let Some(ends) = ends {
             return [f64::min, f64::max].map(|pick| array_of(|k| ends.iter().map(|end| end[k]).reduce(pick).unwrap_or_default()));

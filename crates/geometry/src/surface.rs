@@ -52,7 +52,6 @@ const TURNED: Range<f64> = -0.5..0.99;
 
 /// A surface of triangles in its own frame, m.
 #[derive(Clone, Debug)]
-#[expect(clippy::large_enum_variant, reason = "a scene has few surfaces, and shares each of them behind a pointer")]
 pub enum Surface {
     /// A mesh.
     Mesh(MeshSurface),
@@ -88,7 +87,7 @@ pub struct Grid {
     /// Shapes further below are not pushed up, m.
     pub base: f64,
     highest: f64,
-    /// Coordinates of the columns along x and of the rows along y, m.
+    /// Coordinates x of the columns and y of the rows, m.
     places: [Vec<f64>; 2],
 }
 
@@ -325,7 +324,7 @@ impl Surface {
         }
     }
 
-    /// Whether an edge of triangle `t` has no neighbour.
+    /// Whether triangle `t` has an edge without neighbour (mesh), or is in a cell at the border (grid).
     fn is_at_border(&self, t: u32) -> bool {
         match self {
             Self::Mesh(m) => m.across[t as usize].iter().any(Option::is_none),
@@ -376,7 +375,7 @@ impl Surface {
     }
 }
 
-/// Finds the contact points of a surface and a convex shape that are within reach (m) of each other: at most [`MAX_SURFACE_POINTS`],
+/// Finds the contact points of a surface and a convex shape that are at most `reach.prediction` (m) apart: at most [`MAX_SURFACE_POINTS`],
 /// normals from the surface.
 ///
 /// If the approach of the shape is known, points that do not count within the step may be absent. The normal of a contact at an edge or
@@ -400,16 +399,12 @@ pub fn collide_surface(
     }
     let reach = prediction + b.radius();
     let core = ends(&whole);
-    // A contact joins a point x of the surface and a point y of the shape, and y - x is a multiple of its normal.
-    let [against_axes, along_axes] = approach.map_or([[f64::INFINITY; 3]; 2], |approach| approach.max_components(whole.size));
     let [low, high] = whole.extent_b(core.as_deref());
-    let low = array_of(|k| low[k] - reach.min(b.radius() + along_axes[k]));
-    let high = array_of(|k| high[k] + reach.min(b.radius() + against_axes[k]));
     let mut triangles = std::mem::take(&mut room.triangles);
-    a.candidates(low, high, &mut triangles);
+    a.candidates(low.map(|x| x - reach), high.map(|x| x + reach), &mut triangles);
     room.all.clear();
     let mut culled = false;
-    // Deepest nearest point that was left to a neighbouring triangle.
+    // Triangle with the smallest separation among those whose nearest point belongs to a neighbour.
     let mut left: Option<(u32, Facing)> = None;
     for &t in &triangles {
         let corners = a.triangle(t);
@@ -443,9 +438,12 @@ pub fn collide_surface(
                 let mut is_far = || {
                     let apart = sub(centre, nearest_of_triangle(&corners, centre));
                     let (distance, n) = (norm(apart), unit_or(apart, normal));
+                    if distance - b.radius() > prediction {
+                        return true;
+                    }
                     let keeps = approach.is_some_and(|a| a.keeps_along(n, distance - b.radius(), whole.size));
                     culled |= keeps;
-                    distance - b.radius() > prediction || keeps
+                    keeps
                 };
                 let is_left_out = if along > 0.0 { is_far() } else { matches!(a, Surface::Mesh(_)) };
                 if is_left_out {

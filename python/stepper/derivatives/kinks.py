@@ -62,10 +62,10 @@ class Kink(IntFlag):
 
 @dataclass(frozen=True)
 class Rows:
-    """Rows of one kind, whose slopes are compared with one another.
+    """Rows of the derivative matrix with the same unit, whose slopes are compared with one another.
 
     Attributes:
-        where: The rows.
+        where: Range of the rows.
         least: Slope below which a column is compared with this one, SI units.
     """
 
@@ -136,7 +136,7 @@ class KinkDetector:
         return positions
 
     def compare_slopes(self, changes: Array, slopes: Array, groups: Sequence[Rows], noise: float) -> None:
-        """Compares the slopes at the stencil's two points at the end of all steps; nothing to compare if it has one point per column.
+        """Compares the slopes at the stencil's two points at the end of all steps. Does nothing with one point.
 
         Args:
             changes: Results minus the nominal result, (num_envs, levels, points, columns, n), as in `Stencil.slopes`.

@@ -150,7 +150,7 @@ class Batch:
             self.task.on_end(self.now, stepped)
 
     def _place(self, mask: Array, envs: Array) -> None:
-        """Reset the environments of a mask (num_envs,), whose indices are `envs` (n,), without a new moment; `begin` makes one."""
+        """Reset the environments of a mask (num_envs,), whose indices are `envs` (n,), and keep the present moment; `begin` replaces it."""
         self._begin_episode_state(envs)
         qpos, qvel = np.empty((len(envs), len(self._default_qpos))), np.zeros((len(envs), self._qvel.shape[1]))
         qpos[:] = self._default_qpos
@@ -371,7 +371,7 @@ def _warn_without_actions(task: Task, model: Model) -> None:
 
 
 def _hashed_seed(seed: int | None = None) -> int:
-    """Random 64-bit integer, a function of the seed; None takes a seed from the operating system."""
+    """Random 64-bit integer, a hash of the seed; with None a random seed."""
     number: int = np.random.SeedSequence(seed).generate_state(1, np.uint64).item()
     return number
 

@@ -23,12 +23,12 @@ VECTOR_SETTINGS = ("num_envs", "autoreset_mode", "threads", "episode_statistics"
 
 
 def make_task(task: Task | type[Task] | str, arguments: dict[str, Any], *, vector: bool) -> Task:
-    """Task from the argument `task` of an environment: a task itself, or a class or name whose constructor gets the arguments.
+    """Task from the argument `task` of an environment: a task, or a class or name from which the arguments make one.
 
     Args:
         task: Task, class of tasks, or name in `stepper.envs.TASKS`.
         arguments: Arguments of the task.
-        vector: Whether the task is for a vector environment; errors list the arguments of the environment.
+        vector: Whether the task is for a vector environment; it selects the arguments that error messages list.
 
     Raises:
         TypeError: `task` has another type, or an argument is unknown to the task.

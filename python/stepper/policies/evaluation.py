@@ -184,7 +184,7 @@ def evaluate(
 def is_native(env: str) -> bool:
     """Whether an id belongs to an environment on stepper: a task of `stepper.envs`, or one that the user registered."""
     gymnasium = require("gymnasium", "to evaluate policies")
-    importlib.import_module("stepper.envs")  # It registers its environments.
+    importlib.import_module("stepper.envs")  # The import registers the environments.
     spec = gymnasium.registry.get(import_env(env))
     return spec is not None and str(spec.vector_entry_point) in ("stepper.envs:StepperVectorEnv", "stepper.envs.vector:StepperVectorEnv")
 
@@ -304,5 +304,5 @@ def _interval(values: Array, confidence: float) -> tuple[float, float]:
 
 
 def _share(part: float, whole: float) -> str:
-    """Text of a part in percent of a whole."""
+    """Text of a part as a percentage of a whole, "+1.2 %"."""
     return f"{100.0 * part / abs(whole):+.1f} %" if whole else "of nothing"

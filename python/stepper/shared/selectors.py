@@ -39,7 +39,7 @@ _LIST = rf"\[({_ITEM}(?:,{_ITEM})*)\]\s*"
 _TEXT = re.compile(rf"\s*([A-Za-z_][\w.]*)\s*(?:{_LIST})?(?:{_LIST})?", re.DOTALL)
 _EARLIER = re.compile(r"\s*(\w+):([^=]+)(.*)", re.DOTALL)
 _JOINT_ROWS = {"dof": ("dofadr", "nv"), "coordinate": ("qposadr", "nq")}
-"""For the fields of degrees of freedom and coordinates: the attributes of a joint for its first row and its number of rows."""
+"""Attributes of a joint for its first row and its number of rows, in fields of degrees of freedom and of coordinates."""
 
 
 @dataclass(frozen=True)
@@ -249,7 +249,7 @@ def _columns(index: NDArray[np.int64], columns: Sequence[int], selector: Selecto
 
 
 def _of_joints(rows: Sequence[int | range], selector: Selector, where: str, *, one: bool) -> NDArray[np.int64]:
-    """Indices of the degrees of freedom or coordinates of some joints, of which `columns` selects some per joint."""
+    """Indices of the degrees of freedom or coordinates of some joints. `selector.columns` selects among those of each joint."""
     if any(isinstance(own, int) for own in rows):
         raise ValueError(f"{where} has '{selector}': an index is one row of {selector.field}; leave out the columns, or name a joint")
     columns = selector.columns or ()

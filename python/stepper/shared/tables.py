@@ -115,7 +115,7 @@ def numbers(name: str, value: ArrayLike, num_envs: int, envs: np.ndarray[Any, An
     """List of a parameter's values: one value for all environments, or one for each of `envs` (None is all environments).
 
     Raises:
-        ValueError: The shape is not () or (num_envs,).
+        ValueError: The shape is not (), (1,) or (num_envs,).
     """
     array = np.asarray(value, dtype=np.float64)
     if array.shape not in ((), (1,), (num_envs,)):

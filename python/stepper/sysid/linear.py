@@ -31,7 +31,7 @@ class Directions:
         room: Distance from x to its nearest bound, (n,), in the unit of x; infinite without bounds.
         apart: Indices of numbers in x with local differences along their axis. The directions of the other numbers come from their
             conditional covariance.
-        leading: Indices of numbers in x, such as frictions, that the directions of the other numbers keep fixed. A step of a correlated
+        leading: Indices of numbers in x, such as frictions, that the other numbers' directions leave unchanged. A step of a correlated
             mass could otherwise make a held object slip. The slope by the mass would then include the slip.
 
     Attributes:

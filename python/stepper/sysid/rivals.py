@@ -28,7 +28,7 @@ NEAR = 2.5
 NEAREST = 0.005
 """Smallest distance of the two nearest other frictions from the estimate, as a logarithm."""
 ABOVE_BOUND = 0.02
-"""Distance of the last other friction above the lower bound, as a logarithm. The bound can rise by this with every sample."""
+"""Distance from the lower bound to the compared value next to it, as a logarithm. The bound can rise by this with every sample."""
 CLOSE = 0.025
 """Largest distance of consecutive values in an excluded range, as a logarithm. At the onset of slip, minima are 0.05 wide."""
 OTHERS_PER_FRICTION = len(OTHERS) + 3
@@ -59,7 +59,7 @@ class Verdict:
     Attributes:
         rival: Row, in the points of `verdict_of`, whose friction explains the readings best in place of the estimate; None without rival.
         holding: Indices of the frictions that hold the object at the estimate, so that the derivatives with respect to them are zero.
-        excluded: Upper end of the excluded range, which begins at the smallest compared value, by index of the friction, if it exists.
+        excluded: Upper end of the excluded range, by index of the friction. The range begins at the smallest compared value.
         rises: For the other frictions, by index: offsets of compared values from the estimate, and their increases of the cost, (k, 2).
     """
 
@@ -148,7 +148,7 @@ def share_of(rises: Array, step: float, *, before: float, after: float) -> float
         if apart**2 < LEAST_DISTANCE * after or rise > POSSIBLE:
             continue
         share = ((rise + 2 * apart * step / after) / apart**2 - 1 / before) / gained
-        # An interval of two standard deviations need not reach farther than the next value that is not possible.
+        # Two standard deviations need not reach beyond the nearest value whose cost is too large (`POSSIBLE`).
         beyond = [abs(other) for other, cost in rises if other / apart > 1 and cost > POSSIBLE]
         if beyond:
             share = max(share, ((2 / min(beyond)) ** 2 - 1 / before) / gained)

@@ -166,10 +166,10 @@ impl<R: Real> Scene<'_, R> {
         if near.none() {
             return;
         }
-        let mut approach = None;
-        if let Some((_, geoms)) = ground {
-            approach = Some(self.approach_to_surface(geoms, margin, reach));
-        }
+        let mut approach = ground.map(
+            #[inline(always)]
+            |(_, geoms)| self.approach_to_surface(geoms, margin, reach),
+        );
         if let Some(size) = Solid::size_of_hulls([self.solid(a), self.solid(b)]) {
             let moving = self.approach(pair, reach);
             near = near.and_not(self.are_parted(index, pair, near, &moving, size, search));
@@ -270,7 +270,7 @@ impl<R: Real> Scene<'_, R> {
         self.approach_at(pair.geoms, centre, radius, R::splat(pair.margin))
     }
 
-    /// Motion of the second geom as seen from the first in a step, in the first's frame, within a ball.
+    /// Displacement in a step of the second geom relative to the first, in the first's frame, for points in a ball.
     #[inline(always)]
     pub(crate) fn approach_at(&self, geoms: [usize; 2], centre: V3<R>, radius: R, margin: R) -> Approach<R> {
         let mat = &self.poses.mat[geoms[0]];

@@ -1,8 +1,8 @@
-//! Pairs with a surface. The height of a height field below a shape rejects most pairs, over lanes.
+//! Tests of surfaces against convex shapes, over lanes. The height of a height field below a shape rejects most of its pairs.
 //!
 //! A contact joins a point x of the surface and a point y of the shape with y - x = d n. Let the shape be a gap g above all of the surface
 //! below it. Then d cos(a) >= g for a normal at an angle a from upright. Stage 3 takes the contact up only if d < 2 h c + slack, where c is
-//! the speed at which y closes in along n. With u its speed upwards and w its speed, 2 c cos(a) <= w - u for every a, and so
+//! the speed at which y closes in along n. With u the upward speed of y and w its speed, 2 c cos(a) <= w - u for every a, and so
 //!
 //! ```text
 //! g < h (w - u) + slack,        where the surface is level: g < -2 h u + slack.
@@ -20,7 +20,7 @@ use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 
 impl<R: Real> Scene<'_, R> {
-    /// Surface of a pair of a surface and a convex shape, and the geoms of both. `None` for other pairs, also of a plane and a surface.
+    /// Surface of a pair of a surface and a convex shape, and the geoms of both. `None` for other pairs, such as plane and surface.
     #[inline(always)]
     pub(crate) fn surface_and_shape(&self, pair: &CompiledPair<R::Scalar>) -> Option<(&Surface, [usize; 2])> {
         if pair.kernel != Kernel::Surface {
@@ -33,7 +33,7 @@ impl<R: Real> Scene<'_, R> {
         })
     }
 
-    /// Lanes of `near` in which a contact of a height field and a shape can count.
+    /// Lanes of `near` in which a height field and a shape can touch within the step.
     #[inline(always)]
     pub(crate) fn may_meet_grid(&self, grid: &Grid, geoms: [usize; 2], margin: R, near: R::Mask) -> R::Mask {
         let [field, shape] = geoms;
@@ -66,7 +66,7 @@ impl<R: Real> Scene<'_, R> {
         near
     }
 
-    /// Motion of a shape as seen from a surface in a step, in the surface's frame. `reach` is the greatest length of a contact, m.
+    /// Displacement in a step of a shape relative to a surface, in the surface's frame. `reach` is the greatest length of a contact, m.
     #[inline(always)]
     pub(crate) fn approach_to_surface(&self, [surface, shape]: [usize; 2], margin: R, reach: R) -> Approach<R> {
         // The line of a contact's normal passes through the core of a ball or capsule. Other contacts are halfway between the geoms.

@@ -43,7 +43,7 @@ fn negligible_approach<R: Real>(options: &StepSettings, [velocity, position]: [R
 pub(crate) struct SlidingRows<R: Real> {
     /// Offset g of each row in the velocity solve and in the position solve, m/s: its velocity without impulses, plus its bias.
     pub(crate) targets: [[R; 2]; 3],
-    /// Curvature terms in the targets of the tangents, m/s, if there are any.
+    /// Curvature terms in the targets of the tangents, m/s, if they were computed.
     pub(crate) curve: Option<[R; 2]>,
     /// Squared lengths of the rows, if equalities are eliminated from them.
     pub(crate) lengths: Option<SquaredLengths<R, 3>>,

@@ -7,7 +7,7 @@ use stepper_real::{Mask, Real};
 use crate::constraints::constraint_problem::{ConstraintProblem, CurvatureTerms};
 
 impl<R: Real> ConstraintProblem<R> {
-    /// Stores the terms that the targets of contact `contact` have, m/s.
+    /// Stores the terms (m/s) that were added to the targets of contact `contact`, so that they can be removed.
     pub(crate) fn store_curvature(&mut self, contact: usize, terms: [R; 2]) {
         self.curvature_terms.push(CurvatureTerms { contact, terms });
     }

@@ -15,7 +15,7 @@ use crate::math::lanes::{MAX_LANES, each_of};
 use crate::options::StepSettings;
 use crate::tuning::SIMULTANEOUS_FRACTION;
 
-/// Number of evaluations of a candidate's distance at secants. Bisections follow, because secants can stall where a path is curved.
+/// Number of secant steps that estimate the time of first touch. Bisections follow, because secants can stall where a path is curved.
 const SECANTS: usize = 4;
 
 /// Largest number of evaluations of a candidate's distance. Secants need two or three, and ten bisections give 1e-3 of the path.
@@ -61,7 +61,7 @@ struct CandidatePair<R: Real> {
     /// Time at which the pair touches, and a time before its first touch, s: both are narrowed where the order of candidates matters.
     time: R,
     before: R,
-    /// Distance plus tolerance at these two times, m. It is negative at `time`.
+    /// Distance plus tolerance at `time` (negative) and at `before`, m.
     distance_at_time: R,
     distance_before: R,
     /// Lanes in which the order of this candidate and another one is uncertain.
@@ -131,7 +131,7 @@ impl<R: Real> CandidatePair<R> {
         R::select(time.gt(self.before).and(time.lt(self.time)), time, self.before + span * half)
     }
 
-    /// Lanes in which it is decided whether this pair touches more than `window`, s, before `other`.
+    /// Lanes in which the brackets decide whether this pair touches more than `window` (s) before `other`.
     #[inline(always)]
     fn order_is_decided(&self, other: &Self, window: R) -> R::Mask {
         self.time.lt(other.before - window).or(self.before.ge(other.time - window))
@@ -245,7 +245,7 @@ impl<R: Real> CollisionSearch<R> {
         !self.pairs.is_empty()
     }
 
-    /// Reduces the lanes of each candidate to those in which its path collides first.
+    /// Reduces the lanes of each candidate to those in which its path collides, and collides first if the order matters.
     #[inline(always)]
     fn test_paths(&mut self, query: &CollisionQuery<'_, R>, problem: &ConstraintProblem<R>) {
         let CollisionQuery { compiled, kinematics, poses, .. } = *query;

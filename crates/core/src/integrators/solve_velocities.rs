@@ -68,7 +68,7 @@ pub(crate) fn solve_velocities<R: Real>(
 
 /// Solves the lanes `lanes`. Lanes that Newton's method leaves unsolved are solved again without curvature terms.
 ///
-/// Impulses of the first solve grow without bound against targets that they cannot reach. The second solve starts from zero impulses.
+/// In a jam the first solve cannot reach the targets, and its impulses diverge. The second solve starts from zero impulses.
 fn solve_lanes<R: Real>(
     place: Place<'_, R>,
     lanes: R::Mask,

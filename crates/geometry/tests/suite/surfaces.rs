@@ -235,7 +235,7 @@ fn contact_radius(shape: &ConvexShape, reach: f64) -> f64 {
 }
 
 proptest! {
-    // The cases are fixed: about one of 400,000 at a border differs, where a triangle accepts no point of its own.
+    // The cases are fixed: about one in 500,000 differs, where a neighbour of the skipped triangle keeps other points of their edge.
     #![proptest_config(ProptestConfig { cases: 10_000, rng_seed: RngSeed::Fixed(1), ..Default::default() })]
 
     /// Skipping triangles that the motion cannot reach keeps the deepest contact that counts. To balls and capsules it adds none.
@@ -251,7 +251,7 @@ proptest! {
                 Surface::Mesh(MeshSurface::new(&vertices, &faces))
             }
         };
-        // The origin of the shape is above the surface: of a shape that is behind it, other points are found.
+        // The shape's origin is above the surface. For shapes below it the two searches find different points.
         let pose = Pose { pos: [at[0], at[1], grid.highest() + lift], mat };
         let slack = 1e-3;
         // Contacts are within twice the displacement of the step.
@@ -267,7 +267,7 @@ proptest! {
             let velocity = add(way, cross(turn, sub(p.pos, pose.pos)));
             p.distance < 2.0 * (-dot(p.normal, velocity)).max(0.0) + slack
         };
-        // Deep points are dropped in favour of others, also of those that cannot count.
+        // Skip deep overlaps: a deep point can be replaced by one that cannot count.
         if all.iter().chain(&found).any(|p| p.distance < -1e-4) {
             return Ok(());
         }
@@ -277,7 +277,7 @@ proptest! {
         match (other, own) {
             (Some(other), Some(own)) => prop_assert!(own <= other + TIE && (!is_round || own >= other - TIE), "{all:?}\n{found:?}"),
             (Some(_), None) => prop_assert!(false, "{all:?}\n{found:?}"),
-            // Of many points of one face four are kept, and these can be others.
+            // At most four points per face are kept, and the two searches may keep different ones.
             (None, own) => prop_assert!(!is_round || own.is_none(), "{all:?}\n{found:?}"),
         }
     }

@@ -62,7 +62,7 @@ impl<R: Real> SlidingSolver<R> {
 
     /// Lanes in which a contact with the offsets `g` is self-locking: see [`SlidingContacts::is_self_locking`].
     ///
-    /// The impulses without effect are those along the principal axes of A without mobility. With the normal impulse
+    /// Impulses along the principal axes of A without mobility change no velocity. With the normal impulse
     /// `n = -coupling . x`, the cone contains `x` within the angle `acos(1 / (mu |coupling|))` of `-coupling`.
     #[inline(always)]
     fn is_self_locking(&self, mu: R, g: [R; 3]) -> R::Mask {
@@ -76,7 +76,7 @@ impl<R: Real> SlidingSolver<R> {
         let p = [masked(fixed[0], cos * t1 + sin * t2), masked(fixed[1], cos * t2 - sin * t1)];
         let c = [masked(fixed[0], self.coupling[0]), masked(fixed[1], self.coupling[1])];
         let (length, sizes) = (norm2(c[0], c[1]), g[0].abs() + g[1].abs() + g[2].abs());
-        // Greatest power, times |coupling|, that impulses without effect at the edge of the cone take from the offsets.
+        // Largest power, times |coupling|, of such impulses on the edge of the cone against the offsets.
         let turned = ((mu * length).square() - R::one()).max(R::zero()).sqrt();
         let power = c[0] * p[0] + c[1] * p[1] + (c[0] * p[1] - c[1] * p[0]).abs() * turned;
         (mu * length).gt(R::one()).and(power.gt(sizes * length * R::of(velocity_rounding::<R>())))

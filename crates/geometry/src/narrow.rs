@@ -31,6 +31,8 @@ impl Narrow {
             narrow.room.polytope.reserve();
             narrow.room.triangles.reserve(256);
             narrow.room.all.reserve(256);
+            narrow.room.owners.reserve(256);
+            narrow.room.is_own.reserve(256);
             narrow.found.points.reserve(256);
         }
         narrow

@@ -403,6 +403,7 @@ pub fn collide_surface(
     let mut triangles = std::mem::take(&mut room.triangles);
     a.candidates(low.map(|x| x - reach), high.map(|x| x + reach), &mut triangles);
     room.all.clear();
+    room.owners.clear();
     let mut culled = false;
     // Triangle with the smallest separation among those whose nearest point belongs to a neighbour.
     let mut left: Option<(u32, Facing)> = None;
@@ -432,6 +433,7 @@ pub fn collide_surface(
             if let [centre] = ends[..] {
                 if along > 0.0 && is_over(&corners, normal, centre) {
                     room.all.push(Point { feature: name(t, 0), ..ball_over(normal, centre, along, b.radius()) });
+                    room.owners.push(t);
                     continue;
                 }
                 // Behind a wall of a mesh, or too far from the outline.
@@ -460,9 +462,10 @@ pub fn collide_surface(
             left = Some((t, facing));
         }
         room.all.extend(out.points.drain(..).map(|p| Point { feature: name(t, p.feature), ..p }));
+        room.owners.resize(room.all.len(), t);
     }
     if room.all.iter().any(|p| p.distance < -SHALLOW * whole.size) {
-        drop_nearer_elsewhere(a, &triangles, whole.size, &mut room.all);
+        drop_nearer_elsewhere(a, whole.size, room);
     }
     room.triangles = triangles;
     if culled && left.is_some() && room.all.is_empty() {
@@ -592,24 +595,27 @@ fn touch_any(
     (out.points.is_empty() && cos > 0.0).then_some(facing)
 }
 
-/// Drops the points that are deep under their triangle and much nearer to another of the `triangles`, which has them too, unless that
-/// leaves none.
+/// Drops the points that are deep under their triangle and much nearer to a triangle with a shallower point. A triangle without points is
+/// no reason: at a sharp ridge the nearest point belongs to the other side.
 #[cold]
-fn drop_nearer_elsewhere(surface: &Surface, triangles: &[u32], size: f64, all: &mut Vec<Point>) {
-    let own = |p: &Point| {
+fn drop_nearer_elsewhere(surface: &Surface, size: f64, room: &mut Room) {
+    let Room { all, owners, is_own, .. } = room;
+    let belongs = |p: &Point| {
         let (x, reach) = (add_scaled(p.pos, p.normal, 0.5 * p.distance), -NEARER * p.distance);
-        let is_nearer = |t: &u32| {
+        let is_nearer = |(t, other): (&u32, &Point)| {
             let corners = surface.triangle(*t);
             let normal = triangle_normal(&corners);
             // Behind it, up to the rounding of poses in 32 bits.
             let behind = dot(normal, sub(x, corners[0])) <= 1e-7 * size;
-            behind && TURNED.contains(&dot(normal, p.normal)) && distance(&corners, normal, x) < reach
+            let is_shallower = other.distance > p.distance;
+            is_shallower && behind && TURNED.contains(&dot(normal, p.normal)) && distance(&corners, normal, x) < reach
         };
-        p.distance >= -SHALLOW * size || !triangles.iter().any(is_nearer)
+        p.distance >= -SHALLOW * size || !owners.iter().zip(all.iter()).any(is_nearer)
     };
-    if all.iter().any(own) {
-        all.retain(own);
-    }
+    is_own.clear();
+    is_own.extend(all.iter().map(belongs));
+    let mut own = is_own.iter();
+    all.retain(|_| own.next().is_some_and(|own| *own));
 }
 
 /// Distance of a point from a triangle.

@@ -1,5 +1,7 @@
 """Names of fields and attributes that do not exist: the message names the argument and the right name, and is short."""
 
+import re
+
 import numpy as np
 import pytest
 import stepper
@@ -175,6 +177,17 @@ def test_every_field_names_a_single_number(field, number):
     with pytest.raises(ValueError, match=f"^{field} is .* a single number, must be an array of shape") as error:
         TWO.randomize(**{field: number})
     assert str((2, *np.shape(getattr(TWO.model, field)))) in str(error.value)
+
+
+@pytest.mark.parametrize("envs", [None, [1]])
+@pytest.mark.parametrize("field", sorted(RANDOMIZED))
+def test_values_of_one_environment_are_named_with_the_call_that_repeats_them(field, envs):
+    own = np.asarray(getattr(TWO.model, field), float)
+    if own.ndim == 0 or own.size == 0 or own.shape == (1,):
+        pytest.skip("a single number, or none")
+    must = (2 if envs is None else 1, *own.shape)
+    with pytest.raises(ValueError, match=rf"must be {re.escape(str(must))}; np\.broadcast_to\(value, {re.escape(str(must))}\) gives all"):
+        TWO.randomize(envs=envs, **{field: own})
 
 
 def test_a_single_number_is_taken_where_one_is_meant():

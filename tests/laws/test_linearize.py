@@ -521,7 +521,7 @@ def test_whole_fields_skip_what_the_model_has_none_of():
     assert not lin.blocks["actuator_biasprm"].any()
     assert not damping[:, :6].any()
     assert damping[13, 6] < 0
-    with pytest.raises(ValueError, match="the model has none, and nothing can be perturbed"):
+    with pytest.raises(ValueError, match="of these elements is 0 and cannot be perturbed"):
         sim.linearize(("dof_damping[0]",))
 
 
@@ -561,5 +561,5 @@ def test_wrong_calls_say_what_to_do():
     plate = scene('<body><freejoint/><inertial pos="0 0 0" mass="2" diaginertia=".1 .1 .2"/></body>')
     with pytest.raises(stepper.ModelError, match=r"^a parameter cannot be perturbed: .*wrt"):
         stepper.Stepper(plate).linearize(("body_inertia",))
-    with pytest.raises(ValueError, match="the model has none, and nothing can be perturbed"):
+    with pytest.raises(ValueError, match="of these elements is 0 and cannot be perturbed"):
         stepper.Stepper(ball()).linearize(("body_mass[world]",))

@@ -195,7 +195,7 @@ def test_a_smoothed_gradient_of_what_is_linear_is_the_gradient():
 def test_smoothing_that_is_none_says_so():
     with pytest.raises(ValueError, match="samples is 3, must be an even number"):
         Smoothing(samples=3, qpos=1e-3)
-    with pytest.raises(ValueError, match="nothing is displaced"):
+    with pytest.raises(ValueError, match="all standard deviations are 0"):
         Smoothing()
     with pytest.raises(ValueError, match="ctrl is -1"):
         Smoothing(ctrl=-1)

@@ -18,7 +18,12 @@ from stepper.lab.study.journal import Journal, JournalError, rows_of
 from stepper.lab.study.results import JOURNAL
 
 ROWS = [{"key": str(k), "x": x} for k, x in enumerate([0.1, math.inf, math.nan, 1e-300])]
-ANOTHER = "import sys, pathlib; from stepper.lab.study.journal import Journal, rows_of; path = pathlib.Path(sys.argv[1])\n"
+ANOTHER = """
+import pathlib, signal, sys
+from stepper.lab.study.journal import Journal, rows_of
+signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where a shell starts the tests in the background
+path = pathlib.Path(sys.argv[1])
+"""
 
 
 def another(program, path, **given):

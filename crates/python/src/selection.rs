@@ -76,15 +76,18 @@ impl Selection {
         shared: Option<&[usize]>,
     ) -> PyResult<Numbers<'py>> {
         let numbers = readonly(given, name)?;
-        if !self.by_index {
-            let allowed: Vec<&[usize]> = std::iter::once(full).chain(shared).collect();
-            check_shape_of(given, name, numbers.shape(), &allowed)?;
-            return Ok(Numbers::Given(numbers));
+        let mut selected = full.to_vec();
+        if self.by_index {
+            selected[0] = self.envs.len();
         }
-        let selected: Vec<usize> = std::iter::once(self.envs.len()).chain(full[1..].iter().copied()).collect();
         let allowed: Vec<&[usize]> = std::iter::once(&selected[..]).chain(shared).collect();
-        check_shape_of(given, name, numbers.shape(), &allowed)?;
-        if shared == Some(numbers.shape()) {
+        let found = numbers.shape();
+        if let Err(error) = check_shape_of(given, name, found, &allowed) {
+            let is_one_row = !found.is_empty() && full.get(1..) == Some(found) && given.len().is_ok();
+            let remedy = format!("; np.broadcast_to(value, {}) gives all environments the same", shape_text(&selected));
+            return Err(if is_one_row { PyValueError::new_err(format!("{}{remedy}", error.value(given.py()))) } else { error });
+        }
+        if !self.by_index || shared == Some(found) {
             return Ok(Numbers::Given(numbers));
         }
         Ok(Numbers::Scattered(self.scattered(numbers.as_slice()?, full[0])))

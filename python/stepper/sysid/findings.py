@@ -36,7 +36,7 @@ def undetermined(blocks: Sequence[Block], std: Array, reach: Array) -> np.ndarra
     Args:
         blocks: Parameters.
         std: Standard deviations, in scales, (n,).
-        reach: Half widths of the bounds, in scales, (n,).
+        reach: Half widths of the bounds, in units of the scales, (n,).
     """
     logarithmic = np.concatenate([np.full(block.size, block.kind.log) for block in blocks])
     found: np.ndarray[Any, np.dtype[np.bool_]] = (std > UNKNOWN * reach) | (logarithmic & (std > VAGUE))
@@ -58,9 +58,9 @@ def warnings_of(
 
     Args:
         residuals: Residuals of the fit.
-        x: Estimate: parameters, then uncertain initial states, in scales, (n + starts,).
+        x: Estimate: parameters, then uncertain initial states, in units of the scales, (n + starts,).
         sure: Uncertainty of the estimate.
-        reach: Half widths of the bounds, in scales, (n,).
+        reach: Half widths of the bounds, in units of the scales, (n,).
         roughness: Relative differences of derivatives from one step and from twice that, (n,).
         searches: All searches, with `x` and `cost`.
         converged: Whether the best search converged.

@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping};
 use stepper_core::{ActuatorNumbers, Parameter, Precision};
 
-use crate::array::{array, check_shape_of, described, read_only_of_environments, readonly, shape_text, unknown_field};
+use crate::array::{array, check_shape_of, described, read_only_of_environments, readonly, unknown_field};
 use crate::device_models::drives;
 use crate::error::value_error;
 use crate::selection::Selection;
@@ -40,8 +40,6 @@ impl Stepper {
             let (tail, _) = self.simulation.model().field(&name).expect("a field of the model");
             let values = if self.batched || selection.by_index {
                 let full: Vec<usize> = std::iter::once(self.n()).chain(tail.iter().copied()).collect();
-                let rows = if selection.by_index { envs.len() } else { self.n() };
-                check_rows(&name, readonly(&value, &name)?.shape(), &tail, rows)?;
                 selection.numbers(&value, &name, &full, None)?.as_slice()?.to_vec()
             } else {
                 let numbers = readonly(&value, &name)?;
@@ -171,16 +169,4 @@ impl Stepper {
     fn randomized<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         slf.parameters(py)
     }
-}
-
-/// Check that the values of a field, of shape `found`, are not those of a single environment, of shape `tail`.
-fn check_rows(name: &str, found: &[usize], tail: &[usize], rows: usize) -> PyResult<()> {
-    if found != tail || tail.is_empty() {
-        return Ok(());
-    }
-    let all: Vec<usize> = std::iter::once(rows).chain(tail.iter().copied()).collect();
-    let (found, all) = (shape_text(found), shape_text(&all));
-    Err(PyValueError::new_err(format!(
-        "{name} has shape {found}, must be {all}: np.broadcast_to(value, {all}) gives every environment the same"
-    )))
 }

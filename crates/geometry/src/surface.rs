@@ -465,7 +465,7 @@ pub fn collide_surface(
         room.owners.resize(room.all.len(), t);
     }
     if room.all.iter().any(|p| p.distance < -SHALLOW * whole.size) {
-        drop_nearer_elsewhere(a, whole.size, room);
+        drop_nearer_elsewhere(a, &triangles, whole.size, room);
     }
     room.triangles = triangles;
     if culled && left.is_some() && room.all.is_empty() {
@@ -595,27 +595,34 @@ fn touch_any(
     (out.points.is_empty() && cos > 0.0).then_some(facing)
 }
 
-/// Drops the points that are deep under their triangle and much nearer to a triangle with a shallower point. A triangle without points is
-/// no reason: at a sharp ridge the nearest point belongs to the other side.
+/// Drops the points that are deep under their triangle and much nearer to another of the `triangles`, unless that leaves none.
+///
+/// If they are behind the other triangle, it must have a shallower point. At a sharp ridge it has none: what is nearest belongs to the
+/// ridge.
 #[cold]
-fn drop_nearer_elsewhere(surface: &Surface, size: f64, room: &mut Room) {
+fn drop_nearer_elsewhere(surface: &Surface, triangles: &[u32], size: f64, room: &mut Room) {
     let Room { all, owners, is_own, .. } = room;
     let belongs = |p: &Point| {
         let (x, reach) = (add_scaled(p.pos, p.normal, 0.5 * p.distance), -NEARER * p.distance);
-        let is_nearer = |(t, other): (&u32, &Point)| {
+        let has_shallower = |t: &u32| owners.iter().zip(all.iter()).any(|(owner, other)| owner == t && other.distance > p.distance);
+        let is_nearer = |t: &u32| {
             let corners = surface.triangle(*t);
             let normal = triangle_normal(&corners);
-            // Behind it, up to the rounding of poses in 32 bits.
-            let behind = dot(normal, sub(x, corners[0])) <= 1e-7 * size;
-            let is_shallower = other.distance > p.distance;
-            is_shallower && behind && TURNED.contains(&dot(normal, p.normal)) && distance(&corners, normal, x) < reach
+            let height = dot(normal, sub(x, corners[0]));
+            // Up to the rounding of poses in 32 bits.
+            let touches = height.abs() <= 1e-7 * size;
+            (touches || height < 0.0 && has_shallower(t))
+                && TURNED.contains(&dot(normal, p.normal))
+                && distance(&corners, normal, x) < reach
         };
-        p.distance >= -SHALLOW * size || !owners.iter().zip(all.iter()).any(is_nearer)
+        p.distance >= -SHALLOW * size || !triangles.iter().any(is_nearer)
     };
     is_own.clear();
     is_own.extend(all.iter().map(belongs));
-    let mut own = is_own.iter();
-    all.retain(|_| own.next().is_some_and(|own| *own));
+    if is_own.contains(&true) {
+        let mut own = is_own.iter();
+        all.retain(|_| own.next() == Some(&true));
+    }
 }
 
 /// Distance of a point from a triangle.

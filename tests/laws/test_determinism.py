@@ -16,7 +16,7 @@ from models import contact_bits, mujoco_model, random_state, stepper_model
 from stepper.doctor import cpu_levels
 
 ROBOT = "dm_control/humanoid"
-# One thread steps groups of sixteen lanes, two threads groups of eight, and some lanes of the last group are none.
+# No multiple of the lanes of any CPU level: some lanes of the last group are unused.
 ENVS, CALLS, NSTEP = 42, 32, 5
 
 

@@ -7,91 +7,67 @@ use crate::pair_overrides::PairOverrides;
 use crate::replace::{find, write};
 use crate::{Actuator, Body, Field, Geom, Joint, Model, ModelError, label};
 
-/// A field of [`REPLACEABLE`](crate::REPLACEABLE) that environments may each have for themselves, see
-/// `Simulation::randomize`. `"body_mass".parse()` gives one by its name in MuJoCo's vocabulary.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[non_exhaustive]
-pub enum Parameter {
-    /// Gravitational acceleration in the world frame, m/s^2: (num_envs, 3).
-    Gravity,
-    /// Masses, kg: (num_envs, nbody). The inertia stays as it is.
-    BodyMass,
-    /// Centres of mass in the bodies' frames, m: (num_envs, nbody, 3).
-    BodyIpos,
-    /// Principal moments of inertia, kg m^2: (num_envs, nbody, 3).
-    BodyInertia,
-    /// Sliding (1), torsional (m) and rolling (m) friction: (num_envs, ngeom, 3).
-    GeomFriction,
-    /// Coefficients of restitution: (num_envs, ngeom).
-    GeomRestitution,
-    /// Sliding (1), torsional (m) and rolling (m) friction of explicit pairs: (num_envs, npair, 3).
-    PairFriction,
-    /// Coefficients of restitution of explicit pairs: (num_envs, npair).
-    PairRestitution,
-    /// Sizes as the shapes have them, m: (num_envs, ngeom, 3). Masses stay as they are.
-    GeomSize,
-    /// Positions in the bodies' frames, m: (num_envs, ngeom, 3). Masses stay as they are.
-    GeomPos,
-    /// Spring stiffness, N/m or N m/rad: (num_envs, njnt).
-    JointStiffness,
-    /// Lowest and highest positions, m or rad: (num_envs, njnt, 2).
-    JointRange,
-    /// Viscous damping, N s/m or N m s/rad: (num_envs, nv).
-    DofDamping,
-    /// Inertia added to the diagonal of the mass matrix, kg or kg m^2: (num_envs, nv).
-    DofArmature,
-    /// Dry friction, N or N m: (num_envs, nv).
-    DofFrictionLoss,
-    /// Parameters of the gains: (num_envs, nu, 10).
-    ActuatorGain,
-    /// Parameters of the biases: (num_envs, nu, 10).
-    ActuatorBias,
+/// Declares [`Parameter`] with the names of its fields.
+macro_rules! parameters {
+    ($($(#[$doc:meta])* $parameter:ident = $name:literal,)*) => {
+        /// Field of [`REPLACEABLE`](crate::REPLACEABLE) that can differ between environments, see `Simulation::randomize`.
+        ///
+        /// `"body_mass".parse()` gives the parameter with that name in MuJoCo's vocabulary.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        #[non_exhaustive]
+        pub enum Parameter {
+            $($(#[$doc])* $parameter,)*
+        }
+
+        impl Parameter {
+            /// All parameters.
+            pub const ALL: [Self; [$($name),*].len()] = [$(Self::$parameter),*];
+
+            /// Name of the field, as in Python.
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $(Self::$parameter => $name,)*
+                }
+            }
+        }
+    };
 }
 
-impl Parameter {
-    /// All of them.
-    pub const ALL: [Self; 17] = [
-        Self::Gravity,
-        Self::BodyMass,
-        Self::BodyIpos,
-        Self::BodyInertia,
-        Self::GeomFriction,
-        Self::GeomRestitution,
-        Self::PairFriction,
-        Self::PairRestitution,
-        Self::GeomSize,
-        Self::GeomPos,
-        Self::JointStiffness,
-        Self::JointRange,
-        Self::DofDamping,
-        Self::DofArmature,
-        Self::DofFrictionLoss,
-        Self::ActuatorGain,
-        Self::ActuatorBias,
-    ];
-
-    /// Name of the field, as in Python.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Gravity => "gravity",
-            Self::BodyMass => "body_mass",
-            Self::BodyIpos => "body_ipos",
-            Self::BodyInertia => "body_inertia",
-            Self::GeomFriction => "geom_friction",
-            Self::GeomRestitution => "geom_restitution",
-            Self::PairFriction => "pair_friction",
-            Self::PairRestitution => "pair_restitution",
-            Self::GeomSize => "geom_size",
-            Self::GeomPos => "geom_pos",
-            Self::JointStiffness => "jnt_stiffness",
-            Self::JointRange => "jnt_range",
-            Self::DofDamping => "dof_damping",
-            Self::DofArmature => "dof_armature",
-            Self::DofFrictionLoss => "dof_frictionloss",
-            Self::ActuatorGain => "actuator_gainprm",
-            Self::ActuatorBias => "actuator_biasprm",
-        }
-    }
+parameters! {
+    /// Gravitational acceleration in the world frame, m/s^2: (num_envs, 3).
+    Gravity = "gravity",
+    /// Masses, kg: (num_envs, nbody). The inertia stays as it is.
+    BodyMass = "body_mass",
+    /// Centres of mass in the bodies' frames, m: (num_envs, nbody, 3).
+    BodyIpos = "body_ipos",
+    /// Principal moments of inertia, kg m^2: (num_envs, nbody, 3).
+    BodyInertia = "body_inertia",
+    /// Sliding (1), torsional (m) and rolling (m) friction: (num_envs, ngeom, 3).
+    GeomFriction = "geom_friction",
+    /// Coefficients of restitution: (num_envs, ngeom).
+    GeomRestitution = "geom_restitution",
+    /// Sliding (1), torsional (m) and rolling (m) friction of explicit pairs: (num_envs, npair, 3).
+    PairFriction = "pair_friction",
+    /// Coefficients of restitution of explicit pairs: (num_envs, npair).
+    PairRestitution = "pair_restitution",
+    /// Sizes as the shapes have them, m: (num_envs, ngeom, 3). Masses stay as they are.
+    GeomSize = "geom_size",
+    /// Positions in the bodies' frames, m: (num_envs, ngeom, 3). Masses stay as they are.
+    GeomPos = "geom_pos",
+    /// Spring stiffness, N/m or N m/rad: (num_envs, njnt).
+    JointStiffness = "jnt_stiffness",
+    /// Lowest and highest positions, m or rad: (num_envs, njnt, 2).
+    JointRange = "jnt_range",
+    /// Viscous damping, N s/m or N m s/rad: (num_envs, nv).
+    DofDamping = "dof_damping",
+    /// Inertia added to the diagonal of the mass matrix, kg or kg m^2: (num_envs, nv).
+    DofArmature = "dof_armature",
+    /// Dry friction, N or N m: (num_envs, nv).
+    DofFrictionLoss = "dof_frictionloss",
+    /// Parameters of the gains: (num_envs, nu, 10).
+    ActuatorGain = "actuator_gainprm",
+    /// Parameters of the biases: (num_envs, nu, 10).
+    ActuatorBias = "actuator_biasprm",
 }
 
 impl fmt::Display for Parameter {

@@ -228,6 +228,8 @@ def follow(scene: Strike, seed: int, **settings: Any) -> Followed:
     return followed(scene.tracker(**settings), scene.ctrl, noisy, dict.fromkeys(scene.marks, truth))
 
 
+NAMES = {"body_mass": "mass", "geom_friction": "friction", "jnt_stiffness": "stiffness"}
+"""Names of the fields in the table."""
 HEAD = "scene | after | last event | parameter | error | interval | determined | coverage"
 
 
@@ -254,5 +256,5 @@ def rows(scene: Strike, runs: list[Followed]) -> list[str]:
                 width = np.median([run.width[k, j] for run in said])
                 covers = np.mean([run.covers[k, j] for run in said])
                 cells = f"{100 * error:.2g} % | {100 * width:.2g} % | {100 * len(said) / len(runs):.0f} % | {100 * covers:.1f} %"
-            lines.append(f"| {scene.name} | {mark * PERIOD:.2f} s | {what} | {parameter.partition(':')[0]} | {cells} |")
+            lines.append(f"| {scene.name} | {mark * PERIOD:.2f} s | {what} | {NAMES[parameter.partition('[')[0]]} | {cells} |")
     return lines

@@ -68,10 +68,12 @@ def test_points_stand_at_their_values_and_pictures_fit_a_page(parameters, names,
     cliffs = [Cliff(*cell, 0.25, 0.26, 0.0, 1.0) for cell in tried]
     sweep = Sweep(own, tuple(levels), tuple(cliffs), Table([]), (), tuple(between))
     figure = figure_of(sweep)
+    # Panels of outcomes are below those of shares.
     lines = {line.get_gid(): line for panel in figure.axes for line in panel.lines if line.get_gid()}
     assert lines
     for (setting, name), pair in tried.items():
-        np.testing.assert_array_equal(lines[f"{name}/{setting}"].get_xdata(), sorted([*pair[0], *pair[1]]))
+        value = np.array(sorted([*pair[0], *pair[1]]))
+        np.testing.assert_array_equal(lines[f"{name}/{setting}"].get_xydata(), np.column_stack([value, 1 / (2 * 9.81 * value)]))
     for picture in (figure, cliffs_of(sweep)):
         if picture is None:
             continue

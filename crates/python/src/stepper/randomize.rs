@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping};
 use stepper_core::{ActuatorNumbers, Parameter, Precision};
 
-use crate::array::{array, check_shape_of, described, read_only_of_environments, readonly, shape_text, unknown_field};
+use crate::array::{array, check_shape_of, described, is_single_number, read_only_of_environments, readonly, shape_text, unknown_field};
 use crate::device_models::drives;
 use crate::error::value_error;
 use crate::selection::Selection;
@@ -41,7 +41,10 @@ impl Stepper {
             let values = if self.batched || selection.by_index {
                 let full: Vec<usize> = std::iter::once(self.n()).chain(tail.iter().copied()).collect();
                 let rows = if selection.by_index { envs.len() } else { self.n() };
-                check_rows(&name, readonly(&value, &name)?.shape(), &tail, rows)?;
+                let numbers = readonly(&value, &name)?;
+                if !is_single_number(&value, numbers.shape())? {
+                    check_rows(&name, numbers.shape(), &tail, rows)?;
+                }
                 selection.numbers(&value, &name, &full, None)?.as_slice()?.to_vec()
             } else {
                 let numbers = readonly(&value, &name)?;

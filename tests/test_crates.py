@@ -1,6 +1,7 @@
 """Crates can be published: packages with licences, a page and metadata, and no library that needs a newer Rust than they declare."""
 
 import json
+import re
 import shutil
 import subprocess
 import tomllib
@@ -58,6 +59,34 @@ def test_cpu_levels_are_features_of_every_crate_that_has_kernels(crate):
 def test_no_two_crates_have_the_same_description():
     descriptions = {manifest["package"]["description"] for manifest in MANIFESTS.values()}
     assert len(descriptions) == len(PUBLISHED)
+
+
+COMPLETE = {"Precision", "Level", "StatePart", "ActuatorNumbers", "Numbers"}
+"""Enums of the interface to which nothing will be added, so that a user may match them without a wildcard."""
+
+
+def test_enums_that_may_grow_are_non_exhaustive():
+    """A new variant would otherwise break programs that match one of these enums."""
+    texts = [file.read_text() for crate in ("real", "model", "core") for file in (ROOT / "crates" / crate / "src").rglob("*.rs")]
+    found = {name: attributes for text in texts for attributes, name in re.findall(r"((?:^#\[.*\]\n)*)^pub enum (\w+)", text, re.M)}
+    face = (ROOT / "crates/core/src/lib.rs").read_text().partition("pub mod internals")[0]
+    exported = re.findall(r"\w+", " ".join(re.findall(r"pub use ([^;]+);", face)))
+    public = [name for name in exported if name in found]
+    assert len(public) > 12
+    assert set(public) >= COMPLETE
+    assert [name for name in public if name not in COMPLETE and "#[non_exhaustive]" not in found[name]] == []
+
+
+def test_a_method_without_a_result_that_takes_an_environment_lists_its_panic():
+    """The front page allows a panic there alone. `public_face.rs` of the core calls each with an environment that does not exist."""
+    files = [ROOT / "crates/core/src/batch/simulation.rs", *(ROOT / "crates/core/src/batch/simulation").glob("*.rs")]
+    method = re.compile(r"((?:^    (?:///|#\[).*\n)*)^    pub fn (\w+)\(([^)]*)\)([^{]*)", re.M)
+    methods = [found for file in files for found in method.findall(file.read_text()) if "env: usize" in found[2]]
+    panicking = [name for documentation, name, _, returned in methods if "Result<" not in returned]
+    assert len(panicking) > 15
+    assert [name for documentation, name, _, _ in methods if ("# Panics" in documentation) != (name in panicking)] == []
+    tested = (ROOT / "crates/core/tests/suite/public_face.rs").read_text()
+    assert [name for _, name, _, _ in methods if not re.search(rf"sim\.{name}\((?:Field::\w+, )?3\b", tested)] == []
 
 
 def test_no_library_needs_a_newer_rust_than_the_crates_declare():

@@ -76,7 +76,7 @@ def main() -> None:
     parser.add_argument("--count-online", type=int, default=25, help="number of online runs of each kind [25]")
     parser.add_argument("--count-impacts", type=int, default=200, help="number of online runs of each scene with impacts [200]")
     parser.add_argument("--threads", type=int, default=0, help="threads of stepper; 0 is all [0]")
-    parser.add_argument("--only", choices=["own", "coloured", "peer", "online", "impacts"], help="compute one table only [all]")
+    parser.add_argument("--only", choices=["own", "coloured", "peer", "online", "impacts", "matched"], help="compute one table only [all]")
     parser.add_argument("--resume", action="store_true", help=f"reuse the repetitions of an earlier run in {OUT}")
     parser.add_argument("--update-docs", action="store_true", help=f"write the tables into {PAGE.name}")
     given = parser.parse_args()
@@ -91,6 +91,8 @@ def main() -> None:
         tables["online"] = online.table(given.count_online)
     if given.only in (None, "impacts"):
         tables["impacts"] = strikes.table(given.count_impacts)
+    if given.only in (None, "matched"):
+        tables["matched"] = strikes.matched_table(given.count_impacts)
     if given.only in (None, "peer"):
         if missing := sysid.available():
             print(f"skipped the comparison with mujoco.sysid: {missing}")

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,8 @@ from identification.scenes import HARD, by_sensor, springy_finger
 PERIOD = 0.02
 START_STD = (1e-4, 1e-3)
 """Standard deviations of the true initial state, m (rad) and m/s (rad/s). The tracker gets them as `start_std`."""
+GUESS = 0.4
+"""Standard deviation of the logarithm of random initial values, as of the fixed ones."""
 
 STRUCK = springy_finger("struck box", stiffness=3000, damping=5, mass="{0}", friction="{1}")
 
@@ -94,12 +97,13 @@ class Strike:
         """Random true values of a run, (2,)."""
         return np.array(self.truth) * np.exp(np.array(self.spread) * rng.uniform(-1, 1, 2))
 
-    def tracker(self, **settings: Any) -> stepper.sysid.Tracker:
-        """Tracker before the first sample."""
+    def tracker(self, prior: float | None = None, **settings: Any) -> stepper.sysid.Tracker:
+        """Tracker before the first sample. `prior` is the standard deviation of the initial values, relative; None is the default."""
         model = self.model(self.start)
+        known = [None if prior is None else (value, prior) for value in self.start]
         return stepper.sysid.Tracker(
             model,
-            list(self.parameters),
+            [stepper.sysid.FitParameter(name, prior=of) for name, of in zip(self.parameters, known, strict=True)],
             noise=self.noise,
             period=PERIOD,
             options=HARD,
@@ -228,16 +232,33 @@ def follow(scene: Strike, seed: int, **settings: Any) -> Followed:
     return followed(scene.tracker(**settings), scene.ctrl, noisy, dict.fromkeys(scene.marks, truth))
 
 
+def follow_matched(scene: Strike, seed: int) -> Followed:
+    """Results of a run in which the tracker's assumptions hold: initial values are drawn from the prior, and parameters are constant."""
+    truth = scene.draw(np.random.default_rng(seed))
+    guess = truth * np.exp(GUESS * np.random.default_rng([seed, 1]).standard_normal(2))
+    return follow(replace(scene, start=(float(guess[0]), float(guess[1]))), seed, prior=GUESS, drift=0.0)
+
+
+NAMES = {"body_mass": "mass", "geom_friction": "friction", "jnt_stiffness": "stiffness"}
+"""Names of the fields in the table."""
 HEAD = "scene | after | last event | parameter | error | interval | determined | coverage"
 
 
 def table(count: int) -> str:
     """Markdown table of `count` runs of each scene. Errors, widths and coverage are of the runs in which the value is determined."""
+    return _table(count, follow)
+
+
+def matched_table(count: int) -> str:
+    """Markdown table of `count` runs of each scene in which the tracker's assumptions hold; see `follow_matched`."""
+    return _table(count, follow_matched)
+
+
+def _table(count: int, run: Callable[[Strike, int], Followed]) -> str:
     lines = [f"| {HEAD} |", "|" + "---|" * (HEAD.count("|") + 1)]
     for make in STRIKES:
         scene = make()
-        runs = [follow(scene, seed) for seed in range(count)]
-        lines += rows(scene, runs)
+        lines += rows(scene, [run(scene, seed) for seed in range(count)])
         print("\n".join(lines[-2 * len(scene.marks) :]), flush=True)
     return "\n".join(lines)
 
@@ -254,5 +275,5 @@ def rows(scene: Strike, runs: list[Followed]) -> list[str]:
                 width = np.median([run.width[k, j] for run in said])
                 covers = np.mean([run.covers[k, j] for run in said])
                 cells = f"{100 * error:.2g} % | {100 * width:.2g} % | {100 * len(said) / len(runs):.0f} % | {100 * covers:.1f} %"
-            lines.append(f"| {scene.name} | {mark * PERIOD:.2f} s | {what} | {parameter.partition(':')[0]} | {cells} |")
+            lines.append(f"| {scene.name} | {mark * PERIOD:.2f} s | {what} | {NAMES[parameter.partition('[')[0]]} | {cells} |")
     return lines

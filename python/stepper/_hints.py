@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import functools
+import importlib.util
 import inspect
 import re
 import sys
@@ -17,6 +18,8 @@ from stepper._stepper import Model, Stepper
 
 T = TypeVar("T")
 _RESULT = "it is a result of the simulation, which cannot be set"
+_OF_MODEL = {"sensors": "model.with_sensors(...) makes a model with more sensors"}
+"""Remedies for attributes of a model that are no fields. For the others: change the model's file."""
 _STATE = ("qpos", "qvel", "act", "time")
 _REMEDIES = {
     **{name: f"sim.set_state({name}=...) sets it" for name in _STATE},
@@ -135,9 +138,15 @@ def not_assigned(owner: type, name: str) -> AttributeError:
     there = getattr(owner, name, None)
     if there is None:
         return no_attribute(owner, name)
-    # The fields of `Model.replace` are properties. The other attributes of a model are computed from them.
-    known = name in _REMEDIES or isinstance(there, property)
-    reason = remedy_of(name) if known else "it is a method" if callable(there) else _RESULT
+    # The fields of `Model.replace` are properties. The other attributes of a model are computed from its file.
+    if isinstance(there, property) or (owner is Stepper and name in _REMEDIES):
+        reason = remedy_of(name)
+    elif callable(there):
+        reason = "it is a method"
+    elif owner is Model:
+        reason = _OF_MODEL.get(name, "it follows from the model's file: change the file, and load it again")
+    else:
+        reason = _RESULT
     return AttributeError(f"{name} of a stepper.{owner.__name__} cannot be assigned: {reason}")
 
 
@@ -182,12 +191,15 @@ def no_name(module: str, name: str, known: Iterable[str]) -> Exception:
 def _absent(module: str, name: str, hint: str, known: Iterable[str]) -> Exception:
     """Error for an absent name of a module: an AttributeError, or an ImportError if `from module import name` fails and there is a hint.
 
-    Python itself replaces an AttributeError in that statement by an ImportError without the hint. It then also tries submodules, which
-    have no hint. The third caller is this statement, after the `__getattr__` of the module and the function for its error.
+    Python itself replaces an AttributeError in that statement by an ImportError without the hint. Before that it tries a submodule of this
+    name, for which the AttributeError is needed. The third caller is this statement, after the `__getattr__` of the module and the
+    function for its error.
     """
-    if hint and sys._getframe(3).f_code.co_name == "_handle_fromlist":
+    hint = hint or did_you_mean(name, known)
+    imported = sys._getframe(3).f_code.co_name == "_handle_fromlist"
+    if hint and imported and importlib.util.find_spec(f"{module}.{name}") is None:
         return ImportError(f"cannot import name {name!r} from {module!r}{hint}", name=name)
-    return AttributeError(f"module {module!r} has no attribute {name!r}{hint or did_you_mean(name, known)}")
+    return AttributeError(f"module {module!r} has no attribute {name!r}{hint}")
 
 
 class Hinting(type):

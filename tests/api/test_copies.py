@@ -55,6 +55,20 @@ def test_an_assignment_that_nothing_takes_names_the_call_to_use(sim, name, remed
         sim.model.geom_friction = 0.5
 
 
+def test_every_attribute_of_a_model_names_what_sets_it(sim):
+    """Fields name calls, and what follows from the file names the file; a model is no result of the simulation."""
+    for name in (name for name in dir(stepper.Model) if not name.startswith("_")):
+        with pytest.raises(AttributeError, match=f"^{name} of a stepper.Model cannot be assigned: ") as error:
+            setattr(sim.model, name, 3)
+        reason = str(error.value).partition(": ")[2]
+        known = ("it is a method", "it follows from the model's file", f"model.replace({name}=", f"stepper.Options({name}=")
+        assert reason.startswith(known) or name == "sensors", reason
+        assert "simulation" not in reason
+    for name, remedy in (("nq", "the model's file: change the file"), ("sensors", r"model\.with_sensors\("), ("replace", "it is a method")):
+        with pytest.raises(AttributeError, match=f"{name} of a stepper.Model cannot be assigned: .*{remedy}"):
+            setattr(sim.model, name, 3)
+
+
 def test_what_is_computed_from_a_copy_is_a_plain_array(sim):
     mine = [
         sim.qpos + 1, 1 + sim.qpos, np.sin(sim.qpos), sim.qpos.copy(), np.array(sim.qpos), sim.qpos.sum(axis=1), sim.qpos @ np.ones(28),

@@ -11,6 +11,8 @@ import difflib
 import importlib
 import inspect
 import re
+import subprocess
+import sys
 from collections.abc import Iterator
 from enum import Flag
 from pathlib import Path
@@ -18,6 +20,8 @@ from typing import Any
 
 import pytest
 import stepper
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 from stepper import _stepper
 from stepper._other_names import NEW_NAMES, PLACES, ROOT_NAMES
 
@@ -100,6 +104,38 @@ def test_earlier_names_are_gone_and_the_message_says_where_they_are():
         assert not hasattr(stepper, name)
         with pytest.raises(AttributeError, match=f"^module 'stepper' has no attribute {name!r}; use {re.escape(hint)}$"):
             getattr(stepper, name)
+
+
+SLIPS = st.tuples(st.integers(0, 30), st.sampled_from(["drop", "double", "swap"]))
+"""Place of a slip of the pen in a name, and its kind."""
+
+
+def misspelt(name, place, slip):
+    k = place % (len(name) - 1)
+    return name[:k] + {"drop": "", "double": 2 * name[k], "swap": name[k + 1] + name[k]}[slip] + name[k + 1 + (slip == "swap") :]
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.sampled_from(["stepper", "stepper.envs"]), st.integers(0, 2**16), SLIPS)
+def test_a_misspelt_name_in_an_import_has_a_suggestion(module, chosen, slip):
+    """As the same name after a dot has it; no slip is the name of another submodule."""
+    names = importlib.import_module(module).__all__
+    # Of three letters or four, a slip leaves too little to recognise; private names are never suggested.
+    long = [name for name in names if len(name) > 4 and not name.startswith("_")]
+    name = long[chosen % len(long)]
+    wrong = misspelt(name, *slip)
+    assume(wrong not in names)
+    with pytest.raises(ImportError, match=rf"^cannot import name {wrong!r} from '{module}'; (did you mean .*\b{name}\b.*\?|use .*)$"):
+        exec(f"from {module} import {wrong}", {})
+    with pytest.raises(AttributeError, match=rf"^module '{module}' has no attribute {wrong!r}; (did you mean .*\b{name}\b.*\?|use .*)$"):
+        getattr(importlib.import_module(module), wrong)
+
+
+def test_submodules_with_names_like_others_are_imported():
+    """`loading` is like `load`, `_quantities` like nothing, and `terrain` no public name: none is an attribute before it was imported."""
+    code = "from stepper import loading, _quantities; from stepper.envs import terrain; print(loading.__name__, terrain.__name__)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stdout.split() == ["stepper.loading", "stepper.envs.terrain"], done.stderr
 
 
 def test_other_names_of_attributes_of_a_stepper_are_hints():

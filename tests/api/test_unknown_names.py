@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 import stepper
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from stepper.derivatives import rollout
 from stepper.lab.study.parameters import Parameter, check
@@ -172,6 +172,7 @@ def test_a_single_number_for_an_array_is_named_as_one(call, message):
         call()
 
 
+@example("geom_restitution", 0.5)  # One geom: a number has the shape of the model's array once it is an array.
 @given(st.sampled_from(sorted(RANDOMIZED)), st.floats(0.1, 1.0))
 def test_every_field_names_a_single_number(field, number):
     with pytest.raises(ValueError, match=f"^{field} is .* a single number, must be an array of shape") as error:

@@ -68,10 +68,12 @@ def test_points_stand_at_their_values_and_pictures_fit_a_page(parameters, names,
     cliffs = [Cliff(*cell, 0.25, 0.26, 0.0, 1.0) for cell in tried]
     sweep = Sweep(own, tuple(levels), tuple(cliffs), Table([]), (), tuple(between))
     figure = figure_of(sweep)
+    # Panels of outcomes are below those of shares.
     lines = {line.get_gid(): line for panel in figure.axes for line in panel.lines if line.get_gid()}
     assert lines
     for (setting, name), pair in tried.items():
-        np.testing.assert_array_equal(lines[f"{name}/{setting}"].get_xdata(), sorted([*pair[0], *pair[1]]))
+        value = np.array(sorted([*pair[0], *pair[1]]))
+        np.testing.assert_array_equal(lines[f"{name}/{setting}"].get_xydata(), np.column_stack([value, 1 / (2 * 9.81 * value)]))
     for picture in (figure, cliffs_of(sweep)):
         if picture is None:
             continue
@@ -87,9 +89,14 @@ def test_points_stand_at_their_values_and_pictures_fit_a_page(parameters, names,
             assert box.y1 <= height + 1
 
 
-def test_a_cliff_is_as_steep_as_it_is_known(tmp_path):
+@pytest.fixture(scope="module")
+def found(tmp_path_factory):
+    """Sweep over friction with a second setting, with values of its bisection."""
+    return stepper.lab.sweep(study(["friction"], ["5 iterations"]), tmp_path_factory.mktemp("sweep")).sweep
+
+
+def test_a_cliff_is_as_steep_as_it_is_known(found):
     """The line of shares crosses one half between the ends of the bracket, and bisected points carry the outcome."""
-    found = stepper.lab.sweep(study(["friction"], ["5 iterations"]), tmp_path).sweep
     (cliff, _) = found.cliffs
     points = found.points("friction")
     assert len(points) > len(found.levels_of("friction"))
@@ -98,6 +105,37 @@ def test_a_cliff_is_as_steep_as_it_is_known(tmp_path):
     assert (x[k], x[k + 1]) == (cliff.low, cliff.high)
     # Coulomb's distance; the contact takes 1 mm at the start.
     np.testing.assert_allclose([p.mean for p in points], 1 / (2 * 9.81 * x), atol=0.003)
+
+
+def test_curves_are_outcomes_over_the_parameter(found):
+    """Parameter to the right and outcome upwards, points of the bisection and marks of all settings at their values on the screen."""
+    figure = figure_of(found)
+    figure.canvas.draw()
+    shares, outcomes = figure.axes
+    assert [panel.get_xlabel() for panel in figure.axes] == ["friction", "friction"]
+    assert [panel.get_ylabel() for panel in figure.axes] == ["fraction of successes", "slide, m"]
+    curves = {line.get_gid(): line for line in outcomes.lines if line.get_gid()}
+    x, y = curves["friction/stepper"].get_xydata().T
+    bisected = [point.value for point in found.bisected if point.setting == "stepper"]
+    assert bisected
+    assert set(bisected) < set(x)
+    # Coulomb's distance; the contact takes 1 mm at the start.
+    np.testing.assert_allclose(y, 1 / (2 * 9.81 * x), atol=0.003)
+    for panel, of in ((shares, "share"), (outcomes, "mean")):
+        assert len(panel.containers) == 2
+        for setting, marks in zip(("stepper", "5 iterations"), panel.containers, strict=True):
+            line = next(line for line in panel.lines if line.get_gid() == f"friction/{setting}")
+            for drawn, points in ((line, found.points("friction", setting)), (marks[0], found.levels_of("friction", setting))):
+                places = np.array([(point.value, getattr(point, of)) for point in points])
+                # On the screen, so that an offset of a marker counts too; a thousandth of a pixel is rounding.
+                seen = drawn.get_transform().transform(drawn.get_xydata())
+                np.testing.assert_allclose(seen, panel.transData.transform(places), atol=1e-3)
+        ends = sorted(line.get_xdata()[0] for line in panel.lines if line.get_linestyle() == ":")
+        assert ends == sorted((cliff.low + cliff.high) / 2 for cliff in found.cliffs)
+    (panel,) = cliffs_of(found).axes
+    assert panel.get_xlabel() == "friction"
+    middles = {(float(x), float(y)) for marks in panel.containers for x, y in marks[0].get_xydata()}
+    assert middles == {((cliff.low + cliff.high) / 2, ("stepper", "5 iterations").index(cliff.setting)) for cliff in found.cliffs}
 
 
 @pytest.mark.parametrize("count", [0, 7, 20])

@@ -174,9 +174,14 @@ pub(crate) fn check_shape(name: &str, found: &[usize], allowed: &[&[usize]]) -> 
     Err(PyValueError::new_err(format!("{name} has shape {}, must be {}", shape_text(found), must.join(" or "))))
 }
 
+/// Whether an argument, which was converted to an array of shape `found`, is a single number and no array.
+pub(crate) fn is_single_number(given: &Bound<'_, PyAny>, found: &[usize]) -> PyResult<bool> {
+    Ok(found == [1] && given.py().import("numpy")?.call_method1("ndim", (given,))?.extract::<usize>()? == 0)
+}
+
 /// Check of the shape of an array that was converted from `given`. The error distinguishes a single number from an array.
 pub(crate) fn check_shape_of(given: &Bound<'_, PyAny>, name: &str, found: &[usize], allowed: &[&[usize]]) -> PyResult<()> {
-    if found != [1] || allowed.contains(&found) || given.py().import("numpy")?.call_method1("ndim", (given,))?.extract::<usize>()? > 0 {
+    if allowed.contains(&found) || !is_single_number(given, found)? {
         return check_shape(name, found, allowed);
     }
     let must: Vec<String> = allowed.iter().map(|s| shape_text(s)).collect();

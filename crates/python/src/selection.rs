@@ -5,7 +5,7 @@ use pyo3::exceptions::{PyIndexError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyInt};
 
-use crate::array::{check_shape, check_shape_of, readonly, shape_text};
+use crate::array::{check_shape, check_shape_of, is_single_number, readonly, shape_text};
 
 /// Environments that are selected, in the order of the argument.
 pub(crate) struct Selection {
@@ -83,7 +83,7 @@ impl Selection {
         let allowed: Vec<&[usize]> = std::iter::once(&selected[..]).chain(shared).collect();
         let found = numbers.shape();
         if let Err(error) = check_shape_of(given, name, found, &allowed) {
-            let is_one_row = !found.is_empty() && full.get(1..) == Some(found) && given.len().is_ok();
+            let is_one_row = !found.is_empty() && full.get(1..) == Some(found) && !is_single_number(given, found)?;
             let remedy = format!("; np.broadcast_to(value, {}) gives all environments the same", shape_text(&selected));
             return Err(if is_one_row { PyValueError::new_err(format!("{}{remedy}", error.value(given.py()))) } else { error });
         }

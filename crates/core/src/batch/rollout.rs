@@ -10,6 +10,7 @@ use crate::model::Model;
 
 /// Quantity that a rollout can record after a control.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Quantity {
     /// Configuration, nq.
     Qpos,

@@ -1,13 +1,18 @@
 //! What a user of the crate relies on: defaults that follow the model, errors that can be matched, readings with their units.
 
+use std::fmt::Debug;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
-use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Keyframe, WORLD};
-use stepper_core::rollout::Numbers;
+use stepper_core::model::{
+    ActuatorBuilder, BodyBuilder, Description, EqualityBuilder, GeomBuilder, JointBuilder, JointPlace, Keyframe, ModelBuilder, SensorKind,
+    SensorPlace, Shape, Site, TendonBuilder, WORLD,
+};
+use stepper_core::rollout::{Numbers, Quantity, Recording};
 use stepper_core::{
-    AppliedInput, DerivedQuantity, Error, Field, Model, ModelError, Options, Parameter, Precision, SavedState, Simulation, Status,
-    StepInputs,
+    ActuatorSpec, AppliedInput, BodyPose, Certificate, Contact, ContactLaw, DerivedQuantity, Episode, Error, Field, Integrator, Kinks,
+    Model, ModelError, Motor, Options, Parameter, Precision, SavedState, Servo, Simulation, Snapshot, Solver, Stabilization, StateMisfit,
+    StatePart, StateRows, Status, StepInputs, Transfer, WorstRow,
 };
 
 const RADIUS: f64 = 0.1;
@@ -109,6 +114,11 @@ fn a_status_says_its_flags() {
     assert_eq!((sim.status(0), sim.status(1)), (Status::OK, Status::DEEP));
 }
 
+/// Keyframe of a body with that many coordinates.
+fn keyframe(name: &str, nq: usize) -> Keyframe {
+    Keyframe { name: name.into(), time: 1.0, qpos: vec![1.0; nq], qvel: vec![1.0; nq.min(6)], act: vec![], ctrl: vec![] }
+}
+
 /// What a call panics with, in words.
 fn panic_of<T>(call: impl FnOnce() -> T) -> String {
     let payload = catch_unwind(AssertUnwindSafe(call)).err().expect("it panics");
@@ -121,7 +131,7 @@ fn an_environment_that_does_not_exist_is_named() {
     let model = ball(0.002);
     let mut sim = simulation(model.clone(), Options::default(), 3);
     let expected = "env is 3, must be below 3";
-    let reads: [fn(&Simulation); 12] = [
+    let reads: [fn(&Simulation); 13] = [
         |sim| drop(sim.qpos(3)),
         |sim| drop(sim.qvel(3)),
         |sim| _ = sim.time(3),
@@ -132,10 +142,15 @@ fn an_environment_that_does_not_exist_is_named() {
         |sim| drop(sim.sensor_faults(3)),
         |sim| drop(sim.actuator_saturation(3)),
         |sim| _ = sim.certificate(3),
+        |sim| _ = sim.worst_row(3),
         |sim| drop(sim.contacts(3)),
         |sim| drop(sim.save_state_of(3)),
     ];
     for read in reads {
+        assert_eq!(panic_of(|| read(&sim)), expected);
+    }
+    #[cfg(feature = "nalgebra")]
+    for read in [|sim: &Simulation| drop(sim.vector(Field::Qpos, 3)), |sim: &Simulation| drop(sim.mass_matrix(3))] {
         assert_eq!(panic_of(|| read(&sim)), expected);
     }
     let writes: [fn(&mut Simulation); 3] = [|sim| sim.reset(3), |sim| sim.begin_episode(3, None), |sim| sim.set_random_stream(3, 0)];
@@ -153,6 +168,12 @@ fn an_environment_that_does_not_exist_is_named() {
         sim.snapshot(3, &inputs).unwrap_err(),
         sim.restore_state_in(&state, &[0, 3]).unwrap_err(),
         sim.randomize(&[], &[3]).unwrap_err(),
+        sim.reset_parameters(&[3]).unwrap_err(),
+        sim.set_rows(&[3], &StateRows::default(), true).unwrap_err(),
+        sim.start_episodes(&[3], &Episode::default()).unwrap_err(),
+        sim.start_from(3, &keyframe("", 7)).unwrap_err(),
+        sim.problem(3, &inputs).unwrap_err(),
+        sim.save_problem(3, &inputs, "problem").unwrap_err(),
     ];
     for error in errors {
         assert!(matches!(error, Error::Environment { env: 3, num_envs: 3 }) && error.to_string() == expected, "{error}");
@@ -174,14 +195,7 @@ fn an_array_of_the_wrong_length_is_neither_read_nor_written() {
     }
     let mut sim = sim;
     let before = (sim.qpos(0), sim.qvel(0));
-    let wrong = |ctrl: usize, qvel: usize| Keyframe {
-        name: String::new(),
-        time: 1.0,
-        qpos: vec![1.0; 7],
-        qvel: vec![1.0; qvel],
-        act: vec![],
-        ctrl: vec![0.0; ctrl],
-    };
+    let wrong = |ctrl: usize, qvel: usize| Keyframe { qvel: vec![1.0; qvel], ctrl: vec![0.0; ctrl], ..keyframe("", 7) };
     assert!(matches!(sim.start_from(0, &wrong(1, 6)), Err(Error::Length { name: "ctrl", found: 1, must: 0, .. })));
     assert!(matches!(sim.start_from(0, &wrong(0, 5)), Err(Error::Length { name: "qvel", found: 5, must: 6, .. })));
     assert_eq!((sim.qpos(0), sim.qvel(0), sim.time(0)), (before.0, before.1, 0.0), "nothing of a keyframe that does not fit is taken");
@@ -275,4 +289,95 @@ fn parameters_have_the_names_of_their_fields() {
     sim.step(&StepInputs::default(), 10).unwrap();
     let force = |env: usize| sim.contacts(env)[0].force[0];
     assert!((force(0) - 2.0 * 9.81).abs() < 1e-4 && (force(1) - 5.0 * 9.81).abs() < 1e-4);
+}
+
+#[test]
+fn a_single_simulation_is_one_environment_with_default_options() {
+    let model = ball(0.002);
+    let mut single = Simulation::single(model.clone()).unwrap();
+    let mut same = Simulation::new(model.clone(), Options::default(), Some(1), Precision::F64, 1).unwrap();
+    assert_eq!((single.num_envs(), single.precision(), single.threads(), *single.options()), (1, Precision::F64, 1, Options::default()));
+    for sim in [&mut single, &mut same] {
+        sim.set(Field::Qvel, 0, &[1.0, 0.0, 2.0, 0.0, 3.0, 0.0]).unwrap();
+        sim.step(&StepInputs::default(), 300).unwrap();
+    }
+    assert_eq!(single.save_state(), same.save_state());
+    // A model that is not shared is taken too.
+    assert_eq!(Simulation::single(Arc::unwrap_or_clone(model)).unwrap().qpos(0)[2], RADIUS);
+}
+
+#[test]
+fn debug_of_a_simulation_has_its_settings_and_not_its_states() {
+    let text = |num_envs: usize, precision: Precision| {
+        format!("{:?}", Simulation::new(ball(0.001), Options::default(), Some(num_envs), precision, 1).unwrap())
+    };
+    let few = text(2, Precision::F32);
+    let begin = "Simulation { model: \"ball\", num_envs: 2, precision: F32, timestep: 0.001, threads: 1, options: Options {";
+    assert!(few.starts_with(begin) && few.ends_with(".. }"), "{few}");
+    assert_eq!(text(500, Precision::F32), few.replace("num_envs: 2", "num_envs: 500"));
+}
+
+#[test]
+fn public_types_are_printed_cloned_and_compared() {
+    fn printed<T: Debug>() {}
+    fn cloned<T: Clone + Debug>() {}
+    fn compared<T: PartialEq + Clone + Debug>() {}
+    printed::<Numbers<'_>>();
+    printed::<Recording<'_>>();
+    cloned::<Simulation>();
+    cloned::<Snapshot<'_>>();
+    cloned::<StepInputs<'_>>();
+    cloned::<Kinks>();
+    cloned::<(ModelBuilder, BodyBuilder, GeomBuilder, JointBuilder, ActuatorBuilder, EqualityBuilder, TendonBuilder)>();
+    compared::<(Error, ModelError, StateMisfit)>();
+    compared::<(Model, Description, JointPlace, SensorPlace, Keyframe, Parameter, SensorKind)>();
+    compared::<(Options, ContactLaw, Integrator, Solver, Stabilization, Precision)>();
+    compared::<(Status, Contact, Certificate, BodyPose, WorstRow, SavedState, StatePart)>();
+    compared::<(Field, AppliedInput, DerivedQuantity, Quantity, Transfer, ActuatorSpec, Servo, Motor)>();
+}
+
+#[test]
+fn builders_return_the_indices_that_names_find() {
+    let mut scene = Model::builder("two of each");
+    let mut sites = vec![];
+    let mut indices: Vec<[(&str, usize); 8]> = vec![];
+    for (body, geom, joint, number) in [("upper", "upper bone", "hip", 1.0), ("lower", "lower bone", "knee", 2.0)] {
+        let parent = indices.last().map_or(WORLD, |all| all[0].1);
+        let hinge = JointBuilder::hinge(joint, [0.0, 1.0, 0.0]);
+        let limb = BodyBuilder::new(body).pos([0.0, 0.0, 1.0]).joint(hinge).geom(GeomBuilder::capsule(geom, 0.02, 0.2));
+        let body_index = scene.body(parent, limb);
+        let place = Site { name: body.into(), body: 0, shape: Shape::Sphere { radius: 0.01 }, pos: [0.0; 3], quat: [1.0, 0.0, 0.0, 0.0] };
+        sites.push(scene.site(body_index, place));
+        indices.push([
+            (body, body_index),
+            (joint, scene.actuator(ActuatorBuilder::motor(joint, joint))),
+            (body, scene.velocity_sensor(body, joint)),
+            (joint, scene.position_sensor(joint, joint)),
+            (body, scene.tendon(body, &[(joint, number)])),
+            (joint, scene.fixed_tendon(TendonBuilder::new(joint, &[(joint, number)]))),
+            (joint, scene.equality(EqualityBuilder::joint(joint, joint, None, [0.0; 5]).inactive())),
+            (body, scene.keyframe(Keyframe { qpos: vec![number; 2], qvel: vec![0.0; 2], ctrl: vec![0.0; 2], ..keyframe(body, 2) })),
+        ]);
+    }
+    scene.geom(WORLD, GeomBuilder::plane("floor"));
+    let pairs = ["upper bone", "lower bone"].map(|geom| scene.pair(geom, "floor", [0.3, 0.0, 0.0]));
+    let model = scene.finish().unwrap();
+    for [body, actuator, velocity, position, tendon, fixed, equality, keyframe] in indices {
+        assert_eq!(model.body(body.0).unwrap(), body.1);
+        assert_eq!(model.actuator(actuator.0).unwrap(), actuator.1);
+        assert_eq!(model.sensor(velocity.0).unwrap().index, velocity.1);
+        assert_eq!(model.sensor(position.0).unwrap().index, position.1);
+        assert_eq!(model.tendon(tendon.0).unwrap(), tendon.1);
+        assert_eq!(model.tendon(fixed.0).unwrap(), fixed.1);
+        assert_eq!(model.equality(equality.0).unwrap(), equality.1);
+        assert_eq!(model.keyframe(keyframe.0).unwrap(), keyframe.1);
+    }
+    assert_eq!([model.site("upper").unwrap(), model.site("lower").unwrap()], sites[..]);
+    // Pairs of a builder have no names: the index is told by the geoms.
+    for (pair, geom) in pairs.into_iter().zip(["upper bone", "lower bone"]) {
+        let both = model.pairs[pair].geoms;
+        assert!(both.contains(&model.geom(geom).unwrap()) && both.contains(&model.geom("floor").unwrap()));
+    }
+    // Geoms of the world come first, whenever they were added; names find them.
+    assert_eq!(["floor", "upper bone", "lower bone"].map(|geom| model.geom(geom).unwrap()), [0, 1, 2]);
 }

@@ -1,12 +1,15 @@
 """Studies as newcomers write them: modules side by side, functions named by text, furniture with mass."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from stepper.lab import Outcome, Study
+from stepper.lab import Outcome, Parameter, Study, sweep
 from stepper.lab.comparison import compare
+from stepper.lab.study.batches import running, world_of
 from stepper.lab.study.drives import digest_of, load_file
+from stepper.lab.study.points import USUAL
 
 FURNITURE = """<mujoco><worldbody>
   <body name="shelf" pos="0 0 2"><geom type="box" size=".1 .1 .1" mass="3"/></body>
@@ -50,3 +53,50 @@ def test_fixed_bodies_have_no_potential_energy_in_any_engine():
     ends = [values["energy at the end, J"] for values in figures.values()]
     assert len(ends) == 3
     np.testing.assert_allclose(ends, ends[0], atol=0.1)
+
+
+PENDULUM = """<mujoco><worldbody><body name="arm"><joint name="hinge" axis="0 1 0" damping=".1"/><geom size=".02" pos=".3 0 0" mass=".1"/>
+  </body></worldbody><actuator><motor name="motor" joint="hinge"/></actuator></mujoco>"""
+
+
+def jerk(now):
+    """Random torques, N m, between -1 and 1."""
+    return now.rng("jerk").uniform(-1.0, 1.0, 1)
+
+
+def jerked(**given):
+    """Pendulum with random torques."""
+    return Study(model=PENDULUM, drive=jerk, seconds=0.1, outcomes=Outcome(name="angle", measure="joint hinge"), **given)
+
+
+def test_random_numbers_of_a_controller_depend_on_seed_and_episode_alone(tmp_path: Path):
+    masses = {"mass": Parameter("body_mass[arm]", low=0.1, high=0.2, values=(0.1, 0.2))}
+    study = jerked(parameters=masses, episodes=3)
+    angles = [study.episode({"mass": 0.1}, k)["outcomes"]["angle"] for k in range(3)]
+    assert len(set(angles)) == 3
+    for batch in (1, 256):
+        rows = sweep(replace(study, batch=batch), tmp_path / str(batch)).sweep.table
+        assert rows["outcome.angle"][rows["parameters.mass"] == 0.1].tolist() == angles
+    assert study.episode({"mass": 0.1}, 0, seed=1)["outcomes"]["angle"] not in angles
+
+
+def test_random_numbers_differ_by_name_and_control_period_and_repeat_within_one():
+    world, seen = world_of(jerked(), USUAL, [{}, {}]), []
+    for _ in running(jerked(), world, [0, 1]):
+        one, again, other = (world.rng(name).uniform(0.0, 1.0, 2) for name in ("gust", "gust", "noise"))
+        np.testing.assert_array_equal(one, again)
+        seen += [one, other]
+    # 2 environments, 2 numbers for each name and control period: all differ, with 53 bits each.
+    numbers = np.array(seen)
+    assert len(np.unique(numbers)) == numbers.size == 6 * 2 * 4
+
+
+def test_random_numbers_are_the_same_in_mujoco_and_at_other_time_steps():
+    study = jerked(control=0.02, settings={"MuJoCo": {"engine": "mujoco"}, "short": {"timestep": 0.001}})
+    drawn = {}
+    for setting in (USUAL, *study.settings):
+        world = world_of(study, setting, [{}])
+        drawn[setting] = [world.rng("jerk").normal(1).item() for _ in running(study, world, [4])]
+    assert drawn[USUAL] == drawn["MuJoCo"] == drawn["short"]
+    by_step = world_of(study, "short", [{}])
+    assert [by_step.rng("jerk").normal(1).item() for looks in running(study, by_step, [4], by_step=True) if looks] == drawn["short"]

@@ -10,7 +10,7 @@ import numpy as np
 from stepper._options import Options
 from stepper._stepper import Model, Stepper
 from stepper.envs.assets import cache_model, load_quietly
-from stepper.envs.streams import Rng
+from stepper.shared.streams import Rng
 from stepper.envs.task import Array, Camera, Moment, Observation, Task, Terms, square_sum
 
 GRAVITY, MASS, FRICTION = 9.81, 0.8, 0.6

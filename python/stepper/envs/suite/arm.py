@@ -8,7 +8,7 @@ import numpy as np
 
 from stepper._stepper import Model
 from stepper.envs.assets import load_quietly, remove_elements
-from stepper.envs.streams import Rng
+from stepper.shared.streams import Rng
 from stepper.envs.suite.base import reading, source_tree
 from stepper.envs.task import Array, Moment, Observation
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from stepper._stepper import Model
 from stepper.envs.assets import cache_model, load_quietly
-from stepper.envs.streams import Rng
+from stepper.shared.streams import Rng
 from stepper.envs.suite.base import SuiteTask, rotations, source_tree, tolerance
 from stepper.envs.task import Array, Moment, Observation
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from stepper._stepper import Stepper
-from stepper.envs.streams import Rng
+from stepper.shared.streams import Rng
 from stepper.envs.suite.base import SuiteTask, randomize_joints, reading, settle, tolerance
 from stepper.envs.task import Array, Moment, Observation, Terms
 

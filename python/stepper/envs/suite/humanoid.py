@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.streams import Rng
+from stepper.shared.streams import Rng
 from stepper.envs.suite.base import SuiteTask, norm, randomize_without_overlap, reading, rotation, small_control, tolerance
 from stepper.envs.task import Array, Moment, Observation
 

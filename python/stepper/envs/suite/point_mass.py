@@ -8,7 +8,7 @@ import numpy as np
 
 from stepper._stepper import Model, Stepper
 from stepper.envs.assets import cache_model, load_quietly
-from stepper.envs.streams import Rng
+from stepper.shared.streams import Rng
 from stepper.envs.suite.base import SuiteTask, norm, randomize_joints, small_control, source_tree, tolerance
 from stepper.envs.task import Array, Moment, Observation, Terms
 

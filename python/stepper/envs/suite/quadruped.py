@@ -8,7 +8,7 @@ import numpy as np
 
 from stepper._stepper import Model
 from stepper.envs.assets import cache_model, load_quietly, remove_elements
-from stepper.envs.streams import Rng
+from stepper.shared.streams import Rng
 from stepper.envs.suite.base import (
     SuiteTask,
     hinges,

@@ -8,7 +8,7 @@ import numpy as np
 
 from stepper._stepper import Model, Stepper
 from stepper.envs.assets import cache_model
-from stepper.envs.streams import Rng
+from stepper.shared.streams import Rng
 from stepper.envs.suite.arm import arm_observations, arm_scene, draw_arm, pose
 from stepper.envs.suite.base import SuiteTask, norm, randomize_without_overlap, tolerance
 from stepper.envs.task import Array, Moment, Observation, Terms

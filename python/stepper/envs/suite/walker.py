@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from stepper.envs.streams import Rng
+from stepper.shared.streams import Rng
 from stepper.envs.suite.base import SuiteTask, randomize_joints, reading, rotations, tolerance
 from stepper.envs.task import Array, Moment, Observation
 

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.streams import Rng
+from stepper.shared.streams import Rng
 from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Terms
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stepper.envs.streams import Rng
+from stepper.shared.streams import Rng
 from stepper.envs.task import Array, Moment, MujocoTask, Observation, Terms, square_sum
 
 

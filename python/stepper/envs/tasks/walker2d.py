@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from stepper.envs.streams import Rng
+from stepper.shared.streams import Rng
 from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Terms, square_sum, within
 
 

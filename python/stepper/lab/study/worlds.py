@@ -22,6 +22,7 @@ from stepper.loading import load
 from stepper.sensors import SensorModel
 from stepper.shared.fields import RANDOMIZED
 from stepper.shared.machine import require
+from stepper.shared.streams import Rng, Streams
 
 Array = NDArray[np.float64]
 _WEIGHED = frozenset({"body_mass", "body_inertia", "body_ipos", "dof_armature"})
@@ -99,6 +100,7 @@ class World:
         self.timestep = 0.0
         self.last_ctrl: Any = None
         self.senses = self.ideal = False
+        self._streams = Streams(num_envs, 0)
 
     def __getattr__(self, name: str) -> Any:
         # Python calls this only for attributes that do not exist.
@@ -107,6 +109,28 @@ class World:
     def read(self, name: str, of: str | int | Sequence[str | int] | None = None) -> NDArray[Any]:
         """Values of a quantity for all its elements, or for some by name or index, (num_envs, n, ...), in its unit; see `Stepper.read`."""
         return read(self, name, of)
+
+    def rng(self, name: str) -> Rng:
+        """Random number generator for all environments at this time: `uniform(low, high, k)` and `normal(k)` return (num_envs, k).
+
+        Its numbers depend on the seed of the study, the number of each episode, the number of control periods since the start, and the
+        name. They are the same at every value of the parameters, with all settings, and in batches of every size. Calls in the same
+        control period with the same name give the same numbers.
+
+        Args:
+            name: Name of the random quantity, such as "push".
+        """
+        return Rng(self._streams.fork(name), np.arange(self.num_envs))
+
+    def seed_episodes(self, seed: int, episodes: Sequence[int]) -> None:
+        """Seed the random numbers of `rng` for new episodes with these numbers."""
+        self.episodes = np.array(episodes)
+        words = [int(np.random.SeedSequence([seed, int(e), 2]).generate_state(1, np.uint64)[0]) for e in episodes]
+        self._streams.seed(np.arange(self.num_envs), words)
+
+    def end_period(self) -> None:
+        """Count a finished control period, so that `rng` gives new numbers."""
+        self._streams.ages += np.uint64(1)
 
     def start(self, qpos: Array, qvel: Array, keyframe: str | int | None, seed: int) -> None:
         """Start an episode in all environments.

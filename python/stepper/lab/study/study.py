@@ -10,9 +10,9 @@ import sys
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,9 +25,9 @@ from stepper.actuators import ActuatorModel
 from stepper.lab.study import drives
 from stepper.lab.study.episode import Episodes
 from stepper.lab.study.outcomes import Outcome
-from stepper.lab.study.parameters import OF_MODEL, Parameter, Value, Values, check, with_nominal
+from stepper.lab.study.parameters import CHOICES, OF_MODEL, SETTINGS, Parameter, Value, Values, check, with_nominal
 from stepper.lab.study.points import USUAL
-from stepper.lab.study.worlds import World
+from stepper.lab.study.worlds import MUJOCO_SETTINGS, World, check_mujoco
 from stepper.loading import compile_source, is_saved, load
 from stepper.sensors import SensorModel
 from stepper.shared.machine import package_version, require
@@ -168,6 +168,7 @@ class Study(metaclass=Hinting):
             raise ValueError(f"settings has the name {USUAL!r}, which stands for the study's options: choose another name")
         for name, given in self.settings.items():
             self.setting(name, given)
+        _check_options({name: getattr(self.options, name) for name in CHOICES - {"precision"}} | {"precision": self.precision})
         if any(isinstance(o.measure, str) for o in self.all_outcomes) or any(p.kind in OF_MODEL for p in self.parameters.values()):
             _ = self.loaded
 
@@ -278,13 +279,18 @@ class Study(metaclass=Hinting):
         if given is None:
             if name not in self.settings:
                 raise ValueError(f"there are no settings {name!r}, there are: {', '.join([USUAL, *self.settings])}")
-            given = self.settings[name]
-        known = {f.name for f in fields(Options)} | {"precision"}
+            return dict(self.settings[name])
+        own = {key: value for key, value in given.items() if key != "engine"}
         if given.get("engine", "stepper") not in ("stepper", "mujoco"):
             raise ValueError(f'settings {name!r}: engine is {given["engine"]!r}, must be "stepper" or "mujoco"')
-        if given.get("engine") != "mujoco" and (unknown := set(given) - known - {"engine"}):
-            guess = did_you_mean(min(unknown), known)
-            raise ValueError(f"settings {name!r}: unknown {sorted(unknown)}{guess or ','} must be of: {', '.join(sorted(known))}")
+        try:
+            if given.get("engine") == "mujoco":
+                installed = package_version("mujoco-core") is not None
+                check_mujoco(own, require("mujoco", "to run a study in MuJoCo") if installed else None)
+            else:
+                _check_options(own)
+        except ValueError as error:
+            raise ValueError(f"settings {name!r}: {error}") from None
         return dict(given)
 
     @cached_property
@@ -404,6 +410,31 @@ class Study(metaclass=Hinting):
     def generators(self, episodes: Sequence[int]) -> list[np.random.Generator]:
         """Random number generator of the initial state of each episode."""
         return [np.random.default_rng([self.seed, int(e), 0]) for e in episodes]
+
+
+def _check_options(given: Mapping[str, Any]) -> None:
+    """Raise ValueError for unknown options of stepper, and for values that are none of an option's words. A `Stepper` checks numbers."""
+    if unknown := sorted(given.keys() - SETTINGS):
+        of_mujoco = '; MuJoCo has it: add engine = "mujoco",' if unknown[0] in MUJOCO_SETTINGS else ""
+        hint = of_mujoco or did_you_mean(unknown[0], SETTINGS) or ","
+        raise ValueError(f"unknown {unknown}{hint} must be of: {', '.join(sorted(SETTINGS))}")
+    for name, words in _words().items():
+        if name in given and given[name] not in words:
+            listed = [repr(word) for word in words if word is not None]
+            guess = did_you_mean(str(given[name]), [str(word) for word in words])
+            raise ValueError(f"{name} is {given[name]!r}{guess or ','} must be of: {', '.join(listed)}")
+
+
+@cache
+def _words() -> dict[str, tuple[Any, ...]]:
+    """Words that each option with a choice among words can have, by its name; None among them stands for the default."""
+    hints = get_type_hints(Options) | {"precision": Precision}
+    return {name: tuple(word for part in (get_args(hints[name]) or ()) for word in _members(part)) for name in CHOICES}
+
+
+def _members(part: Any) -> tuple[Any, ...]:
+    """Words of a part of an annotation: a Literal, `NoneType`, or a word."""
+    return get_args(part) or ((None,) if part is type(None) else (part,))
 
 
 def _force_types(model: Model) -> list[str]:

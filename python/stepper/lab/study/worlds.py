@@ -287,6 +287,12 @@ def _split(plan: Plan) -> tuple[Model, dict[str, Array]]:
 
 MUJOCO_SETTINGS = ("integrator", "cone", "solver", "impratio", "noslip_iterations", "iterations", "tolerance", "timestep")
 """Names of settings with engine="mujoco"."""
+_MUJOCO_ENUMS = {"integrator": ("mjtIntegrator", "mjINT_"), "cone": ("mjtCone", "mjCONE_"), "solver": ("mjtSolver", "mjSOL_")}
+"""Enumeration of MuJoCo, and prefix of its names, by name of the setting."""
+_MUJOCO_COUNTS = frozenset({"iterations", "noslip_iterations"})
+"""Settings of MuJoCo that are whole numbers."""
+_MUJOCO_POSITIVE = frozenset({"impratio", "timestep"})
+"""Settings of MuJoCo that must be above 0."""
 
 
 class MujocoWorld(World):
@@ -543,25 +549,50 @@ def with_fields(mujoco: Any, base: Any, fields: Mapping[str, Array]) -> Any:
     return model
 
 
+def check_mujoco(settings: Mapping[str, Any], mujoco: Any = None) -> None:
+    """Check settings of MuJoCo's step.
+
+    Args:
+        settings: Values by name, without "engine".
+        mujoco: The module `mujoco`, to check words such as "elliptic"; None leaves them unchecked.
+
+    Raises:
+        ValueError: MuJoCo does not have a setting, or not with this value. The message has the name and similar ones.
+    """
+    for name, value in settings.items():
+        if name not in MUJOCO_SETTINGS:
+            guess = did_you_mean(name, MUJOCO_SETTINGS) or ","
+            raise ValueError(f"MuJoCo has no setting {name!r}{guess} there are: {', '.join(MUJOCO_SETTINGS)}")
+        if name in _MUJOCO_ENUMS:
+            if mujoco is not None:
+                _mujoco_choice(mujoco, name, value)
+            continue
+        kind = int if name in _MUJOCO_COUNTS else int | float
+        lowest = np.nextafter(0.0, 1.0) if name in _MUJOCO_POSITIVE else 0.0
+        if isinstance(value, bool) or not isinstance(value, kind) or not lowest <= value < np.inf:
+            must = f"{'whole ' if kind is int else ''}number {'above 0' if lowest else 'of at least 0'}"
+            raise ValueError(f"MuJoCo's {name} is {value!r}, must be a {must}")
+
+
+def _mujoco_choice(mujoco: Any, name: str, value: Any) -> Any:
+    """Member of MuJoCo's enumeration for the word `value` of a setting."""
+    kind, prefix = _MUJOCO_ENUMS[name]
+    choice = getattr(getattr(mujoco, kind), prefix + str(value).upper(), None)
+    if choice is None:
+        words = sorted(word.removeprefix(prefix).lower() for word in dir(getattr(mujoco, kind)) if word.startswith(prefix))
+        raise ValueError(f"MuJoCo has no {name} {value!r}{did_you_mean(str(value).lower(), words) or ','} there are: {', '.join(words)}")
+    return choice
+
+
 def configure(mujoco: Any, model: Any, settings: Mapping[str, Any]) -> None:
     """Write settings of the step into an `mujoco.MjModel`; other settings keep their values.
 
     Raises:
         ValueError: MuJoCo does not have a setting or a value of it.
     """
-    if unknown := set(settings) - set(MUJOCO_SETTINGS):
-        raise ValueError(f"MuJoCo has no settings {sorted(unknown)}, there are: {', '.join(MUJOCO_SETTINGS)}")
-    enums = {"integrator": ("mjtIntegrator", "mjINT_"), "cone": ("mjtCone", "mjCONE_"), "solver": ("mjtSolver", "mjSOL_")}
+    check_mujoco(settings)
     for name, value in settings.items():
-        if name not in enums:
-            setattr(model.opt, name, value)
-            continue
-        kind, prefix = enums[name]
-        choice = getattr(getattr(mujoco, kind), prefix + str(value).upper(), None)
-        if choice is None:
-            words = ", ".join(sorted(word.removeprefix(prefix).lower() for word in dir(getattr(mujoco, kind)) if word.startswith(prefix)))
-            raise ValueError(f"MuJoCo has no {name} {value!r}, there are: {words}")
-        setattr(model.opt, name, choice)
+        setattr(model.opt, name, _mujoco_choice(mujoco, name, value) if name in _MUJOCO_ENUMS else value)
 
 
 def make_world(plan: Plan, num_envs: int) -> World:

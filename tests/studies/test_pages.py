@@ -17,7 +17,7 @@ from stepper.cli.app import application
 from stepper.lab.progress import progress
 from stepper.lab.study.document import Document, Section
 from stepper.lab.study.draw import WIDEST, cliffs_of, figure_of
-from stepper.lab.study.report import _differences
+from stepper.lab.study.report import _differences, _no_cliff
 from stepper.lab.study.sweep import Cliff, Level, Sweep
 from stepper.lab.study.table import Table
 from stepper.shared.files import existing, os_error_message
@@ -267,3 +267,57 @@ def test_errors_of_the_system_in_words(kind):
     assert "give" in told
     with pytest.raises(FileNotFoundError, match=r"there is no model file 'place/file' in .*; check the name"):
         existing("place/file", "model")
+
+
+def cliffs_table(text):
+    """Rows of the table of cliffs in a page, as lists of cells."""
+    lines = text.partition("## Cliffs")[2].partition("## In force")[0].splitlines()
+    return [[cell.strip() for cell in line.strip("| ").split("|")] for line in lines if line.startswith("|")][2:]
+
+
+def test_parameters_without_a_cliff_are_listed_with_their_range(tmp_path):
+    """Episodes with a number below "share" succeed, whatever moves: 4 of 4 at the nominal point."""
+
+    def below(now):
+        return np.where(now.episodes < now.parameters["share"], 1.0, -1.0)
+
+    parameters = {
+        "share": stepper.lab.Parameter("drive", nominal=4, low=0, high=4),
+        "most": stepper.lab.Parameter("geom_friction[*][0]", low=0.5, high=1.0),
+        "iterations": stepper.lab.Parameter("options.iterations", values=(5, 50)),
+        "solver": stepper.lab.Parameter("options.solver", values=("auto", "newton")),
+    }
+    study = stepper.lab.Study(
+        model=BLOCK,
+        parameters=parameters,
+        outcomes=stepper.lab.Outcome(name="below", measure=below, success="> 0"),
+        settings={"MuJoCo": {"engine": "mujoco"}},
+        episodes=4,
+        seconds=0.008,
+        control=0.004,
+    )
+    rows = {(row[0], row[1]): row[2:] for row in cliffs_table(str(stepper.lab.sweep(study, tmp_path)))}
+    for setting in ("stepper", "MuJoCo"):
+        # The share of successes is 1/4 at 1 and 1/2 at 2; episodes compare with whole numbers.
+        assert 1 <= float(rows[setting, "share"][0]) < 2
+        assert rows[setting, "most"] == ["no change of outcome between 0.5 and 1", "-", "1", "1"]
+    assert rows["stepper", "iterations"] == ["no change of outcome between 5 and 50", "-", "1", "1"]
+    assert rows["stepper", "solver"] == ["no change of outcome with auto, newton", "-", "1", "1"]
+    assert ("MuJoCo", "solver") not in rows  # MuJoCo has no solver auto, which the page says elsewhere.
+
+
+@pytest.mark.parametrize(
+    ("successes", "told"),
+    [
+        ([2, 2, 2], "no change of outcome between 0.1 and 0.3"),
+        ([4, 3, 2], "always at least one half between 0.1 and 0.3"),
+        ([1, 0, 1], "always below one half between 0.1 and 0.3"),
+        ([4, 0, 0], "a change, not located, between 0.1 and 0.3"),
+    ],
+)
+def test_a_row_without_a_cliff_says_whether_outcomes_changed(successes, told):
+    levels = [
+        Level("stepper", "p", value, 4, count, 4, (0.0, 1.0), 0.0, math.nan, (0.0, math.nan), 0, 0)
+        for value, count in zip([0.3, 0.2, 0.1], successes, strict=True)
+    ]
+    assert _no_cliff(levels) == [["stepper", "p", told, None, successes[-1] / 4, successes[0] / 4]]

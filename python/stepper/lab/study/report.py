@@ -21,7 +21,7 @@ from stepper.lab.study.journal import diverged
 from stepper.lab.study.points import USUAL, nominal_of
 from stepper.lab.study.results import Results
 from stepper.lab.study.study import Study
-from stepper.lab.study.sweep import RESOLUTION, Level, Sweep, measured
+from stepper.lab.study.sweep import CLIFF, RESOLUTION, Level, Sweep, measured
 from stepper.lab.study.sweep import sweep as run_sweep
 from stepper.lab.study.touching import Touching, touching
 from stepper.sensors import Transfer
@@ -382,14 +382,38 @@ def _cliffs(found: Sweep, folder: Path, *, searched: bool = True) -> list[Sectio
     if not searched:
         return [Section("Cliffs", ["Not searched: cliffs=False, or --no-cliffs."])]
     head = ("settings", "parameter", "at", "+-", "share below", "share above")
-    rows = [[c.setting, c.parameter, (c.low + c.high) / 2, (c.high - c.low) / 2, c.below, c.above] for c in found.cliffs]
+    rows: list[list[Any]] = []
+    for setting in (USUAL, *found.study.settings):
+        for name in found.study.parameters:
+            own = [c for c in found.cliffs if (c.setting, c.parameter) == (setting, name)]
+            rows += [[setting, name, (c.low + c.high) / 2, (c.high - c.low) / 2, c.below, c.above] for c in own] or _no_cliff(
+                found.levels_of(name, setting)
+            )
     words = [
         "Where the share of successes crosses one half, located by bisection between neighbouring values of the table. The number after +- "
         "is the width of the bisection. It excludes the error of the time step: repeat the sweep with half the time step to see that."
     ]
-    words = words if rows else ["The share of successes crosses one half nowhere within the ranges of the parameters."]
+    words = words if found.cliffs else ["The share of successes crosses one half nowhere within the ranges of the parameters."]
     picture = draw_cliffs(found, folder / "cliffs.png") if package_version("matplotlib") else None
     return [Section("Cliffs", words, head, rows, picture)]
+
+
+def _no_cliff(levels: Sequence[Level]) -> list[list[Any]]:
+    """Row of the table of cliffs for a parameter without one, from its levels with one of the settings; empty without levels."""
+    if not levels:
+        return []
+    numbers = not any(isinstance(level.value, str) for level in levels)
+    own = sorted(levels, key=lambda level: float(level.value or 0)) if numbers else list(levels)
+    above = [level.share >= CLIFF for level in own]
+    if len({level.successes for level in own}) == 1:
+        found = "no change of outcome"
+    elif len(set(above)) == 1:
+        found = f"always {'at least' if above[0] else 'below'} one half"
+    else:
+        found = "a change, not located,"
+    values = [cell(level.value) for level in own]
+    place = f"between {values[0]} and {values[-1]}" if numbers else f"with {', '.join(values)}"
+    return [[own[0].setting, own[0].parameter, f"{found} {place}", None, own[0].share, own[-1].share]]
 
 
 def _transfer(study: Study, found: Sweep) -> list[Section]:

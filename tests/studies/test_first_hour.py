@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from stepper.cli import main
 from stepper.lab import Outcome, Parameter, Study, sweep
 from stepper.lab.comparison import compare
 from stepper.lab.study.batches import running, world_of
@@ -100,3 +101,89 @@ def test_random_numbers_are_the_same_in_mujoco_and_at_other_time_steps():
     assert drawn[USUAL] == drawn["MuJoCo"] == drawn["short"]
     by_step = world_of(study, "short", [{}])
     assert [by_step.rng("jerk").normal(1).item() for looks in running(study, by_step, [4], by_step=True) if looks] == drawn["short"]
+
+
+REACH = """
+model = "arm.xml"
+seconds = 0.1
+episodes = 2
+[[outcomes]]
+name = "angle"
+measure = "joint hinge"
+success = "<= 0.2"
+[parameters.friction]
+selector = "dof_frictionloss"
+operation = "add"
+low = 0.0
+high = 0.5
+[parameters.lost]
+selector = "dof_damping"
+low = 0.0
+high = 0.5
+"""
+
+
+@pytest.fixture
+def reach(tmp_path, monkeypatch):
+    """Folder of a study in reach.toml, as the working directory."""
+    (tmp_path / "arm.xml").write_text(PENDULUM)
+    (tmp_path / "reach.toml").write_text(REACH)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def failed(capsys, monkeypatch, *words: str) -> str:
+    """Last line on stderr of a command that fails."""
+    monkeypatch.setattr("sys.argv", ["stepper", *words])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 1
+    return capsys.readouterr().err.partition("stepper: ")[2]
+
+
+@pytest.mark.parametrize(
+    ("text", "hint"),
+    [
+        ("body_mas[arm]=0.5..2", "did you mean 'body_mass[arm]=0.5..2'?"),
+        ("body_mas", "did you mean body_mass?"),
+        ("actuator_kpp[motor]=1..2", "did you mean 'actuator_kp[motor]=1..2'"),
+        ("actuatr.delay[motor]=0..1", "did you mean 'actuator.delay[motor]=0..1'?"),
+        ("frition", "did you mean friction?"),
+    ],
+)
+@pytest.mark.usefixtures("reach")
+def test_a_misspelt_field_is_corrected(capsys, monkeypatch, text, hint):
+    assert hint in failed(capsys, monkeypatch, "sweep", "reach.toml", "--parameter", text)
+
+
+@pytest.mark.usefixtures("reach")
+def test_a_misspelt_field_of_a_value_is_corrected(capsys, monkeypatch):
+    told = failed(capsys, monkeypatch, "view", "reach.toml", "--values", "body_mas[arm]=1")
+    assert "did you mean 'body_mass[arm]'?" in told
+
+
+@pytest.mark.parametrize(
+    ("values", "told"),
+    [
+        (["body_mass[arm]=1", "body_mass[arm]=2"], "'body_mass[arm]' twice, as 1 and as 2"),
+        (["body_mass[arm]=1", "body_mass[*]=2"], "'body_mass[arm]' and 'body_mass[*]' set the same number of body_mass to 1 and to 2"),
+        (["lost=0.1", "dof_damping[hinge]=0.2"], "'lost' and 'dof_damping[hinge]' set the same number of dof_damping"),
+    ],
+)
+@pytest.mark.parametrize("command", [["view", "reach.toml", "--record", "run"], ["chart", "reach.toml", "--quick"]])
+@pytest.mark.usefixtures("reach")
+def test_two_values_of_one_number_are_an_error_that_names_both(capsys, monkeypatch, command, values, told):
+    assert told in failed(capsys, monkeypatch, *command, *(word for value in values for word in ("--values", value)))
+
+
+def test_values_that_do_not_contradict_each_other_are_taken(reach):
+    study = Study.from_file(reach / "reach.toml")
+    # "friction" adds to the number, so that both apply; equal values agree.
+    for values in ({"friction": 0.1, "dof_frictionloss[hinge]": 0.2}, {"lost": 0.1, "dof_damping": 0.1}, {"lost": 0.1, "friction": 0.1}):
+        assert study.episode(values)["parameters"].keys() == values.keys()
+
+
+@pytest.mark.usefixtures("reach")
+def test_a_ranking_of_parameters_of_the_same_number_names_both(capsys, monkeypatch):
+    words = ["rank", "reach.toml", "--parameter", "body_mass[arm]=1..2", "--parameter", "body_mass[*]=1..3"]
+    assert "'body_mass[arm]' and 'body_mass[*]' set the same number of body_mass: give" in failed(capsys, monkeypatch, *words)

@@ -13,6 +13,8 @@ A selector (`stepper.shared.selectors`) names the numbers that a parameter chang
 from __future__ import annotations
 
 import dataclasses
+import difflib
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -201,7 +203,17 @@ def _changed(parameter: Parameter, model: Model) -> frozenset[tuple[str, int]]:
 def _no_parameter(text: str, parameters: Mapping[str, Parameter], otherwise: str) -> str:
     """Error message for a text that is neither the name of a parameter nor a selector; `otherwise` is a further remedy."""
     known = ", ".join(parameters) or "none"
-    return f"there is no parameter {text!r}{did_you_mean(text, parameters) or ','} there are: {known}; or {otherwise}"
+    return f"there is no parameter {text!r}{_guess(text, parameters) or ','} there are: {known}; or {otherwise}"
+
+
+def _guess(text: str, parameters: Mapping[str, Parameter]) -> str:
+    """Hint for an unknown parameter: similar names of parameters, or the text with a similar field; "" if there is none."""
+    field = text.partition("=")[0].partition("[")[0].strip()
+    head, dot, _ = field.partition(".")
+    word, known = (head, _HEADS[:3]) if dot else (field, [*FIELDS, *COMPOUNDS])
+    similar = [] if word in known else difflib.get_close_matches(word, known, n=1)
+    fields = [repr(text.replace(word, name, 1)) if text != word else name for name in similar]
+    return did_you_mean(text, parameters) or "".join(f"; did you mean {name}?" for name in fields)
 
 
 def _selects(text: str) -> bool:
@@ -224,6 +236,26 @@ def with_nominal(parameters: Mapping[str, Parameter], values: Mapping[str, Value
         own.check_value(value, f"parameter {text!r}")
         found[text] = dataclasses.replace(own, nominal=value)
     return found
+
+
+def check_overlaps(chosen: Mapping[str, Parameter], model: Model, values: Values | None = None) -> None:
+    """Check that no two parameters set the same number.
+
+    Args:
+        chosen: Parameters by name, which all apply at once.
+        model: The model.
+        values: Values of the parameters; two that are equal may set the same number. None is unknown values.
+
+    Raises:
+        ValueError: Two parameters with operation="set" select the same number, with different values. The message has both names.
+    """
+    own = {name: _changed(p, model) for name, p in chosen.items() if p.operation == "set" and p.kind != "drive"}
+    for one, other in itertools.combinations(own, 2):
+        if not own[one] & own[other] or (values is not None and values[one] == values[other]):
+            continue
+        field = min(own[one] & own[other])[0]
+        told = "" if values is None else f" to {values[one]} and to {values[other]}"
+        raise ValueError(f"{one!r} and {other!r} set the same number of {field}{told}: give one of them, or select other elements")
 
 
 def check(parameters: Mapping[str, Parameter], model: Model) -> None:

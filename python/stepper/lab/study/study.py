@@ -25,7 +25,7 @@ from stepper.actuators import ActuatorModel
 from stepper.lab.study import drives
 from stepper.lab.study.episode import Episodes
 from stepper.lab.study.outcomes import Outcome
-from stepper.lab.study.parameters import CHOICES, OF_MODEL, SETTINGS, Parameter, Value, Values, check, with_nominal
+from stepper.lab.study.parameters import CHOICES, OF_MODEL, SETTINGS, Parameter, Value, Values, check, check_overlaps, with_nominal
 from stepper.lab.study.points import USUAL
 from stepper.lab.study.worlds import MUJOCO_SETTINGS, World, check_mujoco
 from stepper.loading import compile_source, is_saved, load
@@ -403,9 +403,12 @@ class Study(metaclass=Hinting):
             values: Values (numbers or texts) by name of a parameter, or by selector, as "geom_friction[floor][0]".
 
         Raises:
-            ValueError: A parameter is unknown, or a value is invalid.
+            ValueError: A parameter is unknown, a value is invalid, or two values are for the same number.
         """
-        return replace(self, parameters=with_nominal(self.parameters, values))
+        made = replace(self, parameters=with_nominal(self.parameters, values))
+        if len(values) > 1:
+            check_overlaps({name: made.parameters[name] for name in values}, made.loaded[0], values)
+        return made
 
     def generators(self, episodes: Sequence[int]) -> list[np.random.Generator]:
         """Random number generator of the initial state of each episode."""

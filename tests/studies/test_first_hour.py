@@ -1,11 +1,12 @@
 """Studies as newcomers write them: modules side by side, functions named by text, furniture with mass."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
-from stepper.cli import main
+from stepper.cli import app, main
 from stepper.lab import Outcome, Parameter, Study, sweep
 from stepper.lab.comparison import compare
 from stepper.lab.study.batches import running, world_of
@@ -187,3 +188,52 @@ def test_values_that_do_not_contradict_each_other_are_taken(reach):
 def test_a_ranking_of_parameters_of_the_same_number_names_both(capsys, monkeypatch):
     words = ["rank", "reach.toml", "--parameter", "body_mass[arm]=1..2", "--parameter", "body_mass[*]=1..3"]
     assert "'body_mass[arm]' and 'body_mass[*]' set the same number of body_mass: give" in failed(capsys, monkeypatch, *words)
+
+
+ERRORS = {
+    # Text of a study file, and the lines of the message.
+    "from stepper.lab import Study\n\ndef twice(x):\n    return 2 * x['b']\n\nstudy = Study(model='arm.xml', seconds=twice({'a': 1}))\n": [
+        "bad.py, line 4, in twice: KeyError: 'b'",
+        "  bad.py, line 6: study = Study(model='arm.xml', seconds=twice({'a': 1}))",
+        "  bad.py, line 4, in twice: return 2 * x['b']",
+    ],
+    "from stepper.lab import Outcome, Study\n\ndef drive(now):\n    return now.qpoz\n\n"
+    "study = Study(model='arm.xml', seconds=0.1, drive=drive, outcomes=Outcome(name='a', measure='joint hinge'))\n": [
+        "bad.py, line 4, in drive: AttributeError: a stepper.lab.World has no attribute 'qpoz'; did you mean qpos?",
+        "  bad.py, line 4, in drive: return now.qpoz",
+    ],
+    "import numpy\nx = (\n": ["bad.py, line 2: SyntaxError: '(' was never closed", "  bad.py, line 2: x = ("],
+    "import numpy, no_such_module\n": [
+        "bad.py, line 1: ModuleNotFoundError: No module named 'no_such_module'",
+        "  bad.py, line 1: import numpy, no_such_module",
+    ],
+    "import stepper\nstudy = stepper.lab.Study(model='arm.xml', secs=1)\n": [
+        "bad.py, line 2: TypeError: stepper.lab.Study() takes no 'secs'; did you mean seconds?",
+        "  bad.py, line 2: study = stepper.lab.Study(model='arm.xml', secs=1)",
+    ],
+}
+
+
+@pytest.mark.parametrize(("text", "lines"), ERRORS.items(), ids=[lines[0].rpartition("Error")[0].split()[-1] for lines in ERRORS.values()])
+def test_an_exception_in_a_study_file_is_shown_with_its_lines_alone(reach, capsys, monkeypatch, text, lines):
+    (reach / "bad.py").write_text(text)
+    assert failed(capsys, monkeypatch, "sweep", "bad.py").splitlines() == lines
+
+
+def test_an_exception_in_the_controller_of_a_toml_file_names_its_line(reach, capsys, monkeypatch):
+    (reach / "control.py").write_text("import numpy as np\n\ndef control(now):\n    return np.zeros(now.num_envs) @ np.zeros((2, 3))\n")
+    (reach / "reach.toml").write_text('drive = "control.py:control"\n' + REACH)
+    assert failed(capsys, monkeypatch, "sweep", "reach.toml").startswith("control.py, line 4, in control: ValueError: ")
+
+
+def test_controls_of_another_shape_name_the_controller(reach, capsys, monkeypatch):
+    (reach / "control.py").write_text("import numpy as np\n\ndef control(now):\n    return np.zeros((3, 3))\n")
+    (reach / "reach.toml").write_text('drive = "control.py:control"\n' + REACH)
+    told = failed(capsys, monkeypatch, "sweep", "reach.toml", "--no-cliffs")
+    assert "the controller control.py:control returned the shape (3, 3), must be (num_envs, nu), which is (" in told
+
+
+def test_an_exception_without_a_file_of_the_user_keeps_its_traceback(monkeypatch):
+    monkeypatch.setattr(app, "application", lambda: partial(exec, "1 / 0"))
+    with pytest.raises(ZeroDivisionError):
+        main()

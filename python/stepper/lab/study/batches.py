@@ -240,8 +240,15 @@ def running(study: Study, world: World, episodes: Sequence[int], *, by_step: boo
 
 
 def _check_controls(drive: Any, world: World, ctrl: Any) -> None:
-    """Raise ValueError if the drive returns controls that are not finite in an episode whose state is finite."""
-    if ctrl is None or np.isfinite(ctrl).all():
+    """Raise ValueError if the controller returns another shape, or controls that are not finite in an episode whose state is finite."""
+    if ctrl is None:
+        return
+    if np.shape(ctrl) not in ((world.num_envs, world.model.nu), (world.model.nu,)):
+        raise ValueError(
+            f"the controller {drives.name_of(drive)} returned the shape {np.shape(ctrl)}, must be (num_envs, nu), which is "
+            f"({world.num_envs}, {world.model.nu}), or (nu,), or None"
+        )
+    if np.isfinite(ctrl).all():
         return
     rows = np.broadcast_to(np.asarray(ctrl, float), (world.num_envs, world.model.nu))
     found = np.argwhere(~np.isfinite(rows) & ~world.diverged[:, None])

@@ -104,7 +104,7 @@ class World:
 
     def __getattr__(self, name: str) -> Any:
         # Python calls this only for attributes that do not exist.
-        raise no_attribute(World, name)
+        raise no_attribute(World, name, more=set(dir(type(self))) | set(dir(Stepper)) - CHANGING)
 
     def read(self, name: str, of: str | int | Sequence[str | int] | None = None) -> NDArray[Any]:
         """Values of a quantity for all its elements, or for some by name or index, (num_envs, n, ...), in its unit; see `Stepper.read`."""

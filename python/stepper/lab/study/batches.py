@@ -166,7 +166,7 @@ def world_of(study: Study, setting: str, values_by_env: Sequence[Values], **chan
 
 def begin(study: Study, world: World, episodes: Sequence[int]) -> None:
     """Start episodes with these numbers in the environments of a world."""
-    world.seed_episodes(study.seed, episodes)
+    world.seed_episodes(study.seed, episodes, study.hold)
     qpos, qvel = starts(study, world, episodes)
     world.start(qpos, qvel, study.keyframe, study.seed)
 
@@ -228,13 +228,10 @@ def running(study: Study, world: World, episodes: Sequence[int], *, by_step: boo
         _check_controls(drive, world, ctrl)
         if not by_step:
             world.advance(ctrl, nstep)
-            world.end_period()
             yield True
             continue
         for left in reversed(range(nstep)):
             world.advance(ctrl, 1)
-            if left == 0:
-                world.end_period()
             yield left == 0
     memory.check()
 

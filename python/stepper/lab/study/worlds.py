@@ -100,7 +100,7 @@ class World:
         self.timestep = 0.0
         self.last_ctrl: Any = None
         self.senses = self.ideal = False
-        self._streams = Streams(num_envs, 0)
+        self._streams, self._period = Streams(num_envs, 0), 1.0
 
     def __getattr__(self, name: str) -> Any:
         # Python calls this only for attributes that do not exist.
@@ -120,17 +120,15 @@ class World:
         Args:
             name: Name of the random quantity, such as "push".
         """
+        # The tolerance is for sums of time steps.
+        self._streams.ages[:] = np.floor(self.time / self._period + 1e-6)
         return Rng(self._streams.fork(name), np.arange(self.num_envs))
 
-    def seed_episodes(self, seed: int, episodes: Sequence[int]) -> None:
-        """Seed the random numbers of `rng` for new episodes with these numbers."""
-        self.episodes = np.array(episodes)
+    def seed_episodes(self, seed: int, episodes: Sequence[int], period: float) -> None:
+        """Seed the random numbers of `rng` for new episodes with these numbers, with a control period in s."""
+        self.episodes, self.time, self._period = np.array(episodes), np.zeros(self.num_envs), period
         words = [int(np.random.SeedSequence([seed, int(e), 2]).generate_state(1, np.uint64)[0]) for e in episodes]
         self._streams.seed(np.arange(self.num_envs), words)
-
-    def end_period(self) -> None:
-        """Count a finished control period, so that `rng` gives new numbers."""
-        self._streams.ages += np.uint64(1)
 
     def start(self, qpos: Array, qvel: Array, keyframe: str | int | None, seed: int) -> None:
         """Start an episode in all environments.

@@ -222,7 +222,7 @@ def test_the_command_names_differences_and_compares(envs, tmp_path, capsys):
     assert verdict.startswith("Reacher-v5 minus stepper/Reacher-v5:")
     evaluate(tmp_path / "policy.npz", "stepper/Reacher-v5", "", episodes=3, seed=0, margin=0.02, settings=settings, infos=["reward_ctrl"])
     assert ", reward_ctrl -" in capsys.readouterr().out
-    with pytest.raises(ValueError, match="--info has no comparison"):
+    with pytest.raises(ValueError, match="--info cannot be compared"):
         evaluate(
             tmp_path / "policy.npz", "stepper/Reacher-v5", "Reacher-v5", episodes=3, seed=0, margin=0.02, settings={}, infos=["reward_ctrl"]
         )

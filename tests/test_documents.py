@@ -112,7 +112,7 @@ def test_documented_names_exist(page):
 
 @pytest.mark.parametrize("page", [page for page in PAGES if "\n::: " in page.read_text()], ids=named)
 def test_documented_functions_are_not_hidden_by_their_modules(page):
-    """griffe takes `stepper.load` for the module of that name, which has no signature: such a page names the module and a heading."""
+    """Griffe takes `stepper.load` for the module of that name, which has no signature: such a page names the module and a heading."""
     entries = re.findall(r"^::: ([\w.]+)$((?:\n {4,}.*)*)", page.read_text(), re.MULTILINE)
     for name, options in entries:
         owner, _, last = name.rpartition(".")
@@ -132,7 +132,7 @@ def test_documented_functions_are_not_hidden_by_their_modules(page):
 
 
 def test_signatures_of_constructors_are_shown():
-    """mkdocstrings shows the signature of a class only if it merges the constructor into it."""
+    """Mkdocstrings shows the signature of a class only if it merges the constructor into it."""
     assert re.search(r"^ +merge_init_into_class: true$", (ROOT / "mkdocs.yml").read_text(), re.MULTILINE)
 
 

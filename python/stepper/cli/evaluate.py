@@ -62,9 +62,7 @@ def evaluate(
     print(found)
     if video is not None:
         with progress() as tick:
-            film(
-                loaded, env, video, actions=FILMED, seed=seed, progress=lambda done: tick(f"film {video.name}", done / FILMED), **settings
-            )
+            film(loaded, env, video, actions=FILMED, seed=seed, progress=lambda done: tick(f"film {video.name}", done / FILMED), **settings)
         show_files([video])
 
 
@@ -73,7 +71,7 @@ def register(app: Typer, typer: ModuleType) -> None:
     file = typer.Argument(help="Policy file, from stepper train or Policy.save.")
     keys = typer.Option([], "--info", help="Key of an info whose mean is printed, for example tracking_error. Repeat the option for more.")
 
-    video = typer.Option(None, "--film", metavar="FILE", help=f"Video (mp4) of an episode with the first seed, of at most {FILMED} actions.")
+    video = typer.Option(None, "--film", metavar="FILE", help=f"Video (mp4) of at most {FILMED} actions of an episode with the seed.")
 
     @app.command("evaluate", help=evaluate.__doc__)
     def _(

@@ -21,10 +21,9 @@ _DEEP = 1e-3
 
 
 class ModelWarning(UserWarning):
-    """A loaded model is simulated differently from its source: other settings, meshes as convex hulls, or disabled contacts. Or geoms
-    overlap in a keyframe.
+    """A loaded model is simulated differently from its source: other settings, meshes as convex hulls, or disabled contacts.
 
-    `Model.explain()` has the details.
+    Or geoms overlap in a keyframe. `Model.explain()` has the details.
     """
 
 
@@ -47,7 +46,7 @@ def warn_about(model: Model, *, loaded: bool, excluded: bool, is_robot: bool) ->
         parts += _overlaps(model)
     details = "model.explain() has the details; " if parts else ""
     if loaded and (lines := list(_keyframe_overlaps(model))):
-        title = 'keyframes in which geoms overlap by more than 1 mm, so that the first steps push them apart and `status` has DEEP:'
+        title = "keyframes in which geoms overlap by more than 1 mm, so that the first steps push them apart and `status` has DEEP:"
         remedy = "change the qpos of the keyframe, or add <exclude> for the two bodies if the overlap is meant"
         parts.append(f"{_listed(title, lines)}\n  ({remedy})")
     if parts:

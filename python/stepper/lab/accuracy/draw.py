@@ -53,7 +53,7 @@ def draw(study: Study, distance: Distance, right: Reference, dots: Sequence[Dot]
         low = low if math.isfinite(low) else _FLOOR
         panel.axhspan(_FLOOR, max(low, 2 * _FLOOR), color="#888888", alpha=0.15, linewidth=0)
         panel.set_title(title, fontsize=11)
-        panel.set_xlabel("us of one core for a simulated second of one environment (down and left is better)")
+        panel.set_xlabel("cost, us of one core for a simulated second\nof one environment (down and left is better)", fontsize=9)
         panel.set_ylabel(f"error up to {distance.horizon:.3g} s, {distance.unit} (median)")
         finite = [dot.error for dot in dots if math.isfinite(dot.error) and dot.error > 0]
         if finite:

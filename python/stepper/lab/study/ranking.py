@@ -120,7 +120,8 @@ def rank(
 
     Raises:
         ValueError: The study has no outcome, or fewer than two parameters with a range. A parameter has no effect with the settings, or is
-            an option of the step. Two parameters set the same number. `samples` is not a power of 2. The outcome is not finite, or the same at every point.
+            an option of the step. Two parameters set the same number. `samples` is not a power of 2. The outcome is not finite, or the
+            same at every point.
         MissingPackageError: SciPy is not installed.
     """
     study = study_of(study)

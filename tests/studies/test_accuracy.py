@@ -181,6 +181,11 @@ def test_a_chart_of_a_model_of_ones_own(tmp_path):
         parts = np.nansum([dot.solver, dot.step, dot.model])
         # Distances obey the triangle inequality; of medians of three episodes that is so within a factor of their number.
         assert dot.error <= 3 * parts + 1e-12
+        # Table, page and picture have the same words.
+        largest = np.nanargmax([dot.solver, dot.step, dot.model])
+        assert dot.row["cause"] == dot.cause == ("solver", "time step", "model")[largest]
+        assert dot.row["error from time step"] == dot.step
+    assert "| from solver | from time step | from model | cause |" in found.document.markdown()
     hard = [dot for dot in found.dots if dot.engine == "stepper" and "law" not in dot.setting]
     assert all(dot.model == 0 for dot in hard)
     soft = [dot for dot in found.dots if dot.engine == "MuJoCo"]

@@ -779,6 +779,13 @@ def judged(tmp_path, **changed):
         "seconds": 0.5,
     }
     found = stepper.lab.report(Study(**(given | changed)), tmp_path)
+    table = found.sweep.table
+    # The table has the same words, in the rows of the verdicts alone.
+    named = {(row["key"], cause) for row, cause in zip(table.rows, table["cause"].tolist(), strict=True) if cause}
+    assert named == {(verdict.row["key"], verdict.cause) for verdict in found.verdicts}
+    assert "cause" in (tmp_path / found.study.name / "table.csv").read_text().splitlines()[0].split(",")
+    for verdict in found.verdicts:
+        assert f"| {verdict.row['setting']} | {verdict.cause} | {verdict.rule} |" in str(found)
     return {(verdict.cause, verdict.rule.partition(":")[0]) for verdict in found.verdicts if verdict.row["setting"] == "stepper"}
 
 

@@ -23,6 +23,7 @@ from stepper.lab.study.results import Results
 from stepper.lab.study.study import Study
 from stepper.lab.study.sweep import CLIFF, RESOLUTION, Level, Sweep, measured
 from stepper.lab.study.sweep import sweep as run_sweep
+from stepper.lab.study.table import Table
 from stepper.lab.study.touching import Touching, touching
 from stepper.sensors import Transfer
 from stepper.shared.machine import package_version
@@ -118,6 +119,8 @@ def report(study: Study | str | os.PathLike[str], out: str | os.PathLike[str] = 
         some = range(min(study.episodes, study.batch))
         seen = touching(study, some)
         verdicts = causes_of(study, found.table.rows, results.journal)
+        causes = {verdict.row["key"]: verdict.cause for verdict in verdicts}
+        found = dataclasses.replace(found, table=Table(found.table.rows, causes if study.decisive else None))
         document = Document(f"Simulator report of {study.name}")
         document.sections += [
             *_summary(study, found, verdicts),
@@ -457,22 +460,23 @@ def _failures(verdicts: Sequence[Verdict], found: Sweep) -> list[Section]:
     """Section with the causes of failed episodes."""
     if found.study.decisive is None:
         return []
-    counts = Counter((verdict.cause, verdict.rule) for verdict in verdicts)
+    counts = Counter((verdict.row["setting"], verdict.cause, verdict.rule) for verdict in verdicts)
+    places = [USUAL, *found.study.settings]
     rows: list[list[Any]] = []
-    for (cause, rule), count in counts.most_common():
-        row = next(v.row for v in verdicts if (v.cause, v.rule) == (cause, rule))
+    for (setting, cause, rule), count in sorted(counts.items(), key=lambda entry: (places.index(entry[0][0]), -entry[1])):
+        row = next(v.row for v in verdicts if (v.row["setting"], v.cause, v.rule) == (setting, cause, rule))
         values = ", ".join(f"{name} {cell(value)}" for name, value in row["parameters"].items()) or "nominal"
-        rows.append([cause, rule, count, f"{row['setting']}: {values}, episode {row['episode']}"])
+        rows.append([setting, cause, rule, count, f"{values}, episode {row['episode']}"])
     words = [
         "All failed episodes of stepper at all points above, and those of MuJoCo that diverged. Each is repeated with one part made ideal "
-        "at a time, and the first rule that applies gives the cause:",
+        "at a time, and the first rule that applies gives the cause, which is also in the column cause of table.csv:",
         ". ".join(f"{cause}: {rule}" for cause, rule in RULES) + ".",
     ]
     return [
         Section(
             "Causes of failures",
             words if rows else ["No episode of stepper failed, and none of MuJoCo diverged."],
-            ("cause", "rule", "episodes", "first"),
+            ("settings", "cause", "rule", "episodes", "first"),
             rows,
         )
     ]

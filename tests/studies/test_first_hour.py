@@ -1,5 +1,6 @@
 """Studies as newcomers write them: modules side by side, functions named by text, furniture with mass."""
 
+import csv
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -237,3 +238,18 @@ def test_an_exception_without_a_file_of_the_user_keeps_its_traceback(monkeypatch
     monkeypatch.setattr(app, "application", lambda: partial(exec, "1 / 0"))
     with pytest.raises(ZeroDivisionError):
         main()
+
+
+def test_the_command_sweeps_two_parameters_at_other_values_of_the_others(reach, capsys, monkeypatch):
+    words = ["sweep", "reach.toml", "--parameter", "lost", "--parameter", "body_mass[arm]=0.2..0.4", "--no-cliffs"]
+    monkeypatch.setattr("sys.argv", ["stepper", *words, "--values", "friction=0.1", "--values", "gravity[2]=-3.7"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 0, capsys.readouterr().err
+    with (reach / "out/reach/table.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert {row["parameters.friction"] for row in rows} == {"0.1"}
+    assert {row["parameters.gravity[2]"] for row in rows} == {"-3.7"}
+    # Two episodes at the nominal point and at five values of each.
+    assert len(rows) == 2 * (1 + 5 + 5)
+    assert len({row["parameters.lost"] for row in rows}) == len({row["parameters.body_mass[arm]"] for row in rows}) == 6

@@ -791,7 +791,7 @@ def judged(tmp_path, **changed):
 
 def test_whose_a_failure_is(tmp_path):
     late = Outcome(name="angle", measure="joint hinge", success=">= 1.0")
-    assert judged(tmp_path / "policy", outcomes=late) == {("policy", "failure even with ideal sensors and a finer time step")}
+    assert judged(tmp_path / "policy", outcomes=late) == {("controller", "failure even with ideal sensors and a finer time step")}
     biased = stepper.SensorModel(default=stepper.Transfer(bias=-0.4))
     assert judged(tmp_path / "senses", drive=blind, sensors=biased) == {("perception", "success with ideal sensors")}
     nothing = Outcome(name="angle", measure=lambda now: np.full(now.num_envs, np.nan), success=">= 0")

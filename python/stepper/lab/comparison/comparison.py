@@ -100,7 +100,7 @@ def compare(
     Args:
         source: Source of the model, as for `stepper.load`. With a `Model`, or if MuJoCo is not installed, MuJoCo and the sliding
             distance are left out.
-        drive: Controls (steps, nu) or (steps, num_envs, nu), in their units; after the end the last row is kept. Or a policy: a function of
+        drive: Controls (steps, nu) or (steps, num_envs, nu), in their units; after the end the last row is kept. Or a controller: a function of
             qpos (num_envs, nq) and qvel (num_envs, nv) that returns controls (num_envs, nu) or (nu,). None draws random controls.
         seconds: Length of an episode, s.
         num_envs: Number of episodes.

@@ -16,7 +16,7 @@ from stepper.shared.progress import Tick, silent
 Array = NDArray[np.float64]
 
 Drive = Array | Callable[[Array, Array], Any]
-"""Controls (steps, nu) or (steps, num_envs, nu), or a policy: a function of qpos (num_envs, nq) and qvel (num_envs, nv)."""
+"""Controls (steps, nu) or (steps, num_envs, nu), or a controller: a function of qpos (num_envs, nq) and qvel (num_envs, nv)."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ def run(
     Args:
         name: Name of the engine.
         world: Environments, in their initial states.
-        drive: Controls or policy, as in `compare`.
+        drive: Controls or controller, as in `compare`.
         steps: Number of steps.
         slip: Measurement of sliding; None does not measure it.
         reward: Reward function, as in `compare`.

@@ -214,7 +214,7 @@ def running(study: Study, world: World, episodes: Sequence[int], *, by_step: boo
         Whether outcomes must be measured now: at the start and after every control period.
 
     Raises:
-        ValueError: The drive keeps state between batches and has no method `begin`.
+        ValueError: The controller keeps state between batches and has no method `begin`.
     """
     nstep = steps_of(study, world.timestep)
     begin(study, world, episodes)
@@ -253,7 +253,7 @@ def _check_controls(drive: Any, world: World, ctrl: Any) -> None:
         env, actuator = (int(k) for k in found[0])
         name = world.model.actuator(actuator).name or f"#{actuator}"
         raise ValueError(
-            f"the drive {drives.name_of(drive)} gives actuator {name!r} the control {rows[env, actuator]} at {world.time[env]:g} s of "
+            f"the controller {drives.name_of(drive)} gives actuator {name!r} the control {rows[env, actuator]} at {world.time[env]:g} s of "
             f"episode {int(world.episodes[env])}: controls must be finite"
         )
 

@@ -2,7 +2,7 @@
 
 name = "grasp"
 model = "grasp.xml"                    # path relative to this file; or "module:function", "file.py:function", or MJCF text
-drive = "grasp.py:lift"                # a function; or "controls.npz", "controls.csv", "random". Instead of a drive, a policy:
+drive = "grasp.py:lift"                # a function; or "controls.npz", "controls.csv", "random". Instead of drive, a policy:
                                        # policy = "file.py:function", "walker.onnx", "walker.pt", "walker.npz"
 seconds = 1.0
 episodes = 16
@@ -116,7 +116,7 @@ def _model(source: str, folder: Path) -> Any:
 
 
 def _policy(source: str, folder: Path) -> Policy:
-    """Drive from the entry `policy` of a study file."""
+    """Controller from the entry `policy` of a study file."""
     if source.endswith((*ENDINGS, PROGRAM)):
         return Policy(folder / source)
     found = find(source, folder)
@@ -124,11 +124,11 @@ def _policy(source: str, folder: Path) -> Policy:
 
 
 def _drive(source: str, folder: Path) -> Callable[[Any], Any]:
-    """Drive from the entry `drive` of a study file."""
+    """Controller from the entry `drive` of a study file."""
     if source.endswith((".npz", ".csv")):
         return Recorded(folder / source)
     found: Callable[[Any], Any] = find(source, folder)
-    # A class is instantiated: a drive with internal state.
+    # A class is instantiated: a controller with internal state.
     return found() if isinstance(found, type) else found
 
 

@@ -1,4 +1,4 @@
-"""Parameters of a study: uncertain numbers of a model, its sensors, actuators, settings or drive, with their ranges.
+"""Parameters of a study: uncertain numbers of a model, its sensors, actuators, settings or controller, with their ranges.
 
 A selector (`stepper.shared.selectors`) names the numbers that a parameter changes:
 
@@ -7,7 +7,7 @@ A selector (`stepper.shared.selectors`) names the numbers that a parameter chang
     sensor.delay[imu], sensor.noise_std ...     an attribute of `stepper.Transfer`
     actuator.delay[hip], actuator.servo.kp ...  an attribute of `stepper.Drive`, its motor or servo
     options.timestep, options.contact ...       an attribute of `stepper.Options`, or "precision"
-    drive                                       a number for the drive and the measures, which read `now.parameters[name]`
+    drive                                       a number for the controller and the measures, which read `now.parameters[name]`
 """
 
 from __future__ import annotations
@@ -274,7 +274,7 @@ def check(parameters: Mapping[str, Parameter], model: Model) -> None:
                     raise ValueError(f"selector is {parameter.selector!r}: a drive has no {part!r}, use one of: motor, servo")
                 _number_of(_PARTS[part], leaf)
             elif parameter.kind == "drive" and parameter.unchanged is None:
-                raise ValueError("it has no nominal value, which the drive reads at the nominal point: give it one")
+                raise ValueError("it has no nominal value, which the controller reads at the nominal point: give it one")
         except (AttributeError, TypeError, ValueError) as error:
             raise ValueError(f"parameter {name!r}: {error}") from None
     _check_pairs(parameters, model)

@@ -351,7 +351,7 @@ def _repeated(levels: Sequence[Level]) -> list[str]:
     return [
         f"Levels whose episodes repeat one another bit for bit have no interval, because they are no independent trials: as few as "
         f"{fewest.different} different of {counted(fewest.episodes, 'episode')}. Give the study qpos_noise, qvel_noise, a random start or "
-        "drive, or episodes=1."
+        "controller, or episodes=1."
     ]
 
 
@@ -497,7 +497,7 @@ def in_force(study: Study, count: int, table: str = "table") -> list[Section]:
     used = study.in_force
     rows = [
         ["model", used["model"]["sha256"]],
-        ["drive", f"{used['drive']['name']} {used['drive']['sha256']}"],
+        ["controller", f"{used['drive']['name']} {used['drive']['sha256']}"],
         *([f"outcome {outcome['name']}", f"{outcome['measure']} {outcome['sha256']}"] for outcome in used["outcomes"]),
         ["versions", ", ".join(f"{name} {version}" for name, version in used["versions"].items())],
         ["binary", used["binary"]],

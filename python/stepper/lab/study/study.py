@@ -1,4 +1,4 @@
-"""Definition of a study (`stepper.lab.Study`): model, drive, outcomes and parameters."""
+"""Definition of a study (`stepper.lab.Study`): model, controller, outcomes and parameters."""
 
 from __future__ import annotations
 
@@ -77,15 +77,15 @@ class _Source:
 @hint_keywords("stepper.lab.Study")
 @dataclass(frozen=True, kw_only=True)
 class Study(metaclass=Hinting):
-    """Simulation experiment: episodes of a model with a controller (drive), measured outcomes and uncertain parameters.
+    """Simulation experiment: episodes of a model with a controller, measured outcomes and uncertain parameters.
 
     If selectors or measures contain names of elements, the constructor loads the model to check them.
 
     Attributes:
         model: Source of the model, as for `stepper.load`, or a `Model`, or a function that returns one of these.
         name: Name in tables and of the folder of results; for studies in files the default is the name of the file.
-        drive: Source of the controls: a function of a `World`, `Recorded(path)`, `Policy(function)`, or "random". None keeps the controls
-            of the keyframe, or 0.
+        drive: Controller, which computes the controls: a function of a `World`, `Recorded(path)`, `Policy(function)`, or "random". None
+            keeps the controls of the keyframe, or 0.
         outcomes: Measured results of an episode, of which at most one has a condition of success. `chart` and `tune` need no outcome.
         parameters: Uncertain parameters by name.
         settings: Alternative settings for the same episodes, by name: attributes of `Options` and "precision". Or {"engine": "mujoco"} with
@@ -135,7 +135,7 @@ class Study(metaclass=Hinting):
     _source: _Source | None = field(default=None, repr=False, compare=False)
 
     def _check_functions(self) -> None:
-        """Check that the drive and the start can be called."""
+        """Check that the controller and the start can be called."""
         if not (self.drive is None or self.drive == "random" or callable(self.drive)):
             raise TypeError(f'drive is {self.drive!r}, must be a function, Recorded, Policy, "random" or None')
         if not (self.start is None or callable(self.start)):
@@ -234,7 +234,7 @@ class Study(metaclass=Hinting):
 
     @cached_property
     def hold(self) -> float:
-        """Control period, s: the time between two calls of the drive."""
+        """Control period, s: the time between two calls of the controller."""
         if self.control is not None:
             return self.control
         timestep = self.options.timestep or float(self.loaded[0].timestep)
@@ -261,7 +261,7 @@ class Study(metaclass=Hinting):
         return {name: p.nominal for name, p in self.parameters.items() if p.nominal is not None}
 
     def driven(self) -> Any:
-        """Drive (a function of a `World`) for one batch; None keeps the initial controls."""
+        """Controller (a function of a `World`) for one batch; None keeps the initial controls."""
         return drives.Random(self.seed) if isinstance(self.drive, str) else self.drive
 
     def setting(self, name: str, given: Mapping[str, Any] | None = None) -> dict[str, Any]:

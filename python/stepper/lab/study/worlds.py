@@ -71,7 +71,7 @@ CHANGING = frozenset({"step", "reset", "set_state", "randomize", "rollout", "rec
 
 
 class World:
-    """Environments of a study in one engine, which drives and measures read. Abstract.
+    """Environments of a study in one engine, which controllers and measures read. Abstract.
 
     It has these attributes of `Stepper`, with the environments as the leading axis: `qpos`, `qvel`, `xpos`, `xquat`, `site_xpos`,
     `geom_xpos`, `sensordata`, `sensordata_ideal`, `body_contact_force`, `contacts()` and `read(name, of)`. With the engine stepper it has
@@ -84,9 +84,9 @@ class World:
         timestep: Time step, s.
         time: Time since the start of the episode, (num_envs,) s.
         senses: Whether a sensor was read.
-        ideal: Whether this run has ideal sensors whatever the study's sensor model, as in charts, tuning and diagnoses of failures. Drives
+        ideal: Whether this run has ideal sensors whatever the study's sensor model, as in charts, tuning and diagnoses of failures. Controllers
             that simulate sensor errors themselves, such as a field of view, must then leave them out.
-        last_ctrl: Last return value of the drive: controls (num_envs, nu) or (nu,), or None if it kept the previous controls.
+        last_ctrl: Last return value of the controller: controls (num_envs, nu) or (nu,), or None if it kept the previous controls.
         parameters: Values of the study's parameters by name: (num_envs,), numbers or texts.
         episodes: Number of each environment's episode, (num_envs,).
     """

@@ -40,7 +40,7 @@ def clock(monkeypatch):
 
 
 def ball(**changed):
-    return stepper.lab.Study.from_model(BALL, name="ball", seconds=0.2, qvel_noise=0.1, drive=None, **changed)
+    return stepper.lab.Study.from_model(BALL, name="ball", seconds=0.2, qvel_noise=0.1, controller=None, **changed)
 
 
 def test_a_run_that_the_clock_stops_has_what_it_saw(clock):
@@ -80,7 +80,7 @@ def test_an_episode_that_is_not_finite_is_over(tmp_path):
     study = stepper.lab.Study.from_model(
         wild,
         seconds=1.0,
-        drive=None,
+        controller=None,
         qvel_noise=0.0,
         # The first episode begins at the joint's zero, where nothing grows.
         start=lambda now, rng: (np.array([[0.0, 0.1], [0.1, 0.1]]), np.zeros((2, 2))),

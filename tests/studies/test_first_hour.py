@@ -39,7 +39,7 @@ def test_a_study_imports_a_module_of_its_folder(tmp_path: Path):
 
 def test_a_change_of_a_module_beside_a_study_changes_its_digest(tmp_path: Path):
     """Rows of the journal would be stale otherwise."""
-    gains, deeper, file = (tmp_path / f"{name}_of_a_newcomer.py" for name in ("gains", "deeper", "drive"))
+    gains, deeper, file = (tmp_path / f"{name}_of_a_newcomer.py" for name in ("gains", "deeper", "controller"))
     deeper.write_text("KP = 1.0\n")
     gains.write_text("from deeper_of_a_newcomer import KP\n")
     file.write_text("import numpy\nimport gains_of_a_newcomer\ndef drive(now):\n    return gains_of_a_newcomer.KP\n")
@@ -69,7 +69,7 @@ def jerk(now):
 
 def jerked(**given):
     """Pendulum with random torques."""
-    return Study(model=PENDULUM, drive=jerk, seconds=0.1, outcomes=Outcome(name="angle", measure="joint hinge"), **given)
+    return Study(model=PENDULUM, controller=jerk, seconds=0.1, outcomes=Outcome(name="angle", measure="joint hinge"), **given)
 
 
 def test_random_numbers_of_a_controller_depend_on_seed_and_episode_alone(tmp_path: Path):
@@ -199,7 +199,7 @@ ERRORS = {
         "  bad.py, line 4, in twice: return 2 * x['b']",
     ],
     "from stepper.lab import Outcome, Study\n\ndef drive(now):\n    return now.qpoz\n\n"
-    "study = Study(model='arm.xml', seconds=0.1, drive=drive, outcomes=Outcome(name='a', measure='joint hinge'))\n": [
+    "study = Study(model='arm.xml', seconds=0.1, controller=drive, outcomes=Outcome(name='a', measure='joint hinge'))\n": [
         "bad.py, line 4, in drive: AttributeError: a stepper.lab.World has no attribute 'qpoz'; did you mean qpos?",
         "  bad.py, line 4, in drive: return now.qpoz",
     ],
@@ -223,13 +223,13 @@ def test_an_exception_in_a_study_file_is_shown_with_its_lines_alone(reach, capsy
 
 def test_an_exception_in_the_controller_of_a_toml_file_names_its_line(reach, capsys, monkeypatch):
     (reach / "control.py").write_text("import numpy as np\n\ndef control(now):\n    return np.zeros(now.num_envs) @ np.zeros((2, 3))\n")
-    (reach / "reach.toml").write_text('drive = "control.py:control"\n' + REACH)
+    (reach / "reach.toml").write_text('controller = "control.py:control"\n' + REACH)
     assert failed(capsys, monkeypatch, "sweep", "reach.toml").startswith("control.py, line 4, in control: ValueError: ")
 
 
 def test_controls_of_another_shape_name_the_controller(reach, capsys, monkeypatch):
     (reach / "control.py").write_text("import numpy as np\n\ndef control(now):\n    return np.zeros((3, 3))\n")
-    (reach / "reach.toml").write_text('drive = "control.py:control"\n' + REACH)
+    (reach / "reach.toml").write_text('controller = "control.py:control"\n' + REACH)
     told = failed(capsys, monkeypatch, "sweep", "reach.toml", "--no-cliffs")
     assert "the controller control.py:control returned the shape (3, 3), must be (num_envs, nu), which is (" in told
 

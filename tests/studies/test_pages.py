@@ -283,7 +283,7 @@ def test_parameters_without_a_cliff_are_listed_with_their_range(tmp_path):
         return np.where(now.episodes < now.parameters["share"], 1.0, -1.0)
 
     parameters = {
-        "share": stepper.lab.Parameter("drive", nominal=4, low=0, high=4),
+        "share": stepper.lab.Parameter("controller", nominal=4, low=0, high=4),
         "most": stepper.lab.Parameter("geom_friction[*][0]", low=0.5, high=1.0),
         "iterations": stepper.lab.Parameter("options.iterations", values=(5, 50)),
         "solver": stepper.lab.Parameter("options.solver", values=("auto", "newton")),

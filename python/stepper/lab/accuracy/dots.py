@@ -9,7 +9,6 @@ from dataclasses import dataclass, fields
 from stepper.lab.accuracy.candidates import pareto
 from stepper.lab.accuracy.distributions import Shift
 
-
 CAUSES = {"solver": "solver", "step": "time step", "model": "model"}
 """Causes of an error, as tables, pictures and notes name them, by the attribute of `Dot` with their part."""
 

@@ -27,7 +27,7 @@ from stepper.lab.study.worlds import World
 Array = NDArray[np.float64]
 FILES = "stepper_study_"
 """Prefix of the names under which `load_file` imports Python files of studies."""
-Drive = Callable[[World], Any]
+Controller = Callable[[World], Any]
 """Function of a `World` that returns controls (num_envs, nu) or (nu,), or None to keep the last ones. If it has a method
 `begin(now)`, that is called at the start of each batch."""
 
@@ -259,8 +259,8 @@ class Memory:
     def check(self) -> None:
         """Raise ValueError if an attribute or closure variable of the controller changed during the batch.
 
-        Controllers with a method `begin` and networks are not checked. Nor are variables that were missing, None or empty before the batch (they
-        may be caches), or have no digest.
+        Controllers with a method `begin` and networks are not checked. Nor are variables that were missing, None or empty before the batch
+        (they may be caches), or have no digest.
         """
         if self._restarts:
             return

@@ -55,8 +55,8 @@ class Outcome:
         success: Condition of success, a comparison such as ">= 0.05"; None is no condition.
         margin: Distance to the threshold, in the unit of the measure, below which the cause of a failure is "evaluation".
         unit: Unit of the measure, for tables.
-        cause: Cause of failures, if it is known beforehand: "physics", "perception", "controller" or "evaluation". With None, `stepper report`
-            repeats failed episodes with changes to find the cause.
+        cause: Cause of failures, if it is known beforehand: "physics", "perception", "controller" or "evaluation". With None,
+            `stepper report` repeats failed episodes with changes to find the cause.
     """
 
     name: str

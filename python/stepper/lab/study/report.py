@@ -497,7 +497,7 @@ def in_force(study: Study, count: int, table: str = "table") -> list[Section]:
     used = study.in_force
     rows = [
         ["model", used["model"]["sha256"]],
-        ["controller", f"{used['drive']['name']} {used['drive']['sha256']}"],
+        ["controller", f"{used['controller']['name']} {used['controller']['sha256']}"],
         *([f"outcome {outcome['name']}", f"{outcome['measure']} {outcome['sha256']}"] for outcome in used["outcomes"]),
         ["versions", ", ".join(f"{name} {version}" for name, version in used["versions"].items())],
         ["binary", used["binary"]],

@@ -84,7 +84,7 @@ class Study(metaclass=Hinting):
     Attributes:
         model: Source of the model, as for `stepper.load`, or a `Model`, or a function that returns one of these.
         name: Name in tables and of the folder of results; for studies in files the default is the name of the file.
-        drive: Controller, which computes the controls: a function of a `World`, `Recorded(path)`, `Policy(function)`, or "random". None
+        controller: Source of the controls: a function of a `World`, `Recorded(path)`, `Policy(function)`, or "random". None
             keeps the controls of the keyframe, or 0.
         outcomes: Measured results of an episode, of which at most one has a condition of success. `chart` and `tune` need no outcome.
         parameters: Uncertain parameters by name.
@@ -112,7 +112,7 @@ class Study(metaclass=Hinting):
 
     model: Any
     name: str = "study"
-    drive: Any = None
+    controller: Any = None
     outcomes: Outcome | Sequence[Outcome] | None = None
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
     settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
@@ -136,8 +136,8 @@ class Study(metaclass=Hinting):
 
     def _check_functions(self) -> None:
         """Check that the controller and the start can be called."""
-        if not (self.drive is None or self.drive == "random" or callable(self.drive)):
-            raise TypeError(f'drive is {self.drive!r}, must be a function, Recorded, Policy, "random" or None')
+        if not (self.controller is None or self.controller == "random" or callable(self.controller)):
+            raise TypeError(f'controller is {self.controller!r}, must be a function, Recorded, Policy, "random" or None')
         if not (self.start is None or callable(self.start)):
             raise TypeError(f'start is {self.start!r}, must be a function or None: "file.py:function" works only in TOML files')
 
@@ -203,7 +203,7 @@ class Study(metaclass=Hinting):
         if isinstance(source, str | Path) and str(source).endswith((".toml", ".py")):
             return replace(cls.from_file(source), **changed)
         name = Path(str(source)).stem if isinstance(source, str | Path) and "<" not in str(source) else "model"
-        return cls(**({"model": source, "name": name, "drive": "random", "qvel_noise": 0.01} | changed))
+        return cls(**({"model": source, "name": name, "controller": "random", "qvel_noise": 0.01} | changed))
 
     @classmethod
     def from_file(cls, path: str | Path) -> Study:
@@ -262,7 +262,7 @@ class Study(metaclass=Hinting):
 
     def driven(self) -> Any:
         """Controller (a function of a `World`) for one batch; None keeps the initial controls."""
-        return drives.Random(self.seed) if isinstance(self.drive, str) else self.drive
+        return drives.Random(self.seed) if isinstance(self.controller, str) else self.controller
 
     def setting(self, name: str, given: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Changed options of the settings with a name, as a dict.
@@ -308,7 +308,7 @@ class Study(metaclass=Hinting):
         return {
             "rows": _ROWS,
             "model": {"name": model.name, "sha256": model.digest, "omitted": len(model.omitted), "forces": _force_types(model)},
-            "drive": {"name": drives.name_of(self.drive), "sha256": drives.digest_of(self.driven())},
+            "controller": {"name": drives.name_of(self.controller), "sha256": drives.digest_of(self.driven())},
             "start": {"name": drives.name_of(self.start), "sha256": drives.digest_of(self.start), "keyframe": self.keyframe},
             "noise": [self.qpos_noise, self.qvel_noise],
             "outcomes": measured,

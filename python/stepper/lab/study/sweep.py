@@ -242,7 +242,7 @@ def _level(study: Study, cell: tuple[str, str, Value | None], rows: Sequence[Row
 
 def _different(study: Study, rows: Sequence[Row]) -> int:
     """Number of distinct episodes: all if starts or controls are random, otherwise those with distinct rows."""
-    if study.qpos_noise or study.qvel_noise or (study.drive == "random" and study.loaded[0].nu):
+    if study.qpos_noise or study.qvel_noise or (study.controller == "random" and study.loaded[0].nu):
         return len(rows)
     return len({json.dumps([row["outcomes"], row["certificate"]], sort_keys=True) for row in rows})
 

@@ -84,8 +84,8 @@ class World:
         timestep: Time step, s.
         time: Time since the start of the episode, (num_envs,) s.
         senses: Whether a sensor was read.
-        ideal: Whether this run has ideal sensors whatever the study's sensor model, as in charts, tuning and diagnoses of failures. Controllers
-            that simulate sensor errors themselves, such as a field of view, must then leave them out.
+        ideal: Whether this run has ideal sensors whatever the study's sensor model, as in charts, tuning and diagnoses of failures.
+            Controllers that simulate sensor errors themselves, such as a field of view, must then leave them out.
         last_ctrl: Last return value of the controller: controls (num_envs, nu) or (nu,), or None if it kept the previous controls.
         parameters: Values of the study's parameters by name: (num_envs,), numbers or texts.
         episodes: Number of each environment's episode, (num_envs,).

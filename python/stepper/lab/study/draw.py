@@ -174,15 +174,15 @@ def _panel(panel: Axes, sweep: Sweep, name: str, *, shares: bool) -> None:
 
 
 def _annotate(panel: Axes, sweep: Sweep, cliff: Cliff, number: int) -> None:
-    """Write the value of a cliff beside its line, where the panel is free: above the failures, whose intervals end below the text.
+    """Write the value of a cliff next to its line, where the panel is free: above the failures, whose intervals end below the text.
 
     If the panel ends near there, the text is below the successes on the other side. `number` is that of the settings.
     """
     values = [float(level.value or 0) for level in sweep.points(cliff.parameter, cliff.setting)]
     middle, width = (cliff.low + cliff.high) / 2, max(values) - min(values)
     fails_left = cliff.below < cliff.above
-    beside = middle - min(values) if fails_left else max(values) - middle
-    is_above = beside > _LABEL_WIDTH * width
+    free = middle - min(values) if fails_left else max(values) - middle
+    is_above = free > _LABEL_WIDTH * width
     on_left = fails_left if is_above else not fails_left
     panel.annotate(
         f"{middle:.4g}", (middle, 0.55 if is_above else 0.05), xytext=(-4 if on_left else 4, 9 * number), textcoords="offset points",

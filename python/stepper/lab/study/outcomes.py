@@ -50,8 +50,8 @@ class Outcome:
             * "force NAME x": contact force on a body, world axes, N
 
             Without an axis or channel, the measure is the norm.
-        reduce: Reduction of the measure to one number. "end" is its value at the end of the episode, "change" that minus its value at the
-            start. "max", "min" and "mean" are of its values at the start and after every control period.
+        reduce: Reduction of the measure to one number. With "end", it is the value at the end of the episode. With "change", it is that
+            minus the value at the start. With "max", "min" or "mean", it is of the values at the start and after every control period.
         success: Condition of success, a comparison such as ">= 0.05"; None is no condition.
         margin: Distance to the threshold, in the unit of the measure, below which the cause of a failure is "evaluation".
         unit: Unit of the measure, for tables.

@@ -70,7 +70,7 @@ def measured() -> dict[str, float]:
     observation, reward, *_ = env.step(np.tile(CTRL, (2, 1)))
 
     outcome = stepper.lab.Outcome(name="distance", measure=distance, unit="m")
-    study = stepper.lab.Study(model=SCENE, drive=lambda now: CTRL, outcomes=outcome, seconds=0.01 * STEPS, control=0.01 * STEPS)
+    study = stepper.lab.Study(model=SCENE, controller=lambda now: CTRL, outcomes=outcome, seconds=0.01 * STEPS, control=0.01 * STEPS)
     return {
         "stepper": float(distance(sim)[0]),
         "reward": -float(reward[0]),

@@ -16,7 +16,7 @@ def angles(drive: Any, folder: Path, batch: int = 64) -> list[float]:
     """Angle of the arm after each of four episodes from starts of their own, with a folder for every size of a batch."""
     study = stepper.lab.Study(
         model=ARM,
-        drive=drive,
+        controller=drive,
         seconds=0.4,
         episodes=4,
         batch=batch,

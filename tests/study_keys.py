@@ -10,7 +10,7 @@ import stepper
 PARTS = (("", stepper.lab.Study), ("[[outcomes]]", stepper.lab.Outcome), ("[parameters.NAME]", stepper.lab.Parameter))
 IN_TOML = {
     "model": 'a path beside the file, MJCF, or "file.py:function"',
-    "drive": '"file.py:function" or class, "module:function", "controls.npz", "controls.csv", "random"',
+    "controller": '"file.py:function" or class, "module:function", "controls.npz", "controls.csv", "random"',
     "start": '"file.py:function"',
     "exact": '"file.py:function"',
     "outcomes": "tables `[[outcomes]]`, below",
@@ -22,7 +22,7 @@ IN_TOML = {
 }
 """How values are written in a file that are no numbers, words or lists of them."""
 POLICY = (
-    "| `policy` | | In place of drive, in a file alone: a function of what the sensors say, or a file of a network. "
+    "| `policy` | | In place of controller, in a file alone: a function of what the sensors say, or a file of a network. "
     '| "file.py:function", a file |'
 )
 

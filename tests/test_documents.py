@@ -2,6 +2,7 @@
 
 import importlib
 import importlib.util
+import inspect
 import re
 import sys
 import tomllib
@@ -107,6 +108,32 @@ def test_documented_names_exist(page):
         owner, _, last = name.rpartition(".")
         found = importlib.util.find_spec(name) if owner == "stepper.adapters" else getattr(importlib.import_module(owner), last, None)
         assert found is not None, name
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if "\n::: " in page.read_text()], ids=named)
+def test_documented_functions_are_not_hidden_by_their_modules(page):
+    """Griffe takes `stepper.load` for the module of that name, which has no signature: such a page names the module and a heading."""
+    entries = re.findall(r"^::: ([\w.]+)$((?:\n {4,}.*)*)", page.read_text(), re.MULTILINE)
+    for name, options in entries:
+        owner, _, last = name.rpartition(".")
+        if owner == "stepper.adapters":
+            continue
+        found = getattr(importlib.import_module(owner), last)
+        module = found.__module__ if inspect.isfunction(found) else ""
+        if module.rpartition(".")[2] != last:
+            continue
+        of_module = f"from {module} import " in Path(inspect.getsourcefile(importlib.import_module(owner))).read_text()
+        if module == name or not of_module:
+            assert name == f"{module}.{last}", f"{name}: write ::: {module}.{last}, with heading: {name} in its options"
+            heading = re.search(r"heading: (\S+)", options)
+            assert heading, name
+            place, _, public = heading[1].rpartition(".")
+            assert getattr(importlib.import_module(place), public) is found
+
+
+def test_signatures_of_constructors_are_shown():
+    """Mkdocstrings shows the signature of a class only if it merges the constructor into it."""
+    assert re.search(r"^ +merge_init_into_class: true$", (ROOT / "mkdocs.yml").read_text(), re.MULTILINE)
 
 
 def test_figures_of_the_readme_are_those_of_the_result_files():

@@ -11,7 +11,7 @@ from stepper.shared.machine import package_file
 study = stepper.lab.Study(
     name="fetch",
     model=package_file("gymnasium_robotics", "envs/assets/fetch/pick_and_place.xml", "for its Fetch"),
-    drive="random",
+    controller="random",
     seconds=0.5,
     episodes=8,
     qvel_noise=0.05,

@@ -8,7 +8,7 @@ from stepper.shared.machine import package_file
 study = stepper.lab.Study(
     name="fish",
     model=package_file("dm_control", "suite/fish.xml", "for its fish"),
-    drive="random",
+    controller="random",
     outcomes=[
         stepper.lab.Outcome(name="way", measure="body torso", reduce="change", unit="m"),
         stepper.lab.Outcome(name="speed", measure="jointvel tail1", reduce="max", success=">= 5", unit="rad/s"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from typing import Any
 
 import griffe
@@ -26,6 +27,26 @@ class Constructors(griffe.Extension):
             if isinstance(new, griffe.Function):
                 init = griffe.Function("__init__", lineno=new.lineno, parameters=new.parameters, returns=None, parent=cls)
                 cls.members["__init__"] = init
+
+
+class PrivateParameters(griffe.Extension):
+    """Leaves private parameters out of the signatures of constructors, as `hint_keywords` does; griffe's `dataclasses` must run before."""
+
+    def on_package(self, *, pkg: griffe.Module, **_: Any) -> None:
+        """Called by griffe when a package is loaded."""
+        for owner in _classes(pkg):
+            init = owner.members.get("__init__")
+            if isinstance(init, griffe.Function):
+                init.parameters = griffe.Parameters(*(own for own in init.parameters if not own.name.startswith("_")))
+
+
+def _classes(owner: griffe.Object) -> Iterator[griffe.Class]:
+    """Classes of a package, module or class, without imported ones."""
+    for member in owner.members.values():
+        if isinstance(member, griffe.Class):
+            yield member
+        if isinstance(member, griffe.Module | griffe.Class):
+            yield from _classes(member)
 
 
 class Selectors(griffe.Extension):

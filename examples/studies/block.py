@@ -57,7 +57,7 @@ study = stepper.lab.Study(
     outcomes=stepper.lab.Outcome(name="lost at the first touch", measure=lost, success=f"<= {LOSS}"),
     parameters={
         "friction": stepper.lab.Parameter("geom_friction[*][0]", nominal=THEORY, low=0.0, high=0.08, source="the exercise"),
-        "speed": stepper.lab.Parameter("drive", nominal=SPEED, low=0.5, high=2.0, unit="m/s", source="the exercise"),
+        "speed": stepper.lab.Parameter("controller", nominal=SPEED, low=0.5, high=2.0, unit="m/s", source="the exercise"),
         "restitution": stepper.lab.Parameter("geom_restitution[block]", low=0.3, high=0.5, source="the exercise"),
     },
     seconds=0.3,  # after the first impact at 0.19 s, before the second at 0.39 s

@@ -75,7 +75,7 @@ def balancing(name: str, file: str) -> Any:
     return stepper.lab.Study(
         name=name,
         model=model,
-        drive=Balance(file),
+        controller=Balance(file),
         outcomes=[
             stepper.lab.Outcome(name="lowest tip", measure="site tip z", reduce="min", success=f">= {TIP}", unit="m"),
             stepper.lab.Outcome(

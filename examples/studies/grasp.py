@@ -62,7 +62,7 @@ def slip(now: Any) -> np.ndarray[Any, Any]:
 study = stepper.lab.Study(
     name="grasp",
     model=MODEL,
-    drive=lift,
+    controller=lift,
     outcomes=[
         stepper.lab.Outcome(name="slip", measure=slip, reduce="max", success="<= 0.0005", unit="m"),
         stepper.lab.Outcome(

@@ -143,7 +143,7 @@ def start(now: Any, _: Any) -> Any:
 study = stepper.lab.Study(
     name="panda",
     model=scene,
-    drive=pick,
+    controller=pick,
     start=start,
     outcomes=[
         stepper.lab.Outcome(name="rise", measure="body cube z", reduce="change", success=">= 0.1", unit="m"),

@@ -110,12 +110,12 @@ def start(now: Any, rng: Any) -> Any:
     return qpos, np.zeros((now.num_envs, now.model.nv))
 
 
-def picking(name: str, drive: Any, control: float) -> Any:
+def picking(name: str, controller: Any, control: float) -> Any:
     """Study of a controller: success is a cube lifted by 10 cm within 4 s."""
     return stepper.lab.Study(
         name=name,
         model=scene,
-        drive=drive,
+        controller=controller,
         start=start,
         outcomes=panda.study.outcomes,
         parameters=panda.study.parameters,

@@ -65,14 +65,14 @@ def beyond(now: Any) -> np.ndarray[Any, Any]:
 study = stepper.lab.Study(
     name="pushed_box",
     model=MODEL,
-    drive=Stop(),
+    controller=Stop(),
     outcomes=stepper.lab.Outcome(name="from the line", measure=beyond, success=f"<= {WIDE}", margin=1e-5, unit="m"),
     sensors=stepper.SensorModel({"camera": stepper.Transfer(noise_std=0.001, delay=0.01)}),
     parameters={
         "friction": stepper.lab.Parameter("geom_friction[table,box][0]", nominal=0.5, low=0.1, high=0.9, source="boxes on tables"),
         "mass": stepper.lab.Parameter("body_mass[box]", operation="scale", low=0.5, high=2.0, source="contents of the box"),
         "height": stepper.lab.Parameter("geom_size[box][2]", operation="scale", low=0.6, high=1.0, source="the box"),
-        "rate": stepper.lab.Parameter("drive", nominal=50.0, values=(5.0, 10.0, 25.0, 50.0), unit="Hz", source="controllers"),
+        "rate": stepper.lab.Parameter("controller", nominal=50.0, values=(5.0, 10.0, 25.0, 50.0), unit="Hz", source="controllers"),
         "camera noise": stepper.lab.Parameter("sensor.noise_std", low=0.0, high=0.02, unit="m", source="detectors of markers"),
         "camera delay": stepper.lab.Parameter("sensor.delay", low=0.0, high=0.1, unit="s", source="cameras of 30 to 100 Hz"),
         "camera place": stepper.lab.Parameter(
@@ -82,7 +82,9 @@ study = stepper.lab.Study(
         "camera tilt": stepper.lab.Parameter(
             "body_quat[camera][3]", operation="add", low=-0.015, high=0.015, unit="rad/2", source="a bracket, by eye"
         ),
-        "field of view": stepper.lab.Parameter("drive", nominal=1.0, low=0.4, high=1.2, unit="rad", source="lenses of 23 to 69 degrees"),
+        "field of view": stepper.lab.Parameter(
+            "controller", nominal=1.0, low=0.4, high=1.2, unit="rad", source="lenses of 23 to 69 degrees"
+        ),
     },
     seconds=1.6,
     control=0.02,

@@ -90,14 +90,14 @@ def start(now: Any, rng: Any) -> Any:
 study = stepper.lab.Study(
     name="quadruped",
     model=robot,
-    drive=trot,
+    controller=trot,
     start=start,
     outcomes=[
         stepper.lab.Outcome(name="lowest trunk", measure="body base z", reduce="min", success=">= 0.18", unit="m"),
         stepper.lab.Outcome(name="way", measure="body base x", reduce="change", unit="m"),
     ],
     parameters={
-        "push": stepper.lab.Parameter("drive", nominal=0.0, low=0.0, high=300.0, unit="N", source="a person, for 0.1 s"),
+        "push": stepper.lab.Parameter("controller", nominal=0.0, low=0.0, high=300.0, unit="N", source="a person, for 0.1 s"),
         "friction": stepper.lab.Parameter("geom_friction[floor,F?,R?][0]", low=0.2, high=1.0, source="wet tiles to rubber on concrete"),
         "payload": stepper.lab.Parameter("body_mass[base]", operation="scale", low=0.8, high=1.8, source="batteries and arms"),
         "stiffness": stepper.lab.Parameter("actuator_kp", operation="scale", low=0.5, high=1.5, source="usual gains: 20 to 100 N m/rad"),

@@ -150,9 +150,12 @@ def not_assigned(owner: type, name: str) -> AttributeError:
     return AttributeError(f"{name} of a stepper.{owner.__name__} cannot be assigned: {reason}")
 
 
-def no_attribute(owner: type, name: str) -> AttributeError:
-    """Error for an attribute that a class does not have. The hint is its present name, the class that has it, or similar names."""
-    hint = _place_of(owner, name) or did_you_mean(name, dir(owner))
+def no_attribute(owner: type, name: str, more: Iterable[str] = ()) -> AttributeError:
+    """Error for an attribute that a class does not have. The hint is its present name, the class that has it, or similar names.
+
+    `more` are names of attributes that instances have and the class does not.
+    """
+    hint = _place_of(owner, name) or did_you_mean(name, {*dir(owner), *more})
     return AttributeError(f"a {_public_name(owner)} has no attribute {name!r}{hint}")
 
 

@@ -51,6 +51,7 @@ NEW_NAMES: dict[str, dict[str, str]] = {
         **{name: f"stepper.envs.{place}.{name}" for place, names in _TASKS.items() for name in names},
     },
     "Options": {"of": "from_model"},
+    "selector": {"drive": "controller"},
     "Study": {"of": "from_model"},
     "World": {
         "body": "read('xpos', name)",
@@ -243,6 +244,7 @@ NEW_KEYWORDS_OF = {
     "Stepper.mass_matrix": dict.fromkeys(("env", "envs"), "mass_matrix()[env]: it has all environments"),
     **{f"Stepper.{name}": {"envs": "env, one environment"} for name in ("get_state", "worst_row", "save_problem")},
     "Stepper.contacts": {"env": "envs"},
+    "stepper.lab.Study": {"drive": "controller", "policy": "controller=stepper.lab.Policy(...)"},
     "stepper.lab.Parameter": {
         "target": "selector, as 'geom_friction[floor,box][0]'",
         "names": "selector, as 'geom_friction[floor,box]'",

@@ -53,3 +53,13 @@ class Status(IntFlag):
     * the equality is out of reach (INFEASIBLE)
     * stabilization="none"
     * contact="mujoco": equalities are soft, and the load is large"""
+
+    def __str__(self) -> str:
+        """Names of the set flags, as "Status.INFEASIBLE | Status.DEEP", and the number of bits without a name."""
+        names = [f"Status.{flag.name}" for flag in self]
+        rest = int(self) & ~sum(Status)
+        return " | ".join([*names, *([str(rest)] if rest else [])]) or "Status.OK"
+
+    def __format__(self, spec: str) -> str:
+        """Names of the flags, or the number with a format such as "d"."""
+        return int.__format__(self, spec) if spec else str(self)

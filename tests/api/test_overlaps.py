@@ -182,3 +182,35 @@ def _colliding_bodies(model):
     """Pairs of bodies whose geoms meet where all bodies are in one place: contacts of a model whose geoms are larger than the robot."""
     large = model.replace(geom_size=np.where(model.geom_size > 0, 9.0, 0.0))
     return {tuple(sorted(pair)) for pair in contacts_of(large)["body"].tolist()}
+
+
+KEYS = """<mujoco><worldbody><geom name="floor" type="plane" size="9 9 1"/>
+  <body pos="0 0 .1"><freejoint/><geom name="low" type="box" size=".1 .1 .1"/></body>
+  <body pos="0 0 .3"><freejoint/><geom name="high" type="box" size=".1 .1 .1"/></body></worldbody>
+  <keyframe>
+    <key name="apart" qpos="0 0 .1 1 0 0 0  0 0 .3 1 0 0 0"/>
+    <key name="jammed" qpos="0 0 .098 1 0 0 0  0 0 .2 1 0 0 0"/>
+    <key qpos="0 0 .08 1 0 0 0  0 0 .3 1 0 0 0"/>
+    <key name="flat" qpos="0 0 .0995 1 0 0 0  0 0 .3 1 0 0 0"/>
+  </keyframe></mujoco>"""
+
+
+def test_keyframes_with_deep_overlaps_are_named_with_the_pair_and_the_remedy():
+    _, (text,) = load(KEYS, overlaps="keep")
+    lines = text.splitlines()
+    # Boxes of 0.2 m whose centres are 0.102 m apart; the box is 2 mm in the floor.
+    assert "  jammed: low and high by 98.00 mm, and 1 more" in lines
+    assert "  #2: floor and low by 20.00 mm" in lines
+    assert "change the qpos of the keyframe" in text
+    assert not [line for line in lines if line.startswith(("  apart", "  flat"))]  # 0.5 mm is not deep.
+
+
+def test_a_keyframe_with_an_overlap_that_is_named_sets_deep():
+    model = stepper.load(KEYS)
+    sim = stepper.Stepper(model)
+    flags = []
+    for key in range(4):
+        sim.reset(keyframe=key)
+        sim.step()
+        flags.append(bool(stepper.Status(sim.status) & stepper.Status.DEEP))
+    assert flags == [False, True, True, False]

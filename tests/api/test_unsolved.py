@@ -100,3 +100,21 @@ def test_the_problem_of_an_environment_is_that_of_its_controls(tmp_path: Path):
 def test_a_file_that_cannot_be_written_is_an_error_that_names_it(tmp_path: Path):
     with pytest.raises(OSError, match=r"nowhere.*a\.problem cannot be written .*choose a folder that exists"):
         stack().save_problem(tmp_path / "nowhere" / "a.problem")
+
+
+@pytest.mark.parametrize(
+    ("word", "text"),
+    [
+        (0, "Status.OK"),
+        (64, "Status.DEEP"),
+        (96, "Status.INFEASIBLE | Status.DEEP"),
+        (4096, "4096"),
+        (4096 + 32, "Status.INFEASIBLE | 4096"),
+    ],
+)
+def test_flags_print_their_names(word, text):
+    flags = stepper.Status(word)
+    assert str(flags) == f"{flags}" == text
+    assert f"{flags:d}" == str(word)
+    if word < 4096:
+        assert eval(text, {"Status": stepper.Status}) == flags

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from stepper._other_names import RENAMED
 from stepper.envs import Observation, Rng, StepperEnv, StepperVectorEnv, Task, contact_forces
-from stepper.envs.streams import Streams
+from stepper.shared.streams import Streams
 
 SCENE = """<mujoco><worldbody><body><joint name="x" type="slide" axis="1 0 0"/><geom size=".1"/></body></worldbody>
   <actuator><motor joint="x" ctrlrange="-1 1" ctrllimited="true"/></actuator></mujoco>"""

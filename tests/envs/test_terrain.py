@@ -7,9 +7,9 @@ import stepper
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from stepper.envs import Reset, Rng, terrain
-from stepper.envs.streams import Streams
 from stepper.envs.terrain import Terrain, TerrainCurriculum, stage_of
 from stepper.sensors import HeightField
+from stepper.shared.streams import Streams
 
 KINDS = {
     "flat": terrain.Flat(),

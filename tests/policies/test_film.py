@@ -1,10 +1,13 @@
 """Films of policies."""
 
 from importlib.util import find_spec
+from types import SimpleNamespace
 
 import gymnasium
 import numpy as np
 import pytest
+from stepper.cli import evaluate as command
+from stepper.cli import main
 from stepper.policies import film
 
 
@@ -39,3 +42,31 @@ def test_a_film_tells_how_far_it_is(tmp_path):
         film(np.zeros_like, "test/Pictures-v0", tmp_path / "film.mp4", actions=actions, progress=told.append)
     assert told == [1, 2, 3, 1, 2, 3, 4, 5]
     assert (tmp_path / "film.mp4").stat().st_size > 0
+
+
+def test_the_command_evaluate_films_after_it_has_checked_that_it_can(tmp_path, monkeypatch, capsys):
+    """With stand-ins for the parts that render and run, because few machines have OpenGL."""
+    calls = []
+    policy = SimpleNamespace(environment={})
+    monkeypatch.setattr(command, "load", lambda _: policy)
+    monkeypatch.setattr(command, "differences", lambda *_: [])
+    monkeypatch.setattr(command, "make", lambda *_, **__: None)
+    monkeypatch.setattr(command, "describe", lambda _: {})
+    monkeypatch.setattr(command, "check_film", lambda env, **settings: calls.append(("check", env, settings)))
+    monkeypatch.setattr(command, "run", lambda *_, **__: calls.append(("run",)) or "return 7")
+    monkeypatch.setattr(
+        command, "film", lambda *given, actions, seed, progress, **settings: calls.append(("film", *given, actions, seed, settings))
+    )
+    file = tmp_path / "run.mp4"
+    words = ["evaluate", "policy.npz", "stepper/HalfCheetah-v5", "--film", str(file), "--seed", "3", "--contact", "hard"]
+    monkeypatch.setattr("sys.argv", ["stepper", *words])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 0
+    settings = {"contact": "hard"}
+    assert calls == [
+        ("check", "stepper/HalfCheetah-v5", settings),
+        ("run",),
+        ("film", policy, "stepper/HalfCheetah-v5", file, 300, 3, settings),
+    ]
+    assert capsys.readouterr().out.splitlines() == ["return 7", f"wrote {file}"]

@@ -55,7 +55,7 @@ def test_a_smooth_motion_is_known_as_well_as_its_reference_says():
 
 
 def test_across_impacts_it_does_not_extrapolate_and_says_so():
-    study = scene(drive=None)
+    study = scene(controller=None)
     found = converge(study, range(4), Distance("m", 0.2), target=1e-9, most=4)
     assert not found.extrapolates.all()
     assert "no extrapolation in" in found.words
@@ -181,6 +181,11 @@ def test_a_chart_of_a_model_of_ones_own(tmp_path):
         parts = np.nansum([dot.solver, dot.step, dot.model])
         # Distances obey the triangle inequality; of medians of three episodes that is so within a factor of their number.
         assert dot.error <= 3 * parts + 1e-12
+        # Table, page and picture have the same words.
+        largest = np.nanargmax([dot.solver, dot.step, dot.model])
+        assert dot.row["cause"] == dot.cause == ("solver", "time step", "model")[largest]
+        assert dot.row["error from time step"] == dot.step
+    assert "| from solver | from time step | from model | cause |" in found.document.markdown()
     hard = [dot for dot in found.dots if dot.engine == "stepper" and "law" not in dot.setting]
     assert all(dot.model == 0 for dot in hard)
     soft = [dot for dot in found.dots if dot.engine == "MuJoCo"]
@@ -270,8 +275,8 @@ def test_the_own_settings_are_tried_in_both_precisions_and_nothing_is_tried_twic
 
 
 def test_episodes_that_repeat_those_that_chose_prove_nothing(tmp_path):
-    for study in (scene(drive=None), scene(drive=recorded(tmp_path, 13))):
-        count = 0 if study.drive is None else 1
+    for study in (scene(controller=None), scene(controller=recorded(tmp_path, 13))):
+        count = 0 if study.controller is None else 1
         with pytest.raises(ValueError, match=f"scene: {count} of 17 held-out episodes are distinct"):
             stepper.lab.tune(replace(study, qvel_noise=0.0), tmp_path, error="1 mm", horizon="0.1 s", coverage=0.8)
 
@@ -298,8 +303,8 @@ def saves(monkeypatch):
 
 
 def test_what_a_scene_does_not_need(tmp_path, saves):
-    motor = stepper.lab.Parameter("drive", nominal=0.01, low=0.0, high=0.02)
-    study = scene(drive=lambda now: now.parameters["motor"][:, None], parameters={"motor": motor})
+    motor = stepper.lab.Parameter("controller", nominal=0.01, low=0.0, high=0.02)
+    study = scene(controller=lambda now: now.parameters["motor"][:, None], parameters={"motor": motor})
     found = stepper.lab.tune(study, tmp_path, error="1 mm", horizon="0.1 s", coverage=0.5)
     spare = {own.part: own for own in found.spare}
     # Balls and arm meet one another nowhere, nor does the arm the floor; both balls lie on the floor.
@@ -345,7 +350,7 @@ def test_a_saving_is_timed():
 def test_what_is_used_stays(tmp_path):
     """A drive that reads the sensor, a joint at its limit, a ball that rolls."""
     study = scene(
-        drive=lambda now: 0.02 - 0.0 * now.read("sensordata", "angle"),
+        controller=lambda now: 0.02 - 0.0 * now.read("sensordata", "angle"),
         start=lambda now, rng: (np.tile(now.model.qpos0 + 1.5708 * (np.arange(15) == 14), (now.num_envs, 1)), np.ones((now.num_envs, 13))),
     )
     found = stepper.lab.tune(study, tmp_path, error="1 mm", horizon="0.1 s", coverage=0.5)

@@ -5,6 +5,7 @@ import sys
 import time
 from dataclasses import replace
 
+import matplotlib.figure
 import numpy as np
 import pytest
 import stepper
@@ -39,7 +40,7 @@ def clock(monkeypatch):
 
 
 def ball(**changed):
-    return stepper.lab.Study.from_model(BALL, name="ball", seconds=0.2, qvel_noise=0.1, drive=None, **changed)
+    return stepper.lab.Study.from_model(BALL, name="ball", seconds=0.2, qvel_noise=0.1, controller=None, **changed)
 
 
 def test_a_run_that_the_clock_stops_has_what_it_saw(clock):
@@ -79,7 +80,7 @@ def test_an_episode_that_is_not_finite_is_over(tmp_path):
     study = stepper.lab.Study.from_model(
         wild,
         seconds=1.0,
-        drive=None,
+        controller=None,
         qvel_noise=0.0,
         # The first episode begins at the joint's zero, where nothing grows.
         start=lambda now, rng: (np.array([[0.0, 0.1], [0.1, 0.1]]), np.zeros((2, 2))),
@@ -148,6 +149,21 @@ def test_a_chart_of_little_time_is_written(tmp_path, monkeypatch):
     page = (tmp_path / "ball/chart.html").read_text()
     assert "the budget of 1800 s was spent before" in page
     assert ">nan<" not in page
+
+
+def test_labels_of_a_chart_are_no_wider_than_their_panels(tmp_path, monkeypatch):
+    save, found = matplotlib.figure.Figure.savefig, []
+
+    def look(figure, path):
+        save(figure, path)
+        if not found:
+            for panel in figure.axes[:2]:
+                label, frame = panel.xaxis.label.get_window_extent(), panel.get_window_extent()
+                found.append((label.x0 - frame.x0, frame.x1 - label.x1))
+
+    monkeypatch.setattr(matplotlib.figure.Figure, "savefig", look)
+    stepper.lab.chart(ball(), tmp_path, quick=True, episodes=2, horizon=0.1, budget="20 s")
+    assert min(margin for pair in found for margin in pair) >= 0
 
 
 @pytest.mark.parametrize("wrong", ["5", 0, "1 m", math.inf])

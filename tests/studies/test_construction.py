@@ -55,6 +55,38 @@ def test_what_is_wrong_is_named_at_once(given, kind, parts):
         assert all(part in str(error.value) for part in parts), str(error.value)
 
 
+@pytest.mark.parametrize(
+    ("own", "parts"),
+    [
+        ({"engine": "mujoco", "cones": "elliptic"}, ["no setting 'cones'", "did you mean cone?"]),
+        ({"engine": "mujoco", "cone": "eliptic"}, ["no cone 'eliptic'", "did you mean elliptic?", "pyramidal"]),
+        ({"engine": "mujoco", "iterations": 2.5}, ["iterations is 2.5", "a whole number of at least 0"]),
+        ({"engine": "mujoco", "timestep": 0}, ["timestep is 0", "a number above 0"]),
+        ({"engine": "mujoco", "tolerance": "1e-8"}, ["tolerance is '1e-8'", "a number of at least 0"]),
+        ({"cone": "elliptic"}, ["unknown ['cone']", 'add engine = "mujoco"']),
+        ({"contact": "mujco"}, ["contact is 'mujco'", "did you mean mujoco?"]),
+        ({"precision": "f16"}, ["precision is 'f16'", "'f32'"]),
+    ],
+)
+def test_settings_are_checked_before_any_episode(own, parts):
+    with pytest.raises(ValueError, match="settings 'other'") as error:
+        Study(model=ARM, settings={"other": own})
+    assert all(part in str(error.value) for part in parts), str(error.value)
+
+
+def test_settings_of_mujoco_run():
+    every = {"integrator": "implicitfast", "cone": "elliptic", "solver": "newton", "impratio": 2, "noslip_iterations": 0, "iterations": 9}
+    study = Study(model=ARM, settings={"other": {"engine": "mujoco", "tolerance": 0, "timestep": 0.001} | every}, seconds=0.1)
+    used = study.episode(setting="other")["settings"]
+    assert {name: used[name] for name in every} == every
+
+
+@pytest.mark.parametrize("given", [{"options": stepper.Options(integrator="rk5")}, {"precision": "f16"}])
+def test_the_words_of_a_studys_own_options_are_checked(given):
+    with pytest.raises(ValueError, match="did you mean"):
+        Study(model=ARM, **given)
+
+
 def test_a_copy_with_a_wrong_name_is_refused_too():
     study = Study(model=ARM, **GIVEN)
     with pytest.raises(ValueError, match=r"parameter 'm'.*did you mean arm"):

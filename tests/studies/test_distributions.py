@@ -19,7 +19,7 @@ def episodes(**values):
     made = stepper.lab.Study.from_model(
         HINGE,
         seconds=0.04,
-        drive=None,
+        controller=None,
         outcomes=(
             stepper.lab.Outcome(name="angle", measure="joint j", success=">= 0"),
             stepper.lab.Outcome(name="speed", measure="jointvel j"),

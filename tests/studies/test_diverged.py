@@ -55,7 +55,8 @@ def test_episodes_that_stepper_loses_are_failures_of_physics(tmp_path):
     """Euler's rule goes on until a step is not finite, and keeps the state before it, which is a success by its number."""
     spring = STIFF.replace("position", "motor").replace(' kp="1e6"', "")
     found = stepper.lab.report(
-        study(model=spring, drive=runaway, parameters={}, settings={}, options=stepper.Options(integrator="euler"), seconds=1.0), tmp_path
+        study(model=spring, controller=runaway, parameters={}, settings={}, options=stepper.Options(integrator="euler"), seconds=1.0),
+        tmp_path,
     )
     assert {(v.cause, v.rule) for v in found.verdicts if v.row["setting"] in ("stepper", "MuJoCo")} == {("physics", DIVERGED)}
     assert {level.setting: level.diverged for level in found.sweep.levels}.items() >= {"stepper": 3, "MuJoCo": 3}.items()
@@ -69,7 +70,7 @@ def test_the_mean_is_of_the_episodes_that_went_on(tmp_path):
         return np.where(now.episodes[:, None] % 2 == 0, runaway(now), 0.0)
 
     euler = stepper.Options(integrator="euler")
-    given = study(model=spring, drive=some, parameters={}, settings={}, options=euler, seconds=1.0)
+    given = study(model=spring, controller=some, parameters={}, settings={}, options=euler, seconds=1.0)
     found = stepper.lab.sweep(given, tmp_path)
     (level,) = found.sweep.levels
     assert (level.successes, level.diverged, level.episodes) == (1, 2, 3)
@@ -100,6 +101,6 @@ def test_controls_that_are_not_finite_are_the_drives(setting):
     def late(now):
         return np.where(now.time < 0.05, 0.0, np.where(now.episodes == 1, np.nan, 0.0))[:, None]
 
-    given = study(model=STIFF.replace("1e6", "1"), drive=late, settings={"MuJoCo": {"engine": "mujoco"}})
+    given = study(model=STIFF.replace("1e6", "1"), controller=late, settings={"MuJoCo": {"engine": "mujoco"}})
     with pytest.raises(ValueError, match=r"late gives actuator 'servo' the control nan at 0\.06 s of episode 1: controls must be finite"):
         given.episode({}, 1, setting=setting)

@@ -1,12 +1,18 @@
 """Studies as newcomers write them: modules side by side, functions named by text, furniture with mass."""
 
+import csv
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
-from stepper.lab import Outcome, Study
+from stepper.cli import app, main
+from stepper.lab import Outcome, Parameter, Study, sweep
 from stepper.lab.comparison import compare
+from stepper.lab.study.batches import running, world_of
 from stepper.lab.study.drives import digest_of, load_file
+from stepper.lab.study.points import USUAL
 
 FURNITURE = """<mujoco><worldbody>
   <body name="shelf" pos="0 0 2"><geom type="box" size=".1 .1 .1" mass="3"/></body>
@@ -33,7 +39,7 @@ def test_a_study_imports_a_module_of_its_folder(tmp_path: Path):
 
 def test_a_change_of_a_module_beside_a_study_changes_its_digest(tmp_path: Path):
     """Rows of the journal would be stale otherwise."""
-    gains, deeper, file = (tmp_path / f"{name}_of_a_newcomer.py" for name in ("gains", "deeper", "drive"))
+    gains, deeper, file = (tmp_path / f"{name}_of_a_newcomer.py" for name in ("gains", "deeper", "controller"))
     deeper.write_text("KP = 1.0\n")
     gains.write_text("from deeper_of_a_newcomer import KP\n")
     file.write_text("import numpy\nimport gains_of_a_newcomer\ndef drive(now):\n    return gains_of_a_newcomer.KP\n")
@@ -50,3 +56,200 @@ def test_fixed_bodies_have_no_potential_energy_in_any_engine():
     ends = [values["energy at the end, J"] for values in figures.values()]
     assert len(ends) == 3
     np.testing.assert_allclose(ends, ends[0], atol=0.1)
+
+
+PENDULUM = """<mujoco><worldbody><body name="arm"><joint name="hinge" axis="0 1 0" damping=".1"/><geom size=".02" pos=".3 0 0" mass=".1"/>
+  </body></worldbody><actuator><motor name="motor" joint="hinge"/></actuator></mujoco>"""
+
+
+def jerk(now):
+    """Random torques, N m, between -1 and 1."""
+    return now.rng("jerk").uniform(-1.0, 1.0, 1)
+
+
+def jerked(**given):
+    """Pendulum with random torques."""
+    return Study(model=PENDULUM, controller=jerk, seconds=0.1, outcomes=Outcome(name="angle", measure="joint hinge"), **given)
+
+
+def test_random_numbers_of_a_controller_depend_on_seed_and_episode_alone(tmp_path: Path):
+    masses = {"mass": Parameter("body_mass[arm]", low=0.1, high=0.2, values=(0.1, 0.2))}
+    study = jerked(parameters=masses, episodes=3)
+    angles = [study.episode({"mass": 0.1}, k)["outcomes"]["angle"] for k in range(3)]
+    assert len(set(angles)) == 3
+    for batch in (1, 256):
+        rows = sweep(replace(study, batch=batch), tmp_path / str(batch)).sweep.table
+        assert rows["outcome.angle"][rows["parameters.mass"] == 0.1].tolist() == angles
+    assert study.episode({"mass": 0.1}, 0, seed=1)["outcomes"]["angle"] not in angles
+
+
+def test_random_numbers_differ_by_name_and_control_period_and_repeat_within_one():
+    world, seen = world_of(jerked(), USUAL, [{}, {}]), []
+    for _ in running(jerked(), world, [0, 1]):
+        one, again, other = (world.rng(name).uniform(0.0, 1.0, 2) for name in ("gust", "gust", "noise"))
+        np.testing.assert_array_equal(one, again)
+        seen += [one, other]
+    # 2 environments, 2 numbers for each name and control period: all differ, with 53 bits each.
+    numbers = np.array(seen)
+    assert len(np.unique(numbers)) == numbers.size == 6 * 2 * 4
+
+
+def test_random_numbers_are_the_same_in_mujoco_and_at_other_time_steps():
+    study = jerked(control=0.02, settings={"MuJoCo": {"engine": "mujoco"}, "short": {"timestep": 0.001}})
+    drawn = {}
+    for setting in (USUAL, *study.settings):
+        world = world_of(study, setting, [{}])
+        drawn[setting] = [world.rng("jerk").normal(1).item() for _ in running(study, world, [4])]
+    assert drawn[USUAL] == drawn["MuJoCo"] == drawn["short"]
+    by_step = world_of(study, "short", [{}])
+    assert [by_step.rng("jerk").normal(1).item() for looks in running(study, by_step, [4], by_step=True) if looks] == drawn["short"]
+
+
+REACH = """
+model = "arm.xml"
+seconds = 0.1
+episodes = 2
+[[outcomes]]
+name = "angle"
+measure = "joint hinge"
+success = "<= 0.2"
+[parameters.friction]
+selector = "dof_frictionloss"
+operation = "add"
+low = 0.0
+high = 0.5
+[parameters.lost]
+selector = "dof_damping"
+low = 0.0
+high = 0.5
+"""
+
+
+@pytest.fixture
+def reach(tmp_path, monkeypatch):
+    """Folder of a study in reach.toml, as the working directory."""
+    (tmp_path / "arm.xml").write_text(PENDULUM)
+    (tmp_path / "reach.toml").write_text(REACH)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def failed(capsys, monkeypatch, *words: str) -> str:
+    """Last line on stderr of a command that fails."""
+    monkeypatch.setattr("sys.argv", ["stepper", *words])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 1
+    return capsys.readouterr().err.partition("stepper: ")[2]
+
+
+@pytest.mark.parametrize(
+    ("text", "hint"),
+    [
+        ("body_mas[arm]=0.5..2", "did you mean 'body_mass[arm]=0.5..2'?"),
+        ("body_mas", "did you mean body_mass?"),
+        ("actuator_kpp[motor]=1..2", "did you mean 'actuator_kp[motor]=1..2'"),
+        ("actuatr.delay[motor]=0..1", "did you mean 'actuator.delay[motor]=0..1'?"),
+        ("frition", "did you mean friction?"),
+    ],
+)
+@pytest.mark.usefixtures("reach")
+def test_a_misspelt_field_is_corrected(capsys, monkeypatch, text, hint):
+    assert hint in failed(capsys, monkeypatch, "sweep", "reach.toml", "--parameter", text)
+
+
+@pytest.mark.usefixtures("reach")
+def test_a_misspelt_field_of_a_value_is_corrected(capsys, monkeypatch):
+    told = failed(capsys, monkeypatch, "view", "reach.toml", "--values", "body_mas[arm]=1")
+    assert "did you mean 'body_mass[arm]'?" in told
+
+
+@pytest.mark.parametrize(
+    ("values", "told"),
+    [
+        (["body_mass[arm]=1", "body_mass[arm]=2"], "'body_mass[arm]' twice, as 1 and as 2"),
+        (["body_mass[arm]=1", "body_mass[*]=2"], "'body_mass[arm]' and 'body_mass[*]' set the same number of body_mass to 1 and to 2"),
+        (["lost=0.1", "dof_damping[hinge]=0.2"], "'lost' and 'dof_damping[hinge]' set the same number of dof_damping"),
+    ],
+)
+@pytest.mark.parametrize("command", [["view", "reach.toml", "--record", "run"], ["chart", "reach.toml", "--quick"]])
+@pytest.mark.usefixtures("reach")
+def test_two_values_of_one_number_are_an_error_that_names_both(capsys, monkeypatch, command, values, told):
+    assert told in failed(capsys, monkeypatch, *command, *(word for value in values for word in ("--values", value)))
+
+
+def test_values_that_do_not_contradict_each_other_are_taken(reach):
+    study = Study.from_file(reach / "reach.toml")
+    # "friction" adds to the number, so that both apply; equal values agree.
+    for values in ({"friction": 0.1, "dof_frictionloss[hinge]": 0.2}, {"lost": 0.1, "dof_damping": 0.1}, {"lost": 0.1, "friction": 0.1}):
+        assert study.episode(values)["parameters"].keys() == values.keys()
+
+
+@pytest.mark.usefixtures("reach")
+def test_a_ranking_of_parameters_of_the_same_number_names_both(capsys, monkeypatch):
+    words = ["rank", "reach.toml", "--parameter", "body_mass[arm]=1..2", "--parameter", "body_mass[*]=1..3"]
+    assert "'body_mass[arm]' and 'body_mass[*]' set the same number of body_mass: give" in failed(capsys, monkeypatch, *words)
+
+
+ERRORS = {
+    # Text of a study file, and the lines of the message.
+    "from stepper.lab import Study\n\ndef twice(x):\n    return 2 * x['b']\n\nstudy = Study(model='arm.xml', seconds=twice({'a': 1}))\n": [
+        "bad.py, line 4, in twice: KeyError: 'b'",
+        "  bad.py, line 6: study = Study(model='arm.xml', seconds=twice({'a': 1}))",
+        "  bad.py, line 4, in twice: return 2 * x['b']",
+    ],
+    "from stepper.lab import Outcome, Study\n\ndef drive(now):\n    return now.qpoz\n\n"
+    "study = Study(model='arm.xml', seconds=0.1, controller=drive, outcomes=Outcome(name='a', measure='joint hinge'))\n": [
+        "bad.py, line 4, in drive: AttributeError: a stepper.lab.World has no attribute 'qpoz'; did you mean qpos?",
+        "  bad.py, line 4, in drive: return now.qpoz",
+    ],
+    "import numpy\nx = (\n": ["bad.py, line 2: SyntaxError: '(' was never closed", "  bad.py, line 2: x = ("],
+    "import numpy, no_such_module\n": [
+        "bad.py, line 1: ModuleNotFoundError: No module named 'no_such_module'",
+        "  bad.py, line 1: import numpy, no_such_module",
+    ],
+    "import stepper\nstudy = stepper.lab.Study(model='arm.xml', secs=1)\n": [
+        "bad.py, line 2: TypeError: stepper.lab.Study() takes no 'secs'; did you mean seconds?",
+        "  bad.py, line 2: study = stepper.lab.Study(model='arm.xml', secs=1)",
+    ],
+}
+
+
+@pytest.mark.parametrize(("text", "lines"), ERRORS.items(), ids=[lines[0].rpartition("Error")[0].split()[-1] for lines in ERRORS.values()])
+def test_an_exception_in_a_study_file_is_shown_with_its_lines_alone(reach, capsys, monkeypatch, text, lines):
+    (reach / "bad.py").write_text(text)
+    assert failed(capsys, monkeypatch, "sweep", "bad.py").splitlines() == lines
+
+
+def test_an_exception_in_the_controller_of_a_toml_file_names_its_line(reach, capsys, monkeypatch):
+    (reach / "control.py").write_text("import numpy as np\n\ndef control(now):\n    return np.zeros(now.num_envs) @ np.zeros((2, 3))\n")
+    (reach / "reach.toml").write_text('controller = "control.py:control"\n' + REACH)
+    assert failed(capsys, monkeypatch, "sweep", "reach.toml").startswith("control.py, line 4, in control: ValueError: ")
+
+
+def test_controls_of_another_shape_name_the_controller(reach, capsys, monkeypatch):
+    (reach / "control.py").write_text("import numpy as np\n\ndef control(now):\n    return np.zeros((3, 3))\n")
+    (reach / "reach.toml").write_text('controller = "control.py:control"\n' + REACH)
+    told = failed(capsys, monkeypatch, "sweep", "reach.toml", "--no-cliffs")
+    assert "the controller control.py:control returned the shape (3, 3), must be (num_envs, nu), which is (" in told
+
+
+def test_an_exception_without_a_file_of_the_user_keeps_its_traceback(monkeypatch):
+    monkeypatch.setattr(app, "application", lambda: partial(exec, "1 / 0"))
+    with pytest.raises(ZeroDivisionError):
+        main()
+
+
+def test_the_command_sweeps_two_parameters_at_other_values_of_the_others(reach, capsys, monkeypatch):
+    words = ["sweep", "reach.toml", "--parameter", "lost", "--parameter", "body_mass[arm]=0.2..0.4", "--no-cliffs"]
+    monkeypatch.setattr("sys.argv", ["stepper", *words, "--values", "friction=0.1", "--values", "gravity[2]=-3.7"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 0, capsys.readouterr().err
+    with (reach / "out/reach/table.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert {row["parameters.friction"] for row in rows} == {"0.1"}
+    assert {row["parameters.gravity[2]"] for row in rows} == {"-3.7"}
+    # Two episodes at the nominal point and at five values of each.
+    assert len(rows) == 2 * (1 + 5 + 5)
+    assert len({row["parameters.lost"] for row in rows}) == len({row["parameters.body_mass[arm]"] for row in rows}) == 6

@@ -32,7 +32,7 @@ LOOP = """<mujoco><worldbody><body><joint name="a" axis="0 1 0" range="-10 10"/>
 
 
 def study(model, **changed):
-    return stepper.lab.Study.from_model(model, **({"seconds": 0.4, "qvel_noise": 1.0, "drive": None} | changed))
+    return stepper.lab.Study.from_model(model, **({"seconds": 0.4, "qvel_noise": 1.0, "controller": None} | changed))
 
 
 def moved(trace, qpos=0.0, qvel=0.0):
@@ -43,7 +43,7 @@ def moved(trace, qpos=0.0, qvel=0.0):
 @pytest.mark.parametrize("more", ["", MOTOR])
 def test_energy_and_momentum_of_a_right_motion_are_kept(more):
     """Of second order for the midpoint rule, in stepper; the work of motors and servos is the ruler's."""
-    own = study(SPACE.format(more=more), drive="random" if more else None)
+    own = study(SPACE.format(more=more), controller="random" if more else None)
     found = Invariants(own)
     assert found.kinds == [NORM, CONSERVED, MOMENTUM, ANGULAR]
     assert not found.left_out
@@ -130,10 +130,10 @@ def test_why_a_scene_has_no_energy_or_momentum():
 
 
 def test_what_a_drive_pushes_with_is_no_error():
-    def drive(now):
+    def controller(now):
         now.xfrc_applied[:, 1, 0] = 1.0
 
-    own = study(SPACE.format(more=""), drive=drive)
+    own = study(SPACE.format(more=""), controller=controller)
     errors = Invariants(own).measure(run(own, range(1)))
     assert np.isnan(errors[CONSERVED]).all()
     assert np.isnan(errors[MOMENTUM]).all()

@@ -37,7 +37,7 @@ def push(now):
 
 
 def heap(more=""):
-    return stepper.lab.Study(model=HEAP.format(more=more), name="heap", drive=push, seconds=0.1, episodes=1, control=0.02)
+    return stepper.lab.Study(model=HEAP.format(more=more), name="heap", controller=push, seconds=0.1, episodes=1, control=0.02)
 
 
 def bench(study):
@@ -68,7 +68,7 @@ def test_a_cone_that_is_left_is_needed():
     def shove(now):
         now.xfrc_applied[:, 2, 0] = 1.5 * MASS * G
 
-    study = stepper.lab.Study(model=HEAP.format(more=""), name="heap", drive=shove, seconds=0.1, control=0.02)
+    study = stepper.lab.Study(model=HEAP.format(more=""), name="heap", controller=shove, seconds=0.1, control=0.02)
     (found,) = [own for own in spares(bench(study), 1e-4, lambda _: None)[0] if own.part.startswith("cones")]
     # The third box lies still and uses no friction at all: what it needs less is no cone but no rows.
     assert found.part == "cones of 1 of 3 pairs of geoms that touch"
@@ -150,7 +150,7 @@ def slide(now):
 def test_friction_of_an_explicit_pair_is_its_own():
     """One of the pair's geoms slides on another floor: its friction is needed there, and not in the pair, which nothing pushes sideways."""
     more = '<contact><pair geom1="floor" geom2="low"/><pair geom1="low" geom2="top"/></contact>'
-    study = stepper.lab.Study(model=HEAP.format(more=more), name="heap", drive=slide, seconds=0.1, control=0.02)
+    study = stepper.lab.Study(model=HEAP.format(more=more), name="heap", controller=slide, seconds=0.1, control=0.02)
     (found,), smaller = without(study, "friction of")
     assert found.part == "friction of 2 explicit pairs of geoms"
     assert found.removed

@@ -8,6 +8,7 @@ import textwrap
 import time
 from pathlib import Path
 
+import matplotlib.text
 import numpy as np
 import pytest
 import stepper
@@ -17,7 +18,7 @@ from stepper.cli.app import application
 from stepper.lab.progress import progress
 from stepper.lab.study.document import Document, Section
 from stepper.lab.study.draw import WIDEST, cliffs_of, figure_of
-from stepper.lab.study.report import _differences
+from stepper.lab.study.report import _differences, _no_cliff
 from stepper.lab.study.sweep import Cliff, Level, Sweep
 from stepper.lab.study.table import Table
 from stepper.shared.files import existing, os_error_message
@@ -305,3 +306,98 @@ def test_errors_of_the_system_in_words(kind):
     assert "give" in told
     with pytest.raises(FileNotFoundError, match=r"there is no model file 'place/file' in .*; check the name"):
         existing("place/file", "model")
+
+
+def cliffs_table(text):
+    """Rows of the table of cliffs in a page, as lists of cells."""
+    lines = text.partition("## Cliffs")[2].partition("## In force")[0].splitlines()
+    return [[cell.strip() for cell in line.strip("| ").split("|")] for line in lines if line.startswith("|")][2:]
+
+
+def test_parameters_without_a_cliff_are_listed_with_their_range(tmp_path):
+    """Episodes with a number below "share" succeed, whatever moves: 4 of 4 at the nominal point."""
+
+    def below(now):
+        return np.where(now.episodes < now.parameters["share"], 1.0, -1.0)
+
+    parameters = {
+        "share": stepper.lab.Parameter("controller", nominal=4, low=0, high=4),
+        "most": stepper.lab.Parameter("geom_friction[*][0]", low=0.5, high=1.0),
+        "iterations": stepper.lab.Parameter("options.iterations", values=(5, 50)),
+        "solver": stepper.lab.Parameter("options.solver", values=("auto", "newton")),
+    }
+    study = stepper.lab.Study(
+        model=BLOCK,
+        parameters=parameters,
+        outcomes=stepper.lab.Outcome(name="below", measure=below, success="> 0"),
+        settings={"MuJoCo": {"engine": "mujoco"}},
+        episodes=4,
+        seconds=0.008,
+        control=0.004,
+    )
+    rows = {(row[0], row[1]): row[2:] for row in cliffs_table(str(stepper.lab.sweep(study, tmp_path)))}
+    for setting in ("stepper", "MuJoCo"):
+        # The share of successes is 1/4 at 1 and 1/2 at 2; episodes compare with whole numbers.
+        assert 1 <= float(rows[setting, "share"][0]) < 2
+        assert rows[setting, "most"] == ["no change of outcome between 0.5 and 1", "-", "1", "1"]
+    assert rows["stepper", "iterations"] == ["no change of outcome between 5 and 50", "-", "1", "1"]
+    assert rows["stepper", "solver"] == ["no change of outcome with auto, newton", "-", "1", "1"]
+    assert ("MuJoCo", "solver") not in rows  # MuJoCo has no solver auto, which the page says elsewhere.
+
+
+@pytest.mark.parametrize(
+    ("successes", "told"),
+    [
+        ([2, 2, 2], "no change of outcome between 0.1 and 0.3"),
+        ([4, 3, 2], "always at least one half between 0.1 and 0.3"),
+        ([1, 0, 1], "always below one half between 0.1 and 0.3"),
+        ([4, 0, 0], "a change, not located, between 0.1 and 0.3"),
+    ],
+)
+def test_a_row_without_a_cliff_says_whether_outcomes_changed(successes, told):
+    levels = [
+        Level("stepper", "p", value, 4, count, 4, (0.0, 1.0), 0.0, math.nan, (0.0, math.nan), 0, 0)
+        for value, count in zip([0.3, 0.2, 0.1], successes, strict=True)
+    ]
+    assert _no_cliff(levels) == [["stepper", "p", told, None, successes[-1] / 4, successes[0] / 4]]
+
+
+@pytest.mark.parametrize("fails_left", [True, False])
+@pytest.mark.parametrize("place", [0.12, 0.28, 0.5, 0.74, 0.97])
+def test_values_of_cliffs_cover_no_point_and_stay_in_their_panel(place, fails_left):
+    names = ["MuJoCo's law", "MuJoCo", "5 iterations"]
+    # With three panels in a row, which are the narrowest.
+    parameters = ["friction", "b", "c"]
+    own, levels, cliffs = study(parameters, names), [level("stepper", name, 0.1) for name in parameters[1:]], []
+    for k, setting in enumerate(("stepper", *names)):
+        cliff = place + 0.002 * k
+        cliffs.append(Cliff(setting, "friction", cliff, cliff + 1e-4, *((0.0, 1.0) if fails_left else (1.0, 0.0))))
+        for value in np.linspace(0.1, 1.0, 5):
+            succeeds = (value > cliff) == fails_left
+            # Wilson's interval of 4 of 4 begins at 0.51.
+            interval = (0.51, 1.0) if succeeds else (0.0, 0.49)
+            levels.append(Level(setting, "friction", value, 4, 4 * succeeds, 4, interval, 0.1, 0.0, (0.0, 0.0), 0, 0))
+    figure = figure_of(Sweep(own, tuple(levels), tuple(cliffs), Table([]), ()))
+    figure.canvas.draw()
+    panel = figure.axes[0]
+    texts = [child for child in panel.get_children() if isinstance(child, matplotlib.text.Annotation)]
+    assert [text.get_text() for text in texts] == [f"{(cliff.low + cliff.high) / 2:.4g}" for cliff in cliffs]
+    boxes = [text.get_window_extent() for text in texts]
+    frame = panel.get_window_extent()
+    points = panel.transData.transform([(level.value, level.share) for level in levels if level.parameter == "friction"])
+    for k, box in enumerate(boxes):
+        assert not any(box.contains(*point) for point in points)
+        assert frame.x0 <= box.x0 < box.x1 <= frame.x1
+        assert frame.y0 <= box.y0 < box.y1 <= frame.y1
+        # A pixel, because lines of 8 points are 9 points apart and boxes have a margin.
+        assert not any(box.padded(-1).overlaps(other.padded(-1)) for other in boxes[:k])
+
+
+def test_a_picture_of_cliffs_names_settings_without_one():
+    own = study(["friction"], ["a", "b", "c"])
+    levels = [level(setting, "friction", value) for setting in ("stepper", "a", "b") for value in (0.1, 1.0)]
+    cliffs = [Cliff(setting, "friction", 0.25, 0.26, 0.0, 1.0) for setting in ("stepper", "a")]
+    (panel,) = [axes for axes in cliffs_of(Sweep(own, tuple(levels), tuple(cliffs), Table([]), ())).axes if axes.get_visible()]
+    told = {round(text.get_position()[1]): text.get_text() for text in panel.texts if text.get_text()[0] == "n"}
+    assert told == {2: "none in this range", 3: "not run"}
+    assert {label.get_fontsize() for label in panel.get_yticklabels()} == {8}

@@ -40,17 +40,17 @@ def test_a_policy_of_stepper_drives_a_study(tmp_path):
     network().save(tmp_path / "servo.npz")
     study = stepper.lab.Study.from_file(tmp_path / "reach.toml")
     found = stepper.lab.sweep(study, tmp_path / "out").sweep
-    same = replace(study, drive=stepper.lab.Policy(network()))
+    same = replace(study, controller=stepper.lab.Policy(network()))
     other = stepper.lab.sweep(same, tmp_path / "other").sweep
     assert [row["outcomes"] for row in found.table.rows] == [row["outcomes"] for row in other.table.rows]
-    assert name_of(study.drive) == "policy servo.npz"
+    assert name_of(study.controller) == "policy servo.npz"
     # What the file holds is what rows follow from, not where it is.
     (tmp_path / "copy").mkdir()
     network().save(tmp_path / "copy/servo.npz")
     again = stepper.lab.Policy(tmp_path / "copy/servo.npz")
     network(-3.0).save(tmp_path / "copy/servo.npz")
     changed = stepper.lab.Policy(tmp_path / "copy/servo.npz")
-    assert digest_of(again) == digest_of(study.drive) != digest_of(changed)
+    assert digest_of(again) == digest_of(study.controller) != digest_of(changed)
 
 
 @pytest.mark.parametrize(
@@ -122,7 +122,7 @@ class Count:
 def test_controls_of_another_shape_are_named(tmp_path):
     study = stepper.lab.Study(
         model=ARM,
-        drive=stepper.lab.Policy(lambda seen: seen),
+        controller=stepper.lab.Policy(lambda seen: seen),
         episodes=3,
         seconds=0.02,
         outcomes=stepper.lab.Outcome(name="a", measure="joint hinge"),

@@ -19,7 +19,7 @@ def ishigami(now):
 
 
 def of(measure, success=None, **changed):
-    ranges = {name: stepper.lab.Parameter("drive", nominal=0.0, low=-np.pi, high=np.pi, unit="rad") for name in "xyz"}
+    ranges = {name: stepper.lab.Parameter("controller", nominal=0.0, low=-np.pi, high=np.pi, unit="rad") for name in "xyz"}
     outcome = stepper.lab.Outcome(name="value", measure=measure, success=success)
     given = {"model": BALL, "name": "known", "outcomes": outcome, "parameters": ranges, "seconds": 0.002, "control": 0.002, "episodes": 1}
     return stepper.lab.Study(**(given | changed))

@@ -56,10 +56,10 @@ def tray(**changed):
     given = {
         "model": TRAY,
         "name": "tray",
-        "drive": push,
+        "controller": push,
         "outcomes": Outcome(name="slid", measure="body object x", reduce="change", success="<= 1e-5", unit="m"),
         "parameters": {
-            "push": Parameter("drive", nominal=PUSH, low=1.0, high=3.5, unit="N"),
+            "push": Parameter("controller", nominal=PUSH, low=1.0, high=3.5, unit="N"),
             "friction": Parameter("geom_friction[*][0]", low=0.2, high=1.2),
             "mass": Parameter("body_mass", operation="scale", low=0.5, high=1.5),
         },
@@ -219,7 +219,7 @@ def test_settings_delays_and_errors_of_sensors_vary():
     def servo(now):
         return 0.5 - now.read("sensordata", "angle")
 
-    study = Study(model=ARM, drive=servo, parameters=parameters, outcomes=Outcome(name="angle", measure="joint hinge"), episodes=4)
+    study = Study(model=ARM, controller=servo, parameters=parameters, outcomes=Outcome(name="angle", measure="joint hinge"), episodes=4)
     found = world_of(study, "stepper", [{"step": 0.01, "noise": 0.1, "delay": 0.02}] * 2)
     assert found.timestep == 0.01
     assert found.sim.sensors.named["angle"].noise_std.tolist() == [0.1, 0.1]
@@ -232,7 +232,7 @@ def test_the_same_episodes_have_the_same_noise_at_every_point(tmp_path):
     study = Study(
         model=ARM,
         sensors=sensors,
-        drive=lambda now: 0.5 - now.read("sensordata", "angle"),
+        controller=lambda now: 0.5 - now.read("sensordata", "angle"),
         outcomes=Outcome(name="angle", measure="joint hinge"),
         parameters={"damping": Parameter("dof_damping", operation="scale", low=0.5, high=1.5)},
         episodes=5,
@@ -250,7 +250,7 @@ def test_mujoco_beside(tmp_path):
     """Outcomes in MuJoCo of the same parameters. The robot is a servo without contacts, so that the engines differ little at 1 ms."""
     study = Study(
         model=ARM,
-        drive=lambda now: np.full((now.num_envs, 1), 0.4),
+        controller=lambda now: np.full((now.num_envs, 1), 0.4),
         outcomes=[
             Outcome(name="angle", measure="joint hinge"),
             Outcome(name="z", measure="site tip z", reduce="min"),
@@ -274,7 +274,7 @@ def test_mujoco_beside(tmp_path):
 def still(**changed):
     given = {
         "model": ARM,
-        "drive": lambda now: np.full((now.num_envs, 1), 0.4),
+        "controller": lambda now: np.full((now.num_envs, 1), 0.4),
         "outcomes": Outcome(name="angle", measure="joint hinge"),
         "episodes": 1,
         "seconds": 0.1,
@@ -391,7 +391,7 @@ def servo_with_noise(**changed):
         "model": ARM,
         "name": "servo",
         "sensors": stepper.SensorModel(default=stepper.Transfer(noise_std=0.1)),
-        "drive": lambda now: 0.5 - now.read("sensordata", "angle"),
+        "controller": lambda now: 0.5 - now.read("sensordata", "angle"),
         "outcomes": Outcome(name="angle", measure="joint hinge"),
         "parameters": {"damping": Parameter("dof_damping", operation="scale", low=0.5, high=1.5)},
         "episodes": 5,
@@ -446,7 +446,7 @@ class Gain:
 
 def test_rows_follow_from_what_a_drive_is_and_not_from_its_memory():
     def key(drive):
-        return Study(model=ARM, drive=drive).key({}, "stepper", 0)
+        return Study(model=ARM, controller=drive).key({}, "stepper", 0)
 
     used = Gain(1.0)
     used.begin(None)
@@ -520,7 +520,7 @@ def test_recorded_controls_and_policies(tmp_path):
     played = []
     policies = (Recorded(tmp_path / "controls.npz"), Policy(lambda seen: 0.5 - seen), "random", None)
     for k, drive in enumerate(policies):
-        with Results(Study(model=ARM, drive=drive, outcomes=outcome, episodes=2, seconds=0.3), tmp_path / str(k)) as results:
+        with Results(Study(model=ARM, controller=drive, outcomes=outcome, episodes=2, seconds=0.3), tmp_path / str(k)) as results:
             played.append([row["outcomes"]["angle"] for row in run_points(results_study(drive, outcome), [Point({})], results.journal)])
     sim = stepper.Stepper(stepper.load(ARM))
     for k in range(15):
@@ -545,7 +545,7 @@ def test_controls_of_a_csv_file_are_those_of_the_names_in_its_first_line(tmp_pat
     rows = []
     for name in ("controls.npz", "plain.csv", "named.csv"):
         file = tmp_path / f"{name}.toml"
-        file.write_text(f'model = "two.xml"\ndrive = "{name}"\nseconds = 0.2\n[[outcomes]]\nname = "a"\nmeasure = "joint a"\n')
+        file.write_text(f'model = "two.xml"\ncontroller = "{name}"\nseconds = 0.2\n[[outcomes]]\nname = "a"\nmeasure = "joint a"\n')
         rows.append(Study.from_file(file).episode()["outcomes"])
     assert rows[0] == rows[1] == rows[2]
 
@@ -562,17 +562,17 @@ def test_controls_of_a_csv_file_are_those_of_the_names_in_its_first_line(tmp_pat
 def test_what_is_wrong_in_a_csv_file_is_named(tmp_path, text, said):
     (tmp_path / "controls.csv").write_text(text)
     with pytest.raises(ValueError, match=rf"controls\.csv.*{said}"):
-        Study(model=TWO, drive=Recorded(tmp_path / "controls.csv")).episode()
+        Study(model=TWO, controller=Recorded(tmp_path / "controls.csv")).episode()
 
 
 def results_study(drive, outcome):
-    return Study(model=ARM, drive=drive, outcomes=outcome, episodes=2, seconds=0.3)
+    return Study(model=ARM, controller=drive, outcomes=outcome, episodes=2, seconds=0.3)
 
 
 STUDY = """
 name = "servo"
 model = "arm.xml"
-drive = "drive.py:reach"
+controller = "drive.py:reach"
 seconds = 0.5
 episodes = 4
 [options]
@@ -584,7 +584,7 @@ name = "reached"
 measure = "joint hinge"
 success = ">= 0.3"
 [parameters.goal]
-selector = "drive"
+selector = "controller"
 low = 0.1
 high = 0.9
 nominal = 0.8
@@ -633,7 +633,7 @@ def test_a_study_from_a_file_and_its_pages(tmp_path):
     ("[options]", "[options]\ntimestop = 1|options has unknown entries \\['timestop'\\]; did you mean timestep\\?"),
     ('success = ">= 0.3"', 'success = "big"|success is .big., must be a comparison'),
     ('measure = "joint hinge"', 'measure = "joint"|must be a function or a text'),
-    ('drive = "drive.py:reach"', 'drive = "drive.py:no"|has no .no.'),
+    ('controller = "drive.py:reach"', 'controller = "drive.py:no"|has no .no.'),
     ("nominal = 0.8", "|it has no nominal value"),
     ("high = 0.9", "high = 0.0|low is 0.1, must be below high"),
     ("iterations = 5", "iteration = 5|unknown \\['iteration'\\]; did you mean iterations"),
@@ -679,12 +679,12 @@ def test_a_choice_among_words_takes_values():
     with pytest.raises(ValueError, match="which is a choice among words: give values, not low and high"):
         Parameter("options.contact", low=0, high=1)
     with pytest.raises(ValueError, match="low is nan, must be a number"):
-        Parameter("drive", low=math.nan, high=1.0)
+        Parameter("controller", low=math.nan, high=1.0)
 
 
 def test_a_drive_that_reads_another_parameter_is_told_which_there_are():
     with pytest.raises(KeyError, match=r"no parameter 'puhs' with a value; did you mean push\? there are: push, mass"):
-        tray(drive=lambda now: now.parameters["puhs"]).episode()
+        tray(controller=lambda now: now.parameters["puhs"]).episode()
 
 
 def shove(now):
@@ -695,8 +695,8 @@ def shove(now):
 def test_a_selector_with_a_range_is_a_parameter_of_a_sweep(tmp_path):
     """The rows are those of a study that has the parameter, to the key."""
     text = "body_mass[object]=0.5..1.5"
-    own = tray(parameters={"mass": Parameter("body_mass[object]", low=0.5, high=1.5)}, episodes=1, drive=shove)
-    none = tray(parameters={}, episodes=1, drive=shove)
+    own = tray(parameters={"mass": Parameter("body_mass[object]", low=0.5, high=1.5)}, episodes=1, controller=shove)
+    none = tray(parameters={}, episodes=1, controller=shove)
     one = stepper.lab.sweep(own, tmp_path / "one", cliffs=False).sweep.table.rows
     other = stepper.lab.sweep(none, tmp_path / "other", parameters=[text], cliffs=False).sweep.table.rows
     assert [row["outcomes"] for row in one] == [row["outcomes"] for row in other]
@@ -731,7 +731,7 @@ def test_a_ranking_of_two_spellings_has_one_parameter(tmp_path):
 
 
 def test_a_study_at_other_values_by_selector():
-    study = tray(parameters={"mass": Parameter("body_mass[object]", operation="scale", low=0.5, high=1.5)}, drive=shove)
+    study = tray(parameters={"mass": Parameter("body_mass[object]", operation="scale", low=0.5, high=1.5)}, controller=shove)
     row = study.episode({"mass": 1.5, "geom_friction[*][0]": 0.3})
     moved = study.at({"mass": 1.5, "geom_friction[*][0]": 0.3})
     assert moved.nominal == {"mass": 1.5, "geom_friction[*][0]": 0.3}
@@ -748,6 +748,16 @@ def test_earlier_keys_of_a_parameter_are_named(tmp_path):
     (tmp_path / "study.toml").write_text(f'model = """{ARM}"""\n[parameters.mu]\ntarget = "geom_friction"\nlow = 0.1\nhigh = 1.0\n')
     with pytest.raises(ValueError, match="parameter 'mu' has no 'target': use selector, as"):
         Study.from_file(tmp_path / "study.toml")
+
+
+def test_the_earlier_key_of_the_controller_is_named(tmp_path):
+    with pytest.raises(TypeError, match=r"stepper\.lab\.Study\(\) takes no 'drive': use controller"):
+        Study(model=ARM, drive="random")
+    (tmp_path / "study.toml").write_text(f'model = """{ARM}"""\ndrive = "random"\n')
+    with pytest.raises(ValueError, match="the study has no 'drive': use controller"):
+        Study.from_file(tmp_path / "study.toml")
+    with pytest.raises(ValueError, match=r"no field 'drive'; did you mean controller\?"):
+        Study(model=ARM, parameters={"push": Parameter("drive", nominal=1.0, low=0.0, high=2.0)})
 
 
 def test_intervals():
@@ -773,20 +783,27 @@ def blind(now):
 def judged(tmp_path, **changed):
     given = {
         "model": ARM,
-        "drive": lambda now: np.full((now.num_envs, 1), 0.5),
+        "controller": lambda now: np.full((now.num_envs, 1), 0.5),
         "outcomes": Outcome(name="angle", measure="joint hinge", success="<= 0.6", margin=1e-6),
         "episodes": 3,
         "seconds": 0.5,
     }
     found = stepper.lab.report(Study(**(given | changed)), tmp_path)
+    table = found.sweep.table
+    # The table has the same words, in the rows of the verdicts alone.
+    named = {(row["key"], cause) for row, cause in zip(table.rows, table["cause"].tolist(), strict=True) if cause}
+    assert named == {(verdict.row["key"], verdict.cause) for verdict in found.verdicts}
+    assert "cause" in (tmp_path / found.study.name / "table.csv").read_text().splitlines()[0].split(",")
+    for verdict in found.verdicts:
+        assert f"| {verdict.row['setting']} | {verdict.cause} | {verdict.rule} |" in str(found)
     return {(verdict.cause, verdict.rule.partition(":")[0]) for verdict in found.verdicts if verdict.row["setting"] == "stepper"}
 
 
 def test_whose_a_failure_is(tmp_path):
     late = Outcome(name="angle", measure="joint hinge", success=">= 1.0")
-    assert judged(tmp_path / "policy", outcomes=late) == {("policy", "failure even with ideal sensors and a finer time step")}
+    assert judged(tmp_path / "policy", outcomes=late) == {("controller", "failure even with ideal sensors and a finer time step")}
     biased = stepper.SensorModel(default=stepper.Transfer(bias=-0.4))
-    assert judged(tmp_path / "senses", drive=blind, sensors=biased) == {("perception", "success with ideal sensors")}
+    assert judged(tmp_path / "senses", controller=blind, sensors=biased) == {("perception", "success with ideal sensors")}
     nothing = Outcome(name="angle", measure=lambda now: np.full(now.num_envs, np.nan), success=">= 0")
     assert {cause for cause, _ in judged(tmp_path / "nan", outcomes=nothing)} == {"evaluation"}
     declared = Outcome(name="angle", measure="joint hinge", success=">= 1.0", cause="evaluation")
@@ -830,7 +847,7 @@ def test_softness_is_judged_against_hard_contact_with_nominal_values(tmp_path):
 
 
 def test_a_report_says_how_many_episodes_it_looked_at(tmp_path):
-    found = stepper.lab.report(tray(episodes=3, batch=2, drive=None, parameters={}, seconds=0.1), tmp_path)
+    found = stepper.lab.report(tray(episodes=3, batch=2, controller=None, parameters={}, seconds=0.1), tmp_path)
     assert "Every step of 2 episodes at the nominal point" in str(found)
 
 
@@ -862,12 +879,12 @@ def random_force(**changed):
     """A study whose episodes differ in their controls, their starts and the errors of their sensors."""
     noise = stepper.SensorModel({"angle": stepper.Transfer(noise_std=0.01)})
     measured = Outcome(name="angle", measure="joint hinge", reduce="max", success=">= 0.1")
-    given = {"model": ARM, "name": "arm", "drive": blind, "outcomes": measured, "sensors": noise, "seconds": 0.3, "qvel_noise": 0.5}
+    given = {"model": ARM, "name": "arm", "controller": blind, "outcomes": measured, "sensors": noise, "seconds": 0.3, "qvel_noise": 0.5}
     gain = Parameter("actuator_kp", operation="scale", low=0.5, high=2.0)
     return Study(**(given | {"parameters": {"gain": gain}, "episodes": 3} | changed))
 
 
-@pytest.mark.parametrize("changed", [{}, {"sensors": None}, {"sensors": None, "drive": "random"}], ids=["noise", "ideal", "random"])
+@pytest.mark.parametrize("changed", [{}, {"sensors": None}, {"sensors": None, "controller": "random"}], ids=["noise", "ideal", "random"])
 def test_an_episode_alone_is_the_one_of_the_table_and_of_its_recording(tmp_path, changed):
     study = random_force(**changed)
     with Results(study, tmp_path) as results:
@@ -945,11 +962,11 @@ def test_a_memory_that_no_begin_ends_is_found():
 
     for drive, name in ((Counting(), "_count"), (Counting().__call__, "_count"), (counting(), "count")):
         with pytest.raises(ValueError, match=rf"has changed {name} in a batch and has no method begin\(now\)"):
-            random_force(drive=drive, sensors=None).episode()
+            random_force(controller=drive, sensors=None).episode()
     for drive in (Caching(), Forgetting(), blind):
-        random_force(drive=drive, sensors=None).episode()
+        random_force(controller=drive, sensors=None).episode()
     with pytest.raises(ValueError, match="has changed _count in a batch"):
-        random_force(drive=Policy(Remembering()), sensors=None).episode()
+        random_force(controller=Policy(Remembering()), sensors=None).episode()
 
 
 class Remembering(Counting):

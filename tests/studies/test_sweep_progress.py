@@ -9,7 +9,7 @@ BOX = """<mujoco><option timestep=".01"/><worldbody><body name="box"><joint name
   <geom size=".1" mass="1"/></body></worldbody><actuator><motor name="push" joint="slide"/></actuator></mujoco>"""
 STUDY = f"""
 import stepper
-study = stepper.lab.Study(model={BOX!r}, name="box", drive="random", seconds=0.1, episodes=2, seed=11,
+study = stepper.lab.Study(model={BOX!r}, name="box", controller="random", seconds=0.1, episodes=2, seed=11,
     outcomes=stepper.lab.Outcome(name="x", measure="joint slide"), parameters={{"m": stepper.lab.Parameter("body_mass[box]", low=1, high=2),
     "g": stepper.lab.Parameter("gravity[0]", low=-1, high=1)}})
 """
@@ -22,7 +22,7 @@ def push(now):
 def cliffs_of(tmp_path, high, resolution=1e-3):
     """Ticks of a sweep whose success ends between two levels of each of two parameters."""
     study = Study(
-        model=BOX, name="box", drive=push, seconds=0.2, episodes=1,
+        model=BOX, name="box", controller=push, seconds=0.2, episodes=1,
         outcomes=Outcome(name="x", measure="joint slide", success=">= 0.012"),
         parameters={name: Parameter("body_mass[box]", low=1.0, high=high) for name in ("one", "other")},
     )  # fmt: skip

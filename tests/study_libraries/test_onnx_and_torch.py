@@ -85,7 +85,7 @@ def test_a_study_of_a_file(tmp_path):
         'model = "arm.xml"\npolicy = "servo.onnx"\n[[outcomes]]\nname = "angle"\nmeasure = "joint hinge"\n'
     )
     study = stepper.lab.Study.from_file(tmp_path / "reach.toml")
-    assert study.identity["drive"]["name"] == "policy servo.onnx"
+    assert study.identity["controller"]["name"] == "policy servo.onnx"
 
 
 @pytest.mark.parametrize(

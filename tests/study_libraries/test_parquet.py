@@ -10,7 +10,7 @@ def test_a_table_in_parquet_is_the_one_in_npz(tmp_path):
     study = stepper.lab.Study(
         model=ARM,
         name="arm",
-        drive="random",
+        controller="random",
         outcomes=stepper.lab.Outcome(name="angle", measure="joint hinge"),
         parameters={
             "damping": stepper.lab.Parameter("dof_damping", operation="scale", low=0.5, high=1.5),

@@ -23,7 +23,7 @@ BLOCK = """<mujoco><option timestep=".002"/><worldbody><geom type="plane" size="
 
 
 def study(model, **changed):
-    return stepper.lab.Study.from_model(model, **({"seconds": 0.2, "qvel_noise": 0.3, "drive": None} | changed))
+    return stepper.lab.Study.from_model(model, **({"seconds": 0.2, "qvel_noise": 0.3, "controller": None} | changed))
 
 
 def test_a_motion_without_contacts_is_the_same():
@@ -53,7 +53,7 @@ def test_forces_of_a_drive_act():
     def drive(now):
         now.xfrc_applied[:, 1, 0] = 2.0
 
-    own = study(MACHINE, drive=drive, qvel_noise=0.0)
+    own = study(MACHINE, controller=drive, qvel_noise=0.0)
     one, other = run(own, [0]), run(own, [0], engine="rapier")
     # The same push at the centre of mass of a body of 5.5 kg for a fifth of a second.
     assert one.path[1][-1, 0, 0] == pytest.approx(other.path[1][-1, 0, 0], abs=1e-3)

@@ -29,7 +29,7 @@ def angle(now):
 """
 STUDY = """
 model = "arm.xml"
-drive = "drive.py:Drive"
+controller = "drive.py:Drive"
 seconds = 0.2
 episodes = 3
 qpos_noise = 0.1

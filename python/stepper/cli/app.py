@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from stepper._stepper import ModelError
 from stepper.cli import chart, compare, demo, doctor, evaluate, explain, identify, rank, replay, report, sweep, train, tune, view
+from stepper.cli.user_code import error_in_user_code
 from stepper.shared.files import os_error_message
 from stepper.shared.machine import require
 
@@ -26,10 +27,17 @@ def application() -> Typer:
 
 
 def main() -> None:
-    """Entry point of the command `stepper`. Errors that a user can correct are printed as one line on stderr, without a traceback."""
+    """Entry point of the command `stepper`.
+
+    Errors that a user can correct are printed on stderr without a traceback: as one line, or with the lines of the user's own files.
+    """
     try:
         application()()
-    except (ImportError, ModelError, KeyError, OSError, ValueError) as error:
-        text = os_error_message(error) if isinstance(error, OSError) else error.args[0] if isinstance(error, KeyError) else error
+    except Exception as error:
+        text: object = error_in_user_code(error)
+        if not text:
+            if not isinstance(error, ImportError | ModelError | KeyError | OSError | ValueError):
+                raise
+            text = os_error_message(error) if isinstance(error, OSError) else error.args[0] if isinstance(error, KeyError) else error
         print(f"stepper: {text}", file=sys.stderr)
         sys.exit(1)

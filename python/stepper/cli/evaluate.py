@@ -8,8 +8,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from stepper.lab.progress import progress
-from stepper.policies import compare, describe, differences, load
+from stepper.lab.progress import progress, show_files
+from stepper.policies import check_film, compare, describe, differences, film, load
 from stepper.policies import evaluate as run
 from stepper.policies.evaluation import make
 
@@ -17,13 +17,28 @@ if TYPE_CHECKING:
     from typer import Typer
 
 
+FILMED = 300
+"""Largest number of actions that --film films."""
+
+
 def evaluate(
-    policy: Path, env: str, against: str, *, episodes: int, seed: int, margin: float, settings: dict[str, Any], infos: Sequence[str] = ()
+    policy: Path,
+    env: str,
+    against: str,
+    *,
+    episodes: int,
+    seed: int,
+    margin: float,
+    settings: dict[str, Any],
+    infos: Sequence[str] = (),
+    video: Path | None = None,
 ) -> None:
     """Evaluates a policy: mean return with a confidence interval, after a list of differences from the environment of the training.
 
     With --against, the policy also runs in a second environment from the same initial states, and the command tests whether the mean
-    returns are equivalent. With --info, the result has also the mean of an info.
+    returns are equivalent. With --info, the result has also the mean of an info. With --film, the command also films an episode.
+
+    Example: stepper evaluate half_cheetah.npz stepper/HalfCheetah-v5 --film half_cheetah.mp4
 
     Example: stepper evaluate half_cheetah.npz stepper/HalfCheetah-v5 --against HalfCheetah-v5
 
@@ -32,6 +47,8 @@ def evaluate(
     if against and infos:
         raise ValueError("--info cannot be compared: leave out --against or --info")
     loaded = load(policy)
+    if video is not None:
+        check_film(env, **settings)
     for name, given in ((env, settings), (against, {})):
         if name:
             for line in differences(loaded.environment, describe(make(name, **given))):
@@ -43,12 +60,18 @@ def evaluate(
         else:
             found = str(run(loaded, env, episodes=episodes, seed=seed, infos=infos, tick=tick, **settings))
     print(found)
+    if video is not None:
+        with progress() as tick:
+            film(loaded, env, video, actions=FILMED, seed=seed, progress=lambda done: tick(f"film {video.name}", done / FILMED), **settings)
+        show_files([video])
 
 
 def register(app: Typer, typer: ModuleType) -> None:
     """Adds the command `evaluate` to the Typer application; `typer` is the module."""
     file = typer.Argument(help="Policy file, from stepper train or Policy.save.")
     keys = typer.Option([], "--info", help="Key of an info whose mean is printed, for example tracking_error. Repeat the option for more.")
+
+    video = typer.Option(None, "--film", metavar="FILE", help=f"Video (mp4) of at most {FILMED} actions of an episode with the seed.")
 
     @app.command("evaluate", help=evaluate.__doc__)
     def _(
@@ -62,8 +85,9 @@ def register(app: Typer, typer: ModuleType) -> None:
             0.02, help="Largest difference of mean returns that counts as equivalent, as a fraction of the first mean return."
         ),
         infos: list[str] = keys,
+        video: Path | None = video,
         contact: str = typer.Option("", help='Contact law of the first environment, "mujoco" or "hard".'),
         precision: str = typer.Option("", help='Precision of the first environment, "f64" or "f32".'),
     ) -> None:
         settings = {name: value for name, value in (("contact", contact), ("precision", precision)) if value}
-        evaluate(policy, env, against, episodes=episodes, seed=seed, margin=margin, infos=infos, settings=settings)
+        evaluate(policy, env, against, episodes=episodes, seed=seed, margin=margin, infos=infos, settings=settings, video=video)

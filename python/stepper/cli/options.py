@@ -55,7 +55,20 @@ def source_with(source: str, *, ray: bool, values: Sequence[str] = ()) -> Any:
     if not ray and not values:
         return source
     study = Study.from_model(source, ray=True) if ray else Study.from_model(source)
-    return study.at(dict(map(value_of, values)))
+    return study.at(values_of(values))
+
+
+def values_of(texts: Sequence[str]) -> dict[str, float | str]:
+    """Values by name from texts NAME=VALUE.
+
+    Raises:
+        ValueError: A text does not have this form, or a name has two values.
+    """
+    found: dict[str, float | str] = {}
+    for name, value in map(value_of, texts):
+        if found.setdefault(name, value) != value:
+            raise ValueError(f"--values gives {name!r} twice, as {found[name]} and as {value}: give it once")
+    return found
 
 
 def value_of(text: str) -> tuple[str, float | str]:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from stepper.cli.options import ONLY, OUT, RAY, SEED, STUDY, progress_kept_in, study_of_file
+from stepper.cli.options import ONLY, OUT, RAY, SEED, STUDY, VALUES, progress_kept_in, study_of_file, values_of
 from stepper.lab.progress import show_files
 from stepper.lab.study import sweep as run
 
@@ -14,18 +15,34 @@ if TYPE_CHECKING:
     from typer import Typer
 
 
-def sweep(study: Path, out: Path, *, parameters: list[str], cliffs: bool, resolution: float, ray: bool, seed: int | None) -> None:
-    """Varies each parameter of a study over its range. Results are success rates with Wilson intervals, and cliffs.
+def sweep(
+    study: Path,
+    out: Path,
+    *,
+    parameters: list[str],
+    cliffs: bool,
+    resolution: float,
+    ray: bool,
+    seed: int | None,
+    values: Sequence[str] = (),
+) -> None:
+    """Varies each parameter of a study over its range, one at a time. Results are success rates with Wilson intervals, and cliffs.
 
-    A cliff is a parameter value at which episodes change from success to failure; bisection locates it. The same command continues a
-    stopped run from its finished rows.
+    A cliff is a parameter value at which episodes change from success to failure; bisection locates it. With --parameter, the command
+    varies the named ones only; with --values, the others have other nominal values. The same command continues a stopped run from its
+    finished rows.
 
     Example: stepper sweep examples/studies/tray.toml
+
+    Example: stepper sweep examples/studies/tray.toml --parameter friction --parameter 'body_mass[object]=0.2..0.5'
+
+    Example: stepper sweep examples/studies/tray.toml --parameter friction --values push=1.5 --values 'gravity[2]=-3.7'
     """
+    own = study_of_file(study, ray=ray, seed=seed)
+    # A selector of --values becomes a parameter of the study, which the sweep does not vary.
+    names = parameters or (list(own.parameters) if values else None)
     with progress_kept_in(out) as tick:
-        found = run(
-            study_of_file(study, ray=ray, seed=seed), out, parameters=parameters or None, cliffs=cliffs, resolution=resolution, tick=tick
-        )
+        found = run(own.at(values_of(values)), out, parameters=names, cliffs=cliffs, resolution=resolution, tick=tick)
     print(found.document.markdown())
     show_files(found.files)
 
@@ -36,6 +53,7 @@ def register(app: Typer, typer: ModuleType) -> None:
     study_file = typer.Argument(help=STUDY)
     on_ray = typer.Option(False, "--ray", help=RAY)
     names = typer.Option([], "--parameter", help=ONLY)
+    nominal = typer.Option([], "--values", help=VALUES)
 
     @app.command("sweep", help=sweep.__doc__)
     def _(
@@ -43,6 +61,7 @@ def register(app: Typer, typer: ModuleType) -> None:
         out: Path = folder,
         *,
         parameter: list[str] = names,
+        values: list[str] = nominal,
         cliffs: bool = typer.Option(True, help="Locate cliffs, the values at which episodes change from success to failure."),
         resolution: float = typer.Option(
             1e-3, min=1e-12, max=0.5, help="Precision of a cliff's value, as a fraction of the parameter's range."
@@ -50,4 +69,4 @@ def register(app: Typer, typer: ModuleType) -> None:
         seed: int | None = typer.Option(None, min=0, help=SEED),
         ray: bool = on_ray,
     ) -> None:
-        sweep(study, out, parameters=parameter, cliffs=cliffs, resolution=resolution, ray=ray, seed=seed)
+        sweep(study, out, parameters=parameter, cliffs=cliffs, resolution=resolution, ray=ray, seed=seed, values=values)

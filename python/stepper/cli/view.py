@@ -14,7 +14,7 @@ import numpy as np
 
 from stepper._options import Options
 from stepper._stepper import Stepper
-from stepper.cli.options import VALUES, value_of
+from stepper.cli.options import VALUES, values_of
 from stepper.lab.progress import progress
 from stepper.lab.study import Study
 from stepper.lab.study.episode import Episodes
@@ -94,7 +94,7 @@ def _study(file: str, options: ViewOptions, of_study: StudyOptions) -> None:
     """Shows or records the episodes of a study."""
     study = Study.from_file(file)
     study = study if options.seed is None else replace(study, seed=options.seed)
-    values = {name: value for name, value in map(value_of, of_study.values)}
+    values = values_of(of_study.values)
     first, setting = of_study.episode or 0, of_study.setting or USUAL
     episodes = Episodes(study, values, range(first, first + options.envs), setting)
     if of_study.record is not None:

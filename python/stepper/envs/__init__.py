@@ -20,10 +20,10 @@ from stepper.envs.contacts import contact_forces  # noqa: E402
 from stepper.envs.registration import register_tasks  # noqa: E402
 from stepper.envs.single import StepperEnv  # noqa: E402
 from stepper.envs.state import EnvState  # noqa: E402
-from stepper.envs.streams import Rng  # noqa: E402
 from stepper.envs.task import Moment, MujocoTask, Observation, Reset, Task, all_within, per_moment, square_sum, within  # noqa: E402
 from stepper.envs.tasks import TASKS  # noqa: E402
 from stepper.envs.vector import StepperVectorEnv  # noqa: E402
+from stepper.shared.streams import Rng  # noqa: E402
 
 __all__ = [
     "TASKS",

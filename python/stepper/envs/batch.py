@@ -15,9 +15,9 @@ from stepper._quantities import output_array
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
 from stepper.envs.state import EnvState, check_settings, restore, save
-from stepper.envs.streams import Rng, Streams
 from stepper.envs.task import Array, Contact, Moment, Observation, Reset, Task, Terms, with_zero_rows
 from stepper.loading import ModelWarning
+from stepper.shared.streams import Rng, Streams
 
 _NON_FINITE = np.uint32(Status.NON_FINITE)
 

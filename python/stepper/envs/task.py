@@ -17,8 +17,8 @@ from stepper._quantities import read
 from stepper._stepper import Model, Stepper
 from stepper.actuators import ActuatorModel
 from stepper.envs.assets import load_quietly, model_file
-from stepper.envs.streams import Rng, Streams
 from stepper.sensors import SensorModel
+from stepper.shared.streams import Rng, Streams
 
 Array = NDArray[Any]
 Terms: TypeAlias = dict[str, Array]

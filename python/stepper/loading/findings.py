@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
 
-from stepper._stepper import Model
+from stepper._stepper import Model, ModelError
 
 _MOST_LINES = 8
 """Largest number of lines per kind of finding in a warning."""
@@ -15,10 +16,14 @@ _LARGE_PART = 10.0
 from 2 on. Of 1,390 collision meshes of 120 URDFs, 28 (of 13 robots) exceed 10, and 247 (of 49 robots) exceed 2."""
 
 
+_DEEP = 1e-3
+"""Smallest overlap in a keyframe that the warning lists, m. At this depth, steps set DEEP in `Stepper.status`."""
+
+
 class ModelWarning(UserWarning):
     """A loaded model is simulated differently from its source: other settings, meshes as convex hulls, or disabled contacts.
 
-    `Model.explain()` has the details.
+    Or geoms overlap in a keyframe. `Model.explain()` has the details.
     """
 
 
@@ -39,9 +44,14 @@ def warn_about(model: Model, *, loaded: bool, excluded: bool, is_robot: bool) ->
         parts.append(_hulls(model, hulls))
     if excluded:
         parts += _overlaps(model)
+    details = "model.explain() has the details; " if parts else ""
+    if loaded and (lines := list(_keyframe_overlaps(model))):
+        title = "keyframes in which geoms overlap by more than 1 mm, so that the first steps push them apart and `status` has DEEP:"
+        remedy = "change the qpos of the keyframe, or add <exclude> for the two bodies if the overlap is meant"
+        parts.append(f"{_listed(title, lines)}\n  ({remedy})")
     if parts:
         silence = 'warnings.filterwarnings("ignore", category=stepper.ModelWarning) silences this'
-        message = "\n".join(parts) + f"\n(model.explain() has the details; {silence})"
+        message = "\n".join(parts) + f"\n({details}{silence})"
         warnings.warn(message, ModelWarning, stacklevel=3)
 
 
@@ -87,6 +97,20 @@ def _overlaps(model: Model) -> list[str]:
         title = 'overlaps="exclude" does not change overlaps with the ground; start from a pose above it (qpos0 or the body\'s pos):'
         parts.append(_listed(title, [_overlap_line(*overlap) for overlap in kept]))
     return parts
+
+
+def _keyframe_overlaps(model: Model) -> Iterator[str]:
+    """Lines on the deepest overlap in each keyframe, if it is deep."""
+    for number, name in enumerate(model.keyframe_names):
+        try:
+            found = model.replace(qpos0=model.keyframe(number).qpos).overlaps()
+        except (ModelError, ValueError):
+            # `Stepper.reset` reports states that the model cannot have.
+            continue
+        deep = [overlap for overlap in found if overlap[2] > _DEEP]
+        if deep:
+            more = f", and {len(deep) - 1} more" if len(deep) > 1 else ""
+            yield f"{name or f'#{number}'}: {_overlap_line(*deep[0])}{more}"
 
 
 def _overlap_line(one: str, other: str, depth: float) -> str:

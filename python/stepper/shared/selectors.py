@@ -390,19 +390,22 @@ def _whole(
         fields: Fields that the caller gave as complete arrays.
     """
     made: dict[str, Array] = {}
-    taken: dict[str, NDArray[np.bool_]] = {}
-    for text, value in values.items():
+    # Position among `values` of the selector that gave each number, by field; -1 is none.
+    taken: dict[str, NDArray[np.int64]] = {}
+    for place, (text, value) in enumerate(values.items()):
         selector = parse(text, where)
         if selector.field not in known and selector.field not in COMPOUNDS:
             raise ValueError(unknown_field(where, selector.field, [*known, *COMPOUNDS], "docs/reference/what_can_vary.md"))
         for part in parts_of(model, selector, where):
             if part.field not in made:
                 made[part.field] = base(part.field)
-                taken[part.field] = np.zeros(made[part.field].shape[-1], bool)
+                taken[part.field] = np.full(made[part.field].shape[-1], -1)
             own, used = made[part.field], taken[part.field]
-            if part.field in fields or used[part.index].any():
-                raise ValueError(f"{where} has {text!r}, whose numbers are given by another argument too: give each number once")
-            used[part.index] = True
+            other = int(np.max(used[part.index], initial=-1))
+            if part.field in fields or other >= 0:
+                both = f"{text!r} and {f'{part.field}=' if part.field in fields else repr(list(values)[other])}"
+                raise ValueError(f"{where} has {both}, which give the same number of {part.field}: give each number once")
+            used[part.index] = place
             if value is None:
                 own[..., part.index] = np.asarray(getattr(model, part.field), np.float64).reshape(-1)[part.index]
             else:

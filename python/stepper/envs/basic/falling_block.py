@@ -10,9 +10,9 @@ import numpy as np
 from stepper._options import Options
 from stepper._stepper import Model, Stepper
 from stepper.envs.assets import cache_model, load_quietly
-from stepper.envs.streams import Rng
 from stepper.envs.task import Array, Camera, Moment, Observation, Task, Terms
 from stepper.sensors import SensorModel, Transfer
+from stepper.shared.streams import Rng
 
 SCENE = """
 <mujoco model="falling block">

@@ -10,8 +10,8 @@ import numpy as np
 from stepper._options import Options
 from stepper._stepper import Model, Stepper
 from stepper.envs.assets import cache_model, load_quietly
-from stepper.envs.streams import Rng
 from stepper.envs.task import Array, Camera, Moment, Observation, Task, Terms, square_sum
+from stepper.shared.streams import Rng
 
 GRAVITY, MASS, FRICTION = 9.81, 0.8, 0.6
 FORCE, STEPS = 20.0, 50

@@ -14,8 +14,8 @@ from stepper.envs.assets import cache_model, cache_per_model
 from stepper.envs.locomotion.mjlab import Ground, Servo, Visuals, plain_ground, scene, tiled_ground
 from stepper.envs.locomotion.rough import RoughTask
 from stepper.envs.locomotion.velocity import VelocityTask, command
-from stepper.envs.streams import Rng
 from stepper.envs.task import Array, Camera, Moment, Terms, square_sum
+from stepper.shared.streams import Rng
 
 _FILE = "asset_zoo/robots/unitree_go1/xmls/go1.xml"
 _HEIGHT = 0.278

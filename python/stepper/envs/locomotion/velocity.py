@@ -15,10 +15,10 @@ from stepper.actuators import ActuatorModel, DCMotor, Drive
 from stepper.envs.assets import cache_per_model
 from stepper.envs.locomotion import terrain
 from stepper.envs.locomotion.base import frame, linear_velocity, stance
-from stepper.envs.streams import Rng
 from stepper.envs.task import Array, Moment, Observation, Task, Terms, per_moment, square_sum
 from stepper.sensors import SensorModel, SensorSpec, Transfer
 from stepper.shared.rotations import about_vertical
+from stepper.shared.streams import Rng
 
 _COMMANDS, _PUSHES = 2, 3
 """Number of commands per episode, one after the other; number of pushes per episode."""

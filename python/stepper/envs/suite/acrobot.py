@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stepper.envs.streams import Rng
 from stepper.envs.suite.base import SuiteTask, norm, rotations, tolerance
 from stepper.envs.task import Array, Moment, Observation
+from stepper.shared.streams import Rng
 
 _TARGET = 0.2
 """Radius of the target, m."""

@@ -13,10 +13,10 @@ import numpy as np
 from stepper._options import Options
 from stepper._stepper import Joint, Model, Stepper
 from stepper.envs.assets import cache_model, cache_per_model, load_quietly, remove_elements
-from stepper.envs.streams import Rng
 from stepper.envs.task import Array, Moment, Task, Terms, per_moment
 from stepper.shared.machine import package_file
 from stepper.shared.rotations import matrices
+from stepper.shared.streams import Rng
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,9 +9,9 @@ import numpy as np
 
 from stepper._stepper import Model
 from stepper.envs.assets import cache_model, load_quietly
-from stepper.envs.streams import Rng
 from stepper.envs.suite.base import SuiteTask, rotations, source_tree, tolerance
 from stepper.envs.task import Array, Moment, Observation
+from stepper.shared.streams import Rng
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from stepper._stepper import Stepper
-from stepper.envs.streams import Rng
 from stepper.envs.suite.base import SuiteTask, randomize_joints, reading, settle, tolerance
 from stepper.envs.task import Array, Moment, Observation, Terms
+from stepper.shared.streams import Rng
 
 _SPEED = 10.0
 """Speed at and above which the reward is 1, m/s."""

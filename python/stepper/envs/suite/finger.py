@@ -8,9 +8,9 @@ import numpy as np
 
 from stepper._stepper import Model, Stepper
 from stepper.envs.assets import cache_model, load_quietly
-from stepper.envs.streams import Rng
 from stepper.envs.suite.base import SuiteTask, norm, randomize_without_overlap, reading, scene, source_tree
 from stepper.envs.task import Array, Moment, Observation, Terms
+from stepper.shared.streams import Rng
 
 _SPEED = 15.0
 """Angular speed above which the body counts as spinning, rad/s."""

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from stepper._stepper import Stepper
-from stepper.envs.streams import Rng
 from stepper.envs.suite.base import SuiteTask, move_geom, norm, rotation, tolerance
 from stepper.envs.task import Array, Moment, Observation, Terms, per_moment
 from stepper.shared.rotations import matrices
+from stepper.shared.streams import Rng
 
 _JOINTS = ("tail1", "tail_twist", "tail2", "finright_roll", "finright_pitch", "finleft_roll", "finleft_pitch")
 

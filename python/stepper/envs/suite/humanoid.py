@@ -7,9 +7,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.streams import Rng
 from stepper.envs.suite.base import SuiteTask, norm, randomize_without_overlap, reading, rotation, small_control, tolerance
 from stepper.envs.task import Array, Moment, Observation
+from stepper.shared.streams import Rng
 
 _HEIGHT = 1.4
 """Height of the head at which the humanoid counts as standing, m."""

@@ -8,11 +8,11 @@ import numpy as np
 
 from stepper._stepper import Model, Stepper
 from stepper.envs.assets import cache_model
-from stepper.envs.streams import Rng
 from stepper.envs.suite.arm import arm_observations, arm_scene, draw_arm, pose
 from stepper.envs.suite.base import SuiteTask, norm, overlapping, place, tolerance
 from stepper.envs.task import Array, Moment, Observation, Terms
 from stepper.shared.rotations import matrices
+from stepper.shared.streams import Rng
 
 _PROPS = {"ball", "target_ball", "cup", "peg", "target_peg", "slot"}
 """Bodies of the file of which each task uses some."""

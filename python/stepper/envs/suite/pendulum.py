@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stepper.envs.streams import Rng
 from stepper.envs.suite.base import SuiteTask, rotation, tolerance
 from stepper.envs.task import Array, Moment, Observation
+from stepper.shared.streams import Rng
 
 _UPRIGHT = float(np.cos(np.deg2rad(8.0)))
 """Cosine of the largest rewarded angle from upright."""

@@ -8,7 +8,6 @@ import numpy as np
 
 from stepper._stepper import Model
 from stepper.envs.assets import cache_model, load_quietly, remove_elements
-from stepper.envs.streams import Rng
 from stepper.envs.suite.base import (
     SuiteTask,
     hinges,
@@ -22,6 +21,7 @@ from stepper.envs.suite.base import (
 )
 from stepper.envs.task import Array, Moment, Observation
 from stepper.shared.rotations import about_vertical
+from stepper.shared.streams import Rng
 
 _TOES = ("front_left", "front_right", "back_right", "back_left")
 _EPISODE = 20.0

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from stepper._stepper import Stepper
-from stepper.envs.streams import Rng
 from stepper.envs.suite.base import SuiteTask, move_geom, norm, randomize_joints, tolerance
 from stepper.envs.task import Array, Moment, Observation, Terms, per_moment
+from stepper.shared.streams import Rng
 
 _FINGER = 0.01
 """Radius of the finger, m."""

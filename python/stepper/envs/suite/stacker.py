@@ -8,10 +8,10 @@ import numpy as np
 
 from stepper._stepper import Model, Stepper
 from stepper.envs.assets import cache_model
-from stepper.envs.streams import Rng
 from stepper.envs.suite.arm import arm_observations, arm_scene, draw_arm, pose
 from stepper.envs.suite.base import SuiteTask, norm, randomize_without_overlap, tolerance
 from stepper.envs.task import Array, Moment, Observation, Terms
+from stepper.shared.streams import Rng
 
 _CLOSE = 0.01
 """Width of the transition of the score for the distance between hand and target, m."""

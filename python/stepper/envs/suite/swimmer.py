@@ -8,9 +8,9 @@ import numpy as np
 
 from stepper._stepper import Model, Stepper
 from stepper.envs.assets import cache_model, load_quietly
-from stepper.envs.streams import Rng
 from stepper.envs.suite.base import SuiteTask, move_geom, norm, randomize_joints, reading, rotation, source_tree, tolerance
 from stepper.envs.task import Array, Moment, Observation, Terms, per_moment
+from stepper.shared.streams import Rng
 
 _SIZE = 0.1
 """Radius of the target, m."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from stepper.envs.streams import Rng
 from stepper.envs.suite.base import SuiteTask, randomize_joints, reading, rotations, tolerance
 from stepper.envs.task import Array, Moment, Observation
+from stepper.shared.streams import Rng
 
 _HEIGHT = 1.2
 """Height of the torso at which the walker counts as standing, m."""

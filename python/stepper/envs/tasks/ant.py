@@ -7,8 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.streams import Rng
 from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Terms, per_moment, square_sum
+from stepper.shared.streams import Rng
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from stepper.envs.streams import Rng
 from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Terms, square_sum
+from stepper.shared.streams import Rng
 
 
 @dataclass(frozen=True, kw_only=True)

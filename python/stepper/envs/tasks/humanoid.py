@@ -8,8 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from stepper.envs.observations import BODY_TABLES, tendons
-from stepper.envs.streams import Rng
 from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Terms, square_sum, within
+from stepper.shared.streams import Rng
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,8 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.streams import Rng
 from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Terms, square_sum
+from stepper.shared.streams import Rng
 
 NEAREST = 0.17
 """Smallest initial distance of the cylinder from the goal, m."""

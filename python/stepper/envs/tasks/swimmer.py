@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stepper.envs.streams import Rng
 from stepper.envs.task import Array, Moment, MujocoTask, Observation, Terms, square_sum
+from stepper.shared.streams import Rng
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,6 +9,9 @@ from dataclasses import dataclass, fields
 from stepper.lab.accuracy.candidates import pareto
 from stepper.lab.accuracy.distributions import Shift
 
+CAUSES = {"solver": "solver", "step": "time step", "model": "model"}
+"""Causes of an error, as tables, pictures and notes name them, by the attribute of `Dot` with their part."""
+
 
 @dataclass(frozen=True)
 class Dot:
@@ -61,6 +64,13 @@ class Dot:
         return f"{self.engine}: {self.setting}"
 
     @property
+    def cause(self) -> str:
+        """Cause with the largest part of the error: "solver", "time step" or "model"; "" if the error is 0 or unknown."""
+        parts = {word: getattr(self, name) for name, word in CAUSES.items() if math.isfinite(getattr(self, name))}
+        cause = max(parts, key=lambda word: parts[word], default="")
+        return cause if math.isfinite(self.error) and parts.get(cause, 0.0) > 0.0 else ""
+
+    @property
     def row(self) -> dict[str, object]:
         """Row of a table: values by the names of its columns."""
         return dict(self._columns())
@@ -68,8 +78,12 @@ class Dot:
     def _columns(self) -> Iterator[tuple[str, object]]:
         """Yields names and values of the table's columns."""
         for own in fields(self):
-            if own.name not in ("invariants", "shifts", "notes"):
+            if own.name in CAUSES:
+                yield f"error from {CAUSES[own.name]}", getattr(self, own.name)
+            elif own.name not in ("invariants", "shifts", "notes"):
                 yield own.name, getattr(self, own.name)
+            if own.name == "model":
+                yield "cause", self.cause
         yield from self.invariants.items()
         for shift in self.shifts:
             yield from ((f"shift of {shift.name}", shift.value), (f"{shift.name}, low", shift.low), (f"{shift.name}, high", shift.high))

@@ -12,6 +12,7 @@ import numpy as np
 
 from stepper.lab.accuracy.candidates import pareto
 from stepper.lab.accuracy.costs import BATCH
+from stepper.lab.accuracy.dots import CAUSES, Dot
 from stepper.lab.accuracy.reference import Reference
 from stepper.lab.accuracy.traces import Distance
 from stepper.lab.study.study import Study
@@ -20,8 +21,6 @@ from stepper.shared.machine import require
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from stepper.lab.accuracy.dots import Dot
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*", "<", ">")
 _OURS = ("#0b3c8c", "#2ca02c", "#17becf", "#8c564b", "#e377c2", "#7f7f7f", "#bcbd22", "#00695c")
@@ -53,7 +52,7 @@ def draw(study: Study, distance: Distance, right: Reference, dots: Sequence[Dot]
         low = low if math.isfinite(low) else _FLOOR
         panel.axhspan(_FLOOR, max(low, 2 * _FLOOR), color="#888888", alpha=0.15, linewidth=0)
         panel.set_title(title, fontsize=11)
-        panel.set_xlabel("us of one core for a simulated second of one environment (down and left is better)")
+        panel.set_xlabel("cost, us of one core for a simulated second\nof one environment (down and left is better)", fontsize=9)
         panel.set_ylabel(f"error up to {distance.horizon:.3g} s, {distance.unit} (median)")
         finite = [dot.error for dot in dots if math.isfinite(dot.error) and dot.error > 0]
         if finite:
@@ -164,15 +163,14 @@ def _split(panel: Axes, study: Study, dots: Sequence[Dot], labels: Sequence[str]
     own = study.options.timestep or float(study.loaded[0].timestep)
     chosen = [min((dot for dot in dots if dot.label == label), key=lambda dot: abs(dot.timestep - own)) for label in labels]
     place, there = np.arange(len(chosen)), False
-    parts = (("solver", "solver and rounding", "#1f77d0"), ("step", "time step", "#2ca02c"), ("model", "model: softness, cone", "#d62728"))
-    for k, (name, label, colour) in enumerate(parts):
+    for k, ((name, label), colour) in enumerate(zip(CAUSES.items(), ("#1f77d0", "#2ca02c", "#d62728"), strict=True)):
         values = [getattr(dot, name) for dot in chosen]
         shown = [v if math.isfinite(v) and v > _FLOOR else np.nan for v in values]
         panel.bar(place + 0.25 * (k - 1), shown, 0.24, color=colour, label=label)
         there = there or bool(np.isfinite(shown).any())
     _scale(panel, "y", there=there)
     panel.set_xticks(place, [dot.label for dot in chosen], rotation=25, ha="right", fontsize=8)
-    panel.set_ylabel("median error by its source")
+    panel.set_ylabel("median error by its cause")
     panel.set_title(f"where errors come from, at the time step of {own * 1e3:g} ms", fontsize=11)
     panel.legend(fontsize=8)
     panel.grid(visible=True, axis="y", color="#dddddd")

@@ -134,7 +134,7 @@ class Invariants:
 
         * The episode diverged within its first control period.
         * Energy: the episode starts with an overlap or an open loop, whose correction adds energy.
-        * Energy and momentum: the drive applies forces to bodies.
+        * Energy and momentum: the controller applies forces to bodies.
         """
         found = {kind: np.full(len(trace.qpos), np.nan) for kind in self.kinds}
         for e in range(len(trace.qpos)):

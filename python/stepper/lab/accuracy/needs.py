@@ -75,7 +75,7 @@ class Bench:
     trace: Trace
 
     def errors(self, smaller: Sequence[Model], tick: Callable[[float], None]) -> list[float]:
-        """Largest change of the motion with each smaller model, m or rad; infinite if the drive or a measure reads a removed part."""
+        """Largest change of the motion with each smaller model, m or rad; infinite if the controller or a measure reads a removed part."""
         found: dict[int, float] = {}
         for number, error in each(self.study, smaller, self._error):
             found[number] = error
@@ -112,7 +112,7 @@ class Bench:
         return Spare(what, why, error, saved, least, error <= budget and least > 0)
 
     def _with(self, smaller: Model) -> Study:
-        # The drive reads the parameters. Sensors are ideal and may be removed, so that their parameters are dropped.
+        # The controller reads the parameters. Sensors are ideal and may be removed, so that their parameters are dropped.
         kept = {name: own for name, own in self.study.parameters.items() if own.kind != "sensor"}
         return replace(self.study, model=smaller, parameters=kept, sensors=None)
 
@@ -306,11 +306,11 @@ def _limits(model: Model, seen: Touching) -> list[_Cut]:
 
 
 def _sensors(model: Model, seen: Touching) -> list[_Cut]:
-    """Removable sensors: all of them, if neither the drive nor an outcome reads one."""
+    """Removable sensors: all of them, if neither the controller nor an outcome reads one."""
     if not model.sensors or seen.senses:
         return []
 
     def cut(made: Description) -> None:
         made["sensors"] = []
 
-    return [(f"{len(model.sensors)} sensors", "neither the drive nor an outcome reads them", cut)]
+    return [(f"{len(model.sensors)} sensors", "neither the controller nor an outcome reads them", cut)]

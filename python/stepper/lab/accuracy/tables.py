@@ -14,7 +14,7 @@ import numpy as np
 
 from stepper.lab.accuracy.costs import BATCH
 from stepper.lab.accuracy.distributions import names
-from stepper.lab.accuracy.dots import Dot, front
+from stepper.lab.accuracy.dots import CAUSES, Dot, front
 from stepper.lab.accuracy.invariants import Invariants
 from stepper.lab.accuracy.measure import TARGET, ChartBasis, Point
 from stepper.lab.accuracy.reference import Reference
@@ -94,12 +94,13 @@ def _sections(found: ChartData, picture: Path, later: Path | None) -> list[Secti
     dots, ground = found.dots, found.ground
     best = set(map(id, [*front(dots, "alone"), *front(dots, "batch")]))
     study, unit = ground.study, ground.distance.unit
-    head = ("", "settings", "time step, ms", f"error, {unit}", "solver", "step", "model", "alone, us", "batch, us", "depth, mm")
+    parts = [f"from {word}" for word in CAUSES.values()]
+    head = ("", "settings", "time step, ms", f"error, {unit}", *parts, "cause", "alone, us", "batch, us", "depth, mm")
     outcome = study.decisive or next(iter(study.all_outcomes), None)
     more = ("residual, m/s", *(() if outcome is None else (f"mean {outcome.name}", "successes")), "notes")
 
     def row(dot: Dot) -> list[Any]:
-        numbers = (dot.error, dot.solver, dot.step, dot.model, dot.alone, dot.batch, 1e3 * dot.depth, dot.residual)
+        numbers = (dot.error, dot.solver, dot.step, dot.model, dot.cause, dot.alone, dot.batch, 1e3 * dot.depth, dot.residual)
         outcomes = () if outcome is None else (dot.outcome, dot.share)
         return ["*" if id(dot) in best else "", dot.label, 1e3 * dot.timestep, *numbers, *outcomes, "; ".join(dot.notes)]
 
@@ -136,8 +137,9 @@ def _words(found: ChartData) -> list[str]:
         ),
         f"Costs are processor time of one core: microseconds for a simulated second of one environment, alone and of {BATCH} in a "
         "batch, with recorded controls. MuJoCo and rapier step one environment after the other in both.",
-        "The error has three parts. solver: distance from the same run solved to 1e-9 m/s in 64 bits. step: distance of that run from "
-        "the converged run with its law of contact. model: distance of that converged run from the reference (softness, friction cone). "
+        "An error has three causes, each with its part. solver: distance from the same run solved to 1e-9 m/s in 64 bits. time step: "
+        "distance of that run from the converged run with its law of contact. model: distance of that converged run from the reference "
+        "(softness, friction cone). The column cause has the one with the largest part; docs/reference/studies.md has remedies. "
         "The reference has hard contact, unless the study's options have MuJoCo's law."
         + (f" Uncertainty of the converged runs, {unit} (median): {'; '.join(laws)}." if laws else ""),
     ]

@@ -40,7 +40,7 @@ class Trace:
         time: Times after the control periods, (T,), s. Fewer than the study's control periods if the run was stopped.
         points: Positions of bodies, geoms and sites, (T, episodes, nbody + ngeom + nsite, 3), m; NaN after an episode was not finite.
         xquat: Orientations of the bodies, (T, episodes, nbody, 4), quaternions (w, x, y, z).
-        ctrl: Controls, (T, episodes, nu); NaN where the drive kept the previous controls.
+        ctrl: Controls, (T, episodes, nu); NaN where the controller kept the previous controls.
         applied: Forces (N) and torques (N m) on the bodies, (T, episodes, nbody, 6).
         qpos: Initial positions, (episodes, nq), m and rad.
         qvel: Initial velocities, (episodes, nv), m/s and rad/s.

@@ -186,8 +186,8 @@ def tune(
     if (count := len(_distinct(study, range(episodes, episodes + enough), {}))) < enough:
         raise ValueError(
             f"{study.name}: {count} of {enough} held-out episodes are distinct, and a coverage of {coverage} with the confidence "
-            f"{confidence} needs all of them; give it qpos_noise, qvel_noise, a random start or drive, or more recorded episodes, or lower "
-            "coverage or confidence"
+            f"{confidence} needs all of them; give it qpos_noise, qvel_noise, a random start or controller, or more recorded episodes, "
+            "or lower coverage or confidence"
         )
     right = reference_of(study, range(episodes), distance, target=_KNOWN * budget, tick=lambda done: told("reference", done))
     usual, candidates = _candidates(study, range(episodes), distance, right, budget, alone=alone, told=told)
@@ -422,7 +422,7 @@ def _sections(found: Tuning, right: Reference, *, coverage: float, confidence: f
     if exhausted:
         words.append(
             "The study has too few distinct episodes to test the next candidate: give it qpos_noise, qvel_noise, a random start or "
-            "drive, or more recorded episodes."
+            "controller, or more recorded episodes."
         )
     trials = [
         [t.candidate.name, 1e3 * t.candidate.settings["timestep"], t.held, t.episodes, t.unknown, t.worst, t.share, t.confidence]

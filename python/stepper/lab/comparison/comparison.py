@@ -13,7 +13,7 @@ import numpy as np
 from stepper._options import Options
 from stepper._stepper import Model, Stepper
 from stepper.lab.comparison.draw import draw
-from stepper.lab.comparison.trial import Array, Course, Drive, Slip, run
+from stepper.lab.comparison.trial import Array, Controller, Course, Slip, run
 from stepper.lab.study.worlds import Plan, make_world
 from stepper.loading import load
 from stepper.shared.files import existing
@@ -84,7 +84,7 @@ class Comparison:
 
 def compare(
     source: Any,
-    drive: Drive | None = None,
+    controller: Controller | None = None,
     *,
     seconds: float = 2.0,
     num_envs: int = 8,
@@ -100,8 +100,8 @@ def compare(
     Args:
         source: Source of the model, as for `stepper.load`. With a `Model`, or if MuJoCo is not installed, MuJoCo and the sliding
             distance are left out.
-        drive: Controls (steps, nu) or (steps, num_envs, nu), in their units; after the end the last row is kept. Or a policy: a function of
-            qpos (num_envs, nq) and qvel (num_envs, nv) that returns controls (num_envs, nu) or (nu,). None draws random controls.
+        controller: Controls (steps, nu) or (steps, num_envs, nu), in their units; after the end the last row is kept. Or a function
+            of qpos (num_envs, nq) and qvel (num_envs, nv) that returns controls (num_envs, nu) or (nu,). None draws random controls.
         seconds: Length of an episode, s.
         num_envs: Number of episodes.
         options: Options of the step for both laws; `contact` is ignored, and MuJoCo's law has the integrator of the source.
@@ -133,8 +133,8 @@ def compare(
     if qpos.shape != (num_envs, model.nq) or qvel.shape != (num_envs, model.nv):
         raise ValueError(f"start has shapes {qpos.shape} and {qvel.shape}, must be ({num_envs}, {model.nq}) and ({num_envs}, {model.nv})")
     steps = max(1, round(seconds / timestep))
-    if drive is None:
-        drive = _random(model, num_envs, steps, max(1, round(hold / timestep)), rng)
+    if controller is None:
+        controller = _random(model, num_envs, steps, max(1, round(hold / timestep)), rng)
     slip = Slip(compiled) if compiled is not None else None
     plans = {"hard": Plan(model, {}, hard), "MuJoCo's law": Plan(model, {}, law)}
     if compiled is not None:
@@ -143,7 +143,7 @@ def compare(
     for name, plan in plans.items():
         world = make_world(plan, num_envs)
         world.start(qpos, qvel, None, 0)
-        courses.append(run(name, world, drive, steps, slip=slip, reward=reward, tick=told))
+        courses.append(run(name, world, controller, steps, slip=slip, reward=reward, tick=told))
     return Comparison(tuple(courses), reward is not None)
 
 

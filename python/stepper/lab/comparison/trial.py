@@ -15,8 +15,8 @@ from stepper.shared.progress import Tick, silent
 
 Array = NDArray[np.float64]
 
-Drive = Array | Callable[[Array, Array], Any]
-"""Controls (steps, nu) or (steps, num_envs, nu), or a policy: a function of qpos (num_envs, nq) and qvel (num_envs, nv)."""
+Controller = Array | Callable[[Array, Array], Any]
+"""Controls (steps, nu) or (steps, num_envs, nu), or a controller: a function of qpos (num_envs, nq) and qvel (num_envs, nv)."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class Slip:
 def run(
     name: str,
     world: World,
-    drive: Drive,
+    controller: Controller,
     steps: int,
     *,
     slip: Slip | None = None,
@@ -101,7 +101,7 @@ def run(
     Args:
         name: Name of the engine.
         world: Environments, in their initial states.
-        drive: Controls or policy, as in `compare`.
+        controller: Controls or controller, as in `compare`.
         steps: Number of steps.
         slip: Measurement of sliding; None does not measure it.
         reward: Reward function, as in `compare`.
@@ -114,7 +114,7 @@ def run(
     }
     before: list[set[tuple[int, int]]] = [set() for _ in range(n)]
     for k in range(steps):
-        ctrl = np.asarray(drive(qpos, qvel) if callable(drive) else drive[min(k, len(drive) - 1)], float)
+        ctrl = np.asarray(controller(qpos, qvel) if callable(controller) else controller[min(k, len(controller) - 1)], float)
         ctrl = np.broadcast_to(ctrl, (n, ctrl.shape[-1]))
         world.step(ctrl, 1)
         last, (qpos, qvel) = (qpos, qvel), (np.array(world.qpos), np.array(world.qvel))

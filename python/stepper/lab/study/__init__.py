@@ -1,4 +1,4 @@
-"""Studies: episodes of a model with a controller (drive), measured outcomes and uncertain parameters.
+"""Studies: episodes of a model with a controller, measured outcomes and uncertain parameters.
 
 - `study`: the definition of a study; `files` reads it from TOML
 - `parameters`, `outcomes`, `drives`, `policy_files`: parts of the definition

@@ -166,7 +166,7 @@ def world_of(study: Study, setting: str, values_by_env: Sequence[Values], **chan
 
 def begin(study: Study, world: World, episodes: Sequence[int]) -> None:
     """Start episodes with these numbers in the environments of a world."""
-    world.episodes = np.array(episodes)
+    world.seed_episodes(study.seed, episodes, study.hold)
     qpos, qvel = starts(study, world, episodes)
     world.start(qpos, qvel, study.keyframe, study.seed)
 
@@ -214,7 +214,7 @@ def running(study: Study, world: World, episodes: Sequence[int], *, by_step: boo
         Whether outcomes must be measured now: at the start and after every control period.
 
     Raises:
-        ValueError: The drive keeps state between batches and has no method `begin`.
+        ValueError: The controller keeps state between batches and has no method `begin`.
     """
     nstep = steps_of(study, world.timestep)
     begin(study, world, episodes)
@@ -237,8 +237,15 @@ def running(study: Study, world: World, episodes: Sequence[int], *, by_step: boo
 
 
 def _check_controls(drive: Any, world: World, ctrl: Any) -> None:
-    """Raise ValueError if the drive returns controls that are not finite in an episode whose state is finite."""
-    if ctrl is None or np.isfinite(ctrl).all():
+    """Raise ValueError if the controller returns another shape, or controls that are not finite in an episode whose state is finite."""
+    if ctrl is None:
+        return
+    if np.shape(ctrl) not in ((world.num_envs, world.model.nu), (world.model.nu,)):
+        raise ValueError(
+            f"the controller {drives.name_of(drive)} returned the shape {np.shape(ctrl)}, must be (num_envs, nu), which is "
+            f"({world.num_envs}, {world.model.nu}), or (nu,), or None"
+        )
+    if np.isfinite(ctrl).all():
         return
     rows = np.broadcast_to(np.asarray(ctrl, float), (world.num_envs, world.model.nu))
     found = np.argwhere(~np.isfinite(rows) & ~world.diverged[:, None])
@@ -246,7 +253,7 @@ def _check_controls(drive: Any, world: World, ctrl: Any) -> None:
         env, actuator = (int(k) for k in found[0])
         name = world.model.actuator(actuator).name or f"#{actuator}"
         raise ValueError(
-            f"the drive {drives.name_of(drive)} gives actuator {name!r} the control {rows[env, actuator]} at {world.time[env]:g} s of "
+            f"the controller {drives.name_of(drive)} gives actuator {name!r} the control {rows[env, actuator]} at {world.time[env]:g} s of "
             f"episode {int(world.episodes[env])}: controls must be finite"
         )
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from stepper.lab.study.document import counted
 from stepper.lab.study.points import USUAL
-from stepper.lab.study.sweep import Level, Sweep, measured
+from stepper.lab.study.sweep import Cliff, Level, Sweep, measured
 from stepper.shared.machine import require
 
 if TYPE_CHECKING:
@@ -27,6 +27,8 @@ DPI = 130
 _COLUMNS = 3
 _LABEL = 44
 """Number of characters after which a label of the legend is wrapped."""
+_LABEL_WIDTH = 0.2
+"""Width of a cliff's value in a panel, as a fraction of the parameter's range: seven digits of 8 points in a panel of 3 inches."""
 _ANNOTATED = 5
 """Largest number of settings for which panels print the values of cliffs. With more settings, see `draw_cliffs`."""
 
@@ -126,11 +128,17 @@ def cliffs_of(sweep: Sweep) -> Any | None:
             panel.errorbar([middle], [row], xerr=[(cliff.high - cliff.low) / 2], fmt="o", color=colour, capsize=2, markersize=4)
             # The text is above the bracket, which may be wider than the text.
             panel.annotate(f"{middle:.4g}", (middle, row), xytext=(0, 4), textcoords="offset points", ha="center", fontsize=8, color=colour)
+        for row, setting in enumerate(settings):
+            if not any(cliff.setting == setting for cliff in own[name]):
+                told = "none in this range" if sweep.levels_of(name, setting) else "not run"
+                panel.text(0.5, row, told, transform=panel.get_yaxis_transform(), ha="center", va="center", fontsize=8, color="#666666")
         panel.margins(x=0.25)
         panel.set_xlabel(_name(sweep, name))
         panel.grid(visible=True, axis="x", color="#dddddd")
         panel.locator_params(axis="x", nbins=5)
-    axes[0, 0].set_yticks(range(len(settings)), [textwrap.shorten(name, 32, placeholder=" ...") for name in settings], fontsize=8)
+    axes[0, 0].set_yticks(range(len(settings)), [textwrap.shorten(name, 32, placeholder=" ...") for name in settings])
+    for panel in axes[:, 0]:
+        panel.tick_params(axis="y", labelsize=8)
     axes[0, 0].set_ylim(len(settings) - 0.5, -0.8)
     figure.suptitle(textwrap.fill(f"{sweep.study.name}: where success ends", int(11 * size[0])), fontsize=11)
     return figure
@@ -149,10 +157,7 @@ def _panel(panel: Axes, sweep: Sweep, name: str, *, shares: bool) -> None:
                 middle, colour = (cliff.low + cliff.high) / 2, COLOURS[number % len(COLOURS)]
                 panel.axvline(middle, color=colour, linestyle=":", linewidth=1)
                 if shares and len(settings) <= _ANNOTATED:
-                    panel.annotate(
-                        f"{middle:.4g}", (middle, 0.02), xytext=(4, 9 * number), textcoords="offset points", color=colour, fontsize=8,
-                        bbox={"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 0.5},
-                    )  # fmt: skip
+                    _annotate(panel, sweep, cliff, number)
     panel.set_xlabel(_name(sweep, name) + {"set": "", "scale": " (factor)", "add": " (added)"}[parameter.operation])
     if shares:
         panel.set_ylabel("fraction of successes")
@@ -166,6 +171,24 @@ def _panel(panel: Axes, sweep: Sweep, name: str, *, shares: bool) -> None:
         panel.locator_params(axis="x", nbins=6)
     panel.grid(visible=True, color="#dddddd")
     panel.set_axisbelow(True)
+
+
+def _annotate(panel: Axes, sweep: Sweep, cliff: Cliff, number: int) -> None:
+    """Write the value of a cliff next to its line, where the panel is free: above the failures, whose intervals end below the text.
+
+    If the panel ends near there, the text is below the successes on the other side. `number` is that of the settings.
+    """
+    values = [float(level.value or 0) for level in sweep.points(cliff.parameter, cliff.setting)]
+    middle, width = (cliff.low + cliff.high) / 2, max(values) - min(values)
+    fails_left = cliff.below < cliff.above
+    free = middle - min(values) if fails_left else max(values) - middle
+    is_above = free > _LABEL_WIDTH * width
+    on_left = fails_left if is_above else not fails_left
+    panel.annotate(
+        f"{middle:.4g}", (middle, 0.55 if is_above else 0.05), xytext=(-4 if on_left else 4, 9 * number), textcoords="offset points",
+        ha="right" if on_left else "left", color=COLOURS[number % len(COLOURS)], fontsize=8,
+        bbox={"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 0.5},
+    )  # fmt: skip
 
 
 def _series(panel: Axes, sweep: Sweep, name: str, number: int, *, shares: bool) -> None:

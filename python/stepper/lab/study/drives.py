@@ -1,4 +1,4 @@
-"""Drives (controllers) of a study: recorded controls, policies and random controls; digests of drives and measures."""
+"""Controllers of a study: recorded controls, policies and random controls; digests of controllers and measures."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ from stepper.lab.study.worlds import World
 Array = NDArray[np.float64]
 FILES = "stepper_study_"
 """Prefix of the names under which `load_file` imports Python files of studies."""
-Drive = Callable[[World], Any]
+Controller = Callable[[World], Any]
 """Function of a `World` that returns controls (num_envs, nu) or (nu,), or None to keep the last ones. If it has a method
 `begin(now)`, that is called at the start of each batch."""
 
 
 class Recorded:
-    """Drive that plays recorded controls, one row per control period. After the end it keeps the last row.
+    """Controller that plays recorded controls, one row per control period. After the end it keeps the last row.
 
     Args:
         path: File with the controls, in the actuators' units. An .npz file has "ctrl" (T, nu), or (T, n, nu) with controls for n episodes;
@@ -113,7 +113,7 @@ def _is_number(text: str) -> bool:
 
 
 class Random:
-    """Drive with uniform random controls within their ranges (without a range: -1 to 1).
+    """Controller with uniform random controls within their ranges (without a range: -1 to 1).
 
     The controls of an episode depend on the seed and the number of the episode, not on its batch.
 
@@ -142,7 +142,7 @@ class Random:
 
 
 class Policy:
-    """Drive that calls a policy, which maps sensor readings (num_envs, nsensordata) to controls (num_envs, nu).
+    """Controller that calls a policy, which maps sensor readings (num_envs, nsensordata) to controls (num_envs, nu).
 
     Args:
         act: Policy, in one of these forms:
@@ -226,7 +226,7 @@ def load_file(path: Path) -> ModuleType:
 
 
 def digest_of(thing: Any) -> str:
-    """SHA-256 of a drive or measure. Drives with equal digests give equal rows.
+    """SHA-256 of a controller or measure. Controllers with equal digests give equal rows.
 
     * Function: its name, file, default arguments, closure variables, and the object of which it is a method. Modules that the file imports
       from the folder of a study are included.
@@ -244,10 +244,10 @@ def digest_of(thing: Any) -> str:
 
 
 class Memory:
-    """Check that a drive without a method `begin` carries no state from one batch to the next.
+    """Check that a controller without a method `begin` carries no state from one batch to the next.
 
     Args:
-        drive: The drive, before its batch.
+        drive: The controller, before its batch.
     """
 
     def __init__(self, drive: Any):
@@ -257,10 +257,10 @@ class Memory:
         self._before = {} if self._restarts else self._held()
 
     def check(self) -> None:
-        """Raise ValueError if an attribute or closure variable of the drive changed during the batch.
+        """Raise ValueError if an attribute or closure variable of the controller changed during the batch.
 
-        Drives with a method `begin` and networks are not checked. Nor are variables that were missing, None or empty before the batch (they
-        may be caches), or have no digest.
+        Controllers with a method `begin` and networks are not checked. Nor are variables that were missing, None or empty before the batch
+        (they may be caches), or have no digest.
         """
         if self._restarts:
             return
@@ -268,7 +268,7 @@ class Memory:
         changed = [name for name, before in self._before.items() if before is not None and now.get(name, before) != before]
         if changed:
             raise ValueError(
-                f"the drive {name_of(self._drive)} has changed {', '.join(changed)} in a batch and has no method begin(now): the next "
+                f"the controller {name_of(self._drive)} has changed {', '.join(changed)} in a batch and has no method begin(now): the next "
                 "batch would continue with the changed value, and results would depend on how episodes are batched. Make it a class with "
                 f"a method begin(now) that resets {', '.join(changed)} (an empty method, if no control depends on them)"
             )
@@ -480,7 +480,7 @@ def _code(code: CodeType) -> bytes:
 
 
 def name_of(thing: Any) -> str:
-    """Name of a drive or measure for tables: "file.py:name", or the name of a policy file."""
+    """Name of a controller or measure for tables: "file.py:name", or the name of a policy file."""
     if isinstance(thing, str) or thing is None:
         return str(thing or "nothing")
     if isinstance(thing, Policy):

@@ -9,9 +9,9 @@ The first rule that applies gives the cause:
     perception   the episode succeeds with ideal sensors
     physics      the episode, with ideal sensors, succeeds at half the time step with a hundredth of the tolerance
     physics      with soft contact: the episode, with ideal sensors, succeeds with hard contact
-    policy       no other rule applies: the controller fails although physics and sensors are correct
+    controller   no other rule applies: the controller fails although physics and sensors are correct
 
-A drive with internal state restarts in every run.
+A controller with internal state restarts in every run.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ STATUS = "a step was not solved, not finite or unresolved (status)"
 PERCEPTION = "success with ideal sensors"
 STEP = f"success with ideal sensors, 1/{FINER} of the time step and {TIGHTER:g} of the tolerance"
 LAW = "success with ideal sensors and hard contact: the softness of contact causes the failure"
-POLICY = "failure even with ideal sensors and a finer time step"
+CONTROLLER = "failure even with ideal sensors and a finer time step"
 DECLARED = "the study declares the cause of failures of this outcome"
 
 RULES = (
@@ -52,7 +52,7 @@ RULES = (
     ("perception", PERCEPTION),
     ("physics", STEP),
     ("physics", LAW),
-    ("policy", POLICY),
+    ("controller", CONTROLLER),
 )
 """Causes and rules, in the order in which they apply."""
 
@@ -63,7 +63,7 @@ class Verdict:
 
     Attributes:
         row: Row of the episode.
-        cause: Cause: "physics", "perception", "policy" or "evaluation".
+        cause: Cause: "physics", "perception", "controller" or "evaluation".
         rule: Rule that gave the cause.
     """
 
@@ -87,7 +87,7 @@ def causes_of(study: Study, rows: Sequence[Row], journal: Journal) -> list[Verdi
         for row, repeated in zip(left, _repeated(study, left, journal, name, change), strict=True):
             if repeated["success"]:
                 verdicts[row["key"]] = (cause, rule)
-    return [Verdict(row, *(verdicts[key] or ("policy", POLICY))) for key, row in failed.items()]
+    return [Verdict(row, *(verdicts[key] or ("controller", CONTROLLER))) for key, row in failed.items()]
 
 
 def _cause_in(study: Study, row: Row) -> tuple[str, str] | None:

@@ -2,7 +2,7 @@
 
 name = "grasp"
 model = "grasp.xml"                    # path relative to this file; or "module:function", "file.py:function", or MJCF text
-drive = "grasp.py:lift"                # a function; or "controls.npz", "controls.csv", "random". Instead of a drive, a policy:
+controller = "grasp.py:lift"           # a function; or "controls.npz", "controls.csv", "random". Instead of a controller, a policy:
                                        # policy = "file.py:function", "walker.onnx", "walker.pt", "walker.npz"
 seconds = 1.0
 episodes = 16
@@ -75,17 +75,19 @@ def _made(data: dict[str, Any], path: Path, kind: type[Study]) -> Study:
     """Study from the contents of a TOML file."""
     folder, given = path.resolve().parent, dict(data)
     known = {field.name for field in fields(kind) if not field.name.startswith("_")} | {"policy"}
+    if renamed := next((key for key in given if key not in known and present_keyword("stepper.lab.Study", key)), None):
+        raise ValueError(f"the study has no {renamed!r}: use {present_keyword('stepper.lab.Study', renamed)}")
     check_keys(given, known, "the study")
     if "model" not in given:
         raise ValueError("model is missing: give the path of an MJCF, URDF or saved model")
     given.setdefault("name", path.stem)
     given["model"] = _model(given["model"], folder)
     if "policy" in given:
-        if "drive" in given:
-            raise ValueError("give drive or policy, not both")
-        given["drive"] = _policy(given.pop("policy"), folder)
-    elif given.get("drive") not in (None, "random"):
-        given["drive"] = _drive(given["drive"], folder)
+        if "controller" in given:
+            raise ValueError("give controller or policy, not both")
+        given["controller"] = _policy(given.pop("policy"), folder)
+    elif given.get("controller") not in (None, "random"):
+        given["controller"] = _drive(given["controller"], folder)
     for name in ("start", "exact"):
         if name in given:
             given[name] = find(given[name], folder)
@@ -116,7 +118,7 @@ def _model(source: str, folder: Path) -> Any:
 
 
 def _policy(source: str, folder: Path) -> Policy:
-    """Drive from the entry `policy` of a study file."""
+    """Controller from the entry `policy` of a study file."""
     if source.endswith((*ENDINGS, PROGRAM)):
         return Policy(folder / source)
     found = find(source, folder)
@@ -124,11 +126,11 @@ def _policy(source: str, folder: Path) -> Policy:
 
 
 def _drive(source: str, folder: Path) -> Callable[[Any], Any]:
-    """Drive from the entry `drive` of a study file."""
+    """Controller from the entry `controller` of a study file."""
     if source.endswith((".npz", ".csv")):
         return Recorded(folder / source)
     found: Callable[[Any], Any] = find(source, folder)
-    # A class is instantiated: a drive with internal state.
+    # A class is instantiated: a controller with internal state.
     return found() if isinstance(found, type) else found
 
 

@@ -20,7 +20,7 @@ Measure = Callable[[Any], Any]
 
 REDUCTIONS = ("end", "change", "max", "min", "mean")
 """Values of `Outcome.reduce`."""
-CAUSES = ("physics", "perception", "policy", "evaluation")
+CAUSES = ("physics", "perception", "controller", "evaluation")
 """Values of `Outcome.cause`."""
 _COMPARED = {">=": operator.ge, "<=": operator.le, ">": operator.gt, "<": operator.lt}
 _AXES = {"x": 0, "y": 1, "z": 2}
@@ -50,13 +50,13 @@ class Outcome:
             * "force NAME x": contact force on a body, world axes, N
 
             Without an axis or channel, the measure is the norm.
-        reduce: Reduction of the measured values to one number: the last value ("end"), the last minus the first ("change"), "max", "min" or
-            "mean". Values are measured at the start and after every control period.
+        reduce: Reduction of the measure to one number. With "end", it is the value at the end of the episode. With "change", it is that
+            minus the value at the start. With "max", "min" or "mean", it is of the values at the start and after every control period.
         success: Condition of success, a comparison such as ">= 0.05"; None is no condition.
         margin: Distance to the threshold, in the unit of the measure, below which the cause of a failure is "evaluation".
         unit: Unit of the measure, for tables.
-        cause: Cause of failures, if it is known beforehand: "physics", "perception", "policy" or "evaluation". With None, `stepper report`
-            repeats failed episodes with changes to find the cause.
+        cause: Cause of failures, if it is known beforehand: "physics", "perception", "controller" or "evaluation". With None,
+            `stepper report` repeats failed episodes with changes to find the cause.
     """
 
     name: str

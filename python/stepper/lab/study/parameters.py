@@ -1,4 +1,4 @@
-"""Parameters of a study: uncertain numbers of a model, its sensors, actuators, settings or drive, with their ranges.
+"""Parameters of a study: uncertain numbers of a model, its sensors, actuators, settings or controller, with their ranges.
 
 A selector (`stepper.shared.selectors`) names the numbers that a parameter changes:
 
@@ -7,12 +7,14 @@ A selector (`stepper.shared.selectors`) names the numbers that a parameter chang
     sensor.delay[imu], sensor.noise_std ...     an attribute of `stepper.Transfer`
     actuator.delay[hip], actuator.servo.kp ...  an attribute of `stepper.Drive`, its motor or servo
     options.timestep, options.contact ...       an attribute of `stepper.Options`, or "precision"
-    drive                                       a number for the drive and the measures, which read `now.parameters[name]`
+    controller                                  a number for the controller and the measures, which read `now.parameters[name]`
 """
 
 from __future__ import annotations
 
 import dataclasses
+import difflib
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -45,7 +47,7 @@ SETTINGS = frozenset(field.name for field in fields(Options)) | {"precision"}
 """Names of settings after "options." in a selector."""
 LEVELS = 5
 """Number of values in the sweep of a parameter with low and high."""
-_HEADS = ("sensor", "actuator", "options", "drive")
+_HEADS = ("sensor", "actuator", "options", "controller")
 """First words of selectors that are not fields of the model."""
 OF_MODEL = frozenset({"field", "sensor", "actuator"})
 """Kinds of selectors (`Parameter.kind`) that name elements of the model."""
@@ -58,7 +60,7 @@ class Parameter:
 
     Attributes:
         selector: Numbers that change, `field[names][columns]` (docs/reference/what_can_vary.md): "geom_friction[floor,box][0]",
-            "actuator.delay[hip]", "options.timestep", "drive".
+            "actuator.delay[hip]", "options.timestep", "controller".
         operation: Operation of a value on the model's number: "set" replaces it, "scale" multiplies it, "add" adds to it. With body_mass,
             the inertia is multiplied by the same factor as the mass, as with a change of density.
         low: Lowest plausible value.
@@ -103,7 +105,7 @@ class Parameter:
             raise ValueError(f"selector is {self.selector!r}: before the dot must be sensor, actuator or options{guess}")
         if self.kind != "field" and self.parsed.columns is not None:
             raise ValueError(f"selector is {self.selector!r}, which has no columns: leave them out")
-        if self.kind in ("options", "drive") and self.parsed.elements is not None:
+        if self.kind in ("options", "controller") and self.parsed.elements is not None:
             raise ValueError(f"selector is {self.selector!r}: {self.parsed.field} has no elements; leave the brackets out")
 
     @property
@@ -113,7 +115,7 @@ class Parameter:
 
     @property
     def kind(self) -> str:
-        """Kind of the selector: "field", "sensor", "actuator", "options" or "drive"."""
+        """Kind of the selector: "field", "sensor", "actuator", "options" or "controller"."""
         head = self.parsed.field.partition(".")[0]
         return head if head in _HEADS else "field"
 
@@ -141,7 +143,7 @@ class Parameter:
         if self.kind == "options" and self.leaf in CHOICES:
             if not isinstance(value, str):
                 raise ValueError(f"{where} is {value!r}, must be a text, because {self.leaf} is a choice among names")
-        elif isinstance(value, str) and self.kind == "drive":
+        elif isinstance(value, str) and self.kind == "controller":
             known = [own for own in (*(self.values or ()), self.nominal) if isinstance(own, str)]
             if value not in known:
                 raise ValueError(f"{where} is {value!r}, must be {'of: ' + ', '.join(known) if known else 'a number'}")
@@ -201,7 +203,17 @@ def _changed(parameter: Parameter, model: Model) -> frozenset[tuple[str, int]]:
 def _no_parameter(text: str, parameters: Mapping[str, Parameter], otherwise: str) -> str:
     """Error message for a text that is neither the name of a parameter nor a selector; `otherwise` is a further remedy."""
     known = ", ".join(parameters) or "none"
-    return f"there is no parameter {text!r}{did_you_mean(text, parameters) or ','} there are: {known}; or {otherwise}"
+    return f"there is no parameter {text!r}{_guess(text, parameters) or ','} there are: {known}; or {otherwise}"
+
+
+def _guess(text: str, parameters: Mapping[str, Parameter]) -> str:
+    """Hint for an unknown parameter: similar names of parameters, or the text with a similar field; "" if there is none."""
+    field = text.partition("=")[0].partition("[")[0].strip()
+    head, dot, _ = field.partition(".")
+    word, known = (head, _HEADS[:3]) if dot else (field, [*FIELDS, *COMPOUNDS])
+    similar = [] if word in known else difflib.get_close_matches(word, known, n=1)
+    fields = [repr(text.replace(word, name, 1)) if text != word else name for name in similar]
+    return did_you_mean(text, parameters) or "".join(f"; did you mean {name}?" for name in fields)
 
 
 def _selects(text: str) -> bool:
@@ -226,6 +238,26 @@ def with_nominal(parameters: Mapping[str, Parameter], values: Mapping[str, Value
     return found
 
 
+def check_overlaps(chosen: Mapping[str, Parameter], model: Model, values: Values | None = None) -> None:
+    """Check that no two parameters set the same number.
+
+    Args:
+        chosen: Parameters by name, which all apply at once.
+        model: The model.
+        values: Values of the parameters; two that are equal may set the same number. None is unknown values.
+
+    Raises:
+        ValueError: Two parameters with operation="set" select the same number, with different values. The message has both names.
+    """
+    own = {name: _changed(p, model) for name, p in chosen.items() if p.operation == "set" and p.kind != "controller"}
+    for one, other in itertools.combinations(own, 2):
+        if not own[one] & own[other] or (values is not None and values[one] == values[other]):
+            continue
+        field = min(own[one] & own[other])[0]
+        told = "" if values is None else f" to {values[one]} and to {values[other]}"
+        raise ValueError(f"{one!r} and {other!r} set the same number of {field}{told}: give one of them, or select other elements")
+
+
 def check(parameters: Mapping[str, Parameter], model: Model) -> None:
     """Raise ValueError if the model does not have what a parameter selects; the message has the parameter's name."""
     for name, parameter in parameters.items():
@@ -241,8 +273,8 @@ def check(parameters: Mapping[str, Parameter], model: Model) -> None:
                 if part not in _PARTS:
                     raise ValueError(f"selector is {parameter.selector!r}: a drive has no {part!r}, use one of: motor, servo")
                 _number_of(_PARTS[part], leaf)
-            elif parameter.kind == "drive" and parameter.unchanged is None:
-                raise ValueError("it has no nominal value, which the drive reads at the nominal point: give it one")
+            elif parameter.kind == "controller" and parameter.unchanged is None:
+                raise ValueError("it has no nominal value, which the controller reads at the nominal point: give it one")
         except (AttributeError, TypeError, ValueError) as error:
             raise ValueError(f"parameter {name!r}: {error}") from None
     _check_pairs(parameters, model)
@@ -286,7 +318,7 @@ def _places(parameter: Parameter, model: Model) -> list[tuple[str, NDArray[np.in
     """Field, indices in the flattened field and sign of all numbers that a parameter changes."""
     selector = parameter.parsed
     if selector.field not in FIELDS and selector.field not in COMPOUNDS:
-        raise ValueError(unknown_field("selector", selector.field, [*FIELDS, *COMPOUNDS, "drive"], "docs/reference/what_can_vary.md"))
+        raise ValueError(unknown_field("selector", selector.field, [*FIELDS, *COMPOUNDS, "controller"], "docs/reference/what_can_vary.md"))
     found = []
     for part in parts_of(model, selector):
         chosen = part.index.reshape(-1)

@@ -161,7 +161,7 @@ class RapierWorld(MujocoWorld):
 
     def contacts(self) -> NDArray[np.void]:
         """Raise ModelError, because rapier's contact forces cannot be read."""
-        raise ModelError("rapier cannot run this study: its drive or an outcome reads contact forces, which rapier does not give")
+        raise ModelError("rapier cannot run this study: its controller or an outcome reads contact forces, which rapier does not give")
 
     def _now(self) -> list[Any]:
         self._read()

@@ -21,8 +21,9 @@ from stepper.lab.study.journal import diverged
 from stepper.lab.study.points import USUAL, nominal_of
 from stepper.lab.study.results import Results
 from stepper.lab.study.study import Study
-from stepper.lab.study.sweep import RESOLUTION, Level, Sweep, measured
+from stepper.lab.study.sweep import CLIFF, RESOLUTION, Level, Sweep, measured
 from stepper.lab.study.sweep import sweep as run_sweep
+from stepper.lab.study.table import Table
 from stepper.lab.study.touching import Touching, touching
 from stepper.sensors import Transfer
 from stepper.shared.machine import package_version
@@ -118,6 +119,8 @@ def report(study: Study | str | os.PathLike[str], out: str | os.PathLike[str] = 
         some = range(min(study.episodes, study.batch))
         seen = touching(study, some)
         verdicts = causes_of(study, found.table.rows, results.journal)
+        causes = {verdict.row["key"]: verdict.cause for verdict in verdicts}
+        found = dataclasses.replace(found, table=Table(found.table.rows, causes if study.decisive else None))
         document = Document(f"Simulator report of {study.name}")
         document.sections += [
             *_summary(study, found, verdicts),
@@ -348,7 +351,7 @@ def _repeated(levels: Sequence[Level]) -> list[str]:
     return [
         f"Levels whose episodes repeat one another bit for bit have no interval, because they are no independent trials: as few as "
         f"{fewest.different} different of {counted(fewest.episodes, 'episode')}. Give the study qpos_noise, qvel_noise, a random start or "
-        "drive, or episodes=1."
+        "controller, or episodes=1."
     ]
 
 
@@ -382,14 +385,38 @@ def _cliffs(found: Sweep, folder: Path, *, searched: bool = True) -> list[Sectio
     if not searched:
         return [Section("Cliffs", ["Not searched: cliffs=False, or --no-cliffs."])]
     head = ("settings", "parameter", "at", "+-", "share below", "share above")
-    rows = [[c.setting, c.parameter, (c.low + c.high) / 2, (c.high - c.low) / 2, c.below, c.above] for c in found.cliffs]
+    rows: list[list[Any]] = []
+    for setting in (USUAL, *found.study.settings):
+        for name in found.study.parameters:
+            own = [c for c in found.cliffs if (c.setting, c.parameter) == (setting, name)]
+            rows += [[setting, name, (c.low + c.high) / 2, (c.high - c.low) / 2, c.below, c.above] for c in own] or _no_cliff(
+                found.levels_of(name, setting)
+            )
     words = [
         "Where the share of successes crosses one half, located by bisection between neighbouring values of the table. The number after +- "
         "is the width of the bisection. It excludes the error of the time step: repeat the sweep with half the time step to see that."
     ]
-    words = words if rows else ["The share of successes crosses one half nowhere within the ranges of the parameters."]
+    words = words if found.cliffs else ["The share of successes crosses one half nowhere within the ranges of the parameters."]
     picture = draw_cliffs(found, folder / "cliffs.png") if package_version("matplotlib") else None
     return [Section("Cliffs", words, head, rows, picture)]
+
+
+def _no_cliff(levels: Sequence[Level]) -> list[list[Any]]:
+    """Row of the table of cliffs for a parameter without one, from its levels with one of the settings; empty without levels."""
+    if not levels:
+        return []
+    numbers = not any(isinstance(level.value, str) for level in levels)
+    own = sorted(levels, key=lambda level: float(level.value or 0)) if numbers else list(levels)
+    above = [level.share >= CLIFF for level in own]
+    if len({level.successes for level in own}) == 1:
+        found = "no change of outcome"
+    elif len(set(above)) == 1:
+        found = f"always {'at least' if above[0] else 'below'} one half"
+    else:
+        found = "a change, not located,"
+    values = [cell(level.value) for level in own]
+    place = f"between {values[0]} and {values[-1]}" if numbers else f"with {', '.join(values)}"
+    return [[own[0].setting, own[0].parameter, f"{found} {place}", None, own[0].share, own[-1].share]]
 
 
 def _transfer(study: Study, found: Sweep) -> list[Section]:
@@ -433,22 +460,23 @@ def _failures(verdicts: Sequence[Verdict], found: Sweep) -> list[Section]:
     """Section with the causes of failed episodes."""
     if found.study.decisive is None:
         return []
-    counts = Counter((verdict.cause, verdict.rule) for verdict in verdicts)
+    counts = Counter((verdict.row["setting"], verdict.cause, verdict.rule) for verdict in verdicts)
+    places = [USUAL, *found.study.settings]
     rows: list[list[Any]] = []
-    for (cause, rule), count in counts.most_common():
-        row = next(v.row for v in verdicts if (v.cause, v.rule) == (cause, rule))
+    for (setting, cause, rule), count in sorted(counts.items(), key=lambda entry: (places.index(entry[0][0]), -entry[1])):
+        row = next(v.row for v in verdicts if (v.row["setting"], v.cause, v.rule) == (setting, cause, rule))
         values = ", ".join(f"{name} {cell(value)}" for name, value in row["parameters"].items()) or "nominal"
-        rows.append([cause, rule, count, f"{row['setting']}: {values}, episode {row['episode']}"])
+        rows.append([setting, cause, rule, count, f"{values}, episode {row['episode']}"])
     words = [
         "All failed episodes of stepper at all points above, and those of MuJoCo that diverged. Each is repeated with one part made ideal "
-        "at a time, and the first rule that applies gives the cause:",
+        "at a time, and the first rule that applies gives the cause, which is also in the column cause of table.csv:",
         ". ".join(f"{cause}: {rule}" for cause, rule in RULES) + ".",
     ]
     return [
         Section(
             "Causes of failures",
             words if rows else ["No episode of stepper failed, and none of MuJoCo diverged."],
-            ("cause", "rule", "episodes", "first"),
+            ("settings", "cause", "rule", "episodes", "first"),
             rows,
         )
     ]
@@ -469,7 +497,7 @@ def in_force(study: Study, count: int, table: str = "table") -> list[Section]:
     used = study.in_force
     rows = [
         ["model", used["model"]["sha256"]],
-        ["drive", f"{used['drive']['name']} {used['drive']['sha256']}"],
+        ["controller", f"{used['controller']['name']} {used['controller']['sha256']}"],
         *([f"outcome {outcome['name']}", f"{outcome['measure']} {outcome['sha256']}"] for outcome in used["outcomes"]),
         ["versions", ", ".join(f"{name} {version}" for name, version in used["versions"].items())],
         ["binary", used["binary"]],

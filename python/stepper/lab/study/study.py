@@ -1,4 +1,4 @@
-"""Definition of a study (`stepper.lab.Study`): model, drive, outcomes and parameters."""
+"""Definition of a study (`stepper.lab.Study`): model, controller, outcomes and parameters."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import sys
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,9 +25,9 @@ from stepper.actuators import ActuatorModel
 from stepper.lab.study import drives
 from stepper.lab.study.episode import Episodes
 from stepper.lab.study.outcomes import Outcome
-from stepper.lab.study.parameters import OF_MODEL, Parameter, Value, Values, check, with_nominal
+from stepper.lab.study.parameters import CHOICES, OF_MODEL, SETTINGS, Parameter, Value, Values, check, check_overlaps, with_nominal
 from stepper.lab.study.points import USUAL
-from stepper.lab.study.worlds import World
+from stepper.lab.study.worlds import MUJOCO_SETTINGS, World, check_mujoco
 from stepper.loading import compile_source, is_saved, load
 from stepper.sensors import SensorModel
 from stepper.shared.machine import package_version, require
@@ -77,15 +77,15 @@ class _Source:
 @hint_keywords("stepper.lab.Study")
 @dataclass(frozen=True, kw_only=True)
 class Study(metaclass=Hinting):
-    """Simulation experiment: episodes of a model with a controller (drive), measured outcomes and uncertain parameters.
+    """Simulation experiment: episodes of a model with a controller, measured outcomes and uncertain parameters.
 
     If selectors or measures contain names of elements, the constructor loads the model to check them.
 
     Attributes:
         model: Source of the model, as for `stepper.load`, or a `Model`, or a function that returns one of these.
         name: Name in tables and of the folder of results; for studies in files the default is the name of the file.
-        drive: Source of the controls: a function of a `World`, `Recorded(path)`, `Policy(function)`, or "random". None keeps the controls
-            of the keyframe, or 0.
+        controller: Source of the controls: a function of a `World`, `Recorded(path)`, `Policy(function)`, or "random". None
+            keeps the controls of the keyframe, or 0.
         outcomes: Measured results of an episode, of which at most one has a condition of success. `chart` and `tune` need no outcome.
         parameters: Uncertain parameters by name.
         settings: Alternative settings for the same episodes, by name: attributes of `Options` and "precision". Or {"engine": "mujoco"} with
@@ -112,7 +112,7 @@ class Study(metaclass=Hinting):
 
     model: Any
     name: str = "study"
-    drive: Any = None
+    controller: Any = None
     outcomes: Outcome | Sequence[Outcome] | None = None
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
     settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
@@ -135,9 +135,9 @@ class Study(metaclass=Hinting):
     _source: _Source | None = field(default=None, repr=False, compare=False)
 
     def _check_functions(self) -> None:
-        """Check that the drive and the start can be called."""
-        if not (self.drive is None or self.drive == "random" or callable(self.drive)):
-            raise TypeError(f'drive is {self.drive!r}, must be a function, Recorded, Policy, "random" or None')
+        """Check that the controller and the start can be called."""
+        if not (self.controller is None or self.controller == "random" or callable(self.controller)):
+            raise TypeError(f'controller is {self.controller!r}, must be a function, Recorded, Policy, "random" or None')
         if not (self.start is None or callable(self.start)):
             raise TypeError(f'start is {self.start!r}, must be a function or None: "file.py:function" works only in TOML files')
 
@@ -168,6 +168,7 @@ class Study(metaclass=Hinting):
             raise ValueError(f"settings has the name {USUAL!r}, which stands for the study's options: choose another name")
         for name, given in self.settings.items():
             self.setting(name, given)
+        _check_options({name: getattr(self.options, name) for name in CHOICES - {"precision"}} | {"precision": self.precision})
         if any(isinstance(o.measure, str) for o in self.all_outcomes) or any(p.kind in OF_MODEL for p in self.parameters.values()):
             _ = self.loaded
 
@@ -202,7 +203,7 @@ class Study(metaclass=Hinting):
         if isinstance(source, str | Path) and str(source).endswith((".toml", ".py")):
             return replace(cls.from_file(source), **changed)
         name = Path(str(source)).stem if isinstance(source, str | Path) and "<" not in str(source) else "model"
-        return cls(**({"model": source, "name": name, "drive": "random", "qvel_noise": 0.01} | changed))
+        return cls(**({"model": source, "name": name, "controller": "random", "qvel_noise": 0.01} | changed))
 
     @classmethod
     def from_file(cls, path: str | Path) -> Study:
@@ -233,7 +234,7 @@ class Study(metaclass=Hinting):
 
     @cached_property
     def hold(self) -> float:
-        """Control period, s: the time between two calls of the drive."""
+        """Control period, s: the time between two calls of the controller."""
         if self.control is not None:
             return self.control
         timestep = self.options.timestep or float(self.loaded[0].timestep)
@@ -260,8 +261,8 @@ class Study(metaclass=Hinting):
         return {name: p.nominal for name, p in self.parameters.items() if p.nominal is not None}
 
     def driven(self) -> Any:
-        """Drive (a function of a `World`) for one batch; None keeps the initial controls."""
-        return drives.Random(self.seed) if isinstance(self.drive, str) else self.drive
+        """Controller (a function of a `World`) for one batch; None keeps the initial controls."""
+        return drives.Random(self.seed) if isinstance(self.controller, str) else self.controller
 
     def setting(self, name: str, given: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Changed options of the settings with a name, as a dict.
@@ -278,13 +279,18 @@ class Study(metaclass=Hinting):
         if given is None:
             if name not in self.settings:
                 raise ValueError(f"there are no settings {name!r}, there are: {', '.join([USUAL, *self.settings])}")
-            given = self.settings[name]
-        known = {f.name for f in fields(Options)} | {"precision"}
+            return dict(self.settings[name])
+        own = {key: value for key, value in given.items() if key != "engine"}
         if given.get("engine", "stepper") not in ("stepper", "mujoco"):
             raise ValueError(f'settings {name!r}: engine is {given["engine"]!r}, must be "stepper" or "mujoco"')
-        if given.get("engine") != "mujoco" and (unknown := set(given) - known - {"engine"}):
-            guess = did_you_mean(min(unknown), known)
-            raise ValueError(f"settings {name!r}: unknown {sorted(unknown)}{guess or ','} must be of: {', '.join(sorted(known))}")
+        try:
+            if given.get("engine") == "mujoco":
+                installed = package_version("mujoco-core") is not None
+                check_mujoco(own, require("mujoco", "to run a study in MuJoCo") if installed else None)
+            else:
+                _check_options(own)
+        except ValueError as error:
+            raise ValueError(f"settings {name!r}: {error}") from None
         return dict(given)
 
     @cached_property
@@ -302,7 +308,7 @@ class Study(metaclass=Hinting):
         return {
             "rows": _ROWS,
             "model": {"name": model.name, "sha256": model.digest, "omitted": len(model.omitted), "forces": _force_types(model)},
-            "drive": {"name": drives.name_of(self.drive), "sha256": drives.digest_of(self.driven())},
+            "controller": {"name": drives.name_of(self.controller), "sha256": drives.digest_of(self.driven())},
             "start": {"name": drives.name_of(self.start), "sha256": drives.digest_of(self.start), "keyframe": self.keyframe},
             "noise": [self.qpos_noise, self.qvel_noise],
             "outcomes": measured,
@@ -397,13 +403,41 @@ class Study(metaclass=Hinting):
             values: Values (numbers or texts) by name of a parameter, or by selector, as "geom_friction[floor][0]".
 
         Raises:
-            ValueError: A parameter is unknown, or a value is invalid.
+            ValueError: A parameter is unknown, a value is invalid, or two values are for the same number.
         """
-        return replace(self, parameters=with_nominal(self.parameters, values))
+        made = replace(self, parameters=with_nominal(self.parameters, values))
+        if len(values) > 1:
+            check_overlaps({name: made.parameters[name] for name in values}, made.loaded[0], values)
+        return made
 
     def generators(self, episodes: Sequence[int]) -> list[np.random.Generator]:
         """Random number generator of the initial state of each episode."""
         return [np.random.default_rng([self.seed, int(e), 0]) for e in episodes]
+
+
+def _check_options(given: Mapping[str, Any]) -> None:
+    """Raise ValueError for unknown options of stepper, and for values that are none of an option's words. A `Stepper` checks numbers."""
+    if unknown := sorted(given.keys() - SETTINGS):
+        of_mujoco = '; MuJoCo has it: add engine = "mujoco",' if unknown[0] in MUJOCO_SETTINGS else ""
+        hint = of_mujoco or did_you_mean(unknown[0], SETTINGS) or ","
+        raise ValueError(f"unknown {unknown}{hint} must be of: {', '.join(sorted(SETTINGS))}")
+    for name, words in _words().items():
+        if name in given and given[name] not in words:
+            listed = [repr(word) for word in words if word is not None]
+            guess = did_you_mean(str(given[name]), [str(word) for word in words])
+            raise ValueError(f"{name} is {given[name]!r}{guess or ','} must be of: {', '.join(listed)}")
+
+
+@cache
+def _words() -> dict[str, tuple[Any, ...]]:
+    """Words that each option with a choice among words can have, by its name; None among them stands for the default."""
+    hints = get_type_hints(Options) | {"precision": Precision}
+    return {name: tuple(word for part in (get_args(hints[name]) or ()) for word in _members(part)) for name in CHOICES}
+
+
+def _members(part: Any) -> tuple[Any, ...]:
+    """Words of a part of an annotation: a Literal, `NoneType`, or a word."""
+    return get_args(part) or ((None,) if part is type(None) else (part,))
 
 
 def _force_types(model: Model) -> list[str]:

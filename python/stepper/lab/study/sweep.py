@@ -42,7 +42,7 @@ class Level:
         value: Value of the parameter; None at the nominal point.
         episodes: Number of episodes.
         successes: Number of successful episodes; None if the study has no condition of success.
-        different: Number of distinct episodes. Without random starts or drives, episodes may repeat one another bit for bit.
+        different: Number of distinct episodes. Without random starts or controllers, episodes may repeat one another bit for bit.
         interval: Wilson's 95 % interval of the fraction of successes; NaN without a condition of success or if episodes repeat one another.
         mean: Mean of the outcome with a condition of success (or of the first one) over the episodes that did not diverge; NaN if all did.
         spread: Standard deviation of that outcome over episodes.
@@ -242,7 +242,7 @@ def _level(study: Study, cell: tuple[str, str, Value | None], rows: Sequence[Row
 
 def _different(study: Study, rows: Sequence[Row]) -> int:
     """Number of distinct episodes: all if starts or controls are random, otherwise those with distinct rows."""
-    if study.qpos_noise or study.qvel_noise or (study.drive == "random" and study.loaded[0].nu):
+    if study.qpos_noise or study.qvel_noise or (study.controller == "random" and study.loaded[0].nu):
         return len(rows)
     return len({json.dumps([row["outcomes"], row["certificate"]], sort_keys=True) for row in rows})
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import importlib.util
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ class Table:
     * "parameters.NAME": value of a parameter; NaN or "" if the model's number was not changed
     * "outcome.NAME": value of an outcome
     * "success": 1, 0, or -1 if the study has no condition of success
+    * "cause", in tables of `report`: cause of a failure, as in the report; "" for a success or an unexamined failure of MuJoCo
     * "status": flags of `stepper.Status` over the episode
     * "residual" (m/s), "max_penetration" (m), "max_limit_violation" (rad or m), "max_equality_violation" (m or rad): largest in the episode
     * "settings.NAME": setting of the engine
@@ -31,11 +32,12 @@ class Table:
 
     Args:
         rows: Rows of the journal.
+        causes: Causes of failures, by the keys of their rows; None leaves the column out.
     """
 
-    def __init__(self, rows: Sequence[Row]):
+    def __init__(self, rows: Sequence[Row], causes: Mapping[str, str] | None = None):
         self.rows = list(rows)
-        flat = [_flat(row) for row in self.rows]
+        flat = [_flat(row, None if causes is None else causes.get(row["key"], "")) for row in self.rows]
         names = list(dict.fromkeys(name for row in flat for name in row))
         self.columns: dict[str, NDArray[Any]] = {name: _column([row.get(name) for row in flat]) for name in names}
 
@@ -62,8 +64,8 @@ class Table:
         return files
 
 
-def _flat(row: Row) -> dict[str, Any]:
-    """Row of the journal with the names of the table's columns."""
+def _flat(row: Row, cause: str | None) -> dict[str, Any]:
+    """Row of the journal with the names of the table's columns; `cause` is that of a failure, None leaves its column out."""
     success = row["success"]
     return {
         "setting": row["setting"],
@@ -72,6 +74,7 @@ def _flat(row: Row) -> dict[str, Any]:
         **{f"parameters.{name}": value for name, value in row["parameters"].items()},
         **{f"outcome.{name}": value for name, value in row["outcomes"].items()},
         "success": -1 if success is None else int(success),
+        **({} if cause is None else {"cause": cause}),
         **row["certificate"],
         **{f"settings.{name}": value for name, value in row["settings"].items()},
         "in_force": row["in_force"],

@@ -69,7 +69,7 @@ class Touching:
         status: All flags of `Status` that steps set.
         saturated: Fraction of the steps in which each actuator was at a bound of its force, (nu,).
         limits: Fraction of the steps in which each joint was within a hundredth of its range from a limit, (njnt,).
-        senses: Whether the drive or an outcome read a sensor.
+        senses: Whether the controller or an outcome read a sensor.
         reach: Lowest and highest position of every coordinate, (2, nq), m or rad.
     """
 

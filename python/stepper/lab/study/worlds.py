@@ -22,6 +22,7 @@ from stepper.loading import load
 from stepper.sensors import SensorModel
 from stepper.shared.fields import RANDOMIZED
 from stepper.shared.machine import require
+from stepper.shared.streams import Rng, Streams
 
 Array = NDArray[np.float64]
 _WEIGHED = frozenset({"body_mass", "body_inertia", "body_ipos", "dof_armature"})
@@ -70,7 +71,7 @@ CHANGING = frozenset({"step", "reset", "set_state", "randomize", "rollout", "rec
 
 
 class World:
-    """Environments of a study in one engine, which drives and measures read. Abstract.
+    """Environments of a study in one engine, which controllers and measures read. Abstract.
 
     It has these attributes of `Stepper`, with the environments as the leading axis: `qpos`, `qvel`, `xpos`, `xquat`, `site_xpos`,
     `geom_xpos`, `sensordata`, `sensordata_ideal`, `body_contact_force`, `contacts()` and `read(name, of)`. With the engine stepper it has
@@ -83,9 +84,9 @@ class World:
         timestep: Time step, s.
         time: Time since the start of the episode, (num_envs,) s.
         senses: Whether a sensor was read.
-        ideal: Whether this run has ideal sensors whatever the study's sensor model, as in charts, tuning and diagnoses of failures. Drives
-            that simulate sensor errors themselves, such as a field of view, must then leave them out.
-        last_ctrl: Last return value of the drive: controls (num_envs, nu) or (nu,), or None if it kept the previous controls.
+        ideal: Whether this run has ideal sensors whatever the study's sensor model, as in charts, tuning and diagnoses of failures.
+            Controllers that simulate sensor errors themselves, such as a field of view, must then leave them out.
+        last_ctrl: Last return value of the controller: controls (num_envs, nu) or (nu,), or None if it kept the previous controls.
         parameters: Values of the study's parameters by name: (num_envs,), numbers or texts.
         episodes: Number of each environment's episode, (num_envs,).
     """
@@ -99,14 +100,35 @@ class World:
         self.timestep = 0.0
         self.last_ctrl: Any = None
         self.senses = self.ideal = False
+        self._streams, self._period = Streams(num_envs, 0), 1.0
 
     def __getattr__(self, name: str) -> Any:
         # Python calls this only for attributes that do not exist.
-        raise no_attribute(World, name)
+        raise no_attribute(World, name, more=set(dir(type(self))) | set(dir(Stepper)) - CHANGING)
 
     def read(self, name: str, of: str | int | Sequence[str | int] | None = None) -> NDArray[Any]:
         """Values of a quantity for all its elements, or for some by name or index, (num_envs, n, ...), in its unit; see `Stepper.read`."""
         return read(self, name, of)
+
+    def rng(self, name: str) -> Rng:
+        """Random number generator for all environments at this time: `uniform(low, high, k)` and `normal(k)` return (num_envs, k).
+
+        Its numbers depend on the seed of the study, the number of each episode, the number of control periods since the start, and the
+        name. They are the same at every value of the parameters, with all settings, and in batches of every size. Calls in the same
+        control period with the same name give the same numbers.
+
+        Args:
+            name: Name of the random quantity, such as "push".
+        """
+        # The tolerance is for sums of time steps.
+        self._streams.ages[:] = np.floor(self.time / self._period + 1e-6)
+        return Rng(self._streams.fork(name), np.arange(self.num_envs))
+
+    def seed_episodes(self, seed: int, episodes: Sequence[int], period: float) -> None:
+        """Seed the random numbers of `rng` for new episodes with these numbers, with a control period in s."""
+        self.episodes, self.time, self._period = np.array(episodes), np.zeros(self.num_envs), period
+        words = [int(np.random.SeedSequence([seed, int(e), 2]).generate_state(1, np.uint64)[0]) for e in episodes]
+        self._streams.seed(np.arange(self.num_envs), words)
 
     def start(self, qpos: Array, qvel: Array, keyframe: str | int | None, seed: int) -> None:
         """Start an episode in all environments.
@@ -263,6 +285,12 @@ def _split(plan: Plan) -> tuple[Model, dict[str, Array]]:
 
 MUJOCO_SETTINGS = ("integrator", "cone", "solver", "impratio", "noslip_iterations", "iterations", "tolerance", "timestep")
 """Names of settings with engine="mujoco"."""
+_MUJOCO_ENUMS = {"integrator": ("mjtIntegrator", "mjINT_"), "cone": ("mjtCone", "mjCONE_"), "solver": ("mjtSolver", "mjSOL_")}
+"""Enumeration of MuJoCo, and prefix of its names, by name of the setting."""
+_MUJOCO_COUNTS = frozenset({"iterations", "noslip_iterations"})
+"""Settings of MuJoCo that are whole numbers."""
+_MUJOCO_POSITIVE = frozenset({"impratio", "timestep"})
+"""Settings of MuJoCo that must be above 0."""
 
 
 class MujocoWorld(World):
@@ -519,25 +547,50 @@ def with_fields(mujoco: Any, base: Any, fields: Mapping[str, Array]) -> Any:
     return model
 
 
+def check_mujoco(settings: Mapping[str, Any], mujoco: Any = None) -> None:
+    """Check settings of MuJoCo's step.
+
+    Args:
+        settings: Values by name, without "engine".
+        mujoco: The module `mujoco`, to check words such as "elliptic"; None leaves them unchecked.
+
+    Raises:
+        ValueError: MuJoCo does not have a setting, or not with this value. The message has the name and similar ones.
+    """
+    for name, value in settings.items():
+        if name not in MUJOCO_SETTINGS:
+            guess = did_you_mean(name, MUJOCO_SETTINGS) or ","
+            raise ValueError(f"MuJoCo has no setting {name!r}{guess} there are: {', '.join(MUJOCO_SETTINGS)}")
+        if name in _MUJOCO_ENUMS:
+            if mujoco is not None:
+                _mujoco_choice(mujoco, name, value)
+            continue
+        kind = int if name in _MUJOCO_COUNTS else int | float
+        lowest = np.nextafter(0.0, 1.0) if name in _MUJOCO_POSITIVE else 0.0
+        if isinstance(value, bool) or not isinstance(value, kind) or not lowest <= value < np.inf:
+            must = f"{'whole ' if kind is int else ''}number {'above 0' if lowest else 'of at least 0'}"
+            raise ValueError(f"MuJoCo's {name} is {value!r}, must be a {must}")
+
+
+def _mujoco_choice(mujoco: Any, name: str, value: Any) -> Any:
+    """Member of MuJoCo's enumeration for the word `value` of a setting."""
+    kind, prefix = _MUJOCO_ENUMS[name]
+    choice = getattr(getattr(mujoco, kind), prefix + str(value).upper(), None)
+    if choice is None:
+        words = sorted(word.removeprefix(prefix).lower() for word in dir(getattr(mujoco, kind)) if word.startswith(prefix))
+        raise ValueError(f"MuJoCo has no {name} {value!r}{did_you_mean(str(value).lower(), words) or ','} there are: {', '.join(words)}")
+    return choice
+
+
 def configure(mujoco: Any, model: Any, settings: Mapping[str, Any]) -> None:
     """Write settings of the step into an `mujoco.MjModel`; other settings keep their values.
 
     Raises:
         ValueError: MuJoCo does not have a setting or a value of it.
     """
-    if unknown := set(settings) - set(MUJOCO_SETTINGS):
-        raise ValueError(f"MuJoCo has no settings {sorted(unknown)}, there are: {', '.join(MUJOCO_SETTINGS)}")
-    enums = {"integrator": ("mjtIntegrator", "mjINT_"), "cone": ("mjtCone", "mjCONE_"), "solver": ("mjtSolver", "mjSOL_")}
+    check_mujoco(settings)
     for name, value in settings.items():
-        if name not in enums:
-            setattr(model.opt, name, value)
-            continue
-        kind, prefix = enums[name]
-        choice = getattr(getattr(mujoco, kind), prefix + str(value).upper(), None)
-        if choice is None:
-            words = ", ".join(sorted(word.removeprefix(prefix).lower() for word in dir(getattr(mujoco, kind)) if word.startswith(prefix)))
-            raise ValueError(f"MuJoCo has no {name} {value!r}, there are: {words}")
-        setattr(model.opt, name, choice)
+        setattr(model.opt, name, _mujoco_choice(mujoco, name, value) if name in _MUJOCO_ENUMS else value)
 
 
 def make_world(plan: Plan, num_envs: int) -> World:

@@ -8,10 +8,10 @@ import numpy as np
 
 from stepper._stepper import Stepper
 from stepper.envs.locomotion.rough.state import heading
-from stepper.envs.streams import Rng
 from stepper.envs.task import Array, Moment, Terms, per_moment
 from stepper.envs.terrain import stage_of
 from stepper.shared.rotations import matrices
+from stepper.shared.streams import Rng
 
 Stages = Sequence[tuple[int, tuple[float, ...]]]
 

@@ -22,10 +22,10 @@ from stepper.envs.locomotion.rough.commands import (
 )
 from stepper.envs.locomotion.rough.rewards import TERMS, terms_of, touches_terrain
 from stepper.envs.locomotion.rough.state import action_scale, foot_forces, foot_heights, ground_scan
-from stepper.envs.streams import Rng
 from stepper.envs.task import Array, Moment, Observation, Reset, Task, Terms, square_sum
 from stepper.envs.terrain import Flat, PyramidSlope, PyramidStairs, RandomRough, Terrain, TerrainCurriculum, Wave
 from stepper.shared.rotations import about_vertical
+from stepper.shared.streams import Rng
 
 ROUGH = Terrain(
     sub_terrains={

@@ -1,0 +1,53 @@
+"""Error messages for exceptions in files of the user: studies, controllers, tasks."""
+
+from __future__ import annotations
+
+import sysconfig
+import traceback
+from pathlib import Path
+
+_OWN = Path(__file__).parents[1]
+"""Folder of the package stepper."""
+_PACKAGES = {"site-packages", "dist-packages"}
+"""Names of folders with installed packages."""
+
+
+def error_in_user_code(error: BaseException) -> str:
+    """Message for an exception that a file of the user raised or caused: its file, line and text, and the calls that led there.
+
+    It is "" if no file of the user is involved.
+    """
+    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if _is_of_user(frame.filename)]
+    if isinstance(error, SyntaxError) and error.filename is not None and _is_of_user(error.filename):
+        # The traceback ends in the import of the file.
+        frames.append(traceback.FrameSummary(error.filename, error.lineno, "<module>", line=(error.text or "").strip(), lookup_line=False))
+    if not frames:
+        return ""
+    lines = [f"{_place(frames[-1])}: {_text(error)}"]
+    lines += [f"  {_place(frame)}: {frame.line}" for frame in frames]
+    return "\n".join(lines)
+
+
+def _is_of_user(file: str) -> bool:
+    """Whether a file is neither of stepper, nor of Python, nor of an installed package."""
+    path = Path(file)
+    if not path.exists():
+        return False
+    path = path.resolve()
+    standard = Path(sysconfig.get_paths()["stdlib"]).resolve()
+    return not path.is_relative_to(_OWN) and not path.is_relative_to(standard) and not _PACKAGES & set(path.parts)
+
+
+def _place(frame: traceback.FrameSummary) -> str:
+    """File, line and function of a frame, as text. Files in the working directory are relative to it."""
+    path = Path(frame.filename).resolve()
+    shown = path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
+    return f"{shown}, line {frame.lineno}" + ("" if frame.name == "<module>" else f", in {frame.name}")
+
+
+def _text(error: BaseException) -> str:
+    """Type and message of an exception."""
+    if isinstance(error, SyntaxError):
+        return f"{type(error).__name__}: {error.msg}"
+    text = str(error.args[0]) if isinstance(error, KeyError) and error.args and " " in str(error.args[0]) else str(error)
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__

@@ -62,6 +62,17 @@ impl<R: Real> Approach<R> {
         gap.ge(R::of(2.0) * closing + self.slack + self.hair(size, self.fastest()))
     }
 
+    /// Greatest components of y - x against each axis and along it, m, over the contacts (x, y) that can count.
+    ///
+    /// With the displacement u, a contact along the unit vector n is shorter than -2 n . u + slack. For every unit vector d,
+    /// (-2 n . u) n . d <= |u| - u . d.
+    pub(super) fn max_components(&self, size: f64) -> [V3<R>; 2] {
+        let (fastest, turn) = (self.fastest(), self.turn.map(|x| x * x));
+        let least = self.slack + self.hair(size, fastest);
+        let swing: V3<R> = array_of(|k| (turn[(k + 1) % 3] + turn[(k + 2) % 3]).sqrt() * self.radius);
+        [array_of(|k| fastest + self.way[k] + swing[k] + least), array_of(|k| fastest - self.way[k] + swing[k] + least)]
+    }
+
     /// Bound on the way of the second in the ball, m.
     #[inline(always)]
     fn fastest(&self) -> R {

@@ -20,11 +20,13 @@ use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::math::Vector;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
 
+use crate::approach::Approach;
 use crate::ball::{Ball, Touch, ball_over};
 use crate::facet::{FLAT, Facet, Outline, PARALLEL};
 use crate::facing::{Facing, Separation};
 use crate::linear_algebra::*;
 use crate::manifold::{LEVEL, Manifold, Point, VERTICES, reduce_points};
+use crate::narrow::Narrow;
 use crate::pair::Pair;
 use crate::reach::Reach;
 use crate::room::Room;
@@ -399,12 +401,13 @@ pub fn collide_surface(
     }
     let reach = prediction + b.radius();
     let core = ends(&whole);
-    let [low, high] = whole.extent_b(core.as_deref());
+    let nearer = approach.filter(|_| matches!(a, Surface::Mesh(_)));
+    let [low, high] = search_box(&whole, core.as_deref(), reach, nearer);
     let mut triangles = std::mem::take(&mut room.triangles);
-    a.candidates(low.map(|x| x - reach), high.map(|x| x + reach), &mut triangles);
+    a.candidates(low, high, &mut triangles);
+    let mut culled = nearer.is_some();
     room.all.clear();
     room.owners.clear();
-    let mut culled = false;
     // Triangle with the smallest separation among those whose nearest point belongs to a neighbour.
     let mut left: Option<(u32, Facing)> = None;
     for &t in &triangles {
@@ -481,6 +484,41 @@ pub fn collide_surface(
     }
     reduce_points(&mut room.all, whole.size, MAX_SURFACE_POINTS, out);
     out.place(pose_a);
+}
+
+/// Least and greatest coordinates of the triangles that are within `reach` of the core of a shape, m, or whose contacts can count if its
+/// `approach` is known.
+///
+/// A contact joins a point x of the surface and a point y of the shape, and y - x is a multiple of its normal. The box is at least that of a
+/// shape at rest. Shapes deep below a height field need the whole reach.
+fn search_box(whole: &Pair<'_>, core: Option<&[V]>, reach: f64, approach: Option<Approach>) -> [V; 2] {
+    let [low, high] = whole.extent_b(core);
+    let [against_axes, along_axes] = approach.map_or([[f64::INFINITY; 3]; 2], |approach| approach.max_components(whole.size));
+    let reach = |most: f64| reach.min(whole.b.radius() + most);
+    [array_of(|k| low[k] - reach(along_axes[k])), array_of(|k| high[k] + reach(against_axes[k]))]
+}
+
+impl Narrow {
+    /// Distance of a surface and a convex shape on either side of it, at most `most`, m. Negative where they overlap.
+    pub fn clearance(&mut self, surface: &Surface, shape: &ConvexShape, [ground, body]: [Pose; 2], most: f64) -> f64 {
+        let Room { triangles, polytope, .. } = &mut self.room;
+        let nothing = ConvexShape::Sphere { radius: 0.0 };
+        let whole = Pair::new(&nothing, &ground, shape, &body);
+        let [low, high] = whole.extent_b(ends(&whole).as_deref());
+        let reach = most + shape.radius();
+        surface.candidates(low.map(|x| x - reach), high.map(|x| x + reach), triangles);
+        let mut least = most;
+        for &t in &*triangles {
+            let triangle = ConvexShape::Triangle(surface.triangle(t));
+            let pair = Pair::between(&triangle, shape, whole.pos, whole.mat);
+            let found = separation::nearest(&pair, &least.into(), polytope).found;
+            least = least.min(found.separation - pair.thickness());
+            if least < 0.0 {
+                break;
+            }
+        }
+        least
+    }
 }
 
 /// The half space below the xy plane of `plane` and the vertices of a surface, as [`crate::collide_plane`].

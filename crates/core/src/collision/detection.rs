@@ -332,7 +332,7 @@ impl<R: Real> Scene<'_, R> {
         if !self.take_packed(index, pair, near, packed, contacts) {
             self.test_pair(index, pair, near, search, contacts);
         }
-        if self.looks_ahead { near.and(self.moves_too_far(pair)) } else { R::Mask::splat(false) }
+        if self.looks_ahead { self.moves_too_far(index, pair, near, &mut search.narrow, contacts) } else { R::Mask::splat(false) }
     }
 
     /// Lanes in which the bounding balls of a dynamic pair can meet within the step.
@@ -344,28 +344,40 @@ impl<R: Real> Scene<'_, R> {
         dot(apart, apart).lt(reach * reach)
     }
 
-    /// Lanes in which the way from the beginning of the step is long enough to be through: that of either geom as seen from the other.
+    /// Lanes of `near` in which the way from the beginning of the step is long enough to be through: that of either geom as seen from the
+    /// other.
     #[inline(always)]
-    fn moves_too_far(&self, pair: &CompiledPair<R::Scalar>) -> R::Mask {
+    fn moves_too_far(
+        &self,
+        index: usize,
+        pair: &CompiledPair<R::Scalar>,
+        near: R::Mask,
+        narrow: &mut Narrow,
+        contacts: &Contacts<R>,
+    ) -> R::Mask {
         let [a, b] = pair.geoms;
         let distance = self.compiled.tunnelling_distance(pair.geoms);
-        let far = (self.poses.displacement[a] + self.poses.displacement[b]).gt(distance);
+        let far = near.and((self.poses.displacement[a] + self.poses.displacement[b]).gt(distance));
         if far.none() {
             return far;
         }
-        // Limbs that fly along together are fast and yet do not pass one another, and what is apart again has gone the whole way through.
-        // (Where that chord is shorter than this, a graze an eighth as deep as the two are thick is missed.)
-        let gap = self.gap(pair);
-        let through = R::select(gap.gt(R::zero()), gap + distance + distance, distance);
-        far.and(self.way_past(a, b).min(self.way_past(b, a)).gt(through))
+        // Limbs that fly along together are fast and yet do not pass one another.
+        let way = self.way_past(a, b).min(self.way_past(b, a));
+        let far = far.and(way.gt(distance));
+        // What is apart again has gone the whole way through. (Where that chord is shorter than this, a graze an eighth as deep as the two are
+        // thick is missed.)
+        let most = (way - (distance + distance)).max(R::zero());
+        let passed = self.gap(pair, far, most, narrow).lt(most);
+        far.and(passed.or(self.strikes_surface(index, pair, far, contacts)))
     }
 
-    /// Lower bound on the distance of a pair that is thin, m.
+    /// Lower bound on the distance of a pair that is thin, in the lanes `lanes`, m. It is at most `most` for a surface.
     #[inline(always)]
-    pub(crate) fn gap(&self, pair: &CompiledPair<R::Scalar>) -> R {
+    pub(crate) fn gap(&self, pair: &CompiledPair<R::Scalar>, lanes: R::Mask, most: R, narrow: &mut Narrow) -> R {
         let [a, b] = pair.geoms;
         match pair.kernel {
             Kernel::Segments => segments(&self.segment(a), &self.segment(b)).0[0].distance,
+            Kernel::Surface => self.gap_to_surface(pair, lanes, most, narrow),
             _ => norm(sub(self.poses.pos[b], self.poses.pos[a])) - self.compiled.reach(pair.geoms),
         }
     }

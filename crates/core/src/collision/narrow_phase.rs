@@ -203,13 +203,13 @@ impl<R: Real> Scene<'_, R> {
 
     /// Of the size that it has in a lane.
     #[inline(always)]
-    fn solid_in(&self, geom: usize, lane: usize) -> Cow<'_, Solid> {
+    pub(crate) fn solid_in(&self, geom: usize, lane: usize) -> Cow<'_, Solid> {
         let solid = self.solid(geom);
         solid.sized(of_lane(&self.compiled.params.geom_size(geom), lane)).map_or(Cow::Borrowed(solid), Cow::Owned)
     }
 
     #[inline(always)]
-    fn pose(&self, geom: usize, lane: usize) -> Pose {
+    pub(crate) fn pose(&self, geom: usize, lane: usize) -> Pose {
         let (pos, mat) = (of_lane(&self.poses.pos[geom], lane), of_lane(&self.poses.mat[geom], lane));
         if size_of::<R::Scalar>() < size_of::<f64>() { Pose::widened(pos, mat) } else { Pose { pos, mat } }
     }
@@ -308,14 +308,19 @@ impl<R: Real> Scene<'_, R> {
                 if near.none() {
                     return;
                 }
-                let [_, va] = self.motion_at(&self.poses.velocity, a, point.pos);
-                let [_, vb] = self.motion_at(&self.poses.velocity, b, point.pos);
-                let closing = (-dot(point.normal, sub(vb, va))).max(R::zero());
+                let closing = self.closing_speed(pair.geoms, &point);
                 let touching = near.and(point.distance.lt(closing * (self.h + self.h) + self.slack));
                 let id = ContactId::new(index, feature);
                 let params = self.compiled.contact(index);
                 contacts.push(touching.bits(), id, &point, params.mu, params.restitution);
             },
         )
+    }
+
+    /// Speed at which the free velocity closes a contact, m/s. Zero where it opens.
+    #[inline(always)]
+    pub(crate) fn closing_speed(&self, geoms: [usize; 2], point: &ContactPoint<R>) -> R {
+        let [_, velocity] = self.relative_motion(geoms, point.pos);
+        (-dot(point.normal, velocity)).max(R::zero())
     }
 }

@@ -11,9 +11,10 @@
 //! Nothing moves along n by turning about a point on the line of n: of a ball only the centre's speed counts, of a capsule that of its
 //! segment.
 
-use stepper_geometry::{Approach, ConvexShape, Grid, Solid, Surface};
+use stepper_geometry::{Approach, ConvexShape, Grid, Narrow, Solid, Surface};
 use stepper_real::{Mask, Real, Scalar};
 
+use crate::collision::contact_set::Contacts;
 use crate::collision::detection::Scene;
 use crate::compile::{CompiledPair, Kernel};
 use crate::math::lanes::each_of;
@@ -76,6 +77,38 @@ impl<R: Real> Scene<'_, R> {
             _ => self.compiled.params.bounding_radius(shape) + R::of(0.5) * reach,
         };
         self.approach_at([surface, shape], self.poses.pos[shape], radius, margin)
+    }
+
+    /// Lanes of `lanes` in which a body strikes a surface within the step in the free velocity. In the middle of the step, its contact would
+    /// brake it ahead of the surface.
+    #[inline(always)]
+    pub(crate) fn strikes_surface(&self, index: usize, pair: &CompiledPair<R::Scalar>, lanes: R::Mask, contacts: &Contacts<R>) -> R::Mask {
+        let mut strikes = R::Mask::splat(false);
+        if pair.kernel == Kernel::Surface && lanes.any() {
+            for k in 0..contacts.slots() {
+                let mut pairs = contacts.pairs(k, lanes.bits() & contacts.lanes_of(k));
+                let own = pairs.find(|&(number, _)| number == index).map_or(0, |(_, own)| own);
+                let point = &contacts.data[k].point;
+                let closes = point.distance.lt(self.closing_speed(pair.geoms, point) * self.h);
+                strikes = strikes.or(closes.and(R::Mask::from_bits(own)));
+            }
+        }
+        strikes
+    }
+
+    /// Distance of a pair of a surface and a convex shape in the lanes `lanes`, at most `most`, m. Zero if one is a plane.
+    #[inline(never)]
+    pub(crate) fn gap_to_surface(&self, pair: &CompiledPair<R::Scalar>, lanes: R::Mask, most: R, narrow: &mut Narrow) -> R {
+        let mut gap = R::zero();
+        if let Some((surface, [ground, shape])) = self.surface_and_shape(pair) {
+            for lane in each_of(lanes.bits()) {
+                let poses = [self.pose(ground, lane), self.pose(shape, lane)];
+                if let Solid::Convex(convex) = &*self.solid_in(shape, lane) {
+                    gap.set_lane(lane, R::Scalar::from_f64(narrow.clearance(surface, convex, poses, most.lane(lane).to_f64())));
+                }
+            }
+        }
+        gap
     }
 
     /// How far a geom reaches from its origin against the unit vector `up`, and the radius of a ball that holds all but what a ball or

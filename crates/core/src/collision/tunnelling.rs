@@ -113,7 +113,7 @@ impl<R: Real> Path<'_, R> {
         if suspected.none() {
             return passed;
         }
-        let suspected = suspected.and(self.exceed_gap(pair));
+        let suspected = suspected.and(self.exceed_gap(pair, suspected, narrow));
         if suspected.any() { passed.or(self.test_path(pair.geoms, suspected, narrow)) } else { passed }
     }
 
@@ -121,13 +121,13 @@ impl<R: Real> Path<'_, R> {
     ///
     /// Limbs that fly in the same direction have a small relative displacement.
     #[inline(always)]
-    fn exceed_gap(&self, pair: &CompiledPair<R::Scalar>) -> R::Mask {
+    fn exceed_gap(&self, pair: &CompiledPair<R::Scalar>, lanes: R::Mask, narrow: &mut Narrow) -> R::Mask {
         let (Self { compiled, kinematics, placed, step, slack }, [a, b]) = (self, pair.geoms);
         let scene = Scene { compiled, kinematics, poses: placed, h: step.h, slack: *slack, look_ahead: step.h, looks_ahead: false };
         let displacement = scene.way_past(a, b).min(scene.way_past(b, a))
             + placed.arc_deviation(compiled, a, step.h)
             + placed.arc_deviation(compiled, b, step.h);
-        displacement.gt(min_displacement(compiled, pair).max(scene.gap(pair)))
+        displacement.gt(min_displacement(compiled, pair).max(scene.gap(pair, lanes, displacement, narrow)))
     }
 
     /// Lanes of `suspected` in which the path of a pair may pass. Each lane is tested alone, in 64 bits.

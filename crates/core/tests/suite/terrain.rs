@@ -46,6 +46,55 @@ fn quaternion(m: &M3<f64>) -> [f64; 4] {
     [q.w, q.i, q.j, q.k]
 }
 
+/// Stage 3 alone, because a step does not list contacts whose surfaces pass each other: whether the contacts are unreliable `time_before`
+/// seconds after the beginning of the step, and the contacts.
+fn detected(sim: &Simulation, time_before: f64) -> (bool, Contacts<f64>) {
+    let (compiled, mut contacts) = (sim.compiled(), Contacts::<f64>::new(64));
+    let (mut qpos, mut qvel) = (vec![0.0; compiled.nq], vec![0.0; compiled.nv]);
+    sim.get(Field::Qpos, 0, &mut qpos).unwrap();
+    sim.get(Field::Qvel, 0, &mut qvel).unwrap();
+    let mut kinematics = Kinematics::new(compiled);
+    kinematics.update(compiled, &qpos);
+    let velocities = [&qvel[..], &qvel[..]];
+    let mut poses = GeomPoses::new(compiled);
+    let unreliable = detect(compiled, &kinematics, velocities, [STEP, time_before], true, &mut poses, &mut contacts, NoProbe);
+    (unreliable, contacts)
+}
+
+/// A ball with a radius of 2 cm moves by up to 3 cm in the first half of a step.
+#[test]
+fn contacts_of_a_fast_ball_are_unreliable_where_it_overlaps_strikes_or_may_have_passed_a_field() {
+    const RADIUS: f64 = 0.02;
+    let mut scene = Model::builder("field");
+    scene.timestep(STEP);
+    scene.height_field(HeightField {
+        name: "flat".into(),
+        shape: [POINTS; 2],
+        half: [1.0; 2],
+        elevation: vec![0.0; POINTS * POINTS],
+        base: 0.5,
+    });
+    scene.geom(WORLD, GeomBuilder::height_field("flat", "flat"));
+    scene.body(WORLD, BodyBuilder::new("ball").joint(JointBuilder::free("")).geom(GeomBuilder::sphere("", RADIUS)));
+    let level = *Level::available().last().unwrap();
+    let mut sim = Simulation::at_level(Arc::new(scene.finish().unwrap()), Options::default(), None, Precision::F64, 1, level);
+    for (gap, velocity, expected) in [
+        (-1e-4, [6.0, 0.0, 0.0], true),
+        (1e-4, [6.0, 0.0, 0.0], true),
+        (9e-3, [0.0, 0.0, 6.0], true),
+        (11e-3, [0.0, 0.0, 6.0], false),
+        (11e-3, [0.0, 0.0, -6.0], true),
+        (61e-3, [0.0, 0.0, -6.0], false),
+        (1e-4, [3.9, 0.0, 0.0], false),
+        (-1e-4, [1.9, 0.0, 0.0], false),
+        (-1e-4, [2.1, 0.0, 0.0], true),
+    ] {
+        sim.set(Field::Qpos, 0, &[0.03, 0.05, RADIUS + gap, 1.0, 0.0, 0.0, 0.0]).unwrap();
+        sim.set(Field::Qvel, 0, &[velocity[0], velocity[1], velocity[2], 0.0, 0.0, 0.0]).unwrap();
+        assert_eq!(detected(&sim, 0.5 * STEP).0, expected, "{gap} m above the field at {velocity:?} m/s");
+    }
+}
+
 proptest! {
     #![proptest_config(cases(2000))]
 
@@ -77,15 +126,7 @@ proptest! {
         sim.set(Field::Qpos, 0, &[pose.pos[0], pose.pos[1], pose.pos[2], q[0], q[1], q[2], q[3]]).unwrap();
         let local = rotate_back(&pose.mat, w);
         sim.set(Field::Qvel, 0, &[v[0], v[1], v[2], local[0], local[1], local[2]]).unwrap();
-        // Stage 3 alone: a step does not list contacts whose surfaces pass each other.
-        let (compiled, mut contacts) = (sim.compiled(), Contacts::<f64>::new(64));
-        let (mut qpos, mut qvel) = (vec![0.0; compiled.nq], vec![0.0; compiled.nv]);
-        sim.get(Field::Qpos, 0, &mut qpos).unwrap();
-        sim.get(Field::Qvel, 0, &mut qvel).unwrap();
-        let mut kinematics = Kinematics::new(compiled);
-        kinematics.update(compiled, &qpos);
-        let velocities = [&qvel[..], &qvel[..]];
-        detect(compiled, &kinematics, velocities, [STEP, 0.0], true, &mut GeomPoses::new(compiled), &mut contacts, NoProbe);
+        let (_, contacts) = detected(&sim, 0.0);
 
         // The whole search, with all that any point of the shape could reach.
         let grid = Surface::Grid(Grid::new([POINTS; 2], [1.0; 2], elevation, 0.5));

@@ -7,7 +7,9 @@ use crate::shapes::{simple, unit, vector};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use stepper_geometry::linear_algebra::*;
-use stepper_geometry::{Approach, ConvexShape, Grid, Hull, Manifold, MeshSurface, Pose, Reach, Room, Surface, collide_surface, distance};
+use stepper_geometry::{
+    Approach, ConvexShape, Grid, Hull, Manifold, MeshSurface, Narrow, Pose, Reach, Room, Surface, collide_surface, distance,
+};
 
 type V = V3<f64>;
 
@@ -237,6 +239,21 @@ fn contact_radius(shape: &ConvexShape, reach: f64) -> f64 {
 proptest! {
     // The cases are fixed: about one in 500,000 differs, where a neighbour of the skipped triangle keeps other points of their edge.
     #![proptest_config(ProptestConfig { cases: 10_000, rng_seed: RngSeed::Fixed(1), ..Default::default() })]
+
+    /// Whether the shape is above the surface or below it.
+    #[test]
+    fn the_clearance_of_a_surface_is_the_distance_of_its_nearest_triangle(
+        (grid, form) in rough(), b in shape(), at in prop::array::uniform2(-1.1..1.1f64), lift in -0.5..0.5f64, mat in rotation(), most in 0.0..0.2f64,
+    ) {
+        let (vertices, faces) = triangles(&grid, form == 2);
+        let surface = if form == 0 { Surface::Grid(grid) } else { Surface::Mesh(MeshSurface::new(&vertices, &faces)) };
+        let pose = Pose { pos: [at[0], at[1], lift], mat };
+        let found = Narrow::default().clearance(&surface, &b, [STILL, pose], most);
+        let of_triangle = |f: &[u32; 3]| distance(&ConvexShape::Triangle(f.map(|v| vertices[v as usize])), &STILL, &b, &pose).0;
+        let nearest = faces.iter().map(of_triangle).fold(most, f64::min);
+        // The search stops at the first triangle that overlaps.
+        prop_assert!(if nearest < 0.0 { found < 0.0 } else { (found - nearest).abs() < 1e-9 }, "{found} {nearest}");
+    }
 
     /// Skipping triangles that the motion cannot reach keeps the deepest contact that counts. To balls and capsules it adds none.
     #[test]

@@ -1,5 +1,5 @@
-//! Parts of a humanoid's step, one at a time, as they are within the step: one environment in `f64`, and eight in the lanes of the best CPU
-//! level. Times are per environment step.
+//! The parts of a humanoid's step, one at a time, as they are within the step: one environment in `f64`, and as many as the best CPU level
+//! has lanes for. Times are per environment step.
 
 use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
 use std::time::Duration;
@@ -14,7 +14,8 @@ fn stages(c: &mut Criterion) {
     let level = Level::best().expect("STEPPER_CPU_LEVEL names a level of this machine");
     let scene = Scene::humanoid();
     parts(c, "humanoid stages f64", || single(&scene));
-    let episode = || InTurn(vec![Episode::new(&scene, 0, 8, Precision::F64, level)]);
+    let lanes = if level == Level::Avx512 { 16 } else { 8 };
+    let episode = || InTurn(vec![Episode::new(&scene, 0, lanes, Precision::F64, level)]);
     parts(c, &format!("humanoid stages f64 lanes {level}"), episode);
 }
 

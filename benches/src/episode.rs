@@ -2,7 +2,7 @@
 
 use stepper_core::internals::batch::worker::{LaneScalar, Worker, WorkerMakers, WorkerSpec, lane_worker};
 use stepper_core::{AppliedInput, Error, Field, Level, Options, Precision, SavedState, Simulation};
-use stepper_real::{Real, at_level};
+use stepper_real::{F32Lanes, Real, Two};
 
 use crate::clock::Run;
 use crate::counted::Counted;
@@ -134,8 +134,10 @@ fn counted<R: Real>(spec: &WorkerSpec<'_, R::Scalar>, _: usize, _: Level) -> Box
     lane_worker::<Counted<R>>(spec, Recorder)
 }
 
+/// In portable lanes, as many as the group has: eight, or sixteen.
 fn counted_f32(spec: &WorkerSpec<'_, f32>, lanes: usize, level: Level) -> Box<dyn Worker<f32>> {
-    at_level!(level, F32Lanes, counted(spec, lanes, level))
+    let count = if lanes == F32Lanes::LANES { counted::<F32Lanes> } else { counted::<Two<F32Lanes>> };
+    count(spec, lanes, level)
 }
 
 impl Run for Episode {

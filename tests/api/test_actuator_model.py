@@ -54,7 +54,7 @@ def test_a_place_in_the_batch_changes_nothing(integrator, precision):
     assert np.all(np.isfinite(whole.qpos))
     threaded = roll(sim_of(n, options=options, precision=precision, threads=2), ctrl)
     assert bits(threaded) == bits(whole)
-    # Two threads share the groups of one, and the state is the same.
+    # Two threads step groups of another width here than one (on CPUs that have both), and the state is the same.
     assert threaded.get_state() == whole.get_state()
     threaded.set_state(whole.get_state())
     more = ctrl[::-1]

@@ -177,11 +177,15 @@ def test_wrong_controls_show_both_shapes(shape):
 
 
 def test_memory():
-    few, large = stepper_of(8).memory(), stepper_of(4096)
+    few, some, large = stepper_of(8).memory(), stepper_of(64).memory(), stepper_of(4096)
     many = large.memory()
-    # All groups of a CPU level have the same number of lanes, so a batch costs what its groups cost.
-    assert few["per_env"] == many["per_env"]
-    assert few["per_thread"] == many["per_thread"] > 10_000
+    # Groups of one width are all alike, so a batch costs what its groups cost.
+    assert some["per_env"] == many["per_env"]
+    assert some["per_thread"] == many["per_thread"] > 10_000
+    # Groups of eight lanes may be stepped by fewer registers than groups of sixteen; what a group has once is some hundred bytes.
+    assert many["per_env"] <= few["per_env"] < many["per_env"] + 100
+    # Twice the lanes take twice the room, and the solver has that of half of them beside it.
+    assert few["per_thread"] <= many["per_thread"] < 3 * few["per_thread"]
     assert many["total"] == many["state"] + many["inputs"] + many["threads"] * many["per_thread"]
     assert many["inputs"] == 8 * 4096 * 21
     assert 100_000 * many["per_env"] < 2**30

@@ -16,7 +16,7 @@ from models import contact_bits, mujoco_model, random_state, stepper_model
 from stepper.doctor import cpu_levels
 
 ROBOT = "dm_control/humanoid"
-# No multiple of the lanes of any CPU level: some lanes of the last group are unused.
+# One thread steps groups of sixteen lanes, two threads groups of eight, and some lanes of the last group are none.
 ENVS, CALLS, NSTEP = 42, 32, 5
 
 

@@ -51,6 +51,7 @@ macro_rules! array_lanes {
             vectorize!();
             elementary_functions!();
             type Mask = $mask;
+            type Half = Self;
             type Single = $scalar;
 
             #[inline(always)]

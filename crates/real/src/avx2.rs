@@ -81,6 +81,7 @@ macro_rules! avx2_lanes {
             vectorize!("avx2");
             elementary_functions!();
             type Mask = $mask;
+            type Half = Self;
             type Single = crate::lone::single!($scalar);
 
             #[inline(always)]

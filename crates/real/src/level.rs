@@ -47,6 +47,24 @@ impl Level {
         .clone()
     }
 
+    /// Whether instructions on a whole register of this level occupy the CPU's units for two cycles: those of AVX-512 on AMD's cores before
+    /// Zen 5, whose units have half the width. A second register beside the first then hides no latency.
+    #[cfg(target_arch = "x86_64")]
+    pub fn takes_two_cycles(self) -> bool {
+        use core::arch::x86_64::__cpuid;
+        /// "AuthenticAMD", as leaf 0 has it in EBX, EDX and ECX.
+        const AMD: [u32; 3] = [0x6874_7541, 0x6974_6e65, 0x444d_4163];
+        const ZEN_5: u32 = 0x1a;
+        let [maker, signature] = [__cpuid(0), __cpuid(1)];
+        // Families from 15 on are the sum of two fields.
+        let family = (signature.eax >> 8 & 0xf) + (signature.eax >> 20 & 0xff);
+        self == Level::Avx512 && [maker.ebx, maker.edx, maker.ecx] == AMD && family < ZEN_5
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    pub fn takes_two_cycles(self) -> bool {
+        false
+    }
+
     fn asked_for(word: &str) -> Result<Level, LevelError> {
         let level: Level = word.parse()?;
         if level.is_available() { Ok(level) } else { Err(LevelError::Unavailable(level)) }
@@ -199,6 +217,23 @@ macro_rules! at_level {
     }};
 }
 
+/// As [`at_level!`] at the level AVX-512, for the lane types that only this one has: `F64x16` and `F32x32`.
+///
+/// # Panics
+/// When the machine or this build lacks the level.
+#[macro_export]
+macro_rules! at_avx512 {
+    ($lanes:ident, $run:ident $(::<_, $($extra:ty),+>)? ($($arg:expr),* $(,)?)) => {{
+        assert!($crate::Level::Avx512.is_available(), "CPU level avx512 is not available on this machine and build");
+        $crate::__if_avx512!({
+            struct Asked;
+            // SAFETY: asked above.
+            unsafe impl $crate::HasAvx512 for Asked {}
+            $run::<<Asked as $crate::Avx512>::$lanes $(, $($extra),+)?>($($arg),*)
+        })
+    }};
+}
+
 /// A witness that the CPU has the instructions of [`Level::Avx2`]: the lane types of this level have no other name than [`Avx2`] gives
 /// them.
 ///
@@ -232,8 +267,12 @@ pub trait Avx512 {
     type F64x1: Real<Scalar = f64>;
     /// Eight `f64` lanes.
     type F64Lanes: Real<Scalar = f64>;
+    /// Sixteen `f64` lanes in two of the thirty-two registers.
+    type F64x16: Real<Scalar = f64>;
     /// Sixteen `f32` lanes.
     type F32Lanes: Real<Scalar = f32>;
+    /// Thirty-two `f32` lanes in two registers.
+    type F32x32: Real<Scalar = f32>;
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -248,7 +287,9 @@ impl<T: HasAvx2> Avx2 for T {
 impl<T: HasAvx512> Avx512 for T {
     type F64x1 = crate::lone::F64x1;
     type F64Lanes = crate::avx512::F64x8;
+    type F64x16 = crate::two::Two<crate::avx512::F64x8>;
     type F32Lanes = crate::avx512::F32x16;
+    type F32x32 = crate::two::Two<crate::avx512::F32x16>;
 }
 
 // A `cfg` inside `at_level!` would ask the features of the crate that uses it; these ask those of this crate.

@@ -4,7 +4,8 @@
 //!
 //! * `f64`, one environment, the reference;
 //! * `F64x1`, `F64Lanes` and `F32Lanes`, one and several environments, once per CPU level: four and eight of them by [`baseline`], eight
-//!   and eight by `avx2`, eight and sixteen by `avx512`.
+//!   and eight by `avx2`, eight and sixteen by `avx512`;
+//! * `F64x16` and `F32x32`, sixteen and thirty-two environments in [two](Two) registers of `avx512`, which has enough of them.
 //!
 //! Every backend gives every lane the bits that `f64` (or `f32`) gives alone, for arithmetic, for [`Real::min`] and its like, and for
 //! the elementary functions: so a result depends neither on the CPU nor on an environment's neighbours. This assumes the floating-point
@@ -55,6 +56,7 @@ mod scalar;
 mod single;
 #[cfg(target_arch = "x86_64")]
 mod sse2;
+mod two;
 
 pub use baseline::{F32Lanes, F64Lanes, F64x1};
 #[cfg(target_arch = "x86_64")]
@@ -63,3 +65,4 @@ pub use level::{Level, LevelError};
 pub use mask::Mask;
 pub use real::Real;
 pub use scalar::Scalar;
+pub use two::{Two, TwoMask};

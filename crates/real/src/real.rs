@@ -5,7 +5,8 @@ use crate::scalar::Scalar;
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// Number per environment: `f64` or `F64x1` for one environment, `F64x8` for eight, `F32x16` for sixteen side by side.
+/// A real number per environment: `f64` or `F64x1` for one, `F64x8` for eight, `F64x16` and `F32x16` for sixteen,
+/// `F32x32` for thirty-two environments side by side.
 ///
 /// Every operation gives each lane the bits that a lone scalar would get, on every backend: IEEE 754 arithmetic rounded to nearest,
 /// no fused multiply-add, no approximate reciprocals. Only which NaN comes out of an operation (its sign and payload) may differ
@@ -34,6 +35,8 @@ pub trait Real:
     type Scalar: Scalar;
     /// One truth value per lane.
     type Mask: Mask;
+    /// Half of the lanes, in half the registers; `Self` where there is one register.
+    type Half: Real<Scalar = Self::Scalar, Half = Self::Half>;
     /// One lane as a number of its own.
     type Single: Real<Scalar = Self::Scalar, Single = Self::Single>;
     /// Environments side by side.
@@ -98,6 +101,42 @@ pub trait Real:
     /// # Panics
     /// When there is no lane `i`.
     fn set_lane(&mut self, i: usize, x: Self::Scalar);
+    /// Gathers lanes into half the registers: lane `sources[i]` becomes lane i, for each lane of `Half`.
+    ///
+    /// # Panics
+    /// When `sources` is shorter than that, or names a lane that does not exist.
+    #[inline(always)]
+    fn gather_lanes(self, sources: &[u32]) -> Self::Half {
+        let mut gathered = Self::Half::zero();
+        for (i, &l) in sources[..Self::Half::LANES].iter().enumerate() {
+            gathered.set_lane(i, self.lane(l as usize));
+        }
+        gathered
+    }
+    /// Replaces the lanes `lanes` by lanes of half the registers: lane i becomes lane `places[i]` of `half`.
+    ///
+    /// # Panics
+    /// When `places` is shorter than all lanes. A place that does not exist gives some number, or panics.
+    #[inline(always)]
+    fn replace_lanes(mut self, half: Self::Half, places: &[u32], lanes: Self::Mask) -> Self {
+        for (i, &place) in places[..Self::LANES].iter().enumerate() {
+            if lanes.bits() >> i & 1 == 1 {
+                self.set_lane(i, half.lane(place as usize));
+            }
+        }
+        self
+    }
+    /// Gathers lanes of two vectors: lane `sources[i]` becomes lane i, where the lanes of `high` are numbered after those of `low`. A
+    /// source that does not exist gives some number, or panics.
+    #[inline(always)]
+    fn gather_lanes_of_two(low: Self, high: Self, sources: &[u32]) -> Self {
+        let mut gathered = Self::zero();
+        for (i, &l) in sources[..Self::LANES].iter().enumerate() {
+            let l = l as usize;
+            gathered.set_lane(i, if l < Self::LANES { low.lane(l) } else { high.lane(l - Self::LANES) });
+        }
+        gathered
+    }
     /// Runs `kernel` as a function of its own, compiled with the instructions of this type's CPU level: what it inlines, it inlines with
     /// them. So a long computation can be made of several kernels called from ordinary code, each compiled once.
     ///

@@ -68,6 +68,7 @@ macro_rules! sse2_lanes {
             vectorize!();
             elementary_functions!();
             type Mask = $mask;
+            type Half = Self;
             type Single = $scalar;
 
             #[inline(always)]

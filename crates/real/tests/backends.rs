@@ -1,7 +1,7 @@
 //! Every backend gives every lane the bits that a lone scalar gets.
 
 use proptest::prelude::*;
-use stepper_real::{Level, Mask, Real, array, at_level};
+use stepper_real::{Level, Mask, Real, Two, array, at_avx512, at_level};
 
 /// Names of what `operations` writes, in its order.
 const NAMES: [&str; 43] = [
@@ -177,6 +177,15 @@ macro_rules! check_level {
     };
 }
 
+macro_rules! check_two {
+    ($name:ident, $scalar:ident, $lanes:ident, $n:literal) => {
+        check!($name, $scalar, |level| if level == Level::Avx512 { $n } else { 0 }, |_, a: &[_], b: &[_], out: &mut [_]| at_avx512!(
+            $lanes,
+            vectorized(a, b, out)
+        ));
+    };
+}
+
 /// Portable lanes, which no level of x86-64 has, once.
 macro_rules! check_portable {
     ($name:ident, $scalar:ident, $lanes:ident, $n:literal) => {
@@ -191,6 +200,8 @@ check_level!(check_alone, f64, F64x1);
 check_level!(check_f32, f32, F32Lanes);
 check_portable!(check_portable, f64, F64x4, 4);
 check_portable!(check_portable_f32, f32, F32x8, 8);
+check_two!(check_two, f64, F64x16, 16);
+check_two!(check_two_f32, f32, F32x32, 32);
 
 /// Values at which something changes: a sign, a case, a rounding, the range.
 macro_rules! specials {
@@ -238,6 +249,7 @@ proptest! {
     fn f64_lanes_give_the_bits_of_scalars(a in inputs!(f64, u64, specials_f64), b in inputs!(f64, u64, specials_f64)) {
         check_f64(&a, &b);
         check_portable(&a, &b);
+        check_two(&a, &b);
         check_alone(&a, &b);
     }
 
@@ -245,6 +257,7 @@ proptest! {
     fn f32_lanes_give_the_bits_of_scalars(a in inputs!(f32, u32, specials_f32), b in inputs!(f32, u32, specials_f32)) {
         check_f32(&a, &b);
         check_portable_f32(&a, &b);
+        check_two_f32(&a, &b);
     }
 }
 
@@ -254,12 +267,14 @@ fn special_values_pair_by_pair() {
     for &a in &specials {
         check_f64(&vec![a; specials.len()], &specials);
         check_portable(&vec![a; specials.len()], &specials);
+        check_two(&vec![a; specials.len()], &specials);
         check_alone(&vec![a; specials.len()], &specials);
     }
     let specials = specials_f32();
     for &a in &specials {
         check_f32(&vec![a; specials.len()], &specials);
         check_portable_f32(&vec![a; specials.len()], &specials);
+        check_two_f32(&vec![a; specials.len()], &specials);
     }
 }
 
@@ -277,6 +292,40 @@ fn a_lane_does_not_see_its_neighbours() {
         quiet[0] = f64::NAN;
         quiet[2] = 1e300;
         assert_eq!(alone, lane_1(level, &quiet), "level {level}");
+    }
+}
+
+fn gathered<R: Real>(x: &[R::Scalar], order: &[u32], out: &mut [R::Scalar]) {
+    R::vectorize(
+        #[inline(always)]
+        || R::load(x).gather_lanes(order).store(out),
+    )
+}
+
+/// Picks half of the lanes of two portable groups of `$n` and of two registers of AVX-512.
+macro_rules! check_gathered {
+    ($x:ident, $order:ident, $portable:ident, $n:literal, $lanes:ident) => {{
+        let few: Vec<u32> = $order[..$n].iter().map(|l| l % (2 * $n)).collect();
+        let mut out = vec![0.0; $n];
+        gathered::<Two<array::$portable>>(&$x, &few, &mut out);
+        prop_assert_eq!(out, few.iter().map(|&l| $x[l as usize]).collect::<Vec<_>>());
+        if Level::Avx512.is_available() {
+            let mut out = vec![0.0; $order.len()];
+            at_avx512!($lanes, gathered(&$x, &$order, &mut out));
+            prop_assert_eq!(out, $order.iter().map(|&l| $x[l as usize]).collect::<Vec<_>>());
+        }
+    }};
+}
+
+proptest! {
+    #[test]
+    fn lanes_are_gathered_by_number(order in prop::collection::vec(0u32..16, 8), x in prop::collection::vec(-1e3..1e3f64, 16)) {
+        check_gathered!(x, order, F64x4, 4, F64x16);
+    }
+
+    #[test]
+    fn more_lanes_are_gathered_by_number(order in prop::collection::vec(0u32..32, 16), x in prop::collection::vec(-1e3..1e3f32, 32)) {
+        check_gathered!(x, order, F32x8, 8, F32x32);
     }
 }
 

@@ -4,11 +4,13 @@
 //! meets the tolerance. Its mask then preserves all of its bits.
 
 mod acceleration;
+mod compaction;
 pub(crate) mod history;
 mod sweep;
 
 use crate::constraints::constraint_set::SweepLanes;
 use crate::gauss_seidel::acceleration::{recompute_w, reset_history};
+use crate::gauss_seidel::compaction::sweep_compacted;
 use crate::gauss_seidel::sweep::Progress;
 use crate::iterate::Iterate;
 use crate::problem::{Problem, System};
@@ -111,7 +113,9 @@ fn sweep_until_paused<R: Real>(system: System<'_, R>, iterate: &mut Iterate<R>, 
     // Lanes that paused earlier restart in the same way as those that paused just now.
     reset_history(iterate);
     while progress.running.any() {
-        progress.sweep(system, iterate);
+        if !sweep_compacted(system, iterate, progress) {
+            progress.sweep(system, iterate);
+        }
     }
     if system.certified && progress.extrapolated.any() {
         recompute_w(iterate, system.problem, progress.extrapolated);

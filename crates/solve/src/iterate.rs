@@ -5,6 +5,7 @@ use crate::cone::masked;
 use crate::constraints::constraint_set::{ConstraintSet, Impulse, SweepLanes, Unknowns};
 use crate::constraints::{by_kind, each_kind, make_kinds};
 use crate::gauss_seidel::history::History;
+use crate::lane_map::LaneMap;
 use crate::problem::{Problem, System};
 use stepper_real::{Mask, Real};
 
@@ -17,6 +18,8 @@ by_kind! {
         /// Multiplier of the friction disc in each contact, the start of the next local solve; 0 while it sticks.
         pub(crate) multipliers: Multipliers<R>,
         pub(crate) history: History<R>,
+        /// Half of the lanes in half the registers; none where all lanes are in one register.
+        pub(crate) compacted: Option<Box<Compacted<R::Half>>>,
         /// Impulses that a further pass must not worsen.
         pub(crate) snapshot: Snapshot<R>,
     } each impulses
@@ -34,6 +37,13 @@ by_kind! {
     pub struct Snapshot[R: Real] {
         w: Vec<R>,
     } each impulses
+}
+
+/// Problem and iterate of gathered lanes.
+#[derive(Clone, Debug)]
+pub(crate) struct Compacted<R: Real> {
+    pub(crate) problem: Problem<R>,
+    pub(crate) iterate: Iterate<R>,
 }
 
 impl<R: Real> Default for Snapshot<R> {
@@ -161,12 +171,34 @@ impl<R: Real> Iterate<R> {
     pub fn new(capacity: &Capacity) -> Self {
         let (snapshot, mut unknowns) = (Snapshot::new(capacity), capacity.dimension);
         each_kind!([count: capacity] [impulses: &snapshot] => unknowns += count * rows_of::<R, _>(impulses));
+        let compacted = || Box::new(Compacted { problem: Problem::new(capacity), iterate: Iterate::new(capacity) });
         make_kinds!(Self {
             w: vec![R::zero(); capacity.dimension],
             multipliers: make_kinds!(Multipliers {} [count: capacity] => Vec::with_capacity(count)),
             history: History::new(capacity.dimension, unknowns),
+            compacted: (R::LANES > R::Half::LANES).then(compacted),
             snapshot,
         } [count: capacity] => Vec::with_capacity(count))
+    }
+
+    /// Gathers some lanes into `out`.
+    #[inline(always)]
+    pub(crate) fn gather(&self, map: &LaneMap, out: &mut Iterate<R::Half>) {
+        map.gather_slice(&self.w, &mut out.w);
+        each_kind!([own: &self.multipliers] [out: &mut out.multipliers] => map.gather_slice(own, out));
+        each_kind!([own: &self] [out: &mut out] => {
+            out.resize(own.len(), Impulse::zero());
+            map.gather_into(Impulse::<R>::flatten(own), Impulse::<R::Half>::flatten_mut(out));
+        });
+        self.history.gather(map, &mut out.history);
+    }
+
+    /// Scatters the unknowns of gathered lanes back. The history does not change.
+    #[inline(always)]
+    pub(crate) fn scatter(&mut self, map: &LaneMap, from: &Iterate<R::Half>) {
+        map.scatter_slice(&from.w, &mut self.w);
+        each_kind!([from: &from] [own: &mut self] => map.scatter_slice(Impulse::<R::Half>::flatten(from), Impulse::<R>::flatten_mut(own)));
+        each_kind!([from: &from.multipliers] [own: &mut self.multipliers] => map.scatter_slice(from, own));
     }
 
     /// Removes all impulses. The caller then pushes a warm start (or zeros) for every row, and calls [`Iterate::compute_w`].

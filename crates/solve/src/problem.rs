@@ -4,6 +4,7 @@ use crate::capacity::Capacity;
 use crate::constraints::constraint_set::{ConstraintSet, Rows};
 use crate::constraints::friction::{FrictionContacts, LocalSolver};
 use crate::constraints::{by_kind, each_kind, make_kinds};
+use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real};
 
 by_kind! {
@@ -187,6 +188,12 @@ impl<R: Real> System<'_, R> {
     #[inline(always)]
     pub fn uncertified(self) -> Self {
         Self { certified: false, ..self }
+    }
+
+    /// Gathers the parts that sweeps need from some lanes into `out`.
+    #[inline(always)]
+    pub(crate) fn gather(&self, map: &LaneMap, out: &mut Problem<R::Half>) {
+        each_kind!([set: &self.problem] [rows: self] [out: &mut out] => set.gather(rows, map, out));
     }
 
     /// Calls `f` for every row or contact that exists in a lane, with the coordinates that it touches there, ascending.

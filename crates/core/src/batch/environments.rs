@@ -101,7 +101,7 @@ impl<S: LaneScalar> Batch<S> {
             check_memory(num_envs, bytes_per_env(&compiled, max_contacts))?;
         }
         let threads = if threads == 0 { std::thread::available_parallelism().map_or(1, usize::from) } else { threads };
-        let lanes = if num_envs == 1 { S::single(level) } else { S::lanes(level) };
+        let lanes = if num_envs == 1 { S::single(level) } else { S::lanes(&compiled, num_envs, threads, level) };
         let groups = make_groups(model, &compiled, num_envs, lanes, max_contacts);
         // More threads than groups would be idle.
         let workers = WorkerPool::new(threads.min(groups.len()), lanes, level);

@@ -1,6 +1,8 @@
 //! Worker that steps groups of environments on one thread: one kind per lane type, one instantiation per CPU level.
 
 use serde::{Serialize, de::DeserializeOwned};
+#[cfg(not(test))]
+use stepper_real::at_avx512;
 use stepper_real::{Level, Mask, Real, Scalar, at_level};
 
 use crate::analysis::derived::{Derivation, DerivedQuantity};
@@ -74,8 +76,8 @@ pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
     const SAVED: usize;
     /// Number of lanes for a single environment.
     fn single(level: Level) -> usize;
-    /// Number of lanes of a group of several environments.
-    fn lanes(level: Level) -> usize;
+    /// Number of lanes of a group, for `num_envs` environments and `threads` threads.
+    fn lanes(compiled: &CompiledModel<Self>, num_envs: usize, threads: usize, level: Level) -> usize;
     /// Worker for groups of `lanes` lanes at a CPU level of this machine.
     fn worker(spec: &WorkerSpec<'_, Self>, lanes: usize, level: Level) -> Box<dyn Worker<Self>>;
     /// Worker with a probe in its steps.
@@ -101,6 +103,21 @@ pub struct GroupPosition<'a, 'b, S> {
     pub share: Option<&'a mut Share<'b, S>>,
 }
 
+/// Largest mass matrix (entries, 128 bytes each in two registers) with which a step still fits the caches next to the core.
+///
+/// Two registers make dm_control's humanoid (243) 4 to 6 % faster, humanoid_CMU (952) up to 4 % slower.
+const MAX_CACHED_ENTRIES: usize = 512;
+
+/// Number of lanes: the level's lanes `n`, or twice as many if that is faster.
+///
+/// With AVX-512 twice the lanes take 1.8 times as long as one register. On CPUs with units of half the width they take at least twice as
+/// long (docs/benchmarks/performance.md). With the sixteen registers of AVX2 they would take 2.2 to 2.5 times as long.
+fn lanes<S: Scalar>(n: usize, compiled: &CompiledModel<S>, num_envs: usize, threads: usize, level: Level) -> usize {
+    let groups = |lanes: usize| num_envs.div_ceil(lanes).div_ceil(threads);
+    let pays = compiled.chain.len() <= MAX_CACHED_ENTRIES && 9 * groups(2 * n) <= 5 * groups(n);
+    if level == Level::Avx512 && pays && !level.takes_two_cycles() { 2 * n } else { n }
+}
+
 fn width<R: Real>() -> usize {
     R::LANES
 }
@@ -112,8 +129,8 @@ impl LaneScalar for f64 {
         1
     }
 
-    fn lanes(level: Level) -> usize {
-        at_level!(level, F64Lanes, width())
+    fn lanes(compiled: &CompiledModel<f64>, num_envs: usize, threads: usize, level: Level) -> usize {
+        lanes(at_level!(level, F64Lanes, width()), compiled, num_envs, threads, level)
     }
 
     fn worker(spec: &WorkerSpec<'_, f64>, lanes: usize, level: Level) -> Box<dyn Worker<f64>> {
@@ -124,6 +141,7 @@ impl LaneScalar for f64 {
     fn probed_worker(spec: &WorkerSpec<'_, f64>, lanes: usize, level: Level, probe: impl Probe) -> Box<dyn Worker<f64>> {
         match lanes {
             1 => at_level!(level, F64x1, lane_worker(spec, probe)),
+            16 => at_avx512!(F64x16, lane_worker(spec, probe)),
             _ => at_level!(level, F64Lanes, lane_worker(spec, probe)),
         }
     }
@@ -151,11 +169,11 @@ impl LaneScalar for f32 {
     const SAVED: usize = 8;
 
     fn single(level: Level) -> usize {
-        Self::lanes(level)
+        at_level!(level, F32Lanes, width())
     }
 
-    fn lanes(level: Level) -> usize {
-        at_level!(level, F32Lanes, width())
+    fn lanes(compiled: &CompiledModel<f32>, num_envs: usize, threads: usize, level: Level) -> usize {
+        lanes(Self::single(level), compiled, num_envs, threads, level)
     }
 
     fn worker(spec: &WorkerSpec<'_, f32>, lanes: usize, level: Level) -> Box<dyn Worker<f32>> {
@@ -163,8 +181,8 @@ impl LaneScalar for f32 {
     }
 
     #[cfg(not(test))]
-    fn probed_worker(spec: &WorkerSpec<'_, f32>, _: usize, level: Level, probe: impl Probe) -> Box<dyn Worker<f32>> {
-        at_level!(level, F32Lanes, lane_worker(spec, probe))
+    fn probed_worker(spec: &WorkerSpec<'_, f32>, lanes: usize, level: Level, probe: impl Probe) -> Box<dyn Worker<f32>> {
+        if lanes == 32 { at_avx512!(F32x32, lane_worker(spec, probe)) } else { at_level!(level, F32Lanes, lane_worker(spec, probe)) }
     }
 
     #[cfg(test)]

@@ -1,7 +1,8 @@
-//! Operations of a kind of constraint: in a sweep, in the residual, in Newton's method, in the position solve.
+//! Operations of a kind of constraint: in a sweep, in the residual, in lane compaction, in Newton's method, in the position solve.
 
 use crate::admissible_set::AdmissibleSet;
 use crate::capacity::Capacity;
+use crate::lane_map::LaneMap;
 use serde::{Deserialize, Serialize};
 use stepper_real::{Mask, Real, Scalar};
 
@@ -235,6 +236,8 @@ pub trait ConstraintSet<R: Real>: Sized {
     type Row: Row;
     /// Impulse of one constraint: a number, or one for each row of a contact.
     type Impulse: Impulse<R>;
+    /// Set of the same kind in half the lanes.
+    type Half: ConstraintSet<R::Half>;
 
     /// Empty set with capacity for `constraints` constraints.
     fn new(constraints: usize, capacity: &Capacity) -> Self;
@@ -252,6 +255,9 @@ pub trait ConstraintSet<R: Real>: Sized {
 
     /// Removes all constraints.
     fn clear(&mut self);
+
+    /// Gathers some lanes of all constraints into `out`, with the parts that sweeps need.
+    fn gather(&self, rows: &Rows<Self::Row>, map: &LaneMap, out: &mut Self::Half);
 
     /// Calls `f` for every constraint that exists in a lane, with the coordinates that it touches there, ascending.
     fn for_each_support(&self, rows: &Rows<Self::Row>, lane: usize, f: &mut impl FnMut(&mut dyn Iterator<Item = u32>));

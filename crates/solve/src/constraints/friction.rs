@@ -13,12 +13,16 @@ use crate::constraints::constraint_set::{
     is_nonzero, number_of,
 };
 use crate::entries::Entries;
+use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real, Scalar};
 
 /// Friction law of one contact: the solution of the contact's problem while all other impulses stay, and the set of admissible impulses.
 ///
 /// The set is the circular cone of Coulomb's law unless the implementation replaces it.
 pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
+    /// Solver of the same kind in half the lanes.
+    type Half: LocalSolver<R::Half, N>;
+
     /// Solver of the contact with the block `gram` of G, whose upper triangle is read, in the lanes `exists`. Also returns the trace of the
     /// block.
     fn new(gram: &[[R; N]; N], exists: R::Mask) -> (Self, R);
@@ -44,6 +48,9 @@ pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
     /// Adds a compliance to the normal row alone, which does not enter the natural map. Returns the ratio of the normal's diagonal entry
     /// before to that after it.
     fn give(&mut self, compliance: R) -> R;
+
+    /// Gathers some lanes into `out`.
+    fn gather(&self, map: &LaneMap, out: &mut Self::Half);
 
     /// De Saxce's term of the velocity `v`, m/s.
     #[inline(always)]
@@ -130,6 +137,43 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
             self.g[k] -= compliance * lambda[k];
         }
         self.local.damp(compliance, &mut self.step);
+    }
+
+    /// Contact that exists in no lane, to be overwritten.
+    fn blank() -> Self {
+        let (none, zero) = (R::Mask::splat(false), R::zero());
+        let (local, trace) = L::new(&[[zero; N]; N], none);
+        Self {
+            support: 0,
+            y: 0,
+            coordinates: 0,
+            active: none,
+            immovable: none,
+            deferred: none,
+            mu: zero,
+            g: [zero; N],
+            position_g: [zero; N],
+            compliance: zero,
+            rigid_fraction: R::one(),
+            damping: zero,
+            step: NaturalStep::of_trace::<N>(trace),
+            local,
+        }
+    }
+
+    /// Gathers the parts that sweeps read from some lanes into `out`.
+    #[inline(always)]
+    fn gather(&self, map: &LaneMap, compliant: bool, out: &mut FrictionContact<R::Half, N, L::Half>) {
+        (out.support, out.y, out.coordinates) = (self.support, self.y, self.coordinates);
+        out.active = map.gather_mask::<R>(self.active);
+        out.mu = map.gather(self.mu);
+        map.gather_into(&self.g, &mut out.g);
+        if compliant {
+            out.compliance = map.gather(self.compliance);
+            out.damping = map.gather(self.damping);
+        }
+        out.step.inv_rho = map.gather(self.step.inv_rho);
+        self.local.gather(map, &mut out.local);
     }
 }
 
@@ -471,6 +515,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> Row for FrictionContact<R, N
 impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for FrictionContacts<R, N, L> {
     type Row = FrictionContact<R, N, L>;
     type Impulse = [R; N];
+    type Half = FrictionContacts<R::Half, N, L::Half>;
 
     fn new(contacts: usize, capacity: &Capacity) -> Self {
         let entries = contacts * capacity.contact_support;
@@ -501,6 +546,22 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
         self.rows.clear();
         self.support.clear();
         self.y.clear();
+    }
+
+    #[inline(always)]
+    fn gather(&self, rows: &Rows<FrictionContact<R, N, L>>, map: &LaneMap, out: &mut Self::Half) {
+        out.support.clear();
+        out.support.extend_from_slice(&self.support);
+        out.y.map_from(
+            &self.y,
+            #[inline(always)]
+            |y| map.gather_array(y),
+        );
+        out.rows.compliant = rows.compliant;
+        out.rows.items.resize_with(rows.items.len(), FrictionContact::blank);
+        for (contact, out) in rows.items.iter().zip(&mut out.rows.items) {
+            contact.gather(map, rows.compliant, out);
+        }
     }
 
     fn for_each_support(&self, rows: &Rows<FrictionContact<R, N, L>>, lane: usize, f: &mut impl FnMut(&mut dyn Iterator<Item = u32>)) {

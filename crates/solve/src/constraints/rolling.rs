@@ -6,6 +6,7 @@
 
 use crate::cone::{masked, positive};
 use crate::constraints::friction::{FrictionContact, FrictionContacts, LocalSolver, MAX_NEWTON, NaturalStep, least_tangent, near};
+use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real, Scalar};
 
 /// Number of tangential rows.
@@ -123,6 +124,8 @@ impl<R: Real> RollingSolver<R> {
 }
 
 impl<R: Real> LocalSolver<R, 6> for RollingSolver<R> {
+    type Half = RollingSolver<R::Half>;
+
     #[inline(always)]
     fn new(gram: &[[R; 6]; 6], exists: R::Mask) -> (Self, R) {
         let nn = R::select(exists, gram[0][0], R::one());
@@ -208,6 +211,17 @@ impl<R: Real> LocalSolver<R, 6> for RollingSolver<R> {
     #[inline(always)]
     fn give(&mut self, compliance: R) -> R {
         self.add_compliance([compliance, R::zero()])
+    }
+
+    #[inline(always)]
+    fn gather(&self, map: &LaneMap, out: &mut RollingSolver<R::Half>) {
+        out.inv_gnn = map.gather(self.inv_gnn);
+        out.nn = map.gather(self.nn);
+        map.gather_into(self.axes.as_flattened(), out.axes.as_flattened_mut());
+        map.gather_into(&self.a, &mut out.a);
+        map.gather_into(&self.inv_a, &mut out.inv_a);
+        map.gather_into(&self.coupling, &mut out.coupling);
+        out.step = map.gather(self.step);
     }
 }
 

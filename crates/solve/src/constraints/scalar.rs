@@ -11,6 +11,7 @@ use crate::constraints::constraint_set::{
     is_nonzero, number_of,
 };
 use crate::entries::Entries;
+use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real, Scalar};
 
 /// Bounded scalar row: an equality (any lambda), a limit (`0 <= lambda`), or dry friction (`|lambda| <= h f`).
@@ -88,6 +89,41 @@ impl<R: Real> ScalarRow<R> {
         let infinite = R::of(f64::INFINITY);
         let either = self.lo.le(-infinite);
         masked(self.hi.ge(infinite), R::select(either, equality.abs(), -g))
+    }
+
+    /// Row that exists in no lane, to be overwritten.
+    fn blank() -> Self {
+        let (none, zero) = (R::Mask::splat(false), R::zero());
+        Self {
+            support: 0,
+            y: 0,
+            coordinates: 0,
+            active: none,
+            g: zero,
+            position_g: zero,
+            lo: zero,
+            hi: zero,
+            compliance: zero,
+            diagonal: zero,
+            inv_diagonal: R::one(),
+            trace_ratio: R::one(),
+            mobility: zero,
+            damping_deficit: zero,
+            immovable: none,
+        }
+    }
+
+    /// Gathers the parts that sweeps read from some lanes into `out`.
+    #[inline(always)]
+    fn gather(&self, map: &LaneMap, out: &mut ScalarRow<R::Half>) {
+        (out.support, out.y, out.coordinates) = (self.support, self.y, self.coordinates);
+        out.active = map.gather_mask::<R>(self.active);
+        out.g = map.gather(self.g);
+        out.lo = map.gather(self.lo);
+        out.hi = map.gather(self.hi);
+        out.compliance = map.gather(self.compliance);
+        out.diagonal = map.gather(self.diagonal);
+        out.inv_diagonal = map.gather(self.inv_diagonal);
     }
 }
 
@@ -274,6 +310,7 @@ impl<R: Real> Row for ScalarRow<R> {
 impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
     type Row = ScalarRow<R>;
     type Impulse = R;
+    type Half = ScalarRows<R::Half>;
 
     fn new(rows: usize, capacity: &Capacity) -> Self {
         Self {
@@ -300,6 +337,22 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
         self.support.clear();
         self.y.clear();
         self.eliminated = 0;
+    }
+
+    #[inline(always)]
+    fn gather(&self, rows: &Rows<ScalarRow<R>>, map: &LaneMap, out: &mut Self::Half) {
+        out.support.clear();
+        out.support.extend_from_slice(&self.support);
+        out.y.map_from(
+            &self.y,
+            #[inline(always)]
+            |&y| map.gather(y),
+        );
+        out.eliminated = self.eliminated;
+        out.rows.items.resize_with(rows.items.len(), ScalarRow::blank);
+        for (row, out) in rows.items.iter().zip(&mut out.rows.items) {
+            row.gather(map, out);
+        }
     }
 
     fn for_each_support(&self, rows: &Rows<ScalarRow<R>>, lane: usize, f: &mut impl FnMut(&mut dyn Iterator<Item = u32>)) {

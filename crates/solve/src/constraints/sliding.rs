@@ -3,6 +3,7 @@
 use crate::cone::{masked, norm2};
 use crate::constraints::friction::{FrictionContact, FrictionContacts, LocalSolver, MAX_NEWTON, NaturalStep, least_tangent, near};
 use crate::constraints::orthogonalisation::velocity_rounding;
+use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real, Scalar};
 
 /// Contact with sliding friction: rows (n, t1, t2).
@@ -146,6 +147,8 @@ impl<R: Real> SlidingContacts<R> {
 }
 
 impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
+    type Half = SlidingSolver<R::Half>;
+
     #[inline(always)]
     fn new(gram: &[[R; 3]; 3], exists: R::Mask) -> (Self, R) {
         // Lanes without this contact get the identity block, so that nothing below divides by zero.
@@ -237,6 +240,17 @@ impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
         self.own = compliance;
         self.prepare();
         before * self.inv_gnn
+    }
+
+    #[inline(always)]
+    fn gather(&self, map: &LaneMap, out: &mut SlidingSolver<R::Half>) {
+        map.gather_into(&self.gram, &mut out.gram);
+        out.own = map.gather(self.own);
+        out.inv_gnn = map.gather(self.inv_gnn);
+        map.gather_into(&self.axis, &mut out.axis);
+        map.gather_into(&self.a, &mut out.a);
+        map.gather_into(&self.inv_a, &mut out.inv_a);
+        map.gather_into(&self.coupling, &mut out.coupling);
     }
 }
 

@@ -1,6 +1,7 @@
 //! Memory of Anderson's acceleration: the changes of the last sweeps, and the least-squares problem over them.
 
 use crate::cone::masked;
+use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real, Scalar};
 
 /// Number of stored changes.
@@ -67,6 +68,26 @@ impl<R: Real> History<R> {
             dt: std::array::from_fn(|_| unknowns()),
             known: [R::Mask::splat(false); MEMORY],
             gram: [[R::zero(); MEMORY]; MEMORY],
+        }
+    }
+
+    /// Gathers the history of some lanes, as far as any of them has it.
+    #[inline(always)]
+    pub(crate) fn gather(&self, map: &LaneMap, out: &mut History<R::Half>) {
+        map.gather_slice(&self.start, &mut out.start);
+        map.gather_slice(&self.f, &mut out.f);
+        map.gather_slice(&self.image, &mut out.image);
+        out.length = map.gather(self.length);
+        out.ran = map.gather_mask::<R>(self.ran);
+        for k in 0..MEMORY {
+            out.known[k] = map.gather_mask::<R>(self.known[k]);
+            out.gram[k] = map.gather_array(&self.gram[k]);
+            if out.known[k].any() {
+                map.gather_slice(&self.df[k], &mut out.df[k]);
+                map.gather_slice(&self.dt[k], &mut out.dt[k]);
+            } else {
+                out.dt[k].resize(self.dt[k].len(), R::Half::zero());
+            }
         }
     }
 

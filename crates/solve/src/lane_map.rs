@@ -1,0 +1,93 @@
+//! Lane map: the lanes of a group that are gathered into half the registers, and scattered back.
+
+use stepper_real::{Mask, Real};
+
+/// Sources of gathered lanes: lane i of the half has the numbers of lane `sources[i]` of the whole.
+#[derive(Clone, Copy, Debug)]
+pub struct LaneMap {
+    /// Source of every lane of the half. Unused lanes of the half copy lane 0, and their copy is never read.
+    sources: [u32; 16],
+    /// Place in the half of every lane of the whole; 0 for a lane that is not gathered.
+    places: [u32; 32],
+    /// Bits of the gathered lanes.
+    lanes: u32,
+}
+
+impl LaneMap {
+    /// Map of the lanes whose bits are set, ascending.
+    #[inline(always)]
+    pub(crate) fn of(lanes: u32) -> Self {
+        let mut map = Self { sources: [0; 16], places: [0; 32], lanes };
+        let mut rest = lanes;
+        for place in 0..lanes.count_ones() {
+            let lane = rest.trailing_zeros();
+            map.sources[place as usize] = lane;
+            map.places[lane as usize] = place;
+            rest &= rest - 1;
+        }
+        map
+    }
+
+    /// Bits of the lanes of the half that are in use.
+    #[inline(always)]
+    pub(crate) fn gathered_bits(&self) -> u32 {
+        (1 << self.lanes.count_ones()) - 1
+    }
+
+    /// Gathers one number.
+    #[inline(always)]
+    pub(crate) fn gather<R: Real>(&self, x: R) -> R::Half {
+        x.gather_lanes(&self.sources)
+    }
+
+    /// Gathers a vector.
+    #[inline(always)]
+    pub(crate) fn gather_array<R: Real, const N: usize>(&self, x: &[R; N]) -> [R::Half; N] {
+        let mut gathered = [R::Half::zero(); N];
+        self.gather_into(x, &mut gathered);
+        gathered
+    }
+
+    /// Gathers as many numbers as `to` has.
+    #[inline(always)]
+    pub(crate) fn gather_into<R: Real>(&self, from: &[R], to: &mut [R::Half]) {
+        for (to, &from) in to.iter_mut().zip(from) {
+            *to = self.gather(from);
+        }
+    }
+
+    /// Gathers a list of numbers; the capacity of `to` suffices.
+    #[inline(always)]
+    pub(crate) fn gather_slice<R: Real>(&self, from: &[R], to: &mut Vec<R::Half>) {
+        to.resize(from.len(), R::Half::zero());
+        self.gather_into(from, to);
+    }
+
+    /// Gathers a mask.
+    #[inline(always)]
+    pub(crate) fn gather_mask<R: Real>(&self, m: R::Mask) -> <R::Half as Real>::Mask {
+        self.gather(R::select(m, R::one(), R::zero())).gt(R::Half::zero())
+    }
+
+    /// Scatters one number to its source lanes.
+    #[inline(always)]
+    pub(crate) fn scatter<R: Real>(&self, from: R::Half, to: &mut R) {
+        *to = to.replace_lanes(from, &self.places, R::Mask::from_bits(self.lanes));
+    }
+
+    /// Scatters a list of numbers.
+    #[inline(always)]
+    pub(crate) fn scatter_slice<R: Real>(&self, from: &[R::Half], to: &mut [R]) {
+        for (to, &from) in to.iter_mut().zip(from) {
+            self.scatter(from, to);
+        }
+    }
+
+    /// Scatters a mask.
+    #[inline(always)]
+    pub(crate) fn scatter_mask<R: Real>(&self, from: <R::Half as Real>::Mask, to: &mut R::Mask) {
+        let mut numbers = R::select(*to, R::one(), R::zero());
+        self.scatter(R::Half::select(from, R::Half::one(), R::Half::zero()), &mut numbers);
+        *to = numbers.gt(R::zero());
+    }
+}

@@ -79,6 +79,7 @@ mod ball;
 mod blocks;
 mod bounding_box;
 mod boxes;
+mod clearance;
 mod clip;
 mod distance;
 mod expand;

@@ -26,7 +26,6 @@ use crate::facet::{FLAT, Facet, Outline, PARALLEL};
 use crate::facing::{Facing, Separation};
 use crate::linear_algebra::*;
 use crate::manifold::{LEVEL, Manifold, Point, VERTICES, reduce_points};
-use crate::narrow::Narrow;
 use crate::pair::Pair;
 use crate::reach::Reach;
 use crate::room::Room;
@@ -309,7 +308,8 @@ impl Grid {
 }
 
 impl Surface {
-    fn triangle(&self, t: u32) -> [V; 3] {
+    /// Corners of triangle `t`.
+    pub(super) fn triangle(&self, t: u32) -> [V; 3] {
         match self {
             Self::Mesh(m) => m.triangle(t),
             Self::Grid(g) => g.triangle(t),
@@ -360,7 +360,8 @@ impl Surface {
         })
     }
 
-    fn candidates(&self, low: V, high: V, out: &mut Vec<u32>) {
+    /// Triangles in the box from `low` to `high`, ascending, and others near it.
+    pub(super) fn candidates(&self, low: V, high: V, out: &mut Vec<u32>) {
         out.clear();
         match self {
             Self::Mesh(m) => {
@@ -489,36 +490,13 @@ pub fn collide_surface(
 /// Least and greatest coordinates of the triangles that are within `reach` of the core of a shape, m, or whose contacts can count if its
 /// `approach` is known.
 ///
-/// A contact joins a point x of the surface and a point y of the shape, and y - x is a multiple of its normal. The box is at least that of a
-/// shape at rest. Shapes deep below a height field need the whole reach.
+/// A contact joins a point x of the surface and a point y of the shape, and y - x is a multiple of its normal. The box is at least that
+/// of a shape at rest. Shapes deep below a height field need the whole reach.
 fn search_box(whole: &Pair<'_>, core: Option<&[V]>, reach: f64, approach: Option<Approach>) -> [V; 2] {
     let [low, high] = whole.extent_b(core);
     let [against_axes, along_axes] = approach.map_or([[f64::INFINITY; 3]; 2], |approach| approach.max_components(whole.size));
     let reach = |most: f64| reach.min(whole.b.radius() + most);
     [array_of(|k| low[k] - reach(along_axes[k])), array_of(|k| high[k] + reach(against_axes[k]))]
-}
-
-impl Narrow {
-    /// Distance of a surface and a convex shape on either side of it, at most `most`, m. Negative where they overlap.
-    pub fn clearance(&mut self, surface: &Surface, shape: &ConvexShape, [ground, body]: [Pose; 2], most: f64) -> f64 {
-        let Room { triangles, polytope, .. } = &mut self.room;
-        let nothing = ConvexShape::Sphere { radius: 0.0 };
-        let whole = Pair::new(&nothing, &ground, shape, &body);
-        let [low, high] = whole.extent_b(ends(&whole).as_deref());
-        let reach = most + shape.radius();
-        surface.candidates(low.map(|x| x - reach), high.map(|x| x + reach), triangles);
-        let mut least = most;
-        for &t in &*triangles {
-            let triangle = ConvexShape::Triangle(surface.triangle(t));
-            let pair = Pair::between(&triangle, shape, whole.pos, whole.mat);
-            let found = separation::nearest(&pair, &least.into(), polytope).found;
-            least = least.min(found.separation - pair.thickness());
-            if least < 0.0 {
-                break;
-            }
-        }
-        least
-    }
 }
 
 /// The half space below the xy plane of `plane` and the vertices of a surface, as [`crate::collide_plane`].

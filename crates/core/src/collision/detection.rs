@@ -344,8 +344,8 @@ impl<R: Real> Scene<'_, R> {
         dot(apart, apart).lt(reach * reach)
     }
 
-    /// Lanes of `near` in which the way from the beginning of the step is long enough to be through: that of either geom as seen from the
-    /// other.
+    /// Lanes of `near` in which the contacts of a pair are unreliable at this time of the step: either geom may have passed the other
+    /// since the beginning of the step, or hits a surface.
     #[inline(always)]
     fn moves_too_far(
         &self,
@@ -361,14 +361,14 @@ impl<R: Real> Scene<'_, R> {
         if far.none() {
             return far;
         }
-        // Limbs that fly along together are fast and yet do not pass one another.
+        // Limbs that fly in the same direction have a small relative displacement.
         let way = self.way_past(a, b).min(self.way_past(b, a));
         let far = far.and(way.gt(distance));
-        // What is apart again has gone the whole way through. (Where that chord is shorter than this, a graze an eighth as deep as the two are
-        // thick is missed.)
+        // Geoms that are apart again have passed completely. A graze an eighth as deep as the thickness is missed if its chord is shorter
+        // than twice the tunnelling distance.
         let most = (way - (distance + distance)).max(R::zero());
         let passed = self.gap(pair, far, most, narrow).lt(most);
-        far.and(passed.or(self.strikes_surface(index, pair, far, contacts)))
+        far.and(passed.or(self.hits_surface(index, pair, far, contacts)))
     }
 
     /// Lower bound on the distance of a pair that is thin, in the lanes `lanes`, m. It is at most `most` for a surface.

@@ -79,21 +79,21 @@ impl<R: Real> Scene<'_, R> {
         self.approach_at([surface, shape], self.poses.pos[shape], radius, margin)
     }
 
-    /// Lanes of `lanes` in which a body strikes a surface within the step in the free velocity. In the middle of the step, its contact would
-    /// brake it ahead of the surface.
+    /// Lanes of `lanes` in which a body hits a surface within a step at the free velocity. Evaluated in the middle of the step, the
+    /// contact would brake the body ahead of the surface.
     #[inline(always)]
-    pub(crate) fn strikes_surface(&self, index: usize, pair: &CompiledPair<R::Scalar>, lanes: R::Mask, contacts: &Contacts<R>) -> R::Mask {
-        let mut strikes = R::Mask::splat(false);
+    pub(crate) fn hits_surface(&self, index: usize, pair: &CompiledPair<R::Scalar>, lanes: R::Mask, contacts: &Contacts<R>) -> R::Mask {
+        let mut hits = R::Mask::splat(false);
         if pair.kernel == Kernel::Surface && lanes.any() {
             for k in 0..contacts.slots() {
                 let mut pairs = contacts.pairs(k, lanes.bits() & contacts.lanes_of(k));
                 let own = pairs.find(|&(number, _)| number == index).map_or(0, |(_, own)| own);
                 let point = &contacts.data[k].point;
                 let closes = point.distance.lt(self.closing_speed(pair.geoms, point) * self.h);
-                strikes = strikes.or(closes.and(R::Mask::from_bits(own)));
+                hits = hits.or(closes.and(R::Mask::from_bits(own)));
             }
         }
-        strikes
+        hits
     }
 
     /// Distance of a pair of a surface and a convex shape in the lanes `lanes`, at most `most`, m. Zero if one is a plane.

@@ -4,9 +4,9 @@
 //! in a step, plus the distance that gravity covers. Geoms need not overlap first.
 //!
 //! A gap at the beginning of a step is a row, however fast it closes, so a fast body stops before a thin wall. In the middle of the step
-//! the body may be beyond the wall. [`detect`] returns the lanes in which a pair gets that far in the first half of the step: it overlaps,
-//! may have passed, or strikes a surface of triangles. The step then evaluates these lanes at its beginning. Bodies can still pass through
-//! a geom: an impulse may make them faster than the search assumed, or they may turn too far for a straight row.
+//! the body may be beyond the wall. [`detect`] returns the lanes in which a fast pair overlaps, may have passed, or hits a surface of
+//! triangles. The step then evaluates these lanes at its beginning. Bodies can still pass through a geom: an impulse may make them faster
+//! than the search assumed, or they may turn too far for a straight row.
 //! [`may_have_passed`](crate::collision::tunnelling::may_have_passed) reports these lanes.
 
 use stepper_real::{Mask, Real};

@@ -63,7 +63,7 @@ fn detected(sim: &Simulation, time_before: f64) -> (bool, Contacts<f64>) {
 
 /// A ball with a radius of 2 cm moves by up to 3 cm in the first half of a step.
 #[test]
-fn contacts_of_a_fast_ball_are_unreliable_where_it_overlaps_strikes_or_may_have_passed_a_field() {
+fn contacts_of_a_fast_ball_are_unreliable_where_it_overlaps_hits_or_may_have_passed_a_field() {
     const RADIUS: f64 = 0.02;
     let mut scene = Model::builder("field");
     scene.timestep(STEP);

@@ -1,0 +1,33 @@
+//! Distance of a convex shape and a surface of triangles.
+
+use crate::narrow::Narrow;
+use crate::pair::Pair;
+use crate::room::Room;
+use crate::round::ends;
+use crate::separation;
+use crate::shape::ConvexShape;
+use crate::surface::Surface;
+use crate::vectors::Pose;
+
+impl Narrow {
+    /// Distance of a surface and a convex shape on either side of it, at most `most`, m. Negative if they overlap.
+    pub fn clearance(&mut self, surface: &Surface, shape: &ConvexShape, [ground, body]: [Pose; 2], most: f64) -> f64 {
+        let Room { triangles, polytope, .. } = &mut self.room;
+        let nothing = ConvexShape::Sphere { radius: 0.0 };
+        let whole = Pair::new(&nothing, &ground, shape, &body);
+        let [low, high] = whole.extent_b(ends(&whole).as_deref());
+        let reach = most + shape.radius();
+        surface.candidates(low.map(|x| x - reach), high.map(|x| x + reach), triangles);
+        let mut least = most;
+        for &t in &*triangles {
+            let triangle = ConvexShape::Triangle(surface.triangle(t));
+            let pair = Pair::between(&triangle, shape, whole.pos, whole.mat);
+            let found = separation::nearest(&pair, &least.into(), polytope).found;
+            least = least.min(found.separation - pair.thickness());
+            if least < 0.0 {
+                break;
+            }
+        }
+        least
+    }
+}

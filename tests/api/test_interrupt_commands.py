@@ -1,5 +1,6 @@
 """Ctrl-C ends a command at once, with one line, and leaves no unfinished file, thread or process."""
 
+import ast
 import importlib
 import os
 import signal
@@ -15,6 +16,7 @@ from stepper.shared.files import atomic_write
 from stepper.sysid import fit
 
 MODEL = "gymnasium/ant"
+PACKAGE = Path(stepper.__file__).parent
 PATIENCE = 60.0
 """Seconds after which a command that does not end fails the test: it ends within two on an idle machine."""
 
@@ -104,3 +106,21 @@ def test_a_file_that_was_begun_leaves_what_was_there(tmp_path):
     with atomic_write(file) as stream:
         stream.write(b"after")
     assert file.read_text() == "after"
+
+
+def _flags(node: ast.expr) -> bool:
+    """Whether an expression is a flag of `Status` or a union of several."""
+    if isinstance(node, ast.BinOp):
+        return _flags(node.left) and _flags(node.right)
+    return isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "Status"
+
+
+@pytest.mark.parametrize("file", sorted(PACKAGE.rglob("*.py")), ids=lambda file: str(file.relative_to(PACKAGE)))
+def test_arrays_meet_flags_as_plain_integers(file):
+    """NumPy asks the class of a flag for attributes, which before Python 3.12 runs code of `enum`, and NumPy drops a Ctrl-C from there."""
+    for node in ast.walk(ast.parse(file.read_text())):
+        operands = (
+            [node.left, node.right] if isinstance(node, ast.BinOp) else [node.target, node.value] if isinstance(node, ast.AugAssign) else []
+        )
+        mixed = bool(operands) and isinstance(node.op, ast.BitAnd | ast.BitOr) and sum(map(_flags, operands)) == 1
+        assert not mixed, f"line {node.lineno}: {ast.unparse(node)}"

@@ -83,9 +83,9 @@ class Certificate:
         status = np.asarray(sim.status)
         self.env_steps += status.size
         self.worst_residual = max(self.worst_residual, float(np.max(sim.residual)))
-        self.not_converged += int(np.count_nonzero(status & Status.NOT_CONVERGED))
-        self.non_finite += int(np.count_nonzero(status & Status.NON_FINITE))
-        self.contacts_full += int(np.count_nonzero(status & Status.CONTACTS_FULL))
+        self.not_converged += int(np.count_nonzero(status & int(Status.NOT_CONVERGED)))
+        self.non_finite += int(np.count_nonzero(status & int(Status.NON_FINITE)))
+        self.contacts_full += int(np.count_nonzero(status & int(Status.CONTACTS_FULL)))
         self.sweeps += int(np.sum(sim.iterations))
 
 

@@ -30,7 +30,7 @@ _RESTART = "restore the file, or delete it to run the study from the start"
 
 def diverged(row: Row) -> bool:
     """Whether an episode diverged. It then has no outcome and counts as a failure."""
-    return bool(int(row["certificate"]["status"]) & Status.NON_FINITE)
+    return bool(int(row["certificate"]["status"]) & int(Status.NON_FINITE))
 
 
 class JournalError(ValueError):

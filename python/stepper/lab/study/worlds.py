@@ -165,7 +165,7 @@ class World:
     @property
     def diverged(self) -> NDArray[np.bool_]:
         """Whether each environment's episode diverged, (num_envs,): a state was not finite or too large, or the engine reset itself."""
-        lost: NDArray[np.bool_] = (self.certificate()["status"] & Status.NON_FINITE) != 0
+        lost: NDArray[np.bool_] = (self.certificate()["status"] & int(Status.NON_FINITE)) != 0
         return lost
 
     def _beyond(self) -> NDArray[np.bool_]:
@@ -226,7 +226,7 @@ class StepperWorld(World):
         self.step(ctrl, nstep)
         worst = self._worst
         worst["status"] = worst["status"] | np.asarray(self.sim.status, np.int64)
-        worst["status"][self._beyond()] |= Status.NON_FINITE
+        worst["status"][self._beyond()] |= int(Status.NON_FINITE)
         for name in ("residual", "max_penetration", "max_limit_violation", "max_equality_violation"):
             worst[name] = np.maximum(worst[name], np.asarray(getattr(self.sim, name), float))
 
@@ -361,7 +361,7 @@ class MujocoWorld(World):
                 if any(data.warning[kind].number for kind in kinds):
                     self._status[env] |= flag
         # MuJoCo itself checks this state only in the next step.
-        self._status[self._beyond()] |= Status.NON_FINITE
+        self._status[self._beyond()] |= int(Status.NON_FINITE)
 
     def step(self, ctrl: Any, nstep: int) -> None:
         """Step all environments, as `World.step` describes."""

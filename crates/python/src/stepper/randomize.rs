@@ -100,9 +100,8 @@ impl Stepper {
     ///         no axis. (num_envs,) sets all selected entries of an environment, a scalar those of all environments, and None restores the
     ///         values of the model. The first argument may also be `envs`, without values.
     ///     envs: Environments to change, as in `reset`.
-    ///     **fields: Values of whole fields, (num_envs, ...) with the shape of the field in the model. None restores the values of the
-    /// model;
-    ///         a call without fields restores all of them.
+    ///     **fields: Values of whole fields, (num_envs, ...) with the shape of the field in the model. None restores the values of
+    ///         the model; a call without fields restores all of them.
     ///
     ///         * gravity (num_envs, 3), m/s^2
     ///         * body_mass (num_envs, nbody), kg; body_ipos (num_envs, nbody, 3), centre of mass, m; body_inertia (num_envs, nbody, 3),
@@ -124,9 +123,8 @@ impl Stepper {
     ///     TypeError, IndexError: An argument `envs` is invalid, as in `reset`.
     ///     ValueError: A shape is wrong, or a drive has an invalid value, a new stage or a longer delay. No parameter changes.
     ///     ModelError: All environments share the field, a value is invalid, or an explicit pair overrides it. Or the value needs an
-    /// element
-    ///         that the model does not simulate, such as dry friction with frictionloss 0. The message has field, element and environment.
-    ///         No parameter changes.
+    ///         element that the model does not simulate, such as dry friction with frictionloss 0. The message has field, element and
+    ///         environment. No parameter changes.
     #[pyo3(signature = (values=None, /, envs=None, **fields))]
     fn randomize(
         slf: &Bound<'_, Self>,

@@ -999,9 +999,8 @@ class Stepper:
                 current ones (`Stepper.ctrl`), as in MuJoCo.
             nstep: Number of steps.
             envs: Environments, as in `reset`. The others do not change, including their controls, sensors and flags. A group of lanes
-        without
-                selected environments takes no time. But if sensors or actuators have delays or the stepper is recorded, all environments
-                step, and the states of the others are restored.
+                without selected environments takes no time. But if sensors or actuators have delays or the stepper is recorded, all
+                environments step, and the states of the others are restored.
 
         Raises:
             ValueError: A shape is wrong; the message has both. A NaN control is no error: its environment keeps its state and has
@@ -1051,8 +1050,8 @@ class Stepper:
         Returns:
             Dictionary of bytes. "per_env": memory of each environment. "per_thread": workspace of each thread. "state": states of all
             environments. "parameters": parameters per environment, from `randomize` and drives. "inputs": controls, applied forces and
-        mocap
-            poses. "threads": number of threads with a workspace. "total": "state" + "parameters" + "inputs" + "threads" x "per_thread".
+            mocap poses. "threads": number of threads with a workspace. "total": "state" + "parameters" + "inputs" + "threads" x
+            "per_thread".
         """
     def set_state(
         self,

@@ -70,8 +70,8 @@ impl Stepper {
     /// Returns:
     ///     Dictionary of bytes. "per_env": memory of each environment. "per_thread": workspace of each thread. "state": states of all
     ///     environments. "parameters": parameters per environment, from `randomize` and drives. "inputs": controls, applied forces and
-    /// mocap
-    ///     poses. "threads": number of threads with a workspace. "total": "state" + "parameters" + "inputs" + "threads" x "per_thread".
+    ///     mocap poses. "threads": number of threads with a workspace. "total": "state" + "parameters" + "inputs" + "threads" x
+    ///     "per_thread".
     fn memory<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let simulation = &slf.simulation;
         let (state, parameters) = (simulation.bytes(), simulation.parameter_bytes());

@@ -127,9 +127,8 @@ impl Stepper {
     ///         current ones (`Stepper.ctrl`), as in MuJoCo.
     ///     nstep: Number of steps.
     ///     envs: Environments, as in `reset`. The others do not change, including their controls, sensors and flags. A group of lanes
-    /// without
-    ///         selected environments takes no time. But if sensors or actuators have delays or the stepper is recorded, all environments
-    ///         step, and the states of the others are restored.
+    ///         without selected environments takes no time. But if sensors or actuators have delays or the stepper is recorded, all
+    ///         environments step, and the states of the others are restored.
     ///
     /// Raises:
     ///     ValueError: A shape is wrong; the message has both. A NaN control is no error: its environment keeps its state and has

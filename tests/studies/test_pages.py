@@ -339,19 +339,19 @@ def test_parameters_without_a_cliff_are_listed_with_their_range(tmp_path):
     for setting in ("stepper", "MuJoCo"):
         # The share of successes is 1/4 at 1 and 1/2 at 2; episodes compare with whole numbers.
         assert 1 <= float(rows[setting, "share"][0]) < 2
-        assert rows[setting, "most"] == ["no change of outcome between 0.5 and 1", "-", "1", "1"]
-    assert rows["stepper", "iterations"] == ["no change of outcome between 5 and 50", "-", "1", "1"]
-    assert rows["stepper", "solver"] == ["no change of outcome with auto, newton", "-", "1", "1"]
+        assert rows[setting, "most"] == ["same number of successes between 0.5 and 1", "-", "1", "1"]
+    assert rows["stepper", "iterations"] == ["same number of successes between 5 and 50", "-", "1", "1"]
+    assert rows["stepper", "solver"] == ["same number of successes with auto, newton", "-", "1", "1"]
     assert ("MuJoCo", "solver") not in rows  # MuJoCo has no solver auto, which the page says elsewhere.
 
 
 @pytest.mark.parametrize(
     ("successes", "told"),
     [
-        ([2, 2, 2], "no change of outcome between 0.1 and 0.3"),
-        ([4, 3, 2], "always at least one half between 0.1 and 0.3"),
-        ([1, 0, 1], "always below one half between 0.1 and 0.3"),
-        ([4, 0, 0], "a change, not located, between 0.1 and 0.3"),
+        ([2, 2, 2], "same number of successes between 0.1 and 0.3"),
+        ([4, 3, 2], "share of successes at least one half between 0.1 and 0.3"),
+        ([1, 0, 1], "share of successes below one half between 0.1 and 0.3"),
+        ([4, 0, 0], "share of successes crosses one half, not located, between 0.1 and 0.3"),
     ],
 )
 def test_a_row_without_a_cliff_says_whether_outcomes_changed(successes, told):

@@ -65,10 +65,14 @@ class Dot:
 
     @property
     def cause(self) -> str:
-        """Cause with the largest part of the error: "solver", "time step" or "model"; "" if the error is 0 or unknown."""
-        parts = {word: getattr(self, name) for name, word in CAUSES.items() if math.isfinite(getattr(self, name))}
-        cause = max(parts, key=lambda word: parts[word], default="")
-        return cause if math.isfinite(self.error) and parts.get(cause, 0.0) > 0.0 else ""
+        """Cause with the largest part of the error: "solver", "time step" or "model"; "" if the error is 0 or a part is unknown.
+
+        The part of the solver is known for stepper alone; in other engines it belongs to the part of the time step.
+        """
+        names = {name: word for name, word in CAUSES.items() if word != "solver" or self.engine == "stepper"}
+        parts = {word: float(getattr(self, name)) for name, word in names.items()}
+        cause = max(parts, key=lambda word: parts[word])
+        return cause if all(map(math.isfinite, [self.error, *parts.values()])) and parts[cause] > 0.0 else ""
 
     @property
     def row(self) -> dict[str, object]:

@@ -252,9 +252,9 @@ def _point(
     if trace is not None and (lost := int((~trace.finite).sum())):
         notes.append(f"not finite in {lost} of {len(trace.finite)} episodes")
     if tight[0] is not trace and tight[1]:
-        notes.append(f"cause of the error unknown (solver, time step): {tight[1]}")
+        notes.append(f"parts of solver and time step unknown, because the run with a tight tolerance did not succeed: {tight[1]}")
     if isinstance(law, str):
-        notes.append(f"cause of the error unknown (time step, model): its law of contact is not converged: {law}")
+        notes.append(f"parts of time step and model unknown, because the run of its contact law did not converge: {law}")
 
     def apart(one: Trace | None, other: Trace | None) -> Array:
         return nothing if one is None or other is None else ground.distance(one, other)

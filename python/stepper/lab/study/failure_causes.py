@@ -37,7 +37,7 @@ TIGHTER = 1e-2
 # Rules, as texts for tables.
 EVALUATION = "the outcome is not finite, or within its margin of the threshold"
 DIVERGED = "the episode diverged: a state was not finite or huge, or the engine reset itself"
-STATUS = "a step was not solved, not finite or unresolved (status)"
+STATUS = "a step has one of the flags NOT_CONVERGED, NON_FINITE, CONTACTS_FULL, UNRESOLVED, TUNNELLED and INFEASIBLE"
 PERCEPTION = "success with ideal sensors"
 STEP = f"success with ideal sensors, 1/{FINER} of the time step and {TIGHTER:g} of the tolerance"
 LAW = "success with ideal sensors and hard contact: the softness of contact causes the failure"

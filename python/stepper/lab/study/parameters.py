@@ -258,6 +258,35 @@ def check_overlaps(chosen: Mapping[str, Parameter], model: Model, values: Values
         raise ValueError(f"{one!r} and {other!r} set the same number of {field}{told}: give one of them, or select other elements")
 
 
+def check_effects(names: Sequence[str], parameters: Mapping[str, Parameter], model: Model) -> None:
+    """Check that later parameters do not hide what a sweep varies.
+
+    Args:
+        names: Varied parameters.
+        parameters: All parameters of the study by name, in the order in which they apply.
+        model: The model.
+
+    Raises:
+        ValueError: Parameters with operation="set" and a nominal value set all numbers of a varied one after it. The message names them.
+    """
+    order = list(parameters)
+    for name in names:
+        own = _changed(parameters[name], model)
+        later = {other: parameters[other] for other in order[order.index(name) + 1 :]}
+        hiding = {
+            other: _changed(p, model) & own
+            for other, p in later.items()
+            if p.operation == "set" and p.kind != "controller" and p.nominal is not None
+        }
+        hiding = {other: numbers for other, numbers in hiding.items() if numbers}
+        if own and parameters[name].kind != "controller" and own == frozenset().union(*hiding.values()):
+            hide = "sets" if len(hiding) == 1 else "set"
+            raise ValueError(
+                f"a sweep of {name!r} changes nothing, because {' and '.join(map(repr, hiding))} {hide} the same numbers after it: "
+                "leave out one of them"
+            )
+
+
 def check(parameters: Mapping[str, Parameter], model: Model) -> None:
     """Raise ValueError if the model does not have what a parameter selects; the message has the parameter's name."""
     for name, parameter in parameters.items():

@@ -409,11 +409,11 @@ def _no_cliff(levels: Sequence[Level]) -> list[list[Any]]:
     own = sorted(levels, key=lambda level: float(level.value or 0)) if numbers else list(levels)
     above = [level.share >= CLIFF for level in own]
     if len({level.successes for level in own}) == 1:
-        found = "no change of outcome"
+        found = "same number of successes"
     elif len(set(above)) == 1:
-        found = f"always {'at least' if above[0] else 'below'} one half"
+        found = f"share of successes {'at least' if above[0] else 'below'} one half"
     else:
-        found = "a change, not located,"
+        found = "share of successes crosses one half, not located,"
     values = [cell(level.value) for level in own]
     place = f"between {values[0]} and {values[-1]}" if numbers else f"with {', '.join(values)}"
     return [[own[0].setting, own[0].parameter, f"{found} {place}", None, own[0].share, own[-1].share]]

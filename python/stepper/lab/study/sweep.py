@@ -15,7 +15,7 @@ from stepper.lab.progress import Tick
 from stepper.lab.study.batches import run_points
 from stepper.lab.study.intervals import wilson
 from stepper.lab.study.journal import Journal, Row, diverged
-from stepper.lab.study.parameters import COUNTS, Value, selected
+from stepper.lab.study.parameters import COUNTS, Value, check_effects, selected
 from stepper.lab.study.points import USUAL, Point, inapplicable, nominal_of
 from stepper.lab.study.study import Study
 from stepper.lab.study.table import Table
@@ -162,7 +162,7 @@ def sweep(
         Levels and cliffs.
 
     Raises:
-        ValueError: The study has no outcome, a parameter is unknown, or `resolution` is out of range.
+        ValueError: The study has no outcome, a parameter is unknown, another one hides it, or `resolution` is out of range.
     """
     if not 0 < resolution < 1:
         raise ValueError(f"resolution is {resolution}, must be between 0 and 1: the width of a cliff's bracket over the range")
@@ -170,6 +170,7 @@ def sweep(
         raise ValueError("the study has no outcome, so there is nothing to compare; give it one")
     chosen = study.parameters if parameters is None else selected(study.parameters, parameters, study.loaded[0])
     names, study = list(chosen), replace(study, parameters={**study.parameters, **chosen})
+    check_effects(names, study.parameters, study.loaded[0])
     settings, skipped = [USUAL, *study.settings], []
     cells: list[tuple[str, str, Value | None]] = [(setting, "", None) for setting in settings]
     for setting in settings:

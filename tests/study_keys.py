@@ -22,8 +22,8 @@ IN_TOML = {
 }
 """How values are written in a file that are no numbers, words or lists of them."""
 POLICY = (
-    "| `policy` | | In place of controller, in a file alone: a function of what the sensors say, or a file of a network. "
-    '| "file.py:function", a file |'
+    "| `policy` | | Only in study files, instead of `controller`: a function of the sensor readings, or a file with a network. "
+    'In Python: `controller=stepper.lab.Policy(...)`. | "file.py:function", a file |'
 )
 
 

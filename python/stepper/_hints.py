@@ -19,7 +19,7 @@ from stepper._stepper import Model, Stepper
 T = TypeVar("T")
 _RESULT = "it is a result of the simulation, which cannot be set"
 _OF_MODEL = {"sensors": "model.with_sensors(...) makes a model with more sensors"}
-"""Remedies for attributes of a model that are no fields. For the others: change the model's file."""
+"""Remedies for attributes of a model that are no fields. Attributes not listed follow from the model's file."""
 _STATE = ("qpos", "qvel", "act", "time")
 _REMEDIES = {
     **{name: f"sim.set_state({name}=...) sets it" for name in _STATE},

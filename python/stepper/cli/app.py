@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from stepper._stepper import ModelError
 from stepper.cli import chart, compare, demo, doctor, evaluate, explain, identify, rank, replay, report, sweep, train, tune, view
-from stepper.cli.user_code import error_in_user_code
+from stepper.cli.user_code import error_in_user_code, message_of
 from stepper.shared.files import os_error_message
 from stepper.shared.machine import require
 
@@ -34,10 +34,10 @@ def main() -> None:
     try:
         application()()
     except Exception as error:
-        text: object = error_in_user_code(error)
+        text = error_in_user_code(error)
         if not text:
             if not isinstance(error, ImportError | ModelError | KeyError | OSError | ValueError):
                 raise
-            text = os_error_message(error) if isinstance(error, OSError) else error.args[0] if isinstance(error, KeyError) else error
+            text = os_error_message(error) if isinstance(error, OSError) else message_of(error)
         print(f"stepper: {text}", file=sys.stderr)
         sys.exit(1)

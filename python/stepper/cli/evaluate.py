@@ -12,13 +12,10 @@ from stepper.lab.progress import progress, show_files
 from stepper.policies import check_film, compare, describe, differences, film, load
 from stepper.policies import evaluate as run
 from stepper.policies.evaluation import make
+from stepper.policies.film import FILMED
 
 if TYPE_CHECKING:
     from typer import Typer
-
-
-FILMED = 300
-"""Largest number of actions that --film films."""
 
 
 def evaluate(
@@ -62,7 +59,7 @@ def evaluate(
     print(found)
     if video is not None:
         with progress() as tick:
-            film(loaded, env, video, actions=FILMED, seed=seed, progress=lambda done: tick(f"film {video.name}", done / FILMED), **settings)
+            film(loaded, env, video, seed=seed, progress=lambda done: tick(f"film {video.name}", done / FILMED), **settings)
         show_files([video])
 
 

@@ -22,7 +22,10 @@ ONLY = (
     "Repeat the option for more; without it, all parameters of the study."
 )
 SEED = "Seed of all random numbers, instead of that of the study; the same seed gives the same rows."
-VALUES = "Value of a parameter, NAME=VALUE: a name in the study, or a selector, 'geom_friction[floor][0]=0.3'. Repeat the option for more."
+VALUES = (
+    "Value of a parameter for episodes in which it does not vary, in place of its nominal value: NAME=VALUE with a name in the study, or "
+    "a selector, 'geom_friction[floor][0]=0.3'. Quote selectors for the shell. Repeat the option for more."
+)
 
 
 @contextlib.contextmanager

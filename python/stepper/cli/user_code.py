@@ -45,9 +45,16 @@ def _place(frame: traceback.FrameSummary) -> str:
     return f"{shown}, line {frame.lineno}" + ("" if frame.name == "<module>" else f", in {frame.name}")
 
 
+def message_of(error: BaseException) -> str:
+    """Message of an exception."""
+    # KeyError puts its text in quotes; a text with spaces is a message, not a key.
+    is_message = isinstance(error, KeyError) and error.args and " " in str(error.args[0])
+    return str(error.args[0]) if is_message else str(error)
+
+
 def _text(error: BaseException) -> str:
     """Type and message of an exception."""
     if isinstance(error, SyntaxError):
         return f"{type(error).__name__}: {error.msg}"
-    text = str(error.args[0]) if isinstance(error, KeyError) and error.args and " " in str(error.args[0]) else str(error)
+    text = message_of(error)
     return f"{type(error).__name__}: {text}" if text else type(error).__name__

@@ -23,7 +23,8 @@ _DEEP = 1e-3
 class ModelWarning(UserWarning):
     """A loaded model is simulated differently from its source: other settings, meshes as convex hulls, or disabled contacts.
 
-    Or geoms overlap in a keyframe. `Model.explain()` has the details.
+    Also issued if geoms overlap in a keyframe. `Model.explain()` has the details, except for keyframes: there use
+    `model.replace(qpos0=qpos).overlaps()` with the keyframe's `qpos`.
     """
 
 

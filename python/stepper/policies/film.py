@@ -15,6 +15,8 @@ from stepper.policies.evaluation import make
 from stepper.shared.machine import require
 
 Array = NDArray[Any]
+FILMED = 300
+"""Largest number of actions of a film, unless given."""
 
 
 def check_film(env: str, **settings: Any) -> None:
@@ -42,7 +44,7 @@ def film(
     env: str,
     file: str | Path,
     *,
-    actions: int = 300,
+    actions: int = FILMED,
     seed: int = 0,
     progress: Callable[[int], object] | None = None,
     **settings: Any,

@@ -40,6 +40,7 @@ from torch import Tensor, nn  # noqa: E402
 
 from stepper.envs import StepperVectorEnv  # noqa: E402
 from stepper.policies import Policy, check_film, describe, evaluate, film, is_native, make  # noqa: E402
+from stepper.policies.film import FILMED  # noqa: E402
 from stepper.policies.ppo_settings import Settings, arguments, copy_learner  # noqa: E402
 from stepper.shared.environments import import_env  # noqa: E402
 from stepper.shared.files import atomic_write  # noqa: E402
@@ -364,8 +365,8 @@ def main(words: Sequence[str] | None = None, prog: str | None = None) -> None:
     print(f"evaluating {episodes} new episodes", flush=True)
     print(evaluate(policy, env, episodes=episodes, seed=EVALUATION_SEED, **settings.environment()), flush=True)
     if video is not None:
-        print("filming at most 300 actions", flush=True)
-        film(policy, env, video, actions=300, seed=EVALUATION_SEED, progress=_filmed, **settings.environment())
+        print(f"filming at most {FILMED} actions", flush=True)
+        film(policy, env, video, seed=EVALUATION_SEED, progress=_filmed, **settings.environment())
         print(f"wrote {video}")
 
 

@@ -16,7 +16,10 @@ from stepper.shared.progress import Tick, silent
 Array = NDArray[np.float64]
 
 Controller = Array | Callable[[Array, Array], Any]
-"""Controls (steps, nu) or (steps, num_envs, nu), or a controller: a function of qpos (num_envs, nq) and qvel (num_envs, nv)."""
+"""Recorded controls (steps, nu) or (steps, num_envs, nu), or a function of qpos (num_envs, nq) and qvel (num_envs, nv) that returns
+controls.
+
+Studies have another type of controller, a function of a `World`: `stepper.lab.study.drives.Controller`."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +104,7 @@ def run(
     Args:
         name: Name of the engine.
         world: Environments, in their initial states.
-        controller: Controls or controller, as in `compare`.
+        controller: Recorded controls or a function that returns controls, as in `compare`.
         steps: Number of steps.
         slip: Measurement of sliding; None does not measure it.
         reward: Reward function, as in `compare`.

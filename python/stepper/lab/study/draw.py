@@ -29,6 +29,8 @@ _LABEL = 44
 """Number of characters after which a label of the legend is wrapped."""
 _LABEL_WIDTH = 0.2
 """Width of a cliff's value in a panel, as a fraction of the parameter's range: seven digits of 8 points in a panel of 3 inches."""
+_ABOVE_FAILURES, _BELOW_SUCCESSES = 0.55, 0.05
+"""Heights of a cliff's value in a panel, as fractions of successes: where intervals of few successes and of many do not reach."""
 _ANNOTATED = 5
 """Largest number of settings for which panels print the values of cliffs. With more settings, see `draw_cliffs`."""
 
@@ -174,9 +176,9 @@ def _panel(panel: Axes, sweep: Sweep, name: str, *, shares: bool) -> None:
 
 
 def _annotate(panel: Axes, sweep: Sweep, cliff: Cliff, number: int) -> None:
-    """Write the value of a cliff next to its line, where the panel is free: above the failures, whose intervals end below the text.
+    """Write the value of a cliff next to its line: on the failing side at the height `_ABOVE_FAILURES`.
 
-    If the panel ends near there, the text is below the successes on the other side. `number` is that of the settings.
+    If that side is narrower than the text, it is on the other side at the height `_BELOW_SUCCESSES`. `number` is that of the settings.
     """
     values = [float(level.value or 0) for level in sweep.points(cliff.parameter, cliff.setting)]
     middle, width = (cliff.low + cliff.high) / 2, max(values) - min(values)
@@ -184,8 +186,9 @@ def _annotate(panel: Axes, sweep: Sweep, cliff: Cliff, number: int) -> None:
     free = middle - min(values) if fails_left else max(values) - middle
     is_above = free > _LABEL_WIDTH * width
     on_left = fails_left if is_above else not fails_left
+    height = _ABOVE_FAILURES if is_above else _BELOW_SUCCESSES
     panel.annotate(
-        f"{middle:.4g}", (middle, 0.55 if is_above else 0.05), xytext=(-4 if on_left else 4, 9 * number), textcoords="offset points",
+        f"{middle:.4g}", (middle, height), xytext=(-4 if on_left else 4, 9 * number), textcoords="offset points",
         ha="right" if on_left else "left", color=COLOURS[number % len(COLOURS)], fontsize=8,
         bbox={"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 0.5},
     )  # fmt: skip

@@ -29,7 +29,7 @@ FILES = "stepper_study_"
 """Prefix of the names under which `load_file` imports Python files of studies."""
 Controller = Callable[[World], Any]
 """Function of a `World` that returns controls (num_envs, nu) or (nu,), or None to keep the last ones. If it has a method
-`begin(now)`, that is called at the start of each batch."""
+`begin(now)`, that is called at the start of each batch. `stepper.lab.compare` takes functions of qpos and qvel instead."""
 
 
 class Recorded:

@@ -29,6 +29,8 @@ _WEIGHED = frozenset({"body_mass", "body_inertia", "body_ipos", "dof_armature"})
 """Fields of `Stepper.randomize` that determine the inverse weights of MuJoCo's contact law."""
 _HUGE = 1e10
 """Bound of positions (m, rad) and velocities (m/s, rad/s) beyond which an episode counts as diverged: mjMAXVAL, at which MuJoCo resets."""
+_RNG = 2
+"""Third number of the seeds of `World.rng`, after the study's seed and the episode's number: initial states have 0, random controls 1."""
 
 
 @dataclass(frozen=True)
@@ -120,14 +122,20 @@ class World:
         Args:
             name: Name of the random quantity, such as "push".
         """
-        # The tolerance is for sums of time steps.
+        # The age is the number of control periods. The tolerance is for sums of time steps.
         self._streams.ages[:] = np.floor(self.time / self._period + 1e-6)
         return Rng(self._streams.fork(name), np.arange(self.num_envs))
 
     def seed_episodes(self, seed: int, episodes: Sequence[int], period: float) -> None:
-        """Seed the random numbers of `rng` for new episodes with these numbers, with a control period in s."""
+        """Set the numbers of the episodes and time 0, and seed `rng`.
+
+        Args:
+            seed: Seed of the study.
+            episodes: Number of each environment's episode, (num_envs,).
+            period: Control period, s.
+        """
         self.episodes, self.time, self._period = np.array(episodes), np.zeros(self.num_envs), period
-        words = [int(np.random.SeedSequence([seed, int(e), 2]).generate_state(1, np.uint64)[0]) for e in episodes]
+        words = [int(np.random.SeedSequence([seed, int(e), _RNG]).generate_state(1, np.uint64)[0]) for e in episodes]
         self._streams.seed(np.arange(self.num_envs), words)
 
     def start(self, qpos: Array, qvel: Array, keyframe: str | int | None, seed: int) -> None:

@@ -4,7 +4,8 @@ import pytest
 import stepper
 from stepper.lab.study.parameters import Parameter, check_effects
 
-MODEL = stepper.load("""<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/><body><freejoint/><geom name="ball" size=".1"/></body>
+MODEL = stepper.load("""<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/>
+<body><freejoint/><geom name="ball" size=".1"/></body>
 </worldbody></mujoco>""")
 VARIED = Parameter("geom_friction[*][0]", low=0.2, high=1.0)
 ALL, FLOOR, BALL = (Parameter(f"geom_friction[{names}][0]", values=(0.3,), nominal=0.3) for names in ("*", "floor", "ball"))

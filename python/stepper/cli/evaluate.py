@@ -12,7 +12,7 @@ from stepper.lab.progress import progress, show_files
 from stepper.policies import check_film, compare, describe, differences, film, load
 from stepper.policies import evaluate as run
 from stepper.policies.evaluation import make
-from stepper.policies.film import FILMED
+from stepper.policies.film import FILMED, check_file
 
 if TYPE_CHECKING:
     from typer import Typer
@@ -45,6 +45,7 @@ def evaluate(
         raise ValueError("--info cannot be compared: leave out --against or --info")
     loaded = load(policy)
     if video is not None:
+        check_file(video)
         check_film(env, **settings)
     for name, given in ((env, settings), (against, {})):
         if name:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -77,7 +77,7 @@ class Batch:
         self._default_qpos, self._episode_state = model.qpos0, task.episode_state(num_envs)
         _check_episode_state(task, self._episode_state, num_envs)
         self._initial = {name: np.array(values) for name, values in self._episode_state.items()}
-        self._seeded = np.ones(num_envs, dtype=bool)
+        self._seeded, self._tested_resets = np.ones(num_envs, dtype=bool), False
         self._qpos, self._qvel = np.tile(model.qpos0, (num_envs, 1)), np.zeros((num_envs, model.nv))
         low, high = task.action_bounds(model)
         if not len(low):
@@ -164,8 +164,21 @@ class Batch:
         others = mask & ~new
         if others.any():
             self.sim.reset(others, qpos=self._qpos, qvel=self._qvel)
-        self.task.on_reset(self.sim, self._episode_state, mask, rng)
+        self._on_reset(mask, rng)
         self.returns[envs], self.lengths[envs] = 0.0, 0
+
+    def _on_reset(self, mask: Array, rng: Rng) -> None:
+        """Call `Task.on_reset` for the environments of a mask (num_envs,).
+
+        Raises:
+            ValueError: At the first reset of some environments alone, `episode_state` of others changed, or has other arrays than before.
+        """
+        first = not self._tested_resets and not mask.all()
+        before = {name: np.array(self._episode_state.get(name)) for name in self._initial} if first else {}
+        self.task.on_reset(self.sim, self._episode_state, mask, rng)
+        if first:
+            self._tested_resets = True
+            _check_rows_of_others(self.task, before, self._episode_state, ~mask)
 
     def _begin_episode_state(self, envs: Array) -> None:
         """Set the rows of `episode_state` for new episodes in `envs` (n,). Names in `task.carried` are reset only after a new seed."""
@@ -265,12 +278,13 @@ class Batch:
             now.velocity = (task.position(now.without_kept()) - before) / self.dt
             if begins is not None:
                 now.velocity[begins] = 0.0
-        rewards, terms = task.reward(now)
-        reward = np.array(rewards, dtype=np.float64)
+        reward, terms = self._reward(now)
         ends = task.terminated(now)
-        terminated = np.zeros(self.num_envs, dtype=bool) if ends is None else np.array(ends)
+        terminated = np.zeros(self.num_envs, dtype=bool) if ends is None else self._rows_from("terminated", ends, bool)
         truncated = np.zeros(self.num_envs, dtype=bool) if self._limit is None else self.lengths >= self._limit
         cut = task.truncated(now)
+        if cut is not None:
+            cut = self._rows_from("truncated", cut, bool)
         truncated = truncated if cut is None else truncated | cut
         if np.bitwise_or.reduce(status) & _NON_FINITE:
             failed = (status & _NON_FINITE) != 0
@@ -285,6 +299,34 @@ class Batch:
         self._check_rewards(reward, action)
         self.returns += reward
         return reward, terminated, truncated, terms
+
+    def _reward(self, now: Moment) -> tuple[Array, Terms]:
+        """Rewards (num_envs,) and terms of the task.
+
+        Raises:
+            ValueError: `Task.reward` does not return both.
+        """
+        result = self.task.reward(now)
+        if not (isinstance(result, tuple) and len(result) == 2 and isinstance(result[1], Mapping)):
+            raise ValueError(
+                f"{type(self.task).__name__}.reward must return two values: rewards (num_envs,), and a dictionary of their terms by name, "
+                "which may be empty"
+            )
+        return self._rows_from("reward", result[0], np.float64), dict(result[1])
+
+    def _rows_from(self, name: str, values: Any, dtype: Any) -> Array:
+        """New array (num_envs,) of a result of the task's method `name`.
+
+        Raises:
+            ValueError: The result has another shape.
+        """
+        array = np.array(values, dtype=dtype)
+        if array.shape != (self.num_envs,):
+            raise ValueError(
+                f"{type(self.task).__name__}.{name} returns an array of shape {array.shape}, must be ({self.num_envs},): one value for "
+                "each environment"
+            )
+        return array
 
     def _check_rewards(self, reward: Array, action: Array) -> None:
         """Raise ValueError if a reward (num_envs,) is not finite; the message has the action (num_envs, n)."""
@@ -339,6 +381,22 @@ def _check_episode_state(task: Task, values: Terms, num_envs: int) -> None:
             f"{type(task).__name__}.carried names {unknown}, which episode_state does not return: return them there, as it returns "
             f"{', '.join(values) or 'nothing'}"
         )
+
+
+def _check_rows_of_others(task: Task, before: Terms, after: Terms, others: Array) -> None:
+    """Raise ValueError if `Task.on_reset` changed arrays of `episode_state` in environments (mask) that were not reset."""
+    for name in {**before, **after}:
+        own, new = (np.asarray(values[name]) if name in values else None for values in (before, after))
+        if own is None or new is None:
+            what = "adds" if own is None else "removes"
+            raise ValueError(
+                f"{type(task).__name__}.on_reset {what} episode_state[{name!r}]: the method episode_state must return all of them"
+            )
+        if own.shape != new.shape or not np.array_equal(own[others], new[others], equal_nan=own.dtype.kind == "f"):
+            raise ValueError(
+                f"{type(task).__name__}.on_reset changed episode_state[{name!r}] of environments that were not reset: set rows of the mask "
+                f"alone, as episode_state[{name!r}][mask] = ..."
+            )
 
 
 def _all_finite(values: Array) -> bool:

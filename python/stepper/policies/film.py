@@ -19,6 +19,12 @@ FILMED = 300
 """Largest number of actions of a film, unless given."""
 
 
+def check_file(file: str | Path) -> None:
+    """Raise ValueError if the name of a film does not end in .mp4."""
+    if Path(file).suffix.lower() != ".mp4":
+        raise ValueError(f"the film's file is {str(file)!r}, must end in .mp4: films have this format alone")
+
+
 def check_film(env: str, **settings: Any) -> None:
     """Renders one frame, to find out before a training whether `film` can render the environment on this machine.
 
@@ -62,9 +68,10 @@ def film(
         **settings: Arguments of the environment.
 
     Raises:
-        ValueError: The id is not registered.
+        ValueError: The id is not registered, or the file's name does not end in .mp4.
         MissingPackageError: Gymnasium or MoviePy is not installed.
     """
+    check_file(file)
     require("moviepy", "to write films")
     gymnasium = require("gymnasium", "to film policies")
     with tempfile.TemporaryDirectory() as temporary:

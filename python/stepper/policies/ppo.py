@@ -40,7 +40,7 @@ from torch import Tensor, nn  # noqa: E402
 
 from stepper.envs import StepperVectorEnv  # noqa: E402
 from stepper.policies import Policy, check_film, describe, evaluate, film, is_native, make  # noqa: E402
-from stepper.policies.film import FILMED  # noqa: E402
+from stepper.policies.film import FILMED, check_file  # noqa: E402
 from stepper.policies.ppo_settings import Settings, arguments, copy_learner  # noqa: E402
 from stepper.shared.environments import import_env  # noqa: E402
 from stepper.shared.files import atomic_write  # noqa: E402
@@ -358,6 +358,7 @@ def main(words: Sequence[str] | None = None, prog: str | None = None) -> None:
         # PyTorch imports this for its first optimizer. After a picture by OpenGL in software, the import can crash the process.
         import torch._dynamo  # noqa: F401, PLC0415
 
+        check_file(video)
         check_film(env, **settings.environment())
     run = train(settings, folder)
     policy = run.policy()

@@ -21,7 +21,19 @@ import numpy as np
 from stepper.sysid.inertia import Array
 from stepper.sysid.linear import Directions, mean_shift
 from stepper.sysid.problem import Problem, Sample
-from stepper.sysid.rivals import OTHERS_PER_FRICTION, WIDE, Verdict, other_frictions, share_of, verdict_of, widened
+from stepper.sysid.rivals import (
+    EXCLUDED,
+    OTHERS_PER_FRICTION,
+    POSSIBLE,
+    TWO_SIDED,
+    WIDE,
+    Verdict,
+    other_frictions,
+    share_of,
+    truncated_normal,
+    verdict_of,
+    widened,
+)
 from stepper.sysid.roots import root_of
 
 STEP = 1e-5
@@ -40,6 +52,14 @@ NEARBY = 0.5
 """Step length up to which an estimate counts as settled although no shorter step lowers the cost, in standard deviations."""
 FARTHEST = 0.5
 """Largest change of a parameter by one sample, in scales."""
+OPEN = 0.1
+"""Standard deviation of a friction before the window, as a logarithm, above which a held object is tried where it slips at the estimate."""
+SURE = 2.0
+"""Distance from the estimate to the friction at which the search for a held object begins, as a logarithm."""
+HELD_RANGE = 0.5
+"""Largest distance from the estimate to the smallest friction of a held object, as a logarithm. Forces of friction set both."""
+SPREAD = 3.0
+"""Range of other parameters in the search for a held object, in standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -118,6 +138,62 @@ class Horizon:
         other.newest, other.normalized_innovation = self.newest, self.normalized_innovation
         return other
 
+    def held(self, j: int) -> Horizon | None:
+        """Hypothesis in which friction `j` holds the object during the window, with all other unknowns estimated again.
+
+        While the object slips at the estimate, the readings do not depend on its weight. So the derivatives do not lead to a lighter object
+        that is held. The search therefore begins at a large friction. Afterwards the distribution of the friction before the window is
+        truncated at the smallest value that the readings allow.
+
+        Returns:
+            The hypothesis; None if the readings exclude it.
+        """
+        other = self.copy()
+        other._mean = self._mean.copy()
+        other._mean[j] = min(self.x[j] + SURE, self._problem.high[j])
+        other.x = self._best_start(j, float(other._mean[j]))
+        other._settle()
+        if j not in other._holding or other.at.cost > self.at.cost + EXCLUDED:
+            return None
+        mean, std = float(self._mean[j]), math.sqrt(float(self._cov[j, j]))
+        low, high, share = truncated_normal((other._smallest_possible(j, float(self.x[j])) - mean) / std)
+        middle, variance = mean + std * (low + high) / 2, (std * (high - low) / (2 * TWO_SIDED)) ** 2
+        along = self._cov[:, j] / std**2
+        other._mean = self._mean + along * (middle - mean)
+        other._cov = self._cov + (variance - std**2) * np.outer(along, along)
+        other._past = self._past + math.log(share)
+        other.x[j] = middle
+        other._settle()
+        other.newest, other.normalized_innovation = self.newest, self.normalized_innovation
+        return other
+
+    def _best_start(self, j: int, friction: float) -> Array:
+        """Point with another friction `j` and with the value of another parameter that explains the window best, (n + states,).
+
+        An object that is too heavy stays on the ground, and the derivatives with respect to its mass are zero. Values in the range of the
+        arrival cost are therefore simulated.
+        """
+        problem = self._problem
+        points = np.tile(self.x, (len(self.at.points), 1))
+        points[:, j] = friction
+        others = [k for k in range(problem.n) if k not in problem.kinked]
+        for rows, k in zip(np.array_split(np.arange(1, len(points)), len(others)), others, strict=True):
+            std = math.sqrt(self._cov[k, k])
+            points[rows, k] = np.clip(self._mean[k] + SPREAD * std * np.linspace(-1, 1, len(rows)), problem.low[k], problem.high[k])
+        _, residual = problem.predict(self._begin, points, list(self._samples), self._now)
+        offset = points - self._mean
+        offset[:, j] = 0.0
+        apart = np.linalg.solve(root_of(self._cov), offset.T)
+        return np.asarray(points[int(((residual**2).sum(axis=(1, 2)) + (apart**2).sum(axis=0)).argmin())])
+
+    def _smallest_possible(self, j: int, about: float) -> float:
+        """Smallest friction `j` near the value `about` that the readings allow if all other unknowns are those of the estimate."""
+        points = np.tile(self.x, (len(self.at.points), 1))
+        points[:, j] = np.linspace(about + HELD_RANGE, about - HELD_RANGE, len(points))
+        _, residual = self._problem.predict(self._begin, points, list(self._samples), self._now)
+        slips = (residual**2).sum(axis=(1, 2)) > (self.at.residual[0] ** 2).sum() + POSSIBLE
+        return float(points[max(int(slips.argmax()) - 1, 0) if slips.any() else -1, j])
+
     def absorb(self, evidence: float) -> None:
         """Merge a similar hypothesis: add its evidence to this one."""
         more = float(np.logaddexp(self.evidence, evidence)) - self.evidence
@@ -128,6 +204,17 @@ class Horizon:
         self._samples.append(sample)
         self._now += self._problem.period
         self._settle()
+
+    def slipping(self) -> list[int]:
+        """Indices of the frictions that slip at the estimate and were uncertain before the window, if another parameter was unknown."""
+        problem, std = self._problem, np.sqrt(np.diag(self._cov))
+        if not any(std[k] > WIDE * problem.scale[k] for k in range(problem.n) if k not in problem.kinked):
+            return []
+        return [j for j in problem.kinked if j not in self._holding and std[j] > OPEN]
+
+    def holds(self, j: int) -> bool:
+        """Whether friction `j` holds the object at the estimate."""
+        return j in self._holding
 
     def leave(self) -> None:
         """Remove the oldest sample from a full window, and add it to the arrival cost."""

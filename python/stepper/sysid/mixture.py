@@ -3,7 +3,8 @@
 Near the onset of slip, readings often do not show whether an object has slipped, and the two cases give different masses. An immediate
 decision would make all later intervals too narrow. A rival (another friction that explains the readings, rivals.py) therefore
 starts another hypothesis (a Gaussian sum, Alspach and Sorenson 1972),
-weighted by Laplace's approximation of its evidence. Hypotheses with little weight are dropped.
+weighted by Laplace's approximation of its evidence. An object that slips in all hypotheses is also tried as held, with its mass
+estimated again. Hypotheses with little weight are dropped.
 """
 
 from __future__ import annotations
@@ -131,7 +132,23 @@ def updated(hypotheses: Sequence[Horizon], sample: Sample, problem: Problem) -> 
             continue
         if not any(_alike(child, other, problem) for other in out):
             out.append(child)
-    return _likely(out, problem)
+    return _likely(out + _held(out), problem)
+
+
+def _held(hypotheses: Sequence[Horizon]) -> list[Horizon]:
+    """Hypotheses in which a friction holds its object, for frictions that slip in all given hypotheses."""
+    out: list[Horizon] = []
+    for hypothesis in hypotheses:
+        for j in hypothesis.slipping():
+            if any(other.holds(j) for other in (*hypotheses, *out)):
+                continue
+            try:
+                held = hypothesis.held(j)
+            except (FloatingPointError, np.linalg.LinAlgError):
+                continue
+            if held is not None:
+                out.append(held)
+    return out
 
 
 def _likely(hypotheses: list[Horizon], problem: Problem) -> list[Horizon]:

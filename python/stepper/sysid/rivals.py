@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 
@@ -50,6 +51,9 @@ POSSIBLE = 9.0
 """Increase of the cost below which another friction counts in this check: three standard deviations."""
 LEAST = 0.04
 """Smallest fraction of the derivatives' information that is kept. Intervals become at most five times as wide."""
+TWO_SIDED = 1.96
+"""Half width of a 95 % interval, in standard deviations."""
+_NORMAL = NormalDist()
 
 
 @dataclass(frozen=True)
@@ -154,6 +158,15 @@ def share_of(rises: Array, step: float, *, before: float, after: float) -> float
             share = max(share, ((2 / min(beyond)) ** 2 - 1 / before) / gained)
         shares.append(share)
     return float(np.clip(min(shares, default=1.0), LEAST, 1.0))
+
+
+def truncated_normal(low: float) -> tuple[float, float, float]:
+    """95 % interval of a standard normal distribution truncated at `low`, and the probability of values above `low`.
+
+    The probability is at least 1e-9, where the quantiles are still accurate.
+    """
+    share = max(_NORMAL.cdf(-low), 1e-9)
+    return -_NORMAL.inv_cdf(0.975 * share), -_NORMAL.inv_cdf(0.025 * share), share
 
 
 def widened(covariance: Array, j: int, before: float, share: float) -> Array:

@@ -60,7 +60,7 @@ def evaluate(
     print(found)
     if video is not None:
         with progress() as tick:
-            film(loaded, env, video, seed=seed, progress=lambda done: tick(f"film {video.name}", done / FILMED), **settings)
+            film(loaded, env, video, actions=FILMED, seed=seed, progress=lambda done: tick(f"film {video.name}", done / FILMED), **settings)
         show_files([video])
 
 

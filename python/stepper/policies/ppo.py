@@ -367,7 +367,7 @@ def main(words: Sequence[str] | None = None, prog: str | None = None) -> None:
     print(evaluate(policy, env, episodes=episodes, seed=EVALUATION_SEED, **settings.environment()), flush=True)
     if video is not None:
         print(f"filming at most {FILMED} actions", flush=True)
-        film(policy, env, video, seed=EVALUATION_SEED, progress=_filmed, **settings.environment())
+        film(policy, env, video, actions=FILMED, seed=EVALUATION_SEED, progress=_filmed, **settings.environment())
         print(f"wrote {video}")
 
 

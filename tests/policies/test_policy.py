@@ -226,3 +226,19 @@ def test_the_command_names_differences_and_compares(envs, tmp_path, capsys):
         evaluate(
             tmp_path / "policy.npz", "stepper/Reacher-v5", "Reacher-v5", episodes=3, seed=0, margin=0.02, settings={}, infos=["reward_ctrl"]
         )
+
+
+def test_bounds_of_a_widened_space_are_named():
+    """`ClipAction` widens the space of actions to infinity."""
+    layers = [(np.zeros((2, 1), np.float32), np.zeros(1, np.float32))]
+    with pytest.raises(stepper.policies.PolicyError, match=r"bounds of actions are not finite.*envs\.unwrapped\.single_action_space"):
+        stepper.policies.Policy(
+            mean=np.zeros(2),
+            std=np.ones(2),
+            clip=10.0,
+            layers=layers,
+            activation="tanh",
+            low=np.full(1, -np.inf),
+            high=np.full(1, np.inf),
+            environment={},
+        )

@@ -91,8 +91,8 @@ class Policy:
             raise PolicyError(f"bounds of actions have shapes {self.low.shape} and {self.high.shape}, must be ({sizes[-1]},)")
         if not (np.isfinite(self.low).all() and np.isfinite(self.high).all()):
             raise PolicyError(
-                f"bounds of actions are not finite: low {self.low.tolist()}, high {self.high.tolist()}. Wrappers such as ClipAction widen the "
-                "space of actions: use envs.unwrapped.single_action_space"
+                f"bounds of actions are not finite: low {self.low.tolist()}, high {self.high.tolist()}. Wrappers such as ClipAction widen "
+                "the space of actions: use envs.unwrapped.single_action_space"
             )
         if not all(np.isfinite(part).all() for part in (self.mean, self.std, *sum(self.layers, ()))):
             raise PolicyError("a number of the policy is not finite: the training diverged, or there was none")

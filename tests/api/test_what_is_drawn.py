@@ -343,6 +343,7 @@ def command(monkeypatch, capsys):
     (("nothing/Nothing-v5",), "is no file, no recording and no environment"),
     (("CartPole-v1",), "CartPole-v1 is an environment of another simulator"),
     (("tests",), "tests is a folder without run.json"),
+    (("examples/policies/ant.npz",), "is a policy, and runs in an environment: film it with stepper evaluate"),
     (("a.xml", "--rerun", "a.rrd"), "--rerun converts a recording, and a.xml is not a recording"),
     (("a.xml", "--contact", "soft"), "contact is 'soft', must be 'hard' or 'mujoco'"),
     (("a.xml", "--actions", "none"), "actions is 'none', must be 'random' or 'zero'"),

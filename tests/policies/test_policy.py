@@ -228,6 +228,13 @@ def test_the_command_names_differences_and_compares(envs, tmp_path, capsys):
         )
 
 
+@pytest.mark.parametrize(("env", "remedy"), [("me/Reach-v0", True), ("Nothing-v0", True), ("stepper.envs:stepper/Nothing-v0", False)])
+def test_an_unknown_environment_is_an_error_with_the_form_of_its_name(env, remedy):
+    with pytest.raises(ValueError) as error:
+        stepper.policies.make(env)
+    assert ("write the module that registers it first" in str(error.value)) == remedy
+
+
 def test_bounds_of_a_widened_space_are_named():
     """`ClipAction` widens the space of actions to infinity."""
     layers = [(np.zeros((2, 1), np.float32), np.zeros(1, np.float32))]

@@ -491,7 +491,7 @@ pub fn collide_surface(
 /// `approach` is known.
 ///
 /// A contact joins a point x of the surface and a point y of the shape, and y - x is a multiple of its normal. The box is at least that
-/// of a shape at rest. Shapes deep below a height field need the whole reach.
+/// of a shape at rest.
 fn search_box(whole: &Pair<'_>, core: Option<&[V]>, reach: f64, approach: Option<Approach>) -> [V; 2] {
     let [low, high] = whole.extent_b(core);
     let [against_axes, along_axes] = approach.map_or([[f64::INFINITY; 3]; 2], |approach| approach.max_components(whole.size));
@@ -613,8 +613,8 @@ fn touch_any(
 
 /// Drops the points that are deep under their triangle and much nearer to another of the `triangles`, unless that leaves none.
 ///
-/// If they are behind the other triangle, it must have a shallower point. At a sharp ridge it has none: what is nearest belongs to the
-/// ridge.
+/// A point behind the other triangle is dropped only if that triangle has a shallower point. Otherwise, at a sharp ridge, the deep point is
+/// the only contact there, and stays.
 #[cold]
 fn drop_nearer_elsewhere(surface: &Surface, triangles: &[u32], size: f64, room: &mut Room) {
     let Room { all, owners, is_own, .. } = room;

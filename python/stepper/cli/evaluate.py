@@ -77,7 +77,7 @@ def register(app: Typer, typer: ModuleType) -> None:
         policy: Path = file,
         env: str = typer.Argument(help="Environment id, for example stepper/HalfCheetah-v5."),
         against: str = typer.Option("", help="Second environment id, for example HalfCheetah-v5, Gymnasium's environment on MuJoCo."),
-        episodes: int = typer.Option(20, min=2, help="Number of episodes."),
+        episodes: int = typer.Option(20, min=2, help="Number of episodes, at least 2: the interval of the mean needs their spread."),
         seed: int = typer.Option(0, min=0, help="Seed of the first episode; episode k has seed + k."),
         margin: float = typer.Option(
             0.02, help="Largest difference of mean returns that counts as equivalent, as a fraction of the first mean return."

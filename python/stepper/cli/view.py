@@ -77,6 +77,8 @@ def view(what: str, options: ViewOptions, of_study: StudyOptions, rerun: Path | 
         raise ValueError(f"--rerun converts a recording, and {what} is not a recording: record one, or use stepper.viewer.RerunLog")
     if Path(what).is_dir():
         raise ValueError(f"{what} is a folder without {HEADER}, must be a recording, a model's file, or the id of an environment")
+    if Path(what).suffix == ".npz" and Path(what).exists():
+        raise ValueError(f"{what} is a policy, and runs in an environment: film it with stepper evaluate {what} ENVIRONMENT --film run.mp4")
     if is_study:
         _refuse(what, "a study", contact=options.contact, keyframe=options.keyframe, actions=options.actions)
         _study(what, options, of_study)

@@ -124,11 +124,14 @@ def make(env: str, num_envs: int | None = None, *, training: bool = False, **set
     """
     gymnasium = require("gymnasium", "to run policies")
     importlib.import_module("stepper.envs")  # The import registers the environments.
-    env = import_env(env)
+    has_module, env = ":" in env, import_env(env)
     try:
         spec = gymnasium.spec(env)
     except gymnasium.error.Error as error:
-        raise ValueError(str(error)) from error
+        remedy = (
+            "" if has_module else "; for an environment of your own write the module that registers it first, as in my_task:me/Reach-v0"
+        )
+        raise ValueError(f"{str(error).rstrip('.?')}{remedy}") from error
     if str(spec.entry_point).startswith("gymnasium.envs.mujoco"):
         require_all(("mujoco", "glfw", "imageio", "packaging"), f"for {env}, Gymnasium's environment on MuJoCo", "envs")
     if num_envs is None:

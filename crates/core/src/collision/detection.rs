@@ -344,8 +344,8 @@ impl<R: Real> Scene<'_, R> {
         dot(apart, apart).lt(reach * reach)
     }
 
-    /// Lanes of `near` in which the contacts of a pair are unreliable at this time of the step: either geom may have passed the other
-    /// since the beginning of the step, or hits a surface.
+    /// Lanes of `near` in which the contacts of a pair are unreliable at this time of the step. Since the beginning of the step, either
+    /// geom has moved farther than the tunnelling distance of the pair; and they overlap, may have passed each other, or hit a surface.
     #[inline(always)]
     fn moves_too_far(
         &self,
@@ -364,8 +364,8 @@ impl<R: Real> Scene<'_, R> {
         // Limbs that fly in the same direction have a small relative displacement.
         let way = self.way_past(a, b).min(self.way_past(b, a));
         let far = far.and(way.gt(distance));
-        // Geoms that are apart again have passed completely. A graze an eighth as deep as the thickness is missed if its chord is shorter
-        // than twice the tunnelling distance.
+        // Geoms that are apart again have passed completely. A grazing hit is missed if the way inside the other geom is shorter than twice
+        // the tunnelling distance.
         let most = (way - (distance + distance)).max(R::zero());
         let passed = self.gap(pair, far, most, narrow).lt(most);
         far.and(passed.or(self.hits_surface(index, pair, far, contacts)))

@@ -79,8 +79,8 @@ impl<R: Real> Scene<'_, R> {
         self.approach_at([surface, shape], self.poses.pos[shape], radius, margin)
     }
 
-    /// Lanes of `lanes` in which a body hits a surface within a step at the free velocity. Evaluated in the middle of the step, the
-    /// contact would brake the body ahead of the surface.
+    /// Lanes of `lanes` in which a body hits a surface within a step at the free velocity. In the middle of the step such a body may still
+    /// be ahead of the surface. A contact from there would brake it too early.
     #[inline(always)]
     pub(crate) fn hits_surface(&self, index: usize, pair: &CompiledPair<R::Scalar>, lanes: R::Mask, contacts: &Contacts<R>) -> R::Mask {
         let mut hits = R::Mask::splat(false);

@@ -6,7 +6,7 @@ use crate::room::Room;
 use crate::round::ends;
 use crate::separation;
 use crate::shape::ConvexShape;
-use crate::surface::Surface;
+use crate::surface::{Surface, search_box};
 use crate::vectors::Pose;
 
 impl Narrow {
@@ -15,9 +15,8 @@ impl Narrow {
         let Room { triangles, polytope, .. } = &mut self.room;
         let nothing = ConvexShape::Sphere { radius: 0.0 };
         let whole = Pair::new(&nothing, &ground, shape, &body);
-        let [low, high] = whole.extent_b(ends(&whole).as_deref());
-        let reach = most + shape.radius();
-        surface.candidates(low.map(|x| x - reach), high.map(|x| x + reach), triangles);
+        let [low, high] = search_box(&whole, ends(&whole).as_deref(), most + shape.radius(), None);
+        surface.candidates(low, high, triangles);
         let mut least = most;
         for &t in &*triangles {
             let triangle = ConvexShape::Triangle(surface.triangle(t));

@@ -492,7 +492,7 @@ pub fn collide_surface(
 ///
 /// A contact joins a point x of the surface and a point y of the shape, and y - x is a multiple of its normal. The box is at least that
 /// of a shape at rest.
-fn search_box(whole: &Pair<'_>, core: Option<&[V]>, reach: f64, approach: Option<Approach>) -> [V; 2] {
+pub(super) fn search_box(whole: &Pair<'_>, core: Option<&[V]>, reach: f64, approach: Option<Approach>) -> [V; 2] {
     let [low, high] = whole.extent_b(core);
     let [against_axes, along_axes] = approach.map_or([[f64::INFINITY; 3]; 2], |approach| approach.max_components(whole.size));
     let reach = |most: f64| reach.min(whole.b.radius() + most);

@@ -200,6 +200,11 @@ def _changed(parameter: Parameter, model: Model) -> frozenset[tuple[str, int]]:
     return frozenset((parameter.parsed.field, row) for row in rows)
 
 
+def _set_numbers(parameter: Parameter, model: Model) -> frozenset[tuple[str, int]]:
+    """Numbers of the model or the engine that a parameter sets: none if it scales them, adds to them, or is read by the controller."""
+    return _changed(parameter, model) if parameter.operation == "set" and parameter.kind != "controller" else frozenset()
+
+
 def _no_parameter(text: str, parameters: Mapping[str, Parameter], otherwise: str) -> str:
     """Error message for a text that is neither the name of a parameter nor a selector; `otherwise` is a further remedy."""
     known = ", ".join(parameters) or "none"
@@ -249,7 +254,7 @@ def check_overlaps(chosen: Mapping[str, Parameter], model: Model, values: Values
     Raises:
         ValueError: Two parameters with operation="set" select the same number, with different values. The message has both names.
     """
-    own = {name: _changed(p, model) for name, p in chosen.items() if p.operation == "set" and p.kind != "controller"}
+    own = {name: _set_numbers(p, model) for name, p in chosen.items()}
     for one, other in itertools.combinations(own, 2):
         if not own[one] & own[other] or (values is not None and values[one] == values[other]):
             continue
@@ -270,16 +275,12 @@ def check_effects(names: Sequence[str], parameters: Mapping[str, Parameter], mod
         ValueError: Parameters with operation="set" and a nominal value set all numbers of a varied one after it. The message names them.
     """
     order = list(parameters)
+    applied = {name: _set_numbers(p, model) for name, p in parameters.items() if p.nominal is not None}
     for name in names:
         own = _changed(parameters[name], model)
-        later = {other: parameters[other] for other in order[order.index(name) + 1 :]}
-        hiding = {
-            other: _changed(p, model) & own
-            for other, p in later.items()
-            if p.operation == "set" and p.kind != "controller" and p.nominal is not None
-        }
-        hiding = {other: numbers for other, numbers in hiding.items() if numbers}
-        if own and parameters[name].kind != "controller" and own == frozenset().union(*hiding.values()):
+        later = {other: applied[other] & own for other in order[order.index(name) + 1 :] if other in applied}
+        hiding = [other for other, numbers in later.items() if numbers]
+        if own and own == frozenset().union(*later.values()):
             hide = "sets" if len(hiding) == 1 else "set"
             raise ValueError(
                 f"a sweep of {name!r} changes nothing, because {' and '.join(map(repr, hiding))} {hide} the same numbers after it: "

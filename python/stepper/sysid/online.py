@@ -21,7 +21,7 @@ from stepper.sysid.inertia import Array
 from stepper.sysid.mixture import Mixture, mixture_of, updated
 from stepper.sysid.parameters import READING, Block, FitParameter, bind, natural, write
 from stepper.sysid.problem import Problem
-from stepper.sysid.rivals import KINKED, OTHERS_PER_FRICTION
+from stepper.sysid.rivals import KINKED, OTHERS_PER_FRICTION, TWO_SIDED
 from stepper.sysid.shift import Watch, finding
 from stepper.sysid.simulate import UNTRUSTED, find_channels, noise_of, solved
 
@@ -229,7 +229,7 @@ class Tracker:
             time=self._now,
             labels=self.labels,
             values=natural(self.blocks, mixture.mean()),
-            interval=np.stack([natural(self.blocks, mixture.quantile(z)) for z in (-1.96, 1.96)], axis=1),
+            interval=np.stack([natural(self.blocks, mixture.quantile(z)) for z in (-TWO_SIDED, TWO_SIDED)], axis=1),
             determined=~undetermined(self.blocks, std, self._reach) & (settled and explained),
             covariance=covariance,
             surprise=surprise,

@@ -171,7 +171,8 @@ class Batch:
         """Call `Task.on_reset` for the environments of a mask (num_envs,).
 
         Raises:
-            ValueError: At the first reset of some environments alone, `episode_state` of others changed, or has other arrays than before.
+            ValueError: `on_reset` changed rows of `episode_state` of environments outside the mask, or added, removed or reshaped an array.
+                This is checked once, at the first reset that leaves out some environments.
         """
         first = not self._tested_resets and not mask.all()
         before = {name: np.array(self._episode_state.get(name)) for name in self._initial} if first else {}

@@ -52,12 +52,13 @@ NEARBY = 0.5
 """Step length up to which an estimate counts as settled although no shorter step lowers the cost, in standard deviations."""
 FARTHEST = 0.5
 """Largest change of a parameter by one sample, in scales."""
-OPEN = 0.1
-"""Standard deviation of a friction before the window, as a logarithm, above which a held object is tried where it slips at the estimate."""
-SURE = 2.0
-"""Distance from the estimate to the friction at which the search for a held object begins, as a logarithm."""
+UNCERTAIN_FRICTION = 0.1
+"""Standard deviation of log(friction) before the window above which an object that slips at the estimate is tried as held too."""
+HELD_START = 2.0
+"""A held object is first tried at a friction that is larger than the estimate by this, in log(friction): large enough to hold it."""
 HELD_RANGE = 0.5
-"""Largest distance from the estimate to the smallest friction of a held object, as a logarithm. Forces of friction set both."""
+"""The smallest friction that can hold an object is looked for within this distance of the estimate, in log(friction). The two are close,
+because the same force of friction determines both."""
 SPREAD = 3.0
 """Range of other parameters in the search for a held object, in standard deviations."""
 
@@ -141,16 +142,16 @@ class Horizon:
     def held(self, j: int) -> Horizon | None:
         """Hypothesis in which friction `j` holds the object during the window, with all other unknowns estimated again.
 
-        While the object slips at the estimate, the readings do not depend on its weight. So the derivatives do not lead to a lighter object
-        that is held. The search therefore begins at a large friction. Afterwards the distribution of the friction before the window is
-        truncated at the smallest value that the readings allow.
+        While the object slips at the estimate, the readings do not depend on its mass. So a search that follows derivatives cannot find the
+        other explanation: a lighter object that is held. The search therefore begins at a friction that is large enough to hold it.
+        Afterwards the distribution of the friction before the window is truncated at the smallest value that the readings allow.
 
         Returns:
             The hypothesis; None if the readings exclude it.
         """
         other = self.copy()
         other._mean = self._mean.copy()
-        other._mean[j] = min(self.x[j] + SURE, self._problem.high[j])
+        other._mean[j] = min(self.x[j] + HELD_START, self._problem.high[j])
         other.x = self._best_start(j, float(other._mean[j]))
         other._settle()
         if j not in other._holding or other.at.cost > self.at.cost + EXCLUDED:
@@ -170,8 +171,8 @@ class Horizon:
     def _best_start(self, j: int, friction: float) -> Array:
         """Point with another friction `j` and with the value of another parameter that explains the window best, (n + states,).
 
-        An object that is too heavy stays on the ground, and the derivatives with respect to its mass are zero. Values in the range of the
-        arrival cost are therefore simulated.
+        An object that is too heavy stays on the ground, and the derivatives with respect to its mass are zero. So several values of each
+        other parameter are simulated, within `SPREAD` standard deviations of its mean before the window.
         """
         problem = self._problem
         points = np.tile(self.x, (len(self.at.points), 1))
@@ -205,12 +206,15 @@ class Horizon:
         self._now += self._problem.period
         self._settle()
 
-    def slipping(self) -> list[int]:
-        """Indices of the frictions that slip at the estimate and were uncertain before the window, if another parameter was unknown."""
+    def worth_trying_held(self) -> list[int]:
+        """Indices of the frictions at which the object slips at the estimate, and which were uncertain before the window.
+
+        There are none if no other parameter was uncertain then.
+        """
         problem, std = self._problem, np.sqrt(np.diag(self._cov))
         if not any(std[k] > WIDE * problem.scale[k] for k in range(problem.n) if k not in problem.kinked):
             return []
-        return [j for j in problem.kinked if j not in self._holding and std[j] > OPEN]
+        return [j for j in problem.kinked if j not in self._holding and std[j] > UNCERTAIN_FRICTION]
 
     def holds(self, j: int) -> bool:
         """Whether friction `j` holds the object at the estimate."""

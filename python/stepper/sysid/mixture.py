@@ -139,7 +139,7 @@ def _held(hypotheses: Sequence[Horizon]) -> list[Horizon]:
     """Hypotheses in which a friction holds its object, for frictions that slip in all given hypotheses."""
     out: list[Horizon] = []
     for hypothesis in hypotheses:
-        for j in hypothesis.slipping():
+        for j in hypothesis.worth_trying_held():
             if any(other.holds(j) for other in (*hypotheses, *out)):
                 continue
             try:

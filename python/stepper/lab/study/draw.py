@@ -30,7 +30,8 @@ _LABEL = 44
 _LABEL_WIDTH = 0.2
 """Width of a cliff's value in a panel, as a fraction of the parameter's range: seven digits of 8 points in a panel of 3 inches."""
 _ABOVE_FAILURES, _BELOW_SUCCESSES = 0.55, 0.05
-"""Heights of a cliff's value in a panel, as fractions of successes: where intervals of few successes and of many do not reach."""
+"""Places of the text with a cliff's value, on the axis of the share of successes. Intervals of small shares end below the first, those of
+large shares above the second."""
 _ANNOTATED = 5
 """Largest number of settings for which panels print the values of cliffs. With more settings, see `draw_cliffs`."""
 

@@ -272,7 +272,8 @@ def check_effects(names: Sequence[str], parameters: Mapping[str, Parameter], mod
         model: The model.
 
     Raises:
-        ValueError: Parameters with operation="set" and a nominal value set all numbers of a varied one after it. The message names them.
+        ValueError: Later parameters with operation="set" and a nominal value overwrite all that a varied parameter changes, so that varying
+            it has no effect. The message names them.
     """
     order = list(parameters)
     applied = {name: _set_numbers(p, model) for name, p in parameters.items() if p.nominal is not None}

@@ -17,6 +17,7 @@ from stepper._quantities import read
 from stepper._stepper import Model, Stepper
 from stepper.actuators import ActuatorModel
 from stepper.envs.assets import load_quietly, model_file
+from stepper.envs.hooks import call_hook, in_words
 from stepper.sensors import SensorModel
 from stepper.shared.streams import Rng, Streams
 
@@ -68,13 +69,24 @@ class Moment:
             raise no_attribute(Moment, name)
         if self._expired:
             raise RuntimeError(f"{name} is a quantity of a past moment, which was not read then: read it before the next step or reset")
-        value = self.task.healthy(self) if name == "healthy" else getattr(self.sim, name)
+        value = self._healthy() if name == "healthy" else getattr(self.sim, name)
         if callable(value):
             return value  # Methods are not stored, so that every access checks whether the moment has expired.
         if isinstance(value, np.ndarray):
             value = np.asarray(value)  # A plain array: `Stepper` returns a subclass of ndarray, with which arithmetic is slower.
         self.__dict__[name] = value
         return value
+
+    def _healthy(self) -> Any:
+        """Result of `Task.healthy`; a ValueError if it is neither None nor a bool for each environment."""
+        found, expected = self.task.healthy(self), (self.sim.num_envs,)
+        if found is not None and not (isinstance(found, np.ndarray) and found.dtype == np.bool_ and found.shape == expected):
+            described = f"{in_words(found)} of {found.dtype}" if isinstance(found, np.ndarray) else in_words(found)
+            raise ValueError(
+                f"{type(self.task).__name__}.healthy returns {described}, must be an array {expected} of bool: one value for each "
+                "environment, or None"
+            )
+        return found
 
     def read(self, name: str, of: str | int | Sequence[str | int] | None = None) -> Array:
         """Values of a quantity for all its elements, or for some by name or index, (num_envs, n, ...), in its unit; see `Stepper.read`."""
@@ -300,7 +312,7 @@ class Task(ABC):
 
         The default calls `sample_state`. An override may call it too, and then move the sampled states.
         """
-        self.sample_state(reset.qpos, reset.qvel, reset.rng)
+        call_hook(self, "sample_state", reset.qpos, reset.qvel, reset.rng)
 
     def episode_state(self, num_envs: int) -> Terms:
         """Initial values of data of the episodes that the stepper does not store, such as commands and previous actions.

@@ -219,6 +219,10 @@ def present_keyword(call: str, name: str) -> str:
     return NEW_KEYWORDS_OF.get(call, {}).get(name, "")
 
 
+class UnknownKeywordError(TypeError):
+    """A call was given a keyword argument that it does not have."""
+
+
 def unknown_keyword(call: str, name: str, known: Collection[str]) -> str:
     """Error message for an unknown keyword argument. The hint is its present name, similar names, or all keywords.
 

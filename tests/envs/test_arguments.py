@@ -3,6 +3,7 @@
 import dataclasses
 
 import gymnasium
+import numpy as np
 import pytest
 import stepper
 import stepper.envs
@@ -40,6 +41,20 @@ def test_environments_take_the_mode_by_name():
     ):
         assert made.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
         made.close()
+
+
+@pytest.mark.parametrize("value", ["f32", "float32", np.float32, np.dtype("f4"), "single"])
+def test_precisions_are_also_types_of_numpy(value):
+    assert StepperVectorEnv("InvertedPendulum", 1, precision=value).sim.precision == "f32"
+    assert StepperVectorEnv("InvertedPendulum", 1, dtype=value).single_observation_space.dtype == np.float32
+
+
+@pytest.mark.parametrize("value", [np.float16, 32, "f16", int, object()])
+def test_another_precision_is_an_error_with_the_remedy(value):
+    with pytest.raises(ValueError, match=r'precision is .*, must be "f64" or "f32", or np\.float64 or np\.float32'):
+        StepperEnv("InvertedPendulum", precision=value)
+    with pytest.raises(ValueError, match=r"dtype is .*, must be np\.float64 or np\.float32"):
+        StepperEnv("InvertedPendulum", dtype=value)
 
 
 def test_a_library_has_the_mode_that_it_needs():

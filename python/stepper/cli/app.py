@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
+from stepper._hints import UnknownKeywordError
 from stepper._stepper import ModelError
 from stepper.cli import chart, compare, demo, doctor, evaluate, explain, identify, rank, replay, report, sweep, train, tune, view
 from stepper.cli.user_code import error_in_user_code, message_of
@@ -36,7 +37,7 @@ def main() -> None:
     except Exception as error:
         text = error_in_user_code(error)
         if not text:
-            if not isinstance(error, ImportError | ModelError | KeyError | OSError | ValueError):
+            if not isinstance(error, ImportError | ModelError | KeyError | OSError | UnknownKeywordError | ValueError):
                 raise
             text = os_error_message(error) if isinstance(error, OSError) else message_of(error)
         print(f"stepper: {text}", file=sys.stderr)

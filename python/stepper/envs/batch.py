@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from gymnasium.spaces import Box
 
-from stepper._options import Options, Precision
+from stepper._options import Options, Precision, precision_of
 from stepper._quantities import output_array
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
@@ -60,6 +60,7 @@ class Batch:
         model = model_of(task) if model is None else model
         law = _options(model, contact or task.contact, options)
         sensors = task.sensors()
+        precision = precision_of(precision)
         settings: dict[str, Any] = {"options": law, "precision": precision, "threads": threads}
         self.sim = Stepper(model, num_envs, **settings, sensors=sensors, actuators=task.actuators())
         self._has_noise = sensors is not None
@@ -68,9 +69,7 @@ class Batch:
         if not hasattr(task, "frame_skip"):
             raise TypeError(f"{type(task).__name__} has no frame_skip, the number of steps per action: add the field `frame_skip: int = 1`")
         self.num_envs, self.dt = num_envs, self.sim.timestep * task.frame_skip
-        self.dtype = np.dtype(dtype if dtype is not None else {"f64": np.float64, "f32": np.float32}[precision])
-        if self.dtype not in (np.float64, np.float32):
-            raise ValueError(f"dtype is {self.dtype}, must be float64 or float32")
+        self.dtype = _dtype_of(precision if dtype is None else dtype)
         if max_episode_steps is not None and max_episode_steps < 1:
             raise ValueError(f"max_episode_steps is {max_episode_steps}, must be at least 1, or None for no limit")
         self._limit = max_episode_steps
@@ -361,6 +360,14 @@ def _warn_without_actions(task: Task, model: Model) -> None:
         'or to a URDF with stepper.load(..., actuators="position")'
     )
     warnings.warn(message, ModelWarning, stacklevel=4)
+
+
+def _dtype_of(value: Any) -> np.dtype[Any]:
+    """Scalar type of observations from the argument `dtype`."""
+    try:
+        return np.dtype({"f64": np.float64, "f32": np.float32}[precision_of(value)])
+    except ValueError:
+        raise ValueError(f"dtype is {value!r}, must be np.float64 or np.float32") from None
 
 
 def _hashed_seed(seed: int | None = None) -> int:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stepper._hints import UnknownKeywordError
 from stepper.shared.environments import import_env
 from stepper.shared.machine import require, require_all
 from stepper.shared.progress import Tick, silent
@@ -120,8 +121,19 @@ def make(env: str, num_envs: int | None = None, *, training: bool = False, **set
 
     Raises:
         ValueError: The id is not registered.
+        TypeError: The environment has no argument of this name.
         MissingPackageError: Gymnasium, or a package that its MuJoCo environments need, is not installed.
     """
+    try:
+        return _made(env, num_envs, training=training, **settings)
+    except TypeError as error:
+        if not isinstance(error, UnknownKeywordError) and "got an unexpected keyword argument" in str(error):
+            raise UnknownKeywordError(str(error)) from error
+        raise
+
+
+def _made(env: str, num_envs: int | None, *, training: bool, **settings: Any) -> Any:
+    """Environment of `make`, with the errors of Gymnasium."""
     gymnasium = require("gymnasium", "to run policies")
     importlib.import_module("stepper.envs")  # The import registers the environments.
     has_module, env = ":" in env, import_env(env)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import sys
 from typing import TYPE_CHECKING
 
@@ -18,13 +19,30 @@ if TYPE_CHECKING:
 COMMANDS = (demo, chart, compare, explain, report, sweep, rank, tune, train, evaluate, identify, replay, view, doctor)
 
 
-def application() -> Typer:
-    """Typer application with all commands. It is created in a function, because Typer is an optional package."""
+def application(*, escaped: bool = True) -> Typer:
+    """Typer application with all commands. It is created in a function, because Typer is an optional package.
+
+    Args:
+        escaped: Whether brackets of help texts, as in geom_friction[floor], are escaped for Rich, which takes them for markup.
+    """
     typer = require("typer", "for the command line")
     app: Typer = typer.Typer(help=__doc__, no_args_is_help=True, pretty_exceptions_enable=False)
     for command in COMMANDS:
         command.register(app, typer)
+    if escaped:
+        _escape(app)
     return app
+
+
+def _escape(app: Typer) -> None:
+    """Escape the brackets of all help texts of an application for Rich."""
+    escape = require("rich.markup", "for the command line").escape
+    for command in app.registered_commands:
+        command.help = escape(command.help or inspect.getdoc(command.callback) or "")
+        if command.callback is not None:
+            for parameter in inspect.signature(command.callback).parameters.values():
+                if getattr(parameter.default, "help", None):
+                    parameter.default.help = escape(parameter.default.help)
 
 
 def main() -> None:

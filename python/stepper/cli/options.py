@@ -19,13 +19,13 @@ RECORDING = "Folder of a recording by Stepper.record."
 RAY = "Run batches as tasks of Ray, on all machines of its cluster."
 RAY_RUNS = "Run the settings as tasks of Ray, on all machines of its cluster; costs are still measured on this machine."
 ONLY = (
-    "Parameter to vary: a name in the study, or a selector with a range, 'geom_friction[floor][0]=0.2..1'. "
+    "Parameter to vary: a name in the study, or a selector with a range, 'gravity[2]=-9..-3'. "
     "Repeat the option for more; without it, all parameters of the study."
 )
 SEED = "Seed of all random numbers, instead of that of the study; the same seed gives the same rows."
 VALUES = (
     "Value of a parameter for episodes in which it does not vary, in place of its nominal value: NAME=VALUE with a name in the study, or "
-    "a selector, 'geom_friction[floor][0]=0.3'. Quote selectors for the shell. Repeat the option for more."
+    "a selector, 'gravity[2]=-3.7'. Quote selectors for the shell. Repeat the option for more."
 )
 
 

@@ -219,8 +219,8 @@ def present_keyword(call: str, name: str) -> str:
     return NEW_KEYWORDS_OF.get(call, {}).get(name, "")
 
 
-class UnknownKeywordError(TypeError):
-    """A call was given a keyword argument that it does not have."""
+class WrongArgumentError(TypeError):
+    """Wrong argument of a call: an unknown keyword, or a value of a wrong type. The command line prints the message without a traceback."""
 
 
 def unknown_keyword(call: str, name: str, known: Collection[str]) -> str:

@@ -57,6 +57,18 @@ def test_another_precision_is_an_error_with_the_remedy(value):
         StepperEnv("InvertedPendulum", dtype=value)
 
 
+@pytest.mark.parametrize(("seed", "message"), [
+    ([0, 1.5], "the seed of environment 1 is 1.5, must be a whole number, or None"),
+    ([0, "x"], "the seed of environment 1 is 'x', must be a whole number"),
+    ([None, True], "the seed of environment 1 is True, must be a whole number"),
+    (1.5, "seed is 1.5, must be a whole number, or a sequence"),
+    ("12", "seed is '12', must be a whole number, or a sequence"),
+])  # fmt: skip
+def test_every_seed_is_checked(seed, message):
+    with pytest.raises(TypeError, match=message):
+        StepperVectorEnv("InvertedPendulum", 2).reset(seed=seed)
+
+
 def test_a_library_has_the_mode_that_it_needs():
     same = AutoresetMode.SAME_STEP
     assert with_autoreset({"threads": 1}, same, "L") == {"threads": 1, "autoreset_mode": same}

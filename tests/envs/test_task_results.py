@@ -172,3 +172,36 @@ def test_names_that_episode_state_does_not_return_suggest_those_it_does():
     assert again["target"].shape == (2, 3)
     with pytest.raises(KeyError, match="did you mean target"):
         again["targets"]
+
+
+METHODS = {
+    "sample_state is sample_state(qpos, qvel), must take 3 arguments, qpos, qvel, rng: write def sample_state(self, qpos, qvel, rng)":
+        {"sample_state": lambda self, qpos, qvel: None},
+    "reward is reward(), must take 1 argument, now: write def reward(self, now)": {"reward": lambda now: (now, {})},
+    "observations is observations(now), must take no arguments: write def observations(self)": {"observations": lambda self, now: (SPEED,)},
+    "on_reset is on_reset(sim, mask, rng), must take 4 arguments, sim, episode_state, mask, rng":
+        {"on_reset": lambda self, sim, mask, rng: None},
+    "model is model(path), must take no arguments": {"model": lambda self, path: None},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("message", METHODS)
+def test_a_method_with_other_arguments_is_named_with_its_signature(message):
+    for name, method in METHODS[message].items():
+        method.__name__ = name
+    with pytest.raises(TypeError, match=r"Other\." + re.escape(message)):
+        cart(**METHODS[message])
+
+
+def test_methods_with_defaults_and_other_names_are_accepted():
+    cart(sample_state=lambda self, q, v, *more, scale=1.0: None, reward=lambda self, *given: (np.ones(4), {}))
+
+
+@pytest.mark.parametrize(("given", "message"), [
+    ({"name": "speed", "func": lambda: 0}, r"func of Observation 'speed' is <lambda>\(\), must take 1 argument, now: write lambda now"),
+    ({"name": "speed", "func": "qvel"}, "func of Observation 'speed' is 'qvel', must be a function of now, or None"),
+    ({"name": lambda now: now.qvel}, r"the name of an Observation is a function, must be a text: Observation\(name, func=...\)"),
+])  # fmt: skip
+def test_wrong_rows_of_observations_are_refused_at_once(given, message):
+    with pytest.raises(TypeError, match=message):
+        Observation(**given)

@@ -52,6 +52,10 @@ def push(now):
     now.xfrc_applied[:, 1, 0] = now.parameters["push"]
 
 
+def scaled(gain, now):
+    return np.full((now.num_envs, 1), gain)
+
+
 def tray(**changed):
     given = {
         "model": TRAY,
@@ -452,7 +456,9 @@ def test_rows_follow_from_what_a_drive_is_and_not_from_its_memory():
     used.begin(None)
     assert key(Gain(1.0)) == key(used)
     assert key(Gain(1.0)) != key(Gain(2.0))
-    assert len({key(drive) for drive in (lambda _: 0.1, lambda _: 0.2, functools.partial(push, 1), functools.partial(push, 2), push)}) == 5
+    assert (
+        len({key(drive) for drive in (lambda _: 0.1, lambda _: 0.2, functools.partial(scaled, 1), functools.partial(scaled, 2), push)}) == 5
+    )
     keys = {key(lambda _, x=x: x) for x in (1, 1)} | {key(closed(np.ones(1))), key(closed(np.zeros(1))), key(closed(np.zeros(1)))}
     assert len(keys) == 3
 

@@ -6,7 +6,7 @@ import inspect
 import sys
 from typing import TYPE_CHECKING
 
-from stepper._hints import UnknownKeywordError
+from stepper._hints import WrongArgumentError
 from stepper._stepper import ModelError
 from stepper.cli import chart, compare, demo, doctor, evaluate, explain, identify, rank, replay, report, sweep, train, tune, view
 from stepper.cli.user_code import error_in_user_code, message_of
@@ -55,7 +55,7 @@ def main() -> None:
     except Exception as error:
         text = error_in_user_code(error)
         if not text:
-            if not isinstance(error, ImportError | ModelError | KeyError | OSError | UnknownKeywordError | ValueError):
+            if not isinstance(error, ImportError | ModelError | KeyError | OSError | WrongArgumentError | ValueError):
                 raise
             text = os_error_message(error) if isinstance(error, OSError) else message_of(error)
         print(f"stepper: {text}", file=sys.stderr)

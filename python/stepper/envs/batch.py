@@ -17,7 +17,7 @@ from stepper._stepper import Model, Stepper
 from stepper.envs.hooks import call_hook, check_rows_of_others, episode_state_of
 from stepper.envs.state import EnvState, check_settings, restore, save
 from stepper.envs.task import Array, Contact, Moment, Reset, Task, Terms, with_zero_rows
-from stepper.envs.task_results import bounds_of, infos_of, model_of, position_of, rewards_of, rows_of, table_of
+from stepper.envs.task_results import bounds_of, check_methods, infos_of, model_of, position_of, rewards_of, rows_of, table_of
 from stepper.loading import ModelWarning
 from stepper.shared.streams import Rng, Streams
 
@@ -57,6 +57,7 @@ class Batch:
         model: Model | None = None,
     ):
         self.task = task
+        check_methods(task)
         model = model_of(task) if model is None else model
         law = _options(model, contact or task.contact, options)
         sensors = task.sensors()

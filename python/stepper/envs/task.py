@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper._hints import no_attribute
+from stepper._hints import WrongArgumentError, no_attribute
 from stepper._other_names import RENAMED
 from stepper._quantities import read
 from stepper._stepper import Model, Stepper
@@ -19,6 +19,7 @@ from stepper.actuators import ActuatorModel
 from stepper.envs.assets import load_quietly, model_file
 from stepper.envs.hooks import call_hook, in_words
 from stepper.sensors import SensorModel
+from stepper.shared.functions import check_takes
 from stepper.shared.streams import Rng, Streams
 
 Array = NDArray[Any]
@@ -208,6 +209,14 @@ class Observation:
     clip: tuple[float, float] | None = None
     noise: float = 0.0
     unit: str = ""
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise WrongArgumentError(f"the name of an Observation is {in_words(self.name)}, must be a text: Observation(name, func=...)")
+        if self.func is not None and not callable(self.func):
+            raise WrongArgumentError(f"func of Observation {self.name!r} is {in_words(self.func)}, must be a function of now, or None")
+        if self.func is not None:
+            check_takes(self.func, ["now"], f"func of Observation {self.name!r}")
 
     def read(self, now: Moment) -> Array:
         """Values of the row, (num_envs, n), in its unit, with noise and before `clip`."""

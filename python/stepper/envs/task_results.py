@@ -2,24 +2,41 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
+from stepper._hints import WrongArgumentError
 from stepper._stepper import Model
 from stepper.envs.hooks import in_words
 from stepper.envs.task import Array, Moment, Observation, Task, Terms
+from stepper.shared.functions import check_takes
 
+_METHODS = {
+    name: list(inspect.signature(method).parameters)[1:]
+    for name, method in vars(Task).items()
+    if inspect.isfunction(method) and name[0] != "_"
+}
+"""Names of the arguments of each method of a task, without `self`."""
 Table = list[tuple[Observation, slice]]
 """Rows of a task's table of observations, each with its columns in the observation."""
+
+
+def check_methods(task: Task) -> None:
+    """Raise TypeError if a method of a task takes another number of arguments than that of `Task`."""
+    for name, arguments in _METHODS.items():
+        check_takes(getattr(task, name), arguments, f"{type(task).__name__}.{name}", is_method=True)
 
 
 def model_of(task: Task) -> Model:
     """Model of a task; a TypeError if `task.model` returns something else."""
     found: Any = task.model()
     if not isinstance(found, Model):
-        raise TypeError(f"{type(task).__name__}.model returns {in_words(found)}, must return a stepper.Model: return stepper.load(...)")
+        raise WrongArgumentError(
+            f"{type(task).__name__}.model returns {in_words(found)}, must return a stepper.Model: return stepper.load(...)"
+        )
     return found
 
 

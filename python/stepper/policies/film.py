@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper.policies.evaluation import make
+from stepper.shared.functions import check_takes
 from stepper.shared.machine import require
 from stepper.shared.progress import Tick, silent
 
@@ -79,6 +80,7 @@ def film(
         MissingPackageError: Gymnasium or MoviePy is not installed.
     """
     _check_file(file)
+    check_takes(policy, ["observation"], "policy")
     require("moviepy", "to write films")
     tick = tick or silent
     gymnasium = require("gymnasium", "to film policies")

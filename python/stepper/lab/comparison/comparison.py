@@ -17,6 +17,7 @@ from stepper.lab.comparison.trial import Array, Controller, Course, Slip, run
 from stepper.lab.study.worlds import Plan, make_world
 from stepper.loading import load
 from stepper.shared.files import existing
+from stepper.shared.functions import check_takes
 from stepper.shared.machine import require
 from stepper.shared.progress import Tick, silent
 
@@ -122,6 +123,10 @@ def compare(
     for name, value in (("seconds", seconds), ("num_envs", num_envs), ("hold", hold)):
         if not value > 0:
             raise ValueError(f"{name} is {value}, must be above 0")
+    if callable(controller):
+        check_takes(controller, ["qpos", "qvel"], "controller")
+    if reward is not None:
+        check_takes(reward, ["before", "ctrl", "after"], "reward")
     model, compiled = _load(source)
     hard = replace(options or Options(), contact="hard")
     if hard.integrator in ("implicitfast", "discrete"):

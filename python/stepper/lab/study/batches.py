@@ -125,6 +125,19 @@ def options_of(study: Study, setting: str, values: Values, **changed: Any) -> tu
     return engine, precision, replace(study.options, **given) if engine == "stepper" else study.options, given
 
 
+def _check_shared_options(study: Study, values_by_env: Sequence[Values]) -> None:
+    """Raise ValueError if environments of a batch differ in parameters that are options of the step; a batch has one value of each."""
+    names = [name for name, parameter in study.parameters.items() if parameter.kind == "options"]
+    for env, values in enumerate(values_by_env):
+        for name in names:
+            first, own = values_by_env[0].get(name), values.get(name)
+            if first != own:
+                raise ValueError(
+                    f"parameter {name!r} is {first} in environment 0 and {own} in environment {env}: it is an option of the step, which "
+                    "the environments of a batch share; run them in separate batches"
+                )
+
+
 def world_of(study: Study, setting: str, values_by_env: Sequence[Values], **changed: Any) -> World:
     """World (environments of one engine) of a study, with one environment for each set of parameter values.
 
@@ -137,6 +150,7 @@ def world_of(study: Study, setting: str, values_by_env: Sequence[Values], **chan
     model, compiled = study.loaded
     ideal = changed.pop("sensors", "given") is None
     engine, precision, options, given = options_of(study, setting, values_by_env[0], **changed)
+    _check_shared_options(study, values_by_env)
     if engine != "stepper" and options.timestep is not None:
         given.setdefault("timestep", options.timestep)
     plan = Plan(

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from stepper.lab.study.policy_files import Network, PolicyFile, is_module, read_policy
 from stepper.lab.study.worlds import World
+from stepper.shared.functions import check_takes
 
 Array = NDArray[np.float64]
 FILES = "stepper_study_"
@@ -163,6 +164,8 @@ class Policy:
     def __init__(self, act: Callable[[Array], Any] | str | os.PathLike[str]):
         if isinstance(act, str | os.PathLike):
             act = read_policy(act)
+        elif callable(act) and not is_module(act):
+            check_takes(act, ["observations"], "act")
         self.act = Network(act) if is_module(act) else act
 
     def begin(self, now: World) -> None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from stepper._hints import unknown
 from stepper._stepper import Model
+from stepper.shared.functions import check_takes
 
 Array = NDArray[np.float64]
 Measure = Callable[[Any], Any]
@@ -76,6 +77,10 @@ class Outcome:
             _compare(self.success, self.name)
         if isinstance(self.measure, str):
             measure_of(self.measure)
+        elif callable(self.measure):
+            check_takes(self.measure, ["now"], f"outcome {self.name!r}: measure")
+        else:
+            raise TypeError(f'outcome {self.name!r}: measure is {self.measure!r}, must be a function of now, or a text as "body box z"')
 
     def check(self, model: Model) -> None:
         """Check that the model has the element in the text of the measure.

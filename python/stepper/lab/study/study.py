@@ -30,6 +30,7 @@ from stepper.lab.study.points import USUAL
 from stepper.lab.study.worlds import MUJOCO_SETTINGS, World, check_mujoco
 from stepper.loading import compile_source, is_saved, load
 from stepper.sensors import SensorModel
+from stepper.shared.functions import check_takes
 from stepper.shared.machine import package_version, require
 
 Array = NDArray[np.float64]
@@ -135,11 +136,18 @@ class Study(metaclass=Hinting):
     _source: _Source | None = field(default=None, repr=False, compare=False)
 
     def _check_functions(self) -> None:
-        """Check that the controller and the start can be called."""
+        """Check that controller, start and exact can be called, and with which arguments."""
         if not (self.controller is None or self.controller == "random" or callable(self.controller)):
             raise TypeError(f'controller is {self.controller!r}, must be a function, Recorded, Policy, "random" or None')
         if not (self.start is None or callable(self.start)):
             raise TypeError(f'start is {self.start!r}, must be a function or None: "file.py:function" works only in TOML files')
+        if not (self.exact is None or callable(self.exact)):
+            raise TypeError(f"exact is {self.exact!r}, must be a function of a world and times that returns qpos and qvel, or None")
+        for name, arguments in (("controller", ["now"]), ("start", ["now", "rngs"]), ("exact", ["now", "times"])):
+            if callable(function := getattr(self, name)):
+                check_takes(function, arguments, name)
+        if callable(self.model) and not isinstance(self.model, type):
+            check_takes(self.model, [], "model")
 
     def __post_init__(self) -> None:
         source = self._source if self._source is not None and self._source.model is self.model else _Source(self.model)
@@ -156,8 +164,6 @@ class Study(metaclass=Hinting):
         if self.control is not None and not 0 < self.control <= self.seconds:
             raise ValueError(f"control is {self.control} s, must be above 0 and at most seconds, which is {self.seconds}")
         self._check_functions()
-        if not (self.exact is None or callable(self.exact)):
-            raise TypeError(f"exact is {self.exact!r}, must be a function of a world and times that returns qpos and qvel, or None")
         names = [outcome.name for outcome in self.all_outcomes]
         if len(set(names)) < len(names):
             raise ValueError(f"outcomes have the names {names}, which must differ: rename one")

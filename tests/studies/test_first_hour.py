@@ -170,8 +170,14 @@ def test_a_misspelt_field_of_a_value_is_corrected(capsys, monkeypatch):
     ("values", "told"),
     [
         (["body_mass[arm]=1", "body_mass[arm]=2"], "'body_mass[arm]' twice, as 1 and as 2"),
-        (["body_mass[arm]=1", "body_mass[*]=2"], "'body_mass[arm]' and 'body_mass[*]' set the same number of body_mass to 1 and to 2"),
-        (["lost=0.1", "dof_damping[hinge]=0.2"], "'lost' and 'dof_damping[hinge]' set the same number of dof_damping"),
+        (
+            ["body_mass[arm]=1", "body_mass[*]=2"],
+            "parameters has 'body_mass[arm]' and 'body_mass[*]', which set the same number of body_mass to 1 and to 2",
+        ),
+        (
+            ["lost=0.1", "dof_damping[hinge]=0.2"],
+            "parameters has 'lost' and 'dof_damping[hinge]', which set the same number of dof_damping",
+        ),
     ],
 )
 @pytest.mark.parametrize("command", [["view", "reach.toml", "--record", "run"], ["chart", "reach.toml", "--quick"]])
@@ -190,7 +196,9 @@ def test_values_that_do_not_contradict_each_other_are_taken(reach):
 @pytest.mark.usefixtures("reach")
 def test_a_ranking_of_parameters_of_the_same_number_names_both(capsys, monkeypatch):
     words = ["rank", "reach.toml", "--parameter", "body_mass[arm]=1..2", "--parameter", "body_mass[*]=1..3"]
-    assert "'body_mass[arm]' and 'body_mass[*]' set the same number of body_mass: give" in failed(capsys, monkeypatch, *words)
+    assert "parameters has 'body_mass[arm]' and 'body_mass[*]', which set the same number of body_mass: give" in failed(
+        capsys, monkeypatch, *words
+    )
 
 
 ERRORS = {

@@ -726,7 +726,9 @@ def test_two_spellings_of_a_selector_are_one_parameter(texts, names):
     parameters = {name: Parameter("body_mass[object]", low=0.5, high=1.5 + k) for k, name in enumerate(["mass", "heavy"])}
     model = tray().loaded[0]
     assert list(selected(parameters, texts, model)) == names
-    with pytest.raises(ValueError, match=r"'body_mass\[1\]=0.5..9' and '.*', which are the same numbers with another range: give one"):
+    with pytest.raises(
+        ValueError, match=r"'body_mass\[1\]=0.5..9' and '.*', which set the same number of body_mass with different ranges: give one"
+    ):
         selected(parameters, ["body_mass[object]=0.5..1.5", "body_mass[1]=0.5..9"], model)
 
 

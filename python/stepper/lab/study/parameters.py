@@ -29,7 +29,7 @@ from stepper._stepper import Model
 from stepper.actuators import PID, ActuatorModel, DCMotor, Drive
 from stepper.sensors import SensorModel, Transfer
 from stepper.shared.fields import COMPOUNDS, FIELDS, OF_PAIRS, check_pairs
-from stepper.shared.selectors import Selector, numbers_of, parse, parse_range, parts_of, rows_of
+from stepper.shared.selectors import Selector, conflict, numbers_of, parse, parse_range, parts_of, rows_of
 from stepper.shared.tables import fitting
 
 Array = NDArray[np.float64]
@@ -180,7 +180,7 @@ def selected(parameters: Mapping[str, Parameter], texts: Sequence[str], model: M
         if same is None:
             found[name], changed[name] = own, numbers
         elif (found[same].operation, found[same].low, found[same].high) != (own.operation, own.low, own.high):
-            raise ValueError(f"parameters has {text!r} and {same!r}, which are the same numbers with another range: give one of them")
+            raise conflict("parameters", text, same, own.parsed.field, "with different ranges")
     return found
 
 
@@ -259,8 +259,7 @@ def check_overlaps(chosen: Mapping[str, Parameter], model: Model, values: Values
         if not own[one] & own[other] or (values is not None and values[one] == values[other]):
             continue
         field = min(own[one] & own[other])[0]
-        told = "" if values is None else f" to {values[one]} and to {values[other]}"
-        raise ValueError(f"{one!r} and {other!r} set the same number of {field}{told}: give one of them, or select other elements")
+        raise conflict("parameters", one, other, field, "" if values is None else f"to {values[one]} and to {values[other]}")
 
 
 def check_effects(names: Sequence[str], parameters: Mapping[str, Parameter], model: Model) -> None:

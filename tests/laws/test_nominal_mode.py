@@ -8,7 +8,7 @@ import stepper
 from rollout_gradients import LAWS, Judged, bodies_on_a_floor, judge
 from stepper import Options
 from stepper.derivatives import Kink, Smoothing, UndeterminedDerivative, rollout
-from stepper.derivatives.kinks import Rows
+from stepper.derivatives.kinks import RowGroup
 from stepper.derivatives.nominal_mode import NARROWER, WIDTHS, Readings, slopes_of
 
 PUSHED_BOX = """<mujoco><option timestep="0.01"/><worldbody><geom type="plane" size="3 3 1" friction=".4 0 0"/>
@@ -84,7 +84,7 @@ def read(function, differs=lambda x: np.zeros_like(x, bool)):
     """Slopes of a function of one number, of which `differs` says where it is in another mode than at 0."""
     offsets = np.stack([WIDTH, -WIDTH])[None]
     slopes = (np.vectorize(function)(offsets) - function(0.0)) / offsets
-    out, nominal, other = slopes_of(Readings(slopes[..., None], differs(offsets), np.array([1e-15])), offsets, [Rows(slice(0, 1))])
+    out, nominal, other = slopes_of(Readings(slopes[..., None], differs(offsets), np.array([1e-15])), offsets, [RowGroup(slice(0, 1))])
     return out[0, 0], bool(nominal[0]), bool(other[0])
 
 

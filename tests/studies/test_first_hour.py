@@ -11,7 +11,7 @@ from stepper.cli import app, main
 from stepper.lab import Outcome, Parameter, Study, sweep
 from stepper.lab.comparison import compare
 from stepper.lab.study.batches import running, world_of
-from stepper.lab.study.drives import digest_of, load_file
+from stepper.lab.study.controllers import digest_of, load_file
 from stepper.lab.study.points import USUAL
 
 FURNITURE = """<mujoco><worldbody>

@@ -22,7 +22,7 @@ from stepper.cli.options import progress_kept_in
 from stepper.lab import Outcome, Parameter, Policy, Study
 from stepper.lab.study import Recorded
 from stepper.lab.study.batches import begin, run_points, world_of
-from stepper.lab.study.drives import digest_of
+from stepper.lab.study.controllers import digest_of
 from stepper.lab.study.episode import Episodes
 from stepper.lab.study.failure_causes import LAW
 from stepper.lab.study.intervals import least_share, trials_for, wilson

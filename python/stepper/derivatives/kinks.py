@@ -61,16 +61,16 @@ class Kink(IntFlag):
 
 
 @dataclass(frozen=True)
-class Rows:
+class RowGroup:
     """Rows of the derivative matrix with the same unit, whose slopes are compared with one another.
 
     Attributes:
-        where: Range of the rows.
-        least: Slope below which a column is compared with this one, SI units.
+        rows: Range of the rows.
+        least_slope: Slope below which a column is compared with this one, SI units.
     """
 
-    where: slice
-    least: float = LEAST_SLOPE
+    rows: slice
+    least_slope: float = LEAST_SLOPE
 
 
 @dataclass
@@ -135,13 +135,13 @@ class KinkDetector:
         positions: Array = np.asarray(self.sim.qpos, np.float64)[:, place] + self._ahead * np.asarray(self.sim.qvel, np.float64)[:, dof]
         return positions
 
-    def compare_slopes(self, changes: Array, slopes: Array, groups: Sequence[Rows], noise: float) -> None:
+    def compare_slopes(self, changes: Array, slopes: Array, groups: Sequence[RowGroup], noise: float) -> None:
         """Compares the slopes at the stencil's two points at the end of all steps. Does nothing with one point.
 
         Args:
             changes: Results minus the nominal result, (num_envs, levels, points, columns, n), as in `Stencil.slopes`.
             slopes: Slopes of the finest level, (num_envs, columns, n).
-            groups: Rows of the derivatives with the same unit. Differences are relative to their largest slope (or `least`, if larger).
+            groups: Rows of the derivatives with the same unit. Differences are relative to their largest slope, at least `least_slope`.
             noise: Noise of a result, in SI units.
         """
         if self.sides == 1:
@@ -150,8 +150,8 @@ class KinkDetector:
         h = self.stencil.step[:, 0]
         floor = 4.0 * noise / np.where(h > 0.0, h, 1.0)
         for group in groups:
-            size = np.abs(slopes[..., group.where]).max(axis=-1, initial=group.least)
-            bend = bends[..., group.where].max(axis=-1, initial=0.0)
+            size = np.abs(slopes[..., group.rows]).max(axis=-1, initial=group.least_slope)
+            bend = bends[..., group.rows].max(axis=-1, initial=0.0)
             kinked = bend > np.minimum(CURVATURE * h, 0.1) * size + floor
             self.report.causes[:, -1][kinked] |= np.uint32(Kink.SLOPE)
 

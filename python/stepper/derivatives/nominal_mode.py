@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper.derivatives.kinks import CURVATURE, Bools, Kink, Rows
+from stepper.derivatives.kinks import CURVATURE, Bools, Kink, RowGroup
 from stepper.derivatives.perturbations import Array, Stencil
 
 WIDTHS = 6
@@ -81,7 +81,7 @@ def pairs_of(flagged: Bools, stencil: Stencil) -> Pairs:
     return Pairs(env, column, np.stack([first * width, np.where(bounded, 0.0, -first * width)], axis=1))
 
 
-def slopes_of(readings: Readings, offsets: Array, groups: Sequence[Rows]) -> tuple[Array, Bools, Bools]:
+def slopes_of(readings: Readings, offsets: Array, groups: Sequence[RowGroup]) -> tuple[Array, Bools, Bools]:
     """Slopes of the nominal mode, from the copies that stay in it.
 
     A difference is valid if its copies (on both sides or on one) are in the nominal mode and a quarter of the width gives the same
@@ -120,7 +120,7 @@ def slopes_of(readings: Readings, offsets: Array, groups: Sequence[Rows]) -> tup
     return out, nominal, found & ~nominal
 
 
-def _agree(a: Array, b: Array, width: Array, groups: Sequence[Rows], noise: Array) -> Bools:
+def _agree(a: Array, b: Array, width: Array, groups: Sequence[RowGroup], noise: Array) -> Bools:
     """Whether two arrays of slopes, (..., widths, rows), agree apart from curvature and noise; (..., widths) bool.
 
     With the width, a difference from curvature decreases, one from a kink is constant, and one from a jump increases.
@@ -129,8 +129,8 @@ def _agree(a: Array, b: Array, width: Array, groups: Sequence[Rows], noise: Arra
     safe = np.where(width > 0.0, width, 1.0)
     floor = 4.0 * noise.reshape(-1, *[1] * (width.ndim - 1)) / (NARROWER * safe)
     for group in groups:
-        own, other = a[..., group.where], b[..., group.where]
-        size = np.abs([own, other]).max(axis=(0, -1), initial=group.least)
+        own, other = a[..., group.rows], b[..., group.rows]
+        size = np.abs([own, other]).max(axis=(0, -1), initial=group.least_slope)
         apart = np.abs(own - other).max(axis=-1, initial=0.0)
         shrinks = np.zeros_like(good)
         falls = apart[..., 1:] <= SHRINKS * apart[..., :-1] + floor[..., 1:]
@@ -148,7 +148,7 @@ With True it uses the stabilization that is smooth at rest (see `Reader`)."""
 def settle(
     whole: dict[str, NDArray[Any]],
     stencil: Stencil,
-    groups: Sequence[Rows],
+    groups: Sequence[RowGroup],
     *,
     solved: dict[str, NDArray[Any]] | None,
     read: Read,

@@ -236,10 +236,10 @@ class Horizon:
         """
         problem, m, n = self._problem, len(self._problem.dofs), self._problem.n
         h = np.concatenate([STEP * problem.scale, np.full(m, NUDGE), np.full(m, STEP)])
-        room = np.full(len(h), math.inf)
-        room[:n] = np.minimum(problem.high - self.x[:n], self.x[:n] - problem.low)
+        clearance = np.full(len(h), math.inf)
+        clearance[:n] = np.minimum(problem.high - self.x[:n], self.x[:n] - problem.low)
         std = np.sqrt(np.diag(self.posterior))[:n]
-        directions = Directions(self.posterior, h, room, np.flatnonzero(std > WIDE * problem.scale).tolist(), problem.kinked)
+        directions = Directions(self.posterior, h, clearance, np.flatnonzero(std > WIDE * problem.scale).tolist(), problem.kinked)
         first = 1 + 2 * len(h)
         points = np.tile(self.x, (first + OTHERS_PER_FRICTION * len(problem.kinked), 1))
         points[1:first] = directions.points(self.x)

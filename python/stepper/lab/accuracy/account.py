@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
 from stepper.lab.accuracy.costs import BATCH
-from stepper.lab.study.batches import drive_through, world_of
+from stepper.lab.study.batches import run_batch, world_of
 from stepper.lab.study.document import Document, Section, counted
 from stepper.lab.study.points import USUAL
 from stepper.lab.study.study import Study
@@ -265,7 +265,7 @@ def _states(study: Study, episodes: range) -> tuple[list[_States], Any]:
     def look(_: World) -> None:
         rows.append((world.qpos.copy(), world.qvel.copy(), np.array(sim.act, float), np.array(sim.ctrl, float)))
 
-    drive_through(study, world, episodes, look)
+    run_batch(study, world, episodes, look)
     # Row k of the controls acts on the state of row k - 1.
     every = [np.concatenate([row[k] for row in (rows[1:] if k == 3 else rows[:-1])]) for k in range(4)]
     chosen = np.random.default_rng(0).permutation(np.resize(np.arange(len(every[0])), max(BATCH, min(len(every[0]), _BATCHES * BATCH))))

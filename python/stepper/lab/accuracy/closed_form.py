@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from stepper.lab.accuracy.budget import Stage
 from stepper.lab.accuracy.reference import Reference, converge
 from stepper.lab.accuracy.traces import Distance, Trace, TraceRecorder
-from stepper.lab.study import drives
+from stepper.lab.study import controllers
 from stepper.lab.study.batches import begin, world_of
 from stepper.lab.study.points import USUAL
 from stepper.lab.study.study import Study
@@ -51,7 +51,7 @@ def reference_of(
         extrapolates=np.ones(count, np.bool_),
         methods=np.full(count, np.nan),
         known=np.full(count, trace.reached),
-        exact=drives.name_of(study.exact) or "a function",
+        exact=controllers.name_of(study.exact) or "a function",
     )
 
 
@@ -65,7 +65,7 @@ def closed_form(study: Study, episodes: Sequence[int]) -> Trace:
     world = world_of(study, USUAL, [study.nominal] * len(episodes), sensors=None)
     assert isinstance(world, StepperWorld)
     begin(study, world, episodes)
-    name = drives.name_of(study.exact)
+    name = controllers.name_of(study.exact)
     times: Array = study.hold * np.arange(study.controls + 1, dtype=np.float64)
     found = study.exact(world, times)
     if not isinstance(found, tuple | list) or len(found) != 2:

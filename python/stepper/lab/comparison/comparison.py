@@ -13,7 +13,7 @@ import numpy as np
 from stepper._options import Options
 from stepper._stepper import Model, Stepper
 from stepper.lab.comparison.draw import draw
-from stepper.lab.comparison.trial import Array, Controller, Course, Slip, run
+from stepper.lab.comparison.trial import Array, ControlSource, Course, Slip, run
 from stepper.lab.study.worlds import Plan, make_world
 from stepper.loading import load
 from stepper.shared.files import existing
@@ -84,7 +84,7 @@ class Comparison:
 
 def compare(
     source: Any,
-    controller: Controller | None = None,
+    controller: ControlSource | None = None,
     *,
     seconds: float = 2.0,
     num_envs: int = 8,

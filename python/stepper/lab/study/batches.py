@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper._options import Options, Precision
-from stepper.lab.study import drives
+from stepper.lab.study import controllers
 from stepper.lab.study.jobs import each
 from stepper.lab.study.journal import Journal, Row
 from stepper.lab.study.outcomes import Watch
@@ -218,14 +218,14 @@ def running(study: Study, world: World, episodes: Sequence[int], *, by_step: boo
     """
     nstep = steps_of(study, world.timestep)
     begin(study, world, episodes)
-    drive = study.driven()
-    memory = drives.Memory(drive)
-    if hasattr(drive, "begin"):
-        drive.begin(world)
+    controller = study.batch_controller()
+    state_check = controllers.StateCheck(controller)
+    if hasattr(controller, "begin"):
+        controller.begin(world)
     yield True
     for _ in range(study.controls):
-        world.last_ctrl = ctrl = None if drive is None else drive(world)
-        _check_controls(drive, world, ctrl)
+        world.last_ctrl = ctrl = None if controller is None else controller(world)
+        _check_controls(controller, world, ctrl)
         if not by_step:
             world.advance(ctrl, nstep)
             yield True
@@ -233,16 +233,16 @@ def running(study: Study, world: World, episodes: Sequence[int], *, by_step: boo
         for left in reversed(range(nstep)):
             world.advance(ctrl, 1)
             yield left == 0
-    memory.check()
+    state_check.check()
 
 
-def _check_controls(drive: Any, world: World, ctrl: Any) -> None:
+def _check_controls(controller: Any, world: World, ctrl: Any) -> None:
     """Raise ValueError if the controller returns another shape, or controls that are not finite in an episode whose state is finite."""
     if ctrl is None:
         return
     if np.shape(ctrl) not in ((world.num_envs, world.model.nu), (world.model.nu,)):
         raise ValueError(
-            f"the controller {drives.name_of(drive)} returned the shape {np.shape(ctrl)}, must be (num_envs, nu), which is "
+            f"the controller {controllers.name_of(controller)} returned the shape {np.shape(ctrl)}, must be (num_envs, nu), which is "
             f"({world.num_envs}, {world.model.nu}), or (nu,), or None"
         )
     if np.isfinite(ctrl).all():
@@ -253,8 +253,8 @@ def _check_controls(drive: Any, world: World, ctrl: Any) -> None:
         env, actuator = (int(k) for k in found[0])
         name = world.model.actuator(actuator).name or f"#{actuator}"
         raise ValueError(
-            f"the controller {drives.name_of(drive)} gives actuator {name!r} the control {rows[env, actuator]} at {world.time[env]:g} s of "
-            f"episode {int(world.episodes[env])}: controls must be finite"
+            f"the controller {controllers.name_of(controller)} gives actuator {name!r} the control {rows[env, actuator]} at "
+            f"{world.time[env]:g} s of episode {int(world.episodes[env])}: controls must be finite"
         )
 
 
@@ -263,7 +263,7 @@ def outcomes_of(watch: Watch, world: World) -> dict[str, Array]:
     return {name: np.where(world.diverged, np.nan, value) for name, value in watch.values(world).items()}
 
 
-def drive_through(
+def run_batch(
     study: Study, world: World, episodes: Sequence[int], look: Callable[[World], None], each: Callable[[World], None] | None = None
 ) -> None:
     """Run episodes to their end.
@@ -297,7 +297,7 @@ def rows_in(world: World, study: Study, setting: str, values_by_env: Sequence[Va
         else:
             seen.append(Watch(tuple(study.all_outcomes), now))
 
-    drive_through(study, world, episodes, look)
+    run_batch(study, world, episodes, look)
     return _rows(study, setting, list(zip(values_by_env, episodes, strict=True)), world, outcomes_of(seen[0], world))
 
 

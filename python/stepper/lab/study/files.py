@@ -36,7 +36,7 @@ from typing import TYPE_CHECKING, Any
 from stepper._hints import did_you_mean, present_keyword
 from stepper._options import Options
 from stepper.actuators import ActuatorModel
-from stepper.lab.study.drives import Policy, Recorded, find, load_file
+from stepper.lab.study.controllers import Policy, Recorded, find, load_file
 from stepper.lab.study.outcomes import Outcome
 from stepper.lab.study.parameters import Parameter
 from stepper.lab.study.policy_files import ENDINGS, PROGRAM

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from stepper.lab.study.drives import FILES
+from stepper.lab.study.controllers import FILES
 from stepper.shared.ray_tasks import each_task, running_ray
 
 if TYPE_CHECKING:

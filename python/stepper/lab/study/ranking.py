@@ -25,7 +25,7 @@ from stepper.lab.study.batches import run_points
 from stepper.lab.study.document import Document, Section, counted
 from stepper.lab.study.intervals import wilson
 from stepper.lab.study.journal import diverged
-from stepper.lab.study.parameters import check_overlaps, selected
+from stepper.lab.study.parameters import check_value_conflicts, selected
 from stepper.lab.study.points import USUAL, Point, inapplicable
 from stepper.lab.study.report import in_force, study_of
 from stepper.lab.study.results import Results
@@ -129,7 +129,7 @@ def rank(
         chosen = selected(study.parameters, parameters, study.loaded[0])
         study, parameters = replace(study, parameters={**study.parameters, **chosen}), list(chosen)
     names = _names(study, parameters, setting)
-    check_overlaps({name: study.parameters[name] for name in names}, study.loaded[0])
+    check_value_conflicts({name: study.parameters[name] for name in names}, study.loaded[0])
     if samples < 2 or samples & (samples - 1):
         raise ValueError(f"samples is {samples}, must be a power of 2, of 2 and more")
     # Imported before a long run, not after.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from stepper._status import Status
 from stepper._stepper import Model
-from stepper.lab.study.batches import drive_through, world_of
+from stepper.lab.study.batches import run_batch, world_of
 from stepper.lab.study.outcomes import Watch
 from stepper.lab.study.points import USUAL
 from stepper.lab.study.study import Study
@@ -286,6 +286,6 @@ def touching(study: Study, episodes: Sequence[int], **changed: Any) -> Touching:
         else:
             watches.append(Watch(tuple(study.all_outcomes), now))
 
-    drive_through(study, world, episodes, look, ledger.look)
+    run_batch(study, world, episodes, look, ledger.look)
     watches[0].values(world)
     return ledger.result(senses=world.senses)

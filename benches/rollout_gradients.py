@@ -1,7 +1,9 @@
 """Accuracy of rollout gradients, compared with finite differences of whole rollouts, for docs/benchmarks/derivatives.md.
 
-python benches/rollout_gradients.py                    # random scenes, then the models of all registered tasks
-python benches/rollout_gradients.py scenes --count 20  # the first twenty scenes
+Usage:
+
+    python benches/rollout_gradients.py                    # random scenes, then the models of all registered tasks
+    python benches/rollout_gradients.py scenes --count 20  # the first twenty scenes
 """
 
 from __future__ import annotations

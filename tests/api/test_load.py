@@ -416,7 +416,7 @@ def test_replace_refuses_what_a_model_cannot_have() -> None:
         free.replace(dof_damping=[1.0, 0, 0, 0, 0, 0])
 
 
-# The loader's knowledge of MuJoCo
+# MuJoCo's types and defaults in the loader.
 
 
 def test_every_field_of_mjmodel_is_decided() -> None:

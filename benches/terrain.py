@@ -1,6 +1,8 @@
 """Cost of terrain: processor time of a step of one ball that rolls over each kind of ground.
 
-python -m terrain
+Usage:
+
+    python -m terrain
 """
 
 from __future__ import annotations

@@ -48,7 +48,7 @@ pub fn scale<R: Real, const N: usize>(a: [R; N], s: R) -> [R; N] {
     out
 }
 
-/// a b, entry by entry
+/// Product of a and b, entry by entry.
 #[inline(always)]
 pub fn times<R: Real, const N: usize>(a: [R; N], b: [R; N]) -> [R; N] {
     let mut out = [R::zero(); N];

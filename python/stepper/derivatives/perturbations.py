@@ -1,8 +1,7 @@
 """Perturbed quantities, the sizes of their displacements, and the difference formulas.
 
 A column is one number: a degree of freedom of qpos, a velocity, an activation, a control or an entry of a parameter. Each is displaced to
-two
-points, or to one with `centered=False`. Richardson's extrapolation has twice as many points.
+two points, or to one with `centered=False`. Richardson's extrapolation has twice as many points.
 """
 
 from __future__ import annotations

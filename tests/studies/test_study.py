@@ -900,9 +900,9 @@ def test_an_episode_alone_is_the_one_of_the_table_and_of_its_recording(tmp_path,
     other = study.episode({"gain": 1.9}, 2, seed=1)
     assert other["outcomes"] != row["outcomes"]
     # Looked at step by step, twice over.
-    watched = Episodes(study, {"gain": 1.9}, [2, 1]).watched()
+    steps = Episodes(study, {"gain": 1.9}, [2, 1]).repeated_steps()
     for _ in range(2):
-        ends = [next(own for own in watched if own is not None) for _ in range(2)]
+        ends = [next(own for own in steps if own is not None) for _ in range(2)]
         for end in ends:
             assert end["angle"].tolist() == [rows[5]["outcomes"]["angle"], rows[4]["outcomes"]["angle"]]
 

@@ -21,7 +21,7 @@ from stepper.derivatives.nominal_mode import Pairs
 from stepper.derivatives.perturbations import STATE, Array, Block, Stencil
 from stepper.shared.fields import APPLIED, RANDOMIZED
 
-ROOM = 1024
+COPIES_PER_THREAD = 1024
 """Largest number of copies per thread in one batch, so that the copies fit into the cache of a core. Copies of one environment are never
 split."""
 
@@ -119,7 +119,7 @@ def parts_of(
     """Yields perturbed copies of all environments, or of the slice `envs`, for some environments at a time, ready to be stepped."""
     begin, end = (0, nominal.num_envs) if envs is None else (envs.start, envs.stop)
     levels, points, columns = stencil.offsets.shape[1:]
-    largest = ROOM * (sim.threads or os.cpu_count() or 1)
+    largest = COPIES_PER_THREAD * (sim.threads or os.cpu_count() or 1)
     most = max(1, largest // (1 + levels * points * columns))
     size = -(-(end - begin) // -(-(end - begin) // most))
     # Steppers are reused only if each linearization overwrites everything in them: no drives, sensors, applied forces or parameters.

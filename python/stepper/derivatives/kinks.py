@@ -34,24 +34,24 @@ SOLVED = 1e-9
 
 
 class Kink(IntFlag):
-    """Flags for the kinds of kinks: differences between perturbed copies and the nominal environment."""
+    """Flags for the kinds of kinks: differences between a perturbed copy and the nominal (unperturbed) environment."""
 
     NONE = 0
     """No kink."""
     CONTACT = 1
     """Contacts begin or cease to push."""
     SLIP = 2
-    """A contact sticks in one and slips in the other; not detected with contact="mujoco"."""
+    """A contact sticks in one of the two environments and slips in the other; not detected with contact="mujoco"."""
     GAP = 4
-    """A contact or limit has a tiny gap in one and overlaps in the other. A gap may close within the step; an overlap adds no velocity.
-    A robot at rest is at this kink; docs/how-to/derivatives.md has settings without it. With method="implicit" the flag has a second
-    cause: equalities move a contact across the depth at which the damping of its position correction begins."""
+    """A contact or limit has a tiny gap in one of them and overlaps in the other. A gap may close within the step; an overlap adds no
+    velocity. A robot at rest is at this kink; docs/how-to/derivatives.md has settings without it. With method="implicit" the flag has a
+    second cause: equalities move a contact across the depth at which the damping of its position correction begins."""
     LIMIT = 8
     """A slide or hinge reaches a limit or leaves it; limits of ball joints and tendons are not detected."""
     DRY_FRICTION = 16
-    """Dry friction holds a joint in one and not in the other; not detected with contact="mujoco"."""
+    """Dry friction holds a joint in one of the two environments and not in the other; not detected with contact="mujoco"."""
     SATURATION = 32
-    """The force of an actuator is at its limit in one and not in the other, or in both."""
+    """The force of an actuator is at its limit in one of the two environments, or in both."""
     SLOPE = 64
     """Slopes on both sides of the nominal point differ, whatever the cause."""
     UNSOLVED = 128

@@ -35,9 +35,9 @@ _BATCHES = 4
 """Number of batches of states from which steps are timed."""
 _ROUNDS = 11
 """Number of timed rounds."""
-_LEAST = 4e-3
+_SHORTEST_ROUND = 4e-3
 """Shortest duration of a round, s of processor time."""
-_USED = 1e-9
+_USED_FRICTION = 1e-9
 """Fraction of the friction cone, or ratio of torque to peak force (m), above which a contact counts as using friction."""
 
 
@@ -124,7 +124,7 @@ def _uses(study: Study, seen: Touching) -> Iterator[Use]:
     """Rows of the table of used parts."""
     model, options = study.loaded[0], study.options
     pressed = [pair for pair in seen.pairs if pair.impulse > 0]
-    rubbed = [pair for pair in pressed if pair.cone > _USED or pair.twists > _USED * pair.peak]
+    rubbed = [pair for pair in pressed if pair.cone > _USED_FRICTION or pair.twists > _USED_FRICTION * pair.peak]
     slid = [pair for pair in pressed if pair.cone >= 1 - 1e-3]
     near = {tuple(sorted(model.geom(g).bodyid for g in pair.geoms)) for pair in seen.pairs}
     yield Use("pairs of bodies within reach of a step", len(pairs_that_may_touch(model, study.loaded[1])), len(near))
@@ -225,7 +225,7 @@ _PARTS: tuple[tuple[str, Callable[[Description], None]], ...] = (
     ("actuators", _no_actuators),
 )
 """Removable parts: name and function, in the order of removal."""
-_REST = "motion of the bodies"
+_REMAINDER = "motion of the bodies"
 """Name of the part that remains in the end."""
 
 
@@ -262,10 +262,10 @@ def _states(study: Study, episodes: range) -> tuple[list[_States], Any]:
     sim = world.sim
     rows: list[_States] = []
 
-    def look(_: World) -> None:
+    def record(_: World) -> None:
         rows.append((world.qpos.copy(), world.qvel.copy(), np.array(sim.act, float), np.array(sim.ctrl, float)))
 
-    run_batch(study, world, episodes, look)
+    run_batch(study, world, episodes, record)
     # Row k of the controls acts on the state of row k - 1.
     every = [np.concatenate([row[k] for row in (rows[1:] if k == 3 else rows[:-1])]) for k in range(4)]
     chosen = np.random.default_rng(0).permutation(np.resize(np.arange(len(every[0])), max(BATCH, min(len(every[0]), _BATCHES * BATCH))))
@@ -293,14 +293,14 @@ def _costs(study: Study, episodes: range, tick: Tick) -> Iterator[Part]:
             case.once()
         for number in range(_ROUNDS):
             for case in cases:
-                case.measure(_LEAST)
+                case.measure(_SHORTEST_ROUND)
             tick("costs", (number + 1) / _ROUNDS)
     steps = len(states) * BATCH
     # The smallest of the rounds, because other load on the machine only adds time.
     spent = [1e6 * min(case.times) / steps for case in cases]
     memory = [case.sim.memory()["per_env"] for case in cases]
     yield Part(names[0], 1.0, spent[0], memory[0])
-    for k, name in enumerate([*names[1:], _REST]):
+    for k, name in enumerate([*names[1:], _REMAINDER]):
         last = k == len(names) - 1
         own, bytes_of = (spent[k], memory[k]) if last else (spent[k] - spent[k + 1], memory[k] - memory[k + 1])
         yield Part(name, own / spent[0], own, bytes_of)

@@ -22,7 +22,7 @@ from stepper.lab.accuracy.costs import costs
 from stepper.lab.accuracy.distributions import shifts
 from stepper.lab.accuracy.dots import Dot
 from stepper.lab.accuracy.invariants import Invariants
-from stepper.lab.accuracy.measure import COSTS, INVARIANTS, REFERENCE, TARGET, ChartBasis, Point, measure, reference
+from stepper.lab.accuracy.measure import COSTS, INVARIANTS, REFERENCE, TARGET, ChartBasis, Point, chart_reference, measure
 from stepper.lab.accuracy.reference import Reference, check_moves
 from stepper.lab.accuracy.tables import ChartData, write
 from stepper.lab.accuracy.traces import Distance, quantity
@@ -108,8 +108,8 @@ def chart(
     told: Tick = tick or (lambda _what, _done: None)
     numbers, most = range(episodes), 4 if quick else 7
     stage = clock.stage(REFERENCE)
-    distance, right = reference(study, numbers, until, unit, most, stage=stage, tick=lambda done: told("reference", done))
-    ground = ChartBasis(study, numbers, distance, right, most, clock)
+    distance, reference = chart_reference(study, numbers, until, unit, most, stage=stage, tick=lambda done: told("reference", done))
+    ground = ChartBasis(study, numbers, distance, reference, most, clock)
     steps = timesteps(study, coarser=2 if quick else 3, finer=1 if quick else 3)
     points, skipped, laws = measure(ground, lines(study, quick=quick), steps, told)
     peers = (("MuJoCo", no_peer(study)), ("rapier", no_rapier(study)))
@@ -120,7 +120,7 @@ def chart(
     folder.mkdir(parents=True, exist_ok=True)
     found = ChartData(ground, points, dots, tuple(skipped), laws, invariants)
     document, files = write(found, folder)
-    return Chart(study, distance, right, dots, tuple(skipped), document, tuple(files))
+    return Chart(study, distance, reference, dots, tuple(skipped), document, tuple(files))
 
 
 def _dots(ground: ChartBasis, points: Sequence[Point], invariants: Invariants, *, quick: bool, told: Tick) -> tuple[Dot, ...]:
@@ -186,7 +186,7 @@ def _dot(ground: ChartBasis, point: Point, cost: tuple[float, float] | None, kep
         outcome=_mean(values),
         share=float(outcome.succeeds(values).mean()) if whole and outcome is not None else nan,
         invariants={name: _largest(own) for name, own in kept.items()},
-        shifts=() if trace is None else tuple(shifts(study, trace, ground.right.trace)),
+        shifts=() if trace is None else tuple(shifts(study, trace, ground.reference.trace)),
         notes=tuple(notes),
     )
 

@@ -20,7 +20,7 @@ from stepper.lab.study.study import Study
 from stepper.lab.study.worlds import StepperWorld
 
 Array = NDArray[np.float64]
-_BEGINS = 1e-9
+_INITIAL_DIFFERENCE = 1e-9
 """Largest accepted difference between the initial states of a closed form and of the episodes, m, rad, m/s, rad/s."""
 
 
@@ -78,17 +78,17 @@ def closed_form(study: Study, episodes: Sequence[int]) -> Trace:
             raise ValueError(f"{study.name}: exact, {name}, gives {what} of shape {made.shape}, must be (T, num_envs, n{what[0]}): {shape}")
         if not np.isfinite(made).all():
             raise ValueError(f"{study.name}: exact, {name}, gives {what} that is not finite: it must be finite at all times")
-        if (apart := float(np.abs(made[0] - own).max(initial=0.0))) > _BEGINS:
+        if (apart := float(np.abs(made[0] - own).max(initial=0.0))) > _INITIAL_DIFFERENCE:
             raise ValueError(
                 f"{study.name}: exact, {name}, begins {apart:.2g} away from the initial {what} of the episodes: at time 0 it must "
                 "return the world's qpos and qvel, with their noise"
             )
         rows.append(made)
     seen = TraceRecorder(study, world)
-    seen.look(world)
+    seen.record(world)
     for k, time in enumerate(times[1:], start=1):
         world.sim.reset(qpos=rows[0][k], qvel=rows[1][k])
         world.time = np.full(world.num_envs, time)
-        seen.look(world)
+        seen.record(world)
     # With an infinite duration, no run counts as much slower than the reference.
     return replace(seen.trace(world, study.controls, math.inf), settings={"exact": name}, timestep=math.nan)

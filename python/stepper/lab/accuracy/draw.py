@@ -33,7 +33,7 @@ _ACROSS = 3
 """Number of panels of invariants per row of the picture."""
 
 
-def draw(study: Study, distance: Distance, right: Reference, dots: Sequence[Dot], *, path: Path, note: str) -> Path:
+def draw(study: Study, distance: Distance, reference: Reference, dots: Sequence[Dot], *, path: Path, note: str) -> Path:
     """Draw the chart into a PNG file: error against cost, and sources of errors.
 
     Raises:
@@ -48,7 +48,7 @@ def draw(study: Study, distance: Distance, right: Reference, dots: Sequence[Dot]
     panels = [figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])]
     for panel, cost, title in zip(panels, ("alone", "batch"), ("one environment alone", f"{BATCH} environments in a batch"), strict=True):
         _panel(panel, dots, cost, colours, markers)
-        low = float(np.median(right.uncertainty))
+        low = float(np.median(reference.uncertainty))
         low = low if math.isfinite(low) else _FLOOR
         panel.axhspan(_FLOOR, max(low, 2 * _FLOOR), color="#888888", alpha=0.15, linewidth=0)
         panel.set_title(title, fontsize=11)
@@ -59,7 +59,7 @@ def draw(study: Study, distance: Distance, right: Reference, dots: Sequence[Dot]
             panel.set_ylim(max(_FLOOR, 0.3 * min([*finite, max(low, _FLOOR)])), 3 * max(finite))
     _legends(figure, panels, markers)
     _split(figure.add_subplot(grid[1, :]), study, dots, labels, colours)
-    title = "\n".join(textwrap.wrap(f"{study.name}. Reference: {right.words}", 150))
+    title = "\n".join(textwrap.wrap(f"{study.name}. Reference: {reference.words}", 150))
     figure.suptitle(f"{title}\n{note}", fontsize=9)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path)
@@ -111,6 +111,7 @@ def _colours(labels: Sequence[str]) -> dict[str, str]:
 
 
 def _line(label: str) -> str:
+    """Style of a line of the chart by engine and precision."""
     return "--" if label.startswith("MuJoCo:") else "-." if label.startswith("rapier:") else ":" if label.endswith(_SINGLE) else "-"
 
 

@@ -264,7 +264,7 @@ def outcomes_of(watch: Watch, world: World) -> dict[str, Array]:
 
 
 def run_batch(
-    study: Study, world: World, episodes: Sequence[int], look: Callable[[World], None], each: Callable[[World], None] | None = None
+    study: Study, world: World, episodes: Sequence[int], on_control: Callable[[World], None], on_step: Callable[[World], None] | None = None
 ) -> None:
     """Run episodes to their end.
 
@@ -272,14 +272,14 @@ def run_batch(
         study: The study.
         world: Environments, one for each episode.
         episodes: Numbers of the episodes.
-        look: Function that is called at the start and after every control period.
-        each: Function that is called after every time step; None is none.
+        on_control: Function that is called at the start and after every control period.
+        on_step: Function that is called after every time step; None is none.
     """
-    for number, looks in enumerate(running(study, world, episodes, by_step=each is not None)):
-        if each is not None and number:
-            each(world)
+    for number, looks in enumerate(running(study, world, episodes, by_step=on_step is not None)):
+        if on_step is not None and number:
+            on_step(world)
         if looks:
-            look(world)
+            on_control(world)
 
 
 def run_episodes(study: Study, setting: str, values_by_env: Sequence[Values], episodes: Sequence[int], **changed: Any) -> list[Row]:
@@ -291,13 +291,13 @@ def rows_in(world: World, study: Study, setting: str, values_by_env: Sequence[Va
     """Run a batch of episodes in a given world, and return their rows, without keys."""
     seen: list[Watch] = []
 
-    def look(now: World) -> None:
+    def record(now: World) -> None:
         if seen:
-            seen[0].look(now)
+            seen[0].record(now)
         else:
             seen.append(Watch(tuple(study.all_outcomes), now))
 
-    run_batch(study, world, episodes, look)
+    run_batch(study, world, episodes, record)
     return _rows(study, setting, list(zip(values_by_env, episodes, strict=True)), world, outcomes_of(seen[0], world))
 
 

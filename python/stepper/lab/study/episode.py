@@ -84,7 +84,7 @@ class Episodes:
             made = rows_in(self.world, study, point.setting, [point.values] * len(self.episodes), self.episodes)
         return [made[env] for env in self.shown]
 
-    def watched(self) -> Iterator[dict[str, Any] | None]:
+    def repeated_steps(self) -> Iterator[dict[str, Any] | None]:
         """Run the episodes step by step, and repeat them without end.
 
         Yields:
@@ -97,7 +97,7 @@ class Episodes:
             controls = 0
             for looks in running(self.study, self.world, self.episodes, by_step=True):
                 if looks and watch is not None:
-                    watch.look(self.world)
+                    watch.record(self.world)
                     controls += 1
                 watch = watch or Watch(outcomes, self.world)
                 # Yielded before the next reset, so that the viewer shows the final state.

@@ -304,6 +304,7 @@ def check(parameters: Mapping[str, Parameter], model: Model) -> None:
 
 
 def _where(parameter: Parameter) -> str:
+    """Text that names the selector of a parameter in error messages."""
     return f"selector {parameter.selector!r}"
 
 

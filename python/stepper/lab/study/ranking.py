@@ -203,7 +203,8 @@ def _indices(stats: Any, study: Study, values: Array, n: int) -> tuple[Array, Ar
     """
     rows = values.reshape(-1, n)
 
-    def of(some: NDArray[np.int64]) -> tuple[Array, Array]:
+    def indices_of(some: NDArray[np.int64]) -> tuple[Array, Array]:
+        """Total and first-order indices of some points, (parameters,) each."""
         a, b, *mixed = rows[:, some]
         if np.ptp([a, b]) == 0.0:
             # A resample without variance has no shares of it.
@@ -211,9 +212,9 @@ def _indices(stats: Any, study: Study, values: Array, n: int) -> tuple[Array, Ar
         found = stats.sobol_indices(func={"f_A": a[None], "f_B": b[None], "f_AB": np.array(mixed)[:, None]}, n=n)
         return found.total_order, found.first_order
 
-    total, first = of(np.arange(n))
+    total, first = indices_of(np.arange(n))
     rng = np.random.default_rng([study.seed, 3])
-    again = np.array([of(rng.integers(n, size=n)) for _ in range(_RESAMPLES)])
+    again = np.array([indices_of(rng.integers(n, size=n)) for _ in range(_RESAMPLES)])
     ends = np.nanpercentile(again, [2.5, 97.5], axis=0)
     return total, first, ends[:, 0].T, ends[:, 1].T
 

@@ -157,6 +157,7 @@ def with_peers(study: Study) -> Study:
 
 
 def _has_peer(study: Study) -> bool:
+    """Whether any settings of the study run in MuJoCo."""
     return any(own.get("engine") == "mujoco" for own in study.settings.values())
 
 
@@ -452,6 +453,7 @@ def _transfer(study: Study, found: Sweep) -> list[Section]:
 
 
 def _nominal_rows(found: Sweep, setting: str) -> dict[int, dict[str, Any]]:
+    """Rows of the journal at the nominal point with some settings, by number of the episode."""
     nominal = nominal_of(found.study, setting)
     return {row["episode"]: row for row in found.table.rows if row["setting"] == setting and row["parameters"] == nominal}
 
@@ -483,6 +485,7 @@ def _failures(verdicts: Sequence[Verdict], found: Sweep) -> list[Section]:
 
 
 def _left_out(study: Study) -> list[Section]:
+    """Section with the elements of the source that the model leaves out."""
     return [Section("Left out of the model", study.notes or ["Nothing."])]
 
 

@@ -420,12 +420,12 @@ def _check_options(given: Mapping[str, Any]) -> None:
     if unknown := sorted(given.keys() - SETTINGS):
         of_mujoco = '; MuJoCo has it: add engine = "mujoco",' if unknown[0] in MUJOCO_SETTINGS else ""
         hint = of_mujoco or did_you_mean(unknown[0], SETTINGS) or ","
-        raise ValueError(f"unknown {unknown}{hint} must be of: {', '.join(sorted(SETTINGS))}")
+        raise ValueError(f"unknown {unknown}{hint} must be one of: {', '.join(sorted(SETTINGS))}")
     for name, words in _words().items():
         if name in given and given[name] not in words:
             listed = [repr(word) for word in words if word is not None]
             guess = did_you_mean(str(given[name]), [str(word) for word in words])
-            raise ValueError(f"{name} is {given[name]!r}{guess or ','} must be of: {', '.join(listed)}")
+            raise ValueError(f"{name} is {given[name]!r}{guess or ','} must be one of: {', '.join(listed)}")
 
 
 @cache
@@ -446,4 +446,5 @@ def _force_types(model: Model) -> list[str]:
 
 
 def _digest(value: Any) -> str:
+    """Digest of a value of JSON: 32 hexadecimal digits."""
     return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()[:32]

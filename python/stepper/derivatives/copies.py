@@ -244,6 +244,7 @@ def _stepper(sim: Stepper, index: NDArray[np.int64], options: Options) -> Steppe
     # sensors do not matter, because only ideal readings are differentiated.
 
     def memory_of(own: Any) -> Any:
+        """Model of sensors or actuators whose parts all have values for the copies."""
         named = {name: _widest(part, sim, len(index)) for name, part in own.named.items()}
         return type(own)(named, default=_widest(own.default, sim, len(index)))
 
@@ -267,9 +268,10 @@ def _widest(part: Any, sim: Stepper, count: int) -> Any:
     total = sum((unit * np.asarray(getattr(part, name, 0.0), np.float64) for name, unit in units.items()), np.zeros(1))
     longest = int(np.argmax(total))
 
-    def new(value: Any, *, delays: bool) -> Any:
+    def widest(value: Any, *, delays: bool) -> Any:
+        """Value of a field for the copies."""
         if isinstance(value, tuple):
-            return tuple(new(end, delays=False) for end in value)
+            return tuple(widest(end, delays=False) for end in value)
         # A number, or a matrix that mixes the axes of a sensor, applies to all environments. A nested part, such as a motor, is copied.
         if value is None or isinstance(value, str) or is_dataclass(value) or np.size(value) == 1 or np.ndim(value) == 2:
             return _widest(value, sim, count)
@@ -278,7 +280,7 @@ def _widest(part: Any, sim: Stepper, count: int) -> Any:
         out[0] = numbers[longest] if delays else numbers.max()
         return out
 
-    return replace(part, **{field.name: new(getattr(part, field.name), delays=field.name in units) for field in fields(part)})
+    return replace(part, **{field.name: widest(getattr(part, field.name), delays=field.name in units) for field in fields(part)})
 
 
 def _randomize(copies: Stepper, nominal: Nominal, blocks: Sequence[Block], flat: dict[str, Array], index: NDArray[np.int64]) -> None:

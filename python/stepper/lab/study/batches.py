@@ -283,12 +283,12 @@ def run_batch(
 
 
 def run_episodes(study: Study, setting: str, values_by_env: Sequence[Values], episodes: Sequence[int], **changed: Any) -> list[Row]:
-    """Run a batch of episodes, and return their rows, without keys. See `world_of` for the arguments."""
+    """Run a batch of episodes, and return their rows, without the keys of the journal. See `world_of` for the arguments."""
     return rows_in(world_of(study, setting, values_by_env, **changed), study, setting, values_by_env, episodes)
 
 
 def rows_in(world: World, study: Study, setting: str, values_by_env: Sequence[Values], episodes: Sequence[int]) -> list[Row]:
-    """Run a batch of episodes in a given world, and return their rows, without keys."""
+    """Run a batch of episodes in a given world, and return their rows, without the keys of the journal."""
     seen: list[Watch] = []
 
     def record(now: World) -> None:
@@ -302,12 +302,15 @@ def rows_in(world: World, study: Study, setting: str, values_by_env: Sequence[Va
 
 
 def _run(study: Study, batch: _Batch) -> list[Row]:
-    """Rows of one batch, without keys."""
+    """Rows of one batch, without the keys of the journal."""
     return run_episodes(study, batch.setting, [point.values for point, _ in batch.episodes], [e for _, e in batch.episodes])
 
 
 def _rows(study: Study, setting: str, members: Sequence[tuple[Values, int]], world: World, outcomes: Mapping[str, Array]) -> list[Row]:
-    """Rows of finished episodes, without keys. `members` has parameter values and number of each episode, `outcomes` arrays (num_envs,)."""
+    """Rows of finished episodes, without the keys of the journal.
+
+    `members` has the parameter values and the number of each episode, and `outcomes` arrays (num_envs,).
+    """
     decisive, certificate, settings = study.decisive, world.certificate(), world.settings()
     success = None if decisive is None else decisive.succeeds(outcomes[decisive.name])
     in_force = hashlib.sha256(json.dumps(study.in_force, sort_keys=True, default=str).encode()).hexdigest()[:16]

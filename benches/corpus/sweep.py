@@ -59,6 +59,7 @@ class Sweep:
                     self._add(done.result(), keep)
 
     def _add(self, row: Row, keep: Callable[[Row], None]) -> None:
+        """Store a row, and pass it to `keep`."""
         self.rows[row.key] = row
         keep(row)
 
@@ -68,6 +69,7 @@ class Sweep:
         return [r.model for r in rows if r.model and r.outcome in (MEASURED, REFUSED) and r.stepper == library() and r.key != key]
 
     def _measure(self, package: Package, file: str) -> Row:
+        """Row of a file, measured in another process with a time limit."""
         key = (package.name, package.version, file)
         command: Sequence[str] = [sys.executable, "-m", "corpus.measure", package.name, file, "--cache", str(self.cache)]
         try:

@@ -255,6 +255,7 @@ def matched_table(count: int) -> str:
 
 
 def _table(count: int, run: Callable[[Strike, int], Followed]) -> str:
+    """Markdown table of runs in all scenes, which is also printed."""
     lines = [f"| {HEAD} |", "|" + "---|" * (HEAD.count("|") + 1)]
     for make in STRIKES:
         scene = make()

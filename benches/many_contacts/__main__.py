@@ -88,10 +88,12 @@ def main() -> None:
 
 
 def _plan(args: argparse.Namespace, num_envs: int) -> Plan:
+    """Extent of the measurement from the command line."""
     return Plan(num_envs, args.peers, tuple(args.precision), tuple(args.settings), args.rounds, args.patience, args.seed)
 
 
 def _save(scenes: Sequence[Scene], args: argparse.Namespace) -> None:
+    """Record the timed phases of all scenes as episodes for `anatomy`."""
     for num_envs in args.num_envs:
         for scene in scenes:
             try:
@@ -104,14 +106,17 @@ def _save(scenes: Sequence[Scene], args: argparse.Namespace) -> None:
 
 
 def _path(scene: Scene, cache: Path, out: Path) -> Path:
+    """Path of the MJCF file of a scene, which is written here."""
     return written(scene.spec(Assets(cache)), out / "many_contacts" / f"{scene.name.replace(' ', '_')}.xml")
 
 
 def _words(error: Exception) -> str:
+    """Type and message of an error in one line."""
     return f"{type(error).__name__}: {' '.join(str(error).split())}"
 
 
 def _measured(scene: Scene, plan: Plan, cache: Path, out: Path) -> list[dict[str, Any]]:
+    """Rows of a scene; an error is printed, and gives no rows."""
     begin = time.perf_counter()
     try:
         rows = measure(scene, _path(scene, cache, out), plan)
@@ -125,6 +130,7 @@ def _measured(scene: Scene, plan: Plan, cache: Path, out: Path) -> list[dict[str
 
 
 def _ratios(row: dict[str, Any]) -> str:
+    """Text of the speedups in a row."""
     return " ".join(f"{found['ratio']:.2f}" for found in row["ours"].values())
 
 

@@ -203,6 +203,7 @@ def _led(scene: Scene, script: Script, model: Model, path: Path) -> Script:
 
 
 def _figures(track: Track) -> dict[str, Any]:
+    """Numbers of a track for the table."""
     return {
         "microseconds": track.microseconds,
         "contacts": float(np.mean([s.contacts for s in track.samples])),
@@ -283,6 +284,7 @@ def _chunk(batch: Batch, script: Script, steps: range, phase: str | None) -> flo
 
 
 def _restart(batch: Batch, script: Script, restarts: Any) -> None:
+    """Reset the environments whose episode has ended, to the next initial states of the script."""
     if script.ended is None or script.anew is None:
         return
     mask = script.ended(batch.qpos)

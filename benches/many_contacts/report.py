@@ -85,18 +85,22 @@ alone, and the second table the share of steps that they leave unsolved."""
 
 
 def _line(cells: Iterable[object]) -> str:
+    """Row of a Markdown table."""
     return "| " + " | ".join(map(str, cells)) + " |"
 
 
 def _table(head: Sequence[str], lines: Iterable[Sequence[object]]) -> str:
+    """Markdown table."""
     return "\n".join([_line(head), _line(["---"] * len(head)), *map(_line, lines)])
 
 
 def _both(values: Iterable[object]) -> str:
+    """Values for f64 and f32, separated by a slash."""
     return " / ".join(map(str, values))
 
 
 def _mm(metres: float) -> str:
+    """Text of a length in mm."""
     return f"{1e3 * metres:.2g}"
 
 
@@ -106,6 +110,7 @@ def _number(found: Row | None, name: str, form: str, unit: float = 1.0) -> str:
 
 
 def _slip(found: Sequence[float] | None) -> str:
+    """Text of the median slip in mm, with the share of dropped objects."""
     if found is None:
         return ""
     return _mm(found[0]) + (f" ({found[1]:.0%} dropped)" if found[1] else "")
@@ -121,7 +126,7 @@ def speed(rows: Sequence[Row], floors: Floors, factor: float = 1.0) -> str:
 
     Args:
         rows: Rows of many_contacts.json with the same number of environments.
-        floors: Floors of the episodes.
+        floors: Floors (lower bounds of the step time, see episodes.py) of the episodes.
         factor: Factor on the targets for this machine.
     """
     columns = list(dict.fromkeys(name for row in rows for name in row["ours"]))
@@ -164,14 +169,17 @@ def speed(rows: Sequence[Row], floors: Floors, factor: float = 1.0) -> str:
 
 
 def _targets(defaults: Sequence[str]) -> list[float]:
+    """Target of the mean speedup for each column."""
     return [dict(zip(("f64", "f32"), MEAN, strict=True))[name.split()[0]] for name in defaults]
 
 
 def _reached(ratio: float, target: float) -> str:
+    """Text of a speedup with its target."""
     return f"**{ratio:.2g}** ({target:.2g})"
 
 
 def _label(column: str) -> str:
+    """Heading of a column: precision, and setting if it is not the default."""
     precision, _, setting = column.partition(" ")
     return precision if setting == "default" else f"{setting} {precision}"
 
@@ -198,6 +206,7 @@ def accuracy(rows: Sequence[Row]) -> str:
 
 
 def _timed(scene: Scene) -> str:
+    """Names of the timed phases of a scene."""
     return ", ".join(phase.name for phase in scene.phases if phase.timed and phase.name)
 
 
@@ -208,7 +217,7 @@ class Report:
     Attributes:
         rows: Rows of many_contacts.json, in the order of the scenes.
         came_from: Provenance of the rows: machine, versions, time.
-        floors: Floors of the episodes of scenes and robots.
+        floors: Floors (lower bounds of the step time, see episodes.py) of scenes and robots.
         robots: Content of throughput.json. None if the file does not exist.
     """
 

@@ -109,6 +109,7 @@ def build(ground: Ground, cache: Path, out: Path) -> tuple[Model, Path]:
 
 
 def _written(ground: Ground, add: Callable[[Any], None], cache: Path, out: Path) -> Path:
+    """Path of the MJCF file of the robot on a ground, which is written here."""
     spec = unitree.spec(unitree.GO1, Assets(cache))
     spec.delete(spec.geom("floor"))
     add(spec)

@@ -95,7 +95,7 @@ class Policy:
                 "the space of actions: use envs.unwrapped.single_action_space"
             )
         if not all(np.isfinite(part).all() for part in (self.mean, self.std, *sum(self.layers, ()))):
-            raise PolicyError("a number of the policy is not finite: the training diverged, or there was none")
+            raise PolicyError("a number of the policy is not finite: the training diverged, or the policy was not trained")
 
     def __call__(self, observation: ArrayLike) -> Array:
         """Actions for observations.

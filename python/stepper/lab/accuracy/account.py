@@ -176,42 +176,49 @@ def _spent(study: Study, parts: tuple[Part, ...]) -> Section:
 # Functions that remove one part of a scene from its description (`stepper.loading.describe`), in place.
 
 
-def _no_sensors(made: Description) -> None:
-    made["sensors"] = []
+def _no_sensors(description: Description) -> None:
+    """Removes all sensors from a description, in place."""
+    description["sensors"] = []
 
 
-def _no_friction(made: Description) -> None:
-    for one in (*made["geoms"], *made["pairs"]):
+def _no_friction(description: Description) -> None:
+    """Removes friction from all contacts, in place."""
+    for one in (*description["geoms"], *description["pairs"]):
         one["condim"] = 1
 
 
-def _no_contacts(made: Description) -> None:
+def _no_contacts(description: Description) -> None:
     """Removes all contacts from a description, in place."""
-    made["pairs"] = []
-    for geom in made["geoms"]:
+    description["pairs"] = []
+    for geom in description["geoms"]:
         geom["contype"] = geom["conaffinity"] = 0
 
 
-def _no_limits(made: Description) -> None:
-    for one in (*made["joints"], *made["tendons"]):
+def _no_limits(description: Description) -> None:
+    """Removes the limits of joints and tendons from a description, in place."""
+    for one in (*description["joints"], *description["tendons"]):
         one["range"] = None
 
 
-def _no_dry_friction(made: Description) -> None:
-    for one in (*made["joints"], *made["tendons"]):
+def _no_dry_friction(description: Description) -> None:
+    """Removes dry friction from joints and tendons, in place."""
+    for one in (*description["joints"], *description["tendons"]):
         one["frictionloss"] = 0.0
 
 
-def _no_equalities(made: Description) -> None:
-    made["equalities"] = []
+def _no_equalities(description: Description) -> None:
+    """Removes all equalities from a description, in place."""
+    description["equalities"] = []
 
 
-def _no_medium(made: Description) -> None:
-    made["medium"] |= {"density": 0.0, "viscosity": 0.0}
+def _no_medium(description: Description) -> None:
+    """Removes the surrounding fluid from a description, in place."""
+    description["medium"] |= {"density": 0.0, "viscosity": 0.0}
 
 
-def _no_actuators(made: Description) -> None:
-    made["actuators"], made["keyframes"] = [], []
+def _no_actuators(description: Description) -> None:
+    """Removes all actuators, and keyframes, which have their controls from a description, in place."""
+    description["actuators"], description["keyframes"] = [], []
 
 
 _PARTS: tuple[tuple[str, Callable[[Description], None]], ...] = (
@@ -279,15 +286,17 @@ def _costs(study: Study, episodes: range, tick: Tick) -> Iterator[Part]:
     if compiled is None:
         return
     states, options = _states(study, episodes)
-    made = {name: value if name in ("meshes", "height_fields") else copy.deepcopy(value) for name, value in describe(compiled).items()}
-    names, cases = ["all"], [_Steps(Model.from_description(made, strict=False), study, states, options)]
+    description = {
+        name: value if name in ("meshes", "height_fields") else copy.deepcopy(value) for name, value in describe(compiled).items()
+    }
+    names, cases = ["all"], [_Steps(Model.from_description(description, strict=False), study, states, options)]
     for name, cut in _PARTS:
-        before = copy.deepcopy({key: value for key, value in made.items() if key not in ("meshes", "height_fields")})
-        cut(made)
-        if all(made[key] == value for key, value in before.items()):
+        before = copy.deepcopy({key: value for key, value in description.items() if key not in ("meshes", "height_fields")})
+        cut(description)
+        if all(description[key] == value for key, value in before.items()):
             continue
         names.append(name)
-        cases.append(_Steps(Model.from_description(made, strict=False), study, states, options))
+        cases.append(_Steps(Model.from_description(description, strict=False), study, states, options))
     with one_core():
         for case in cases:
             case.once()

@@ -171,10 +171,10 @@ def _settings(bench: Bench, seen: Touching, budget: float) -> Iterator[Spare]:
 def _smaller(whole: Description, cuts: Sequence[Callable[[Description], None]]) -> Model:
     """Model of a description without some parts."""
     # Meshes and height fields stay shared, because no cut changes them.
-    made = {name: value if name in ("meshes", "height_fields") else copy.deepcopy(value) for name, value in whole.items()}
+    description = {name: value if name in ("meshes", "height_fields") else copy.deepcopy(value) for name, value in whole.items()}
     for cut in cuts:
-        cut(made)
-    return Model.from_description(made, strict=False)
+        cut(description)
+    return Model.from_description(description, strict=False)
 
 
 def _pairs(model: Model, compiled: Any, seen: Touching, whole: Description) -> list[_Cut]:
@@ -187,11 +187,11 @@ def _pairs(model: Model, compiled: Any, seen: Touching, whole: Description) -> l
     idle = [geoms for geoms in _explicit(whole) if geoms not in bodies and (_bodies(model, geoms) in apart or not _meet(model, geoms))]
     of_near = [geoms for geoms in idle if _bodies(model, geoms) not in never]
 
-    def remove(made: Description) -> None:
-        known = {_ordered(own) for own in made["excludes"]}
-        made["excludes"] += [list(own) for own in never if own not in known]
+    def remove(description: Description) -> None:
+        known = {_ordered(own) for own in description["excludes"]}
+        description["excludes"] += [list(own) for own in never if own not in known]
         # Exclusions do not apply to explicit pairs.
-        _without_pairs(made, set(idle) - set(of_near))
+        _without_pairs(description, set(idle) - set(of_near))
 
     found: list[_Cut] = []
     if never:
@@ -199,13 +199,13 @@ def _pairs(model: Model, compiled: Any, seen: Touching, whole: Description) -> l
     if of_near:
         what = f"{len(of_near)} of {len(whole['pairs'])} explicit pairs of geoms"
         why = "they never came near enough to touch within a step, unlike other geoms of their bodies; or their bodies are excluded"
-        found.append((what, why, lambda made: _without_pairs(made, set(of_near))))
+        found.append((what, why, lambda description: _without_pairs(description, set(of_near))))
     return found
 
 
-def _without_pairs(made: Description, gone: set[tuple[int, int]]) -> None:
+def _without_pairs(description: Description, gone: set[tuple[int, int]]) -> None:
     """Remove explicit pairs, given by their geoms, from a description."""
-    made["pairs"] = [pair for pair in made["pairs"] if _ordered(pair["geoms"]) not in gone]
+    description["pairs"] = [pair for pair in description["pairs"] if _ordered(pair["geoms"]) not in gone]
 
 
 def _explicit(whole: Description) -> dict[tuple[int, int], int]:
@@ -241,11 +241,11 @@ def _frictionless(model: Model, seen: Touching, whole: Description) -> list[_Cut
     geoms = sorted(g for g in {g for key in idle - explicit.keys() for g in key} - busy if model.geom(g).condim > 1)
     pairs = sorted(k for key, k in explicit.items() if key in idle and whole["pairs"][k]["condim"] > 1)
 
-    def remove(made: Description) -> None:
+    def remove(description: Description) -> None:
         for g in geoms:
-            made["geoms"][g]["condim"] = 1
+            description["geoms"][g]["condim"] = 1
         for k in pairs:
-            made["pairs"][k]["condim"] = 1
+            description["pairs"][k]["condim"] = 1
 
     what = " and ".join(f"{len(own)} {name}" for own, name in ((geoms, "geoms"), (pairs, "explicit pairs of geoms")) if own)
     return [(f"friction of {what}", "none of their contacts has a tangential force", remove)] if what else []
@@ -273,11 +273,11 @@ def cones(model: Model, seen: Touching, whole: Description) -> list[_Cut]:
         return []
     worst = max((pressed[key] for key in widened), key=lambda pair: pair.cone)
 
-    def widen(made: Description) -> None:
+    def widen(description: Description) -> None:
         for k, own in wide.items():
-            made["geoms"][k]["friction"][0] = own
+            description["geoms"][k]["friction"][0] = own
         for key in widened & explicit.keys():
-            made["pairs"][explicit[key]]["friction"][0] *= _FRICTION_FACTOR
+            description["pairs"][explicit[key]]["friction"][0] *= _FRICTION_FACTOR
 
     what = f"cones of {len(widened)} of {len(pressed)} pairs of geoms that touch"
     why = (
@@ -301,9 +301,9 @@ def _limits(model: Model, seen: Touching) -> list[_Cut]:
     if not far:
         return []
 
-    def remove(made: Description) -> None:
+    def remove(description: Description) -> None:
         for k in far:
-            made["joints"][k]["range"] = None
+            description["joints"][k]["range"] = None
 
     what = "the limit of one joint" if len(far) == 1 else f"the limits of {len(far)} joints"
     return [(what, f"no step came nearer to a limit than {_LIMIT_DISTANCE:.0%} of the joint's range", remove)]
@@ -314,7 +314,7 @@ def _sensors(model: Model, seen: Touching) -> list[_Cut]:
     if not model.sensors or seen.senses:
         return []
 
-    def remove(made: Description) -> None:
-        made["sensors"] = []
+    def remove(description: Description) -> None:
+        description["sensors"] = []
 
     return [(f"{len(model.sensors)} sensors", "neither the controller nor an outcome reads them", remove)]

@@ -25,7 +25,7 @@ pub struct Report {
     pub machine: Machine,
     /// Whole steps of every scene.
     pub steps: Vec<Group>,
-    /// Engines and settings of every course.
+    /// Engines and settings in every scene of the comparison with rapier.
     pub peers: Vec<Group>,
 }
 
@@ -49,7 +49,7 @@ pub struct Machine {
 /// Group of rows that are compared with its first row.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Group {
-    /// Name of the scene or course.
+    /// Name of the scene.
     pub name: String,
     /// Names of the errors, if errors were measured.
     pub measures: Option<[String; 2]>,

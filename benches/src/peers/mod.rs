@@ -20,7 +20,7 @@ use crate::scenes::{LINK_LENGTH, LINK_MASS};
 
 /// Gravity in the scenes, m/s^2.
 pub const GRAVITY: f64 = 9.81;
-/// Scene for both engines (a course).
+/// Scene for both engines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Course {
     /// [`crate::scenes::chain`] with a number of links, released at rest in a horizontal line.
@@ -36,7 +36,7 @@ pub enum Course {
 }
 
 impl Course {
-    /// All courses.
+    /// All scenes of the comparison.
     pub const ALL: [Course; 6] = [Course::Chain(5), Course::Chain(20), Course::Box, Course::Heap, Course::Wall, Course::Balls];
 
     /// Short name.
@@ -102,7 +102,7 @@ impl Course {
         }
     }
 
-    /// Free bodies of the course; `None` for the chain.
+    /// Free bodies of the scene; `None` for the chain.
     fn bodies(self) -> Option<Bodies> {
         match self {
             Course::Chain(_) => None,
@@ -114,7 +114,7 @@ impl Course {
     }
 }
 
-/// Engine with a setting on a course.
+/// Engine with a setting in a scene.
 pub trait Engine: Run {
     /// Makes steps.
     fn advance(&mut self, steps: usize);
@@ -124,11 +124,11 @@ pub trait Engine: Run {
     fn poses(&self) -> Vec<Pose>;
     /// Kinetic and potential energy of an environment, J.
     fn energy(&self) -> f64;
-    /// Runs the steps of the course.
+    /// Runs the steps of the scene.
     fn steps(&self) -> usize;
 }
 
-/// Engine with a setting on a course, and its errors.
+/// Engine with a setting in a scene, and its errors.
 pub struct Entry {
     /// Course.
     pub course: Course,
@@ -140,7 +140,7 @@ pub struct Entry {
     pub errors: [f64; 2],
 }
 
-/// All engines and settings of a course. The first is rapier with default settings.
+/// All engines and settings in a scene. The first is rapier with default settings.
 pub fn entries(course: Course) -> Vec<Entry> {
     let answer = answer(course);
     let dt = course.timestep();

@@ -1,4 +1,4 @@
-//! Runs of stepper on the courses.
+//! Runs of stepper in the scenes of the comparison.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use super::{Course, Engine};
 use crate::clock::Run;
 use crate::scenes::chain;
 
-/// Equal environments of a course.
+/// Equal environments of a scene.
 pub struct Ours {
     simulation: Simulation,
     start: SavedState,
@@ -19,7 +19,7 @@ pub struct Ours {
 }
 
 impl Ours {
-    /// `count` environments at the start of a course, stepped on this thread.
+    /// `count` environments at the start of a scene, stepped on this thread.
     pub fn new(course: Course, dt: f64, integrator: Integrator, precision: Precision, count: usize, level: Level) -> Self {
         let bodies = course.bodies();
         let model = match course {

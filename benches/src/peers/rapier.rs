@@ -1,4 +1,4 @@
-//! Runs of rapier3d-f64 on the courses: multibody joints for the chain, rigid bodies on a half space for the others.
+//! Runs of rapier3d-f64 in the scenes of the comparison: multibody joints for the chain, rigid bodies on a half space for the others.
 
 use rapier3d_f64::prelude::*;
 
@@ -18,7 +18,7 @@ pub struct Setting {
     pub coulomb: bool,
 }
 
-/// Rapier world of a course.
+/// Rapier world of a scene.
 pub struct Rapier {
     course: Course,
     setting: Setting,
@@ -29,7 +29,7 @@ pub struct Rapier {
 }
 
 impl Rapier {
-    /// World at the start of a course. Sleeping is disabled, because stepper has none.
+    /// World at the start of a scene. Sleeping is disabled, because stepper has none.
     pub fn new(course: Course, setting: Setting) -> Self {
         let (world, moving) = build(course, setting);
         let [steps, timed] = [course.duration(), course.timed()].map(|time| (time / setting.dt).round() as usize);

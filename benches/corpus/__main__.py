@@ -60,8 +60,8 @@ def _ordered(rows: Iterable[Row]) -> list[Row]:
 
 def _say(row: Row) -> None:
     """Print a row to stderr."""
-    said = "; ".join(map(str, judge.faults(row))) or "steps well" if row.outcome == MEASURED else f"{row.outcome} {row.note}"
-    sys.stderr.write(f"{row.package:24} {row.file:60} {said}\n")
+    text = "; ".join(map(str, judge.faults(row))) or "steps well" if row.outcome == MEASURED else f"{row.outcome} {row.note}"
+    sys.stderr.write(f"{row.package:24} {row.file:60} {text}\n")
 
 
 if __name__ == "__main__":

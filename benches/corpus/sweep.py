@@ -80,8 +80,8 @@ class Sweep:
         if done.returncode < 0:
             return Row(*key, library(), FAILED, f"signal {signal.Signals(-done.returncode).name}")
         if done.returncode > 0:
-            said = done.stderr.strip().splitlines()[-1:] or ["no message"]
-            return Row(*key, library(), FAILED, f"the process failed: {said[0]}")
+            message = done.stderr.strip().splitlines()[-1:] or ["no message"]
+            return Row(*key, library(), FAILED, f"the process failed: {message[0]}")
         row: Row = unflatten(Row, json.loads(done.stdout.splitlines()[-1]))
         return row
 

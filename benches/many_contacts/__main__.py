@@ -98,10 +98,10 @@ def _save(scenes: Sequence[Scene], args: argparse.Namespace) -> None:
         for scene in scenes:
             try:
                 save_episodes(scene, _path(scene, args.cache, args.out), _plan(args, num_envs), args.save_episodes)
-                said = "recorded"
+                text = "recorded"
             except FAILURES as error:
-                said = _words(error)
-            sys.stderr.write(f"{scene.name}, {num_envs} environments: {said}\n")
+                text = _words(error)
+            sys.stderr.write(f"{scene.name}, {num_envs} environments: {text}\n")
     save_robots(args.save_episodes, args.precision, args.scene)
 
 
@@ -120,12 +120,12 @@ def _measured(scene: Scene, plan: Plan, cache: Path, out: Path) -> list[dict[str
     begin = time.perf_counter()
     try:
         rows = measure(scene, _path(scene, cache, out), plan)
-        said = "; ".join(f"{row['row']} {_ratios(row)}" for row in rows)
+        text = "; ".join(f"{row['row']} {_ratios(row)}" for row in rows)
     except FAILURES as error:
-        said = _words(error)
-        empty = {"scene": scene.name, "group": scene.group or scene.name, "num_envs": plan.num_envs, "note": said, "ours": {}, "theirs": {}}
+        text = _words(error)
+        empty = {"scene": scene.name, "group": scene.group or scene.name, "num_envs": plan.num_envs, "note": text, "ours": {}, "theirs": {}}
         rows = [empty | {"row": scene.row(phase)} for phase in scene.phases if phase.timed]
-    sys.stderr.write(f"{scene.name}, {plan.num_envs} environments, {time.perf_counter() - begin:.0f} s: {said}\n")
+    sys.stderr.write(f"{scene.name}, {plan.num_envs} environments, {time.perf_counter() - begin:.0f} s: {text}\n")
     return rows
 
 

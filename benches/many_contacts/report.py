@@ -241,11 +241,11 @@ class Report:
         some = [row for row in self.rows if row["num_envs"] == num_envs]
         head = [f"{num_envs} environments", "target", "reached", "at the floor", "farthest above its floor", "unsolved %"]
         table = _table(head, lines(some, self.came_from, self.floors, self.robots))
-        said = f"Each cell has f64 / f32. Missed targets are bold. At most {100 * UNSOLVED:g} % of the steps may be unsolved."
+        text = f"Each cell has f64 / f32. Missed targets are bold. At most {100 * UNSOLVED:g} % of the steps may be unsolved."
         factor = scale(self.came_from)
         if factor != 1.0:
-            said += f" With {self.came_from['cpu_level']} targets are {factor:.2f} times those of AVX2."
-        return f"{said}\n\n{table}"
+            text += f" With {self.came_from['cpu_level']} targets are {factor:.2f} times those of AVX2."
+        return f"{text}\n\n{table}"
 
     def page(self, scenes: Iterable[Scene]) -> str:
         """Content of docs/benchmarks/many_contacts.md."""

@@ -74,18 +74,18 @@ def draw_later(study: Study, dots: Sequence[Dot], *, path: Path) -> Path | None:
     """
     # An invariant without any error needs no panel.
     kept = [name for name in dots[0].invariants if any(dot.invariants[name] > 0 for dot in dots)] if dots else []
-    told = [shift.name for shift in next((dot.shifts for dot in dots if dot.shifts), ())]
-    told = [name for name in told if any(shift.name == name and math.isfinite(shift.value) for dot in dots for shift in dot.shifts)]
-    if not kept and not told:
+    outcomes = [shift.name for shift in next((dot.shifts for dot in dots if dot.shifts), ())]
+    outcomes = [name for name in outcomes if any(shift.name == name and math.isfinite(shift.value) for dot in dots for shift in dot.shifts)]
+    if not kept and not outcomes:
         return None
     figures = require("matplotlib.figure", "to draw a chart")
     rows = [kept[k : k + _ACROSS] for k in range(0, len(kept), _ACROSS)]
-    figure = figures.Figure(figsize=(13, 1.5 + 3.4 * len(rows) + 4.2 * len(told)), dpi=120, layout="constrained")
-    grid = figure.add_gridspec(len(rows) + len(told), _ACROSS, height_ratios=[1.0] * len(rows) + [1.25] * len(told))
+    figure = figures.Figure(figsize=(13, 1.5 + 3.4 * len(rows) + 4.2 * len(outcomes)), dpi=120, layout="constrained")
+    grid = figure.add_gridspec(len(rows) + len(outcomes), _ACROSS, height_ratios=[1.0] * len(rows) + [1.25] * len(outcomes))
     colours = _colours(list(dict.fromkeys(dot.label for dot in dots)))
     for k, name in enumerate(kept):
         _kept(figure.add_subplot(grid[k // _ACROSS, k % _ACROSS]), name, dots, colours)
-    for k, name in enumerate(told):
+    for k, name in enumerate(outcomes):
         _shifted(figure.add_subplot(grid[len(rows) + k, :]), name, study, dots, colours)
     lines = require("matplotlib.lines", "to draw a chart")
     handles = [lines.Line2D([], [], color=colour, linestyle=_line(label), label=label) for label, colour in colours.items()]

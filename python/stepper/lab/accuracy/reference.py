@@ -107,24 +107,27 @@ class Reference:
             return f"the closed form {self.exact}"
         smooth, n = int(self.extrapolates.sum()), len(self.extrapolates)
         orders = self.orders[np.isfinite(self.orders)]
-        told = [f"time steps halved to {1e6 * self.timestep:.4g} us", f"observed order {np.median(orders):.1f}" if len(orders) else ""]
+        sentences = [
+            f"time steps halved to {1e6 * self.timestep:.4g} us",
+            f"observed order {np.median(orders):.1f}" if len(orders) else "",
+        ]
         if self.stopped:
-            told.append(f"stopped by the time budget at {self.trace.reached:.3g} s of simulated time")
+            sentences.append(f"stopped by the time budget at {self.trace.reached:.3g} s of simulated time")
         if len(self.runs) == 1:
-            told.append("a single run, without an estimate of its uncertainty")
+            sentences.append("a single run, without an estimate of its uncertainty")
         if smooth < n:
-            told.append(
+            sentences.append(
                 f"no extrapolation in {n - smooth} of {n} episodes, whose orders are not those of smooth motion (impacts, sticking)"
             )
         if self.without:
             alone = "" if self.second else ", and there is no other method"
-            told.append(
+            sentences.append(
                 f"{' and '.join(self.without)} cannot check it, diverging or taking more than {_MAX_SLOWDOWN:g} times as long{alone}"
             )
         if np.isfinite(self.methods).all():
-            told.append(f"{self.rule} is {np.median(self.methods):.1e} away")
-        told.append(f"uncertainty {np.median(self.uncertainty):.1e} (median), {self.uncertainty.max():.1e} (largest)")
-        return "; ".join(part for part in told if part)
+            sentences.append(f"{self.rule} is {np.median(self.methods):.1e} away")
+        sentences.append(f"uncertainty {np.median(self.uncertainty):.1e} (median), {self.uncertainty.max():.1e} (largest)")
+        return "; ".join(part for part in sentences if part)
 
 
 def patience(study: Study, of: Trace, timestep: float, *, slower: float = _MAX_SLOWDOWN, least: float = _MIN_PATIENCE) -> float:
@@ -189,9 +192,9 @@ def converge(
         if stopped := bool(stage.limited and len(runs) >= 2 and need > stage.left):
             break
         before, now = (2.0 ** (j - most) if j >= 0 else 0.0 for j in (k - 1, k))
-        told = None if tick is None else (lambda done, a=before, b=now: tick(a + done * (b - a)))
+        part_tick = None if tick is None else (lambda done, a=before, b=now: tick(a + done * (b - a)))
         settings = base | tight | {"timestep": study.hold / (finest * 2**k)}
-        last = run(study, episodes, setting, **settings, until=until, stage=stage.one(_SHARE), tick=told)
+        last = run(study, episodes, setting, **settings, until=until, stage=stage.one(_SHARE), tick=part_tick)
         if stopped := last.stopped:
             if len(runs) < 2 and len(last.time):
                 # A reference of the beginning of the episodes.

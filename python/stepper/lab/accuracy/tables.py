@@ -60,8 +60,8 @@ def write(found: ChartData, folder: Path) -> tuple[Document, list[Path]]:
     if rapier := package_version("rapier3d"):
         came_from["rapier3d"] = rapier
     with table.open("w", newline="", encoding="utf-8") as file:
-        told = {"reference": reference.words, "horizon_s": distance.horizon, "unit": distance.unit, "budget_s": ground.budget.seconds}
-        for key, value in {**told, **study.in_force, **came_from}.items():
+        header = {"reference": reference.words, "horizon_s": distance.horizon, "unit": distance.unit, "budget_s": ground.budget.seconds}
+        for key, value in {**header, **study.in_force, **came_from}.items():
             file.write(f"# {key}: {value if isinstance(value, str) else json.dumps(value, default=str)}\n")
         writer = csv.DictWriter(file, list(dict.fromkeys(name for dot in found.dots for name in dot.row)))
         writer.writeheader()

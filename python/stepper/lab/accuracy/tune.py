@@ -180,7 +180,7 @@ def tune(
     if study.options.contact != "hard":
         raise ValueError('the study has contact="mujoco", and tuning chooses settings of hard contact: give it contact="hard"')
     study = replace(check_moves(study), threads=1, seconds=max(study.hold, math.ceil(round(seconds / study.hold, 9)) * study.hold))
-    told: Tick = tick or (lambda _what, _done: None)
+    report_progress: Tick = tick or (lambda _what, _done: None)
     distance = Distance(unit, seconds)
     enough = trials_for(coverage, 1 - (1 - confidence) / 2)
     if (count := len(_distinct(study, range(episodes, episodes + enough), {}))) < enough:
@@ -189,8 +189,10 @@ def tune(
             f"{confidence} needs all of them; give it qpos_noise, qvel_noise, a random start or controller, or more recorded episodes, "
             "or lower coverage or confidence"
         )
-    reference = reference_of(study, range(episodes), distance, target=_REFERENCE_SHARE * budget, tick=lambda done: told("reference", done))
-    usual, candidates = _candidates(study, range(episodes), distance, reference, budget, alone=alone, told=told)
+    reference = reference_of(
+        study, range(episodes), distance, target=_REFERENCE_SHARE * budget, tick=lambda done: report_progress("reference", done)
+    )
+    usual, candidates = _candidates(study, range(episodes), distance, reference, budget, alone=alone, report_progress=report_progress)
     candidates.sort(key=lambda own: (not own.error <= budget, own.alone if alone else own.batch))
     trials: list[Trial] = []
     chosen = None
@@ -208,16 +210,18 @@ def tune(
             break
         trials.append(_trial(study, candidate, held_out, distance, budget, confidence=1 - doubt))
         first += count
-        told("held-out episodes", len(trials) / (len(trials) + 1))
+        report_progress("held-out episodes", len(trials) / (len(trials) + 1))
         if trials[-1].share >= coverage:
             chosen = candidate
             break
         # Candidates with a similar error would fail on held-out episodes too.
         bound = _RETRY_RATIO * candidate.error
-    told("held-out episodes", 1.0)
+    report_progress("held-out episodes", 1.0)
     # Parts are searched with settings that do not diverge.
     seen = chosen or (usual if math.isfinite(usual.error) else min(candidates, key=lambda own: own.error))
-    spare, smaller = _removable(study, range(episodes), seen, distance, budget=budget, told=told) if reduce else ([], None)
+    spare, smaller = (
+        _removable(study, range(episodes), seen, distance, budget=budget, report_progress=report_progress) if reduce else ([], None)
+    )
     options, precision = _options(study, chosen)
     document = Document(f"Tuning of {study.name}")
     found = Tuning(
@@ -256,7 +260,7 @@ def _lines(study: Study) -> list[tuple[str, dict[str, Any]]]:
 
 
 def _candidates(
-    study: Study, episodes: Sequence[int], distance: Distance, reference: Reference, budget: float, *, alone: bool, told: Tick
+    study: Study, episodes: Sequence[int], distance: Distance, reference: Reference, budget: float, *, alone: bool, report_progress: Tick
 ) -> tuple[Candidate, list[Candidate]]:
     """Candidate with the study's settings, and all candidates including it, with their errors and costs.
 
@@ -268,7 +272,7 @@ def _candidates(
     own = steps_of(study, timestep)
     counts = sorted({own, *(steps_of(study, dt) for dt in timesteps(study, coarser=4, finer=4))})
     lines = _lines(study)
-    tick = functools.partial(told, "candidates")
+    tick = functools.partial(report_progress, "candidates")
 
     def cases_of(chosen: Sequence[tuple[str, dict[str, Any], int]], done: tuple[float, float]) -> list[_Case]:
         # The study's time step keeps its exact value; others are quotients of the control period.
@@ -291,7 +295,7 @@ def _candidates(
                 [one.trace for one in some],
                 repeats=repeats,
                 seconds=0.004,
-                tick=lambda part: told("costs", done[0] + (done[1] - done[0]) * part),
+                tick=lambda part: report_progress("costs", done[0] + (done[1] - done[0]) * part),
             )
         for one, cost in zip(some, spent, strict=True):
             one.cost = cost
@@ -328,20 +332,20 @@ def _candidates(
         near = _RETIMED_RATIO * min(one.cost[by] for one in keep if math.isfinite(one.cost[by]))
         # A second timing in interleaved rounds, so that changes of the machine's load do not decide the order.
         time([*first, *between, *(one for one in keep if one is not usual and one.cost[by] <= near)], 7, (0.5, 1.0))
-    told("costs", 1.0)
+    report_progress("costs", 1.0)
     candidates = {id(one): Candidate(one.settings, one.name, one.error, *one.cost, stopped=one.trace.stopped) for one in found}
     return candidates[id(usual)], list(candidates.values())
 
 
 def _removable(
-    study: Study, episodes: Sequence[int], seen: Candidate, distance: Distance, *, budget: float, told: Tick
+    study: Study, episodes: Sequence[int], seen: Candidate, distance: Distance, *, budget: float, report_progress: Tick
 ) -> tuple[list[Spare], Model | None]:
     """Removable parts of the scene with the settings of a candidate, and the smaller model; nothing if an episode diverges."""
     found: tuple[list[Spare], Model | None] = ([], None)
     if math.isfinite(seen.error):
         bench = Bench(study, episodes, seen.settings, distance, run(study, episodes, **seen.settings))
-        found = spares(bench, budget, lambda done: told("removable parts", done))
-    told("removable parts", 1.0)
+        found = spares(bench, budget, lambda done: report_progress("removable parts", done))
+    report_progress("removable parts", 1.0)
     return found
 
 
@@ -526,7 +530,7 @@ def _save(found: Tuning, folder: Path) -> list[Path]:
     """Writes the report and tune.json to a folder; returns the files."""
     folder.mkdir(parents=True, exist_ok=True)
     files = found.document.save(folder, "tune")
-    told = {
+    contents = {
         "budget": found.budget,
         "unit": found.distance.unit,
         "horizon": found.distance.horizon,
@@ -538,7 +542,7 @@ def _save(found: Tuning, folder: Path) -> list[Path]:
         "provenance": provenance(),
     }
     files.append(folder / "tune.json")
-    files[-1].write_text(json.dumps(_plain(told), indent=2, default=str, allow_nan=False) + "\n", encoding="utf-8")
+    files[-1].write_text(json.dumps(_plain(contents), indent=2, default=str, allow_nan=False) + "\n", encoding="utf-8")
     if found.smaller is not None:
         files.append(folder / "smaller.stepper")
         found.smaller.save(files[-1])

@@ -139,11 +139,11 @@ def compare(
     plans = {"hard": Plan(model, {}, hard), "MuJoCo's law": Plan(model, {}, law)}
     if compiled is not None:
         plans["MuJoCo"] = Plan(model, {}, Options(), mujoco={"timestep": timestep}, compiled=compiled)
-    courses, told = [], tick or silent
+    courses, report_progress = [], tick or silent
     for name, plan in plans.items():
         world = make_world(plan, num_envs)
         world.start(qpos, qvel, None, 0)
-        courses.append(run(name, world, controller, steps, slip=slip, reward=reward, tick=told))
+        courses.append(run(name, world, controller, steps, slip=slip, reward=reward, tick=report_progress))
     return Comparison(tuple(courses), reward is not None)
 
 

@@ -73,15 +73,15 @@ def figure_of(sweep: Sweep) -> Any:
                 _panel(panel, sweep, names[k], shares=shares)
             else:
                 panel.set_visible(False)
-    handles, told = axes[0, 0].get_legend_handles_labels()
-    if len(told) > 1:
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    if len(labels) > 1:
         if any(cliff.parameter in names for cliff in sweep.cliffs):
             handles.append(_line(color="#444444", linestyle=":", linewidth=1))
-            told.append("where success ends")
+            labels.append("where success ends")
         if sweep.study.decisive:
             handles.append(_line(color="#444444", linestyle="-.", linewidth=1))
-            told.append("limit of success")
-        figure.legend(handles, told, loc="outside lower center", ncols=min(each, len(told)), frameon=False, fontsize=9)
+            labels.append("limit of success")
+        figure.legend(handles, labels, loc="outside lower center", ncols=min(each, len(labels)), frameon=False, fontsize=9)
     title = f"{sweep.study.name}: {measured(sweep.study)}, {counted(sweep.study.episodes, 'episode')} a point"
     figure.suptitle(textwrap.fill(title, int(11 * width)), fontsize=11)
     return figure
@@ -133,8 +133,8 @@ def cliffs_of(sweep: Sweep) -> Any | None:
             panel.annotate(f"{middle:.4g}", (middle, row), xytext=(0, 4), textcoords="offset points", ha="center", fontsize=8, color=colour)
         for row, setting in enumerate(settings):
             if not any(cliff.setting == setting for cliff in own[name]):
-                told = "none in this range" if sweep.levels_of(name, setting) else "not run"
-                panel.text(0.5, row, told, transform=panel.get_yaxis_transform(), ha="center", va="center", fontsize=8, color="#666666")
+                note = "none in this range" if sweep.levels_of(name, setting) else "not run"
+                panel.text(0.5, row, note, transform=panel.get_yaxis_transform(), ha="center", va="center", fontsize=8, color="#666666")
         panel.margins(x=0.25)
         panel.set_xlabel(_axis_label(sweep, name))
         panel.grid(visible=True, axis="x", color="#dddddd")

@@ -251,8 +251,8 @@ def check_value_conflicts(chosen: Mapping[str, Parameter], model: Model, values:
         if not own[one] & own[other] or (values is not None and values[one] == values[other]):
             continue
         field = min(own[one] & own[other])[0]
-        told = "" if values is None else f" to {values[one]} and to {values[other]}"
-        raise ValueError(f"{one!r} and {other!r} set the same number of {field}{told}: give one of them, or select other elements")
+        both = "" if values is None else f" to {values[one]} and to {values[other]}"
+        raise ValueError(f"{one!r} and {other!r} set the same number of {field}{both}: give one of them, or select other elements")
 
 
 def check_effects(names: Sequence[str], parameters: Mapping[str, Parameter], model: Model) -> None:

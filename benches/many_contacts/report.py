@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from many_contacts.episodes import Floors
-from many_contacts.measure import CHUNK, DROPPED, LOOKED_AT, PEERS
+from many_contacts.measure import CHUNK, DROPPED, MEASURED_ENVS, PEERS
 from many_contacts.scene import MEAN, Scene
 from many_contacts.targets import UNSOLVED, Row, grouped_mean, lines, percent, scale
 
@@ -41,7 +41,7 @@ script writes the models of both engines to `out/many_contacts/`, and the figure
   one environment at a time, are not counted: with many Newton steps, the floor is too low.
 * **Unsolved** is the share of environment steps with NOT_CONVERGED; the target is {100 * UNSOLVED:g} % at most, and larger values are bold.
   Sweeps and Newton steps are means over environment steps.
-* **Contacts** and the deepest **penetration** are of the first {LOOKED_AT} environments at the end of each turn, by MuJoCo's collision
+* **Contacts** and the deepest **penetration** are of the first {MEASURED_ENVS} environments at the end of each turn, by MuJoCo's collision
   detection for all engines. **Slip** is the median over environments of the displacement of the held object in the frame of a finger
   during the phase (feet: relative to the floor). Objects with more than {1e3 * DROPPED:g} mm count as dropped.
 * The mean over scenes is geometric; rows of one scene, and scenes of one kind (the lifted masses, the two heaps, the hand's objects,
@@ -152,10 +152,10 @@ def speed(rows: Sequence[Row], floors: Floors, factor: float = 1.0) -> str:
         first = next(iter(ours.values()))
         by_default, beside = [ours.get(name) for name in defaults], [ours.get(name) for name in others]
         targets = [factor * row["target"][name.split()[0]] for name in defaults]
-        looked = [floors.get((row["row"], row["num_envs"], name.split()[0])) for name in defaults]
+        anatomies = [floors.get((row["row"], row["num_envs"], name.split()[0])) for name in defaults]
         cells: list[object] = [row["row"], f"{first['contacts']:.1f}", *(_number(f, "microseconds", ".2f") for f in by_default)]
-        cells += [_both("-" if a is None else f"{a.floor:.2f}" for a in looked)]
-        cells += [_both("-" if a is None else "{} {:.0%}".format(*a.farthest) for a in looked)]
+        cells += [_both("-" if a is None else f"{a.floor:.2f}" for a in anatomies)]
+        cells += [_both("-" if a is None else "{} {:.0%}".format(*a.farthest) for a in anatomies)]
         cells += [_both(f"{theirs[peer]['microseconds']:.1f}" for peer in PEERS)]
         cells += ["-" if f is None else _reached(f["ratio"], target) for f, target in zip(by_default, targets, strict=True)]
         cells += [_number(f, "ratio", ".1f") for f in beside]

@@ -114,11 +114,11 @@ def mean(found: Sequence[Reached], value: Callable[[Reached], float | None]) -> 
 
 def part(found: Sequence[Reached]) -> tuple[str, float] | None:
     """Part of the step with the largest mean excess above its floor, and this excess as a share of the step's time."""
-    looked = [one.anatomy.excess for one in found if one.anatomy]
-    if len(looked) < len(found):
+    excesses = [one.anatomy.excess for one in found if one.anatomy]
+    if len(excesses) < len(found):
         return None
-    names = dict.fromkeys(name for excess in looked for name in excess)
-    shares = {name: fmean(excess.get(name, 0.0) for excess in looked) for name in names}
+    names = dict.fromkeys(name for excess in excesses for name in excess)
+    shares = {name: fmean(excess.get(name, 0.0) for excess in excesses) for name in names}
     return max(shares.items(), key=lambda item: item[1]) if shares else None
 
 

@@ -662,10 +662,10 @@ def test_a_parameter_that_fits_nothing_is_named(tmp_path):
 
 
 @pytest.mark.parametrize(("selector", "said"), [
-    ("sensor.latency", "a Transfer has no number 'latency', it has: scale, scale_std"),
+    ("sensor.latency", "a Transfer has no numeric attribute 'latency', it has: scale, scale_std"),
     ("sensor.nois_std", "no number 'nois_std'; did you mean noise_std"),
-    ("actuator.dely", "a Drive has no number 'dely'; did you mean delay"),
-    ("actuator.servo.kpp", "a PID has no number 'kpp'; did you mean kp"),
+    ("actuator.dely", "a Drive has no numeric attribute 'dely'; did you mean delay"),
+    ("actuator.servo.kpp", "a PID has no numeric attribute 'kpp'; did you mean kp"),
     ("actuator.gearbox.kp", "a drive has no 'gearbox', use one of: motor, servo"),
 ])  # fmt: skip
 def test_a_number_that_a_sensor_or_drive_lacks_is_named(selector, said):

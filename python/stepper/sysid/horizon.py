@@ -57,7 +57,7 @@ UNCERTAIN_FRICTION = 0.1
 HELD_START = 2.0
 """A held object is first tried at a friction that is larger than the estimate by this, in log(friction): large enough to hold it."""
 HELD_RANGE = 0.5
-"""The smallest friction that can hold an object is looked for within this distance of the estimate, in log(friction). The two are close,
+"""The smallest friction that can hold an object is searched within this distance of the estimate, in log(friction). The two are close,
 because the same force of friction determines both."""
 SPREAD = 3.0
 """Range of other parameters in the search for a held object, in standard deviations."""

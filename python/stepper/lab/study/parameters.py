@@ -335,7 +335,9 @@ def _number_of(kind: type, leaf: str) -> None:
     """Raise ValueError if the class `kind` (Transfer, Drive, DCMotor or PID) has no numeric attribute `leaf`."""
     known = [field.name for field in fields(kind) if field.name not in _NO_NUMBERS]
     if leaf not in known:
-        raise ValueError(f"a {kind.__name__} has no number {leaf!r}{did_you_mean(leaf, known) or ','} it has: {', '.join(known)}")
+        raise ValueError(
+            f"a {kind.__name__} has no numeric attribute {leaf!r}{did_you_mean(leaf, known) or ','} it has: {', '.join(known)}"
+        )
 
 
 def _places(parameter: Parameter, model: Model) -> list[tuple[str, NDArray[np.int64], float]]:

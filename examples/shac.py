@@ -337,7 +337,9 @@ def train(env: str, minutes: float, plan: Plan, folder: Path, *, quiet: bool = F
 def main() -> None:
     """Train and evaluate a policy."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("env", nargs="?", default="stepper/HalfCheetah-v5", choices=list(TASKS))
+    parser.add_argument(
+        "env", nargs="?", default="stepper/HalfCheetah-v5", choices=list(TASKS), help="id of the task [stepper/HalfCheetah-v5]"
+    )
     parser.add_argument("--minutes", type=float, default=5.0, help="length of the training in processor time, min [5]")
     parser.add_argument("--out", type=Path, help="folder for the results [out/shac/ENV/seedN]")
     for name, value in asdict(Plan()).items():

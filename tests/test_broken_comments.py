@@ -108,7 +108,8 @@ def broken_docstrings(source: str) -> Iterator[int]:
                 if in_section and has_entries and re.match(r"    \S", text) and not ENTRY.match(text.strip()):
                     yield k
                 following = lines[k + 1].removesuffix('"""') if k + 1 < last else ""
-                if (in_section or not text.startswith(" ")) and not ENTRY.match(following.strip()) and ends_early(line, following):
+                is_entry = in_section and ENTRY.match(following.strip())
+                if (in_section or not text.startswith(" ")) and not is_entry and ends_early(line, following):
                     yield k
             yield from (first + k for k in cut(own))
 

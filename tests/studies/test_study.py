@@ -663,7 +663,7 @@ def test_a_parameter_that_fits_nothing_is_named(tmp_path):
 
 @pytest.mark.parametrize(("selector", "said"), [
     ("sensor.latency", "a Transfer has no numeric attribute 'latency', it has: scale, scale_std"),
-    ("sensor.nois_std", "no number 'nois_std'; did you mean noise_std"),
+    ("sensor.nois_std", "no numeric attribute 'nois_std'; did you mean noise_std"),
     ("actuator.dely", "a Drive has no numeric attribute 'dely'; did you mean delay"),
     ("actuator.servo.kpp", "a PID has no numeric attribute 'kpp'; did you mean kp"),
     ("actuator.gearbox.kp", "a drive has no 'gearbox', use one of: motor, servo"),

@@ -49,8 +49,8 @@ impl Polytope {
         self.horizon.reserve(3 * v);
     }
 
-    /// The separation along the nearest facet of A - B; `start` is a tetrahedron that holds the origin. `None` where it is none, or where
-    /// rounding hides the facet.
+    /// Separation along the facet of A - B that is nearest to the origin. `start` is a tetrahedron that contains the origin. The result is
+    /// `None` if `start` is not a tetrahedron, or if rounding hides the facet.
     pub(super) fn nearest_facet(&mut self, pair: &Pair<'_>, start: &[Vertex]) -> Option<Separation> {
         if start.len() < 4 {
             return None;

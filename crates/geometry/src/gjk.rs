@@ -150,7 +150,8 @@ impl Simplex {
         self.vertices().iter().any(|known| known.names == vertex.names)
     }
 
-    /// Keeps the smallest face that holds the point nearest to the origin, and returns the point; `None` where the origin is inside.
+    /// Reduces the simplex to the smallest face that contains the point nearest to the origin, and returns the point. The result is
+    /// `None` if the origin is inside the simplex.
     #[inline(always)]
     fn reduce(&mut self) -> Option<V> {
         let w: [V; 4] = std::array::from_fn(|i| self.vertex[i].w);

@@ -113,7 +113,7 @@ pub(super) fn crossings(surface: &Surface, p: V, q: V) -> usize {
     }
 }
 
-/// The triangle of a mesh that the path `d` from `from` meets first, and the part of the path before it, up to 1.
+/// First triangle of a mesh on the path from `from` to `from + d`, and the fraction of the path before it, up to 1.
 fn first_on_path(mesh: &MeshSurface, from: V, d: V) -> Option<(u32, f64)> {
     let sheared = Sheared::new(from, d)?;
     let [o, along] = [from, d].map(|p| Vector::new(p[0], p[1], p[2]));

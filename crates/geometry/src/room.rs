@@ -1,9 +1,9 @@
-//! Room to work: made once, reused for every pair.
+//! Workspace of the narrow phase.
 
 use crate::expand::Polytope;
 use crate::manifold::{Clipper, Point};
 
-/// Room to work: made once, reused for every pair.
+/// Workspace of the narrow phase, which is allocated once and reused for every pair.
 #[derive(Clone, Debug, Default)]
 pub struct Room {
     pub(super) clipper: Clipper,

@@ -104,7 +104,7 @@ impl ConvexShape {
         }
     }
 
-    /// The point of the core furthest along `d`, where the corner is known.
+    /// Support point of the core along `d` (the farthest point). For a hull it is the given corner.
     pub(super) fn support_at(&self, corner: u32, d: V) -> V {
         match self {
             Self::Hull(hull) => hull.points()[corner as usize],
@@ -156,7 +156,7 @@ impl ConvexShape {
         }
     }
 
-    /// Half its least extent or so, m: what counts as small against it.
+    /// Scale of the shape, m: about half its smallest extent. Tolerances are relative to it.
     pub(super) fn least(&self) -> f64 {
         match self {
             Self::Sphere { radius } | Self::Capsule { radius, .. } => *radius,

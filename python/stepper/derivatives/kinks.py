@@ -117,7 +117,7 @@ class KinkDetector:
             one_sided=~self.stencil.central,
             limited=[[place, dof] for place, dof, _ in self._limited],
             ranges=self._ranges,
-            taken=self._evaluated_at,
+            limit_positions=self._evaluated_at,
             rubbing=self._rubbing,
             smooth_at_rest=_smooth_at_rest(self.sim),
             tolerance=NOISE_RATIO * self.sim.tolerance,

@@ -59,13 +59,13 @@ pub(crate) struct Placed<R: Real> {
     pub(crate) mat: Vec<M3<R>>,
     /// Bound on the way of any point of the geom in two free steps, m.
     pub(crate) travel: Vec<R>,
-    /// Bound on the way of any point of the geom from the beginning of the step to where it is taken, m.
+    /// Upper bound of the displacement of any point of the geom from the beginning of the step to its evaluated pose, m.
     pub(crate) displacement: Vec<R>,
     /// Which geoms went by half their thickness in any lane.
     pub(crate) fast: Vec<bool>,
     /// Velocities of the links on that way.
     pub(crate) displacing_velocity: Vec<V6<R>>,
-    /// Ball about the geom's origin that holds it in two free steps (centre, radius), of a plane only its way, m.
+    /// Bounding ball of the geom over two free steps: centre and radius, m. For a plane the radius is the bound of its displacement.
     pub(crate) balls: Vec<[R; 4]>,
     pub(crate) velocity: Vec<V6<R>>,
 }
@@ -152,7 +152,7 @@ impl<R: Real> GeomPoses<R> {
                     #[inline(always)]
                     || {
                         for m in &compiled.static_pairs.moving {
-                            fast[m.geom] = statics.moves_too_far(compiled, m.geom, placed.displacement[m.geom]).and(alive).any();
+                            fast[m.geom] = statics.may_tunnel(compiled, m.geom, placed.displacement[m.geom]).and(alive).any();
                         }
                     },
                 );
@@ -332,7 +332,7 @@ impl<R: Real> Scene<'_, R> {
         if !self.take_packed(index, pair, near, packed, contacts) {
             self.test_pair(index, pair, near, search, contacts);
         }
-        if self.looks_ahead { self.moves_too_far(index, pair, near, &mut search.narrow, contacts) } else { R::Mask::splat(false) }
+        if self.looks_ahead { self.may_have_tunnelled(index, pair, near, &mut search.narrow, contacts) } else { R::Mask::splat(false) }
     }
 
     /// Lanes in which the bounding balls of a dynamic pair can meet within the step.
@@ -347,7 +347,7 @@ impl<R: Real> Scene<'_, R> {
     /// Lanes of `near` in which the contacts of a pair are unreliable at this time of the step. Since the beginning of the step, either
     /// geom has moved farther than the tunnelling distance of the pair; and they overlap, may have passed each other, or hit a surface.
     #[inline(always)]
-    fn moves_too_far(
+    fn may_have_tunnelled(
         &self,
         index: usize,
         pair: &CompiledPair<R::Scalar>,

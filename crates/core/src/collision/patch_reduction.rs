@@ -14,7 +14,7 @@ use crate::collision::contact_set::Contacts;
 use crate::compile::{ModelStructure, NO_PATCH};
 use crate::math::spatial::*;
 
-/// Number of contacts of a patch from which on some may be redundant: four may all be corners, and mostly are.
+/// Smallest number of contacts of a patch of which some may be redundant. Four contacts are usually all corners.
 const MIN_CONTACTS: usize = 5;
 
 /// Sine of the angle between normals below which they are one.

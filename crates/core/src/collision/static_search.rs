@@ -87,7 +87,7 @@ impl<R: Real> StaticSearch<R> {
 
     /// Lanes in which a geom moves so far, by `displacement` (m), that it may be through the thinnest static geom.
     #[inline(always)]
-    pub(crate) fn moves_too_far(&self, compiled: &LaneModel<R>, geom: usize, displacement: R) -> R::Mask {
+    pub(crate) fn may_tunnel(&self, compiled: &LaneModel<R>, geom: usize, displacement: R) -> R::Mask {
         displacement.gt(R::of(0.5) * (compiled.params.inscribed_radius(geom) + R::splat(self.thinnest)))
     }
 

@@ -70,7 +70,7 @@ impl<R: Real> SweptPair<R> {
         kinematics.velocities(compiled, v, &mut self.placed.velocity);
     }
 
-    /// [`find_touch`] of the pair of a path.
+    /// Searches for the first touch of the pair of a path, by [`find_touch`].
     #[inline(always)]
     pub(crate) fn find_touch(&mut self, path: &Path<'_, R>, lanes: R::Mask, gap: Gap<R>, tolerance: R) -> Touch<R> {
         let end = self.gap_at(path, path.time, lanes);

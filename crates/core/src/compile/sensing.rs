@@ -188,9 +188,9 @@ pub enum Read<S> {
     ActuatorLength(usize),
     /// Rate of the length of an actuator.
     ActuatorRate(usize),
-    /// Overlap of a sum of coefficient q with the nearer end of its range.
+    /// Violation of the nearer end of the range of a sum of coefficients times q.
     LimitPos(Vec<(usize, S)>, Bounds<S>),
-    /// Rate of a limit: the same in v.
+    /// Rate of the violation of a limit.
     LimitVel([Vec<(usize, S)>; 2], Bounds<S>),
     /// Impulse of a limit, by its index in the compiled model.
     LimitForce(usize),

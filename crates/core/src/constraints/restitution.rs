@@ -169,9 +169,9 @@ impl<R: Real> ConstraintProblem<R> {
         );
     }
 
-    /// Adds a change of the velocity before the impacts to the targets.
+    /// Updates the targets after a change of the velocity before the impacts.
     ///
-    /// `change` is the change of the velocity after the step that it would cause without impacts. Overwrites `change`.
+    /// `change` is the corresponding change of the velocity after the step without impacts. It is overwritten.
     pub fn shift_before_impacts(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, change: &mut [R], lanes: R::Mask) {
         if !self.resolves_impacts {
             return;

@@ -303,14 +303,15 @@ pub trait ConstraintSet<R: Real>: Sized {
     /// Sum of `sum` and the potential `g . lambda + R lambda^2 / 2` of the impulses in the velocity solve, J.
     fn add_potential(&self, impulses: &[Self::Impulse], sum: R) -> R;
 
-    /// Adds the velocities of a scaled change of the free velocity to both targets of all rows, in the lanes `lanes`.
+    /// Adds the row velocities of `change`, a scaled change of the free velocity, to the targets of both solves (velocity and position) in
+    /// all rows, in the lanes `lanes`.
     fn shift(&self, rows: &mut Rows<Self::Row>, change: &[R], lanes: R::Mask);
 
     /// Damps the targets of the rows relative to `impulses`, which are appended to the reference; see
     /// [`PositionRows::damp`](crate::PositionRows::damp).
     fn damp(&self, rows: &mut Rows<Self::Row>, impulses: &[Self::Impulse], damping: Damping<R>, floors: &[R], reference: [&mut Vec<R>; 2]);
 
-    /// Larger of `most` and the largest velocity by which damping keeps a normal row from its target, m/s or rad/s.
+    /// Larger of `most` and the largest difference between the target of a normal row and its velocity that damping causes, m/s or rad/s.
     fn shortfall(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], before: &[R], most: R) -> R;
 
     /// Larger of `most` and the largest target of an immovable row, m/s or rad/s.

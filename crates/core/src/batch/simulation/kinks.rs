@@ -49,7 +49,7 @@ pub struct PerturbedCopies<'a> {
     /// Ranges of these joints, (num_envs, joints, 2) or (joints, 2) for all.
     pub ranges: &'a [f64],
     /// Positions of these joints at which the step evaluated their limits, (num_envs, joints).
-    pub taken: &'a [f64],
+    pub limit_positions: &'a [f64],
     /// Degrees of freedom whose dry friction is read.
     pub rubbing: &'a [usize],
     /// Whether gaps and overlaps have the same target velocity.
@@ -123,7 +123,7 @@ impl Simulation {
     }
 
     fn check_copies(&self, copies: &PerturbedCopies<'_>) -> Result<(), Error> {
-        let PerturbedCopies { count, columns, sides, one_sided, limited, ranges, taken, rubbing, .. } = *copies;
+        let PerturbedCopies { count, columns, sides, one_sided, limited, ranges, limit_positions, rubbing, .. } = *copies;
         let environments = self.num_envs / count.max(1);
         check_length("copies", environments.saturating_mul(count), self.num_envs)?;
         let perturbed = sides.saturating_mul(columns);
@@ -135,7 +135,7 @@ impl Simulation {
         let shared = |found: usize, row: usize| if found == row { row } else { self.num_envs * row };
         let row = 2 * limited.len();
         check_length("ranges", ranges.len(), shared(ranges.len(), row))?;
-        check_length("taken", taken.len(), self.num_envs * limited.len())?;
+        check_length("limit_positions", limit_positions.len(), self.num_envs * limited.len())?;
         let (nq, nv) = (self.model.nq(), self.model.nv());
         let places = limited.iter().map(|&[q, _]| (q, nq)).chain(limited.iter().map(|&[_, v]| (v, nv)));
         let beyond = places.chain(rubbing.iter().map(|&v| (v, nv))).find(|(found, count)| found >= count);
@@ -181,10 +181,10 @@ impl Simulation {
         let joints = copies.limited.len();
         if joints > 0 {
             let (q, ranges) = (self.values(Field::Qpos, env), row_of(copies.ranges, env, 2 * joints));
-            for (i, (&[place, _], taken)) in copies.limited.iter().zip(&copies.taken[env * joints..]).enumerate() {
+            for (i, (&[place, _], limit_position)) in copies.limited.iter().zip(&copies.limit_positions[env * joints..]).enumerate() {
                 for (side, sign) in [(0, 1.0), (1, -1.0)] {
                     let end = ranges[2 * i + side];
-                    let (after, gap) = (sign * (q[place] - end), sign * (taken - end));
+                    let (after, gap) = (sign * (q[place] - end), sign * (limit_position - end));
                     let held = if hard { after < AT_LIMIT } else { gap < 0.0 };
                     limits.extend(held.then_some(2 * i + side));
                     numbers.push(match (hard, copies.smooth_at_rest, held) {

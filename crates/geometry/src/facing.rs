@@ -8,14 +8,14 @@ pub(super) const GAP: f64 = 1e-3;
 /// Separations that differ by less than this share of the size are alike.
 pub(super) const ALIKE: f64 = 1e-9;
 
-/// A direction and what it separates.
+/// Separation of the cores of two shapes along a direction.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Separation {
-    /// Unit, from the first to the second, in the first's frame.
+    /// Unit normal from the first to the second shape, in the first one's frame.
     pub(super) normal: V,
-    /// Of the cores, m; negative where they overlap.
+    /// Distance of the cores along the normal, m; negative if they overlap.
     pub(super) separation: f64,
-    /// The points of the cores that are nearest along it.
+    /// Points of the cores that are nearest along the normal.
     pub(super) points: [V; 2],
 }
 

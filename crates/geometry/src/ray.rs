@@ -136,7 +136,7 @@ fn through_triangles(triangles: &[[V; 3]], tree: &Bvh, o: V, d: V) -> f64 {
     found.map_or(f64::INFINITY, |(_, t)| t)
 }
 
-/// The frame in which a ray is the third axis: others are sheared along it.
+/// Frame in which the ray is the third axis. Points are sheared along the ray.
 struct Sheared {
     origin: V,
     axes: [usize; 3],

@@ -1,16 +1,17 @@
-//! What parts two hulls for many steps: a half space that holds the first, and a ball that holds the second and bulges little towards the
-//! first.
+//! Separating plane of two hulls that stays valid for many steps. It consists of a half space that contains the first hull, and a ball
+//! that contains the second hull and bulges little towards the first one.
 //!
-//! Each is fixed to its hull and made of its vertices alone, so no pose, reset or change of a state makes it untrue. With the first within
-//! n . x <= a, and the second within the ball of radius q |m| + e about p - q m in its own frame, the hulls are parted along n by
+//! Both are fixed to their hulls and depend on their vertices alone, so that a change of poses or states does not invalidate them. Let the
+//! first hull be within n . x <= a, and the second within the ball of radius q |m| + e about p - q m in its frame. The separation of the
+//! hulls along n is then at least
 //!
 //! ```text
 //! n . (pos + mat (p - q m)) - (q |m| + e) |n| - a >= n . (pos + mat p) - q |n + mat m|^2 / 2 - (a + e |n|)
 //! ```
 //!
-//! at least, and the right side does not suffer where q is a thousand times the hull's size. It is made with m = -mat^T n and p the
-//! second's furthest corner that way: what turning costs is then of second order in the angle. The ball is the least that bulges by e
-//! beyond p: a corner w that is t deep along m and l from p is within it where
+//! The right side stays accurate if q is a thousand times the size of the hull. Planes are made with m = -mat^T n and with the second
+//! hull's farthest corner p in that direction. The loss by rotations is then of second order in the angle. The ball is the smallest one
+//! that bulges by e beyond p. A corner w with depth t along m and distance l from p is within it if
 //!
 //! ```text
 //! (l^2 - e^2) / (2 (t + e)) <= q.

@@ -11,21 +11,21 @@ use crate::vectors::{V, furthest, neg, unit_or, widest};
 pub enum ConvexShape {
     /// Ball.
     Sphere {
-        /// m
+        /// Radius, m.
         radius: f64,
     },
     /// A segment along z, thickened.
     Capsule {
-        /// m
+        /// Radius, m.
         radius: f64,
         /// Half the length of the segment, m.
         half_length: f64,
     },
     /// A solid cylinder along z.
     Cylinder {
-        /// m
+        /// Radius, m.
         radius: f64,
-        /// m
+        /// Half the length, m.
         half_length: f64,
     },
     /// An ellipsoid.

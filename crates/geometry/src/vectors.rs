@@ -8,7 +8,7 @@ pub(crate) type V = V3<f64>;
 /// Where a shape is: its origin and its axes (columns) in the world.
 #[derive(Clone, Copy, Debug)]
 pub struct Pose {
-    /// m
+    /// Position, m.
     pub pos: V,
     /// Rotation, row by row.
     pub mat: M3<f64>,

@@ -185,12 +185,12 @@ impl<R: Real> StaticSearch<R> {
         }
     }
 
-    /// The pairs that were found among the first `listed` pairs of the model.
+    /// Found pairs among the first `listed` pairs of the model.
     pub(crate) fn listed_pairs(&self, listed: usize) -> &[(u32, u32)] {
         &self.pairs[..self.count_listed(listed)]
     }
 
-    /// The pairs that were found among the others: dynamic pairs.
+    /// Found pairs after the first `listed` pairs of the model, which are dynamic pairs.
     pub(crate) fn dynamic_pairs(&self, listed: usize) -> &[(u32, u32)] {
         &self.pairs[self.count_listed(listed)..]
     }

@@ -14,7 +14,7 @@ use crate::pairs::Segment;
 /// A box.
 #[derive(Clone, Copy, Debug)]
 pub struct Cuboid<R> {
-    /// m
+    /// Centre, m.
     pub centre: V3<R>,
     /// Its axes are the columns.
     pub mat: M3<R>,

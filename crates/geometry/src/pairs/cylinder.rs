@@ -9,13 +9,13 @@ use crate::pairs::plane_sphere;
 /// A cylinder about its z axis.
 #[derive(Clone, Copy, Debug)]
 pub struct Cylinder<R> {
-    /// m
+    /// Centre, m.
     pub centre: V3<R>,
     /// Its axes are the columns.
     pub mat: M3<R>,
-    /// m
+    /// Radius, m.
     pub radius: R,
-    /// m
+    /// Half the length, m.
     pub half_length: R,
 }
 

@@ -8,7 +8,7 @@ use crate::pairs::ContactPoint;
 /// An ellipsoid.
 #[derive(Clone, Copy, Debug)]
 pub struct Ellipsoid<R> {
-    /// m
+    /// Centre, m.
     pub centre: V3<R>,
     /// Its axes are the columns.
     pub mat: M3<R>,

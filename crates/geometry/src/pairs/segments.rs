@@ -12,9 +12,9 @@ pub struct Segment<R> {
     pub centre: V3<R>,
     /// Unit direction.
     pub axis: V3<R>,
-    /// m
+    /// Half the length, m.
     pub half_length: R,
-    /// m
+    /// Radius, m.
     pub radius: R,
 }
 

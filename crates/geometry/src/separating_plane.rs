@@ -33,7 +33,7 @@ const BULGE: f64 = 0.05;
 /// With less to spare than this share of their size it would last for a step or two, and is not worth making.
 const LEAST: f64 = 5e-5;
 
-/// A normal of two hulls, where it was found, and what parts them along it.
+/// Normal along which two hulls are separated, the corners where it was found, and the surface that separates them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SeparatingPlane {
     /// n: from the first to the second, unit, in the first's frame.
@@ -99,7 +99,7 @@ pub struct SeparatingPlanes<R: Real> {
 }
 
 impl<R: Real> SeparatingPlanes<R> {
-    /// Nothing parts them in any lane.
+    /// Whether no surface is known that separates the hulls, in every lane.
     #[inline(always)]
     pub fn none() -> Self {
         let zero = R::zero();

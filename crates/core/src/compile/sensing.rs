@@ -206,7 +206,7 @@ pub enum Read<S> {
     Gyro(SensorFrame<S>),
     /// Linear acceleration less gravity in the sensor's frame.
     Accelerometer(SensorFrame<S>),
-    /// Force of the parent on a subtree, by its number among those that are read.
+    /// Force of the parent on a subtree, by its index among the subtree forces that sensors read.
     Force(usize),
     /// Torque of the parent on a subtree.
     Torque(usize),

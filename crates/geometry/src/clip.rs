@@ -31,7 +31,8 @@ pub(super) fn edges_of_triangle(other: &Patch, id: u32) -> Option<[usize; 2]> {
     if disc { Some([a as usize; 2]) } else { own(b).map(|edge| [own(a).unwrap_or(edge), edge]) }
 }
 
-/// Adds corners of `other` that are behind the reference, a triangle, and beside it by no more than their depth times `rises` of each edge.
+/// Adds corners of `other` that are behind the plane of the reference, a triangle. A corner may be outside an edge by at most its depth
+/// times the number of that edge in `rises`.
 pub(super) fn behind(reference: &Patch, other: &Patch, rises: &[f64; 3], out: &mut Vec<Shared>) {
     for c in &other.corners {
         let depth = reference.height(c.x, c.y) - c.h;

@@ -41,7 +41,10 @@ impl Facet {
         Self { corners, normal, across, bulges }
     }
 
-    /// Tangent of the angle by which each neighbour rises, at most 1: behind a valley, this share of its depth is over neither of the two.
+    /// Tangent of the angle by which each neighbouring triangle rises above this plane, at most 1, and 0 if it falls.
+    ///
+    /// In the valley between two triangles, a point behind both planes can be over neither triangle. Its distance from the edge is then at
+    /// most this tangent times its depth.
     pub(super) fn rises(&self) -> [f64; 3] {
         let Self { corners, normal, across, .. } = self;
         std::array::from_fn(|k| {

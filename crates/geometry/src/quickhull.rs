@@ -17,9 +17,9 @@ const FLAT: f64 = 64.0 * f64::EPSILON;
 /// A triangle of the hull so far.
 struct Triangle {
     corners: [u32; 3],
-    /// Across the edge that leaves each corner.
+    /// Index of the neighbouring triangle across the edge that starts at each corner.
     beside: [usize; 3],
-    /// Points outside it that are outside no triangle before, and how far.
+    /// Index and distance of the points outside this triangle. A point outside several triangles is listed with the first one.
     outside: Vec<(u32, f64)>,
     alive: bool,
     plane: Plane,

@@ -24,7 +24,7 @@ pub enum ModelError {
         /// All such elements.
         Vec<Omission>,
     ),
-    /// Name that no element of a kind has.
+    /// Unknown name: no element of the requested kind has it.
     #[error("there is no {kind} {name:?} in the model; {}", there_are(known))]
     NoSuchName {
         /// Kind of element, such as "joint".

@@ -51,10 +51,11 @@ impl<'a> PairOverrides<'a> {
         Self { model, pairs: (0..model.pairs.len()).filter(collides).collect(), fields: fields.collect() }
     }
 
-    /// Checks that no pair overrides a number that differs from the model's, unless the pair's field is given too.
+    /// Checks that no explicit pair overrides a given number of a geom that differs from the model's. Numbers whose field of the pair is
+    /// given too are not checked.
     ///
     /// # Errors
-    /// [`ModelError::Invalid`] with the first such geom, the pair and the remedy.
+    /// [`ModelError::Invalid`] with the first geom whose number has no effect, its pair and the remedy.
     pub(super) fn check(&self, given: &[(&str, &[f64])]) -> Result<(), ModelError> {
         let values_of = |name: &str| given.iter().find(|(given, _)| *given == name).map(|(_, values)| *values);
         for Overridden { geom, pair, own } in self.fields.iter().filter(|field| values_of(field.pair).is_none()) {

@@ -223,9 +223,9 @@ pub enum SensorKind {
     Proximity {
         /// Reported quantity.
         what: ProximityReading,
-        /// The first set.
+        /// Indices of the geoms of the first set.
         from: Vec<usize>,
-        /// The second set.
+        /// Indices of the geoms of the second set.
         to: Vec<usize>,
         /// Largest distance of the search, m.
         cutoff: f64,

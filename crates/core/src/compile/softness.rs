@@ -84,10 +84,10 @@ pub struct CompiledSoftness<S> {
     pub order: Vec<u32>,
 }
 
-/// Inputs of a soft law besides its softness.
+/// Parameters of soft laws that do not depend on the constraint.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LawMaker {
-    /// Least time constant, s.
+    /// Smallest time constant, s.
     pub(super) least_time: f64,
     /// Time step, s.
     pub(super) timestep: f64,

@@ -25,7 +25,9 @@ pub(super) fn is_own(omission: &Omission) -> bool {
     MISSING.iter().any(|(kind, _)| *kind == omission.kind)
 }
 
-/// One entry for each geom whose shape is the reason: the later one in the order of [`GeomPair::geoms`], or the height field.
+/// Geoms with contacts that have no kernel, each with a reason that lists the shapes it passes through.
+///
+/// A pair is listed with its height field, else with its second geom.
 fn pairs_without_kernel(model: &Description, pairs: &[GeomPair]) -> Vec<User> {
     let mut partners: BTreeMap<usize, BTreeMap<&str, Vec<usize>>> = BTreeMap::new();
     for [a, b] in pairs.iter().map(|p| p.geoms) {

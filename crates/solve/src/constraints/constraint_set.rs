@@ -153,7 +153,7 @@ pub struct ReferenceRows<'a, R> {
 pub struct LaneConstraint<const N: usize> {
     /// Set of its admissible impulses.
     pub(crate) set: AdmissibleSet,
-    /// Index among its kind.
+    /// Index in the list of constraints of its kind.
     pub(crate) source: usize,
     /// Velocity of every row before any impulse, with its bias, m/s.
     pub(crate) g: [f64; N],
@@ -181,7 +181,7 @@ pub trait LaneReceiver {
 pub struct SavedConstraint {
     /// Coordinates of the constraint, ascending.
     pub(crate) support: Vec<u32>,
-    /// Entries; those of a coordinate lie side by side.
+    /// Jacobian entries, coordinate by coordinate: for each the entry of every row.
     pub(crate) y: Vec<f64>,
     /// Target g of the velocity solve.
     pub(crate) g: Vec<f64>,
@@ -355,7 +355,7 @@ pub(crate) fn blend_lane<R: Real>(numbers: &mut [R], from: &[R], lane: usize, we
     }
 }
 
-/// Number of one lane.
+/// Number in lane `lane` of a register, as f64.
 #[inline(always)]
 pub(crate) fn number_of<R: Real>(x: R, lane: usize) -> f64 {
     x.lane(lane).to_f64()

@@ -63,7 +63,7 @@ pub struct PerturbedCopies<'a> {
 pub struct Kinks {
     /// Flags of every column, (environments, columns), as Python's `stepper.derivatives.Kink` has them.
     pub causes: Vec<u32>,
-    /// Distance to the nearest kink with a known distance, in widths of the difference; infinite without any.
+    /// Distance to the nearest kink with a known distance, as a multiple of the finite difference's step; infinite without any.
     pub distance: Vec<f64>,
 }
 
@@ -277,7 +277,7 @@ impl ActiveSet {
         pairs.fold(0, |flags, ((own, other), flag)| if own == other { flags } else { flags | flag })
     }
 
-    /// Numbers of a set of the same joints, one after the other; NaN for contacts that it does not have.
+    /// Numbers of the set `of`, for the contacts of this set and then for the joints; NaN for contacts that `of` does not have.
     fn numbers<'a>(&self, of: &'a Self) -> impl Iterator<Item = f64> + 'a {
         let contacts = (0..self.contacts.len()).flat_map(|i| of.contacts.get(i).copied().unwrap_or([f64::NAN; 3]));
         contacts.chain(of.joints.iter().copied())
@@ -289,7 +289,7 @@ impl ActiveSet {
         out.extend(self.numbers(self).zip(self.numbers(other)).map(|(now, there)| there - now));
     }
 
-    /// Distance to the nearest switch along a column, in widths of its difference, to first order.
+    /// Distance to the nearest switch along a column, as a multiple of its finite difference's step, to first order.
     ///
     /// The slope is the sum of the changes at the first place (of `first`, if there are two) and at the last, times their weights.
     fn widths(&self, first: &[f64], last: &Self, weights: [f64; 2]) -> f64 {

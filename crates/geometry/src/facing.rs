@@ -1,11 +1,11 @@
-//! A direction that separates two cores, and the features that face each other along it.
+//! Separation of two cores along a direction, and the features that face each other along it.
 
 use crate::pair::Pair;
 use crate::vectors::V;
 
-/// The gap that is opened, as a share of the least extent.
+/// Gap by which overlapping cores are moved apart for a search of the closest points, relative to their smallest extent.
 pub(super) const GAP: f64 = 1e-3;
-/// Separations that differ by less than this share of the size are alike.
+/// Difference below which two separations count as equal, relative to the size.
 pub(super) const ALIKE: f64 = 1e-9;
 
 /// Separation of the cores of two shapes along a direction.
@@ -19,8 +19,11 @@ pub(super) struct Separation {
     pub(super) points: [V; 2],
 }
 
-/// A separation with the corners of the cores that are furthest along its normal and against it, and the other ends of the edges there that
-/// it is across; the corners again, where it is across none.
+/// Separation with the features where it was found.
+///
+/// `corners` are the corner of the first core that is farthest along the normal, and the corner of the second one in the opposite
+/// direction. `ends` are the other ends of two edges from these corners, if the normal is perpendicular to both edges; else they equal
+/// `corners`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Facing {
     pub(super) found: Separation,

@@ -10,8 +10,8 @@ pub struct Room {
     pub(super) polytope: Polytope,
     pub(super) triangles: Vec<u32>,
     pub(super) all: Vec<Point>,
-    /// Triangles of the points in `all`.
+    /// Triangle of each point in `all`.
     pub(super) owners: Vec<u32>,
-    /// Whether the points in `all` belong to their triangles.
+    /// Whether each point in `all` belongs to its own triangle, not to a neighbour.
     pub(super) is_own: Vec<bool>,
 }

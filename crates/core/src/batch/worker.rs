@@ -221,7 +221,7 @@ pub fn lane_worker<R: Real>(spec: &WorkerSpec<'_, R::Scalar>, probe: impl Probe)
 struct LaneWorker<R: Real, P: Probe> {
     probe: P,
     workspace: Workspace<R>,
-    /// Compiled model with the parameters of the current group of environments.
+    /// Compiled model with the parameters of the present group.
     compiled: LaneModel<R>,
     /// Flags of the steps of a control, per lane.
     flags: Vec<u32>,

@@ -374,9 +374,8 @@ fn edges(options: &StepSettings) -> Vec<f64> {
     }
 }
 
-/// Whether the forces of a model at rest depend on the expected velocity to first order, as drag and some servos do.
-///
-/// Inertial forces are quadratic in the velocity, and dampers are implicit.
+/// Whether the expected velocity matters even at rest. Inertial forces are quadratic in it, but drag and driving forces are not. Dampers
+/// are implicit.
 fn depends_on_estimate<R: Real>(compiled: &LaneModel<R>) -> bool {
     let pushes = |k: usize| {
         let ActuatorParams { gain, bias } = compiled.params.actuator(k);

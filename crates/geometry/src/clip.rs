@@ -140,7 +140,8 @@ fn clip(reference: &Patch, other: &Patch, tolerance: f64, work: &mut Work, out: 
                 // An end within the tolerance is on the line.
                 let t = (op / (op - oq)).clamp(0.0, 1.0);
                 let at = |a: f64, b: f64| a + (b - a) * t;
-                // Where the polygon leaves the half plane, the next edge is the reference's. Where it enters, the next edge is its own.
+                // Where the polygon leaves the half plane, the next edge is an edge of the reference. Where it enters, the next edge is an
+                // edge of the polygon.
                 let edge = if op <= tolerance { name } else { p.edge };
                 work.next.push(Corner { x: at(p.x, q.x), y: at(p.y, q.y), h: at(p.h, q.h), id: crossing(p.edge, name), edge });
             }
@@ -198,8 +199,8 @@ fn chord(disc: &Patch, segment: &Patch, tolerance: f64, out: &mut Vec<Shared>) {
     }
 }
 
-/// Intersection of two discs. If one is inside the other, its rim points; else the two crossings of the rims and, of each rim, the point
-/// that is deepest inside the other disc.
+/// Intersection of two discs. If one is inside the other, it consists of the inner disc's rim points. Else it has the two crossings of the
+/// rims and, on each rim, the point that is deepest inside the other disc.
 fn discs(reference: &Patch, other: &Patch, tolerance: f64, out: &mut Vec<Shared>) {
     let mut add = |x: f64, y: f64, id: u32| out.push(Shared { x, y, h: [reference.height(x, y), other.height(x, y)], id });
     let d = [other.centre[0] - reference.centre[0], other.centre[1] - reference.centre[1]];

@@ -92,7 +92,7 @@ impl Nearest {
         Self { v: vertex.w, simplex }
     }
 
-    /// The same points with the shift of the second set undone.
+    /// Result with the shift of the second set undone.
     pub(super) fn moved_back(mut self, shift: V) -> Self {
         self.v = add(self.v, shift);
         for vertex in &mut self.simplex.vertex[..self.simplex.count] {

@@ -11,8 +11,8 @@ use crate::vectors::{V, furthest, unit_or};
 /// Distance from a plane within which points are coplanar, relative to the size of the hull. Vertices of mesh files have single precision.
 /// [`COPLANAR_THICKNESS`] is a second bound.
 const COPLANAR: f64 = 1e-6;
-/// Distance from a plane within which points are coplanar, relative to the thickness of the hull, so that faces of a thin hull are not bent
-/// more than those of a thick one.
+/// Distance from a plane within which points are coplanar, relative to the thickness of the hull. It limits how much the faces of a thin
+/// hull are bent.
 const COPLANAR_THICKNESS: f64 = 1e-3;
 /// Rounding error of a dot product, relative to the size of the hull and the sum of the direction's absolute values.
 const ROUNDING: f64 = 2e-15;

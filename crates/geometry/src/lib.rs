@@ -1,4 +1,4 @@
-//! Collision geometry: contact points, distances, convex hulls and rays. It knows no bodies and no models.
+//! Collision geometry: contact points, distances, convex hulls and rays. It does not depend on bodies or models.
 //!
 //! ```
 //! use std::sync::Arc;

@@ -259,8 +259,8 @@ pub fn quat_log<R: Real>(q: [R; 4]) -> V3<R> {
     scale(v, k)
 }
 
-/// Rate of the rotation vector `a` of an orientation exp(a) with the angular velocity `omega` in its own frame (dexpinv). Small angles use
-/// the Bernoulli series of (1 - a/2 cot(a/2)) / a^2.
+/// Rate of the rotation vector `a` of an orientation exp(a) (dexpinv). `omega` is the angular velocity in the rotating frame. Small angles
+/// use the Bernoulli series of (1 - a/2 cot(a/2)) / a^2.
 #[inline(always)]
 pub fn rotation_rate<R: Real>(a: V3<R>, omega: V3<R>) -> V3<R> {
     const SERIES: [f64; 6] = [1.0 / 12.0, 1.0 / 720.0, 1.0 / 30240.0, 1.0 / 1_209_600.0, 1.0 / 47_900_160.0, 691.0 / 1_307_674_368_000.0];

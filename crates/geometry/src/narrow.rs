@@ -61,10 +61,10 @@ impl Narrow {
     }
 }
 
-/// Finds the contact points of two convex shapes that are within reach (m) of each other: at most
-/// [`MAX_POINTS`](crate::MAX_POINTS), in the world, normals from the first to the second, ascending by feature.
+/// Finds the contact points of two convex shapes whose distance is at most `reach`, m. `out` is empty exactly if the distance is larger.
 ///
-/// `out` is empty exactly if the shapes are further apart than that.
+/// There are at most [`MAX_POINTS`](crate::MAX_POINTS), ascending by feature, in the world frame. Normals point from the first shape to the
+/// second.
 pub fn collide(
     a: &ConvexShape,
     pose_a: &Pose,

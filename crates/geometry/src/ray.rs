@@ -21,7 +21,7 @@ use crate::vectors::{Pose, V, widest};
 /// ray touches.
 const MARGIN: f64 = 1e-12;
 
-/// Mesh or height field for distances along rays, in its own frame, m.
+/// Mesh or height field for distances along rays, in its frame, m.
 #[derive(Clone, Debug)]
 pub struct RaySurface {
     form: Form,

@@ -9,7 +9,7 @@
 //! facet is certain if the hulls are apart, because two points have the distance s. Let them overlap by d = -s. The facet is then certain
 //! if the ball of radius d around the origin is inside the known part of the difference. That part consists of the disc of radius `room` on
 //! the facet and of the ball of radius r around the difference of the centres. With this centre at depth H below the facet and at distance
-//! L beside the nearest point, the conditions are 2 d < H and d (1 + 2 L / H) < min(room, r).
+//! L sideways from the nearest point, the conditions are 2 d < H and d (1 + 2 L / H) < min(room, r).
 
 use crate::facing::{Facing, GAP, Separation};
 use crate::gjk;

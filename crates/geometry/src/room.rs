@@ -12,6 +12,6 @@ pub struct Room {
     pub(super) all: Vec<Point>,
     /// Triangle of each point in `all`.
     pub(super) owners: Vec<u32>,
-    /// Whether each point in `all` belongs to its own triangle, not to a neighbour.
+    /// Whether each point in `all` belongs to the triangle that has it, not to a neighbour.
     pub(super) is_own: Vec<bool>,
 }

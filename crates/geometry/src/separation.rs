@@ -3,9 +3,9 @@
 //! If the cores are apart, it is the direction between their closest points (`gjk.rs`). If polytopes overlap, it is the normal of the facet
 //! of their difference that is nearest to the origin (`expand.rs`). A contact near that of the last step needs neither (`recall.rs`).
 //!
-//! Round shapes that touch or overlap, and polytopes that rounding leaves undecided, need another method. The second core is moved along
-//! the best known direction n0 until there is a small gap. The direction n1 between the closest points across that gap is at least as good.
-//! With the shift t n0, t = gap - s(n0), the shifted separation is s'(n) = s(n) + t n . n0, so that
+//! Round shapes that touch or overlap, and polytopes for which rounding hides the result, need another method. The second core is moved
+//! along the best known direction n0 until there is a small gap. The direction n1 between the closest points across that gap is at least as
+//! good. With the shift t n0, t = gap - s(n0), the shifted separation is s'(n) = s(n) + t n . n0, so that
 //!
 //! ```text
 //! s(n1) = s'(n1) - t n1 . n0 >= s'(n0) - t = s(n0).
@@ -14,9 +14,9 @@
 //! Repetition converges to a local maximum of s. On smooth surfaces, each step reduces the error by the factor (depth + gap) / (radius of
 //! curvature + gap). There is always a result, because the climb starts from the best of the face normals and axes of both shapes.
 //!
-//! The overlap may be shallower in another direction. This is impossible in two cases. One is a closest point that is as deep below the
-//! other shape's surface. The other is a ball around the origin, with the depth as radius, inside a ball that can roll within the
-//! difference, or inside the known part of the difference (`recall.rs`). Otherwise a search of the difference (`expand.rs`) finds a
+//! The overlap may be shallower in another direction. This is impossible if a closest point is as deep below the other shape's surface. It
+//! is also impossible if the ball around the origin with the depth as radius is inside a ball that can roll within the difference. The same
+//! holds if it is inside the known part of the difference (`recall.rs`). Otherwise a search of the difference (`expand.rs`) finds a
 //! shallower direction, or shows that there is none.
 
 use crate::expand::Polytope;
@@ -36,8 +36,8 @@ const CLEAR: f64 = 1e-9;
 const CLIMBS: usize = 12;
 /// Least difference of depth for which a shallower direction is searched for, relative to the size of the pair.
 const SHALLOWER: f64 = 3e-8;
-/// Distance of the nearest point from the outline of its facet above which the search for a shallower direction starts with the facet's
-/// corners, relative to the size of the pair.
+/// Distance of the nearest point from the outline of its facet, relative to the size of the pair. Above it, the search for a shallower
+/// direction starts with the facet's corners.
 const WIDE: f64 = 0.01;
 /// Sine of the angle to a face's normal below which the normal may replace the direction.
 pub(super) const NEAR_FACE: f64 = 0.05;
@@ -104,8 +104,8 @@ fn of_overlap(pair: &Pair<'_>, first: &Nearest, polytope: &mut Polytope) -> Sepa
     found
 }
 
-/// Lower bound of the depth of an overlap in any direction, m: the depth of a closest point below the other shape's surface, or the radius
-/// of a ball that can roll within the difference.
+/// Lower bound of the depth of an overlap in any direction, m. It is the depth of a closest point below the other shape's surface, or the
+/// radius of a ball that can roll within the difference.
 fn certain_depth(pair: &Pair<'_>, found: &Separation) -> f64 {
     let [x, y] = found.points;
     let of_points = pair.a.depth_of(y).max(pair.b.depth_of(rotate_back(&pair.mat, sub(x, pair.pos))));
@@ -175,7 +175,7 @@ fn climb(pair: &Pair<'_>, start: Candidate) -> (Separation, Nearest) {
     (Separation { normal: best.normal, separation: best.separation, points }, near)
 }
 
-/// Whether the closest points of polytopes are beside one another, seen along the normal `flat` of a face.
+/// Whether the closest points of polytopes have a sideways distance, seen along the normal `flat` of a face.
 ///
 /// The closest feature is then not over the face, and clipping with this face as the reference would lose it. Only polytopes have exact
 /// closest points.

@@ -43,7 +43,7 @@ pub fn segments<R: Real>(a: &Segment<R>, b: &Segment<R>) -> ([ContactPoint<R>; 2
     let xb = (cos * xa - rb).clamp(-b.half_length, b.half_length);
     let xa = (cos * xb + ra).clamp(-a.half_length, a.half_length);
 
-    // For parallel capsules: both ends of the part of a that is beside b.
+    // For parallel capsules: both ends of the part of a that overlaps b along the axis.
     let reach = (cos * b.half_length).abs();
     let (lo, hi) = ((ra - reach).max(-a.half_length), (ra + reach).min(a.half_length));
     let two = parallel.and(lo.lt(hi));

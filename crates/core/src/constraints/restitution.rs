@@ -445,7 +445,7 @@ fn after_impact<R: Real>(normal_factor: R, time_fraction: R) -> R {
     normal_factor * time_fraction - R::one()
 }
 
-/// Weight of a velocity change before the impact, given as the change of the velocity after the step.
+/// Weight of a velocity change that acts before an impact. The change is given as that of the velocity after the step.
 #[inline(always)]
 fn before_impact<R: Real>(normal_factor: R, time_fraction: R) -> R {
     normal_factor * time_fraction

@@ -56,7 +56,7 @@ pub const WORLD: usize = 0;
 ///
 /// assert_eq!((model.nq(), model.nv(), model.nu()), (2, 2, 1));
 /// assert_eq!((model.actuator("push")?, model.body("cart")?), (push, cart));
-/// assert_eq!(model.joint("pivot")?.qpos, 1..2); // its places in the configuration
+/// assert_eq!(model.joint("pivot")?.qpos, 1..2); // its range in the configuration
 /// assert_eq!(model.collision_pairs().len(), 1); // rod and floor
 /// # Ok::<(), stepper_model::ModelError>(())
 /// ```

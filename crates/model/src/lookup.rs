@@ -55,7 +55,7 @@ lookups! {
     pair: pairs;
     /// Index of a site by its name.
     site: sites;
-    /// Index of an actuator by its name, which is its place in the controls.
+    /// Index of an actuator by its name, which is its index in the controls.
     actuator: actuators;
     /// Index of a fixed tendon by its name.
     tendon: tendons;
@@ -66,7 +66,7 @@ lookups! {
 }
 
 impl Description {
-    /// Index of a joint by its name, and its places in configurations and velocities.
+    /// Index of a joint by its name, and its ranges in configurations and velocities.
     ///
     /// # Errors
     /// [`ModelError::NoSuchName`] when there is none of this name.
@@ -76,7 +76,7 @@ impl Description {
         Ok(JointPlace { index, qpos: q..q + kind.nq(), qvel: v..v + kind.nv() })
     }
 
-    /// Index of a sensor by its name, and its places in the readings.
+    /// Index of a sensor by its name, and its range in the readings.
     ///
     /// # Errors
     /// [`ModelError::NoSuchName`] when there is none of this name.

@@ -255,7 +255,7 @@ pub trait Avx2 {
     type F64x1: Real<Scalar = f64>;
     /// Eight `f64` lanes in two registers.
     type F64Lanes: Real<Scalar = f64>;
-    /// Eight `f32` lanes in one.
+    /// Eight `f32` lanes in one register.
     type F32Lanes: Real<Scalar = f32>;
 }
 
@@ -266,7 +266,7 @@ pub trait Avx512 {
     type F64x1: Real<Scalar = f64>;
     /// Eight `f64` lanes.
     type F64Lanes: Real<Scalar = f64>;
-    /// Sixteen `f64` lanes in two of the thirty-two registers.
+    /// Sixteen `f64` lanes in two registers. There are 32 registers.
     type F64x16: Real<Scalar = f64>;
     /// Sixteen `f32` lanes.
     type F32Lanes: Real<Scalar = f32>;

@@ -10,7 +10,7 @@ use stepper_real::Scalar;
 use crate::compile::{LaneModel, Params};
 use crate::model::{Model, ModelError, Variants};
 
-/// Numbers of one environment that differ from the compiled model, by their place in its parameters.
+/// Numbers of one environment that differ from the compiled model, with their indices in its parameters.
 pub type Differences = Vec<(u32, f64)>;
 
 /// Per-environment fields of the model, by name, (num_envs, numbers of the field) each.

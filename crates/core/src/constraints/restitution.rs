@@ -272,7 +272,7 @@ pub(crate) struct ImpactStep<'a, R: Real> {
     pub(crate) contacts: &'a Contacts<R>,
     /// Free velocity, nv.
     pub(crate) free: &'a [R],
-    /// Overlap that is no error, m.
+    /// Overlap that is not corrected, m.
     pub(crate) slop: f64,
     /// Time step, s.
     pub(crate) h: R,

@@ -86,7 +86,7 @@ impl Lane {
         &self.support[block.support.clone()]
     }
 
-    /// Rows of a block with an effect, as bits: those with entries, and the first.
+    /// Rows of a block that have an effect, as bits. These are rows with a nonzero entry, target or impulse, and always the first row.
     pub(super) fn busy_rows(&self, block: &LaneBlock) -> u32 {
         let (_, entries) = self.entries(block);
         let dim = block.rows.len();

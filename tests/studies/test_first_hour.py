@@ -12,7 +12,7 @@ from stepper.cli import app, main
 from stepper.lab import Outcome, Parameter, Policy, Study, sweep
 from stepper.lab.comparison import compare
 from stepper.lab.study.batches import running, world_of
-from stepper.lab.study.drives import digest_of, load_file
+from stepper.lab.study.controllers import digest_of, load_file
 from stepper.lab.study.points import USUAL
 from stepper.policies import evaluate
 

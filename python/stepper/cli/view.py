@@ -105,11 +105,11 @@ def _study(file: str, options: ViewOptions, of_study: StudyOptions) -> None:
             print(f"episode {number}: {_result(study, row['outcomes'], lost=diverged(row))}")
         print(f"recorded them in {of_study.record}; show them: stepper view {of_study.record}")
         return
-    running = episodes.watched()
+    running = episodes.repeated_steps()
 
     def begin() -> None:
         nonlocal running
-        running = episodes.watched()
+        running = episodes.repeated_steps()
         next(running)
 
     def advance() -> None:

@@ -106,6 +106,7 @@ class Batch:
         self._seen = None
 
     def _moment(self, action: Array) -> Moment:
+        """New moment after a step with some actions."""
         shared: dict[str, Any] = {"episode_state": self._episode_state, "streams": self.streams}
         return Moment(self.sim, self.task, self.dt, action, self._default_qpos, **shared)
 

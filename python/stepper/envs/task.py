@@ -123,6 +123,7 @@ class Moment:
         return self._same_step(self.action) if self._kept else self
 
     def _same_step(self, action: Array) -> Moment:
+        """Moment of the same step, which reads all quantities again."""
         shared: dict[str, Any] = {"episode_state": self.episode_state, "streams": self._streams}
         return Moment(self.sim, self.task, self.dt, action, self.default_qpos, **shared)
 

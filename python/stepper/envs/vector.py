@@ -365,6 +365,7 @@ def _mask_of(envs: ArrayLike | None, num_envs: int) -> Array:
 
 
 def _are_indices(envs: ArrayLike | None) -> bool:
+    """Whether the argument `envs` has indices and not a mask."""
     return envs is not None and np.asarray(envs).dtype != np.bool_
 
 
@@ -381,12 +382,12 @@ def _scattered(seeds: list[int | None], ids: Array, num_envs: int) -> list[int |
 def _mask(options: dict[str, Any] | None, num_envs: int) -> Array:
     """Mask (num_envs,) of the environments that `reset` starts, from Gymnasium's "reset_mask" in the options."""
     if unknown := set(options or {}) - {"reset_mask"}:
-        raise ValueError(f"unknown options {sorted(unknown)}, there is: 'reset_mask'; reset(envs=...) takes indices")
+        raise ValueError(f"unknown options {sorted(unknown)}, the only option is 'reset_mask'; reset(envs=...) takes indices")
     if options is None or "reset_mask" not in options:
         return np.ones(num_envs, dtype=bool)
     mask = options["reset_mask"]
     if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
         raise TypeError(f"reset_mask is {mask!r}, must be an array of bool")
     if mask.shape != (num_envs,) or not mask.any():
-        raise ValueError(f"reset_mask has shape {mask.shape} and {mask.sum()} of True, must be ({num_envs},) with one at least")
+        raise ValueError(f"reset_mask has shape {mask.shape} and {mask.sum()} true entries, must be ({num_envs},) with at least one")
     return mask

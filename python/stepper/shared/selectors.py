@@ -337,6 +337,7 @@ def randomized_fields(sim: Stepper, values: Mapping[str, ArrayLike | None], envs
     present = sim.randomized
 
     def base(field: str) -> Array:
+        """Present values of a field in the selected environments, flattened."""
         own = np.asarray(getattr(model, field), np.float64)
         now = np.asarray(present.get(field, np.broadcast_to(own, (n, *own.shape))), np.float64).reshape(n, -1)
         return now[rows].reshape(*lead, -1)
@@ -363,6 +364,7 @@ def replaced_fields(model: Model, values: Any, fields: Mapping[str, Any] | None)
         raise TypeError(f"Model.replace: values is {values!r}, must be a dict of selectors, as {{'geom_friction[floor][0]': 0.5}}")
 
     def base(field: str) -> Array:
+        """Values of a field of the model, flattened."""
         return np.array(getattr(model, field), np.float64).reshape(-1)
 
     return _whole("Model.replace", model, values, base, lead=(), known=FIELDS, fields=fields or {})

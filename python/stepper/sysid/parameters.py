@@ -241,7 +241,7 @@ class Block:
         parameter, kind = self.parameter, self.kind
         start = own if parameter.start is None else float(parameter.start)
         if kind.log and not start > 0:
-            raise ValueError(f"{parameter}: it is {start:g} in the model, and is sought as a logarithm; give a start above 0")
+            raise ValueError(f"{parameter}: it is {start:g} in the model, and its logarithm is identified; give a start above 0")
         if parameter.bounds is not None and not parameter.bounds[0] <= start <= parameter.bounds[1]:
             if parameter.start is not None:
                 raise ValueError(f"{parameter}: the start {start:g} is outside of its bounds {parameter.bounds}")

@@ -13,7 +13,7 @@ import numpy as np
 from stepper._options import Options
 from stepper._stepper import Model, Stepper
 from stepper.lab.comparison.draw import draw
-from stepper.lab.comparison.trial import Array, Controller, Course, Slip, run
+from stepper.lab.comparison.trial import Array, ControlSource, Course, Slip, run
 from stepper.lab.study.worlds import Plan, make_world
 from stepper.loading import load
 from stepper.shared.files import existing
@@ -85,7 +85,7 @@ class Comparison:
 
 def compare(
     source: Any,
-    controller: Controller | None = None,
+    controller: ControlSource | None = None,
     *,
     seconds: float = 2.0,
     num_envs: int = 8,
@@ -144,11 +144,11 @@ def compare(
     plans = {"hard": Plan(model, {}, hard), "MuJoCo's law": Plan(model, {}, law)}
     if compiled is not None:
         plans["MuJoCo"] = Plan(model, {}, Options(), mujoco={"timestep": timestep}, compiled=compiled)
-    courses, told = [], tick or silent
+    courses, report_progress = [], tick or silent
     for name, plan in plans.items():
         world = make_world(plan, num_envs)
         world.start(qpos, qvel, None, 0)
-        courses.append(run(name, world, controller, steps, slip=slip, reward=reward, tick=told))
+        courses.append(run(name, world, controller, steps, slip=slip, reward=reward, tick=report_progress))
     return Comparison(tuple(courses), reward is not None)
 
 

@@ -276,8 +276,8 @@ def _check_controls(controller: Any, world: World, ctrl: Any) -> None:
         is_column, is_turned = nu == 1 and np.shape(ctrl) == (n,), np.shape(ctrl) == (nu, n)
         remedy = "; controls[:, None] has this shape" if is_column else "; controls.T has this shape" if is_turned else ""
         raise ValueError(
-            f"the controller {controllers.name_of(controller)} returned the shape {np.shape(ctrl)}, must be (num_envs, nu), which is ({n}, {nu}), "
-            f"or (nu,), or None{remedy}"
+            f"the controller {controllers.name_of(controller)} returned the shape {np.shape(ctrl)}, must be (num_envs, nu), which is "
+            f"({n}, {nu}), or (nu,), or None{remedy}"
         )
     if np.isfinite(ctrl).all():
         return

@@ -3,6 +3,8 @@
 import mujoco
 import numpy as np
 import pytest
+from sections import section_of
+from terrains import report
 from terrains.grounds import GROUNDS
 from terrains.report import steps, times
 
@@ -29,3 +31,18 @@ def test_the_table_compares_with_the_faster_setting():
     row = {"ground": "stairs", "engines": {name: figures | {"microseconds": time} for name, time in engines.items()}}
     assert times([row]).splitlines()[-1] == "| stairs | 2.0 (3.00) | 8.0 | 6.0 |"
     assert len(steps([row]).splitlines()) == 5
+
+
+def test_a_table_is_written_for_its_cpu_level(tmp_path, monkeypatch):
+    page = tmp_path / "terrain.md"
+    page.write_text(report.PAGE.read_text(encoding="utf-8"), encoding="utf-8")
+    monkeypatch.setattr(report, "PAGE", page)
+    figures = {"microseconds": 2.0, "contacts": 1.0, "penetration": 0.0, "flags": {}, "iterations": 2.0}
+    rows = [{"ground": "stairs", "engines": {"stepper f64 default": figures, "MuJoCo own": figures}}]
+    came_from = {"cpu": "a CPU", "cpu_level": "avx512", "utc": "2026-01-01T00:00", "load_average": 0.5}
+    before = section_of(page, "times avx2")
+    report.update_page(rows, came_from)
+    assert "a CPU, CPU level avx512, 2026-01-01, load 0.5." in section_of(page, "times avx512")
+    assert section_of(page, "times avx2") == before
+    with pytest.raises(ValueError, match=r"terrain\.md has no table for the CPU level 'baseline': set STEPPER_CPU_LEVEL to avx2 or avx512"):
+        report.update_page(rows, came_from | {"cpu_level": "baseline"})

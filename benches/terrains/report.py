@@ -12,10 +12,22 @@ PEERS = "MuJoCo"
 PAGE = Path(__file__).parents[2] / "docs" / "benchmarks" / "terrain.md"
 
 
+LEVELS = ("avx2", "avx512")
+"""CPU levels with a table of times on the page."""
+
+
 def update_page(rows: Sequence[dict[str, Any]], came_from: Mapping[str, Any]) -> None:
-    """Write the tables into docs/benchmarks/terrain.md."""
-    machine = f"{came_from['cpu']}, CPU level {came_from['cpu_level']}, {came_from['utc'][:10]}, load {came_from['load_average']}."
-    write_section(PAGE, "terrains", f"{table(rows)}\n\n{machine}")
+    """Write the tables into docs/benchmarks/terrain.md.
+
+    Raises:
+        ValueError: The page has no table for this CPU level.
+    """
+    level = came_from["cpu_level"]
+    if level not in LEVELS:
+        raise ValueError(f"{PAGE.name} has no table for the CPU level {level!r}: set STEPPER_CPU_LEVEL to {' or '.join(LEVELS)}")
+    machine = f"{came_from['cpu']}, CPU level {level}, {came_from['utc'][:10]}, load {came_from['load_average']}."
+    write_section(PAGE, f"times {level}", f"{times(rows)}\n\n{machine}")
+    write_section(PAGE, "steps", steps(rows))
 
 
 def table(rows: Sequence[dict[str, Any]]) -> str:

@@ -352,6 +352,22 @@ impl Surface {
         }
     }
 
+    /// Whether a point over triangle `t` stays over it, or over neighbours that do not fall away from it, if it moves `sideways` (m).
+    fn keeps_over(&self, t: u32, corners: &[V; 3], normal: V, point: V, sideways: f64) -> bool {
+        let mut facet = None;
+        (0..3).all(|k| {
+            let (edge, arm) = (sub(corners[(k + 1) % 3], corners[k]), sub(point, corners[k]));
+            let (inside, square) = (-dot(cross(edge, normal), arm), sideways * sideways);
+            if inside > 0.0 && inside * inside > square * dot(edge, edge) {
+                return true;
+            }
+            // Beyond a corner there may be other triangles.
+            let across = |arm: V| dot(arm, arm) - dot(normal, arm) * dot(normal, arm);
+            let is_far_from_ends = across(arm).min(across(sub(arm, edge))) > square;
+            is_far_from_ends && !facet.get_or_insert_with(|| self.facet(t as usize)).bulges[k]
+        })
+    }
+
     /// Whether no neighbour at the part of triangle `t` that `p` is a point of is nearer to what is in the direction `d` (unit) from there.
     fn is_nearest(&self, t: usize, facet: &Facet, at: &Outline, p: V, d: V) -> bool {
         self.all_beside(t, facet, at, |w| {
@@ -436,7 +452,8 @@ pub fn collide_surface(
             }
             if let [centre] = ends[..] {
                 if along > 0.0 && is_over(&corners, normal, centre) {
-                    room.all.push(Point { feature: name(t, 0), ..ball_over(normal, centre, along, b.radius()) });
+                    let stays_over_face = approach.is_some_and(|approach| a.keeps_over(t, &corners, normal, centre, approach.sideways(normal)));
+                    room.all.push(Point { feature: name(t, 0), stays_over_face, ..ball_over(normal, centre, along, b.radius()) });
                     room.owners.push(t);
                     continue;
                 }

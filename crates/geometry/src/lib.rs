@@ -107,6 +107,7 @@ mod separation;
 mod shape;
 mod solid;
 mod surface;
+mod triangle_grid;
 mod vectors;
 
 pub use approach::Approach;

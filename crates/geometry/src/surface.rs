@@ -33,6 +33,7 @@ use crate::round::{ends, is_over, may_touch, nearest_of_triangle};
 use crate::separation::{self};
 use crate::shape::ConvexShape;
 use crate::shape::triangle_normal;
+use crate::triangle_grid::TriangleGrid;
 use crate::vectors::{Pose, V};
 use crate::vectors::{furthest, neg, unit_or};
 
@@ -71,7 +72,9 @@ pub struct MeshSurface {
     /// Vertices that share an edge with each: those of vertex v are in `around[first[v]..first[v + 1]]`.
     around: Vec<u32>,
     first: Vec<u32>,
+    /// For rays.
     tree: Bvh,
+    grid: TriangleGrid,
     /// Least and greatest coordinates, m.
     extent: [V; 2],
 }
@@ -136,10 +139,11 @@ impl MeshSurface {
         let around = beside.into_iter().map(|[_, w]| w).collect();
         let boxes: Vec<Aabb> = faces.iter().map(|f| bounds(&corners(f))).collect();
         let tree = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
+        let grid = TriangleGrid::new(&boxes.iter().map(|b| [b.mins, b.maxs].map(|p| [p.x, p.y, p.z])).collect::<Vec<_>>());
         let used = || faces.iter().flatten().map(|&v| vertices[v as usize]);
         let extent =
             [f64::min, f64::max].map(|pick: fn(f64, f64) -> f64| used().reduce(|p, q| array_of(|k| pick(p[k], q[k]))).unwrap_or_default());
-        Self { vertices: vertices.to_vec(), faces, across, around, first, tree, extent }
+        Self { vertices: vertices.to_vec(), faces, across, around, first, tree, grid, extent }
     }
 
     /// Corners of triangle `t`.
@@ -380,11 +384,7 @@ impl Surface {
     pub(super) fn candidates(&self, low: V, high: V, out: &mut Vec<u32>) {
         out.clear();
         match self {
-            Self::Mesh(m) => {
-                let [a, b] = [low, high].map(|p| Vector::new(p[0], p[1], p[2]));
-                out.extend(m.tree.intersect_aabb(&Aabb::new(a, b)));
-                out.sort_unstable();
-            }
+            Self::Mesh(m) => m.grid.find(&low, &high, out),
             Self::Grid(g) => {
                 if high[2] >= -g.base {
                     g.under(low, high, out);
@@ -452,7 +452,8 @@ pub fn collide_surface(
             }
             if let [centre] = ends[..] {
                 if along > 0.0 && is_over(&corners, normal, centre) {
-                    let stays_over_face = approach.is_some_and(|approach| a.keeps_over(t, &corners, normal, centre, approach.sideways(normal)));
+                    let stays_over_face =
+                        approach.is_some_and(|approach| a.keeps_over(t, &corners, normal, centre, approach.sideways(normal)));
                     room.all.push(Point { feature: name(t, 0), stays_over_face, ..ball_over(normal, centre, along, b.radius()) });
                     room.owners.push(t);
                     continue;

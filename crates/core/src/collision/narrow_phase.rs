@@ -3,8 +3,8 @@
 use std::borrow::Cow;
 
 use stepper_geometry::pairs::{
-    ContactPoint, Cuboid, Cylinder, Ellipsoid, Segment, capsule_box, cylinder_rims, face_clearance, plane_box, plane_ellipsoid, plane_point, plane_sphere,
-    segments, sphere_box, sphere_cylinder, sphere_ellipsoid,
+    ContactPoint, Cuboid, Cylinder, Ellipsoid, Segment, capsule_box, cylinder_rims, face_clearance, plane_box, plane_ellipsoid,
+    plane_point, plane_sphere, segments, sphere_box, sphere_cylinder, sphere_ellipsoid,
 };
 use stepper_geometry::{Approach, BoundingBox, Pose, Reach, SeparatingPlane, SeparatingPlanes, Solid, Surface};
 use stepper_real::{Mask, Real, Scalar};

@@ -147,7 +147,13 @@ impl<R: Real> Scene<'_, R> {
             for feature in (0..N).filter(|&feature| near[feature] >> place & 1 == 1) {
                 let (of, point) = (|x: R| x.lane(place), &points[feature]);
                 let point = ContactPoint { distance: of(point.distance), pos: point.pos.map(of), normal: point.normal.map(of) };
-                found.push(Found { index: items[place].index, feature: feature as u32, lane: items[place].lane, point, clearance: of(clearance) });
+                found.push(Found {
+                    index: items[place].index,
+                    feature: feature as u32,
+                    lane: items[place].lane,
+                    point,
+                    clearance: of(clearance),
+                });
             }
         }
     }

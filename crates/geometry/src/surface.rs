@@ -95,10 +95,10 @@ pub struct Grid {
     places: [Vec<f64>; 2],
 }
 
-/// Heights of a grid below a disc.
+/// Heights of a surface below a disc.
 #[derive(Clone, Copy, Debug)]
 pub struct Under {
-    /// Greatest height of the cells there, m; minus infinity outside the grid.
+    /// Greatest height of the cells there, m; minus infinity outside the surface.
     pub highest: f64,
     /// Whether these cells and their neighbours have one height. Every contact normal is then vertical.
     pub level: bool,
@@ -276,7 +276,7 @@ impl Grid {
     }
 
     /// Heights of the grid below a horizontal disc.
-    pub fn under_disc(&self, [x, y]: [f64; 2], radius: f64) -> Under {
+    fn under_disc(&self, [x, y]: [f64; 2], radius: f64) -> Under {
         let [rows, columns] = self.shape;
         let (c, r) = (self.cells(0, x - radius, x + radius), self.cells(1, y - radius, y + radius));
         let mut highest = f64::NEG_INFINITY;
@@ -378,6 +378,31 @@ impl Surface {
             let u = sub(w, p);
             dot(d, u) <= FLAT * norm(u)
         })
+    }
+
+    /// Axis of the surface's frame along which heights are measured: z of a height field, and of a mesh the axis along which it is
+    /// shortest.
+    pub fn up_axis(&self) -> usize {
+        match self {
+            Self::Mesh(m) => m.grid.up_axis(),
+            Self::Grid(_) => 2,
+        }
+    }
+
+    /// Greatest height, m.
+    pub fn highest(&self) -> f64 {
+        match self {
+            Self::Mesh(m) => m.extent[1][self.up_axis()],
+            Self::Grid(g) => g.highest,
+        }
+    }
+
+    /// Heights of the surface below a disc about the point `at` in the surface's frame, across [`Surface::up_axis`].
+    pub fn under_disc(&self, at: V, radius: f64) -> Under {
+        match self {
+            Self::Mesh(m) => Under { highest: m.grid.highest_under(&at, radius), level: false },
+            Self::Grid(g) => g.under_disc([at[0], at[1]], radius),
+        }
     }
 
     /// Triangles in the box from `low` to `high`, ascending, and others near it.

@@ -24,6 +24,8 @@ pub(crate) struct TriangleGrid {
     entries: Vec<u32>,
     /// Bounding box of every triangle: least coordinates, then greatest, rounded outwards, m.
     boxes: Vec<[f32; 6]>,
+    /// Least and greatest coordinates of every cell along the third axis, rounded outwards, m.
+    heights: Vec<[f32; 2]>,
 }
 
 impl TriangleGrid {
@@ -46,6 +48,7 @@ impl TriangleGrid {
             first: vec![],
             entries: vec![],
             boxes: boxes.iter().map(rounded).collect(),
+            heights: vec![],
         };
         // Two triangles per cell on a flat mesh; fewer and larger cells where triangles are much longer than wide.
         let area = (a * b).max(a.max(b).powi(2) / boxes.len().max(1) as f64);
@@ -79,7 +82,26 @@ impl TriangleGrid {
                 next[cell] += 1;
             }
         }
+        let up = self.up_axis();
+        let nothing = [f32::INFINITY, f32::NEG_INFINITY];
+        let join = |[low, high]: [f32; 2], own: &[f32; 6]| [low.min(own[up]), high.max(own[up + 3])];
+        let own = |ends: &[u32]| entries[ends[0] as usize..ends[1] as usize].iter().map(|&t| &self.boxes[t as usize]);
+        self.heights = first.windows(2).map(|ends| own(ends).fold(nothing, join)).collect();
         (self.first, self.entries) = (first, entries);
+    }
+
+    /// Axis of the mesh's frame along which it is shortest: the cells are columns along it.
+    pub(crate) fn up_axis(&self) -> usize {
+        3 - self.axes[0] - self.axes[1]
+    }
+
+    /// Greatest coordinate along [`TriangleGrid::up_axis`] of the cells that a disc about the point `at` across this axis meets, m. Minus
+    /// infinity beside the mesh.
+    pub(crate) fn highest_under(&self, at: &V, radius: f64) -> f64 {
+        let [columns, rows] = self.cells_of(&at.map(|x| x - radius), &at.map(|x| x + radius));
+        let row = |row: usize| &self.heights[row * self.cells[0] + columns.start..row * self.cells[0] + columns.end.max(columns.start)];
+        let highest = rows.flat_map(row).map(|height| height[1]).fold(f32::NEG_INFINITY, f32::max);
+        f64::from(highest)
     }
 
     /// Cells along both axes that a box meets.
@@ -96,8 +118,12 @@ impl TriangleGrid {
     pub(crate) fn find(&self, low: &V, high: &V, out: &mut Vec<u32>) {
         let [columns, rows] = self.cells_of(low, high);
         let (low, high): ([f32; 3], [f32; 3]) = (low.map(round_down), high.map(|x| -round_down(-x)));
+        let up = self.up_axis();
         for row in rows {
             for cell in row * self.cells[0] + columns.start..row * self.cells[0] + columns.end {
+                if self.heights[cell][0] > high[up] || low[up] > self.heights[cell][1] {
+                    continue;
+                }
                 for &t in &self.entries[self.first[cell] as usize..self.first[cell + 1] as usize] {
                     let own = &self.boxes[t as usize];
                     if (0..3).all(|k| own[k] <= high[k] && low[k] <= own[k + 3]) {

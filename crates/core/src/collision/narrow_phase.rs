@@ -6,7 +6,7 @@ use stepper_geometry::pairs::{
     ContactPoint, Cuboid, Cylinder, Ellipsoid, Segment, capsule_box, cylinder_rims, face_clearance, plane_box, plane_ellipsoid,
     plane_point, plane_sphere, segments, sphere_box, sphere_cylinder, sphere_ellipsoid,
 };
-use stepper_geometry::{Approach, BoundingBox, Pose, Reach, SeparatingPlane, SeparatingPlanes, Solid, Surface};
+use stepper_geometry::{Approach, BoundingBox, Pose, Reach, SeparatingPlane, SeparatingPlanes, Solid};
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::collision::contact_set::{ContactId, Contacts};
@@ -172,8 +172,8 @@ impl<R: Real> Scene<'_, R> {
     fn convex(&self, index: usize, pair: &CompiledPair<R::Scalar>, mut near: R::Mask, search: &mut Search, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
         let (ground, margin) = (self.surface_and_shape(pair), R::splat(pair.margin));
-        if let Some((Surface::Grid(grid), geoms)) = ground {
-            near = self.may_meet_grid(grid, geoms, margin, near);
+        if let Some((surface, geoms)) = ground {
+            near = self.may_meet_surface(surface, geoms, margin, near);
         }
         let reach = margin + self.poses.travel[a] + self.poses.travel[b] + self.slack;
         near = near.and_not(self.boxes_are_beyond(pair, reach));

@@ -359,16 +359,22 @@ impl Surface {
     /// Whether a point over triangle `t` stays over it, or over neighbours that do not fall away from it, if it moves `sideways` (m).
     fn keeps_over(&self, t: u32, corners: &[V; 3], normal: V, point: V, sideways: f64) -> bool {
         let mut facet = None;
+        let foot = add_scaled(point, normal, -dot(normal, sub(point, corners[0])));
         (0..3).all(|k| {
-            let (edge, arm) = (sub(corners[(k + 1) % 3], corners[k]), sub(point, corners[k]));
-            let (inside, square) = (-dot(cross(edge, normal), arm), sideways * sideways);
-            if inside > 0.0 && inside * inside > square * dot(edge, edge) {
+            let [a, b] = [corners[k], corners[(k + 1) % 3]];
+            let edge = sub(b, a);
+            let outwards = cross(edge, normal);
+            let inside = -dot(outwards, sub(foot, a));
+            if inside > 0.0 && inside * inside > sideways * sideways * dot(edge, edge) {
                 return true;
             }
-            // Beyond a corner there may be other triangles.
-            let across = |arm: V| dot(arm, arm) - dot(normal, arm) * dot(normal, arm);
-            let is_far_from_ends = across(arm).min(across(sub(arm, edge))) > square;
-            is_far_from_ends && !facet.get_or_insert_with(|| self.facet(t as usize)).bulges[k]
+            // Beyond the neighbour's other edges there may be any triangle. A neighbour that turns back is over this one.
+            let facet = facet.get_or_insert_with(|| self.facet(t as usize));
+            let is_far_from_others = |third: V| {
+                let third = add_scaled(third, normal, -dot(normal, sub(third, a)));
+                dot(outwards, sub(third, a)) > 0.0 && from_segment(foot, a, third).min(from_segment(foot, third, b)) > sideways
+            };
+            !facet.bulges[k] && facet.across[k].is_some_and(is_far_from_others)
         })
     }
 
@@ -686,12 +692,17 @@ fn drop_nearer_elsewhere(surface: &Surface, triangles: &[u32], size: f64, room: 
 
 /// Distance of a point from a triangle.
 fn distance(corners: &[V; 3], normal: V, x: V) -> f64 {
-    let edges = [0, 1, 2].map(|k| (sub(corners[(k + 1) % 3], corners[k]), sub(x, corners[k])));
-    if edges.iter().all(|(edge, arm)| dot(cross(normal, *edge), *arm) >= 0.0) {
-        return dot(normal, edges[0].1).abs();
+    let is_inside = |k: usize| dot(cross(normal, sub(corners[(k + 1) % 3], corners[k])), sub(x, corners[k])) >= 0.0;
+    if (0..3).all(is_inside) {
+        return dot(normal, sub(x, corners[0])).abs();
     }
-    let from_edge = |(edge, arm): &(V, V)| norm(add_scaled(*arm, *edge, -(dot(*arm, *edge) / dot(*edge, *edge)).clamp(0.0, 1.0)));
-    edges.iter().map(from_edge).fold(f64::INFINITY, f64::min)
+    (0..3).map(|k| from_segment(x, corners[k], corners[(k + 1) % 3])).fold(f64::INFINITY, f64::min)
+}
+
+/// Distance of a point from the segment from `a` to `b`.
+fn from_segment(x: V, a: V, b: V) -> f64 {
+    let (edge, arm) = (sub(b, a), sub(x, a));
+    norm(add_scaled(arm, edge, -(dot(arm, edge) / dot(edge, edge)).clamp(0.0, 1.0)))
 }
 
 #[cfg(test)]

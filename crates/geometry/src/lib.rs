@@ -90,6 +90,7 @@ mod hull;
 mod known;
 pub mod linear_algebra;
 mod manifold;
+mod mesh_heights;
 mod narrow;
 mod pair;
 pub mod pairs;
@@ -107,7 +108,6 @@ mod separation;
 mod shape;
 mod solid;
 mod surface;
-mod triangle_grid;
 mod vectors;
 
 pub use approach::Approach;

@@ -26,6 +26,7 @@ use crate::facet::{FLAT, Facet, Outline, PARALLEL};
 use crate::facing::{Facing, Separation};
 use crate::linear_algebra::*;
 use crate::manifold::{LEVEL, Manifold, Point, VERTICES, reduce_points};
+use crate::mesh_heights::MeshHeights;
 use crate::pair::Pair;
 use crate::reach::Reach;
 use crate::room::Room;
@@ -33,7 +34,6 @@ use crate::round::{ends, is_over, may_touch, nearest_of_triangle};
 use crate::separation::{self};
 use crate::shape::ConvexShape;
 use crate::shape::triangle_normal;
-use crate::triangle_grid::TriangleGrid;
 use crate::vectors::{Pose, V};
 use crate::vectors::{furthest, neg, unit_or};
 
@@ -66,15 +66,16 @@ pub enum Surface {
 pub struct MeshSurface {
     vertices: Vec<V>,
     faces: Vec<[u32; 3]>,
+    /// Unit normal of every triangle.
+    normals: Vec<V>,
     /// Across the edge that leaves corner k of a triangle: the neighbour's third vertex; of several neighbours that of the one that rises
     /// most.
     across: Vec<[Option<u32>; 3]>,
     /// Vertices that share an edge with each: those of vertex v are in `around[first[v]..first[v + 1]]`.
     around: Vec<u32>,
     first: Vec<u32>,
-    /// For rays.
     tree: Bvh,
-    grid: TriangleGrid,
+    heights: MeshHeights,
     /// Least and greatest coordinates, m.
     extent: [V; 2],
 }
@@ -132,6 +133,7 @@ impl MeshSurface {
             let others = thirds.get(&[b, a]).into_iter().flatten().copied().filter(|&v| v != c);
             others.max_by(|x, y| rise(x).total_cmp(&rise(y)))
         };
+        let normals = faces.iter().map(|f| triangle_normal(&corners(f))).collect();
         let across = faces.iter().map(|f| std::array::from_fn(|k| neighbour(f, k))).collect();
         let mut first = vec![0; vertices.len() + 1];
         beside.iter().for_each(|&[v, _]| first[v as usize + 1] += 1);
@@ -139,11 +141,11 @@ impl MeshSurface {
         let around = beside.into_iter().map(|[_, w]| w).collect();
         let boxes: Vec<Aabb> = faces.iter().map(|f| bounds(&corners(f))).collect();
         let tree = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
-        let grid = TriangleGrid::new(&boxes.iter().map(|b| [b.mins, b.maxs].map(|p| [p.x, p.y, p.z])).collect::<Vec<_>>());
+        let heights = MeshHeights::new(&boxes.iter().map(|b| [b.mins, b.maxs].map(|p| [p.x, p.y, p.z])).collect::<Vec<_>>());
         let used = || faces.iter().flatten().map(|&v| vertices[v as usize]);
         let extent =
             [f64::min, f64::max].map(|pick: fn(f64, f64) -> f64| used().reduce(|p, q| array_of(|k| pick(p[k], q[k]))).unwrap_or_default());
-        Self { vertices: vertices.to_vec(), faces, across, around, first, tree, grid, extent }
+        Self { vertices: vertices.to_vec(), faces, normals, across, around, first, tree, heights, extent }
     }
 
     /// Corners of triangle `t`.
@@ -224,7 +226,7 @@ impl Grid {
             let third = [self.near(Some(c), r.checked_sub(1)), self.near(Some(c + 2), Some(r + 1)), Some(at(0, 1))];
             ([at(0, 0), at(1, 0), at(1, 1)], third)
         };
-        Facet::new(corners, third)
+        Facet::new(corners, triangle_normal(&corners), third)
     }
 
     /// The points that share an edge with corner `k` of triangle `t`.
@@ -320,11 +322,19 @@ impl Surface {
         }
     }
 
+    /// Unit normal of triangle `t`, whose corners are `corners`.
+    fn normal(&self, t: u32, corners: &[V; 3]) -> V {
+        match self {
+            Self::Mesh(m) => m.normals[t as usize],
+            Self::Grid(_) => triangle_normal(corners),
+        }
+    }
+
     fn facet(&self, t: usize) -> Facet {
         match self {
             Self::Mesh(m) => {
                 let at = |v: u32| m.vertices[v as usize];
-                Facet::new(m.faces[t].map(at), m.across[t].map(|v| v.map(at)))
+                Facet::new(m.faces[t].map(at), m.normals[t], m.across[t].map(|v| v.map(at)))
             }
             Self::Grid(g) => g.facet(t),
         }
@@ -390,7 +400,7 @@ impl Surface {
     /// shortest.
     pub fn up_axis(&self) -> usize {
         match self {
-            Self::Mesh(m) => m.grid.up_axis(),
+            Self::Mesh(m) => m.heights.up_axis(),
             Self::Grid(_) => 2,
         }
     }
@@ -406,7 +416,7 @@ impl Surface {
     /// Heights of the surface below a disc about the point `at` in the surface's frame, across [`Surface::up_axis`].
     pub fn under_disc(&self, at: V, radius: f64) -> Under {
         match self {
-            Self::Mesh(m) => Under { highest: m.grid.highest_under(&at, radius), level: false },
+            Self::Mesh(m) => Under { highest: m.heights.highest_in(&at.map(|x| x - radius), &at.map(|x| x + radius)), level: false },
             Self::Grid(g) => g.under_disc([at[0], at[1]], radius),
         }
     }
@@ -415,7 +425,14 @@ impl Surface {
     pub(super) fn candidates(&self, low: V, high: V, out: &mut Vec<u32>) {
         out.clear();
         match self {
-            Self::Mesh(m) => m.grid.find(&low, &high, out),
+            Self::Mesh(m) => {
+                if low[self.up_axis()] > m.heights.highest_in(&low, &high) {
+                    return;
+                }
+                let [a, b] = [low, high].map(|p| Vector::new(p[0], p[1], p[2]));
+                out.extend(m.tree.intersect_aabb(&Aabb::new(a, b)));
+                out.sort_unstable();
+            }
             Self::Grid(g) => {
                 if high[2] >= -g.base {
                     g.under(low, high, out);
@@ -460,7 +477,7 @@ pub fn collide_surface(
     let mut left: Option<(u32, Facing)> = None;
     for &t in &triangles {
         let corners = a.triangle(t);
-        let normal = triangle_normal(&corners);
+        let normal = a.normal(t, &corners);
         // Nothing is nearer than along the normal.
         let along = match &core {
             Some(ends) => ends.iter().map(|end| dot(normal, sub(*end, corners[0]))).reduce(f64::min).unwrap_or_default(),
@@ -672,7 +689,7 @@ fn drop_nearer_elsewhere(surface: &Surface, triangles: &[u32], size: f64, room: 
         let has_shallower = |t: &u32| owners.iter().zip(all.iter()).any(|(owner, other)| owner == t && other.distance > p.distance);
         let is_nearer = |t: &u32| {
             let corners = surface.triangle(*t);
-            let normal = triangle_normal(&corners);
+            let normal = surface.normal(*t, &corners);
             let height = dot(normal, sub(x, corners[0]));
             // Up to the rounding of poses in 32 bits.
             let touches = height.abs() <= 1e-7 * size;

@@ -1,7 +1,9 @@
 """Accuracy and time of `Stepper.linearize`, for docs/benchmarks/derivatives.md. Uses one process on one pinned core.
 
-python benches/derivatives.py                 # all tables
-python benches/derivatives.py agreement time  # some of: agreement, implicit, smoothness, horizon, time, effort
+Usage:
+
+    python benches/derivatives.py                 # all tables
+    python benches/derivatives.py agreement time  # some of: agreement, implicit, smoothness, horizon, time, effort
 """
 
 from __future__ import annotations

@@ -95,6 +95,7 @@ class Contender:
             timed += 1
 
     def _step(self) -> float:
+        """Processor time of one step, s."""
         action = self._actions[len(self._times) % len(self._actions)]
         begin = time.process_time()
         self._envs.step(action)
@@ -151,6 +152,7 @@ class Elsewhere:
         self._answer()
 
     def _answer(self) -> Any:
+        """Next answer of the other process. An error if it has ended."""
         line = self._process.stdout.readline() if self._process.stdout else ""
         if not line:
             raise RuntimeError(f"the mjbatch process exited with code {self._process.wait()}: see its error message above")

@@ -38,6 +38,7 @@ class EnvPoolVectorEnv(VectorEnv[Array, Array, Array]):
         self.action_space = batch_space(self.single_action_space, num_envs)
 
     def _make(self, seed: int) -> Any:
+        """New environments of EnvPool with a seed."""
         envpool: Any = importlib.import_module("envpool")
         return envpool.make_gymnasium(self._name, num_envs=self.num_envs, num_threads=self._threads, seed=seed % 2**31)
 

@@ -130,10 +130,10 @@ def main() -> None:
             more = ["--samples", str(asked.samples)] if command == "rank" else []
             count, rows, length = kill(command, study, asked.out, kills=asked.kills, more=more, draw=draw)
             shares = sorted(k / rows for k in count.rows if k)
-            told = f"{shares[0]:.2f}, {shares[len(shares) // 2]:.2f}, {shares[-1]:.2f}" if shares else "-"
+            share_text = f"{shares[0]:.2f}, {shares[len(shares) // 2]:.2f}, {shares[-1]:.2f}" if shares else "-"
             end = "; ".join(dict.fromkeys(count.wrong)) or "equal to the byte"
             print(
-                f"| {study.stem} | {command} | {length:.0f} s | {rows} | {len(count.rows)} | {len(shares)} | {told} | "
+                f"| {study.stem} | {command} | {length:.0f} s | {rows} | {len(count.rows)} | {len(shares)} | {share_text} | "
                 f"{count.rounds}, {end} |",
                 flush=True,
             )

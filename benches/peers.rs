@@ -1,4 +1,4 @@
-//! Peers on the same scenes: speed, with the error at that setting printed first. Times are per environment step.
+//! Speed of stepper and of rapier on the same scenes. The error with each setting is printed first. Times are per environment step.
 
 use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
 use std::time::Duration;

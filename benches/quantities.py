@@ -1,6 +1,8 @@
 """Cost of derived quantities of all environments on one pinned core: mass matrix, forces, accelerations, and rays.
 
-python benches/quantities.py
+Usage:
+
+    python benches/quantities.py
 """
 
 from __future__ import annotations

@@ -1,7 +1,9 @@
 """Accuracy of rollout gradients, compared with finite differences of whole rollouts, for docs/benchmarks/derivatives.md.
 
-python benches/rollout_gradients.py                    # random scenes, then the models of all registered tasks
-python benches/rollout_gradients.py scenes --count 20  # the first twenty scenes
+Usage:
+
+    python benches/rollout_gradients.py                    # random scenes, then the models of all registered tasks
+    python benches/rollout_gradients.py scenes --count 20  # the first twenty scenes
 """
 
 from __future__ import annotations
@@ -247,7 +249,7 @@ def main() -> None:
     models = task_models() if "tasks" in given.parts else {}
     print("| rollouts | law | kinks | derivatives | judged by differences | agree | wrong sign | corner | differences differ |")
     print("|---|---|---|---|---|---|---|---|---|")
-    said = []
+    disagreements = []
     for part in given.parts:
         for law, options in LAWS.items():
             judged = Judged(Counter(), [])
@@ -262,8 +264,8 @@ def main() -> None:
                 share = f"{good / known:.2%}" if known else ""
                 print(f"| {part} | {law} | {kind} | {total} | {known} | {share} | {wrong} | {rest[0]} | {rest[1]} |", flush=True)
             print(f"| {part} | {law} | refused | {judged.counts['refused', 'refused']} | | | | | |", flush=True)
-            said += [f"{law}, {line}" for line in judged.worst]
-    print("", *said, sep="\n")
+            disagreements += [f"{law}, {line}" for line in judged.worst]
+    print("", *disagreements, sep="\n")
 
 
 if __name__ == "__main__":

@@ -1,5 +1,5 @@
-//! The parts of a humanoid's step, one at a time, as they are within the step: one environment in `f64`, and as many as the best CPU level
-//! has lanes for. Times are per environment step.
+//! Times of the parts of a humanoid's step, measured within whole steps: one environment in `f64`, and as many as the best CPU level has
+//! lanes. Times are per environment step.
 
 use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
 use std::time::Duration;

@@ -1,7 +1,9 @@
 """Cost of saving and restoring states, compared with a step: dm_control's quadruped on the floor, one pinned core.
 
-python benches/states.py          # states of the whole batch: docs/benchmarks/performance.md
-python benches/states.py --some   # states of single environments: docs/benchmarks/components.md
+Usage:
+
+    python benches/states.py          # states of the whole batch: docs/benchmarks/performance.md
+    python benches/states.py --some   # states of single environments: docs/benchmarks/components.md
 """
 
 from __future__ import annotations

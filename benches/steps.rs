@@ -1,4 +1,5 @@
-//! A whole step of robots in contact: one environment in `f64`, 64 in lanes on every CPU level. Times are per environment step.
+//! Time of a whole step of robots in contact: one environment in `f64`, and 64 in SIMD lanes on every CPU level. Times are per environment
+//! step.
 
 use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
 use std::time::Duration;
@@ -18,7 +19,7 @@ fn steps(c: &mut Criterion) {
     }
 }
 
-/// One run, made when it is its turn. An element is a step of an environment.
+/// Benchmark of one run, which is created when it starts. An element is an environment step.
 fn bench<T: Run>(c: &mut Criterion, scene: &str, name: &str, make: impl Fn() -> T) {
     let mut run = None;
     let mut group = c.benchmark_group(scene);

@@ -388,6 +388,7 @@ _LAWS = {"mujoco": "MuJoCo's law", "hard": "hard contact"}
 
 
 def _cells(row: str) -> list[str]:
+    """Cells of a row of a Markdown table."""
     return [cell.strip() for cell in row.strip("|").split("|")]
 
 

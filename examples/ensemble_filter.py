@@ -96,13 +96,13 @@ class EnsembleFilter:
         nv, members = model.nv, sim.num_envs or 1
         middle, displacements = mean_configuration(model, np.asarray(sim.qpos))
         state = np.hstack([displacements, np.asarray(sim.qvel), np.asarray(sim.act)])
-        told = np.asarray(sim.sensordata_ideal)[:, self._columns]
-        apart, told_apart = INFLATION * (state - state.mean(axis=0)), INFLATION * (told - told.mean(axis=0))
+        predicted = np.asarray(sim.sensordata_ideal)[:, self._columns]
+        apart, predicted_apart = INFLATION * (state - state.mean(axis=0)), INFLATION * (predicted - predicted.mean(axis=0))
         state = state.mean(axis=0) + apart
         noise = np.square(self._deviations) * (members - 1)
-        gain = np.linalg.solve(told_apart.T @ told_apart + np.diag(noise), told_apart.T @ apart)
-        heard = readings + self._deviations * self._random.normal(size=told.shape)
-        state = state + (heard - told) @ gain
+        gain = np.linalg.solve(predicted_apart.T @ predicted_apart + np.diag(noise), predicted_apart.T @ apart)
+        measured = readings + self._deviations * self._random.normal(size=predicted.shape)
+        state = state + (measured - predicted) @ gain
         qpos = model.integrate_pos(middle, state[:, :nv])
         sim.set_state(qpos, state[:, nv : 2 * nv], act=state[:, 2 * nv :], keep_warmstart=True)
 
@@ -179,9 +179,9 @@ def run(seconds: float = 10.0, members: int = 128, seed: int = 0, **settings: An
         observers[0].correct(readings)
         spent += time.perf_counter() - since
         observers[1].predict(control)
-        said = [observer.estimate() for observer in observers]
+        estimates = [observer.estimate() for observer in observers]
         true, height = np.asarray(robot.qvel[0, :3]), robot.qpos[0, 2]
-        rows.append((*(velocity[:3] - true for _, velocity, _ in said), true, said[0][0][2] - height, said[0][2][:3]))
+        rows.append((*(velocity[:3] - true for _, velocity, _ in estimates), true, estimates[0][0][2] - height, estimates[0][2][:3]))
     kept = [np.array(column) for column in zip(*rows[round(1.0 / (NSTEP * robot.timestep)) :], strict=True)]
     filtered, alone, true, high, deviation = kept
     rms = [float(np.sqrt(np.mean(np.square(part)))) for part in (filtered, alone, true, high)]

@@ -59,7 +59,7 @@ class Score:
 
 
 def score(policy: Policy, rollouts: int, processor: float) -> Score:
-    """Evaluate a policy in 32 episodes with fresh seeds."""
+    """Evaluate a policy in 32 episodes whose seeds the training does not use. Further arguments are fields of `Score`."""
     envs: Any = gymnasium.make_vec(NAME, num_envs=32)
     observation, _ = envs.reset(seed=ppo.EVALUATION_SEED)
     gain = 0.0

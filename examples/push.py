@@ -143,13 +143,15 @@ STARTS = (1.35, 1.4, 1.45, 1.5)
 """Initial constant forces along x, N, one for each run. The cost has several local minima, as the ball can slide off the box."""
 
 
-def push(law: str = "mujoco", place: tuple[float, float] = (0.15, 0.06), controls: int = 40, rounds: int = 60, *, say: bool = True) -> Plan:
+def push(
+    law: str = "mujoco", place: tuple[float, float] = (0.15, 0.06), controls: int = 40, rounds: int = 60, *, verbose: bool = True
+) -> Plan:
     """Best plan over all initial forces that pushes the box to `place` (m), with `controls` forces of 20 ms each."""
-    plans = [_plan(law, Goal(np.array(place)), np.tile([start, 0.0], (controls, 1)), rounds, say=say) for start in STARTS]
+    plans = [_plan(law, Goal(np.array(place)), np.tile([start, 0.0], (controls, 1)), rounds, verbose=verbose) for start in STARTS]
     return min(plans, key=lambda plan: plan.cost)
 
 
-def _plan(law: str, goal: Goal, start: Array, rounds: int, *, say: bool) -> Plan:
+def _plan(law: str, goal: Goal, start: Array, rounds: int, *, verbose: bool) -> Plan:
     """Plan optimised from the initial forces `start`, (controls, 2), N."""
     model = stepper.load(SCENE)
     first, trials, moments = (stepper.Stepper(model, n, options=LAWS[law]) for n in (1, len(LENGTHS), len(start)))
@@ -163,7 +165,7 @@ def _plan(law: str, goal: Goal, start: Array, rounds: int, *, say: bool) -> Plan
             plan, regularization = better, max(regularization / 3, 1e-6)
         else:
             regularization *= 10
-        if say:
+        if verbose:
             miss = 1e3 * np.linalg.norm(plan.qpos[-1, :2] - goal.place)
             print(f"round {k + 1:2}: cost {plan.cost:8.4f}, distance to the goal {miss:6.2f} mm, {kinks:.0%} of the steps near a kink")
         if regularization > 1e6:

@@ -224,6 +224,7 @@ class Learner:
         return {"gradient": norm, "value_error": error, "near_kink": kinks, "left_out": left_out, "std": std}
 
     def _scale(self) -> float:
+        """Factor that divides rewards by the standard deviation of the returns."""
         return float(1.0 / np.sqrt(self.returned.var[0] + 1e-8))
 
     def objective(self, made: Horizon) -> tuple[Tensor, float, float]:
@@ -270,10 +271,10 @@ class Learner:
         plan, (T, n) = self.plan, rewards.shape
         states = self.normal(seen)
         with torch.no_grad():
-            said = self.ahead.critic(states).squeeze(-1)
-            targets, ahead = torch.empty(T, n), said[T]
+            values = self.ahead.critic(states).squeeze(-1)
+            targets, ahead = torch.empty(T, n), values[T]
             for t in reversed(range(T)):
-                ahead = rewards[t] + plan.gamma * ((1.0 - plan.trace) * said[t + 1] + plan.trace * ahead)
+                ahead = rewards[t] + plan.gamma * ((1.0 - plan.trace) * values[t + 1] + plan.trace * ahead)
                 targets[t] = ahead
         inputs, wanted, errors = states[:-1].flatten(0, 1), targets.flatten(), []
         for _ in range(plan.epochs):
@@ -289,8 +290,8 @@ class Learner:
                 old.lerp_(new, 1.0 - plan.follow)
         return float(np.mean(errors))
 
-    def policy(self, **said: Any) -> Policy:
-        """Learned policy as a NumPy policy. `said` has further entries for its field `training`."""
+    def policy(self, **notes: Any) -> Policy:
+        """Learned policy as a NumPy policy. `notes` has further entries for its field `training`."""
         linear = [layer for layer in self.net.actor if isinstance(layer, nn.Linear)]
         return Policy(
             mean=self.observed.mean,
@@ -301,7 +302,7 @@ class Learner:
             low=np.asarray(self.envs.single_action_space.low, dtype=np.float64),
             high=np.asarray(self.envs.single_action_space.high, dtype=np.float64),
             environment=describe(self.envs),
-            training=asdict(self.plan) | said,
+            training=asdict(self.plan) | notes,
         )
 
 
@@ -336,7 +337,9 @@ def train(env: str, minutes: float, plan: Plan, folder: Path, *, quiet: bool = F
 def main() -> None:
     """Train and evaluate a policy."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("env", nargs="?", default="stepper/HalfCheetah-v5", choices=list(TASKS))
+    parser.add_argument(
+        "env", nargs="?", default="stepper/HalfCheetah-v5", choices=list(TASKS), help="id of the task [stepper/HalfCheetah-v5]"
+    )
     parser.add_argument("--minutes", type=float, default=5.0, help="length of the training in processor time, min [5]")
     parser.add_argument("--out", type=Path, help="folder for the results [out/shac/ENV/seedN]")
     for name, value in asdict(Plan()).items():

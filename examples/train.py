@@ -1,6 +1,8 @@
 """Script form of the command `stepper train`: proximal policy optimisation (PPO) by python/stepper/policies/ppo.py.
 
-python examples/train.py stepper/HalfCheetah-v5 --seed 1 --film half_cheetah.mp4
+Usage:
+
+    python examples/train.py stepper/HalfCheetah-v5 --seed 1 --film half_cheetah.mp4
 """
 
 if __name__ == "__main__":

@@ -4,9 +4,8 @@
     python examples/train_sb3.py stepper/HalfCheetah-v5 --seed 1 --film half_cheetah.mp4
 
 `StepperVecEnv` implements Stable-Baselines3's `VecEnv`. `VecNormalize`, PPO and `evaluate_policy` are those of Stable-Baselines3. The
-script
-saves the policy in two formats: `model.zip` with `normalize.pkl` for Stable-Baselines3, and `policy.npz` for `stepper evaluate` and
-`stepper.policies`, which need NumPy alone.
+script saves the policy in two formats: `model.zip` with `normalize.pkl` for Stable-Baselines3, and `policy.npz` for `stepper evaluate`
+and `stepper.policies`, which need NumPy alone.
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
 """Generated sections of pages of the reference: this script writes them, and tests/test_documents.py compares them.
 
-PYTHONPATH=python:tests:benches python tests/generated.py
+Usage:
+
+    PYTHONPATH=python:tests:benches python tests/generated.py
 """
 
 from pathlib import Path

@@ -73,6 +73,7 @@ def _added(rows: list[Row], notes: dict[str, object], data: Path) -> tuple[list[
 
 
 def _say(row: Row) -> None:
+    """Print a row to stderr."""
     sys.stderr.write(f"{row.number:>3} {row.name:45} {row.dt:7.0e} {row.engine:24} {row.outcome:10} {row.error:9.2e}\n")
 
 

@@ -39,6 +39,7 @@ class Stepper:
 
 @lru_cache(maxsize=8)
 def _load(mjcf: str) -> stepper.Model:
+    """Model of a scene. An unsupported element raises `CannotRunError`."""
     try:
         return stepper.load(mjcf)
     except stepper.ModelError as error:
@@ -46,6 +47,8 @@ def _load(mjcf: str) -> stepper.Model:
 
 
 class _StepperWorld(World):
+    """World in stepper."""
+
     def __init__(self, mjcf: str, options: stepper.Options, num_envs: int, precision: str, restitution: float | None) -> None:
         super().__init__(mjcf, options.timestep or 0.0, num_envs)
         model = _load(mjcf)
@@ -106,6 +109,8 @@ class Mujoco:
 
 
 class _MujocoWorld(World):
+    """World in MuJoCo."""
+
     def __init__(self, engine: Mujoco, mjcf: str, dt: float, num_envs: int, *, restitution: float | None, iterations: int | None) -> None:
         super().__init__(mjcf, dt, num_envs)
         model = self.model

@@ -16,7 +16,7 @@ class Bound:
     """An error above the tolerance of its scene that stays below a bound.
 
     Attributes:
-        largest: Bound, in the unit of the scene, from the time step in s.
+        largest: Function from the time step, s, to the bound, in the unit of the scene.
         because: Where the bound comes from.
     """
 

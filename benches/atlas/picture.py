@@ -21,6 +21,7 @@ DIVERGED, ABSENT = "#1a1a1a", "#d9d9d9"
 
 
 def _colour(row: Row) -> str | tuple[float, float, float, float]:
+    """Colour of a cell: the ratio of error to tolerance on a logarithmic scale."""
     if row.outcome == CANNOT:
         return ABSENT
     if not math.isfinite(row.error):
@@ -59,4 +60,5 @@ def draw(path: Path, rows: Sequence[Row]) -> None:
 
 
 def _cell(x: float, y: float, width: float, row: Row) -> Rectangle:
+    """Rectangle of a cell at a place of the picture."""
     return Rectangle((x, y), width, 0.88, facecolor=_colour(row), linewidth=0)

@@ -26,6 +26,7 @@ class RapierWorld(World):
         self.set(np.tile(self.model.qpos0, (num_envs, 1)), np.zeros((num_envs, self.model.nv)))
 
     def _refuse(self) -> None:
+        """Raise `CannotRunError` if the scene has elements that rapier lacks."""
         m = self.model
         if m.nmocap or m.ntendon or m.nu:
             raise CannotRunError("rapier: no mocap bodies, tendons or actuators with the meaning of MJCF")
@@ -110,6 +111,7 @@ class _Loaded(RapierScene):
 
 
 def _world(text: str, model: mujoco.MjModel, dt: float, restitution: float | None, iterations: int | None) -> _Loaded:
+    """Rapier world from MJCF text."""
     try:
         robot, _ = loader.MjcfRobot.from_str(text, loader.MjcfLoaderOptions(skip_plane_geoms=False))
     except rp.MjcfError as error:

@@ -68,10 +68,12 @@ def write_markdown(path: Path, scenes: Sequence[Scene], rows: Sequence[Row], pro
 
 
 def _line(cells: Sequence[str]) -> str:
+    """Row of a Markdown table."""
     return "| " + " | ".join(cells) + " |\n"
 
 
 def _number(x: float) -> str:
+    """Text of a number with one significant digit."""
     if math.isnan(x):
         return ""
     if math.isinf(x):
@@ -80,6 +82,7 @@ def _number(x: float) -> str:
 
 
 def _summary(scenes: Sequence[Scene], engines: Sequence[str], by: Mapping[tuple[str, str, float, str], Row]) -> str:
+    """Section with the number of passed time steps and the error, by scene and engine."""
     text = "## Number of time steps at which each scene holds, and the error at the step nearest to 2 ms\n\n"
     text += _line(["scene", "unit", *engines]) + _line(["---"] * (len(engines) + 2))
     totals = dict.fromkeys(engines, 0)
@@ -101,6 +104,7 @@ def _summary(scenes: Sequence[Scene], engines: Sequence[str], by: Mapping[tuple[
 
 
 def _reasons(scenes: Sequence[Scene], by: Mapping[tuple[str, str, float, str], Row]) -> str:
+    """Section with the reasons for failures of stepper."""
     found: dict[str, list[str]] = {}
     for scene in scenes:
         for row in (r for (number, name, _, _), r in by.items() if (number, name) == (scene.number, scene.name)):
@@ -126,6 +130,7 @@ def _grouped(where: Sequence[str]) -> list[str]:
 
 
 def _answers(scenes: Sequence[Scene]) -> str:
+    """Section with the right answer of each scene, its source and its tolerance."""
     text = "\n## Right answers and tolerances\n\n"
     text += _line(["scene", "right answer", "source", "tolerance at 2 ms", "reason of the tolerance"]) + _line(["---"] * 5)
     for s in scenes:
@@ -134,6 +139,7 @@ def _answers(scenes: Sequence[Scene]) -> str:
 
 
 def _all(scenes: Sequence[Scene], engines: Sequence[str], by: Mapping[tuple[str, str, float, str], Row]) -> str:
+    """Section with the results of all runs."""
     text = "\n## All runs: holds (+) or fails (x), error; cost in ms of one core per simulated second\n\n"
     text += _line(["scene", "dt, ms", *engines]) + _line(["---"] * (len(engines) + 2))
     for scene in scenes:
@@ -150,5 +156,6 @@ def _all(scenes: Sequence[Scene], engines: Sequence[str], by: Mapping[tuple[str,
 
 
 def _provenance(provenance: Mapping[str, object]) -> str:
+    """Section with machine, versions and time of the measurement."""
     text = "\n## Provenance\n\n"
     return text + "".join(f"* {key}: {value if isinstance(value, str) else json.dumps(value)}\n" for key, value in provenance.items())

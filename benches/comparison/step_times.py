@@ -1,6 +1,8 @@
 """Worker of versions.py: measures the step time of the build of stepper in its path. It uses only features of the first version.
 
-python benches/comparison/step_times.py INTEGRATOR PRECISION NUM_ENVS
+Usage:
+
+    python benches/comparison/step_times.py INTEGRATOR PRECISION NUM_ENVS
 """
 
 from __future__ import annotations

@@ -59,8 +59,9 @@ def _ordered(rows: Iterable[Row]) -> list[Row]:
 
 
 def _say(row: Row) -> None:
-    said = "; ".join(map(str, judge.faults(row))) or "steps well" if row.outcome == MEASURED else f"{row.outcome} {row.note}"
-    sys.stderr.write(f"{row.package:24} {row.file:60} {said}\n")
+    """Print a row to stderr."""
+    text = "; ".join(map(str, judge.faults(row))) or "steps well" if row.outcome == MEASURED else f"{row.outcome} {row.note}"
+    sys.stderr.write(f"{row.package:24} {row.file:60} {text}\n")
 
 
 if __name__ == "__main__":

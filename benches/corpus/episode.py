@@ -39,6 +39,7 @@ def rest_episode(m: Any, model: stepper.Model, rng: np.random.Generator) -> Epis
 
 
 def _run(m: Any, model: stepper.Model, qvel: Array, control: Callable[[], Array], steps: int) -> Episode:
+    """Episode of both engines from the reference pose, with initial velocities and controls."""
     sim, data = stepper.Stepper(model), mujoco.MjData(m)
     sim.set_state(qvel=qvel)
     data.qvel[:] = qvel
@@ -63,11 +64,13 @@ def _run(m: Any, model: stepper.Model, qvel: Array, control: Callable[[], Array]
 
 
 def _warnings(data: Any) -> str:
+    """Names and counts of MuJoCo's warnings in `MjData`."""
     counts = {kind.name.removeprefix("mjWARN_"): int(data.warning[int(kind)].number) for kind in _kinds_of_warnings()}
     return " ".join(f"{name}:{count}" for name, count in counts.items() if count)
 
 
 def _kinds_of_warnings() -> list[Any]:
+    """Members of MuJoCo's enumeration of warnings."""
     kinds = mujoco.mjtWarning
     return [getattr(kinds, name) for name in dir(kinds) if name.startswith("mjWARN_")]
 

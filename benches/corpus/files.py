@@ -114,6 +114,7 @@ def resolve(reference: str, folder: Path, urdf: Path) -> Path:
 
 
 def _upwards(start: Path, end: Path) -> Iterator[Path]:
+    """Yield a folder and its parents up to another folder."""
     yield start
     while start not in (end, start.parent):
         start = start.parent
@@ -122,7 +123,7 @@ def _upwards(start: Path, end: Path) -> Iterator[Path]:
 
 def digest(model: mujoco.MjModel) -> str:
     """Digest of a compiled model, twelve hexadecimal digits. It does not depend on the paths of the files."""
-    room = np.zeros(mujoco.mj_sizeModel(model), np.uint8)
-    mujoco.mj_saveModel(model, None, room)
-    compiled = room.tobytes()
+    buffer = np.zeros(mujoco.mj_sizeModel(model), np.uint8)
+    mujoco.mj_saveModel(model, None, buffer)
+    compiled = buffer.tobytes()
     return hashlib.sha256(compiled.replace(model.paths, b"") if model.paths else compiled).hexdigest()[:12]

@@ -85,6 +85,7 @@ def episodes(row: Row) -> list[tuple[str, Episode]]:
 
 
 def _faults(name: str, episode: Episode) -> list[Fault]:
+    """Criteria that an episode violates."""
     shares = {flag.upper(): getattr(episode, flag) for flag in ("non_finite", "contacts_full", "unresolved")}
     found = [Fault(flag, f"{share:.2%} of the steps, {name}") for flag, share in shares.items() if share]
     ratio = max(episode.ours.mean_energy, ENERGY_FLOOR) / max(episode.theirs.mean_energy, ENERGY_FLOOR)
@@ -100,4 +101,5 @@ def _faults(name: str, episode: Episode) -> list[Fault]:
 
 
 def _energies(motion: Motion) -> str:
+    """Text of the mean and the largest kinetic energy, J."""
     return f"{motion.mean_energy:.2g} (at most {motion.max_energy:.2g})"

@@ -62,6 +62,7 @@ def measure(package: Package, folder: Path, file: str, known: set[str]) -> Row:
 
 
 def _compare(row: Row, m: mujoco.MjModel) -> Row:
+    """Row with the comparison of a compiled model in both engines."""
     begin = time.perf_counter()
     model = stepper.load(m, strict=False)
     row = dataclasses.replace(row, load_seconds=time.perf_counter() - begin)

@@ -78,6 +78,7 @@ class Corpus:
 
 
 def _distinct(rows: Iterable[Row]) -> list[Row]:
+    """Rows without those of equal models, and without files that are not models."""
     kept = {row.model or row.key: row for row in rows if row.outcome in (MEASURED, REFUSED, FAILED, LATE)}
     return list(kept.values())
 
@@ -101,22 +102,27 @@ def write_markdown(path: Path, rows: Sequence[Row], notes: Mapping[str, object])
 
 
 def _line(cells: Iterable[object]) -> str:
+    """Row of a Markdown table."""
     return "| " + " | ".join(str(cell).replace("|", "\\|") for cell in cells) + " |\n"
 
 
 def _table(head: Sequence[str], lines: Iterable[Sequence[object]]) -> str:
+    """Markdown table."""
     return _line(head) + _line(["---"] * len(head)) + "".join(_line(line) for line in lines)
 
 
 def _well(row: Row) -> bool:
+    """Whether a model steps well in stepper."""
     return not judge.faults(row)
 
 
 def _well_there(row: Row) -> bool:
+    """Whether a model steps well in MuJoCo."""
     return row.outcome == MEASURED and not judge.their_faults(row)
 
 
 def _packages(corpus: Corpus) -> str:
+    """Table of the packages: number of files, of models, and of models that satisfy each criterion."""
     counts: dict[str, Callable[[Row], bool]] = {
         "models": lambda _: True,
         "strict": lambda row: row.strict,
@@ -137,6 +143,7 @@ def _packages(corpus: Corpus) -> str:
 
 
 def _missing(corpus: Corpus) -> str:
+    """Section with the elements that stepper does not support."""
     kinds = Counter(kind for row in corpus.models for kind in row.missing.split("; ") if kind)
     text = "## Unsupported elements\n\nKinds of elements that prevent strict loading, by the number of models.\n\n"
     alone = Counter(row.missing for row in corpus.models)
@@ -144,15 +151,18 @@ def _missing(corpus: Corpus) -> str:
 
 
 def _name(row: Row) -> str:
+    """Name of a row, with the elements that were left out."""
     name = f"{row.package}: {row.file}"
     return f"{name}, without {row.missing}" if row.missing else name
 
 
 def _figures(row: Row) -> str:
+    """Text of all faults of a row."""
     return "; ".join(" ".join(str(fault).split())[:300] for fault in judge.faults(row))
 
 
 def _start(row: Row) -> str:
+    """Text of overlaps and limit violations in the reference pose."""
     parts = [
         f"{row.overlap * 1e3:.2g} mm overlap" if row.overlap > 1e-4 else "",
         f"hinge {row.hinge_outside:.2g} rad outside" if row.hinge_outside > 1e-3 else "",
@@ -162,6 +172,7 @@ def _start(row: Row) -> str:
 
 
 def _only_less(row: Row) -> bool:
+    """Whether the only fault of a model is less kinetic energy than in MuJoCo."""
     return {fault.criterion for fault in judge.faults(row)} == {judge.LESS_ENERGY}
 
 
@@ -180,6 +191,7 @@ def _faulty(rows: Iterable[Row]) -> str:
 
 
 def _worse(corpus: Corpus) -> str:
+    """Section with the models that step well only in MuJoCo."""
     rows = [row for row in corpus.models if not _well(row) and not judge.their_faults(row) and not _only_less(row)]
     criteria = Counter(criterion for row in rows for criterion in {fault.criterion for fault in judge.faults(row)})
     text = f"## Models that step well in MuJoCo and not in stepper\n\n{len(rows)} models: "
@@ -187,6 +199,7 @@ def _worse(corpus: Corpus) -> str:
 
 
 def _less_energy(corpus: Corpus) -> str:
+    """Section with the models that have less kinetic energy than in MuJoCo, and no other fault."""
     rows = [row for row in corpus.models if _only_less(row) and not judge.their_faults(row)]
     text = f"""## Models that move less than in MuJoCo
 
@@ -199,6 +212,7 @@ velocity. Its contacts also do not bounce.
 
 
 def _warned(corpus: Corpus) -> str:
+    """Section with the models that do not step well in MuJoCo."""
     rows = [row for row in corpus.models if row.outcome == MEASURED and judge.their_faults(row)]
     text = "## Models that do not step well in MuJoCo\n\n"
     lines = [(_name(row), "; ".join(map(str, judge.their_faults(row))), _figures(row) or "steps well") for row in rows]
@@ -206,6 +220,7 @@ def _warned(corpus: Corpus) -> str:
 
 
 def _disagreeing(corpus: Corpus) -> str:
+    """Section with the models whose smooth dynamics differ between the engines."""
     rows = [row for row in corpus.models if row.outcome == MEASURED and not judge.agrees(row)]
     text = "## Models whose smooth dynamics differ\n\nRelative errors, the worst of the random states.\n\n"
     lines = [(_name(r), *(f"{x:.1e}" for x in (r.mass_error, r.bias_error, r.acceleration_error))) for r in rows]
@@ -213,6 +228,7 @@ def _disagreeing(corpus: Corpus) -> str:
 
 
 def _loading(corpus: Corpus) -> str:
+    """Section with the times to load meshes."""
     rows = [row for row in corpus.models if row.outcome == MEASURED and row.nmesh and row.load_seconds]
     if not rows:
         return ""
@@ -229,6 +245,7 @@ models the median ratio is {statistics.median(ratios):.2g}. The slowest:
 
 
 def _not_measured(corpus: Corpus) -> str:
+    """Section with the files that are not models, and the reasons."""
     outcomes = Counter(row.outcome for row in corpus.rows)
     text = f"""## Files that are not models
 
@@ -249,11 +266,13 @@ def _gist(note: str) -> str:
 
 
 def _reasons() -> str:
+    """Section with the reasons why packages are in the corpus."""
     text = "## Reasons for the packages\n\n"
     return text + "".join(f"* {p.name}: {p.why}{f' ({p.because})' if p.because else ''}\n" for p in PACKAGES)
 
 
 def _provenance(notes: Mapping[str, object], rows: Sequence[Row]) -> str:
+    """Section with machine and versions."""
     text = "## Provenance\n\n"
     text += "".join(f"* {key}: {value if isinstance(value, str) else json.dumps(value)}\n" for key, value in notes.items())
     builds = Counter(row.stepper for row in rows)

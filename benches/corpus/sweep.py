@@ -59,6 +59,7 @@ class Sweep:
                     self._add(done.result(), keep)
 
     def _add(self, row: Row, keep: Callable[[Row], None]) -> None:
+        """Store a row, and pass it to `keep`."""
         self.rows[row.key] = row
         keep(row)
 
@@ -68,6 +69,7 @@ class Sweep:
         return [r.model for r in rows if r.model and r.outcome in (MEASURED, REFUSED) and r.stepper == library() and r.key != key]
 
     def _measure(self, package: Package, file: str) -> Row:
+        """Row of a file, measured in another process with a time limit."""
         key = (package.name, package.version, file)
         command: Sequence[str] = [sys.executable, "-m", "corpus.measure", package.name, file, "--cache", str(self.cache)]
         try:
@@ -78,8 +80,8 @@ class Sweep:
         if done.returncode < 0:
             return Row(*key, library(), FAILED, f"signal {signal.Signals(-done.returncode).name}")
         if done.returncode > 0:
-            said = done.stderr.strip().splitlines()[-1:] or ["no message"]
-            return Row(*key, library(), FAILED, f"the process failed: {said[0]}")
+            message = done.stderr.strip().splitlines()[-1:] or ["no message"]
+            return Row(*key, library(), FAILED, f"the process failed: {message[0]}")
         row: Row = unflatten(Row, json.loads(done.stdout.splitlines()[-1]))
         return row
 

@@ -24,6 +24,7 @@ COLOUR = 0.8
 
 
 def _table(title: str, rows: Sequence[Row], kept: Kept) -> str:
+    """Markdown table of some rows, which is also printed."""
     lines = [f"| {title} | {HEAD} |", "|" + "---|" * (HEAD.count("|") + 2)]
     lines += [f"| {name} | {tally.row()} |" for name, tally in repeated(rows, kept)]
     print("\n".join(lines), flush=True)
@@ -31,6 +32,7 @@ def _table(title: str, rows: Sequence[Row], kept: Kept) -> str:
 
 
 def _trials(threads: int) -> list[Trial]:
+    """Identification task of each scene."""
     return [Trial(scene, scene.readings(HARD), HARD, threads) for scene in (make() for make in SCENES)]
 
 

@@ -77,16 +77,16 @@ def table(count: int) -> str:
         runs = [follow(seed, changes) for seed in range(count)]
         seconds = np.concatenate([run.seconds for run in runs])
         for k, mark in enumerate(MARKS):
-            said = np.array([run.determined[k, 1] for run in runs])
+            determined = np.array([run.determined[k, 1] for run in runs])
             cells = []
             for j in (0, 1):
-                some = [run for run, known in zip(runs, said, strict=True) if j == 0 or known]
+                some = [run for run, known in zip(runs, determined, strict=True) if j == 0 or known]
                 error = np.sqrt(np.mean([run.error[k, j] ** 2 for run in some])) if some else np.nan
                 width = np.median([run.width[k, j] for run in some]) if some else np.nan
                 cells.append(f"{100 * error:.2g} % | {100 * width:.2g} %" if some else "- | -")
             covers = [f"{100 * np.mean([run.covers[k, j] for run in runs]):.0f} %" for j in (0, 1)]
             lines.append(
-                f"| {name} | {mark:g} s | {cells[0]} | {covers[0]} | {100 * said.mean():.0f} % | {cells[1]} | {covers[1]} | "
+                f"| {name} | {mark:g} s | {cells[0]} | {covers[0]} | {100 * determined.mean():.0f} % | {cells[1]} | {covers[1]} | "
                 f"{1e3 * np.median(seconds):.0f} ms | {1e3 * np.percentile(seconds, 99):.0f} ms |"
             )
             print(lines[-1], flush=True)

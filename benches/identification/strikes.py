@@ -255,6 +255,7 @@ def matched_table(count: int) -> str:
 
 
 def _table(count: int, run: Callable[[Strike, int], Followed]) -> str:
+    """Markdown table of runs in all scenes, which is also printed."""
     lines = [f"| {HEAD} |", "|" + "---|" * (HEAD.count("|") + 1)]
     for make in STRIKES:
         scene = make()
@@ -268,12 +269,12 @@ def rows(scene: Strike, runs: list[Followed]) -> list[str]:
     lines = []
     for k, (mark, what) in enumerate(scene.marks.items()):
         for j, parameter in enumerate(scene.parameters):
-            said = [run for run in runs if run.determined[k, j]]
+            determined = [run for run in runs if run.determined[k, j]]
             cells = "- | - | 0 % | -"
-            if said:
-                error = np.sqrt(np.mean([run.error[k, j] ** 2 for run in said]))
-                width = np.median([run.width[k, j] for run in said])
-                covers = np.mean([run.covers[k, j] for run in said])
-                cells = f"{100 * error:.2g} % | {100 * width:.2g} % | {100 * len(said) / len(runs):.0f} % | {100 * covers:.1f} %"
+            if determined:
+                error = np.sqrt(np.mean([run.error[k, j] ** 2 for run in determined]))
+                width = np.median([run.width[k, j] for run in determined])
+                covers = np.mean([run.covers[k, j] for run in determined])
+                cells = f"{100 * error:.2g} % | {100 * width:.2g} % | {100 * len(determined) / len(runs):.0f} % | {100 * covers:.1f} %"
             lines.append(f"| {scene.name} | {mark * PERIOD:.2f} s | {what} | {NAMES[parameter.partition('[')[0]]} | {cells} |")
     return lines

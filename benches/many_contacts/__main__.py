@@ -88,43 +88,49 @@ def main() -> None:
 
 
 def _plan(args: argparse.Namespace, num_envs: int) -> Plan:
+    """Extent of the measurement from the command line."""
     return Plan(num_envs, args.peers, tuple(args.precision), tuple(args.settings), args.rounds, args.patience, args.seed)
 
 
 def _save(scenes: Sequence[Scene], args: argparse.Namespace) -> None:
+    """Record the timed phases of all scenes as episodes for `anatomy`."""
     for num_envs in args.num_envs:
         for scene in scenes:
             try:
                 save_episodes(scene, _path(scene, args.cache, args.out), _plan(args, num_envs), args.save_episodes)
-                said = "recorded"
+                text = "recorded"
             except FAILURES as error:
-                said = _words(error)
-            sys.stderr.write(f"{scene.name}, {num_envs} environments: {said}\n")
+                text = _words(error)
+            sys.stderr.write(f"{scene.name}, {num_envs} environments: {text}\n")
     save_robots(args.save_episodes, args.precision, args.scene)
 
 
 def _path(scene: Scene, cache: Path, out: Path) -> Path:
+    """Path of the MJCF file of a scene, which is written here."""
     return written(scene.spec(Assets(cache)), out / "many_contacts" / f"{scene.name.replace(' ', '_')}.xml")
 
 
 def _words(error: Exception) -> str:
+    """Type and message of an error in one line."""
     return f"{type(error).__name__}: {' '.join(str(error).split())}"
 
 
 def _measured(scene: Scene, plan: Plan, cache: Path, out: Path) -> list[dict[str, Any]]:
+    """Rows of a scene; an error is printed, and gives no rows."""
     begin = time.perf_counter()
     try:
         rows = measure(scene, _path(scene, cache, out), plan)
-        said = "; ".join(f"{row['row']} {_ratios(row)}" for row in rows)
+        text = "; ".join(f"{row['row']} {_ratios(row)}" for row in rows)
     except FAILURES as error:
-        said = _words(error)
-        empty = {"scene": scene.name, "group": scene.group or scene.name, "num_envs": plan.num_envs, "note": said, "ours": {}, "theirs": {}}
+        text = _words(error)
+        empty = {"scene": scene.name, "group": scene.group or scene.name, "num_envs": plan.num_envs, "note": text, "ours": {}, "theirs": {}}
         rows = [empty | {"row": scene.row(phase)} for phase in scene.phases if phase.timed]
-    sys.stderr.write(f"{scene.name}, {plan.num_envs} environments, {time.perf_counter() - begin:.0f} s: {said}\n")
+    sys.stderr.write(f"{scene.name}, {plan.num_envs} environments, {time.perf_counter() - begin:.0f} s: {text}\n")
     return rows
 
 
 def _ratios(row: dict[str, Any]) -> str:
+    """Text of the speedups in a row."""
     return " ".join(f"{found['ratio']:.2f}" for found in row["ours"].values())
 
 

@@ -28,7 +28,7 @@ def episode(sim: Stepper, folder: Path, name: str) -> Iterator[None]:
     Args:
         sim: Batch to record.
         folder: Folder of the episodes.
-        name: Name of the episode, the key of its floor.
+        name: Name of the episode, the key of its entry in floors.json.
     """
     place = folder / re.sub(r"\W+", "_", f"{name}-{sim.num_envs}-{sim.precision}")
     # Only recordings are removed; the recorder raises an error for other content.
@@ -63,7 +63,7 @@ class Anatomy:
 
     Attributes:
         micros: Time of an environment step, us.
-        floor: Floor of this time, us.
+        floor: Floor of this time (least time of its arithmetic), us.
         parts: Time and floor of each part of the step, us.
     """
 
@@ -96,4 +96,5 @@ def floors(path: Path) -> Floors:
 
 
 def _anatomy(found: Mapping[str, Any]) -> Anatomy:
+    """Result of `anatomy` from its JSON."""
     return Anatomy(found["micros"], found["floor"], {part["name"]: (part["micros"], part["floor"]) for part in found["parts"]})

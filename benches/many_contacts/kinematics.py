@@ -61,6 +61,7 @@ def reach(model: mujoco.MjModel, qpos: Array, site: str, joints: Sequence[str], 
 
 
 def _rotation_vector(turn: Array) -> Array:
+    """Rotation vector (3,), rad, of a rotation matrix (3, 3)."""
     quat, out = np.zeros(4), np.zeros(3)
     mujoco.mju_mat2Quat(quat, turn.ravel())
     mujoco.mju_quat2Vel(out, quat, 1.0)

@@ -28,7 +28,7 @@ from many_contacts.scene import Array, Scene, Script
 
 CHUNK = 20
 """Number of steps in a turn of an engine. Between turns, states are measured and finished environments are reset."""
-LOOKED_AT = 32
+MEASURED_ENVS = 32
 """Number of environments of each batch whose contacts, penetration and slip are measured."""
 LEAD = Options(tolerance=1e-3)
 """Options of the steps that lead to the initial states of an episode."""
@@ -126,7 +126,7 @@ def measure(scene: Scene, path: Path, plan: Plan) -> list[dict[str, Any]]:
         }
         theirs = [Theirs.from_file(str(path), peers, settings=MATCHED), Theirs.from_file(str(path), peers)]
         batches: list[Batch] = [*ours.values(), *theirs]
-        tracks = _play(scene, script, batches, plan, _Yard(compiled, path))
+        tracks = _play(scene, script, batches, plan, _StateMeter(compiled, path))
     rows = []
     for phase in scene.phases:
         if not phase.timed:
@@ -203,6 +203,7 @@ def _led(scene: Scene, script: Script, model: Model, path: Path) -> Script:
 
 
 def _figures(track: Track) -> dict[str, Any]:
+    """Numbers of a track for the table."""
     return {
         "microseconds": track.microseconds,
         "contacts": float(np.mean([s.contacts for s in track.samples])),
@@ -212,29 +213,29 @@ def _figures(track: Track) -> dict[str, Any]:
     }
 
 
-class _Yard:
+class _StateMeter:
     """Measurement of states of both engines, by MuJoCo's collision detection and kinematics."""
 
     def __init__(self, model: mujoco.MjModel, path: Path) -> None:
         self.model, self.data, self.referee = model, mujoco.MjData(model), Referee(str(path))
 
-    def look(self, batch: Batch) -> Measured:
-        """Contacts and penetration of the first `LOOKED_AT` environments."""
-        return self.referee.measure(batch.qpos[:LOOKED_AT], batch.qvel[:LOOKED_AT])
+    def measure(self, batch: Batch) -> Measured:
+        """Contacts and penetration of the first `MEASURED_ENVS` environments."""
+        return self.referee.measure(batch.qpos[:MEASURED_ENVS], batch.qvel[:MEASURED_ENVS])
 
     def places(self, batch: Batch, held: tuple[str, str]) -> Array:
         """Position of the held object in the frame of its holder, (environments, 3), m."""
         body, holder = (self.model.body(name).id for name in held)
         out = []
-        for qpos in batch.qpos[:LOOKED_AT]:
+        for qpos in batch.qpos[:MEASURED_ENVS]:
             self.data.qpos[:] = qpos
             mujoco.mj_kinematics(self.model, self.data)
             out.append(self.data.xmat[holder].reshape(3, 3).T @ (self.data.xpos[body] - self.data.xpos[holder]))
         return np.array(out)
 
 
-def _play(scene: Scene, script: Script, batches: Sequence[Batch], plan: Plan, yard: _Yard) -> dict[tuple[str, str], Track]:
-    """Run the script `plan.rounds` times in all batches, in turns of a chunk. Returns tracks by names of batch and phase."""
+def _play(scene: Scene, script: Script, batches: Sequence[Batch], plan: Plan, meter: _StateMeter) -> dict[tuple[str, str], Track]:
+    """Run the script `plan.rounds` times in all batches, which take turns of `CHUNK` steps. Returns tracks by names of batch and phase."""
     tracks = {(batch.name, phase.name): Track() for batch in batches for phase in scene.phases}
     order, start = list(batches), time.perf_counter()
     for k in range(plan.rounds):
@@ -250,19 +251,19 @@ def _play(scene: Scene, script: Script, batches: Sequence[Batch], plan: Plan, ya
                 for batch in order:
                     track = tracks[batch.name, phase.name]
                     if k == 0 and phase.held and begin == first:
-                        track.before = yard.places(batch, phase.held)
+                        track.before = meter.places(batch, phase.held)
                     spent = _chunk(batch, script, steps, phase.name if k == 0 else None)
                     if k == 0:
                         track.times.append([])
                         track.steps.append(len(steps))
-                        track.samples.append(yard.look(batch))
+                        track.samples.append(meter.measure(batch))
                     track.times[chunk].append(spent)
                     _restart(batch, script, restarts[batch.name])
                 order = order[1:] + order[:1]
             first += phase.steps
             if k == 0 and phase.held:
                 for batch in batches:
-                    tracks[batch.name, phase.name].after = yard.places(batch, phase.held)
+                    tracks[batch.name, phase.name].after = meter.places(batch, phase.held)
     return tracks
 
 
@@ -283,6 +284,7 @@ def _chunk(batch: Batch, script: Script, steps: range, phase: str | None) -> flo
 
 
 def _restart(batch: Batch, script: Script, restarts: Any) -> None:
+    """Reset the environments whose episode has ended, to the next initial states of the script."""
     if script.ended is None or script.anew is None:
         return
     mask = script.ended(batch.qpos)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from many_contacts.episodes import Floors
-from many_contacts.measure import CHUNK, DROPPED, LOOKED_AT, PEERS
+from many_contacts.measure import CHUNK, DROPPED, MEASURED_ENVS, PEERS
 from many_contacts.scene import MEAN, Scene
 from many_contacts.targets import UNSOLVED, Row, grouped_mean, lines, percent, scale
 
@@ -41,7 +41,7 @@ script writes the models of both engines to `out/many_contacts/`, and the figure
   one environment at a time, are not counted: with many Newton steps, the floor is too low.
 * **Unsolved** is the share of environment steps with NOT_CONVERGED; the target is {100 * UNSOLVED:g} % at most, and larger values are bold.
   Sweeps and Newton steps are means over environment steps.
-* **Contacts** and the deepest **penetration** are of the first {LOOKED_AT} environments at the end of each turn, by MuJoCo's collision
+* **Contacts** and the deepest **penetration** are of the first {MEASURED_ENVS} environments at the end of each turn, by MuJoCo's collision
   detection for all engines. **Slip** is the median over environments of the displacement of the held object in the frame of a finger
   during the phase (feet: relative to the floor). Objects with more than {1e3 * DROPPED:g} mm count as dropped.
 * The mean over scenes is geometric; rows of one scene, and scenes of one kind (the lifted masses, the two heaps, the hand's objects,
@@ -85,18 +85,22 @@ alone, and the second table the share of steps that they leave unsolved."""
 
 
 def _line(cells: Iterable[object]) -> str:
+    """Row of a Markdown table."""
     return "| " + " | ".join(map(str, cells)) + " |"
 
 
 def _table(head: Sequence[str], lines: Iterable[Sequence[object]]) -> str:
+    """Markdown table."""
     return "\n".join([_line(head), _line(["---"] * len(head)), *map(_line, lines)])
 
 
 def _both(values: Iterable[object]) -> str:
+    """Values for f64 and f32, separated by a slash."""
     return " / ".join(map(str, values))
 
 
 def _mm(metres: float) -> str:
+    """Text of a length in mm."""
     return f"{1e3 * metres:.2g}"
 
 
@@ -106,6 +110,7 @@ def _number(found: Row | None, name: str, form: str, unit: float = 1.0) -> str:
 
 
 def _slip(found: Sequence[float] | None) -> str:
+    """Text of the median slip in mm, with the share of dropped objects."""
     if found is None:
         return ""
     return _mm(found[0]) + (f" ({found[1]:.0%} dropped)" if found[1] else "")
@@ -121,7 +126,7 @@ def speed(rows: Sequence[Row], floors: Floors, factor: float = 1.0) -> str:
 
     Args:
         rows: Rows of many_contacts.json with the same number of environments.
-        floors: Floors of the episodes.
+        floors: Floors (lower bounds of the step time, see episodes.py) of the episodes.
         factor: Factor on the targets for this machine.
     """
     columns = list(dict.fromkeys(name for row in rows for name in row["ours"]))
@@ -147,10 +152,10 @@ def speed(rows: Sequence[Row], floors: Floors, factor: float = 1.0) -> str:
         first = next(iter(ours.values()))
         by_default, beside = [ours.get(name) for name in defaults], [ours.get(name) for name in others]
         targets = [factor * row["target"][name.split()[0]] for name in defaults]
-        looked = [floors.get((row["row"], row["num_envs"], name.split()[0])) for name in defaults]
+        anatomies = [floors.get((row["row"], row["num_envs"], name.split()[0])) for name in defaults]
         cells: list[object] = [row["row"], f"{first['contacts']:.1f}", *(_number(f, "microseconds", ".2f") for f in by_default)]
-        cells += [_both("-" if a is None else f"{a.floor:.2f}" for a in looked)]
-        cells += [_both("-" if a is None else "{} {:.0%}".format(*a.farthest) for a in looked)]
+        cells += [_both("-" if a is None else f"{a.floor:.2f}" for a in anatomies)]
+        cells += [_both("-" if a is None else "{} {:.0%}".format(*a.farthest) for a in anatomies)]
         cells += [_both(f"{theirs[peer]['microseconds']:.1f}" for peer in PEERS)]
         cells += ["-" if f is None else _reached(f["ratio"], target) for f, target in zip(by_default, targets, strict=True)]
         cells += [_number(f, "ratio", ".1f") for f in beside]
@@ -164,14 +169,17 @@ def speed(rows: Sequence[Row], floors: Floors, factor: float = 1.0) -> str:
 
 
 def _targets(defaults: Sequence[str]) -> list[float]:
+    """Target of the mean speedup for each column."""
     return [dict(zip(("f64", "f32"), MEAN, strict=True))[name.split()[0]] for name in defaults]
 
 
 def _reached(ratio: float, target: float) -> str:
+    """Text of a speedup with its target."""
     return f"**{ratio:.2g}** ({target:.2g})"
 
 
 def _label(column: str) -> str:
+    """Heading of a column: precision, and setting if it is not the default."""
     precision, _, setting = column.partition(" ")
     return precision if setting == "default" else f"{setting} {precision}"
 
@@ -198,6 +206,7 @@ def accuracy(rows: Sequence[Row]) -> str:
 
 
 def _timed(scene: Scene) -> str:
+    """Names of the timed phases of a scene."""
     return ", ".join(phase.name for phase in scene.phases if phase.timed and phase.name)
 
 
@@ -208,7 +217,7 @@ class Report:
     Attributes:
         rows: Rows of many_contacts.json, in the order of the scenes.
         came_from: Provenance of the rows: machine, versions, time.
-        floors: Floors of the episodes of scenes and robots.
+        floors: Floors (lower bounds of the step time, see episodes.py) of scenes and robots.
         robots: Content of throughput.json. None if the file does not exist.
     """
 
@@ -232,11 +241,11 @@ class Report:
         some = [row for row in self.rows if row["num_envs"] == num_envs]
         head = [f"{num_envs} environments", "target", "reached", "at the floor", "farthest above its floor", "unsolved %"]
         table = _table(head, lines(some, self.came_from, self.floors, self.robots))
-        said = f"Each cell has f64 / f32. Missed targets are bold. At most {100 * UNSOLVED:g} % of the steps may be unsolved."
+        text = f"Each cell has f64 / f32. Missed targets are bold. At most {100 * UNSOLVED:g} % of the steps may be unsolved."
         factor = scale(self.came_from)
         if factor != 1.0:
-            said += f" With {self.came_from['cpu_level']} targets are {factor:.2f} times those of AVX2."
-        return f"{said}\n\n{table}"
+            text += f" With {self.came_from['cpu_level']} targets are {factor:.2f} times those of AVX2."
+        return f"{text}\n\n{table}"
 
     def page(self, scenes: Iterable[Scene]) -> str:
         """Content of docs/benchmarks/many_contacts.md."""

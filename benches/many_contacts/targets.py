@@ -37,7 +37,7 @@ class Reached:
         ratio: Speedup, the time of MuJoCo divided by that of stepper.
         micros: Time of stepper per environment step, us.
         unsolved: Share of unsolved environment steps.
-        anatomy: Parts and floor of a step. None if not measured.
+        anatomy: Parts of a step, and floor (least time of its arithmetic). None if not measured.
     """
 
     name: str
@@ -49,7 +49,7 @@ class Reached:
 
     @property
     def at_floor(self) -> float | None:
-        """Speedup that stepper would have at its floor."""
+        """Speedup if a step of stepper took only the least time of its arithmetic (its floor)."""
         return None if self.anatomy is None else self.ratio * self.micros / self.anatomy.floor
 
 
@@ -114,11 +114,11 @@ def mean(found: Sequence[Reached], value: Callable[[Reached], float | None]) -> 
 
 def part(found: Sequence[Reached]) -> tuple[str, float] | None:
     """Part of the step with the largest mean excess above its floor, and this excess as a share of the step's time."""
-    looked = [one.anatomy.excess for one in found if one.anatomy]
-    if len(looked) < len(found):
+    excesses = [one.anatomy.excess for one in found if one.anatomy]
+    if len(excesses) < len(found):
         return None
-    names = dict.fromkeys(name for excess in looked for name in excess)
-    shares = {name: fmean(excess.get(name, 0.0) for excess in looked) for name in names}
+    names = dict.fromkeys(name for excess in excesses for name in excess)
+    shares = {name: fmean(excess.get(name, 0.0) for excess in excesses) for name in names}
     return max(shares.items(), key=lambda item: item[1]) if shares else None
 
 
@@ -144,6 +144,7 @@ def lines(rows: Sequence[Row], came_from: Mapping[str, Any], floors: Floors, thr
 
 
 def _line(what: str, targets: Sequence[float], by_precision: Sequence[Sequence[Reached]], factor: float) -> list[str]:
+    """Row of the table of targets."""
     cells: list[list[str]] = [[], [], [], [], []]
     for target, found in zip((factor * target for target in targets), by_precision, strict=True):
         ratio, at_floor, way = mean(found, lambda one: one.ratio), mean(found, lambda one: one.at_floor), part(found)
@@ -158,5 +159,6 @@ def _line(what: str, targets: Sequence[float], by_precision: Sequence[Sequence[R
 
 
 def _unsolved(worst: Reached, named: bool) -> str:
+    """Text of the largest share of unsolved steps, with the name of its scene."""
     text = percent(worst.unsolved)
     return f"{text} ({worst.name})" if named and worst.unsolved else text

@@ -49,6 +49,7 @@ def main() -> None:
 
 
 def _measure(source: Source, args: argparse.Namespace) -> Row:
+    """Row with the comparison of a model."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

@@ -62,6 +62,7 @@ def sources(only: list[str]) -> Iterator[Source]:
 
 
 def _wanted(name: str, path: Path, only: list[str]) -> Iterator[Source]:
+    """Yield a source if it is a complete model and its name contains an entry of `only`."""
     if path.exists() and path.stem not in NO_MODELS and (not only or any(part in name for part in only)):
         yield Source(name, path)
 

@@ -51,6 +51,7 @@ def main() -> None:
 
 
 def _line(source: Source, episodes: int, seconds: float) -> str:
+    """Row of the table for a model."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         compiled = mujoco.MjModel.from_xml_path(str(source.path))

@@ -122,6 +122,7 @@ def states(compiled: Any, count: int, seed: int = 0) -> States:
 
 
 def _begin(compiled: Any, data: Any, rng: np.random.Generator) -> None:
+    """Set a random state around the reference pose or the first keyframe."""
     mujoco.mj_resetData(compiled, data)
     if compiled.nkey:
         mujoco.mj_resetDataKeyframe(compiled, data, 0)
@@ -182,4 +183,5 @@ def _same_contacts(model: stepper.Model, found: States) -> NDArray[np.bool_]:
 
 
 def _pushing(contacts: Any) -> list[tuple[Any, float]]:
+    """Geoms and distance of the overlapping contacts."""
     return [(c["geom"], float(c["distance"])) for c in contacts if c["distance"] < 0.0]

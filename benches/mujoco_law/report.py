@@ -53,10 +53,12 @@ class Row:
 
 
 def _percent(share: float) -> str:
+    """Text of a share in per cent."""
     return f"{100 * share:.0f} %"
 
 
 def _number(values: np.ndarray[tuple[int], np.dtype[np.float64]], quantile: float) -> str:
+    """Text of a quantile of some values."""
     return f"{np.quantile(values, quantile):.0e}" if len(values) else "-"
 
 

@@ -1,48 +1,49 @@
-//! Boxes that lie, stand and press on each other, as constraint problems: six coordinates a box, four contacts where two faces meet.
+//! Constraint problems of boxes that lie, stand and press on each other: six coordinates per box, four contacts where two faces touch.
 //!
-//! The problem is that of one step of [`STEP`] seconds from rest under gravity, cold.
+//! Each problem is that of one step of [`STEP`] seconds under gravity, from rest and without warm start.
 
 use stepper_real::Real;
 use stepper_solve::{Iterate, Problem};
 
 /// Time step, s.
 pub const STEP: f64 = 0.002;
-/// Coefficient of friction.
+/// Friction coefficient.
 pub const FRICTION: f64 = 0.5;
 const GRAVITY: f64 = 9.81;
 
-/// A box, its axes along the world's.
+/// Box with axes along those of the world.
 #[derive(Clone, Copy, Debug)]
 pub struct Brick {
     /// Mass, kg.
     pub mass: f64,
     /// Centre, m.
     pub centre: [f64; 3],
-    /// Half its edges, m.
+    /// Half sizes, m.
     pub half: [f64; 3],
-    /// Force on its centre beside its weight, N.
+    /// Force on the centre in addition to gravity, N.
     pub push: [f64; 3],
 }
 
-/// Bricks and the faces that meet.
+/// Bricks and the contacts between their faces.
 #[derive(Clone, Debug)]
 pub struct Heap {
-    /// What is in the table's first column.
+    /// Name in the first column of the table.
     pub name: String,
     bricks: Vec<Brick>,
-    /// Corners: (below, above) bricks, `None` the floor; point; normal axis, which points from the first to the second.
+    /// Contacts at corners: bricks (below, above), of which `None` is the floor; point; axis of the normal, which points from the first to
+    /// the second.
     contacts: Vec<(Option<usize>, usize, [f64; 3], usize)>,
 }
 
 impl Heap {
-    /// The problems of the table.
+    /// Problems of the table.
     pub fn all() -> Vec<Self> {
         let mut all: Vec<Self> = [1.0, 100.0, 1000.0].into_iter().map(Self::stack).collect();
         all.extend([Self::wall(6, 5), Self::wall(20, 10), Self::pinch(0.05), Self::pinch(0.001), Self::crush()]);
         all
     }
 
-    /// Ten cubes of 1 kg on each other, the top one `top` times heavier.
+    /// Stack of ten cubes of 1 kg. The top one is `top` times heavier.
     pub fn stack(top: f64) -> Self {
         let mut heap = Self::named(if top > 1.0 { format!("10 boxes, top {top} times heavier") } else { "10 boxes, equal masses".into() });
         for i in 0..10 {
@@ -52,7 +53,7 @@ impl Heap {
         heap.meet()
     }
 
-    /// A wall in bond, every second course half a brick further.
+    /// Wall in running bond: every second course is shifted by half a brick.
     pub fn wall(courses: usize, bricks: usize) -> Self {
         let mut heap = Self::named(format!("wall of {bricks}x{courses} boxes"));
         for course in 0..courses {
@@ -64,7 +65,7 @@ impl Heap {
         heap.meet()
     }
 
-    /// A cube of `mass` kg between two of 1 kg that press with 20 N each; nothing else holds them.
+    /// Cube of `mass` kg between two cubes of 1 kg that press with 20 N each. Only friction holds it.
     pub fn pinch(mass: f64) -> Self {
         let mut heap = Self::named(format!("pinch, {} g between 1 kg", 1000.0 * mass));
         for (i, mass) in [1.0, mass, 1.0].into_iter().enumerate() {
@@ -75,7 +76,7 @@ impl Heap {
         heap.meet()
     }
 
-    /// 1 t stands on 1 g.
+    /// Mass of 1 t on a mass of 1 g.
     pub fn crush() -> Self {
         let mut heap = Self::named("1 g under 1 t cubes".into());
         heap.add(0.001, [0.0, 0.0, 0.1], [0.1; 3]);
@@ -91,7 +92,7 @@ impl Heap {
         self.bricks.push(Brick { mass, centre, half, push: [0.0; 3] });
     }
 
-    /// Finds the faces that meet, along z and x, and puts a contact in every corner of what they share.
+    /// Finds faces that touch along z and x, and adds a contact at each corner of their common rectangle.
     fn meet(mut self) -> Self {
         for above in 0..self.bricks.len() {
             let b = self.bricks[above];
@@ -136,12 +137,12 @@ impl Heap {
         self.contacts.len()
     }
 
-    /// Whether nothing touches.
+    /// Whether there is no contact.
     pub fn is_empty(&self) -> bool {
         self.contacts.is_empty()
     }
 
-    /// The constraint problem: w is the velocity change of every box times the root of its mass and moments.
+    /// Constraint problem, in which w is the velocity change of every box times the square root of its mass or moment of inertia.
     pub fn problem(&self) -> (Problem<f64>, Iterate<f64>) {
         let n = 6 * self.bricks.len();
         let mut problem = Problem::with_capacity(n, 0, self.contacts.len());

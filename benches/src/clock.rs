@@ -1,17 +1,17 @@
-//! Processor time of a thread on one core, and medians of runs that take turns.
+//! Processor time of a thread on one core, and medians over runs that take turns.
 
 use std::time::Duration;
 
-/// Something that can be run again and again from the same start.
+/// Run that can be repeated from the same start.
 pub trait Run {
-    /// Back to the start; not timed.
+    /// Restores the start; not timed.
     fn rewind(&mut self);
-    /// One run; timed.
+    /// Runs once; timed.
     fn run(&mut self);
-    /// Environment steps that a run makes.
+    /// Number of environment steps in a run.
     fn environment_steps(&self) -> u64;
 
-    /// Time of `times` runs, rewinding not included.
+    /// Time of `times` runs without the restores.
     fn time(&mut self, times: u64) -> Duration {
         let mut total = Duration::ZERO;
         for _ in 0..times {
@@ -24,8 +24,8 @@ pub trait Run {
     }
 }
 
-/// Median, over `rounds`, of the microseconds per environment step of every run. The runs take turns, so that whatever disturbs the
-/// machine disturbs all alike.
+/// Median over `rounds` of the time per environment step of each run, us. The runs take turns, so that other load of the machine affects
+/// all equally.
 pub fn medians(runs: &mut [&mut dyn Run], rounds: usize) -> Vec<f64> {
     let mut times = vec![Vec::with_capacity(rounds); runs.len()];
     for run in runs.iter_mut() {
@@ -39,7 +39,7 @@ pub fn medians(runs: &mut [&mut dyn Run], rounds: usize) -> Vec<f64> {
     times.into_iter().map(median).collect()
 }
 
-/// The middle value.
+/// Median of some values.
 fn median(mut x: Vec<f64>) -> f64 {
     x.sort_by(f64::total_cmp);
     0.5 * (x[(x.len() - 1) / 2] + x[x.len() / 2])
@@ -52,14 +52,14 @@ pub fn thread_time() -> Duration {
     Duration::new(now.tv_sec.unsigned_abs(), now.tv_nsec as u32)
 }
 
-/// Time since the first call: this system's processor time is not read.
+/// Time since the first call, because the processor time of a thread is not implemented for this system.
 #[cfg(not(target_os = "linux"))]
 pub fn thread_time() -> Duration {
     static START: std::sync::OnceLock<std::time::Instant> = std::sync::OnceLock::new();
     START.get_or_init(std::time::Instant::now).elapsed()
 }
 
-/// Pins the calling thread to the last core that it may use, and says which. Threads that it starts inherit it.
+/// Pins the calling thread to the last core that it may use, and returns the core. Threads that it starts inherit this.
 #[cfg(target_os = "linux")]
 pub fn pin() -> Option<usize> {
     use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
@@ -71,7 +71,7 @@ pub fn pin() -> Option<usize> {
     Some(core)
 }
 
-/// Nothing is pinned on this system.
+/// Does nothing: pinning is not implemented for this system.
 #[cfg(not(target_os = "linux"))]
 pub fn pin() -> Option<usize> {
     None

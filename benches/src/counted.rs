@@ -1,4 +1,4 @@
-//! A number that counts what is done with it, so that a step's floating point operations are known and not estimated.
+//! Number type that counts the operations on it, so that the floating-point operations of a step are measured.
 
 use std::cell::Cell;
 use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
@@ -12,18 +12,18 @@ thread_local! {
     static DONE: Cell<Operations> = const { Cell::new(Operations { sums: 0, divisions: 0, others: 0 }) };
 }
 
-/// Numbers of operations.
+/// Counts of operations.
 #[derive(Clone, Copy)]
 struct Operations {
-    /// Additions, subtractions, multiplications.
+    /// Additions, subtractions and multiplications.
     sums: u64,
     /// Divisions and square roots.
     divisions: u64,
-    /// Comparisons, selections, least and greatest, signs, rounding.
+    /// Comparisons, selections, minima and maxima, signs, rounding.
     others: u64,
 }
 
-/// A meter of what this thread does with [`Counted`] numbers: sums, divisions and others.
+/// Meter of the operations of this thread on [`Counted`] numbers: sums, divisions and others.
 pub fn operations(_: Option<Span>) -> [u64; READINGS] {
     let Operations { sums, divisions, others } = DONE.get();
     [sums, divisions, others]
@@ -41,8 +41,8 @@ fn other() {
     DONE.set(Operations { others: DONE.get().others + 1, ..DONE.get() });
 }
 
-/// Numbers of one kind, in as many lanes as it has. What is done with all lanes at once is one operation: with one environment alone in
-/// them, these are the operations of that environment.
+/// Numbers in the lanes of `R` with counted operations. An operation on all lanes counts once. With a single environment the counts are
+/// thus those of the environment.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Counted<R>(R);
 

@@ -1,4 +1,4 @@
-//! A batch of environments that goes the same way every time.
+//! Batch of environments that repeats the same steps.
 
 use stepper_core::internals::batch::worker::{LaneScalar, Worker, WorkerMakers, WorkerSpec, lane_worker};
 use stepper_core::{AppliedInput, Error, Field, Level, Options, Precision, SavedState, Simulation};
@@ -10,13 +10,13 @@ use crate::recorder::{Meter, Recorder, Recording, record};
 use crate::replay::{Call, Replay};
 use crate::scenes::Scene;
 
-/// Steps that a control is held.
+/// Number of steps for which a control is held.
 const HOLD: usize = 5;
-/// Controls of a run.
+/// Number of controls in a run.
 const CALLS: usize = 20;
 
-/// Steps of some environments that go the same way every time: of a scene, a hundred under pseudo-random controls from the state that they
-/// had after the warm-up; or those of a recording.
+/// Repeatable steps of some environments: a hundred steps of a scene under pseudo-random controls from the states after the warm-up, or the
+/// steps of a recording.
 pub struct Episode {
     simulation: Simulation,
     start: SavedState,
@@ -24,9 +24,9 @@ pub struct Episode {
 }
 
 impl Episode {
-    /// Environments `first..first + count` of the scene, stepped on this thread.
+    /// Episode of the environments `first..first + count` of a scene, stepped on this thread.
     pub fn new(scene: &Scene, first: usize, count: usize, precision: Precision, level: Level) -> Self {
-        // One tolerance in both precisions, so that rows compare.
+        // Both precisions have the same tolerance, so that rows are comparable.
         let options = Options { tolerance: Some(Precision::F64.tolerance()), ..Options::default() };
         let mut simulation = Simulation::at_level(scene.model.clone(), options, Some(count), precision, 1, level);
         for env in 0..count {
@@ -44,18 +44,18 @@ impl Episode {
         Self { simulation, start, calls: (begin..begin + CALLS).map(call).collect() }
     }
 
-    /// All environments of a recording, stepped on this thread.
+    /// Episode of all environments of a recording, stepped on this thread.
     ///
     /// # Errors
-    /// As [`Replay::simulation`].
+    /// Those of [`Replay::simulation`].
     pub fn recorded(replay: &Replay) -> Result<Self, Error> {
         Ok(Self { simulation: replay.simulation()?, start: replay.start.clone(), calls: replay.calls.clone() })
     }
 
-    /// One of the environments alone, on the same way to the bit.
+    /// Episode of a single environment, whose steps equal those in the batch bit for bit.
     ///
     /// # Errors
-    /// As [`Simulation::new`].
+    /// Those of [`Simulation::new`].
     pub fn of_one(&mut self, env: usize) -> Result<Self, Error> {
         self.rewind();
         let whole = &self.simulation;
@@ -66,7 +66,7 @@ impl Episode {
         Ok(Self { simulation, start, calls })
     }
 
-    /// Whether all environments have these configurations, (num_envs, nq), bit for bit.
+    /// Whether the configurations of all environments equal the given ones, (num_envs, nq), bit for bit.
     pub fn is_at(&self, configurations: &[f64]) -> bool {
         let mut q = vec![0.0; self.simulation.model().nq()];
         let mut now = Vec::with_capacity(configurations.len());
@@ -77,34 +77,34 @@ impl Episode {
         now.into_iter().eq(configurations.iter().map(|x| x.to_bits()))
     }
 
-    /// The environments as they are now.
+    /// Environments in their current state.
     pub fn simulation(&self) -> &Simulation {
         &self.simulation
     }
 
-    /// The environments, to be stepped otherwise.
+    /// Environments for other steps than those of the episode.
     pub fn simulation_mut(&mut self) -> &mut Simulation {
         &mut self.simulation
     }
 
-    /// Puts a [`Recorder`] into the steps from now on.
+    /// Adds a [`Recorder`] to all later steps.
     pub fn probe(mut self) -> Self {
         self.simulation.set_workers(&WorkerMakers { f64: recorded::<f64>, f32: recorded::<f32> });
         self
     }
 
-    /// Puts a [`Recorder`] into the steps of a single environment, and makes them with numbers that count what is done with them.
+    /// Adds a [`Recorder`] to the steps of a single environment, and computes them with [`Counted`] numbers.
     ///
     /// # Panics
-    /// When there are more environments: what is done with all lanes counts once.
+    /// With several environments, because an operation on all lanes counts once.
     pub fn probe_operations(mut self) -> Self {
         assert_eq!(self.simulation.num_envs(), 1, "operations are counted in one environment");
         self.simulation.set_workers(&WorkerMakers { f64: counted::<f64>, f32: counted_f32 });
         self
     }
 
-    /// Records one call after the other, `rounds` times; of each call the round with the least of the first reading counts. All rounds make
-    /// the same steps to the bit.
+    /// Records the calls `rounds` times. The result of each call is that of the round with the smallest first reading. All rounds make the
+    /// same steps bit for bit.
     pub fn record(&mut self, meter: Meter, rounds: usize) -> Recording {
         let mut least: Vec<Option<Recording>> = vec![None; self.calls.len()];
         for _ in 0..rounds {
@@ -134,7 +134,7 @@ fn counted<R: Real>(spec: &WorkerSpec<'_, R::Scalar>, _: usize, _: Level) -> Box
     lane_worker::<Counted<R>>(spec, Recorder)
 }
 
-/// In portable lanes, as many as the group has: eight, or sixteen.
+/// Worker with portable lanes, as many as the group has: eight or sixteen.
 fn counted_f32(spec: &WorkerSpec<'_, f32>, lanes: usize, level: Level) -> Box<dyn Worker<f32>> {
     let count = if lanes == F32Lanes::LANES { counted::<F32Lanes> } else { counted::<Two<F32Lanes>> };
     count(spec, lanes, level)
@@ -159,7 +159,7 @@ fn run(call: &Call, simulation: &mut Simulation) {
     call.run(simulation).expect("the call is of this batch");
 }
 
-/// Several runs as one, one after the other.
+/// Several runs, one after the other, as one run.
 pub struct InTurn<T>(pub Vec<T>);
 
 impl<T: Run> Run for InTurn<T> {
@@ -176,24 +176,24 @@ impl<T: Run> Run for InTurn<T> {
     }
 }
 
-/// The first eight environments of a scene, each alone in `f64`, at the best level of this build and machine.
+/// First eight environments of a scene, each alone in `f64`, at the best CPU level of this build and machine.
 pub fn single(scene: &Scene) -> InTurn<Episode> {
     let level = *Level::available().last().expect("some level is always available");
     InTurn((0..8).map(|env| Episode::new(scene, env, 1, Precision::F64, level)).collect())
 }
 
 impl InTurn<Episode> {
-    /// Each with a [`Recorder`].
+    /// Adds a [`Recorder`] to each run.
     pub fn probe(self) -> Self {
         Self(self.0.into_iter().map(Episode::probe).collect())
     }
 
-    /// Each with a [`Recorder`] and numbers that count.
+    /// Adds a [`Recorder`] to each run, with [`Counted`] numbers.
     pub fn probe_operations(self) -> Self {
         Self(self.0.into_iter().map(Episode::probe_operations).collect())
     }
 
-    /// All recordings together, per step of an environment.
+    /// Sum of the recordings of all runs, per environment step.
     pub fn record(&mut self, meter: Meter, rounds: usize) -> Recording {
         let mut mean = Recording::default();
         let weight = 1.0 / self.environment_steps() as f64;
@@ -202,7 +202,7 @@ impl InTurn<Episode> {
     }
 }
 
-/// The first 64 environments of a scene in lanes.
+/// First 64 environments of a scene in SIMD lanes.
 pub fn lanes(scene: &Scene, precision: Precision, level: Level) -> Episode {
     Episode::new(scene, 0, 64, precision, level)
 }

@@ -1,4 +1,4 @@
-//! What a core does in a second, and with it the time that no order of the same operations comes below.
+//! Rates of a core, and the least time of a number of operations at these rates (the floor of a step).
 
 use std::hint::black_box;
 use std::time::Duration;
@@ -9,20 +9,20 @@ use stepper_real::{Real, at_level};
 use crate::clock::thread_time;
 use crate::recorder::READINGS;
 
-/// Repeats, of which the fastest counts.
+/// Number of repeats, of which the fastest counts.
 const ROUNDS: usize = 15;
 
-/// Operations of all lanes of this core in a second.
+/// Operations per second of this core, counted per lane.
 #[derive(Clone, Copy, Debug)]
 pub struct Rates {
-    /// Additions, subtractions and multiplications.
+    /// Additions, subtractions and multiplications per second.
     pub sums: f64,
-    /// Divisions.
+    /// Divisions per second.
     pub divisions: f64,
 }
 
 impl Rates {
-    /// Measures them, in lanes of a precision.
+    /// Rates measured in SIMD lanes of a precision.
     pub fn measure(precision: Precision, level: Level) -> Self {
         fn both<R: Real>() -> Rates {
             Rates { sums: per_second::<R>(false), divisions: per_second::<R>(true) }
@@ -33,14 +33,14 @@ impl Rates {
         }
     }
 
-    /// The least time of what [`operations`](crate::counted::operations) counted, us.
+    /// Least time of the operations that [`operations`](crate::counted::operations) counted, us.
     pub fn micros(&self, [sums, divisions, others]: [f64; READINGS]) -> f64 {
-        // Sums and the rest share the vector pipes, divisions and roots have their own.
+        // Additions and other operations share the vector pipes. Divisions and square roots have separate pipes.
         1e6 * ((sums + others) / self.sums).max(divisions / self.divisions)
     }
 }
 
-/// Operations a second in independent chains: as many as hide the latency, few enough for the registers.
+/// Operations per second in independent chains. Their number hides the latency, and they fit into the registers.
 fn per_second<R: Real>(divide: bool) -> f64 {
     const CHAINS: usize = 12;
     const STEPS: usize = 100_000;
@@ -64,7 +64,7 @@ fn per_second<R: Real>(divide: bool) -> f64 {
     (STEPS * CHAINS * R::LANES * if divide { 1 } else { 2 }) as f64 / fastest.as_secs_f64()
 }
 
-/// Bytes a second copied from memory that no cache of the core holds.
+/// Bytes per second copied in main memory.
 pub fn copied() -> f64 {
     let (from, mut to) = (vec![1u8; 1 << 28], vec![0u8; 1 << 28]);
     let fastest = (0..ROUNDS).map(|_| timed(|| to.copy_from_slice(black_box(&from)))).min().expect("there are rounds");

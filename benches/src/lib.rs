@@ -1,7 +1,6 @@
-//! What the benches share: robots made in code, runs that start again from the same state, a clock, a probe of the step, and rapier as a
-//! peer.
+//! Shared parts of the benchmarks: robots made in code, repeatable runs, a clock, a probe of the step, and rapier for comparison.
 //!
-//! All times are processor time of one thread pinned to one core: what else the machine does costs nothing but cache.
+//! All times are processor time of one thread that is pinned to one core. Other load of the machine only affects caches.
 
 pub mod boxes;
 pub mod clock;

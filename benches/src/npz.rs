@@ -1,4 +1,4 @@
-//! Arrays of numbers as NumPy saves them.
+//! Arrays of numbers in NumPy's file formats.
 
 use std::fs::File;
 use std::io::Read;
@@ -7,12 +7,12 @@ use std::path::{Path, PathBuf};
 use zip::ZipArchive;
 use zip::result::ZipError;
 
-/// An array of numbers, in the order of its last axis.
+/// Array of numbers in C order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Array {
-    /// Numbers along each axis.
+    /// Length of each axis.
     pub shape: Vec<usize>,
-    /// All of them; booleans are 0 and 1.
+    /// All numbers. Booleans are 0 and 1.
     pub values: Vec<f64>,
 }
 
@@ -20,14 +20,14 @@ impl Array {
     /// Part `k` along the first axis.
     ///
     /// # Panics
-    /// When there is none.
+    /// If there is no such part.
     pub fn row(&self, k: usize) -> &[f64] {
         let size = self.shape[1..].iter().product::<usize>();
         &self.values[k * size..(k + 1) * size]
     }
 }
 
-/// A file of `numpy.savez`.
+/// File of `numpy.savez`.
 pub struct Npz {
     path: PathBuf,
     archive: ZipArchive<File>,
@@ -37,17 +37,17 @@ impl Npz {
     /// Opens a file.
     ///
     /// # Errors
-    /// When it cannot be read, or is none of `numpy.savez`.
+    /// If the file cannot be read, or is not a file of `numpy.savez`.
     pub fn open(path: &Path) -> Result<Self, String> {
         let file = File::open(path).map_err(|e| format!("{}: {e}", path.display()))?;
         let archive = ZipArchive::new(file).map_err(|e| format!("{}: {e}; give a file of numpy.savez", path.display()))?;
         Ok(Self { path: path.into(), archive })
     }
 
-    /// The array of that name, if there is one.
+    /// Array with a name, or `None` if there is none.
     ///
     /// # Errors
-    /// When it is damaged, or not of numbers.
+    /// If the array is damaged or does not contain numbers.
     pub fn get(&mut self, name: &str) -> Result<Option<Array>, String> {
         let place = format!("{}: {name}", self.path.display());
         let mut bytes = Vec::new();
@@ -60,17 +60,17 @@ impl Npz {
         Ok(Some(array))
     }
 
-    /// The array of that name.
+    /// Array with a name.
     ///
     /// # Errors
-    /// As of [`Npz::get`], and when there is none.
+    /// Those of [`Npz::get`], and if there is no such array.
     pub fn array(&mut self, name: &str) -> Result<Array, String> {
         self.get(name)?.ok_or_else(|| format!("{}: {name} is missing", self.path.display()))
     }
 }
 
-/// An array in NumPy's format: 6 bytes that say so, its version, the length of the header, the header, the numbers. The header is a
-/// dictionary as Python writes it.
+/// Array in NumPy's format: 6 bytes of identification, version, length of the header, header, numbers. The header is a dictionary in
+/// Python's syntax.
 fn parse(bytes: &[u8]) -> Option<Array> {
     let version = *bytes.strip_prefix(b"\x93NUMPY")?.first()?;
     let start = if version == 1 { 10 } else { 12 };
@@ -103,7 +103,7 @@ fn numbers<const N: usize>(data: &[u8], read: impl Fn([u8; N]) -> f64) -> Vec<f6
 mod tests {
     use super::*;
 
-    /// What numpy.save writes.
+    /// Bytes that numpy.save writes.
     fn saved(descr: &str, shape: &str, data: &[u8]) -> Vec<u8> {
         let header = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}, }}\n");
         [b"\x93NUMPY\x01\x00", &(header.len() as u16).to_le_bytes()[..], header.as_bytes(), data].concat()

@@ -1,4 +1,4 @@
-//! Parts of the steps of an episode: what each takes in lanes, and the least that its operations could take.
+//! Parts of the steps of an episode: their times in SIMD lanes, and the least time of their operations.
 
 use std::time::Duration;
 
@@ -13,63 +13,64 @@ use crate::floor::Rates;
 use crate::recorder::{Recording, Row, nanoseconds, own_cost};
 use crate::replay::Replay;
 
-/// Repeats at the most.
+/// Largest number of repeats.
 const ROUNDS: usize = 15;
-/// Time after which no further repeat begins.
+/// Time after which no further repeat starts.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// Environments whose operations are counted, spread over the batch.
+/// Number of environments whose operations are counted, spread over the batch.
 const COUNTED: usize = 8;
 
-/// What the steps of an episode take, per step of an environment.
+/// Times and counters of the steps of an episode, per environment step.
 #[derive(Clone, Debug, Serialize)]
 pub struct Anatomy {
     /// Name of the episode.
     pub name: String,
     /// "f64" or "f32".
     pub precision: &'static str,
-    /// Environments that were stepped in lanes.
+    /// Number of environments that are stepped in SIMD lanes.
     pub num_envs: usize,
     /// Time of the whole step without a probe, median of the rounds, us.
     pub micros: f64,
-    /// Time that its operations take at the rates of the core, us.
+    /// Least time of its operations at the rates of the core, us.
     pub floor: f64,
-    /// Whether the configurations at the end are those of the recording, bit for bit.
+    /// Whether the final configurations equal those of the recording bit for bit.
     pub reproduced: bool,
-    /// Its parts.
+    /// Parts of the step.
     pub parts: Vec<Part>,
-    /// What it counts: of an environment, or of the group whose lanes share it.
+    /// Counters: of an environment, or of a group of environments in SIMD lanes.
     pub counts: Vec<Count>,
 }
 
-/// A part of the step.
+/// Part of the step.
 #[derive(Clone, Debug, Serialize)]
 pub struct Part {
-    /// Its name.
+    /// Name.
     pub name: &'static str,
-    /// How often a group enters it in a step.
+    /// Number of times that a group enters the part in a step.
     pub times: f64,
-    /// Its time, us: its share of what a clock saw in the least of the rounds of each call, of the processor time of the whole step.
+    /// Time, us: the processor time of the whole step times the part's share of the recorded times, which are the minima over the rounds of
+    /// each call.
     pub micros: f64,
-    /// The least time of its operations, us. What is done lane by lane in plain numbers, hulls and Newton's method, is not counted.
+    /// Least time of its operations, us. Scalar operations, as in hulls and Newton's method, are not counted.
     pub floor: f64,
 }
 
-/// A number that a step counts.
+/// Counter of a step.
 #[derive(Clone, Debug, Serialize)]
 pub struct Count {
-    /// Its name.
+    /// Name.
     pub name: &'static str,
-    /// Whether all lanes of a group share it.
+    /// Whether the environments of a group share the counter.
     pub shared: bool,
-    /// The mean.
+    /// Mean.
     pub mean: f64,
 }
 
 impl Anatomy {
-    /// Steps a recording again and again.
+    /// Times and counters of a recording, whose steps are repeated.
     ///
     /// # Errors
-    /// As [`Episode::recorded`].
+    /// Those of [`Episode::recorded`].
     pub fn of(replay: &Replay, level: Level) -> Result<Self, Error> {
         let mut episode = Episode::recorded(replay)?;
         let first = episode.time(1);
@@ -85,7 +86,7 @@ impl Anatomy {
         time.subtract_probe(own_cost());
         let rates = Rates::measure(replay.precision, level);
         let groups = time.counters[Counter::GroupSteps as usize];
-        // The clock goes on while others have the core, but for all parts alike.
+        // Wall-clock time includes interruptions, which affect all parts alike.
         let whole = time.sum();
         let part = |((name, time), (_, work)): ((_, Row), (_, Row))| Part {
             name,

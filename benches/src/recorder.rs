@@ -1,4 +1,4 @@
-//! A probe of the step that keeps what a meter reads in each part of it: nanoseconds, operations, or instructions.
+//! Probe of the step that records the readings of a meter in each part: nanoseconds, operations or instructions.
 
 use std::cell::RefCell;
 use std::hint::black_box;
@@ -6,37 +6,37 @@ use std::time::Instant;
 
 use stepper_core::internals::probe::{Counter, Probe, Span};
 
-/// Numbers that a meter reads at once.
+/// Number of values in a reading.
 pub const READINGS: usize = 3;
 const SPANS: usize = Span::ALL.len();
 const COUNTERS: usize = Counter::ALL.len();
 
-/// Readings that only grow. A meter is read at every boundary of a span, and told what was under way until there.
+/// Meter whose readings only increase. It is read at every boundary of a span; its argument is the span that was active until then.
 pub type Meter = fn(Option<Span>) -> [u64; READINGS];
 
-/// The probe: what it hears goes to the recording of its thread, if there is one. It has no size of its own, as a worker's probe should.
+/// Probe that writes to the recording of its thread, if there is one. It has size zero, as the probe of a worker must.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Recorder;
 
-/// What was recorded.
+/// Recorded readings and counters.
 #[derive(Clone, Debug)]
 pub struct Recording {
-    /// Of each span, in the order of [`Span::ALL`].
+    /// Row of each span, in the order of [`Span::ALL`].
     pub spans: [Row; SPANS],
-    /// Of what belongs to no span.
+    /// Row of work outside all spans.
     pub unaccounted: Row,
-    /// Of each counter, in the order of [`Counter::ALL`].
+    /// Sum of each counter, in the order of [`Counter::ALL`].
     pub counters: [f64; COUNTERS],
 }
 
-/// What was recorded of a part of the step.
+/// Record of a part of the step.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Row {
-    /// How often it was entered.
+    /// Number of times that the part was entered.
     pub times: f64,
-    /// How many spans were entered from it.
+    /// Number of spans that were entered from the part.
     pub inner: f64,
-    /// What the meter read in it, spans inside it left out.
+    /// Readings in the part, without the spans inside it.
     pub readings: [f64; READINGS],
 }
 
@@ -51,24 +51,25 @@ impl Recording {
         span.map_or(&mut self.unaccounted, |span| &mut self.spans[span as usize])
     }
 
-    /// All rows: a name and what was recorded, that which belongs to no span last.
+    /// Names and rows of all parts. Work outside all spans comes last.
     pub fn rows(&self) -> impl Iterator<Item = (&'static str, Row)> {
         let spans = Span::ALL.iter().map(|span| span.name()).zip(self.spans);
         spans.chain([("unaccounted", self.unaccounted)])
     }
 
-    /// Sum of the first reading of all rows.
+    /// Sum of the first reading over all rows.
     pub fn sum(&self) -> f64 {
         self.rows().map(|(_, row)| row.readings[0]).sum()
     }
 
-    /// Mean of a counter over steps of an environment, as which the recording has to be weighted, or of the group whose lanes share it.
+    /// Mean of a counter. Counters of a group are divided by the number of group steps. For others, the recording must be weighted per
+    /// environment step.
     pub fn mean(&self, counter: Counter) -> f64 {
         let steps = if counter.is_shared() { self.counters[Counter::GroupSteps as usize] } else { 1.0 };
         self.counters[counter as usize] / steps
     }
 
-    /// Adds another recording, times a weight.
+    /// Adds another recording times a weight.
     pub fn add(&mut self, other: &Self, weight: f64) {
         let rows = self.spans.iter_mut().chain([&mut self.unaccounted]);
         for (sum, row) in rows.zip(other.spans.iter().chain([&other.unaccounted])) {
@@ -79,7 +80,7 @@ impl Recording {
         self.counters.iter_mut().zip(other.counters).for_each(|(sum, x)| *sum += weight * x);
     }
 
-    /// Takes out of the first readings what the probe itself takes: inside a span, and in what it is entered from.
+    /// Subtracts the cost of the probe from the first readings: inside a span, and in the part that entered it.
     pub fn subtract_probe(&mut self, [inside, outside]: [f64; 2]) {
         for row in self.spans.iter_mut().chain([&mut self.unaccounted]) {
             row.readings[0] -= row.times * inside + row.inner * outside;
@@ -87,7 +88,7 @@ impl Recording {
     }
 }
 
-/// A recording under way.
+/// Recording in progress.
 struct Tape {
     meter: Meter,
     open: Vec<Span>,
@@ -96,7 +97,7 @@ struct Tape {
 }
 
 impl Tape {
-    /// What was read since the last boundary belongs to the innermost span.
+    /// Adds the reading since the last boundary to the innermost span.
     fn boundary(&mut self) {
         let within = self.open.last().copied();
         let now = (self.meter)(within);
@@ -141,7 +142,7 @@ impl Probe for Recorder {
     }
 }
 
-/// Records the steps that `work` makes on this thread.
+/// Recording of the steps that `work` makes on this thread.
 pub fn record(meter: Meter, work: impl FnOnce()) -> Recording {
     let last = meter(None);
     TAPE.set(Some(Tape { meter, open: Vec::with_capacity(16), last, recording: Recording::default() }));
@@ -151,8 +152,8 @@ pub fn record(meter: Meter, work: impl FnOnce()) -> Recording {
     tape.recording
 }
 
-/// A meter of time: nanoseconds since its first call. Processor time would cost ten times as much to read as a small part of a step takes;
-/// rounds of the same work tell what was disturbed.
+/// Meter of time: nanoseconds since its first call. A reading of the processor time would take ten times as long as a small part of a step.
+/// Repeated rounds of the same work reveal interruptions.
 pub fn nanoseconds(_: Option<Span>) -> [u64; READINGS] {
     thread_local! {
         static START: Instant = Instant::now();
@@ -160,7 +161,7 @@ pub fn nanoseconds(_: Option<Span>) -> [u64; READINGS] {
     [START.with(Instant::elapsed).as_nanos() as u64, 0, 0]
 }
 
-/// Nanoseconds that the probe itself takes for a span: within it, and around it.
+/// Cost of the probe per span, ns: inside the span, and around it.
 pub fn own_cost() -> [f64; 2] {
     const TIMES: usize = 1000;
     let round = || {

@@ -1,5 +1,5 @@
-//! What `Stepper.record` wrote, to be stepped again: which batch it was, how it began, and what was done with it. The format is that of
-//! python/stepper/recording/format.py.
+//! Recordings of `Stepper.record` that can be stepped again: batch, initial state and calls. python/stepper/recording/format.py describes
+//! the format.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -14,59 +14,59 @@ use stepper_core::{StateRows, StepInputs};
 
 use crate::npz::{Array, Npz};
 
-/// Version of the format that is read.
+/// Version of the format.
 const FORMAT: u32 = 4;
-/// Kinds of rows, by their number in a file.
+/// Kinds of rows, by their index in a file.
 const KINDS: [&str; 6] = ["start", "step", "reset", "set_state", "applied", "randomize"];
 
-/// A recording.
+/// Recording.
 pub struct Replay {
-    /// Its note; where it has none, the name of its folder.
+    /// Note, or the name of the folder if there is none.
     pub name: String,
-    /// The model.
+    /// Model.
     pub model: Arc<Model>,
-    /// Settings of the steps.
+    /// Options of the step.
     pub options: Options,
     /// Scalar type of the lanes.
     pub precision: Precision,
     /// Number of environments.
     pub num_envs: usize,
-    /// State of all environments at the beginning.
+    /// Initial state of all environments.
     pub start: SavedState,
-    /// What was done then.
+    /// Calls after the start.
     pub calls: Vec<Call>,
     /// Configurations of all environments after the last step, (num_envs, nq).
     pub end: Vec<f64>,
 }
 
-/// What is done with a batch. Arrays are environment-major.
+/// Call on a batch. Arrays have the environments as leading axis.
 #[derive(Clone, Debug)]
 pub enum Call {
-    /// Steps with one control, (num_envs, nu).
+    /// Steps with one control.
     Step {
-        /// Controls.
+        /// Controls, (num_envs, nu).
         ctrl: Vec<f64>,
         /// Number of steps.
         nstep: usize,
     },
-    /// What the user applies from now on.
+    /// New values of an applied input.
     Apply(Vec<(AppliedInput, Vec<f64>)>),
     /// New episodes of some environments.
     Reset {
-        /// Which, ascending.
+        /// Indices of the environments, ascending.
         envs: Vec<usize>,
-        /// Configurations of all environments, (num_envs, nq); `None` is the model's.
+        /// Configurations of all environments, (num_envs, nq). `None` is that of the model.
         qpos: Option<Vec<f64>>,
-        /// Velocities of all environments, (num_envs, nv); `None` is rest.
+        /// Velocities of all environments, (num_envs, nv). `None` is rest.
         qvel: Option<Vec<f64>>,
     },
 }
 
 impl Call {
-    /// Does it.
+    /// Makes the call.
     ///
     /// # Errors
-    /// When it is not of that batch.
+    /// If the call does not fit the batch.
     pub fn run(&self, simulation: &mut Simulation) -> Result<(), Error> {
         match self {
             Self::Step { ctrl, nstep } => simulation.step(&StepInputs { ctrl, ..StepInputs::default() }, *nstep),
@@ -78,7 +78,7 @@ impl Call {
         }
     }
 
-    /// The same for one environment of `num_envs`, alone.
+    /// Part of the call for one environment of `num_envs`.
     pub fn of_one(&self, env: usize, num_envs: usize) -> Self {
         let part = |all: &Vec<f64>| {
             let size = all.len() / num_envs;
@@ -94,7 +94,7 @@ impl Call {
         }
     }
 
-    /// Steps that it makes.
+    /// Number of steps in the call.
     pub fn steps(&self) -> usize {
         if let Self::Step { nstep, .. } = self { *nstep } else { 0 }
     }
@@ -104,8 +104,8 @@ impl Replay {
     /// Reads the folder of a recording.
     ///
     /// # Errors
-    /// In words, when it cannot be read, is no recording or none that was closed, or has what cannot be repeated here: models of sensors or
-    /// drives, randomised parameters, states that were set.
+    /// Text of the reason if the recording cannot be read, was not closed, or has calls that cannot be repeated here: models of sensors or
+    /// drives, randomised parameters, or `set_state`.
     pub fn load(folder: &Path) -> Result<Self, String> {
         let place = |name: &str| folder.join(name).display().to_string();
         let header = place("run.json");
@@ -143,7 +143,7 @@ impl Replay {
                 }
             }
         }
-        // What is done after the last step changes no step, but where the environments are.
+        // Calls after the last step affect no step, but would change the final configurations.
         calls.truncate(calls.iter().rposition(|call| call.steps() > 0).map_or(0, |last| last + 1));
         let start = start.ok_or_else(|| format!("{header}: the recording has no start"))?;
         Ok(Self {
@@ -158,10 +158,10 @@ impl Replay {
         })
     }
 
-    /// Its batch where it began, stepped on this thread.
+    /// Batch in the initial state of the recording, stepped on this thread.
     ///
     /// # Errors
-    /// As [`Simulation::new`], and when the state is of another batch.
+    /// Those of [`Simulation::new`], and if the state belongs to another batch.
     pub fn simulation(&self) -> Result<Simulation, Error> {
         let mut simulation = Simulation::new(self.model.clone(), self.options, Some(self.num_envs), self.precision, 1)?;
         simulation.restore_state(&self.start)?;
@@ -173,7 +173,7 @@ fn steps_of(ctrl: &Array, nstep: &Array) -> Vec<Call> {
     (0..nstep.values.len()).map(|k| Call::Step { ctrl: ctrl.row(k).to_vec(), nstep: nstep.values[k] as usize }).collect()
 }
 
-/// What is read of run.json.
+/// Used part of run.json.
 #[derive(Deserialize)]
 struct Header {
     format: u32,
@@ -203,14 +203,14 @@ impl Header {
     }
 }
 
-/// A file of rows.
+/// File of rows.
 #[derive(Deserialize)]
 struct Entry {
     name: String,
     steps: usize,
 }
 
-/// `stepper.Options` as run.json has them.
+/// `stepper.Options` in run.json.
 #[derive(Deserialize)]
 #[serde(remote = "Options")]
 struct PythonOptions {
@@ -232,7 +232,7 @@ struct PythonOptions {
     max_contacts: Option<u32>,
 }
 
-/// Python's names.
+/// Names in Python.
 #[derive(Deserialize)]
 #[serde(remote = "ContactLaw", rename_all = "lowercase")]
 enum ContactLawName {
@@ -240,7 +240,7 @@ enum ContactLawName {
     Mujoco,
 }
 
-/// An integrator by its name in Python, or none.
+/// Integrator by its name in Python, or `None`.
 fn integrator<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Integrator>, D::Error> {
     let Some(name) = Option::<String>::deserialize(from)? else { return Ok(None) };
     let all = [Integrator::Euler, Integrator::Midpoint, Integrator::Implicit, Integrator::ImplicitFast, Integrator::Rk4];
@@ -248,7 +248,7 @@ fn integrator<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Integrator>, 
     found.map(Some).ok_or_else(|| D::Error::custom(format!("integrator {name}, which this program does not have")))
 }
 
-/// Python's names.
+/// Names in Python.
 #[derive(Deserialize)]
 #[serde(remote = "Solver", rename_all = "lowercase")]
 enum SolverName {
@@ -257,7 +257,7 @@ enum SolverName {
     Newton,
 }
 
-/// Python's names.
+/// Names in Python.
 #[derive(Deserialize)]
 #[serde(remote = "Stabilization", rename_all = "lowercase")]
 enum StabilizationName {

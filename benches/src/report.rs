@@ -1,6 +1,7 @@
-//! Ratios of speeds, measured in one run, as a table and as a file to compare with.
+//! Ratios of speeds measured in one run, as a table, and as a file for later comparison.
 //!
-//! Microseconds belong to a machine and its mood; ratios of runs that took turns carry over better, so they are what is kept and compared.
+//! Microseconds depend on the machine and its load. Ratios of runs that took turns depend on them less, and are therefore stored and
+//! compared.
 
 use std::io;
 use std::path::Path;
@@ -14,63 +15,63 @@ use crate::episode::{lanes, single};
 use crate::peers::{Course, entries};
 use crate::scenes::Scene;
 
-/// Fall of a ratio that is marked: ratios of a quiet machine repeat within a few percent.
+/// Relative decrease above which a ratio is marked. On a quiet machine, ratios repeat within a few per cent.
 pub const SLOWER: f64 = 0.1;
 
-/// All that a run found out.
+/// Results of a run.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Report {
-    /// Where and how it was measured.
+    /// Machine and build of the measurement.
     pub machine: Machine,
     /// Whole steps of every scene.
     pub steps: Vec<Group>,
-    /// Engines and settings of every course.
+    /// Engines and settings in every scene of the comparison with rapier.
     pub peers: Vec<Group>,
 }
 
-/// Where and how a report was measured.
+/// Machine and build of a measurement.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Machine {
     /// Model of the processor.
     pub cpu: String,
-    /// Processors of the machine.
+    /// Number of processors.
     pub cores: usize,
-    /// CPU levels, slowest first.
+    /// CPU levels, the slowest first.
     pub levels: Vec<String>,
-    /// Compiler.
+    /// Version of the compiler.
     pub rustc: String,
-    /// State of the repository.
+    /// Commit and state of the repository.
     pub commit: String,
-    /// Repeats that the medians are of.
+    /// Number of rounds of the medians.
     pub rounds: usize,
 }
 
-/// Rows that are compared with the first of them.
+/// Group of rows that are compared with its first row.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Group {
-    /// Scene or course.
+    /// Name of the scene.
     pub name: String,
     /// Names of the errors, if errors were measured.
     pub measures: Option<[String; 2]>,
-    /// The first is what the others are compared with.
+    /// Rows. The first is the reference of the others.
     pub rows: Vec<Row>,
 }
 
-/// One engine, lane type or setting.
+/// Row of an engine, lane type or setting.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Row {
-    /// Which.
+    /// Name.
     pub name: String,
-    /// Median of the processor time per environment step, us.
+    /// Median processor time per environment step, us.
     pub micros: f64,
-    /// How many times as fast as the first row.
+    /// Speed relative to the first row.
     pub ratio: f64,
     /// Errors, if they were measured.
     pub errors: Option<[f64; 2]>,
 }
 
 impl Report {
-    /// Measures everything, `rounds` times in turns.
+    /// Report of all measurements, with `rounds` rounds in which the runs take turns.
     pub fn measure(rounds: usize) -> Self {
         Self {
             machine: Machine::this(rounds),
@@ -79,10 +80,10 @@ impl Report {
         }
     }
 
-    /// Whether ratios of another report may be compared with those that this machine makes.
+    /// Checks that the ratios of a report are comparable with measurements on this machine.
     ///
     /// # Errors
-    /// In words, when it is of other CPU levels: every ratio is to the first row, whose speed is that of the best level.
+    /// Text of the reason if the CPU levels differ: ratios are relative to the first row, whose speed is that of the best level.
     pub fn comparable(&self) -> Result<(), String> {
         let (then, now) = (&self.machine.levels, Machine::this(0).levels);
         if *then == now {
@@ -94,7 +95,7 @@ impl Report {
         ))
     }
 
-    /// Prints tables; beside each ratio what it was in `before`, where that has it, and a mark where it fell by more than [`SLOWER`].
+    /// Prints tables. Each ratio is followed by its value in `before`, if there is one, and a mark if it decreased by more than [`SLOWER`].
     pub fn print(&self, before: Option<&Self>) {
         let m = &self.machine;
         println!("{}, {} cores, one used; levels {}; {}; commit {}", m.cpu, m.cores, m.levels.join(", "), m.rustc, m.commit);
@@ -122,7 +123,7 @@ impl Report {
     /// Writes the report as JSON.
     ///
     /// # Errors
-    /// When the file cannot be written.
+    /// If the file cannot be written.
     pub fn save(&self, path: &Path) -> io::Result<()> {
         std::fs::write(path, serde_json::to_string_pretty(self)? + "\n")
     }
@@ -130,7 +131,7 @@ impl Report {
     /// Reads a report.
     ///
     /// # Errors
-    /// When there is none in the file.
+    /// If the file contains no report.
     pub fn load(path: &Path) -> io::Result<Self> {
         Ok(serde_json::from_str(&std::fs::read_to_string(path)?)?)
     }
@@ -153,19 +154,19 @@ fn processors() -> String {
     std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default()
 }
 
-/// Model of the processor; its architecture where the system does not say.
+/// Model of the processor, or its architecture if the system does not report a model.
 pub fn cpu() -> String {
     let info = processors();
     let model = info.lines().find_map(|l| l.strip_prefix("model name")).and_then(|l| l.split_once(": "));
     model.map_or_else(|| std::env::consts::ARCH.into(), |(_, name)| name.into())
 }
 
-/// The compiler's version.
+/// Version of the compiler.
 pub fn rustc() -> String {
     says("rustc", &["--version"])
 }
 
-/// The first line that a program prints, or that it is unknown.
+/// First line of a program's output, or "unknown".
 fn says(program: &str, arguments: &[&str]) -> String {
     let output = std::process::Command::new(program).args(arguments).current_dir(env!("CARGO_MANIFEST_DIR")).output();
     let text = output.map(|o| String::from_utf8_lossy(&o.stdout).trim().to_owned()).unwrap_or_default();
@@ -179,7 +180,7 @@ impl Group {
         Self { name, measures, rows: rows.into_iter().map(row).collect() }
     }
 
-    /// Prints the table, and returns how many ratios are marked.
+    /// Prints a table, and returns the number of marked ratios.
     fn print(&self, before: Option<&Self>) -> usize {
         let mut marked = 0;
         let [a, b] = self.measures.clone().unwrap_or_default();
@@ -220,7 +221,7 @@ fn peers(course: Course, rounds: usize) -> Group {
     Group::new(name, Some(course.measures().map(Into::into)), rows)
 }
 
-/// Exit code of a program, whose failure is said on standard error.
+/// Exit code of a program. An error is printed to standard error.
 pub fn exit_code(result: Result<ExitCode, String>) -> ExitCode {
     result.unwrap_or_else(|message| {
         eprintln!("{message}");

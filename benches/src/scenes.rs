@@ -1,4 +1,4 @@
-//! Robots made in code, of the size and kind that people train on: every number here is ours.
+//! Robots made in code, similar in size and kind to those of reinforcement learning. All their numbers were chosen for the benchmarks.
 
 use std::sync::Arc;
 
@@ -8,17 +8,17 @@ use stepper_core::model::{ActuatorBuilder, BodyBuilder, GeomBuilder, JointBuilde
 pub const LINK_LENGTH: f64 = 0.1;
 /// Mass of a chain's link, kg.
 pub const LINK_MASS: f64 = 0.2;
-/// Moments of inertia of a chain's link about its centre of mass: a rod along x, kg m^2.
+/// Moments of inertia of a chain's link about its centre of mass, kg m^2: a rod along x.
 pub const LINK_MOMENTS: [f64; 3] = [2e-5, 1.8e-4, 1.8e-4];
 
-/// A robot and how long it takes to get into its typical state.
+/// Robot, and number of steps until its typical state.
 #[derive(Clone, Debug)]
 pub struct Scene {
     /// Short name.
     pub name: &'static str,
-    /// The robot.
+    /// Model of the robot.
     pub model: Arc<Model>,
-    /// Steps before anything is measured: the walkers have fallen by then.
+    /// Number of steps before the measurement, after which the walkers lie on the floor.
     pub warm_up: usize,
 }
 
@@ -28,23 +28,23 @@ impl Scene {
         vec![Self::humanoid(), Self::ant(), Self::chain(5), Self::chain(20)]
     }
 
-    /// See [`humanoid`].
+    /// Scene with [`humanoid`].
     pub fn humanoid() -> Self {
         Self { name: "humanoid", model: humanoid(), warm_up: 300 }
     }
 
-    /// See [`ant`].
+    /// Scene with [`ant`].
     pub fn ant() -> Self {
         Self { name: "ant", model: ant(), warm_up: 100 }
     }
 
-    /// See [`chain`].
+    /// Scene with [`chain`].
     pub fn chain(links: usize) -> Self {
         let name = if links == 5 { "chain-5" } else { "chain-20" };
         Self { name, model: chain(links), warm_up: 0 }
     }
 
-    /// A start for environment `env`, different in each: (q, v).
+    /// Initial state (q, v) of environment `env`, different in each.
     pub fn start(&self, env: usize) -> (Vec<f64>, Vec<f64>) {
         let mut q = self.model.qpos0.clone();
         for (i, x) in q.iter_mut().enumerate() {
@@ -54,14 +54,14 @@ impl Scene {
         (q, v)
     }
 
-    /// Controls of environment `env` in call `call`, each anywhere in its range.
+    /// Random controls of environment `env` in call `call`, within their ranges.
     pub fn action(&self, env: usize, call: usize) -> impl Iterator<Item = f64> {
         (0..self.model.nu()).map(move |i| noise((env * 7919 + call * 104_729 + i) as u64))
     }
 }
 
-/// A humanoid of 27 degrees of freedom: a free root, 21 hinges with limits, springs, damping and armature, 16 capsules, 3 spheres and a
-/// floor, a geared motor on every hinge. Friction with the floor only; the limbs slide on each other. 5 ms steps.
+/// Humanoid with 27 degrees of freedom: a free root and 21 hinges with limits, springs, damping, armature and geared motors. Its 16
+/// capsules and 3 spheres touch the floor with friction, and each other without. The time step is 5 ms.
 pub fn humanoid() -> Arc<Model> {
     let mut scene = Model::builder("humanoid");
     scene.timestep(0.005).geom(WORLD, GeomBuilder::plane("floor").friction([0.8, 0.0, 0.0]));
@@ -95,7 +95,7 @@ pub fn humanoid() -> Arc<Model> {
     Arc::new(scene.finish().expect("the humanoid is a valid model"))
 }
 
-/// A leg on the side `y` (-1 or 1): three hinges at the hip, one at the knee, two at the ankle, two capsules under the foot.
+/// Leg on the side `y` (-1 or 1): three hinges at the hip, one at the knee, two at the ankle, two capsules under the foot.
 fn leg(scene: &mut ModelBuilder, pelvis: usize, side: &str, y: f64) {
     let name = |part: &str| format!("{side} {part}");
     let thigh = BodyBuilder::new(&name("thigh"))
@@ -122,7 +122,7 @@ fn leg(scene: &mut ModelBuilder, pelvis: usize, side: &str, y: f64) {
     }
 }
 
-/// An arm on the side `y` (-1 or 1): two hinges at the shoulder, one at the elbow, a ball for a hand.
+/// Arm on the side `y` (-1 or 1): two hinges at the shoulder, one at the elbow, a sphere as hand.
 fn arm(scene: &mut ModelBuilder, torso: usize, side: &str, y: f64) {
     let name = |part: &str| format!("{side} {part}");
     let upper = BodyBuilder::new(&name("upper arm"))
@@ -143,8 +143,8 @@ fn arm(scene: &mut ModelBuilder, torso: usize, side: &str, y: f64) {
     }
 }
 
-/// A four-legged ant of 14 degrees of freedom: a free ball with four two-hinge legs, 12 capsules, a floor. Light links and heavy rotors,
-/// motors strong enough to jump; the geoms touch the floor only. 10 ms steps.
+/// Ant with 14 degrees of freedom: a free sphere with four legs of two hinges, 12 capsules and a floor. Links are light, rotors heavy, and
+/// motors strong enough for jumps. Geoms only touch the floor. The time step is 10 ms.
 pub fn ant() -> Arc<Model> {
     let mut scene = Model::builder("ant");
     scene.timestep(0.01).geom(WORLD, GeomBuilder::plane("floor").masks(1, 1));
@@ -168,8 +168,8 @@ pub fn ant() -> Arc<Model> {
     Arc::new(scene.finish().expect("the ant is a valid model"))
 }
 
-/// A chain of rods that hangs from the world and starts stretched along x: hinges about axes at right angles to the rods, turned against
-/// each other so that the motion is not planar. Nothing damps it and nothing touches it. 2 ms steps.
+/// Chain of rods that hangs from the world, initially straight along x. The hinge axes are perpendicular to the rods and rotated relative
+/// to each other, so that the motion is not planar. There is no damping and no contact. The time step is 2 ms.
 pub fn chain(links: usize) -> Arc<Model> {
     let mut scene = Model::builder("chain");
     scene.timestep(0.002);
@@ -189,7 +189,7 @@ pub fn chain_axis(i: usize) -> [f64; 3] {
     if i.is_multiple_of(2) { [0.0, 1.0, 0.0] } else { [0.0, 0.8, 0.6] }
 }
 
-/// A pseudo-random number in [-1, 1], the same on every machine.
+/// Pseudo-random number in [-1, 1], the same on every machine.
 pub fn noise(seed: u64) -> f64 {
     let mut x = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ 0xD1B5_4A32_D192_ED03;
     x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -197,12 +197,12 @@ pub fn noise(seed: u64) -> f64 {
     ((x ^ (x >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
 }
 
-/// A hinge of the trunk or a hip.
+/// Hinge of the trunk or a hip.
 fn stiff(name: &str, axis: [f64; 3], range: [f64; 2], stiffness: f64) -> JointBuilder {
     JointBuilder::hinge(name, axis).range(range[0], range[1]).damping(5.0).armature(0.01).spring(stiffness, 0.0)
 }
 
-/// A hinge of a limb.
+/// Hinge of a limb.
 fn loose(name: &str, axis: [f64; 3], range: [f64; 2], stiffness: f64) -> JointBuilder {
     JointBuilder::hinge(name, axis).range(range[0], range[1]).damping(0.2).armature(0.01).spring(stiffness, 0.0)
 }
@@ -211,22 +211,22 @@ fn motor(scene: &mut ModelBuilder, joint: &str, gear: f64) {
     scene.actuator(ActuatorBuilder::motor(joint, joint).gear(gear).ctrl_range(-1.0, 1.0));
 }
 
-/// A capsule of the humanoid.
+/// Capsule of the humanoid.
 fn limb(name: &str, from: [f64; 3], to: [f64; 3], radius: f64) -> GeomBuilder {
     skin(segment(name, from, to, radius))
 }
 
-/// Without friction, unless the other geom has some.
+/// Geom without friction; a contact has the friction of the other geom.
 fn skin(geom: GeomBuilder) -> GeomBuilder {
     geom.condim(1).friction([0.7, 0.0, 0.0])
 }
 
-/// A capsule between two points.
+/// Capsule between two points.
 fn segment(name: &str, from: [f64; 3], to: [f64; 3], radius: f64) -> GeomBuilder {
     let d: [f64; 3] = std::array::from_fn(|k| to[k] - from[k]);
     let length = d.iter().map(|x| x * x).sum::<f64>().sqrt();
     let middle = std::array::from_fn(|k| 0.5 * (from[k] + to[k]));
-    // The shortest turn from z to d; about x when they are opposite.
+    // The shortest rotation from z to d; about x if they are opposite.
     let turn = if d[2] > -length { [length + d[2], -d[1], d[0], 0.0] } else { [0.0, 1.0, 0.0, 0.0] };
     let norm = turn.iter().map(|x| x * x).sum::<f64>().sqrt();
     GeomBuilder::capsule(name, radius, 0.5 * length).pos(middle).quat(turn.map(|x| x / norm))

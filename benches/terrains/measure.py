@@ -27,7 +27,7 @@ from terrains.grounds import Ground
 
 CHUNK = 20
 """Number of steps in a turn of an engine."""
-LOOKED_AT = 32
+MEASURED_ENVS = 32
 """Number of environments whose contacts and penetration are measured."""
 
 
@@ -74,7 +74,7 @@ class Track:
     env_steps: int = 0
     iterations: int = 0
 
-    def look(self, batch: Ours) -> None:
+    def add_step(self, batch: Ours) -> None:
         """Add the flags and iterations of the last step of a batch."""
         status = np.asarray(batch.sim.status)
         self.env_steps += status.size
@@ -109,6 +109,7 @@ def build(ground: Ground, cache: Path, out: Path) -> tuple[Model, Path]:
 
 
 def _written(ground: Ground, add: Callable[[Any], None], cache: Path, out: Path) -> Path:
+    """Path of the MJCF file of the robot on a ground, which is written here."""
     spec = unitree.spec(unitree.GO1, Assets(cache))
     spec.delete(spec.geom("floor"))
     add(spec)
@@ -167,10 +168,10 @@ def _play(batches: Sequence[Batch], actions: Script, plan: Plan, tracks: dict[st
                 batch.step(ctrl)
                 spent += time.process_time() - start
                 if referee is not None and isinstance(batch, Ours):
-                    track.look(batch)
+                    track.add_step(batch)
             track.times.setdefault(turn, []).append(1e6 * spent / (CHUNK * batch.num_envs))
             if referee is not None:
-                found = referee.measure(batch.qpos[:LOOKED_AT], batch.qvel[:LOOKED_AT])
+                found = referee.measure(batch.qpos[:MEASURED_ENVS], batch.qvel[:MEASURED_ENVS])
                 track.contacts.append(found.contacts)
                 track.penetration = max(track.penetration, found.penetration)
             _restart(batch, actions, restarts[batch.name])

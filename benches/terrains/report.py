@@ -57,8 +57,10 @@ def _engines(rows: Sequence[dict[str, Any]]) -> tuple[list[str], list[str]]:
 
 
 def _label(name: str) -> str:
+    """Heading of a column."""
     return name.removeprefix("stepper ").removesuffix(" default")
 
 
 def _markdown(lines: list[list[str]]) -> str:
+    """Markdown table from a head and rows."""
     return "\n".join("| " + " | ".join(line) + " |" for line in [lines[0], ["---"] * len(lines[0]), *lines[1:]])

@@ -1,4 +1,4 @@
-//! The scenes are what they claim to be, and a probed step is the step.
+//! Scenes have the documented properties, and a probe does not change a step.
 
 use stepper_benches::clock::Run;
 use stepper_benches::counted::operations;
@@ -58,7 +58,7 @@ fn without_control_the_ant_stands_and_the_humanoid_collapses() {
     }
 }
 
-/// What a thousand steps were like, on average over them and the environments.
+/// Means over a thousand steps and the environments.
 #[derive(Debug, Default)]
 struct Tally {
     contacts: f64,
@@ -118,7 +118,7 @@ fn a_probed_step_keeps_its_bits_and_all_of_its_time_has_a_row() {
     assert_eq!(time.counters[Counter::GroupSteps as usize], 100.0);
     assert_eq!(time.spans[Span::Record as usize].times, 200.0);
     assert!(time.unaccounted.readings[0] < 0.1 * time.sum(), "{:?}", time.unaccounted);
-    // The scheme's own numbers: two products a step.
+    // Numbers of the scheme: two products per step.
     assert_eq!(work.unaccounted.readings[..2], [200.0, 0.0]);
 }
 

@@ -1,6 +1,8 @@
 """Study of encoders.py with a policy that was trained on encoders with noise, drift and delay.
 
-stepper report examples/studies/encoders_trained.py
+Usage:
+
+    stepper report examples/studies/encoders_trained.py
 """
 
 import sys

@@ -40,6 +40,7 @@ TIMES, HEIGHTS = (0.0, 0.6, 1.2, 1.6, 2.6, 3.2), (0.15, 0.15, 0.0, 0.0, RISE, RI
 
 
 def _assets() -> Path:
+    """Folder with the model files of the package robosuite."""
     found = importlib.util.find_spec("robosuite")
     if found is None or found.origin is None:
         raise ModuleNotFoundError("package robosuite, which has the model of the Panda, is missing: pip install --no-deps robosuite")

@@ -1,6 +1,8 @@
 """Effect of MuJoCo's friction cones on the policy of panda_trained.py, which drops cubes in MuJoCo at a friction of 0.5.
 
-stepper sweep examples/studies/panda_cones.py --no-cliffs
+Usage:
+
+    stepper sweep examples/studies/panda_cones.py --no-cliffs
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
 """Effect of stiffer friction (impratio) and smaller time steps on the slip of cubes at a friction of 0.46, in both engines.
 
-stepper sweep examples/studies/panda_impratio.py --no-cliffs
+Usage:
+
+    stepper sweep examples/studies/panda_impratio.py --no-cliffs
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
 """Study of panda_trained.py with the script of panda.py, which gets the initial position of the cube.
 
-stepper report examples/studies/panda_scripted.py
+Usage:
+
+    stepper report examples/studies/panda_scripted.py
 """
 
 from __future__ import annotations

@@ -47,12 +47,12 @@ class Stop:
 
     def __call__(self, now: Any) -> np.ndarray[Any, Any]:
         """Speed of the plate, (num_envs, 1) m/s."""
-        looks = now.time >= self._next - 1e-9
-        self._next = np.where(looks, self._next + 1.0 / now.parameters["rate"], self._next)
-        said = now.read("sensordata", "camera")
+        samples = now.time >= self._next - 1e-9
+        self._next = np.where(samples, self._next + 1.0 / now.parameters["rate"], self._next)
+        reading = now.read("sensordata", "camera")
         # The field of view of an ideal camera is unlimited.
-        self._box = said if now.ideal else self._view.detect(said, self._box)
-        self._moving &= ~(looks & (self._box[:, 0] >= LINE))
+        self._box = reading if now.ideal else self._view.detect(reading, self._box)
+        self._moving &= ~(samples & (self._box[:, 0] >= LINE))
         return np.where(self._moving, SPEED, 0.0)[:, None]
 
 

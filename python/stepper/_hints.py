@@ -219,6 +219,10 @@ def present_keyword(call: str, name: str) -> str:
     return NEW_KEYWORDS_OF.get(call, {}).get(name, "")
 
 
+class WrongArgumentError(TypeError):
+    """Wrong argument of a call: an unknown keyword, or a value of a wrong type. The command line prints the message without a traceback."""
+
+
 def unknown_keyword(call: str, name: str, known: Collection[str]) -> str:
     """Error message for an unknown keyword argument. The hint is its present name, similar names, or all keywords.
 
@@ -299,9 +303,14 @@ def unknown(kind: str, name: str, names: list[str]) -> str:
     return f"no {kind} {name!r}{guess} There are: {listed}" if guess else f"no {kind} {name!r}, there are: {listed}"
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Up to three known names similar to an unknown one, as the end of a message ("; did you mean ...?"); "" if none is similar."""
-    found = difflib.get_close_matches(name, [other for other in known if not other.startswith("_")], n=3)
+def did_you_mean(name: str, known: Iterable[str], *, text: str | None = None) -> str:
+    """Up to three known names similar to an unknown one, as the end of a message ("; did you mean ...?"); "" if none is similar.
+
+    `text` is the user's text that contains the name, such as "body_mas[arm]". The hint is then that text with the most similar name.
+    """
+    found = difflib.get_close_matches(name, [other for other in known if not other.startswith("_")], n=3 if text is None else 1)
+    if text not in (None, name):
+        found = [repr(text.replace(name, other, 1)) for other in found]
     return f"; did you mean {' or '.join(found)}?" if found else ""
 
 

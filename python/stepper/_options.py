@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+
+import numpy as np
 
 from stepper._hints import Hinting
 
 Precision: TypeAlias = Literal["f64", "f32"]
 """Scalar type of the lanes."""
+_PRECISIONS: dict[str, Precision] = {"float64": "f64", "float32": "f32"}
 
 if TYPE_CHECKING:
     from stepper._stepper import Model
@@ -102,3 +105,21 @@ class Options(metaclass=Hinting):
         if requested is None:
             raise TypeError(f"Options.from_model takes a stepper.Model, not {type(model).__name__}; stepper.load(path) reads one")
         return cls(**requested())
+
+
+def precision_of(value: Any) -> Precision:
+    """Precision "f64" or "f32" from its name, or from NumPy's name or type of the numbers: "float32", `np.float32`, `np.dtype("f4")`.
+
+    Raises:
+        ValueError: The value names neither.
+    """
+    if isinstance(value, str) and value in _PRECISIONS.values():
+        return value  # type: ignore[return-value]
+    if isinstance(value, str | np.dtype | type):
+        try:
+            found = _PRECISIONS.get(np.dtype(value).name)
+        except TypeError:
+            found = None
+        if found is not None:
+            return found
+    raise ValueError(f'precision is {value!r}, must be "f64" or "f32", or np.float64 or np.float32')

@@ -1272,7 +1272,7 @@ class Stepper:
         one_sided: NDArray[np.bool_],
         limited: list[list[int]],
         ranges: _Array,
-        taken: _Array,
+        limit_positions: _Array,
         rubbing: list[int],
         smooth_at_rest: bool,
         tolerance: float,

@@ -101,7 +101,7 @@ def scene(**parts: str) -> str:
     return text.format(**{"option": "", "a": "", "ja": "", "ga": 'size="0.1"', "jb": "hinge", "world": "", "rest": ""} | parts)
 
 
-# What load takes
+# Sources.
 
 
 def test_text_file_and_compiled_model_are_the_same(tmp_path: Path) -> None:
@@ -194,7 +194,7 @@ def test_a_limit_stops_at_its_margin() -> None:
     assert ("joint margin", "ja") in [(kind, name) for kind, name, _ in model.omitted]
 
 
-# What it refuses
+# Invalid sources and models.
 
 
 @pytest.mark.parametrize(("named", "parts"), LEFT_OUT.items(), ids=LEFT_OUT)
@@ -416,7 +416,7 @@ def test_replace_refuses_what_a_model_cannot_have() -> None:
         free.replace(dof_damping=[1.0, 0, 0, 0, 0, 0])
 
 
-# The loader's knowledge of MuJoCo
+# MuJoCo's types and defaults in the loader.
 
 
 def test_every_field_of_mjmodel_is_decided() -> None:

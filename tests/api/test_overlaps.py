@@ -11,6 +11,7 @@ import stepper
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from loading_scenes import arm, joint, link, robot, sphere
+from stepper.cli.explain import explain
 
 SLOP = 1e-5
 """m: position correction leaves overlaps of this size, the default of Options.slop."""
@@ -214,3 +215,16 @@ def test_a_keyframe_with_an_overlap_that_is_named_sets_deep():
         sim.step()
         flags.append(bool(stepper.Status(sim.status) & stepper.Status.DEEP))
     assert flags == [False, True, True, False]
+
+
+def test_the_command_explain_lists_overlaps_of_keyframes(tmp_path, capsys):
+    (tmp_path / "keys.xml").write_text(KEYS)
+    explain(str(tmp_path / "keys.xml"))
+    told = capsys.readouterr().out
+    assert (
+        "Overlaps of more than 1 mm in keyframes:\n  jammed: low and high by 98.00 mm, and 1 more\n  #2: floor and low by 20.00 mm\n"
+        in told
+    )
+    (tmp_path / "keys.xml").write_text(KEYS.partition("<keyframe>")[0] + "</mujoco>")
+    explain(str(tmp_path / "keys.xml"))
+    assert capsys.readouterr().out.endswith("Overlaps of more than 1 mm in keyframes:\n  nothing\n")

@@ -201,8 +201,8 @@ def test_a_header_that_lacks_something_or_has_nonsense_is_one_documented_error(t
     lambda arrays: arrays.update(ctrl=np.array([["x"]])),
     lambda arrays: arrays.pop("0/state"),
     lambda arrays: arrays.update({"0/state": arrays["0/state"][:-1]}),
-    lambda arrays: arrays.update({"0/theta/body_mass": np.ones((1, 9))}),
-    lambda arrays: arrays.update({"0/theta/body_weight": np.ones((1, 2))}),
+    lambda arrays: arrays.update({"0/randomized/body_mass": np.ones((1, 9))}),
+    lambda arrays: arrays.update({"0/randomized/body_weight": np.ones((1, 2))}),
     lambda arrays: arrays.update({"0/actuators": np.array("{")}),
 ])  # fmt: skip
 def test_rows_that_lack_something_or_have_nonsense_are_one_documented_error(tmp_path, change):

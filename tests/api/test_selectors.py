@@ -190,9 +190,9 @@ def test_a_number_is_given_once():
     sim = stepper.Stepper(MODEL, 2)
     for values, fields, other in (
         ({"geom_friction[left_foot][0]": 1.0, "geom_friction[*_foot]": 2.0}, {}, "'geom_friction[left_foot][0]'"),
-        ({"geom_friction[left_foot][0]": 1.0}, {"geom_friction": np.ones((2, 6, 3))}, "geom_friction="),
+        ({"geom_friction[left_foot][0]": 1.0}, {"geom_friction": np.ones((2, 6, 3))}, "'geom_friction='"),
     ):
-        with pytest.raises(ValueError, match="give the same number of geom_friction: give each number once") as error:
+        with pytest.raises(ValueError, match="set the same number of geom_friction: give one of them") as error:
             sim.randomize(values, **fields)
         assert f"has {list(values)[-1]!r} and {other}," in str(error.value)
     assert sim.randomized == {}

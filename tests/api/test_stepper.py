@@ -132,7 +132,7 @@ def test_what_is_no_array_of_numbers_is_named():
         falling().step(["left", "right"])
 
 
-# What goes wrong
+# Errors.
 
 
 @pytest.mark.parametrize("poison", [np.nan, np.inf, -np.inf])

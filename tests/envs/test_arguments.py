@@ -3,6 +3,7 @@
 import dataclasses
 
 import gymnasium
+import numpy as np
 import pytest
 import stepper
 import stepper.envs
@@ -40,6 +41,32 @@ def test_environments_take_the_mode_by_name():
     ):
         assert made.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
         made.close()
+
+
+@pytest.mark.parametrize("value", ["f32", "float32", np.float32, np.dtype("f4"), "single"])
+def test_precisions_are_also_types_of_numpy(value):
+    assert StepperVectorEnv("InvertedPendulum", 1, precision=value).sim.precision == "f32"
+    assert StepperVectorEnv("InvertedPendulum", 1, dtype=value).single_observation_space.dtype == np.float32
+
+
+@pytest.mark.parametrize("value", [np.float16, 32, "f16", int, object()])
+def test_another_precision_is_an_error_with_the_remedy(value):
+    with pytest.raises(ValueError, match=r'precision is .*, must be "f64" or "f32", or np\.float64 or np\.float32'):
+        StepperEnv("InvertedPendulum", precision=value)
+    with pytest.raises(ValueError, match=r"dtype is .*, must be np\.float64 or np\.float32"):
+        StepperEnv("InvertedPendulum", dtype=value)
+
+
+@pytest.mark.parametrize(("seed", "message"), [
+    ([0, 1.5], "the seed of environment 1 is 1.5, must be a whole number, or None"),
+    ([0, "x"], "the seed of environment 1 is 'x', must be a whole number"),
+    ([None, True], "the seed of environment 1 is True, must be a whole number"),
+    (1.5, "seed is 1.5, must be a whole number, or a sequence"),
+    ("12", "seed is '12', must be a whole number, or a sequence"),
+])  # fmt: skip
+def test_every_seed_is_checked(seed, message):
+    with pytest.raises(TypeError, match=message):
+        StepperVectorEnv("InvertedPendulum", 2).reset(seed=seed)
 
 
 def test_a_library_has_the_mode_that_it_needs():

@@ -146,5 +146,5 @@ def test_episode_state_of_another_shape_is_refused():
         def episode_state(self, num_envs):
             return {"table": np.zeros((num_envs + 1, 2))}
 
-    with pytest.raises(ValueError, match=r"episode_state has 'table' of shape \(3, 2\), must be \(2, \.\.\.\)"):
+    with pytest.raises(ValueError, match=r"episode_state returns 'table' of shape \(3, 2\), must be \(2, \.\.\.\)"):
         StepperVectorEnv(Shared(), 2)

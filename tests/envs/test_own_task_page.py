@@ -10,7 +10,7 @@ from page_blocks import blocks
 from stepper.policies import is_native, make
 
 DOCS = Path(__file__).parents[2] / "docs"
-FILE, LOOKED_AT = (block.text for block in blocks((DOCS / "tutorials/first_task.md").read_text()) if block.language == "python")
+FILE, MEASURED_ENVS = (block.text for block in blocks((DOCS / "tutorials/first_task.md").read_text()) if block.language == "python")
 (SERVOS,) = (block.text for block in blocks((DOCS / "how-to/write_a_task.md").read_text()) if block.language == "python")
 
 
@@ -26,9 +26,9 @@ def written(tmp_path, monkeypatch):
 @pytest.mark.usefixtures("written")
 def test_its_numbers_are_what_the_page_says(monkeypatch, capsys):
     monkeypatch.syspath_prepend("")
-    exec(compile(LOOKED_AT, "docs/tutorials/first_task.md", "exec"), {"__name__": "__main__"})
+    exec(compile(MEASURED_ENVS, "docs/tutorials/first_task.md", "exec"), {"__name__": "__main__"})
     said = capsys.readouterr().out.splitlines()
-    assert said[0] == LOOKED_AT.split("print(envs.observation_structure)  # ")[1].splitlines()[0]
+    assert said[0] == MEASURED_ENVS.split("print(envs.observation_structure)  # ")[1].splitlines()[0]
     assert 0.1 < float(said[1]) < 0.3
     status, depth = said[2].split()
     assert int(status) == 0

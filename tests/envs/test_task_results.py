@@ -1,5 +1,8 @@
 """Results of a task's methods with a wrong shape, and episode data of environments that were not reset, are errors."""
 
+import pickle
+import re
+
 import numpy as np
 import pytest
 import stepper
@@ -31,8 +34,6 @@ class Cart(Task):
             episode_state["target"] = rows[self.mistake]
         elif self.mistake == "in place":
             episode_state["target"] += 1
-        elif self.mistake == "new":
-            episode_state["goal"] = np.zeros(len(mask))
         elif self.mistake == "where":
             episode_state["target"] = np.where(mask[:, None], np.resize(drawn[:1], (len(mask), 3)), episode_state["target"])
         else:
@@ -63,10 +64,10 @@ def run(mistake):
 @pytest.mark.parametrize(("mistake", "message"), [
     ("all", r"Cart\.on_reset changed episode_state\['target'\] of environments that were not reset: set rows of the mask"),
     ("in place", r"on_reset changed episode_state\['target'\]"),
-    ("new", r"on_reset adds episode_state\['goal'\]"),
+    ("shape", r"episode_state\['target'\] of Cart is set to an array of shape \(4,\), must have the shape \(4, 3\): set rows in place"),
     ("scalar", r"Cart\.reward returns an array of shape \(\), must be \(4,\)"),
-    ("alone", r"Cart\.reward must return two values: rewards \(num_envs,\), and a dictionary"),
-    ("list", r"Cart\.reward must return two values"),
+    ("alone", r"Cart\.reward returns an array of shape \(4,\), must return two values: rewards \(num_envs,\), and a dictionary"),
+    ("list", r"Cart\.reward returns a tuple \(ndarray, list\), must return two values"),
     ("terminated", r"Cart\.terminated returns an array of shape \(\), must be \(4,\)"),
     ("truncated", r"Cart\.truncated returns an array of shape \(4, 1\), must be \(4,\)"),
 ])  # fmt: skip
@@ -78,3 +79,129 @@ def test_a_wrong_result_of_a_task_is_named(mistake, message):
 @pytest.mark.parametrize("mistake", ["", "where"])
 def test_right_results_are_accepted(mistake):
     run(mistake)
+
+
+def cart(**methods):
+    """Vector environment of a cart with other methods, after a reset and two steps."""
+    envs = StepperVectorEnv(type("Other", (Cart,), methods)(), 4, max_episode_steps=2)
+    envs.reset(seed=0)
+    envs.step(np.zeros((4, 1)))
+    envs.step(np.zeros((4, 1)))
+    envs.reset()
+    return envs
+
+
+SPEED = Observation("speed", lambda now: now.qvel)
+TABLES = {
+    "returns a single Observation, must return a tuple of them: return": SPEED,
+    "returns 'qpos', must return a tuple of stepper.envs.Observation: return (Observation('qpos'),)": "qpos",
+    "returns a value of type dict, must return a tuple of stepper.envs.Observation: return (Observation('speed',": {"speed": SPEED},
+    "returns None, must return a tuple": None,
+    "returns an array of shape (4, 1), must return a tuple": np.zeros((4, 1)),
+    "returns no rows: return at least one": (),
+    "returns 'qpos' as row 1, must be a stepper.envs.Observation: return Observation('qpos')": (SPEED, "qpos"),
+    "returns an array of shape (4, 1) as row 0, must be": [np.zeros((4, 1))],
+    "returns a function as row 0, must be a stepper.envs.Observation: return Observation(name": (lambda now: now.qpos,),
+    "returns the class Observation as row 0": (Observation,),
+    "the function of the row 'x' returns 0.0, must return an array (4, ...)": (Observation("x", lambda now: 0.0),),
+    "the function of the row 'x' returns an array of shape (1,), must return": (Observation("x", lambda now: now.qpos[0]),),
+    "columns of the row 'qpos' is 0, must be a slice": (Observation("qpos", columns=0),),
+    "has the row 'step' without func, which is a function and no array": (Observation("step"),),
+    "has the row 'qpoz' without func, so that it must be a quantity of the stepper: a stepper.Stepper has no attribute 'qpoz'; did":
+        (Observation("qpoz"),),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("message", TABLES)
+def test_a_wrong_table_of_observations_is_named(message):
+    with pytest.raises((ValueError, AttributeError), match=r"Other\.observations:? " + re.escape(message)):
+        cart(observations=lambda self: TABLES[message])
+
+
+def test_a_list_or_a_generator_of_observations_is_accepted():
+    for table in (lambda self: [SPEED], lambda self: (row for row in [SPEED])):
+        assert cart(observations=table).observation_structure == {"speed": 1}
+
+
+RESULTS = {
+    "sample_state returns an array of shape (4, 1), must return nothing, because its result is ignored: write to its arguments":
+        {"sample_state": lambda self, qpos, qvel, rng: qpos + 1},
+    "sample_state returns a tuple (ndarray, ndarray), must return nothing": {"sample_state": lambda self, qpos, qvel, rng: (qpos, qvel)},
+    "place returns an array of shape (4, 1), must return nothing, because its result is ignored: write to reset.qpos":
+        {"place": lambda self, reset: reset.qpos},
+    "on_reset returns a value of type dict, must return nothing": {"on_reset": lambda self, sim, episode_state, mask, rng: {}},
+    "on_end returns False, must return nothing": {"on_end": lambda self, now, envs: False},
+    "advance returns an array of shape (4, 1), must return nothing": {"advance": lambda self, now: now.sim.qpos},
+    "model returns '<mujoco/>', must return a stepper.Model: return stepper.load(...)": {"model": lambda self: "<mujoco/>"},
+    "action_bounds returns 1.0, must return two arrays (n,)": {"action_bounds": lambda self, model: 1.0},
+    "action_bounds returns arrays of shapes (1,) and (2,), must": {"action_bounds": lambda self, model: (np.zeros(1), np.ones(2))},
+    "action_bounds returns arrays of shapes () and (), must": {"action_bounds": lambda self, model: (-1.0, 1.0)},
+    "action_bounds returns a lower bound 1.0 above the upper bound -1.0": {"action_bounds": lambda self, model: (np.ones(1), -np.ones(1))},
+    "episode_state returns None, must return a dictionary": {"episode_state": lambda self, num_envs: None},
+    "episode_state returns 'target' of shape (3,), must be (4, ...)": {"episode_state": lambda self, num_envs: {"target": np.zeros(3)}},
+    "info returns None, must return a dictionary": {"info": lambda self, now: None},
+    "info returns 'one' as 1.0, must be an array (4, ...)": {"info": lambda self, now: {"one": 1.0}},
+    "reward returns 'one' as 1.0, must be an array (4, ...)": {"reward": lambda self, now: (np.ones(4), {"one": 1.0})},
+    "reward returns 'one' as an array of shape (), must be an array": {"reward": lambda self, now: (np.ones(4), {"one": np.array(1.0)})},
+    "position returns an array of shape (1,), must be an array (4, ...)": {"position": lambda self, now: now.qpos[0]},
+    "healthy returns an array of shape (4, 1) of bool, must be an array (4,) of bool":
+        {"healthy": lambda self, now: now.qpos < 1, "terminated": Task.terminated},
+    "healthy returns an array of shape (4,) of float64, must be":
+        {"healthy": lambda self, now: now.qpos[:, 0], "terminated": Task.terminated},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("message", RESULTS)
+def test_a_wrong_result_of_each_other_method_is_named(message):
+    with pytest.raises((ValueError, TypeError), match=r"Other\." + re.escape(message)):
+        cart(**RESULTS[message])
+
+
+def test_names_that_episode_state_does_not_return_suggest_those_it_does():
+    for methods in (
+        {"reward": lambda self, now: (now.episode_state["tagret"][:, 0], {})},
+        {"on_reset": lambda self, sim, episode_state, mask, rng: episode_state["tagret"][mask]},
+        {"on_reset": lambda self, sim, episode_state, mask, rng: episode_state.__setitem__("tagret", np.zeros(4))},
+        {"advance": lambda self, now: now.episode_state.__setitem__("tagret", np.zeros(4))},
+    ):
+        with pytest.raises(KeyError, match=r"Other\.episode_state returns no 'tagret'; did you mean target\?"):
+            cart(**methods)
+    with pytest.raises(KeyError, match=r"returns no 'target'; it returns no arrays"):
+        cart(episode_state=lambda self, num_envs: {})
+    again = pickle.loads(pickle.dumps(StepperVectorEnv(Cart(), 2))).now.episode_state
+    assert again["target"].shape == (2, 3)
+    with pytest.raises(KeyError, match="did you mean target"):
+        again["targets"]
+
+
+METHODS = {
+    "sample_state is sample_state(qpos, qvel), must take 3 arguments, qpos, qvel, rng: write def sample_state(self, qpos, qvel, rng)":
+        {"sample_state": lambda self, qpos, qvel: None},
+    "reward is reward(), must take 1 argument, now: write def reward(self, now)": {"reward": lambda now: (now, {})},
+    "observations is observations(now), must take no arguments: write def observations(self)": {"observations": lambda self, now: (SPEED,)},
+    "on_reset is on_reset(sim, mask, rng), must take 4 arguments, sim, episode_state, mask, rng":
+        {"on_reset": lambda self, sim, mask, rng: None},
+    "model is model(path), must take no arguments": {"model": lambda self, path: None},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("message", METHODS)
+def test_a_method_with_other_arguments_is_named_with_its_signature(message):
+    for name, method in METHODS[message].items():
+        method.__name__ = name
+    with pytest.raises(TypeError, match=r"Other\." + re.escape(message)):
+        cart(**METHODS[message])
+
+
+def test_methods_with_defaults_and_other_names_are_accepted():
+    cart(sample_state=lambda self, q, v, *more, scale=1.0: None, reward=lambda self, *given: (np.ones(4), {}))
+
+
+@pytest.mark.parametrize(("given", "message"), [
+    ({"name": "speed", "func": lambda: 0}, r"func of Observation 'speed' is <lambda>\(\), must take 1 argument, now: write lambda now"),
+    ({"name": "speed", "func": "qvel"}, "func of Observation 'speed' is 'qvel', must be a function of now, or None"),
+    ({"name": lambda now: now.qvel}, r"the name of an Observation is a function, must be a text: Observation\(name, func=...\)"),
+])  # fmt: skip
+def test_wrong_rows_of_observations_are_refused_at_once(given, message):
+    with pytest.raises(TypeError, match=message):
+        Observation(**given)

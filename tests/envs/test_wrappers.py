@@ -4,6 +4,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
+from gymnasium.wrappers import vector
 from gymnasium.wrappers.vector import DictInfoToList, NormalizeObservation, NormalizeReward, RecordEpisodeStatistics
 from stepper.envs import StepperVectorEnv
 
@@ -94,3 +95,28 @@ def test_the_step_after_an_episode_ignores_its_action_and_gives_no_reward():
     np.testing.assert_array_equal(after[0][0], after[1][0])
     for _, reward, terminated, truncated, _ in after:
         assert not (reward.any() or terminated.any() or truncated.any())
+
+
+WRAPPERS = {
+    "ClipAction": {},
+    "RecordEpisodeStatistics": {},
+    "NormalizeReward": {},
+    "TransformReward": {"func": lambda reward: reward},
+    "NormalizeObservation": {"refused": ("SAME_STEP", "DISABLED")},
+    "TransformObservation": {"func": lambda observation: observation, "refused": ("SAME_STEP",)},
+    "DtypeObservation": {"dtype": np.float32, "refused": ("SAME_STEP",)},
+}
+
+
+@pytest.mark.parametrize("mode", ["NEXT_STEP", "SAME_STEP", "DISABLED"])
+@pytest.mark.parametrize("name", WRAPPERS)
+def test_wrappers_refuse_the_modes_that_the_page_of_adapters_names(name, mode):
+    """By a ValueError in Gymnasium 1.4, by an AssertionError in 1.2."""
+    arguments = dict(WRAPPERS[name])
+    refused = mode in arguments.pop("refused", ())
+    envs = StepperVectorEnv("Hopper", 2, autoreset_mode=mode)
+    if not refused:
+        getattr(vector, name)(envs, **arguments).reset(seed=0)
+        return
+    with pytest.raises((ValueError, AssertionError)):
+        getattr(vector, name)(envs, **arguments)

@@ -189,7 +189,7 @@ def _change_arrays(rng: Random, arrays: dict[str, np.ndarray]) -> None:
         case 3:
             arrays[name] = array[..., :-1] if array.ndim else np.array([array, array])
         case 4:
-            arrays[str(rng.choice(["0/mask", "0/theta/body_mass", "1/seed", "9/qpos", "x", "0/keyframe"]))] = array
+            arrays[str(rng.choice(["0/mask", "0/randomized/body_mass", "1/seed", "9/qpos", "x", "0/keyframe"]))] = array
         case _:
             arrays[name] = array.astype(str(rng.choice(["f4", "i8", "U9", "c16", "?"])))
 

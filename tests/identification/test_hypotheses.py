@@ -13,7 +13,7 @@ from identification.scenes import HARD
 from identification.strikes import PERIOD, grasped, readings
 from stepper.sysid.mixture import Mixture
 from stepper.sysid.parameters import bind, write
-from stepper.sysid.rivals import CLOSE, EXCLUDED, LEAST, excluded_end, share_of, widened
+from stepper.sysid.rivals import CLOSE, EXCLUDED, LEAST_SHARE, excluded_end, share_of, widened
 
 SCENE = grasped()
 STILL_HELD = 46
@@ -158,7 +158,7 @@ def test_quantiles_are_those_of_draws(mixture):
 
 
 @settings(max_examples=50, deadline=None)
-@given(st.integers(0, 2**20), st.floats(LEAST, 1.0))
+@given(st.integers(0, 2**20), st.floats(LEAST_SHARE, 1.0))
 def test_less_information_on_a_friction_never_narrows_an_interval(seed, share):
     rng = np.random.default_rng(seed)
     root = rng.standard_normal((4, 8)) * 10.0 ** rng.uniform(-3, 0, (4, 1))
@@ -183,8 +183,8 @@ def test_a_cost_that_rises_as_the_slopes_say_confirms_them_all(before, ratio, di
         return share_of(np.array(rises), step * std, before=before, after=after)
 
     assert share(0.0) == pytest.approx(1.0)
-    assert LEAST <= share(1.0) < 1 - 0.9 / distance**2
-    assert share(distance**2) == LEAST
+    assert LEAST_SHARE <= share(1.0) < 1 - 0.9 / distance**2
+    assert share(distance**2) == LEAST_SHARE
 
 
 @given(st.floats(0.02, 0.3), st.floats(0.1, 0.5), st.floats(1.1, 4.0))
@@ -192,5 +192,5 @@ def test_an_interval_ends_at_the_next_excluded_value(flat, ratio, farther):
     """A cost that is flat up to a value, and excludes another farther away: two standard deviations reach to that, up to the floor."""
     before, after, excluded = 1.0, (ratio * flat) ** 2, farther * flat
     share = share_of(np.array([[flat, 0.0], [excluded, 50.0]]), 0.0, before=before, after=after)
-    std, most = (math.sqrt(widened(np.array([[after]]), 0, before, kept)[0, 0]) for kept in (share, LEAST))
+    std, most = (math.sqrt(widened(np.array([[after]]), 0, before, kept)[0, 0]) for kept in (share, LEAST_SHARE))
     assert std == pytest.approx(min(excluded / 2, most))

@@ -355,7 +355,7 @@ def test_a_batch_in_parts_is_the_batch_at_once(monkeypatch):
         sim.step(rng.uniform(-1, 1, (3, 1)))
     ctrl = rng.uniform(-1, 1, (3, 1))
     whole = sim.linearize(ctrl=ctrl, nstep=6, sensors=True)
-    monkeypatch.setattr("stepper.derivatives.copies.ROOM", 8)
+    monkeypatch.setattr("stepper.derivatives.copies.COPIES_PER_THREAD", 8)
     parts = sim.linearize(ctrl=ctrl, nstep=6, sensors=True)
     for name in ("A", "B", "C", "D", "qpos", "qvel", "near_kink"):
         np.testing.assert_array_equal(getattr(parts, name), getattr(whole, name))

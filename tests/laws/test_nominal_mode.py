@@ -8,8 +8,8 @@ import stepper
 from rollout_gradients import LAWS, Judged, bodies_on_a_floor, judge
 from stepper import Options
 from stepper.derivatives import Kink, Smoothing, UndeterminedDerivative, rollout
-from stepper.derivatives.kinks import Rows
-from stepper.derivatives.nominal_mode import NARROWER, WIDTHS, Readings, slopes_of
+from stepper.derivatives.kinks import RowGroup
+from stepper.derivatives.nominal_mode import WIDTH_RATIO, WIDTHS, Readings, slopes_of
 
 PUSHED_BOX = """<mujoco><option timestep="0.01"/><worldbody><geom type="plane" size="3 3 1" friction=".4 0 0"/>
   <body pos="-.12 0 .05"><joint name="f" type="slide" axis="1 0 0" damping="3"/><geom size=".03" mass=".4" friction=".4 0 0"/></body>
@@ -77,14 +77,14 @@ def test_gradients_of_random_contact_scenes_agree_with_differences_of_whole_roll
     assert known > 0.5 * sum(judged.counts.values()), judged.counts
 
 
-WIDTH = 1e-6 * NARROWER ** np.arange(WIDTHS)
+WIDTH = 1e-6 * WIDTH_RATIO ** np.arange(WIDTHS)
 
 
 def read(function, differs=lambda x: np.zeros_like(x, bool)):
     """Slopes of a function of one number, of which `differs` says where it is in another mode than at 0."""
     offsets = np.stack([WIDTH, -WIDTH])[None]
     slopes = (np.vectorize(function)(offsets) - function(0.0)) / offsets
-    out, nominal, other = slopes_of(Readings(slopes[..., None], differs(offsets), np.array([1e-15])), offsets, [Rows(slice(0, 1))])
+    out, nominal, other = slopes_of(Readings(slopes[..., None], differs(offsets), np.array([1e-15])), offsets, [RowGroup(slice(0, 1))])
     return out[0, 0], bool(nominal[0]), bool(other[0])
 
 

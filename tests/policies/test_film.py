@@ -36,11 +36,13 @@ class Pictures(gymnasium.Env):
 @pytest.mark.skipif(find_spec("moviepy") is None, reason="moviepy, which writes films, is not installed")
 def test_a_film_tells_how_far_it_is(tmp_path):
     if "test/Pictures-v0" not in gymnasium.registry:
-        gymnasium.register("test/Pictures-v0", entry_point=Pictures)
+        gymnasium.register("test/Pictures-v0", entry_point=Pictures, max_episode_steps=8)
     told = []
-    for actions in (3, 300):
-        film(np.zeros_like, "test/Pictures-v0", tmp_path / "film.mp4", actions=actions, progress=told.append)
-    assert told == [1, 2, 3, 1, 2, 3, 4, 5]
+    for actions, count in ((3, 3), (300, 5)):
+        made = film(np.zeros_like, "test/Pictures-v0", tmp_path / "film.mp4", actions=actions, tick=lambda *given: told.append(given))
+        assert made == count
+    # The time limit of the environment is 8 actions, and the episode ends after 5.
+    assert told == [("film film.mp4", done) for done in (1 / 3, 2 / 3, 1.0, 1 / 8, 2 / 8, 3 / 8, 4 / 8, 1.0)]
     assert (tmp_path / "film.mp4").stat().st_size > 0
 
 
@@ -52,10 +54,10 @@ def test_the_command_evaluate_films_after_it_has_checked_that_it_can(tmp_path, m
     monkeypatch.setattr(command, "differences", lambda *_: [])
     monkeypatch.setattr(command, "make", lambda *_, **__: None)
     monkeypatch.setattr(command, "describe", lambda _: {})
-    monkeypatch.setattr(command, "check_film", lambda env, **settings: calls.append(("check", env, settings)))
+    monkeypatch.setattr(command, "check_film", lambda env, file, **settings: calls.append(("check", env, file, settings)))
     monkeypatch.setattr(command, "run", lambda *_, **__: calls.append(("run",)) or "return 7")
     monkeypatch.setattr(
-        command, "film", lambda *given, actions, seed, progress, **settings: calls.append(("film", *given, actions, seed, settings))
+        command, "film", lambda *given, actions, seed, tick, **settings: calls.append(("film", *given, actions, seed, settings))
     )
     file = tmp_path / "run.mp4"
     words = ["evaluate", "policy.npz", "stepper/HalfCheetah-v5", "--film", str(file), "--seed", "3", "--contact", "hard"]
@@ -65,7 +67,7 @@ def test_the_command_evaluate_films_after_it_has_checked_that_it_can(tmp_path, m
     assert end.value.code == 0
     settings = {"contact": "hard"}
     assert calls == [
-        ("check", "stepper/HalfCheetah-v5", settings),
+        ("check", "stepper/HalfCheetah-v5", file, settings),
         ("run",),
         ("film", policy, "stepper/HalfCheetah-v5", file, 300, 3, settings),
     ]

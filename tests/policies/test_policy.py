@@ -35,7 +35,7 @@ def envs():
     return gymnasium.make_vec("stepper/Reacher-v5", num_envs=3)
 
 
-@pytest.mark.parametrize("arrays", [{"weight": np.ones(3)}, {"said": np.array("[]")}, {"said": np.array("{}")}])
+@pytest.mark.parametrize("arrays", [{"weight": np.ones(3)}, {"settings": np.array("[]")}, {"settings": np.array("{}")}])
 def test_an_archive_of_another_library_is_named_without_internal_keys(tmp_path, arrays):
     """Also a file of PyTorch, which is a ZIP archive as those of NumPy."""
     file = tmp_path / "agent.pt"
@@ -98,8 +98,11 @@ def test_theta_and_another_model_are_named(envs, tmp_path):
     damping = np.tile(other.unwrapped.sim.model.dof_damping, (2, 1))
     damping[1] *= 2.0
     other.unwrapped.sim.randomize(dof_damping=damping)
-    assert [line.partition(":")[0] for line in made(envs).differences(other)] == ["theta.dof_damping.largest", "theta.dof_damping.least"]
-    assert made(other).environment["theta"]["dof_damping"]["largest"] == damping.max(axis=0).tolist()
+    assert [line.partition(":")[0] for line in made(envs).differences(other)] == [
+        "randomized.dof_damping.max",
+        "randomized.dof_damping.min",
+    ]
+    assert made(other).environment["randomized"]["dof_damping"]["max"] == damping.max(axis=0).tolist()
     # A task that randomises has no parameters yet before its first reset: nothing is said then.
     assert made(other).differences(envs) == []
     own = stepper.envs.assets.model_file("reacher.xml")
@@ -171,10 +174,10 @@ def test_a_policy_that_could_not_act_is_not_made(envs, change, message):
 def test_files_that_hold_none_are_refused_by_name(envs, tmp_path):
     (tmp_path / "text.npz").write_text("no archive")
     np.savez(tmp_path / "other.npz", a=np.zeros(3))
-    np.savez(tmp_path / "future.npz", said=np.array(json.dumps({"format": 99})))
-    np.savez(tmp_path / "list.npz", said=np.array("[]"))
-    said = json.dumps({"format": 1, "clip": 5.0, "activation": "tanh", "environment": {}, "training": {}})
-    np.savez(tmp_path / "scalar.npz", said=np.array(said), mean=np.zeros(()), std=np.ones(()), low=np.zeros(()), high=np.ones(()))
+    np.savez(tmp_path / "future.npz", settings=np.array(json.dumps({"format": 99})))
+    np.savez(tmp_path / "list.npz", settings=np.array("[]"))
+    settings = json.dumps({"format": 1, "clip": 5.0, "activation": "tanh", "environment": {}, "training": {}})
+    np.savez(tmp_path / "scalar.npz", settings=np.array(settings), mean=np.zeros(()), std=np.ones(()), low=np.zeros(()), high=np.ones(()))
     for name in ("text", "other", "future", "list", "scalar"):
         with pytest.raises(PolicyError, match=f"{name}.npz"):
             load(tmp_path / f"{name}.npz")

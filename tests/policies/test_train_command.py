@@ -4,11 +4,15 @@ import subprocess
 import sys
 from importlib.util import find_spec
 from pathlib import Path
+from types import SimpleNamespace
 
 import gymnasium
 import numpy as np
 import pytest
-from stepper.policies import check_film
+from stepper.cli import evaluate as evaluate_command
+from stepper.cli import main
+from stepper.policies import check_film, make, ppo_settings
+from stepper.shared.name_values import literal
 
 ROOT = Path(__file__).parents[2]
 WITHOUT_TORCH = "import sys; sys.modules['torch'] = None; "
@@ -72,8 +76,102 @@ class Dark(gymnasium.Env):
 
 
 @pytest.mark.skipif(find_spec("moviepy") is None, reason="moviepy, which writes films, is not installed")
-def test_a_film_that_cannot_be_drawn_is_refused_before_the_training():
+def test_a_film_that_cannot_be_drawn_is_refused_before_the_training(tmp_path):
     if "test/Dark-v0" not in gymnasium.registry:
         gymnasium.register("test/Dark-v0", entry_point=Dark)
     with pytest.raises(RuntimeError, match="cannot draw here"):
-        check_film("test/Dark-v0")
+        check_film("test/Dark-v0", tmp_path / "film.mp4")
+
+
+def test_a_film_of_another_format_is_refused_before_the_training():
+    with pytest.raises(ValueError, match=r"the film's file is 'film\.gif', must end in \.mp4"):
+        check_film("stepper/HalfCheetah-v5", "film.gif")
+
+
+REACHER = "stepper/Reacher-v5"
+
+
+def test_values_of_the_command_line_are_arguments_of_the_environment():
+    words = [REACHER, "--values", "reward_dist_weight=2.5", "--values", "frame_skip=4", "--seed", "3"]
+    given = vars(ppo_settings.arguments().parse_args(words))
+    settings = ppo_settings.settings_of(given.pop("env"), {name: given[name] for name in ("values", "seed", "gamma")})
+    assert settings.environment() == {"precision": "f32", "reward_dist_weight": 2.5, "frame_skip": 4}
+    assert make(REACHER, **settings.environment()).unwrapped.task.reward_dist_weight == 2.5
+    assert settings.seed == 3
+    assert ppo_settings.settings_of(REACHER, {"values": None}) == ppo_settings.Settings.of_task(REACHER)
+    gymnasiums = ppo_settings.settings_of("Reacher-v5", {"values": ["reward_dist_weight=2"]})
+    assert gymnasiums.environment() == {"reward_dist_weight": 2}
+
+
+@pytest.mark.parametrize(("values", "message"), [
+    (["frame_skip"], "--values is 'frame_skip', must be NAME=VALUE"),
+    (["frame_skip=2", "frame_skip=3"], "--values gives 'frame_skip' twice, as 2 and as 3"),
+    (["num_envs=8"], "--values sets num_envs, which is another option: give --num-envs"),
+    (["contact=hard"], "--values sets contact, which is another option: give --contact"),
+])  # fmt: skip
+def test_wrong_values_are_refused(values, message):
+    with pytest.raises(ValueError, match=message):
+        ppo_settings.settings_of(REACHER, {"values": values})
+
+
+def test_values_are_numbers_words_tuples_and_texts():
+    texts = {
+        "3": 3,
+        "0.5": 0.5,
+        "true": True,
+        "False": False,
+        "none": None,
+        "(1, 2)": (1, 2),
+        "hard": "hard",
+        "a.xml": "a.xml",
+        "{1}": "{1}",
+    }
+    assert {text: literal(text) for text in texts} == texts
+
+
+def test_an_argument_that_an_environment_does_not_have_is_an_error_without_a_traceback(monkeypatch, capsys):
+    """Of an environment on stepper and of Gymnasium's; and a text for a number."""
+    policy = str(ROOT / "examples/policies/reacher.npz")
+    for env, value, message in (
+        (REACHER, "reward_dist=2", "takes no 'reward_dist'; did you mean reward_dist_weight"),
+        (REACHER, "frame_skip=two", "frame_skip of Reacher is 'two', must be a number, as the default 2"),
+        ("Reacher-v5", "reward_dist=2", "got an unexpected keyword argument 'reward_dist'"),
+    ):
+        monkeypatch.setattr("sys.argv", ["stepper", "evaluate", policy, env, "--values", value])
+        with pytest.raises(SystemExit) as end:
+            main()
+        assert end.value.code == 1
+        assert message in (told := capsys.readouterr().err)
+        assert told.startswith("stepper: ")
+
+
+@pytest.mark.parametrize(("words", "message"), [
+    (["stepper/HalfCheetah-v5", "--values", "frame=2"], "takes no 'frame'; did you mean frame_skip"),
+    (["tray.xml", "--values", "frame=2"], "--values is for studies and environments, and tray.xml is neither"),
+])  # fmt: skip
+def test_values_of_views_are_arguments_of_environments_alone(words, message, monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["stepper", "view", *words])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 1
+    assert message in capsys.readouterr().err
+
+
+def test_evaluate_gives_values_to_both_environments(monkeypatch, capsys):
+    seen = []
+    monkeypatch.setattr(evaluate_command, "compare", lambda *_, settings, **__: seen.append(settings) or SimpleNamespace(one=1, other=2))
+    words = ["evaluate", str(ROOT / "examples/policies/reacher.npz"), REACHER, "--against", "Reacher-v5"]
+    monkeypatch.setattr("sys.argv", ["stepper", *words, "--precision", "f32", "--values", "reward_dist_weight=2"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 0, capsys.readouterr().err
+    assert seen == [({"precision": "f32", "reward_dist_weight": 2}, {"reward_dist_weight": 2})]
+
+
+@pytest.mark.parametrize(("env", "remedy"), [
+    ("reach_task.py", "write reach_task:me/Name-v0, with the id that the file registers"),
+    ("tasks/reach_task.py:me/Reach-v0", "write reach_task:me/Reach-v0, with the id"),
+])  # fmt: skip
+def test_a_file_in_place_of_an_environment_gets_its_remedy(env, remedy):
+    with pytest.raises(ValueError, match=f"is a file, must be the id of an environment: {remedy}"):
+        make(env)

@@ -10,7 +10,7 @@ import pytest
 import stepper
 from stepper.lab.accuracy.candidates import lines, pareto, timesteps
 from stepper.lab.accuracy.costs import saving
-from stepper.lab.accuracy.measure import ChartBasis, measure, reference
+from stepper.lab.accuracy.measure import ChartBasis, chart_reference, measure
 from stepper.lab.accuracy.reference import _assessed, converge
 from stepper.lab.accuracy.traces import Distance, quantity, run
 from stepper.lab.accuracy.tune import Candidate, Tuning, _cheaper, _compared, _lines
@@ -200,7 +200,7 @@ def test_a_chart_of_a_model_of_ones_own(tmp_path):
 @pytest.mark.parametrize("options", [stepper.Options(contact="mujoco"), stepper.Options(integrator="midpoint")])
 def test_a_chart_has_both_laws_whatever_the_options_of_the_study(options):
     study = replace(scene(options=options), threads=1)
-    distance, right = reference(study, [0], 0.1, "m", 4)
+    distance, right = chart_reference(study, [0], 0.1, "m", 4)
     measured, skipped, _ = measure(ChartBasis(study, [0], distance, right, 4), lines(study, quick=True), [0.005], lambda *_: None)
     assert not skipped
     assert {point.line.law for point in measured if point.line.engine == "stepper"} == {"hard", "mujoco"}

@@ -1,6 +1,7 @@
 """Studies as newcomers write them: modules side by side, functions named by text, furniture with mass."""
 
 import csv
+import re
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -8,11 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from stepper.cli import app, main
-from stepper.lab import Outcome, Parameter, Study, sweep
+from stepper.lab import Outcome, Parameter, Policy, Study, sweep
 from stepper.lab.comparison import compare
 from stepper.lab.study.batches import running, world_of
-from stepper.lab.study.drives import digest_of, load_file
+from stepper.lab.study.controllers import digest_of, load_file
 from stepper.lab.study.points import USUAL
+from stepper.policies import evaluate
 
 FURNITURE = """<mujoco><worldbody>
   <body name="shelf" pos="0 0 2"><geom type="box" size=".1 .1 .1" mass="3"/></body>
@@ -168,8 +170,14 @@ def test_a_misspelt_field_of_a_value_is_corrected(capsys, monkeypatch):
     ("values", "told"),
     [
         (["body_mass[arm]=1", "body_mass[arm]=2"], "'body_mass[arm]' twice, as 1 and as 2"),
-        (["body_mass[arm]=1", "body_mass[*]=2"], "'body_mass[arm]' and 'body_mass[*]' set the same number of body_mass to 1 and to 2"),
-        (["lost=0.1", "dof_damping[hinge]=0.2"], "'lost' and 'dof_damping[hinge]' set the same number of dof_damping"),
+        (
+            ["body_mass[arm]=1", "body_mass[*]=2"],
+            "parameters has 'body_mass[arm]' and 'body_mass[*]', which set the same number of body_mass to 1 and to 2",
+        ),
+        (
+            ["lost=0.1", "dof_damping[hinge]=0.2"],
+            "parameters has 'lost' and 'dof_damping[hinge]', which set the same number of dof_damping",
+        ),
     ],
 )
 @pytest.mark.parametrize("command", [["view", "reach.toml", "--record", "run"], ["chart", "reach.toml", "--quick"]])
@@ -188,7 +196,9 @@ def test_values_that_do_not_contradict_each_other_are_taken(reach):
 @pytest.mark.usefixtures("reach")
 def test_a_ranking_of_parameters_of_the_same_number_names_both(capsys, monkeypatch):
     words = ["rank", "reach.toml", "--parameter", "body_mass[arm]=1..2", "--parameter", "body_mass[*]=1..3"]
-    assert "'body_mass[arm]' and 'body_mass[*]' set the same number of body_mass: give" in failed(capsys, monkeypatch, *words)
+    assert "parameters has 'body_mass[arm]' and 'body_mass[*]', which set the same number of body_mass: give" in failed(
+        capsys, monkeypatch, *words
+    )
 
 
 ERRORS = {
@@ -232,6 +242,51 @@ def test_controls_of_another_shape_name_the_controller(reach, capsys, monkeypatc
     (reach / "reach.toml").write_text('controller = "control.py:control"\n' + REACH)
     told = failed(capsys, monkeypatch, "sweep", "reach.toml", "--no-cliffs")
     assert "the controller control.py:control returned the shape (3, 3), must be (num_envs, nu), which is (" in told
+
+
+FUNCTIONS = {
+    "controller is drive(now, dt), must take 1 argument, now: write def drive(now)": {"controller": lambda now, dt: 0.0},
+    "controller is drive(), must take 1 argument, now: write def drive(now)": {"controller": lambda: 0.0},
+    "start is drive(now), must take 2 arguments, now, rngs: write def drive(now, rngs)": {"start": lambda now: None},
+    "exact is drive(now), must take 2 arguments, now, times: write def drive(now, times)": {"exact": lambda now: None},
+    "model is drive(name), must take no arguments: write def drive()": {"model": lambda name: PENDULUM},
+}
+
+
+@pytest.mark.parametrize("message", FUNCTIONS)
+def test_a_function_of_a_study_with_other_arguments_is_named_with_its_signature(message):
+    (function,) = FUNCTIONS[message].values()
+    function.__name__ = "drive"
+    with pytest.raises(TypeError, match=re.escape(message)):
+        Study(**{"model": PENDULUM} | FUNCTIONS[message])
+
+
+def test_a_function_of_an_outcome_a_policy_or_a_comparison_with_other_arguments_is_named():
+    with pytest.raises(TypeError, match=r"outcome 'a': measure is <lambda>\(\), must take 1 argument, now: write lambda now: ..."):
+        Outcome(name="a", measure=lambda: 0)
+    with pytest.raises(TypeError, match="outcome 'a': measure is 3, must be a function of now"):
+        Outcome(name="a", measure=3)
+    with pytest.raises(TypeError, match=r"act is <lambda>\(a, b\), must take 1 argument, observations"):
+        Policy(lambda a, b: a)
+    with pytest.raises(TypeError, match=r"policy is <lambda>\(\), must take 1 argument, observations"):
+        evaluate(lambda: 0, "stepper/InvertedPendulum-v5")
+    for given, message in (({"controller": lambda now: 0}, "controller is <lambda>"), ({"reward": lambda now: 0}, "reward is <lambda>")):
+        with pytest.raises(TypeError, match=message):
+            compare(PENDULUM, **given)
+
+
+def test_the_command_names_a_controller_with_other_arguments_in_one_line(reach, capsys, monkeypatch):
+    (reach / "control.py").write_text("def control(now, dt):\n    return 0.0\n")
+    (reach / "reach.toml").write_text('controller = "control.py:control"\n' + REACH)
+    told = failed(capsys, monkeypatch, "sweep", "reach.toml")
+    assert told == "reach.toml: controller is control(now, dt), must take 1 argument, now: write def control(now)\n"
+
+
+def test_environments_of_a_batch_share_the_options_of_the_step():
+    steps = {"step": Parameter("options.timestep", values=(0.001, 0.002))}
+    message = "parameter 'step' is 0.001 in environment 0 and 0.002 in environment 2: it is an option of the step, which the environments"
+    with pytest.raises(ValueError, match=message):
+        world_of(jerked(parameters=steps), USUAL, [{"step": 0.001}, {"step": 0.001}, {"step": 0.002}])
 
 
 def test_an_exception_without_a_file_of_the_user_keeps_its_traceback(monkeypatch):

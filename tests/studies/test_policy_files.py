@@ -8,7 +8,7 @@ import pytest
 import stepper
 import stepper.policies
 from servo_arm import ARM, angles
-from stepper.lab.study.drives import digest_of, name_of
+from stepper.lab.study.controllers import digest_of, name_of
 from stepper.shared.machine import MissingPackageError
 
 

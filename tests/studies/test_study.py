@@ -22,7 +22,7 @@ from stepper.cli.options import progress_kept_in
 from stepper.lab import Outcome, Parameter, Policy, Study
 from stepper.lab.study import Recorded
 from stepper.lab.study.batches import begin, run_points, world_of
-from stepper.lab.study.drives import digest_of
+from stepper.lab.study.controllers import digest_of
 from stepper.lab.study.episode import Episodes
 from stepper.lab.study.failure_causes import LAW
 from stepper.lab.study.intervals import least_share, trials_for, wilson
@@ -50,6 +50,10 @@ def swept(study, out):
 
 def push(now):
     now.xfrc_applied[:, 1, 0] = now.parameters["push"]
+
+
+def scaled(gain, now):
+    return np.full((now.num_envs, 1), gain)
 
 
 def tray(**changed):
@@ -452,7 +456,9 @@ def test_rows_follow_from_what_a_drive_is_and_not_from_its_memory():
     used.begin(None)
     assert key(Gain(1.0)) == key(used)
     assert key(Gain(1.0)) != key(Gain(2.0))
-    assert len({key(drive) for drive in (lambda _: 0.1, lambda _: 0.2, functools.partial(push, 1), functools.partial(push, 2), push)}) == 5
+    assert (
+        len({key(drive) for drive in (lambda _: 0.1, lambda _: 0.2, functools.partial(scaled, 1), functools.partial(scaled, 2), push)}) == 5
+    )
     keys = {key(lambda _, x=x: x) for x in (1, 1)} | {key(closed(np.ones(1))), key(closed(np.zeros(1))), key(closed(np.zeros(1)))}
     assert len(keys) == 3
 
@@ -662,10 +668,10 @@ def test_a_parameter_that_fits_nothing_is_named(tmp_path):
 
 
 @pytest.mark.parametrize(("selector", "said"), [
-    ("sensor.latency", "a Transfer has no number 'latency', it has: scale, scale_std"),
-    ("sensor.nois_std", "no number 'nois_std'; did you mean noise_std"),
-    ("actuator.dely", "a Drive has no number 'dely'; did you mean delay"),
-    ("actuator.servo.kpp", "a PID has no number 'kpp'; did you mean kp"),
+    ("sensor.latency", "a Transfer has no numeric attribute 'latency', it has: scale, scale_std"),
+    ("sensor.nois_std", "no numeric attribute 'nois_std'; did you mean noise_std"),
+    ("actuator.dely", "a Drive has no numeric attribute 'dely'; did you mean delay"),
+    ("actuator.servo.kpp", "a PID has no numeric attribute 'kpp'; did you mean kp"),
     ("actuator.gearbox.kp", "a drive has no 'gearbox', use one of: motor, servo"),
 ])  # fmt: skip
 def test_a_number_that_a_sensor_or_drive_lacks_is_named(selector, said):
@@ -720,7 +726,9 @@ def test_two_spellings_of_a_selector_are_one_parameter(texts, names):
     parameters = {name: Parameter("body_mass[object]", low=0.5, high=1.5 + k) for k, name in enumerate(["mass", "heavy"])}
     model = tray().loaded[0]
     assert list(selected(parameters, texts, model)) == names
-    with pytest.raises(ValueError, match=r"'body_mass\[1\]=0.5..9' and '.*', which are the same numbers with another range: give one"):
+    with pytest.raises(
+        ValueError, match=r"'body_mass\[1\]=0.5..9' and '.*', which set the same number of body_mass with different ranges: give one"
+    ):
         selected(parameters, ["body_mass[object]=0.5..1.5", "body_mass[1]=0.5..9"], model)
 
 
@@ -900,9 +908,9 @@ def test_an_episode_alone_is_the_one_of_the_table_and_of_its_recording(tmp_path,
     other = study.episode({"gain": 1.9}, 2, seed=1)
     assert other["outcomes"] != row["outcomes"]
     # Looked at step by step, twice over.
-    watched = Episodes(study, {"gain": 1.9}, [2, 1]).watched()
+    steps = Episodes(study, {"gain": 1.9}, [2, 1]).repeated_steps()
     for _ in range(2):
-        ends = [next(own for own in watched if own is not None) for _ in range(2)]
+        ends = [next(own for own in steps if own is not None) for _ in range(2)]
         for end in ends:
             assert end["angle"].tolist() == [rows[5]["outcomes"]["angle"], rows[4]["outcomes"]["angle"]]
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import stepper
 from stepper.envs import StepperVectorEnv
-from stepper.lab.study.drives import load_file
+from stepper.lab.study.controllers import load_file
 from stepper.policies import load
 
 LABS = Path(__file__).parents[2] / "examples/studies"

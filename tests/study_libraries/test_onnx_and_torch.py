@@ -9,7 +9,7 @@ import stepper
 import torch
 from onnx import TensorProto, helper, numpy_helper
 from servo_arm import ARM, angles
-from stepper.lab.study.drives import digest_of
+from stepper.lab.study.controllers import digest_of
 from stepper.lab.study.policy_files import read_policy
 
 WEIGHT, BIAS = np.array([[-2.0], [-0.5]], np.float32), np.array([1.0], np.float32)

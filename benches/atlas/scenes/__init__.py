@@ -45,6 +45,7 @@ TOPICS = (
 
 
 def _place(scene: Scene) -> tuple[bool, int]:
+    """Sort key: numbered scenes first, then scenes of SimBenchmark (S1, S2 ...)."""
     return scene.number.startswith("S"), int(scene.number.lstrip("S"))
 
 

@@ -140,6 +140,7 @@ LOAD = 2.0
 
 
 def _tray(mu: float, factor: float, engine: Engine, dt: float) -> World:
+    """World with a body at rest, pushed by `factor` times the force at which it slides."""
     mass = LOAD / (mu * G)
     world = engine.start(document(FLOOR + free("body", box((0.1, 0.1, 0.02), mass), (0, 0, 0.02)), friction=mu), dt)
     world.step(SETTLE)

@@ -31,6 +31,7 @@ def wedge(factor: float) -> str:
 
 
 def _squeezed(engine: Engine, dt: float, factor: float):
+    """World with a wedge that two jaws squeeze."""
     world = engine.start(wedge(factor), dt)
     for side in (1, -1):
         world.push(f"jaw{side}", (-side * SQUEEZE, 0, 0))

@@ -1,9 +1,8 @@
 """Scenes S1 to S7: the public tests of SimBenchmark.
 
-They are rolling (S1), bouncing (S2), 666 (S3), elastic 666 (S4), and momentum (S5), energy (S6) and standing (S7) of a quadruped. The
-scenes use the parameters in github.com/leggedrobotics/SimBenchmark (benchmark/include, benchmark/res/yaml), without its code. Errors are
-defined as
-there: mean squares over all steps.
+They are rolling (S1), bouncing (S2), a falling cube of 6 x 6 x 6 spheres ("666", S3) and an elastic one (S4). For a quadruped, they are
+momentum (S5), energy (S6) and standing (S7). The scenes use the parameters in github.com/leggedrobotics/SimBenchmark (benchmark/include,
+benchmark/res/yaml), without its code. Errors are defined as in SimBenchmark: mean squares over all steps.
 """
 
 from __future__ import annotations

@@ -29,12 +29,14 @@ TILT = 0.1
 
 
 def _pushed(factor: float, engine: Engine, dt: float) -> World:
+    """World with a box that is pushed by `factor` times the force at which it tips."""
     world = engine.start(document(FLOOR + free("box", BOX, (0, 0, TALL)), friction=MU), dt)
     world.push("box", (factor * FORCE, 0, 0))
     return world
 
 
 def _leaning(factor: float, engine: Engine, dt: float) -> World:
+    """World with a box on a plane whose slope is `factor` times that at which it tips."""
     return engine.start(incline(BOX, TALL, math.atan(factor * WIDE / TALL), MU), dt)
 
 
@@ -45,6 +47,7 @@ def _tilt(world: World, upright: np.ndarray) -> float:
 
 
 def _upright(world: World) -> np.ndarray:
+    """Axis of the box that points up in the upright pose, (3,)."""
     return np.array(world.at().xmat[1].reshape(3, 3)[:, 2])
 
 

@@ -61,6 +61,7 @@ def stand(model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Scr
 
 
 def _lying(name: str, file: str) -> Scene:
+    """Scene with humanoids that lie on the floor."""
     about = f"{name}, lying on the floor without control"
     phases = (Phase("settles", SETTLE, timed=False), Phase("lies", LIE))
     return Scene(f"{file} lies", about, functools.partial(humanoid, file), limp, phases, lead=FALL, group="humanoids that lie")

@@ -114,6 +114,7 @@ def _pointing(way: Array) -> Array:
 
 
 def _place(model: mujoco.MjModel, body: str) -> slice:
+    """Columns of qpos with the pose of a free body."""
     adr = int(model.jnt_qposadr[model.body(body).jntadr[0]])
     return slice(adr, adr + 7)
 

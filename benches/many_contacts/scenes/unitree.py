@@ -166,6 +166,7 @@ def spec(walker: Walker, assets: Assets) -> Any:
 
 
 def _servo(s: Any, joint: str, motor: Motor) -> None:
+    """Add a position servo with the gains of a motor to a joint."""
     act = s.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
     act.gaintype, act.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
     act.gainprm[0], act.biasprm[1], act.biasprm[2] = motor.stiffness, -motor.stiffness, -motor.damping
@@ -199,6 +200,7 @@ def script(walker: Walker, model: mujoco.MjModel, num_envs: int, rng: np.random.
 
 
 def _motor(walker: Walker, joint: str) -> Motor:
+    """Motor of a joint."""
     return next(m for m in walker.motors if any(re.fullmatch(pattern, joint) for pattern in m.joints))
 
 
@@ -209,6 +211,7 @@ def fallen(qpos: Array) -> NDArray[np.bool_]:
 
 
 def _scene(name: str, walker: Walker, about: str) -> Scene:
+    """Scene with a walking robot."""
     return Scene(
         name,
         about,

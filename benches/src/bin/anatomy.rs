@@ -1,5 +1,5 @@
-//! Where a step's time goes, as the tables of docs/benchmarks/performance.md: all of it, part by part for every lane type, the floor that
-//! arithmetic and memory set, and how the cost grows with degrees of freedom, contacts, environments and threads.
+//! Time of a step by part, as in the tables of docs/benchmarks/performance.md: for every lane type, with the floor (the least time of the
+//! arithmetic and of memory), and against the number of degrees of freedom, contacts, environments and threads.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -19,11 +19,11 @@ use stepper_core::internals::probe::{Counter, Span};
 use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
 use stepper_core::{Level, Options, Precision, Simulation, StepInputs};
 
-/// Repeats of everything: of each call the fastest counts, of a whole step the median.
+/// Number of repeats. Of the times of a call the minimum counts, of those of a whole step the median.
 const ROUNDS: usize = 15;
-/// Floor that is shown, us: where there is less, nothing counts that is done there.
+/// Smallest floor that the tables show, us. Parts below it do no counted arithmetic.
 const WORTH_A_CELL: f64 = 5e-4;
-/// Steps after which a humanoid that nobody controls lies on the floor.
+/// Number of steps without control after which a humanoid lies on the floor.
 const FALL: usize = 200;
 
 const USAGE: &str = "usage: anatomy [--episode FOLDER... [--json FILE]]
@@ -62,7 +62,7 @@ fn run() -> Result<(), String> {
 }
 
 fn humanoid(level: Level) {
-    // Before this thread is kept on one core: threads started later inherit that.
+    // Pinning comes after this, because threads that start later inherit it.
     let growth_by_threads = by_threads(level);
     pin();
     let scene = Scene::humanoid();
@@ -74,7 +74,7 @@ fn humanoid(level: Level) {
     println!("{growth_by_threads}");
 }
 
-/// Recordings: a table for each name, a row for each at the end.
+/// Prints a table for each name of a recording, and at the end a row for each.
 fn episodes(folders: &[PathBuf], json: Option<PathBuf>, level: Level) -> Result<(), String> {
     pin();
     let (mut found, mut refused): (Vec<Anatomy>, Vec<String>) = (vec![], vec![]);
@@ -88,13 +88,13 @@ fn episodes(folders: &[PathBuf], json: Option<PathBuf>, level: Level) -> Result<
                 continue;
             }
         }
-        // What was found is kept whatever becomes of the next one.
+        // Results are written after each recording, so that a later failure does not lose them.
         if let Some(path) = &json {
             let text = serde_json::json!({ "cpu": cpu(), "cpu_level": level.to_string(), "episodes": found });
             std::fs::write(path, format!("{text:#}\n")).map_err(|e| format!("{}: {e}", path.display()))?;
         }
     }
-    // f64 first.
+    // f64 comes first.
     found.sort_by(|a, b| (&a.name, a.num_envs, b.precision).cmp(&(&b.name, b.num_envs, a.precision)));
     let same = |a: &Anatomy, b: &Anatomy| (&a.name, a.num_envs) == (&b.name, b.num_envs);
     for columns in found.chunk_by(same) {
@@ -116,7 +116,7 @@ fn episodes(folders: &[PathBuf], json: Option<PathBuf>, level: Level) -> Result<
     if refused.is_empty() { Ok(()) } else { Err(refused.join("\n")) }
 }
 
-/// Parts of the steps of an episode, and what they count.
+/// Prints the parts of the steps of an episode, and the counters.
 fn parts(columns: &[Anatomy]) {
     let line = |first: &str, cells: &dyn Fn(&Anatomy) -> String| {
         let cells: Vec<String> = columns.iter().map(cells).collect();
@@ -180,14 +180,14 @@ fn stages(scene: &Scene, level: Level) {
     counters(&columns);
 }
 
-/// A row of nanoseconds, as microseconds and per cent.
+/// Prints a row of times in nanoseconds, as microseconds and per cent.
 fn print(name: &str, times: &str, cells: [f64; 3], sums: [f64; 3]) {
     let [a, b, c] = cells.map(|x| 1e-3 * x);
     let [p, q, r] = [0, 1, 2].map(|k| 100.0 * cells[k] / sums[k]);
     println!("| {name} | {times} | {a:.3} | {p:.1} | {b:.4} | {q:.1} | {c:.4} | {r:.1} | {:.1} |", a / b);
 }
 
-/// What a step counts: of an environment, or of the group whose lanes share it.
+/// Prints the counters of a step: of an environment, or of a group of environments in SIMD lanes.
 fn counters(columns: &[Recording; 3]) {
     println!("| number in a step | of | f64 | f64 lanes | f32 lanes |\n|---|---|---|---|---|");
     for counter in Counter::ALL.iter().filter(|&&counter| counter != Counter::GroupSteps) {
@@ -197,7 +197,7 @@ fn counters(columns: &[Recording; 3]) {
     println!();
 }
 
-/// Operations of the step, what the core does in a second, and the time that no code can be faster than.
+/// Prints the operations of the step, the rates of the core, and the least time of these operations at these rates.
 fn floor(scene: &Scene, level: Level) {
     let found = single(scene).probe_operations().record(operations, 1);
     let rates = Rates::measure(Precision::F64, level);
@@ -220,7 +220,7 @@ fn floor(scene: &Scene, level: Level) {
     println!("State: {bytes:.0} bytes per environment; read and written once a call: {:.3} us at most.\n", 1e6 * 2.0 * bytes / copied);
 }
 
-/// So many spheres side by side, each at rest on the floor.
+/// Model of n spheres side by side, each at rest on the floor.
 fn spheres(n: usize) -> Arc<Model> {
     let mut scene = Model::builder("spheres");
     scene.timestep(0.005).geom(WORLD, GeomBuilder::plane("floor").masks(1, 1));
@@ -232,12 +232,12 @@ fn spheres(n: usize) -> Arc<Model> {
 }
 
 fn simulation(model: &Arc<Model>, num_envs: usize, precision: Precision, threads: usize, level: Level) -> Simulation {
-    // One tolerance in both precisions, so that rows compare.
+    // Both precisions have the same tolerance, so that rows are comparable.
     let options = Options { tolerance: Some(Precision::F64.tolerance()), ..Options::default() };
     Simulation::at_level(model.clone(), options, Some(num_envs), precision, threads, level)
 }
 
-/// Microseconds per environment step, from where the environments are.
+/// Microseconds per environment step, from the current states.
 fn cost(simulation: &mut Simulation, calls: usize, clock: impl Fn() -> Duration) -> f64 {
     let (steps, state) = (calls * simulation.num_envs(), simulation.save_state());
     let mut fastest = Duration::MAX;
@@ -277,7 +277,7 @@ fn by_environments(scene: &Scene, level: Level) {
     println!();
 }
 
-/// 1,024 humanoids over threads, in turns with one thread.
+/// Table of the time of 1,024 humanoids with several numbers of threads. The numbers take turns.
 fn by_threads(level: Level) -> String {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let model = Scene::humanoid().model;

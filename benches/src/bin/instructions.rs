@@ -1,4 +1,5 @@
-//! Instructions per environment step, counted by valgrind's callgrind: the same on a busy machine, so that a regression shows.
+//! Instructions per environment step, counted by valgrind's callgrind. The counts do not depend on the load of the machine, so that
+//! regressions are visible.
 
 use std::collections::BTreeMap;
 use std::ffi::{CStr, CString};
@@ -23,22 +24,23 @@ marked with \"<\", and the exit code is 2 unless they are saved; with kept count
   --save [FILE]    also writes them as JSON (default benches/instructions.json)
   --against FILE   counts to compare with (default benches/instructions.json, if it is there)";
 
-/// The word that makes this program do the work that is counted.
+/// Argument with which this program runs the counted work.
 const WORK: &str = "--work";
-/// Steps of each of the environments of [`single`] whose parts are counted: at some distance, so that they are of several moments.
+/// Number of counted steps of each environment of [`single`], at different times of the episode.
 const MOMENTS: usize = 4;
-/// Steps of such a distance.
+/// Number of steps between two counted steps.
 const APART: usize = 20;
 
-/// Growth of a count that is marked. Counts of one build repeat to the last digit; what compilers do with code nearby moves them by less.
+/// Relative increase above which a count is marked. Counts of one build are reproducible; recompiled neighbouring code changes them by
+/// less.
 const GREW: f64 = 0.01;
 
-/// What is kept.
+/// Content of the file with the counts.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Counts {
     rustc: String,
     arch: String,
-    /// CPU level of a single environment: the best that valgrind knows, which has no AVX-512.
+    /// CPU level of a single environment: the best one that valgrind supports, which excludes AVX-512.
     level: String,
     instructions: BTreeMap<String, f64>,
 }
@@ -51,7 +53,7 @@ fn main() -> ExitCode {
     exit_code(run().map(|kept| if kept { ExitCode::SUCCESS } else { ExitCode::from(2) }))
 }
 
-/// Whether no count grew, or whatever it found was saved.
+/// Counts, prints and saves. The result is true if no count increased or the counts were saved.
 fn run() -> Result<bool, String> {
     let kept = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("instructions.json");
     let (mut save, mut against) = (None, None);
@@ -83,7 +85,7 @@ fn load(path: &Path) -> Result<Counts, String> {
     serde_json::from_str(&text).map_err(|e| format!("{}: {e}", path.display()))
 }
 
-/// Prints the table, and returns how many counts grew by more than [`GREW`].
+/// Prints the table, and returns the number of counts that increased by more than [`GREW`].
 fn print(found: &Counts, before: Option<&Counts>) -> usize {
     let of = |c: &Counts| [&c.rustc[..], &c.arch, &c.level].join(", ");
     let kept = before.map_or_else(String::new, |b| format!("; kept ones: {}", of(b)));
@@ -104,7 +106,7 @@ fn print(found: &Counts, before: Option<&Counts>) -> usize {
     grew
 }
 
-/// Runs this program under callgrind, which writes down what it has counted whenever it is asked to.
+/// Counts of all work: runs this program under callgrind, which writes its counters to a file at every request.
 fn count() -> Result<Counts, String> {
     let folder = std::env::temp_dir().join(format!("stepper-instructions-{}", std::process::id()));
     std::fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
@@ -143,7 +145,7 @@ fn count() -> Result<Counts, String> {
     }
 }
 
-/// Sums of the instructions that callgrind wrote down under each name.
+/// Sums of the instructions that callgrind wrote under each name.
 fn totals(path: &Path) -> Result<BTreeMap<String, f64>, String> {
     let text = std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
     let (mut sums, mut name) = (BTreeMap::new(), None);
@@ -158,14 +160,14 @@ fn totals(path: &Path) -> Result<BTreeMap<String, f64>, String> {
     Ok(sums)
 }
 
-/// Asks callgrind to write down what it has counted since the last time, under a name. Without it, nothing happens.
+/// Requests callgrind to write the counts since the last request under a name. Without valgrind it does nothing.
 #[cfg(all(target_arch = "x86_64", target_os = "linux"))]
 fn write_down(name: &CStr) {
-    /// CALLGRIND_DUMP_STATS_AT of valgrind/callgrind.h: the tool's letters and the number of the request.
+    /// CALLGRIND_DUMP_STATS_AT of valgrind/callgrind.h: the letters of the tool, and the number of the request.
     const DUMP_STATS_AT: usize = (b'C' as usize) << 24 | (b'T' as usize) << 16 | 3;
     let request = [DUMP_STATS_AT, name.as_ptr() as usize, 0, 0, 0, 0];
-    // SAFETY: valgrind reads six words behind rax and a string that ends, which live until here, and writes rdx. For a processor, rdi
-    // turned by twice its width and rbx exchanged with itself are as they were.
+    // SAFETY: valgrind reads six words from the address in rax and a string that ends with 0. Both live until here. It writes rdx. On a
+    // processor, the rotations of rdi add up to twice its width and the exchange of rbx with itself does nothing.
     unsafe {
         std::arch::asm!(
             "rol rdi, 3", "rol rdi, 13", "rol rdi, 61", "rol rdi, 51", "xchg rbx, rbx",
@@ -178,11 +180,11 @@ fn text(name: &str) -> CString {
     CString::new(name).expect("a name has no zero byte")
 }
 
-/// How to ask callgrind is not known on this system.
+/// Does nothing: requests to callgrind are not implemented for this system.
 #[cfg(not(all(target_arch = "x86_64", target_os = "linux")))]
 fn write_down(_: &CStr) {}
 
-/// All that is counted; says the CPU level, then of each what it is and how many environment steps it was.
+/// Runs the counted work. It prints the CPU level, and for each name the number of environment steps.
 fn work() {
     let level = *Level::available().last().expect("the baseline is always available");
     println!("{level}");
@@ -195,10 +197,11 @@ fn work() {
     parts();
 }
 
-/// Beginning of the names of parts.
+/// Prefix of the names of parts.
 const PARTS: &str = "humanoid f64, ";
 
-/// What a probe counts of its own, within a span and in what the span is entered from, is counted under these names, of so many spans.
+/// Names under which the cost of a probe is counted: instructions inside an empty span, and in the part around it, for [`EMPTY_SPANS`]
+/// spans.
 const EMPTY: [&str; 2] = ["inside an empty span", "outside of it"];
 const EMPTY_SPANS: usize = 1000;
 
@@ -207,25 +210,25 @@ fn name_of(part: Option<Span>) -> &'static str {
 }
 
 thread_local! {
-    // Made before the first reading, so that a boundary costs the same in every part.
+    // The names exist before the first reading, so that a boundary of a span costs the same in every part.
     static PART_NAMES: Vec<CString> =
         Span::ALL.iter().copied().map(Some).chain([None]).map(|span| text(&format!("{PARTS}{}", name_of(span)))).collect();
     static EMPTY_NAMES: [CString; 2] = EMPTY.map(text);
 }
 
-/// A meter that leaves the reading to callgrind.
+/// Meter that makes callgrind write the counts of a part.
 fn part_ends(span: Option<Span>) -> [u64; READINGS] {
     PART_NAMES.with(|names| write_down(&names[span.map_or(Span::ALL.len(), |span| span as usize)]));
     [0; READINGS]
 }
 
-/// The same of empty spans.
+/// Meter like [`part_ends`], for empty spans.
 fn empty_ends(span: Option<Span>) -> [u64; READINGS] {
     EMPTY_NAMES.with(|names| write_down(&names[usize::from(span.is_none())]));
     [0; READINGS]
 }
 
-/// The parts of the humanoid's step: a step of each of the environments that [`single`] has, at some moments.
+/// Counts the parts of the humanoid's step: steps of each environment of [`single`] at several times.
 fn parts() {
     let mut run = single(&Scene::humanoid()).probe();
     run.run();
@@ -249,7 +252,7 @@ fn parts() {
 }
 
 fn whole(name: &str, mut run: impl Run) {
-    // Once before, so that what the first run makes is there.
+    // An uncounted first run allocates memory.
     run.run();
     run.rewind();
     let name_of_run = text(name);
@@ -259,5 +262,5 @@ fn whole(name: &str, mut run: impl Run) {
     println!("{} 0 0 {name}", run.environment_steps());
 }
 
-/// What was counted before anything that is asked for.
+/// Name of counts before the counted work, which are not used.
 const NOTHING: &str = "";

@@ -1,4 +1,4 @@
-//! Ratios of speeds in one run on one core, printed beside those of `benches/baseline.json`.
+//! Ratios of speeds in one run on one core, printed next to those of `benches/baseline.json`.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -37,7 +37,7 @@ fn run() -> Result<(), String> {
             before.comparable().map_err(|e| format!("{}: {e}", path.display()))?;
             Some(before)
         }
-        // Without a word of the user's, what does not compare is left out, and said.
+        // A default file that is not comparable is left out with a message. A file that the user names is an error then.
         None => Report::load(&baseline).ok().filter(|before| match before.comparable() {
             Ok(()) => true,
             Err(why) => {

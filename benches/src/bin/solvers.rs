@@ -1,4 +1,5 @@
-//! Sweeps, accelerated sweeps and Newton's method on problems of boxes: iterations and milliseconds to the tolerance, as a table.
+//! Table of iterations and times, ms, to the tolerance on problems of boxes: Gauss-Seidel iterations, accelerated ones, and Newton's
+//! method.
 
 use stepper_benches::boxes::{FRICTION, Heap, STEP};
 use stepper_benches::clock::{pin, thread_time};
@@ -7,13 +8,13 @@ use stepper_solve::gauss_seidel::{self, SweepSettings};
 use stepper_solve::newton::{Newton, Search, Terms};
 use stepper_solve::{Iterate, Problem, residual};
 
-/// Residual to be reached, m/s.
+/// Residual at which the solver stops, m/s.
 const TOLERANCE: f64 = 1e-6;
-/// Sweeps at the most.
+/// Largest number of Gauss-Seidel iterations.
 const SWEEPS: u32 = 20_000;
-/// Newton steps at the most.
+/// Largest number of Newton steps.
 const STEPS: u32 = 2_000;
-/// Repeats; the fastest counts.
+/// Number of repeats, of which the fastest counts.
 const REPEATS: usize = 5;
 
 fn main() {
@@ -29,7 +30,7 @@ fn main() {
     println!("\n{}", MEANING.trim());
 }
 
-/// The setting.
+/// Solver settings of the run.
 fn setting() -> String {
     format!(
         "Solvers of the contact problem on heaps of boxes. This command writes the page:
@@ -47,7 +48,7 @@ marks a residual that did not reach the tolerance, with its last value in m/s.
     )
 }
 
-/// What the figures say.
+/// Cell of the table for a result.
 const MEANING: &str = "
 ## What they mean
 
@@ -64,7 +65,7 @@ const MEANING: &str = "
 
 type Method = fn(&Problem<f64>, &mut Iterate<f64>) -> (f64, f64);
 
-/// "iterations / ms", or the residual where it stopped.
+/// Text "iterations / ms", or the residual if the tolerance was not reached.
 fn cell(heap: &Heap, method: Method) -> String {
     let (problem, cold) = heap.problem();
     let mut best = f64::INFINITY;
@@ -83,7 +84,7 @@ fn cell(heap: &Heap, method: Method) -> String {
     if left <= TOLERANCE { format!("{iterations} / {best:.2}") } else { format!("x {left:.0e} / {best:.1}") }
 }
 
-/// Sweeps without acceleration: one at a time.
+/// Gauss-Seidel without acceleration: one iteration per call.
 fn plain(problem: &Problem<f64>, iterate: &mut Iterate<f64>) -> (f64, f64) {
     let mut left = f64::INFINITY;
     for sweep in 1..=SWEEPS {

@@ -1,4 +1,4 @@
-//! Free bodies on a floor: what both engines build of a course.
+//! Free bodies on a floor: a description from which the models of both engines are made.
 
 use std::sync::{Arc, LazyLock};
 
@@ -11,57 +11,57 @@ use crate::scenes::noise;
 
 /// Half size of the sliding box, m.
 pub(super) const BOX_HALF: [f64; 3] = [0.2, 0.15, 0.1];
-/// Speed of the sliding box at the start, m/s.
+/// Initial speed of the sliding box, m/s.
 pub(super) const BOX_SPEED: f64 = 2.0;
-/// Its friction with the floor.
+/// Friction coefficient of the sliding box and the floor.
 pub(super) const BOX_FRICTION: f64 = 0.5;
 
-/// Density of boxes and bricks, of wood, kg/m^3.
+/// Density of boxes and bricks, that of wood, kg/m^3.
 const WOOD: f64 = 500.0;
-/// Friction of heap and wall.
+/// Friction coefficient of heap and wall.
 const ROUGH: f64 = 0.6;
-/// Half the width of the bin that boxes fall into, m.
+/// Half the width of the bin, m.
 const BIN: f64 = 0.22;
-/// Steps of 2 ms in which the heap comes to rest.
+/// Number of steps of 2 ms in which the heap comes to rest.
 const FALL: usize = 600;
 /// Half sizes of a brick, m.
 const BRICK: [f64; 3] = [0.1, 0.05, 0.03];
-/// Gap between bricks of one course, m.
+/// Gap between the bricks of a course, m.
 const JOINT: f64 = 0.004;
-/// Masses of SimBenchmark's plate and of each of its balls, kg, their number along each side, and the force on the plate, N.
+/// Masses of SimBenchmark's plate and of each ball, kg; number of balls along each side; force on the plate, N.
 const PLATE: f64 = 10.0;
 const BALL: f64 = 1.0;
 const SIDE: usize = 5;
 const FORCE: f64 = 150.0;
-/// Friction of the plate with the ground; the balls have 0.8.
+/// Friction coefficient of the plate and the ground. That of the balls is 0.8.
 const SLIPPERY: f64 = 0.4;
-/// Direction of the force: 60 degrees off x.
+/// Direction of the force, 60 degrees from x.
 const WAY: [f64; 3] = [0.5, 0.866_025_403_784_438_6, 0.0];
 
-/// Position of a body's centre, m, and its orientation (w, x, y, z).
+/// Position of a body's centre, m, and orientation (w, x, y, z).
 pub type Pose = ([f64; 3], [f64; 4]);
 
 /// Shape of a solid.
 #[derive(Clone, Copy, Debug)]
 pub enum Shape {
-    /// Radius, m.
+    /// Sphere with a radius, m.
     Ball(f64),
-    /// Half sizes, m.
+    /// Box with half sizes, m.
     Box([f64; 3]),
 }
 
-/// A body that is free to move.
+/// Free body.
 #[derive(Clone, Copy, Debug)]
 pub struct Solid {
     /// Shape.
     pub shape: Shape,
     /// Mass, kg.
     pub mass: f64,
-    /// Friction; the larger one of two bodies counts.
+    /// Friction coefficient. A contact has the larger one of its two bodies.
     pub friction: f64,
-    /// Where it begins.
+    /// Initial pose.
     pub pose: Pose,
-    /// Velocity of its centre at the start, m/s.
+    /// Initial velocity of the centre, m/s.
     pub velocity: [f64; 3],
 }
 
@@ -78,13 +78,13 @@ impl Solid {
 /// Bodies on a floor.
 #[derive(Clone, Debug)]
 pub struct Bodies {
-    /// Friction of the floor and the walls.
+    /// Friction coefficient of floor and walls.
     pub friction: f64,
-    /// Boxes that do not move: half sizes and centres, m.
+    /// Fixed boxes: half sizes and centres, m.
     pub walls: Vec<([f64; 3], [f64; 3])>,
-    /// Bodies that do.
+    /// Free bodies.
     pub solids: Vec<Solid>,
-    /// Force on the centre of the first of them, N.
+    /// Force on the centre of the first free body, N.
     pub push: [f64; 3],
 }
 
@@ -93,13 +93,13 @@ impl Bodies {
         Self { friction, walls: vec![], solids, push: [0.0; 3] }
     }
 
-    /// A box that is pushed over the floor.
+    /// Box that is pushed along the floor.
     pub fn sliding_box() -> Self {
         let upright = Solid::upright(Shape::Box(BOX_HALF), 1.0, BOX_FRICTION, [0.0, 0.0, BOX_HALF[2]]);
         Self::new(BOX_FRICTION, vec![Solid { velocity: [BOX_SPEED, 0.0, 0.0], ..upright }])
     }
 
-    /// Ten boxes of 4 to 10 cm in a bin, where stepper has brought them to rest.
+    /// Ten boxes of 4 to 10 cm at rest in a bin, after a simulation by stepper.
     pub fn heap() -> Self {
         static HEAP: LazyLock<Bodies> = LazyLock::new(|| {
             let poured = Bodies::poured();
@@ -111,7 +111,7 @@ impl Bodies {
         HEAP.clone()
     }
 
-    /// The same boxes in layers of four above the bin, turned at random.
+    /// The ten boxes in layers of four above the bin, with random orientations.
     fn poured() -> Self {
         let random = |k: usize, n: usize| noise((100 * k + n) as u64);
         let solid = |k: usize| {
@@ -131,8 +131,8 @@ impl Bodies {
         bin
     }
 
-    /// Five courses of three bricks in running bond. Every second course is two fifths of a brick further: with half a brick and the joint,
-    /// the last brick of the top course would have its centre beyond the brick that carries it, and tip.
+    /// Wall of five courses of three bricks in running bond. Every second course is shifted by two fifths of a brick. With half a brick and
+    /// the gap, the last brick of the top course would tip: its centre would be beyond the supporting brick.
     pub fn wall() -> Self {
         let brick = |k: usize| {
             let (course, place) = (k / 3, (k % 3) as f64);
@@ -142,7 +142,7 @@ impl Bodies {
         Self::new(ROUGH, (0..15).map(brick).collect())
     }
 
-    /// SimBenchmark's plate, which a force pulls over the ground, and 25 balls on it.
+    /// SimBenchmark's plate, which a force pulls along the ground, with 25 balls on it.
     pub fn balls() -> Self {
         let plate = Solid::upright(Shape::Box([10.0, 10.0, 0.5]), PLATE, SLIPPERY, [0.0, 0.0, 0.5]);
         let place = |k: usize| 2.0 * k as f64 - 4.0;
@@ -151,8 +151,8 @@ impl Bodies {
         Self { push: WAY.map(|x| FORCE * x), ..Self::new(SLIPPERY, solids) }
     }
 
-    /// Accelerations of plate and balls, m/s^2: the friction f on each ball moves its lowest point with f / m (1 + 5/2), and the plate with
-    /// (F - mu (M + n m) g - n f) / M.
+    /// Accelerations of plate and balls, m/s^2. The friction f on each ball accelerates its lowest point by f / m (1 + 5/2), and the plate
+    /// by (F - mu (M + n m) g - n f) / M.
     pub fn rolling_accelerations() -> Vec<[f64; 3]> {
         let n = (SIDE * SIDE) as f64;
         let driving = FORCE - SLIPPERY * (PLATE + n * BALL) * GRAVITY;
@@ -161,18 +161,18 @@ impl Bodies {
         std::iter::once(along((driving - n * f) / PLATE)).chain(std::iter::repeat_n(along(f / BALL), SIDE * SIDE)).collect()
     }
 
-    /// The same bodies at rest elsewhere.
+    /// Bodies at rest in other poses.
     pub fn at(&self, poses: &[Pose]) -> Self {
         let solids = self.solids.iter().zip(poses).map(|(&solid, &pose)| Solid { pose, velocity: [0.0; 3], ..solid });
         Self { solids: solids.collect(), ..self.clone() }
     }
 
-    /// Depth of the deepest overlap where the bodies are, m; 0 where it is less than 0.1 mm.
+    /// Deepest overlap in the current poses, m; 0 if it is less than 0.1 mm.
     pub fn deepest_overlap(&self) -> f64 {
         overlaps(&self.model()).first().map_or(0.0, |overlap| overlap.depth)
     }
 
-    /// A model of them.
+    /// Model of the bodies for stepper.
     pub fn model(&self) -> Model {
         let mut scene = Model::builder("bodies");
         let rough = |geom: GeomBuilder, friction: f64| geom.friction([friction, 0.0, 0.0]);
@@ -193,7 +193,7 @@ impl Bodies {
     }
 }
 
-/// Poses of the bodies of the first environment, that of the world left out.
+/// Poses of the bodies of the first environment, without the world.
 pub(super) fn poses(simulation: &Simulation) -> Vec<Pose> {
     let poses = simulation.body_poses_of(0, &StepInputs::default()).expect("no inputs");
     poses[1..].iter().map(|pose| (pose.pos, pose.quat)).collect()

@@ -1,8 +1,8 @@
-//! stepper beside rapier on the same scenes at the same time step, with the error of each.
+//! stepper and rapier on the same scenes with the same time step, with the error of each.
 //!
-//! A speed says nothing without the error at that setting. Rapier's accuracy setting is `num_solver_iterations`, the substeps of a step: 4
-//! by default, "8-12: demanding scenarios (complex machinery)" by the documentation of `IntegrationParameters`. A substep evaluates the
-//! whole multibody dynamics, so it is the same trade as a smaller time step.
+//! A speed is meaningful only with the error at that setting. Rapier's accuracy setting is `num_solver_iterations`, the number of substeps
+//! per step. The default is 4; the documentation of `IntegrationParameters` recommends "8-12: demanding scenarios (complex machinery)". A
+//! substep evaluates the whole multibody dynamics, as a smaller time step would.
 
 mod bodies;
 mod ours;
@@ -18,25 +18,25 @@ use self::bodies::{BOX_FRICTION, BOX_HALF, BOX_SPEED};
 use crate::clock::Run;
 use crate::scenes::{LINK_LENGTH, LINK_MASS};
 
-/// Standard gravity as the scenes have it, m/s^2.
+/// Gravity in the scenes, m/s^2.
 pub const GRAVITY: f64 = 9.81;
-/// A scene that both engines step.
+/// Scene for both engines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Course {
-    /// [`crate::scenes::chain`] of so many links, let go at rest, stretched level.
+    /// [`crate::scenes::chain`] with a number of links, released at rest in a horizontal line.
     Chain(usize),
-    /// A box pushed over a floor, which stops and then rests.
+    /// Box that slides along a floor, stops and then rests.
     Box,
     /// Ten boxes that lie in a bin.
     Heap,
-    /// A wall of fifteen bricks that stands.
+    /// Standing wall of fifteen bricks.
     Wall,
-    /// SimBenchmark's balls on a plate that is pulled over the ground.
+    /// SimBenchmark's balls on a plate that is pulled along the ground.
     Balls,
 }
 
 impl Course {
-    /// All of them.
+    /// All scenes of the comparison.
     pub const ALL: [Course; 6] = [Course::Chain(5), Course::Chain(20), Course::Box, Course::Heap, Course::Wall, Course::Balls];
 
     /// Short name.
@@ -55,7 +55,7 @@ impl Course {
         0.002
     }
 
-    /// Simulated time in which the error is found, s.
+    /// Simulated time of the measurement of errors, s.
     pub const fn duration(self) -> f64 {
         match self {
             Course::Chain(_) => 0.5,
@@ -64,7 +64,7 @@ impl Course {
         }
     }
 
-    /// Simulated time of a timed run, s: the beginning of a course where many bodies do the same all the time.
+    /// Simulated time of a timed run, s. Courses with uniform motion of many bodies are timed at their beginning.
     pub const fn timed(self) -> f64 {
         match self {
             Course::Chain(_) | Course::Box => self.duration(),
@@ -72,7 +72,7 @@ impl Course {
         }
     }
 
-    /// Environments that stepper has side by side in lanes.
+    /// Number of environments of stepper in SIMD lanes.
     pub const fn lanes(self) -> usize {
         match self {
             Course::Chain(_) | Course::Box => 64,
@@ -91,7 +91,7 @@ impl Course {
         }
     }
 
-    /// Where the right answer comes from.
+    /// Source of the right answer.
     pub const fn reference(self) -> &'static str {
         match self {
             Course::Chain(_) => "stepper's rk4 at dt 1e-4; rapier with dt -> 0 tends to it",
@@ -102,7 +102,7 @@ impl Course {
         }
     }
 
-    /// What moves freely, if it is no chain.
+    /// Free bodies of the scene; `None` for the chain.
     fn bodies(self) -> Option<Bodies> {
         match self {
             Course::Chain(_) => None,
@@ -114,33 +114,33 @@ impl Course {
     }
 }
 
-/// An engine with a setting on a course.
+/// Engine with a setting in a scene.
 pub trait Engine: Run {
     /// Makes steps.
     fn advance(&mut self, steps: usize);
-    /// Centres of mass of all that moves, m.
+    /// Centres of mass of all moving bodies, m.
     fn centres(&self) -> Vec<[f64; 3]>;
-    /// Frames of all that moves.
+    /// Poses of all moving bodies.
     fn poses(&self) -> Vec<Pose>;
     /// Kinetic and potential energy of an environment, J.
     fn energy(&self) -> f64;
-    /// Steps of the course.
+    /// Runs the steps of the scene.
     fn steps(&self) -> usize;
 }
 
-/// An engine with a setting on a course, and what it gets wrong there.
+/// Engine with a setting in a scene, and its errors.
 pub struct Entry {
-    /// The course.
+    /// Course.
     pub course: Course,
-    /// Engine and setting.
+    /// Names of engine and setting.
     pub name: String,
-    /// Its runs.
+    /// Timed runs.
     pub engine: Box<dyn Engine>,
-    /// See [`Course::measures`].
+    /// Errors, see [`Course::measures`].
     pub errors: [f64; 2],
 }
 
-/// All engines and settings of a course; rapier's default is the first.
+/// All engines and settings in a scene. The first is rapier with default settings.
 pub fn entries(course: Course) -> Vec<Entry> {
     let answer = answer(course);
     let dt = course.timestep();
@@ -151,7 +151,7 @@ pub fn entries(course: Course) -> Vec<Entry> {
         Entry { course, name: name.into(), engine: Box::new(engine), errors }
     };
     let ours = |name: &str, integrator: Integrator, precision: Precision, count: usize| {
-        // Environments in lanes have the bits of one alone.
+        // Environments in SIMD lanes equal a single environment bit for bit.
         let errors = errors(course, &mut Ours::new(course, dt, integrator, precision, 1, best), &answer);
         Entry { course, name: name.into(), engine: Box::new(Ours::new(course, dt, integrator, precision, count, best)), errors }
     };
@@ -173,12 +173,12 @@ pub fn entries(course: Course) -> Vec<Entry> {
     all
 }
 
-/// The best level of this build and machine: it changes no bit.
+/// Best CPU level of this build and machine. Results do not depend on it.
 fn best_level() -> Level {
     *Level::available().last().expect("some level is always available")
 }
 
-/// Where everything should be at the end; of balls, how it should accelerate.
+/// Right positions at the end; for the balls, right accelerations.
 pub fn answer(course: Course) -> Vec<[f64; 3]> {
     match course {
         Course::Chain(_) => {
@@ -193,7 +193,7 @@ pub fn answer(course: Course) -> Vec<[f64; 3]> {
     }
 }
 
-/// Runs the engine once and compares.
+/// Runs the engine once, and compares the result with the right answer.
 pub fn errors(course: Course, engine: &mut dyn Engine, answer: &[[f64; 3]]) -> [f64; 2] {
     engine.rewind();
     let steps = engine.steps();
@@ -205,7 +205,7 @@ pub fn errors(course: Course, engine: &mut dyn Engine, answer: &[[f64; 3]]) -> [
                 engine.advance(1);
                 drift = drift.max((engine.energy() - start).abs());
             }
-            // What the chain would gain by falling its own half length.
+            // Energy that the chain would gain by falling half its length.
             let n = n as f64;
             [farthest(&engine.centres(), answer), drift / (n * LINK_MASS * GRAVITY * 0.5 * n * LINK_LENGTH)]
         }
@@ -218,7 +218,7 @@ pub fn errors(course: Course, engine: &mut dyn Engine, answer: &[[f64; 3]]) -> [
             [(engine.centres()[0][0] - answer[0][0]).abs(), deepest]
         }
         Course::Heap => {
-            // The first half is for each engine to find its own rest.
+            // In the first half each engine settles into its rest state.
             engine.advance(steps / 2);
             let rest = engine.centres();
             engine.advance(steps - steps / 2);
@@ -234,7 +234,7 @@ pub fn errors(course: Course, engine: &mut dyn Engine, answer: &[[f64; 3]]) -> [
                 engine.advance(steps / 2);
                 places.push(engine.centres());
             }
-            // The second difference: it has nothing of a velocity, nor of what half a step makes of one.
+            // The second difference of positions contains neither the velocity nor the offset of a half step.
             let time = 0.5 * course.duration();
             let acceleration =
                 |k: usize| std::array::from_fn(|i| (places[2][k][i] - 2.0 * places[1][k][i] + places[0][k][i]) / (time * time));
@@ -244,7 +244,7 @@ pub fn errors(course: Course, engine: &mut dyn Engine, answer: &[[f64; 3]]) -> [
     }
 }
 
-/// Largest distance of two points of the same number.
+/// Largest distance between points with equal indices.
 fn farthest(a: &[[f64; 3]], b: &[[f64; 3]]) -> f64 {
     let apart = |(a, b): (&[f64; 3], &[f64; 3])| (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt();
     a.iter().zip(b).map(apart).fold(0.0, f64::max)

@@ -1,4 +1,4 @@
-//! stepper on the courses.
+//! Runs of stepper in the scenes of the comparison.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use super::{Course, Engine};
 use crate::clock::Run;
 use crate::scenes::chain;
 
-/// Environments of a course, all alike.
+/// Equal environments of a scene.
 pub struct Ours {
     simulation: Simulation,
     start: SavedState,
@@ -19,7 +19,7 @@ pub struct Ours {
 }
 
 impl Ours {
-    /// `count` environments at the start of the course, stepped on this thread.
+    /// `count` environments at the start of a scene, stepped on this thread.
     pub fn new(course: Course, dt: f64, integrator: Integrator, precision: Precision, count: usize, level: Level) -> Self {
         let bodies = course.bodies();
         let model = match course {
@@ -31,7 +31,7 @@ impl Ours {
         if let Some(Bodies { solids, push, .. }) = bodies {
             let velocity: Vec<f64> = solids.iter().flat_map(|solid| solid.velocity.into_iter().chain([0.0; 3])).collect();
             (0..count).for_each(|env| simulation.set(Field::Qvel, env, &velocity).expect("a valid velocity"));
-            // Of every body, the world the first.
+            // The world comes first among the bodies.
             let mut force = vec![0.0; 6 * (1 + solids.len())];
             force[6..9].copy_from_slice(&push);
             simulation.apply(AppliedInput::XfrcApplied, &force.repeat(count)).expect("a force on every body");

@@ -1,4 +1,4 @@
-//! rapier3d-f64 on the courses: multibody joints for the chain, rigid bodies on a half space for the others.
+//! Runs of rapier3d-f64 in the scenes of the comparison: multibody joints for the chain, rigid bodies on a half space for the others.
 
 use rapier3d_f64::prelude::*;
 
@@ -7,18 +7,18 @@ use super::{Course, Engine, GRAVITY};
 use crate::clock::Run;
 use crate::scenes::{LINK_LENGTH, LINK_MASS, LINK_MOMENTS, chain_axis};
 
-/// Rapier's choices.
+/// Settings of rapier.
 #[derive(Clone, Copy, Debug)]
 pub struct Setting {
     /// Time step, s.
     pub dt: f64,
-    /// `num_solver_iterations`: parts that a step is made of.
+    /// `num_solver_iterations`, the number of substeps per step.
     pub substeps: usize,
-    /// A friction constraint for every contact point, more accurate than the default by its documentation.
+    /// Whether every contact point has a friction constraint. The documentation calls this more accurate than the default.
     pub coulomb: bool,
 }
 
-/// One world of a course.
+/// Rapier world of a scene.
 pub struct Rapier {
     course: Course,
     setting: Setting,
@@ -29,7 +29,7 @@ pub struct Rapier {
 }
 
 impl Rapier {
-    /// A world at the start of the course. Nothing in it can sleep, since stepper's does not.
+    /// World at the start of a scene. Sleeping is disabled, because stepper has none.
     pub fn new(course: Course, setting: Setting) -> Self {
         let (world, moving) = build(course, setting);
         let [steps, timed] = [course.duration(), course.timed()].map(|time| (time / setting.dt).round() as usize);
@@ -67,7 +67,7 @@ fn chain(world: &mut PhysicsWorld, links: usize) -> Vec<RigidBodyHandle> {
     };
     let bodies = (0..links).map(&mut link).collect();
     let (multibody, _) = world.multibody_joints.get_mut(last.expect("a chain has no loops")).expect("just made");
-    // Rapier gives every hinge a damping of 0.1 N m s unless told otherwise.
+    // Rapier's default damping of a hinge is 0.1 N m s.
     multibody.damping_mut().fill(0.0);
     bodies
 }

@@ -39,7 +39,7 @@
 //! sim.step(&StepInputs::default(), 1500)?;
 //!
 //! assert_eq!(sim.status(3), Status::OK);
-//! let root = model.joint("ball")?; // its places in qpos and qvel
+//! let root = model.joint("ball")?; // its ranges in qpos and qvel
 //! assert!((sim.qpos(0)[root.qpos][2] - 0.1).abs() < 1e-5); // m; it lies on the floor, within the slop
 //! let weight = model.bodies[ball].mass * 9.81;
 //! assert!((sim.contacts(0)[0].force[0] - weight).abs() < 1e-6 * weight); // N

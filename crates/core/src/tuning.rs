@@ -16,7 +16,7 @@ pub(crate) const STRUCTURE_MOTION: f64 = 1e-3;
 /// Motion per step above which the estimate is solved, rad or m. In a longer step an error of the velocity changes the next one.
 pub(crate) const ROUGH_MOTION: f64 = 0.3;
 
-/// Largest number of Gauss-Seidel iterations of a solved estimate at the default tolerance of the step.
+/// Largest number of Gauss-Seidel iterations of a solved estimate (see above), when the step has its default tolerance.
 pub(crate) const ESTIMATE_ITERATIONS: f64 = 16.0;
 
 /// Error of the free velocity by an estimate, m/s, at the default tolerance of the step.

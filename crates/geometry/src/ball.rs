@@ -114,8 +114,10 @@ impl Ball<'_> {
         })
     }
 
-    /// Adds the point along the normal of the triangle if the centre is over the triangle. A centre next to it, behind a valley, counts too
-    /// if its distance is at most the share of its depth by which the neighbours rise.
+    /// Adds the point along the normal of the triangle if the centre is over the triangle.
+    ///
+    /// A centre behind the plane of the triangle may also be outside an edge, by at most its depth times the edge's number in
+    /// [`Facet::rises`].
     fn add_over(&self, beyond: &V, out: &mut Manifold) {
         let Self { facet, pair, height, radius, prediction, .. } = *self;
         let (depth, tolerance) = (-height, pair.tolerance);

@@ -1,41 +1,41 @@
-//! A hull's points by eights and by coordinate.
+//! Vertices of a hull in blocks of eight, in arrays by coordinate, for SIMD.
 
 use crate::linear_algebra::*;
 use crate::vectors::V;
 
-/// Points of a block or ring: enough for most rings, and a number that the compiler makes vectors of.
+/// Number of points in a block or ring. It suffices for most rings, and the compiler vectorises loops of this length.
 pub(super) const SIDE: usize = 8;
 
-/// Some of the points across an edge from a point.
+/// Up to eight neighbours of a vertex along edges.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Ring {
-    /// From the point to each, m, by coordinate; zeros where there are fewer.
+    /// Vectors from the vertex to its neighbours, m, by coordinate; zeros in empty places.
     edge: [[f64; SIDE]; 3],
-    /// Squares of their lengths, m^2.
+    /// Squared lengths of the edges, m^2.
     pub(super) square: [f64; SIDE],
     pub(super) to: [u32; SIDE],
 }
 
 impl Ring {
-    /// How far each is from the point along `d`.
+    /// Component of each edge along `d`.
     #[inline(always)]
     pub(super) fn along(&self, d: V) -> [f64; SIDE] {
         along(&self.edge, d)
     }
 }
 
-/// Components of vectors, by coordinate, along `d`.
+/// Components along `d` of vectors that are stored by coordinate.
 #[inline(always)]
 fn along([x, y, z]: &[[f64; SIDE]; 3], d: V) -> [f64; SIDE] {
     std::array::from_fn(|k| x[k] * d[0] + y[k] * d[1] + z[k] * d[2])
 }
 
-/// Some of the points, the last repeated where there are fewer.
+/// Eight points. The last one is repeated if there are fewer.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Block {
-    /// By coordinate, m.
+    /// Positions by coordinate, m.
     at: [[f64; SIDE]; 3],
-    /// Squares of their distances from the origin, m^2.
+    /// Squared distances from the origin, m^2.
     square: [f64; SIDE],
 }
 
@@ -45,20 +45,20 @@ impl Block {
         Self { at: std::array::from_fn(|k| std::array::from_fn(|i| point(i)[k])), square: std::array::from_fn(|i| dot(point(i), point(i))) }
     }
 
-    /// The greatest w . w + k . w of its points w.
+    /// Maximum of w . w + k . w over the points w.
     pub(super) fn highest(&self, k: V) -> f64 {
         let [x, y, z] = &self.at;
         let height: [f64; SIDE] = std::array::from_fn(|i| self.square[i] + (x[i] * k[0] + y[i] * k[1] + z[i] * k[2]));
         height.iter().fold(f64::NEG_INFINITY, |most, &x| if x > most { x } else { most })
     }
 
-    /// Its points, m.
+    /// Points, m.
     pub(super) fn points(&self) -> impl Iterator<Item = V> + '_ {
         (0..SIDE).map(|i| std::array::from_fn(|k| self.at[k][i]))
     }
 }
 
-/// The greatest of some numbers.
+/// Maximum of eight numbers.
 #[inline(always)]
 pub(super) fn highest(x: [f64; SIDE]) -> f64 {
     let higher = |a: f64, b: f64| if a > b { a } else { b };
@@ -66,7 +66,7 @@ pub(super) fn highest(x: [f64; SIDE]) -> f64 {
     higher(higher(four[0], four[2]), higher(four[1], four[3]))
 }
 
-/// The first of the points of blocks furthest along `d`.
+/// Index of the point that is farthest along `d`; the first one of several.
 pub(super) fn furthest(blocks: &[Block], d: V) -> usize {
     let mut best = (f64::NEG_INFINITY, 0);
     for (i, block) in blocks.iter().enumerate() {
@@ -79,7 +79,7 @@ pub(super) fn furthest(blocks: &[Block], d: V) -> usize {
     SIDE * best.1 + (0..SIDE).rev().fold(0, |first, k| if x[k] == best.0 { k } else { first })
 }
 
-/// The rings of all points, one after the other, and where each point's begin.
+/// Rings of all points in one list, and the index of each point's first ring.
 pub(super) fn rings(points: &[V], triangles: &[[u32; 3]]) -> (Vec<Ring>, Vec<u32>) {
     let mut beside: Vec<Vec<u32>> = vec![vec![]; points.len()];
     for t in triangles {

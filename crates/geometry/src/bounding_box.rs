@@ -8,7 +8,7 @@ use crate::shape::ConvexShape;
 use crate::solid::Solid;
 use crate::surface::Surface;
 
-/// Box about a solid along the axes of its frame.
+/// Bounding box of a solid along the axes of its frame.
 #[derive(Clone, Copy, Debug)]
 pub struct BoundingBox<R> {
     /// Centre, m.
@@ -18,8 +18,9 @@ pub struct BoundingBox<R> {
 }
 
 impl<R: Real> BoundingBox<R> {
-    /// The box about a solid of this size in every lane (radius, half length; half axes or half sizes; m); none of what has no bounds, or
-    /// is better asked otherwise.
+    /// Bounding box of a solid. `size` is its size in every lane, m, in MuJoCo's order: radius and half length, semi-axes, or half sizes.
+    ///
+    /// `None` for half spaces, height fields and triangles.
     #[inline(always)]
     pub fn new(solid: &Solid, size: V3<R>) -> Option<Self> {
         let [radius, half_length, _] = size;
@@ -34,7 +35,7 @@ impl<R: Real> BoundingBox<R> {
                     let (centre, half) = between(mesh.extent());
                     return Some(Self { centre, half });
                 }
-                // Solid down to its base.
+                // A height field is solid down to its base.
                 Surface::Grid(_) => return None,
             },
             Solid::HalfSpace => return None,
@@ -50,8 +51,10 @@ impl<R: Real> BoundingBox<R> {
         Some(Self { centre, half })
     }
 
-    /// Centre and half sizes, m, of the box along the axes of the world about a convex solid of this size whose frame has the axes `mat`.
-    /// Of balls and capsules the last axis alone is read. The centre is from the origin of the frame; `None` of what has no bounds.
+    /// Centre and half sizes, m, of the bounding box of a convex solid along the axes of the world.
+    ///
+    /// The centre is relative to the origin of the solid's frame, whose orientation is `mat`. For balls and capsules, only the last axis is
+    /// read. `None` for solids without bounds. `size` is as in [`Self::new`].
     #[inline(always)]
     pub fn along_world(solid: &Solid, size: V3<R>, mat: &M3<R>) -> Option<[V3<R>; 2]> {
         let Solid::Convex(shape) = solid else { return None };
@@ -81,8 +84,10 @@ impl<R: Real> BoundingBox<R> {
         }
     }
 
-    /// Lanes in which a face of either box separates the two by more than `reach`, m (Gottschalk, Lin & Manocha 1996, without the nine
-    /// axes across two edges). `apart` leads from the frame of this box to that of the other; `mats` are the axes of both frames.
+    /// Lanes in which a face of either box separates the two by more than `reach`, m. These are the separating axes of Gottschalk, Lin &
+    /// Manocha (1996) without the nine that are perpendicular to two edges.
+    ///
+    /// `apart` is the position of the other frame relative to the frame of this box, m. `mats` are the orientations of both frames.
     #[inline(always)]
     pub fn is_beyond(&self, other: &Self, apart: V3<R>, mats: [&M3<R>; 2], reach: R) -> R::Mask {
         let d = sub(rotate_back(mats[0], add(apart, rotate(mats[1], other.centre))), self.centre);

@@ -1,36 +1,40 @@
-//! Two boxes: separating axes in closed form (Gottschalk, Lin & Manocha 1996).
+//! Separation of two boxes by their separating axes, in closed form (Gottschalk, Lin & Manocha, 1996).
 
 use crate::facing::Separation;
 use crate::linear_algebra::*;
 use crate::pair::Pair;
 use crate::vectors::{V, neg};
 
-/// Edges this parallel (sine) have no axis of their own: the faces beside them do for both.
+/// Sine of the angle between two edges below which they count as parallel. The axes of the adjacent faces then suffice.
 const PARALLEL: f64 = 1e-6;
 
-/// Depth up to which what overlaps along two axes at once overlaps in a sliver that is no contact, m.
+/// Overlap along two axes at once up to which two boxes have no contact, m.
 ///
-/// A box that slides from one tile to the next has its lower face in the plane of their upper ones, up to what a contact at rest leaves
-/// open or overlapping. Between it and the side of the tile ahead there is nothing to strike, however near it comes.
+/// Example: a box slides from one tile to the next. Its lower face is in the plane of the upper faces of the tiles, up to the gap or
+/// overlap of a contact at rest. The side of the next tile must not stop it.
 const SLIVER: f64 = 1e-5;
 
-/// 1 - cos of faces in one plane: over 10 cm they part by [`SLIVER`].
+/// Largest difference (1 - cos of the angle) between the normals of coplanar faces. Over 10 cm, their planes are then [`SLIVER`] apart.
 const COPLANAR: f64 = 5e-9;
 
-/// Whether two boxes, a face of each in one plane or nearly so, are apart, or nearly so, along the normal of another face.
+/// Whether two boxes with coplanar faces are separated, up to [`SLIVER`], along the normal of another face.
 fn graze(faces: &[(f64, V); 6]) -> bool {
     let parallel = |f: &V, g: &V| 1.0 - dot(*f, *g).abs() <= COPLANAR;
     let touching = faces[..3].iter().filter(|f| f.0.abs() <= SLIVER && faces[3..].iter().any(|g| parallel(&f.1, &g.1)));
     touching.into_iter().any(|f| faces.iter().any(|g| g.0 >= -SLIVER && !parallel(&f.1, &g.1)))
 }
 
-/// Edges that cross are taken where they overlap by less than this share of what faces do (ODE's rule, and MuJoCo 4's): beside an edge of
-/// the other box a face overlaps most where there is nothing below it, so that edges seem to overlap less wherever faces incline.
+/// Overlap of crossing edges, relative to that of the faces, below which the edges determine the normal (the rule of ODE and MuJoCo 4).
+///
+/// Next to an edge of the other box, the largest overlap of a face is at a place where nothing is below it. The overlap of edges therefore
+/// appears smaller wherever faces are inclined.
 const CLEARLY_LESS: f64 = 0.95;
 
-/// The axis of the largest separation among the 15 of two boxes; `None` where it is beyond `prediction` or where they only graze,
-/// `Some(None)` where no axis gives the distance. Faces are preferred to edges, see [`CLEARLY_LESS`], and the first box's to the second's,
-/// unless worse by more than rounding: the choice at rest stays.
+/// Largest separation of two boxes along their 15 axes.
+///
+/// The result is `None` if it is beyond `prediction`, m, or if the boxes only touch in a sliver (see [`SLIVER`]). It is `Some(None)` if no
+/// axis has the distance. Faces are preferred to edges (see [`CLEARLY_LESS`]), and faces of the first box to those of the second, unless
+/// the difference exceeds rounding. The choice for boxes at rest therefore stays the same.
 pub(super) fn separation(pair: &Pair<'_>, ha: V, hb: V, prediction: f64) -> Option<Option<Separation>> {
     let r = &pair.mat;
     let p = pair.pos;
@@ -65,7 +69,7 @@ pub(super) fn separation(pair: &Pair<'_>, ha: V, hb: V, prediction: f64) -> Opti
     }
     if edge.0 > (CLEARLY_LESS * face.0).max(face.0) + 1e-6 * pair.size {
         if edge.0 > 0.0 {
-            // Where edges are apart, their ends may be nearest.
+            // If the edges are apart, their ends may be closest.
             return Some(None);
         }
         let points = edge_points(pair, ha, hb, edge.1, edge.2);
@@ -75,7 +79,7 @@ pub(super) fn separation(pair: &Pair<'_>, ha: V, hb: V, prediction: f64) -> Opti
     Some(Some(Separation { normal: face.1, separation: face.0, points }))
 }
 
-/// The best axis across an edge of each: separation, axis, which edges.
+/// Largest separation along an axis perpendicular to an edge of each box: separation, axis, and the indices of the edges' directions.
 fn edges(pair: &Pair<'_>, ha: V, hb: V) -> (f64, V, [usize; 2]) {
     let mut best = (f64::NEG_INFINITY, [0.0; 3], [0; 2]);
     for i in 0..3 {
@@ -101,7 +105,7 @@ fn edges(pair: &Pair<'_>, ha: V, hb: V) -> (f64, V, [usize; 2]) {
     best
 }
 
-/// The nearest points of the two edges that face each other along `n`.
+/// Closest points of the two edges that face each other along `n`.
 fn edge_points(pair: &Pair<'_>, ha: V, hb: V, n: V, [i, j]: [usize; 2]) -> [V; 2] {
     let mut x = pair.a.support(n);
     x[i] = 0.0;

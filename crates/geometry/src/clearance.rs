@@ -10,7 +10,7 @@ use crate::surface::{Surface, search_box};
 use crate::vectors::Pose;
 
 impl Narrow {
-    /// Distance of a surface and a convex shape on either side of it, at most `most`, m. Negative if they overlap.
+    /// Distance of a surface and a convex shape on either side of it, m, at most `most`. Negative if they overlap.
     pub fn clearance(&mut self, surface: &Surface, shape: &ConvexShape, [ground, body]: [Pose; 2], most: f64) -> f64 {
         let Room { triangles, polytope, .. } = &mut self.room;
         let nothing = ConvexShape::Sphere { radius: 0.0 };

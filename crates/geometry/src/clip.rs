@@ -1,37 +1,41 @@
-//! Flat features laid on one another: where both are, with the height of each.
+//! Intersection of two flat features (polygons, discs, segments) that are projected along the contact normal.
+//!
+//! Each corner of the intersection has the height of both features above the projection plane.
 
 use crate::patch::{Corner, EDGES, Kind, Patch};
 
-/// A place that both features cover.
+/// Corner of the intersection of two projected features.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shared {
     pub(super) x: f64,
     pub(super) y: f64,
-    /// Height of the reference feature, of the other.
+    /// Height of the reference feature and of the other feature at (x, y), m.
     pub(super) h: [f64; 2],
     pub(super) id: u32,
 }
 
-/// Name of the crossing of two edges; edges of the reference are counted from [`EDGES`].
+/// Number that identifies the crossing of two edges. Edges of the reference are numbered from [`EDGES`] on.
 fn crossing(a: u32, b: u32) -> u32 {
     1 << 31 | a.min(b) << 15 | a.max(b)
 }
 
-/// Edges of the reference, a triangle whose edges are named 0 to 2, that meet at a place which [`overlay`] has named; `None` of a corner of
-/// the other.
+/// The two edges (0 to 2) of the reference, a triangle, that meet at the place with the number `id` from [`overlay`]. `None` if the place
+/// is a corner of the other feature.
 pub(super) fn edges_of_triangle(other: &Patch, id: u32) -> Option<[usize; 2]> {
     let disc = other.kind == Kind::Disc;
     if id >> 31 == 0 {
-        // Of a polygon and a disc the corners are named as they are.
+        // In the intersection of a polygon and a disc, corners keep their numbers.
         return (disc && id & REFERENCE == 0).then(|| [id as usize, (id as usize + 2) % 3]);
     }
     let [a, b] = [id >> 15 & 0xffff, id & 0x7fff];
     let own = |name: u32| (name >= EDGES).then(|| (name - EDGES) as usize);
-    // Crossings with a rim name the triangle's edge first, those with a line count it from [`EDGES`].
+    // Numbers of crossings with a disc's rim have the triangle's edge first. Those with a line have it as an edge of the reference, from
+    // [`EDGES`] on.
     if disc { Some([a as usize; 2]) } else { own(b).map(|edge| [own(a).unwrap_or(edge), edge]) }
 }
 
-/// Adds corners of `other` that are behind the reference, a triangle, and beside it by no more than their depth times `rises` of each edge.
+/// Adds corners of `other` that are behind the plane of the reference, a triangle. A corner may be outside an edge by at most its depth
+/// times the number of that edge in `rises`.
 pub(super) fn behind(reference: &Patch, other: &Patch, rises: &[f64; 3], out: &mut Vec<Shared>) {
     for c in &other.corners {
         let depth = reference.height(c.x, c.y) - c.h;
@@ -42,10 +46,10 @@ pub(super) fn behind(reference: &Patch, other: &Patch, rises: &[f64; 3], out: &m
     }
 }
 
-/// A corner of the reference, distinct from those of the other.
+/// Bit that distinguishes corners of the reference from corners of the other feature.
 const REFERENCE: u32 = 1 << 30;
 
-/// Room for polygons on the way.
+/// Workspace of [`overlay`] for the polygon between two clips.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Work {
     polygon: Vec<Corner>,
@@ -59,7 +63,7 @@ impl Work {
     }
 }
 
-/// All places at corners of the part that `reference` (a polygon or disc) and `other` share. Within `tolerance` outside is inside.
+/// Corners of the intersection of `reference` (a polygon or disc) and `other`. Points outside by up to `tolerance`, m, count as inside.
 pub(super) fn overlay(reference: &Patch, other: &Patch, tolerance: f64, work: &mut Work, out: &mut Vec<Shared>) {
     out.clear();
     match (reference.kind, other.kind) {
@@ -81,14 +85,14 @@ fn on_both(reference: &Patch, c: &Corner) -> Shared {
     Shared { x: c.x, y: c.y, h: [reference.height(c.x, c.y), c.h], id: c.id }
 }
 
-/// Twice the area, positive counter-clockwise.
+/// Twice the area of a polygon; positive if its corners are counter-clockwise.
 fn area(corners: &[Corner]) -> f64 {
     let n = corners.len();
     let o = corners[0];
     (1..n - 1).map(|k| (corners[k].x - o.x) * (corners[k + 1].y - o.y) - (corners[k].y - o.y) * (corners[k + 1].x - o.x)).sum()
 }
 
-/// The half planes of a polygon's edges: distance outside, name of the edge.
+/// Half plane of each edge of a polygon: a function that returns the signed distance outside the edge, m, and the edge's number.
 fn half_planes(polygon: &Patch) -> impl Iterator<Item = (impl Fn(f64, f64) -> f64, u32)> + '_ {
     let c = &polygon.corners;
     let turn = if area(c) < 0.0 { -1.0 } else { 1.0 };
@@ -112,7 +116,7 @@ fn in_disc(disc: &Patch, c: &Corner, tolerance: f64) -> bool {
     x * x + y * y <= reach * reach
 }
 
-/// Sutherland & Hodgman 1974: what of a polygon or segment is over the reference.
+/// Part of a polygon or segment that is over the reference polygon (Sutherland & Hodgman, 1974).
 fn clip(reference: &Patch, other: &Patch, tolerance: f64, work: &mut Work, out: &mut Vec<Shared>) {
     let closed = other.kind == Kind::Polygon;
     work.polygon.clear();
@@ -133,10 +137,11 @@ fn clip(reference: &Patch, other: &Patch, tolerance: f64, work: &mut Work, out: 
             let q = work.polygon[(k + 1) % n];
             let oq = outside(q.x, q.y);
             if (op <= tolerance) != (oq <= tolerance) {
-                // Within the tolerance an end is on the line.
+                // An end within the tolerance is on the line.
                 let t = (op / (op - oq)).clamp(0.0, 1.0);
                 let at = |a: f64, b: f64| a + (b - a) * t;
-                // The clipped polygon goes on along the reference's edge where it leaves, along its own where it comes in.
+                // Where the polygon leaves the half plane, the next edge is an edge of the reference. Where it enters, the next edge is an
+                // edge of the polygon.
                 let edge = if op <= tolerance { name } else { p.edge };
                 work.next.push(Corner { x: at(p.x, q.x), y: at(p.y, q.y), h: at(p.h, q.h), id: crossing(p.edge, name), edge });
             }
@@ -149,7 +154,8 @@ fn clip(reference: &Patch, other: &Patch, tolerance: f64, work: &mut Work, out: 
     out.extend(work.polygon.iter().map(|c| on_both(reference, c)));
 }
 
-/// Corners of a polygon in a disc, points of the rim in the polygon, and where they cross. `swapped`: the disc is the reference.
+/// Corners of a polygon inside a disc, points of the rim inside the polygon, and crossings of rim and edges. If `swapped`, the disc is the
+/// reference.
 fn polygon_disc(polygon: &Patch, disc: &Patch, tolerance: f64, swapped: bool, out: &mut Vec<Shared>) {
     let order = |on_polygon: f64, on_disc: f64| if swapped { [on_disc, on_polygon] } else { [on_polygon, on_disc] };
     for c in disc.corners.iter().filter(|c| in_polygon(polygon, c, tolerance)) {
@@ -171,7 +177,7 @@ fn polygon_disc(polygon: &Patch, disc: &Patch, tolerance: f64, swapped: bool, ou
     }
 }
 
-/// Where the line through two points enters and leaves a disc, as shares of the way; NaN where it does not.
+/// Places at which the line from `p` to `q` enters and leaves a disc, as fractions of the distance from `p` to `q`; NaN without a crossing.
 fn crossings(p: &Corner, q: &Corner, disc: &Patch) -> [f64; 2] {
     let (dx, dy) = (q.x - p.x, q.y - p.y);
     let (x, y) = (p.x - disc.centre[0], p.y - disc.centre[1]);
@@ -180,7 +186,7 @@ fn crossings(p: &Corner, q: &Corner, disc: &Patch) -> [f64; 2] {
     [(-b - root) / a, (-b + root) / a]
 }
 
-/// What of a segment is over a disc.
+/// Ends of the part of a segment that is over a disc.
 fn chord(disc: &Patch, segment: &Patch, tolerance: f64, out: &mut Vec<Shared>) {
     let [p, q] = [segment.corners[0], segment.corners[1]];
     out.extend(segment.corners.iter().filter(|c| in_disc(disc, c, tolerance)).map(|c| on_both(disc, c)));
@@ -193,14 +199,15 @@ fn chord(disc: &Patch, segment: &Patch, tolerance: f64, out: &mut Vec<Shared>) {
     }
 }
 
-/// Two discs: rim points of each in the other, the two crossings of the rims, and the ends of the lens across them.
+/// Intersection of two discs. If one is inside the other, it consists of the inner disc's rim points. Else it has the two crossings of the
+/// rims and, on each rim, the point that is deepest inside the other disc.
 fn discs(reference: &Patch, other: &Patch, tolerance: f64, out: &mut Vec<Shared>) {
     let mut add = |x: f64, y: f64, id: u32| out.push(Shared { x, y, h: [reference.height(x, y), other.height(x, y)], id });
     let d = [other.centre[0] - reference.centre[0], other.centre[1] - reference.centre[1]];
     let apart = (d[0] * d[0] + d[1] * d[1]).sqrt();
     let (r, s) = (reference.radius, other.radius);
     if apart <= (r - s).abs() + tolerance {
-        // One within the other: the smaller's rim.
+        // One disc is inside the other: the rim points of the smaller one.
         let (inner, flag) = if s <= r { (other, 0) } else { (reference, REFERENCE) };
         inner.corners.iter().for_each(|c| add(c.x, c.y, c.id | flag));
     } else if apart < r + s {

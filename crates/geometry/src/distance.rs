@@ -1,4 +1,4 @@
-//! Distance of two solids, for tests that hold contacts against it.
+//! Distance of two convex shapes, with which tests compare contacts.
 
 use crate::expand::Polytope;
 use crate::linear_algebra::*;
@@ -7,8 +7,8 @@ use crate::separation;
 use crate::shape::ConvexShape;
 use crate::vectors::{Pose, V};
 
-/// Signed distance of two convex shapes (m; minus the depth where they overlap) and the unit normal from the first to the second, in the
-/// world.
+/// Signed distance of two convex shapes, m, and the unit normal from the first to the second in the world frame. The distance of
+/// overlapping shapes is minus the depth.
 pub fn distance(a: &ConvexShape, pose_a: &Pose, b: &ConvexShape, pose_b: &Pose) -> (f64, V) {
     let pair = Pair::new(a, pose_a, b, pose_b);
     let found = separation::nearest(&pair, &f64::INFINITY.into(), &mut Polytope::default()).found;

@@ -1,37 +1,37 @@
 //! Depth of overlapping polytopes: the facet of their difference that is nearest to the origin.
 //!
-//! The expanding polytope algorithm (van den Bergen 2001): a polytope inside the difference grows at its nearest face until that face is
-//! one of the difference. All its other faces are then further away, so no way out is shorter.
+//! The expanding polytope algorithm (van den Bergen, 2001) grows a polytope inside the difference. In each iteration it grows at its face
+//! nearest to the origin, until that face is also a face of the difference. All other faces are then farther away, so the depth is minimal.
 //!
-//! The difference of round bodies has few faces or none. The search then starts from a depth that is known, and ends where all faces of the
-//! polytope are further away than that.
+//! The difference of round shapes has few or no flat faces. The search then starts from a known depth. It ends when all faces of the
+//! polytope are farther away than that.
 
 use crate::facing::Separation;
 use crate::linear_algebra::*;
 use crate::pair::{Pair, Vertex};
 use crate::vectors::V;
 
-/// Times that it may grow.
+/// Largest number of growth steps.
 const GROWTHS: usize = 160;
-/// What it may still gain is rounding below this share of the pair's size.
+/// Growth of the nearest face below which the search ends, relative to the size of the pair.
 const ENOUGH: f64 = 1e-13;
-/// Rounding error of a corner, as a share of the longest edge of a face: a few units in the last place.
+/// Rounding error of a corner relative to the longest edge of a face: a few units in the last place.
 const ROUNDING: f64 = 1e-15;
 
 #[derive(Clone, Copy, Debug)]
 struct Face {
     corners: [u16; 3],
-    /// Outward, unit.
+    /// Outward unit normal.
     normal: V,
-    /// From the origin, m; infinite where the face has no area.
+    /// Distance from the origin, m; infinite if the face has no area.
     distance: f64,
     /// Rounding error of the distance of other corners from the plane, m: large for a narrow triangle.
     rounding: f64,
-    /// Whether the corner that the polytope takes up is beyond the plane.
+    /// Whether the corner that is being added is outside the face's plane.
     seen: bool,
 }
 
-/// Room for a polytope.
+/// Workspace of a polytope: vertices, faces and the rim of removed faces.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Polytope {
     vertices: Vec<Vertex>,
@@ -40,7 +40,7 @@ pub(super) struct Polytope {
 }
 
 impl Polytope {
-    /// Room for the largest that there can be.
+    /// Reserves memory for the largest possible polytope.
     pub(super) fn reserve(&mut self) {
         // Euler: a polytope of v corners has 2 v - 4 triangles, and 3 v - 6 edges.
         let v = GROWTHS + 4;
@@ -49,8 +49,8 @@ impl Polytope {
         self.horizon.reserve(3 * v);
     }
 
-    /// The separation along the nearest facet of A - B; `start` is a tetrahedron that holds the origin. `None` where it is none, or where
-    /// rounding hides the facet.
+    /// Separation along the facet of A - B that is nearest to the origin. `start` is a tetrahedron that contains the origin. The result is
+    /// `None` if `start` is not a tetrahedron, or if rounding hides the facet.
     pub(super) fn nearest_facet(&mut self, pair: &Pair<'_>, start: &[Vertex]) -> Option<Separation> {
         if start.len() < 4 {
             return None;
@@ -85,7 +85,8 @@ impl Polytope {
         }
     }
 
-    /// Starts the search of [`Polytope::shallower`] from corners of A - B: four of a tetrahedron, if there are so many, and `more` of them.
+    /// Starts the search of [`Polytope::shallower`] with corners of A - B: the given `tetrahedron` if it has four corners, else another
+    /// one, and the corners `more`.
     pub(super) fn enclose(&mut self, pair: &Pair<'_>, tetrahedron: &[Vertex], more: &[Vertex]) {
         if tetrahedron.len() == 4 {
             self.start(tetrahedron);
@@ -98,8 +99,10 @@ impl Polytope {
         }
     }
 
-    /// A direction along which the overlap is less deep than `depth` by more than `least` (m); `None` if there is none, or if the polytope
-    /// has grown as far as it may. A call after a shorter way was found goes on from there.
+    /// Direction along which the overlap is shallower than `depth` by more than `least`, m. `None` if there is none, or if the polytope has
+    /// its largest size.
+    ///
+    /// A further call continues with the same polytope.
     pub(super) fn shallower(&mut self, pair: &Pair<'_>, depth: f64, least: f64) -> Option<V> {
         for _ in self.vertices.len()..GROWTHS {
             let at = (0..self.faces.len()).min_by(|&f, &g| self.faces[f].distance.total_cmp(&self.faces[g].distance))?;
@@ -110,7 +113,7 @@ impl Polytope {
             let vertex = pair.support(normal, [0.0; 3]);
             let reach = dot(normal, vertex.w);
             if reach - distance <= rounding || !self.grow(vertex, |face| face.rounding) {
-                // The face is one of the difference up to rounding.
+                // Up to rounding, this is a face of the difference.
                 self.faces[at].distance = f64::INFINITY;
             }
             if reach < depth - least {
@@ -120,8 +123,9 @@ impl Polytope {
         None
     }
 
-    /// What the normal of a facet separates, `furthest` being the furthest corner that way, and where the normal through the origin meets
-    /// it.
+    /// Separation along the normal of a facet, with the closest points where the normal through the origin meets the facet.
+    ///
+    /// `furthest` is the corner of the difference that is farthest along the normal.
     fn separation(&self, facet: &Face, furthest: Vertex) -> Separation {
         let corners = facet.corners.map(|c| &self.vertices[c as usize]);
         let [a, b, c] = corners.map(|c| c.w);
@@ -132,8 +136,10 @@ impl Polytope {
         Separation { normal: n, separation: -dot(n, furthest.w), points: [mix(|c| c.x), mix(|c| c.y)] }
     }
 
-    /// Takes up a corner outside: faces that it is beyond by more than `rounding` (m) make way for faces between it and the horizon. False,
-    /// without any change, where rounding makes no single outline of the horizon.
+    /// Adds a corner outside the polytope. Faces whose planes it is outside of by more than `rounding`, m, are replaced by faces between
+    /// the corner and their rim.
+    ///
+    /// Returns false, without any change, if rounding prevents a single closed rim.
     fn grow(&mut self, vertex: Vertex, rounding: impl Fn(&Face) -> f64) -> bool {
         let new = self.vertices.len() as u16;
         self.horizon.clear();
@@ -146,14 +152,14 @@ impl Polytope {
             seen += 1;
             let [a, b, c] = face.corners;
             for [i, j] in [[a, b], [b, c], [c, a]] {
-                // An edge between two faces that go is no horizon.
+                // An edge between two removed faces is not on the rim.
                 match self.horizon.iter().position(|e| *e == [j, i]) {
                     Some(known) => drop(self.horizon.swap_remove(known)),
                     None => self.horizon.push([i, j]),
                 }
             }
         }
-        // Triangles that make a disc without a corner inside.
+        // The removed triangles form a disc without an inner corner exactly if the rim has two edges more than there are triangles.
         if self.horizon.len() != seen + 2 {
             return false;
         }
@@ -182,7 +188,7 @@ impl Polytope {
             let normal = scale(area, 1.0 / twice);
             let across = sub(v, u);
             let longest = dot(u, u).max(dot(v, v)).max(dot(across, across));
-            // The longest edge, divided by the height over it.
+            // Longest edge divided by the triangle's height over it.
             let slenderness = longest / twice;
             Face { corners, normal, distance: dot(normal, a), rounding: ROUNDING * longest.sqrt() * slenderness.max(1.0), seen: false }
         } else {

@@ -1,30 +1,31 @@
-//! A triangle of a surface, and what is beside it.
+//! Triangle of a surface with the shape of the surface around it: the neighbouring triangles and the convex edges.
 
 use crate::linear_algebra::*;
 use crate::pair::Pair;
 use crate::round::ends;
 use crate::vectors::{V, furthest};
 
-/// An edge bulges where the neighbour falls away by more than this share of its size: vertices of mesh files are in single precision.
+/// Relative height by which the corner of a neighbouring triangle must be below the plane for a convex edge. Vertices of mesh files have
+/// single precision.
 pub(super) const FLAT: f64 = 1e-6;
 
-/// A direction is that of a triangle's normal: 1 - cos of what rounding leaves.
+/// Difference of directions (1 - cos of the angle) below which a direction equals a triangle's normal up to rounding.
 pub(super) const PARALLEL: f64 = 1e-12;
 
-/// A triangle, and what is beside it: entry k belongs to the edge that leaves corner k.
+/// Triangle of a surface with its neighbours. Entry k of a list belongs to the edge that starts at corner k.
 pub(super) struct Facet {
     pub(super) corners: [V; 3],
     pub(super) normal: V,
-    /// The neighbours' third corners.
+    /// Corner of each neighbouring triangle that is not on the shared edge, if there is a neighbour.
     pub(super) across: [Option<V>; 3],
-    /// Where the surface bulges (it does at an outer edge).
+    /// Whether each edge is convex. Edges without a neighbour count as convex.
     pub(super) bulges: [bool; 3],
 }
 
-/// A part of a triangle.
+/// Part of a triangle: inside, an edge or a corner.
 pub(super) enum Outline {
     Inside,
-    /// On the edge that leaves a corner.
+    /// On the edge that starts at this corner.
     Edge(usize),
     Corner(usize),
 }
@@ -40,7 +41,10 @@ impl Facet {
         Self { corners, normal, across, bulges }
     }
 
-    /// Tangent of the angle by which each neighbour rises, at most 1: behind a valley, this share of its depth is over neither of the two.
+    /// Tangent of the angle by which each neighbouring triangle rises above this plane, at most 1, and 0 if it falls.
+    ///
+    /// In the valley between two triangles, a point behind both planes can be over neither triangle. Its distance from the edge is then at
+    /// most this tangent times its depth.
     pub(super) fn rises(&self) -> [f64; 3] {
         let Self { corners, normal, across, .. } = self;
         std::array::from_fn(|k| {
@@ -59,7 +63,7 @@ impl Facet {
         })
     }
 
-    /// What of the triangle is furthest along `d`, and a corner that is.
+    /// Part of the triangle that is farthest along `d`, and one of its corners that is farthest.
     pub(super) fn furthest(&self, d: V) -> (Outline, V) {
         let k = furthest(&self.corners, d);
         let p = self.corners[k];
@@ -77,8 +81,9 @@ impl Facet {
         (outline, p)
     }
 
-    /// Whether any part of the second shape of a pair may be over the triangle, or behind it beside a valley of these [`Facet::rises`]. A
-    /// ball or capsule that is beyond an edge with its whole core is not.
+    /// Whether any part of the second shape of a pair may be over the triangle, or in the gap behind a valley with these [`Facet::rises`].
+    ///
+    /// The answer is no for a ball or capsule whose core is outside one edge.
     pub(super) fn may_be_under(&self, pair: &Pair<'_>, rises: &[f64; 3]) -> bool {
         let Some(ends) = ends(pair) else { return true };
         let Self { corners, normal, .. } = self;

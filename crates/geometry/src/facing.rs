@@ -1,26 +1,29 @@
-//! A direction that separates two cores, and the features that face each other along it.
+//! Separation of two cores along a direction, and the features that face each other along it.
 
 use crate::pair::Pair;
 use crate::vectors::V;
 
-/// The gap that is opened, as a share of the least extent.
+/// Gap by which overlapping cores are moved apart for a search of the closest points, relative to their smallest extent.
 pub(super) const GAP: f64 = 1e-3;
-/// Separations that differ by less than this share of the size are alike.
+/// Difference below which two separations count as equal, relative to the size.
 pub(super) const ALIKE: f64 = 1e-9;
 
-/// A direction and what it separates.
+/// Separation of the cores of two shapes along a direction.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Separation {
-    /// Unit, from the first to the second, in the first's frame.
+    /// Unit normal from the first to the second shape, in the first one's frame.
     pub(super) normal: V,
-    /// Of the cores, m; negative where they overlap.
+    /// Distance of the cores along the normal, m; negative if they overlap.
     pub(super) separation: f64,
-    /// The points of the cores that are nearest along it.
+    /// Points of the cores that are nearest along the normal.
     pub(super) points: [V; 2],
 }
 
-/// A separation with the corners of the cores that are furthest along its normal and against it, and the other ends of the edges there that
-/// it is across; the corners again, where it is across none.
+/// Separation with the features where it was found.
+///
+/// `corners` are the corner of the first core that is farthest along the normal, and the corner of the second one in the opposite
+/// direction. `ends` are the other ends of two edges from these corners, if the normal is perpendicular to both edges; else they equal
+/// `corners`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Facing {
     pub(super) found: Separation,

@@ -1,14 +1,14 @@
-//! Distance of two convex sets: the point of their difference nearest to the origin.
+//! Distance of two convex sets: the point of their difference that is nearest to the origin.
 //!
-//! Gilbert, Johnson & Keerthi 1988; the nearest point of a simplex by its barycentric coordinates, with every face of it tried that the
-//! origin is beyond, and all of them where it is degenerate, so that degenerate simplices are no special case.
+//! The method is that of Gilbert, Johnson & Keerthi (1988). The nearest point of a simplex follows from barycentric coordinates. Every face
+//! with the origin on its outer side is tried, and all faces of a degenerate simplex, which therefore needs no special case.
 
 use crate::facing::Separation;
 use crate::linear_algebra::*;
 use crate::pair::{Pair, Vertex};
 use crate::vectors::{V, neg};
 
-/// Corners of the difference around the point of it that is nearest to the origin.
+/// Corners of the difference around its point nearest to the origin, with the weights of that point.
 #[derive(Clone, Copy, Debug, Default)]
 struct Simplex {
     vertex: [Vertex; 4],
@@ -16,31 +16,33 @@ struct Simplex {
     count: usize,
 }
 
-/// What the search ended with.
+/// Result of the search: the nearest point and its simplex.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Nearest {
-    /// From the second set to the first, x - y; the origin is inside where it is 0.
+    /// Vector x - y from the closest point of the second set to that of the first; 0 if the sets overlap.
     v: V,
     simplex: Simplex,
 }
 
 const ITERATIONS: usize = 200;
-/// A corner of a triangle narrower than this (sine) has two edges much longer than the third, or nearly in line.
+/// Sine of a corner of a triangle below which its normal is computed from the shortest edge, because of rounding.
 const NARROW: f64 = 0.01;
 
-/// The nearest points of A and B + shift, searched from the direction `start` (from B to A); points further apart than `beyond` (m) where
-/// the sets certainly are.
+/// Closest points of A and B + shift. The search starts in the direction `start` (from B to A).
+///
+/// If the sets are certainly farther apart than `beyond`, m, the search may stop early.
 pub(super) fn nearest(pair: &Pair<'_>, shift: V, start: V, beyond: f64) -> Nearest {
     let mut simplex = Simplex { count: 1, ..Simplex::default() };
     simplex.vertex[0] = pair.support([-start[0], -start[1], -start[2]], shift);
     simplex.weight[0] = 1.0;
     let v = simplex.vertex[0].w;
-    // A plane at right angles to v parts the sets by v . w / |v|.
+    // A plane perpendicular to v separates the sets by v . w / |v|.
     search(pair, shift, simplex, v, |_, length, along| along > beyond * length)
 }
 
-/// The same, searched from three corners of the difference, and no further than to a plane that is `enough`, told by its normal (unit, from
-/// A to B) and by how far it parts the sets, m.
+/// Closest points of A and B + shift, see [`nearest`]. The search starts from three corners of the difference.
+///
+/// It stops at a separating plane for which `enough` returns true. The arguments are the unit normal, from A to B, and the gap, m.
 pub(super) fn nearest_from(pair: &Pair<'_>, shift: V, corners: [Vertex; 3], enough: impl Fn(V, f64) -> bool) -> Nearest {
     let [a, b, c] = corners;
     let mut simplex = Simplex { vertex: [a, b, c, c], weight: [0.0; 4], count: 3 };
@@ -48,7 +50,9 @@ pub(super) fn nearest_from(pair: &Pair<'_>, shift: V, corners: [Vertex; 3], enou
     search(pair, shift, simplex, v, |v, length, along| along > 0.0 && enough(scale(v, -1.0 / length), along / length))
 }
 
-/// From a simplex and the point `v` of it that is nearest to the origin until rounding, or a plane that parts the sets enough, ends it.
+/// Searches from a simplex and its nearest point `v`, until only rounding is left or until `enough` accepts a separating plane.
+///
+/// The arguments of `enough` are v, |v| and v . w for the new corner w.
 #[inline(always)]
 fn search(pair: &Pair<'_>, shift: V, mut simplex: Simplex, mut v: V, enough: impl Fn(V, f64, f64) -> bool) -> Nearest {
     let named = pair.is_polytope();
@@ -63,7 +67,7 @@ fn search(pair: &Pair<'_>, shift: V, mut simplex: Simplex, mut v: V, enough: imp
         if enough(v, length, along) {
             break;
         }
-        // |v|^2 - v . w bounds what is left to gain. A corner that is there already brings nothing new.
+        // |v|^2 - v . w bounds the possible decrease. A corner of the simplex cannot decrease the distance.
         if length * length - along <= length * (rounding + 1e-15 * length) || (named && simplex.has(&vertex)) {
             break;
         }
@@ -71,7 +75,7 @@ fn search(pair: &Pair<'_>, shift: V, mut simplex: Simplex, mut v: V, enough: imp
         simplex.count += 1;
         let Some(next) = simplex.reduce() else { return Nearest { v: [0.0; 3], simplex } };
         v = next;
-        // No descent: the rest is rounding.
+        // Without descent, only rounding is left.
         if dot(v, v) >= length * length {
             break;
         }
@@ -80,7 +84,7 @@ fn search(pair: &Pair<'_>, shift: V, mut simplex: Simplex, mut v: V, enough: imp
 }
 
 impl Nearest {
-    /// The corner of the difference that is furthest along `normal`.
+    /// Result that consists of the corner of the difference that is farthest along `normal`.
     pub(super) fn corner(pair: &Pair<'_>, normal: V) -> Self {
         let vertex = pair.support(normal, [0.0; 3]);
         let mut simplex = Simplex { count: 1, ..Simplex::default() };
@@ -88,7 +92,7 @@ impl Nearest {
         Self { v: vertex.w, simplex }
     }
 
-    /// Nearest places of the sets without the shift of the second set.
+    /// Result with the shift of the second set undone.
     pub(super) fn moved_back(mut self, shift: V) -> Self {
         self.v = add(self.v, shift);
         for vertex in &mut self.simplex.vertex[..self.simplex.count] {
@@ -98,8 +102,9 @@ impl Nearest {
         self
     }
 
-    /// Distance of the nearest point from the outline of the triangle around it, m; 0 where there is no triangle, or where it leans from
-    /// the plane at right angles to `normal` by more than `flat`, m.
+    /// Distance of the nearest point from the outline of the triangle around it, m.
+    ///
+    /// The result is 0 without a triangle, or if it is inclined to the plane perpendicular to `normal` by more than `flat`, m.
     pub(super) fn room_on_facet(&self, normal: V, flat: f64) -> f64 {
         let [a, b, c] = [0, 1, 2].map(|k| self.simplex.vertex[k].w);
         let edges = [sub(c, b), sub(a, c), sub(b, a)];
@@ -115,23 +120,23 @@ impl Nearest {
         self.simplex.vertices()
     }
 
-    /// The distance, m.
+    /// Distance of the sets, m.
     pub(super) fn length(&self) -> f64 {
         norm(self.v)
     }
 
-    /// The direction from the first set to the second, if they are further apart than `clear`, m.
+    /// Direction from the first set to the second, if their distance is more than `clear`, m.
     pub(super) fn normal(&self, clear: f64) -> Option<V> {
         let length = self.length();
         (length > clear).then(|| scale(self.v, -1.0 / length))
     }
 
-    /// The same with all that goes with it.
+    /// Separation along `normal`, with the closest points.
     pub(super) fn separation(&self, normal: V) -> Separation {
         Separation { normal, separation: self.length(), points: self.points() }
     }
 
-    /// The nearest points.
+    /// Closest points of the first and second set.
     pub(super) fn points(&self) -> [V; 2] {
         let mix = |get: fn(&Vertex) -> V| {
             self.simplex.vertices().iter().zip(self.simplex.weight).fold([0.0; 3], |sum, (p, k)| add_scaled(sum, get(p), k))
@@ -150,7 +155,8 @@ impl Simplex {
         self.vertices().iter().any(|known| known.names == vertex.names)
     }
 
-    /// Keeps the smallest face that holds the point nearest to the origin, and returns the point; `None` where the origin is inside.
+    /// Reduces the simplex to the smallest face that contains the point nearest to the origin, and returns the point. The result is
+    /// `None` if the origin is inside the simplex.
     #[inline(always)]
     fn reduce(&mut self) -> Option<V> {
         let w: [V; 4] = std::array::from_fn(|i| self.vertex[i].w);
@@ -172,7 +178,7 @@ impl Simplex {
     }
 }
 
-/// A point of a simplex: barycentric coordinates, place, and distance from the origin, squared.
+/// Point of a simplex: barycentric coordinates, position, and squared distance from the origin.
 #[derive(Clone, Copy)]
 struct Best {
     weight: [f64; 4],
@@ -208,27 +214,28 @@ fn triangle(w: &[V; 4], [i, j, k]: [usize; 3]) -> Best {
     let mut n = cross(u, v);
     let mut nn = dot(n, n);
     if nn < NARROW * NARROW * dot(u, u) * dot(v, v) {
-        // Two long edges leave their rounding in the normal of a narrow triangle; its shortest edge and one of them do not.
+        // The cross product of two long edges of a narrow triangle has a large rounding error. That of the shortest edge and a long edge
+        // has a small one.
         let across = sub(w[k], w[j]);
         n = if dot(u, u) < dot(v, v) { cross(u, across) } else { cross(across, neg(v)) };
         nn = dot(n, n);
     }
     let area = [dot(n, cross(w[j], w[k])), dot(n, cross(w[k], w[i])), dot(n, cross(w[i], w[j]))];
-    // Thin triangles: rounding may leave an edge nearer.
+    // For a thin triangle, rounding may make an edge nearer.
     let thin = nn <= 1e-12 * dot(u, u) * dot(u, u);
     let mut best = Best::NONE;
     if nn > 0.0 && area.iter().all(|&x| x > 0.0) {
         let sum = area[0] + area[1] + area[2];
         let mut weight = [0.0; 4];
         (weight[i], weight[j], weight[k]) = (area[0] / sum, area[1] / sum, area[2] / sum);
-        // Along the normal: its direction is exact however near the origin is.
+        // The point is along the normal, whose direction is accurate at any distance from the origin.
         let point = scale(n, dot(n, w[i]) / nn);
         best = Best { weight, point, square: dot(point, point) };
         if !thin {
             return best;
         }
     }
-    // The nearest edge is one that the origin is beyond.
+    // The nearest edge has the origin on its outer side.
     for (beyond, edge) in area.into_iter().zip([[j, k], [k, i], [i, j]]) {
         if beyond <= 0.0 || thin {
             best = best.or(segment(w, edge));
@@ -237,7 +244,7 @@ fn triangle(w: &[V; 4], [i, j, k]: [usize; 3]) -> Best {
     best
 }
 
-/// `None` where the origin is inside.
+/// Nearest point of a tetrahedron; `None` if the origin is inside.
 #[inline(always)]
 fn tetrahedron(w: &[V; 4]) -> Option<Best> {
     let (ab, ac, ad) = (sub(w[1], w[0]), sub(w[2], w[0]), sub(w[3], w[0]));
@@ -250,7 +257,7 @@ fn tetrahedron(w: &[V; 4]) -> Option<Best> {
         return None;
     }
     let faces = [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]];
-    // A face hides the origin from the vertex opposite to it.
+    // The nearest face has the origin on its outer side.
     let mut best = Best::NONE;
     for i in 0..4 {
         if flat || part[i] * volume <= 0.0 {

@@ -8,63 +8,65 @@ use crate::proof::Suspect;
 use crate::quickhull;
 use crate::vectors::{V, furthest, unit_or};
 
-/// Points are taken for coplanar within this share of the hull's size: vertices of mesh files are in single precision ...
+/// Distance from a plane within which points are coplanar, relative to the size of the hull. Vertices of mesh files have single precision.
+/// [`COPLANAR_THICKNESS`] is a second bound.
 const COPLANAR: f64 = 1e-6;
-/// ... and within this share of its thickness: the faces of a thin one are no more bent than those of a thick one.
+/// Distance from a plane within which points are coplanar, relative to the thickness of the hull. It limits how much the faces of a thin
+/// hull are bent.
 const COPLANAR_THICKNESS: f64 = 1e-3;
-/// Of a product of two vectors, as a share of their lengths.
+/// Rounding error of a dot product, relative to the size of the hull and the sum of the direction's absolute values.
 const ROUNDING: f64 = 2e-15;
-/// A face is exactly flat within this share.
+/// Distance from its plane within which a face is exactly flat, relative to the size of the hull.
 const EXACT: f64 = 1e-12;
-/// Points that are searched one after the other; in larger hulls the search climbs along edges.
+/// Largest number of points for which the support point is found by testing all of them. In larger hulls the search climbs along edges.
 const FEW: usize = 40;
 
-/// Why points have no hull.
+/// Reason why points have no hull.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum HullError {
     /// Fewer than four points.
     #[error("fewer than four points")]
     TooFew,
-    /// All on one plane, line or point, up to rounding.
+    /// All points are on one plane, line or point, up to rounding.
     #[error("its points lie on one plane")]
     Flat,
-    /// Not finite.
+    /// A coordinate is not finite.
     #[error("a coordinate is not finite")]
     NotFinite,
-    /// So large that its volume is not finite.
+    /// The volume is not finite.
     #[error("its volume is not finite")]
     TooLarge,
-    /// The surface that was given for that of their hull is another.
+    /// The given surface is not that of the hull of the points.
     #[error("the surface kept as its convex hull is not that of its vertices")]
     OtherSurface,
 }
 
-/// A flat face.
+/// Flat face of a hull.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Face {
     /// Outward unit normal.
     pub normal: V,
-    /// Its vertices, counter-clockwise seen from outside.
+    /// Indices of its vertices, counter-clockwise seen from outside.
     pub vertices: Vec<u32>,
 }
 
-/// The convex hull of points, in their frame.
+/// Convex hull of points, in their frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Hull {
-    /// Places of its vertices among the points that it was made of, ascending.
+    /// Indices of its vertices in the list of given points, ascending.
     corners: Vec<u32>,
     points: Vec<V>,
     triangles: Vec<[u32; 3]>,
     faces: Vec<Face>,
-    /// Faces around every point.
+    /// Indices of the faces around every vertex.
     around: Vec<Vec<u32>>,
-    /// Points across an edge from every point: those of point v are in `rings[first[v]..first[v + 1]]`.
+    /// Neighbours of every vertex along edges. Those of vertex v are in `rings[first[v]..first[v + 1]]`.
     rings: Vec<Ring>,
     first: Vec<u32>,
     blocks: Vec<Block>,
-    /// Points furthest along the directions through the cells of a cube's sides: where searches begin.
+    /// Vertex that is farthest along the direction through each cell of a cube's surface. Searches for support points start there.
     start: Vec<u32>,
-    /// Points furthest along the axes and against them.
+    /// Vertices that are farthest along +x, -x, +y, -y, +z and -z.
     extreme: [usize; 6],
     centre: V,
     bound: f64,
@@ -72,10 +74,10 @@ pub struct Hull {
 }
 
 impl Hull {
-    /// The convex hull of points (m).
+    /// Convex hull of points, m.
     ///
     /// # Errors
-    /// [`HullError`] where they are not finite, span no volume, or one that is not finite.
+    /// [`HullError`] if a coordinate is not finite, if the points span no volume, or if the volume is not finite.
     pub fn new(points: &[V]) -> Result<Self, HullError> {
         if points.iter().flatten().any(|x| !x.is_finite()) {
             return Err(HullError::NotFinite);
@@ -83,7 +85,7 @@ impl Hull {
         if points.len() < 4 {
             return Err(HullError::TooFew);
         }
-        // Distances from the plane of three points, unscaled, are products of up to four lengths.
+        // Unscaled distances from the plane of three points are products of up to four lengths.
         let extent = points.iter().flatten().fold(0.0, |most: f64, x| most.max(x.abs()));
         let none = if extent.powi(4).is_finite() { HullError::Flat } else { HullError::TooLarge };
         let triangles = quickhull::triangles(points).ok_or(none)?;
@@ -92,18 +94,19 @@ impl Hull {
         Self::of_surface(points, corners, triangles, &beside)
     }
 
-    /// The convex hull of points (m), from its [`Hull::surface`]: the same bits, sooner. Where it cannot be shown that the surface is
-    /// theirs, the hull is made anew and compared.
+    /// Convex hull of points, m, from its [`Hull::surface`]. It has the same bits as [`Hull::new`] and takes less time.
+    ///
+    /// If the check of the surface fails, the hull is computed from the points and compared.
     ///
     /// # Errors
-    /// [`HullError::OtherSurface`] where the triangles are not the surface of a convex body that holds the points.
+    /// [`HullError::OtherSurface`] if the triangles are not the surface of a convex body that contains the points.
     pub fn of_known(points: &[V], surface: &[[u32; 3]]) -> Result<Self, HullError> {
         Self::shown(points, surface)
             .or_else(|| Self::new(points).ok().filter(|hull| hull.surface() == surface))
             .ok_or(HullError::OtherSurface)
     }
 
-    /// The hull of a surface that is certainly convex, and holds the points within the tolerance of its own faces.
+    /// Hull with the given surface, if that is certainly convex and contains the points within the tolerance of the faces.
     fn shown(points: &[V], surface: &[[u32; 3]]) -> Option<Self> {
         if surface.iter().flatten().any(|&v| v as usize >= points.len()) || points.iter().flatten().any(|x| !x.is_finite()) {
             return None;
@@ -115,7 +118,7 @@ impl Hull {
         (suspect.is_convex() && suspect.holds(points, COPLANAR * hull.bound)).then_some(hull)
     }
 
-    /// The hull with some of the points (m) for vertices, with triangles of these, and the triangles across their edges.
+    /// Hull with some of the points, m, as vertices. `triangles` are its surface, and `beside` the triangles across their edges.
     fn of_surface(points: &[V], corners: Vec<u32>, triangles: Vec<[u32; 3]>, beside: &[[u32; 3]]) -> Result<Self, HullError> {
         if corners.is_empty() {
             return Err(HullError::TooFew);
@@ -129,7 +132,7 @@ impl Hull {
         if volume <= 0.0 {
             return Err(HullError::Flat);
         }
-        // A ball within it has no larger radius than 3 volume / area.
+        // An inscribed ball has at most the radius 3 volume / area.
         let thickness = 3.0 * volume / area;
         let faces = merge(&points, &triangles, beside, (COPLANAR * bound).min(COPLANAR_THICKNESS * thickness));
         if faces.len() < 4 {
@@ -152,22 +155,22 @@ impl Hull {
         Ok(Self { corners, points, triangles, faces, around, rings, first, blocks, start, extreme, centre, bound, least })
     }
 
-    /// Its vertices, m.
+    /// Vertices, m.
     pub fn points(&self) -> &[V] {
         &self.points
     }
 
-    /// Its surface, counter-clockwise seen from outside.
+    /// Triangles of the surface as indices of vertices, counter-clockwise seen from outside.
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
     }
 
-    /// Its surface, counter-clockwise seen from outside, as triangles of the points that it was made of.
+    /// Triangles of the surface as indices of the given points, counter-clockwise seen from outside.
     pub fn surface(&self) -> Vec<[u32; 3]> {
         self.triangles.iter().map(|t| t.map(|v| self.corners[v as usize])).collect()
     }
 
-    /// Its flat faces.
+    /// Flat faces. Coplanar triangles are one face.
     pub fn faces(&self) -> &[Face] {
         &self.faces
     }
@@ -176,34 +179,34 @@ impl Hull {
         &self.faces[f]
     }
 
-    /// Centre of its volume, m.
+    /// Centre of the volume, m.
     pub fn centre(&self) -> V {
         self.centre
     }
 
-    /// Least distance of the centre from a face, m.
+    /// Smallest distance of the centre from a face, m.
     pub fn inscribed_radius(&self) -> f64 {
         let height = |face: &Face| dot(face.normal, sub(self.points[face.vertices[0] as usize], self.centre));
         self.faces.iter().map(height).fold(f64::INFINITY, f64::min).max(0.0)
     }
 
-    /// Least and greatest coordinates along each axis, m.
+    /// Smallest and largest coordinates along each axis, m.
     pub(super) fn extent(&self) -> [V; 2] {
         let along = |k: usize, side: usize| self.points[self.extreme[2 * k + side]][k];
         [std::array::from_fn(|k| along(k, 1)), std::array::from_fn(|k| along(k, 0))]
     }
 
-    /// Radius of a ball about its centre that holds it, m.
+    /// Radius of the smallest ball around the centre that contains the hull, m.
     pub(super) fn bound(&self) -> f64 {
         self.bound
     }
 
-    /// From its centre to the nearest face, m.
+    /// Distance of the centre from the nearest face, m.
     pub(super) fn least(&self) -> f64 {
         self.least
     }
 
-    /// The least q, m, for which the ball of radius (q + e) about p - q m, `m` being a unit vector, holds all vertices.
+    /// Smallest q, m, for which the ball of radius q + e around p - q m contains all vertices. `m` is a unit vector.
     pub(super) fn curve(&self, p: V, m: V, e: f64) -> f64 {
         let mut q = 0.0;
         for block in &self.blocks {
@@ -220,7 +223,7 @@ impl Hull {
         q
     }
 
-    /// The vertex furthest along `d`. On a convex surface a vertex with no better neighbour is the best.
+    /// Vertex that is farthest along `d`. On a convex surface, a vertex without a farther neighbour is the farthest.
     pub(super) fn support(&self, d: V) -> usize {
         if self.points.len() <= FEW {
             return furthest(&self.points, d);
@@ -228,12 +231,12 @@ impl Hull {
         self.climb(self.start[cell(d)] as usize, d)
     }
 
-    /// The vertex furthest along `d`, from one that is nearly so.
+    /// Vertex that is farthest along `d`. The search starts at the vertex `from`.
     pub(super) fn climb(&self, from: usize, d: V) -> usize {
-        // Among what is equal up to rounding there is nothing to climb, and around a flat face a long way to go.
+        // Differences up to rounding do not count, because the search could go around a flat face.
         let level = ROUNDING * self.bound * (d[0].abs() + d[1].abs() + d[2].abs());
         let mut at = from;
-        // No vertex comes twice, but for what underflow makes of a direction.
+        // No vertex comes twice, except by underflow of the direction.
         for _ in 0..self.points.len() {
             let mut best = (level, at);
             for ring in self.rings(at) {
@@ -256,12 +259,12 @@ impl Hull {
         &self.rings[self.first[vertex] as usize..self.first[vertex + 1] as usize]
     }
 
-    /// The faces around a vertex.
+    /// Indices of the faces around a vertex.
     pub(super) fn faces_around(&self, vertex: usize) -> &[u32] {
         &self.around[vertex]
     }
 
-    /// The face around a vertex whose normal is nearest to `d`.
+    /// Index of the face whose normal is closest to `d`, among the faces around a vertex.
     pub(super) fn facing_at(&self, vertex: usize, d: V) -> usize {
         let mut best = (f64::NEG_INFINITY, 0);
         for &f in &self.around[vertex] {
@@ -273,13 +276,13 @@ impl Hull {
         best.1
     }
 
-    /// The vertex across the edge of a vertex that is nearest to right angles to `d`, the first of equals.
+    /// Neighbour of a vertex along the edge that is closest to perpendicular to `d`; the first one of several.
     pub(super) fn level(&self, vertex: usize, d: V) -> usize {
         let mut best = (f64::INFINITY, vertex);
         for ring in self.rings(vertex) {
             let rise = ring.along(d);
             for k in 0..SIDE {
-                // 0 / 0 where there is none: never less.
+                // 0 / 0 in empty places, which is never less.
                 let square = rise[k] * rise[k] / ring.square[k];
                 if square < best.0 {
                     best = (square, ring.to[k] as usize);
@@ -289,8 +292,7 @@ impl Hull {
         best.1
     }
 
-    /// How far a point over a face is from its outline, m; negative beside it, and where the face is flat only up to the tolerance of its
-    /// making.
+    /// Distance of a point over a face from the outline of the face, m. Negative outside the outline, and if the face is not exactly flat.
     pub(super) fn room_over(&self, face: usize, p: V) -> f64 {
         let Face { normal, vertices } = &self.faces[face];
         let n = vertices.len();
@@ -312,8 +314,10 @@ impl Hull {
         room
     }
 
-    /// Normals of faces that may separate it from something at `towards`: all of a small hull, else those that face it around the
-    /// vertices furthest that way and along the axes.
+    /// Visits normals of faces that may separate the hull from a shape at `towards`.
+    ///
+    /// These are all faces of a small hull. Of a larger one, they are the faces around the vertex that is farthest in this direction, and
+    /// around the farthest vertices along the axes.
     pub(super) fn directions(&self, towards: V, mut visit: impl FnMut(V)) {
         if self.faces.len() <= FEW {
             self.faces.iter().for_each(|f| visit(f.normal));
@@ -326,20 +330,20 @@ impl Hull {
     }
 }
 
-/// Cells along the edge of a side of the cube of [`Hull::start`].
+/// Number of cells along an edge of the cube of [`Hull::start`].
 const CELLS: usize = 16;
 
-/// The cell of the cube's surface that a direction points to.
+/// Index of the cell of the cube's surface that a direction points to.
 fn cell(d: V) -> usize {
     let k = crate::vectors::widest(d);
     let side = 2 * k + usize::from(d[k] < 0.0);
     let scale = 0.5 * CELLS as f64 / d[k].abs();
-    // Saturating: 0 / 0 has some cell too.
+    // The conversion saturates, so that 0 / 0 has a cell too.
     let at = |x: f64| ((x * scale + 0.5 * CELLS as f64) as usize).min(CELLS - 1);
     (side * CELLS + at(d[(k + 1) % 3])) * CELLS + at(d[(k + 2) % 3])
 }
 
-/// The points furthest along the directions through the middles of all cells.
+/// Indices of the points that are farthest along the directions through the centres of all cells.
 fn starts(points: &[Block]) -> Vec<u32> {
     let middle = |i: usize| (2 * i + 1) as f64 / CELLS as f64 - 1.0;
     let through = |c: usize| {
@@ -353,7 +357,8 @@ fn starts(points: &[Block]) -> Vec<u32> {
     (0..6 * CELLS * CELLS).map(|c| blocks::furthest(points, through(c)) as u32).collect()
 }
 
-/// The points that triangles have for corners, of so many, in their order; and the triangles with their places among them.
+/// Indices of the points that are corners of triangles, ascending, and the triangles as indices of this list. `points` is the number of all
+/// points.
 fn corners(points: usize, triangles: &[[u32; 3]]) -> (Vec<u32>, Vec<[u32; 3]>) {
     let mut place = vec![u32::MAX; points];
     triangles.iter().flatten().for_each(|&v| place[v as usize] = 0);
@@ -363,10 +368,10 @@ fn corners(points: usize, triangles: &[[u32; 3]]) -> (Vec<u32>, Vec<[u32; 3]>) {
     (corners, triangles)
 }
 
-/// The triangles across the edges that leave the corners of each; `None` where any edge of this many points has not one triangle on either
-/// side.
+/// Neighbours of each triangle across the edges that start at its corners. `None` if an edge does not have one triangle on each side.
+/// `points` is the number of points.
 fn beside(points: usize, triangles: &[[u32; 3]]) -> Option<Vec<[u32; 3]>> {
-    // The edges that leave point v, as where they lead and whose they are, are in leaving[first[v]..first[v + 1]].
+    // leaving[first[v]..first[v + 1]] has the edges that start at point v: end point and triangle of each.
     let mut first = vec![0; points + 1];
     triangles.iter().flatten().for_each(|&v| first[v as usize + 1] += 1);
     (0..points).for_each(|v| first[v + 1] += first[v]);
@@ -389,7 +394,7 @@ fn beside(points: usize, triangles: &[[u32; 3]]) -> Option<Vec<[u32; 3]>> {
     triangles.iter().map(|&[a, b, c]| Some([across(b, a)?, across(c, b)?, across(a, c)?])).collect()
 }
 
-/// Volume, area and the centre of the volume: tetrahedra from a point of it to the triangles, none of which counts less than nothing.
+/// Volume, area and centre of the volume, from the tetrahedra between a vertex and the triangles. None of their volumes is negative.
 fn volume(points: &[V], triangles: &[[u32; 3]]) -> (f64, f64, V) {
     let origin = points[0];
     let (mut sum, mut area, mut moment) = (0.0, 0.0, [0.0; 3]);
@@ -403,7 +408,8 @@ fn volume(points: &[V], triangles: &[[u32; 3]]) -> (f64, f64, V) {
     (sum / 6.0, area, add_scaled(origin, moment, 1.0 / sum))
 }
 
-/// Twice the area of a triangle along its normal, from its two shorter edges: of a narrow one nothing else is left of two long ones.
+/// Vector along the normal of a triangle whose length is twice the area. It is computed from the two shorter edges, because two long edges
+/// of a narrow triangle have a large rounding error.
 fn area_of(corners: [V; 3]) -> V {
     let edges: [V; 3] = std::array::from_fn(|k| sub(corners[(k + 1) % 3], corners[k]));
     let square = edges.map(|e| dot(e, e));
@@ -411,13 +417,13 @@ fn area_of(corners: [V; 3]) -> V {
     cross(edges[(longest + 1) % 3], edges[(longest + 2) % 3])
 }
 
-/// Triangles on one plane become one face; the largest decide the planes.
+/// Merges coplanar triangles to faces. The largest triangle of a face determines its plane.
 fn merge(points: &[V], triangles: &[[u32; 3]], beside: &[[u32; 3]], tolerance: f64) -> Vec<Face> {
     let corner = |t: usize, k: usize| points[triangles[t][k] as usize];
     let areas: Vec<V> = (0..triangles.len()).map(|t| area_of([corner(t, 0), corner(t, 1), corner(t, 2)])).collect();
     let mut order: Vec<(f64, usize)> = areas.iter().map(|a| norm(*a)).zip(0..).collect();
     order.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    // The face that has each triangle, by its largest.
+    // Largest triangle of the face to which each triangle belongs.
     let mut owner = vec![usize::MAX; triangles.len()];
     let mut faces = vec![];
     for (_, seed) in order {
@@ -447,7 +453,8 @@ fn merge(points: &[V], triangles: &[[u32; 3]], beside: &[[u32; 3]], tolerance: f
     faces
 }
 
-/// The vertices along a boundary from the first of them on, given by its edges. Where it meets itself the last edge counts.
+/// Vertices along a boundary that is given by its edges, from the first vertex on. If the boundary touches itself, it follows the last
+/// edge.
 fn outline(mut edges: Vec<(u32, u32)>) -> Vec<u32> {
     edges.sort_unstable();
     let mut left = vec![true; edges.len()];

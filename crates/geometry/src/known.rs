@@ -1,13 +1,14 @@
-//! What is known of two hulls from the last step.
+//! Normal and features of two hulls in the last step, at which a search starts.
 
 use crate::vectors::V;
 
-/// What is known of two hulls from the last step.
+/// Normal and features of two hulls in the last step, at which a search starts.
 #[derive(Clone, Copy, Debug)]
 pub struct Known {
-    /// The normal, from the first to the second, unit, in the first's frame.
+    /// Unit normal from the first hull to the second, in the frame of the first.
     pub(super) normal: V,
-    /// The ends of an edge of each across which it was; corners, if it was none, or nothing.
+    /// Corner numbers of both ends of an edge of each hull, if the normal was perpendicular to two edges. Both ends of a single corner are
+    /// equal.
     pub(super) edges: Option<[[u32; 2]; 2]>,
 }
 

@@ -1,4 +1,4 @@
-//! Collision geometry: contact points, distances, convex hulls and rays. It knows no bodies and no models.
+//! Collision geometry: contact points, distances, convex hulls and rays. It does not depend on bodies or models.
 //!
 //! ```
 //! use std::sync::Arc;
@@ -35,8 +35,8 @@
 //! # Lanes
 //!
 //! [`pairs`], [`BoundingBox`] and [`SeparatingPlanes`] are written once over [`Real`](stepper_real::Real): `f64`, or a SIMD type with one
-//! environment in each lane. A search with a number of steps of its own, like GJK, does not fit lanes. The rest of the crate therefore
-//! takes one pair at a time in f64, and the tests over lanes spare most pairs the search.
+//! environment in each lane. Searches such as GJK need a different number of steps in each lane. The rest of the crate therefore computes
+//! one pair at a time in f64, and only for pairs that the tests over lanes cannot exclude.
 //!
 //! ```
 //! use stepper_geometry::pairs::{Segment, segments};
@@ -48,31 +48,30 @@
 //!
 //! # Parts of parry
 //!
-//! The crate takes parry's tree of bounding boxes (`Bvh`), which finds the triangles of a mesh near a box or along a ray. The rest is its
-//! own, for three reasons:
+//! The crate uses parry's tree of bounding boxes (`Bvh`), which finds the triangles of a mesh near a box or along a ray. Everything else is
+//! implemented here, for three reasons:
 //!
-//! - A step must have the same bits whatever ran before. parry's contact manifolds start from those of the step before; here the poses
-//!   alone decide, and what is remembered only saves time.
-//! - Finite differences and small gaps need distances and normals to rounding. Distances of cylinders by parry's search are off by up to
-//!   1e-5 m. The module `parry` of the tests compares distances, normals, nearest points and depths of every pair of shapes.
-//! - Pairs of simple shapes are computed over lanes, with one instruction stream for all environments.
+//! - A step must have the same bits whatever ran before. parry's contact manifolds start from those of the previous step. Here the contacts
+//!   depend on the poses alone, and stored results only save time.
+//! - Finite differences and small gaps need distances and normals that are exact up to rounding. parry's distances of cylinders have errors
+//!   of up to 1e-5 m. The module `parry` of the tests compares distances, normals, closest points and depths of every pair of shapes.
+//! - Pairs of simple shapes are computed over lanes, with the same instructions for all environments.
 //!
 //! # Method
 //!
-//! Every shape is a *core* thickened by a radius (a ball is a thick point, a capsule a thick segment; the others have radius 0). The
-//! contact normal is the direction of the largest separation of the cores,
+//! Every shape consists of the points within a radius of its *core*. The core of a ball is a point, that of a capsule a segment. All other
+//! shapes have radius 0. The contact normal is the direction of the largest separation of the cores,
 //!
 //! ```text
 //! s(n) = min over B of n . y - max over A of n . x,        n* = argmax s(n) over unit vectors,
 //! ```
 //!
-//! which is the distance where the cores are apart and minus the least translation that parts them where they overlap (`separation.rs`).
-//! Any unit vector gives a bound from below, so overlapping shapes always have a contact. The features that face each other along n* are
-//! then laid on one another (`manifold.rs`).
+//! The largest separation is the distance of the cores. If they overlap, it is minus the smallest translation that separates them
+//! (`separation.rs`). Any unit vector gives a lower bound, so overlapping shapes always have a contact. The contact points are the corners
+//! of the intersection of the features that face each other along n* (`manifold.rs`).
 //!
-//! All is computed in the frame of the first shape: what a scene's place in the world changes is rounding. Nothing is remembered from call
-//! to call: the same poses give the same contacts, whether a normal from before is known (`recall.rs`), or what parts the two
-//! (`separating_plane.rs`), or not.
+//! All computations are in the frame of the first shape, so that the position of a scene in the world changes only rounding. The same poses
+//! always have the same contacts. A known normal (`recall.rs`) or separating plane (`separating_plane.rs`) only saves time.
 
 mod approach;
 mod ball;

@@ -1,14 +1,14 @@
-//! Vectors and rotations over lanes: one of them, or one in each lane of a SIMD type.
+//! Vectors and rotations over lanes: one vector, or one in each lane of a SIMD type.
 
 use stepper_real::{Mask, Real, Scalar};
 
-/// A vector.
+/// Vector.
 pub type V3<R> = [R; 3];
-/// A rotation matrix, row by row: its columns are the frame's axes in the world.
+/// Rotation matrix, row by row. Its columns are the axes of the frame in the world.
 pub type M3<R> = [R; 9];
 
-/// Array of `f` of every index. As `std::array::from_fn`, but always inlined: what is not inlined into a kernel has not its instructions,
-/// and calls a function for each of them.
+/// Array of `f` of every index. It equals `std::array::from_fn`, but is always inlined. A function that is not inlined into a kernel would
+/// not have the kernel's SIMD instructions, and would be called for each element.
 #[inline(always)]
 pub fn array_of<T: Copy, const N: usize>(f: impl Fn(usize) -> T) -> [T; N] {
     let mut array = [f(0); N];
@@ -48,7 +48,7 @@ pub fn scale<R: Real, const N: usize>(a: [R; N], s: R) -> [R; N] {
     out
 }
 
-/// a b, entry by entry
+/// Product of a and b, entry by entry.
 #[inline(always)]
 pub fn times<R: Real, const N: usize>(a: [R; N], b: [R; N]) -> [R; N] {
     let mut out = [R::zero(); N];
@@ -68,7 +68,7 @@ pub fn add_scaled<R: Real, const N: usize>(a: [R; N], b: [R; N], s: R) -> [R; N]
     out
 }
 
-/// m ? a : b
+/// Vector `a` in the lanes of the mask `m`, and `b` elsewhere.
 #[inline(always)]
 pub fn select<R: Real, const N: usize>(m: R::Mask, a: [R; N], b: [R; N]) -> [R; N] {
     let mut out = [R::zero(); N];
@@ -78,7 +78,7 @@ pub fn select<R: Real, const N: usize>(m: R::Mask, a: [R; N], b: [R; N]) -> [R; 
     out
 }
 
-/// A constant in every lane.
+/// Constant vector, the same in every lane.
 #[inline(always)]
 pub fn splat<R: Real, const N: usize>(a: [R::Scalar; N]) -> [R; N] {
     let mut out = [R::zero(); N];
@@ -88,7 +88,7 @@ pub fn splat<R: Real, const N: usize>(a: [R::Scalar; N]) -> [R; N] {
     out
 }
 
-/// One lane of numbers.
+/// Numbers of one lane.
 #[inline(always)]
 pub fn of_lane<R: Real, const N: usize>(x: &[R; N], lane: usize) -> [f64; N] {
     let mut out = [0.0; N];
@@ -98,7 +98,7 @@ pub fn of_lane<R: Real, const N: usize>(x: &[R; N], lane: usize) -> [f64; N] {
     out
 }
 
-/// The zero vector.
+/// Zero vector.
 #[inline(always)]
 pub fn zero<R: Real, const N: usize>() -> [R; N] {
     [R::zero(); N]
@@ -170,7 +170,7 @@ pub fn entry_of_mat_mul_transposed<R: Real>(t: &M3<R>, x: &M3<R>, i: usize, j: u
     t[3 * i] * x[3 * j] + t[3 * i + 1] * x[3 * j + 1] + t[3 * i + 2] * x[3 * j + 2]
 }
 
-/// The rotation of a unit quaternion (w, x, y, z).
+/// Rotation matrix of a unit quaternion (w, x, y, z).
 #[inline(always)]
 pub fn quat_to_mat<R: Real>(q: [R; 4]) -> M3<R> {
     let [w, x, y, z] = q;
@@ -190,9 +190,10 @@ pub fn quat_to_mat<R: Real>(q: [R; 4]) -> M3<R> {
     ]
 }
 
-/// The unit quaternion (w, x, y, z) of a rotation, of either sign.
+/// Unit quaternion (w, x, y, z) of a rotation, of either sign.
 ///
-/// The columns of 4 q q^T are sums and differences of the matrix's entries; the longest is the one that loses no digits (Shepperd 1978).
+/// The columns of 4 q q^T are sums and differences of the matrix's entries. The longest column has the smallest rounding error (Shepperd,
+/// 1978).
 #[inline(always)]
 pub fn mat_to_quat<R: Real>(m: &M3<R>) -> [R; 4] {
     let one = R::one();
@@ -231,12 +232,12 @@ pub fn quat_normalize<R: Real>(q: [R; 4]) -> [R; 4] {
     scale(q, R::one() / n)
 }
 
-/// The rotation by the vector `a` (rad): the exponential map.
+/// Unit quaternion of the rotation vector `a`, rad: the exponential map.
 #[inline(always)]
 pub fn quat_exp<R: Real>(a: V3<R>) -> [R; 4] {
     let half = norm(a) * R::of(0.5);
     let (s, c) = half.sin_cos();
-    // sin(x)/x to rounding while x^4/120 is below it; the quotient is safe beyond.
+    // The series of sin(x)/x is exact up to rounding while x^4/120 is below it. The quotient is accurate beyond.
     let small = half.lt(R::of(1e-4));
     let series = R::one() - half * half * R::of(1.0 / 6.0);
     let sinc = R::select(small, series, s / R::select(small, R::one(), half));
@@ -244,10 +245,10 @@ pub fn quat_exp<R: Real>(a: V3<R>) -> [R; 4] {
     [c, a[0] * k, a[1] * k, a[2] * k]
 }
 
-/// The rotation vector (rad, length at most pi) of a unit quaternion: the inverse of [`quat_exp`].
+/// Rotation vector, rad, of a unit quaternion, with a length of at most pi: the inverse of [`quat_exp`].
 #[inline(always)]
 pub fn quat_log<R: Real>(q: [R; 4]) -> V3<R> {
-    // q and -q are the same rotation; take the shorter.
+    // q and -q are the same rotation. The shorter rotation vector is taken.
     let flip = q[0].lt(R::zero());
     let q = select(flip, scale(q, -R::one()), q);
     let v = [q[1], q[2], q[3]];
@@ -258,8 +259,8 @@ pub fn quat_log<R: Real>(q: [R; 4]) -> V3<R> {
     scale(v, k)
 }
 
-/// Rate of the rotation vector `a` of an orientation exp(a) that turns with the angular velocity `omega` in its own frame: dexpinv, with
-/// the Bernoulli series of (1 - a/2 cot(a/2)) / a^2 for small angles.
+/// Rate of the rotation vector `a` of an orientation exp(a) (dexpinv). `omega` is the angular velocity in the rotating frame. Small angles
+/// use the Bernoulli series of (1 - a/2 cot(a/2)) / a^2.
 #[inline(always)]
 pub fn rotation_rate<R: Real>(a: V3<R>, omega: V3<R>) -> V3<R> {
     const SERIES: [f64; 6] = [1.0 / 12.0, 1.0 / 720.0, 1.0 / 30240.0, 1.0 / 1_209_600.0, 1.0 / 47_900_160.0, 691.0 / 1_307_674_368_000.0];
@@ -279,7 +280,7 @@ pub fn rotation_rate<R: Real>(a: V3<R>, omega: V3<R>) -> V3<R> {
     add(add_scaled(omega, once, R::of(0.5)), scale(cross(a, once), factor))
 }
 
-/// The rotation by `angle` about the unit vector `axis`, from the angle's sine and cosine (Rodrigues).
+/// Rotation matrix about the unit vector `axis`, from sine and cosine of the angle (Rodrigues).
 #[inline(always)]
 pub fn axis_rotation<R: Real>(axis: V3<R>, sin: R, cos: R) -> M3<R> {
     let [x, y, z] = axis;
@@ -298,15 +299,15 @@ pub fn axis_rotation<R: Real>(axis: V3<R>, sin: R, cos: R) -> M3<R> {
     ]
 }
 
-/// The axes of a contact with unit normal `n`: (n, t1, t2), right-handed.
+/// Axes (n, t1, t2) of a contact with unit normal `n`, right-handed.
 #[inline(always)]
 pub fn contact_frame<R: Real>(n: V3<R>) -> [V3<R>; 3] {
     let t = tangent(n);
     [n, t, cross(n, t)]
 }
 
-/// A unit vector at right angles to the unit normal `n`: the world's y axis, or z where the normal is near y, made orthogonal (the rule
-/// of MuJoCo's `mju_makeFrame`).
+/// Unit vector perpendicular to the unit normal `n`: the world's y axis, or z if the normal is near y, made orthogonal to n. This is the
+/// rule of MuJoCo's `mju_makeFrame`.
 #[inline(always)]
 fn tangent<R: Real>(n: V3<R>) -> V3<R> {
     let (z, one) = (R::zero(), R::one());

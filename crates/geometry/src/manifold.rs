@@ -12,7 +12,7 @@ use crate::vectors::{Pose, V};
 /// Points that two convex shapes can have: four, and the lowest of a rim.
 pub const MAX_POINTS: usize = 5;
 
-/// Points kept of two polygons.
+/// Largest number of contact points from two facing polygons. Further points are dropped.
 const KEPT: usize = 4;
 
 /// A contact point.
@@ -282,10 +282,10 @@ fn views<'a>(pair: &'a Pair<'_>, axes: &'a [V; 3]) -> [View<'a>; 2] {
     [View { pos: [0.0; 3], mat: &IDENTITY, axes, side: 1.0 }, View { pos: pair.pos, mat: &pair.mat, axes, side: -1.0 }]
 }
 
-/// Names of single vertices are below this.
+/// Upper bound of the identifiers of single vertices.
 pub(super) const VERTICES: u32 = 1 << 30;
 
-/// A name for a feature of a part of a shape.
+/// Identifier of a feature (vertex, edge or face) of a part of a shape, such as a triangle of a mesh.
 pub(super) fn mix(part: u32, feature: u32) -> u32 {
     1 << 31 | (part.wrapping_mul(0x9E37_79B1) ^ feature.wrapping_mul(0x85EB_CA6B)) >> 1
 }

@@ -14,7 +14,7 @@ use crate::solid::Solid;
 use crate::surface::{self, collide_surface};
 use crate::vectors::{Pose, unit_or};
 
-/// Room to work, and what was found.
+/// Narrow phase: finds the contact points of pairs of solids. It contains its workspace and the result of the last call.
 #[derive(Clone, Debug, Default)]
 pub struct Narrow {
     pub(super) room: Room,
@@ -22,7 +22,9 @@ pub struct Narrow {
 }
 
 impl Narrow {
-    /// Room for these solids, so that nothing grows later. Only surfaces of triangles still may, when a shape first lies on very many.
+    /// Narrow phase with enough memory for these solids.
+    ///
+    /// Later calls allocate only if a shape touches very many triangles of a surface.
     pub fn for_solids<'a>(solids: impl Iterator<Item = &'a Solid>) -> Self {
         let corners = solids.map(|s| if let Solid::Convex(shape) = s { shape.corners() } else { 0 }).max().unwrap_or(0);
         let mut narrow = Self::default();
@@ -59,10 +61,10 @@ impl Narrow {
     }
 }
 
-/// Finds the contact points of two convex shapes that are within reach (m) of each other: at most
-/// [`MAX_POINTS`](crate::MAX_POINTS), in the world, normals from the first to the second, ascending by feature.
+/// Finds the contact points of two convex shapes whose distance is at most `reach`, m. `out` is empty exactly if the distance is larger.
 ///
-/// `out` is empty exactly if the shapes are further apart than that.
+/// There are at most [`MAX_POINTS`](crate::MAX_POINTS), ascending by feature, in the world frame. Normals point from the first shape to the
+/// second.
 pub fn collide(
     a: &ConvexShape,
     pose_a: &Pose,
@@ -83,7 +85,7 @@ pub fn collide(
         let Some(by_axes) = boxes::separation(&pair, *ha, *hb, prediction) else { return };
         if let Some(found) = by_axes {
             room.clipper.manifold(&pair, &Facing::new(&pair, found), prediction, out);
-            // A face gives the distance where something is above it.
+            // The face's distance is correct if another feature is over it.
             if found.separation <= 0.0 || (!out.is_lone() && out.deepest() <= found.separation + 1e-9 * pair.size) {
                 out.place(pose_a);
                 return;

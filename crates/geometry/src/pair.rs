@@ -1,4 +1,4 @@
-//! Two shapes in the frame of the first.
+//! Pair of shapes in the frame of the first one.
 
 use crate::linear_algebra::*;
 use crate::shape::ConvexShape;
@@ -11,15 +11,15 @@ const EQUAL: f64 = 1e-9;
 /// of its contacts, at the origin and 3 m away from it.
 const POSE_ROUNDINGS: f64 = 8.0;
 
-/// Two shapes; everything of the second is in the frame of the first.
+/// Pair of shapes. All quantities are in the frame of the first shape.
 pub(super) struct Pair<'a> {
     pub(super) a: &'a ConvexShape,
     pub(super) b: &'a ConvexShape,
-    /// Origin of the second, m.
+    /// Origin of the second shape, m.
     pub(super) pos: V,
-    /// Axes of the second.
+    /// Orientation of the second shape.
     pub(super) mat: M3<f64>,
-    /// From the first's centre to the second's, m.
+    /// Vector from the centre of the first shape to that of the second, m.
     pub(super) apart: V,
     /// Sum of the bounding radii, m.
     pub(super) size: f64,
@@ -27,13 +27,13 @@ pub(super) struct Pair<'a> {
     pub(super) tolerance: f64,
 }
 
-/// A vertex of the difference of the cores: x - y with x in the first and y in the second.
+/// Vertex of the difference of the cores: w = x - y with x in the first core and y in the second.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Vertex {
     pub(super) w: V,
     pub(super) x: V,
     pub(super) y: V,
-    /// Which corners they are.
+    /// Corner numbers of x and y.
     pub(super) names: [u32; 2],
 }
 
@@ -45,7 +45,7 @@ impl<'a> Pair<'a> {
         Self::between(a, b, pos, mat)
     }
 
-    /// The second's pose in the first's frame is known.
+    /// Pair whose second shape has the given pose in the frame of the first.
     pub(super) fn between(a: &'a ConvexShape, b: &'a ConvexShape, pos: V, mat: M3<f64>) -> Self {
         let apart = sub(add(pos, rotate(&mat, b.centre())), a.centre());
         Self { a, b, pos, mat, apart, size: a.bound() + b.bound(), tolerance: EQUAL * (a.bound() + b.bound()) }
@@ -58,7 +58,7 @@ impl<'a> Pair<'a> {
         self
     }
 
-    /// Least extent of the two, m.
+    /// Smallest extent of the two shapes, m, see [`ConvexShape::least`]. Shapes without extent are left out.
     pub(super) fn least(&self) -> f64 {
         match (self.a.least(), self.b.least()) {
             (0.0, x) | (x, 0.0) => x,
@@ -76,22 +76,23 @@ impl<'a> Pair<'a> {
         self.pos.iter().chain(&self.mat).all(|x| x.is_finite())
     }
 
-    /// Whether both cores are hulls of their corners.
+    /// Whether neither core is round, see [`ConvexShape::is_polytope`].
     pub(super) fn is_polytope(&self) -> bool {
         self.a.is_polytope() && self.b.is_polytope()
     }
 
-    /// Sum of what the cores are thickened by, m.
+    /// Sum of the radii around the cores, m, see [`ConvexShape::radius`].
     pub(super) fn thickness(&self) -> f64 {
         self.a.radius() + self.b.radius()
     }
 
-    /// The second's point furthest along `d`, both in the first's frame.
+    /// Support point of the second core along `d`, both in the frame of the first shape.
     pub(super) fn support_b(&self, d: V) -> V {
         add(self.pos, rotate(&self.mat, self.b.support(rotate_back(&self.mat, d))))
     }
 
-    /// Least and greatest coordinates of the second's core in the first's frame. `ends`: end points of the core of a ball or capsule.
+    /// Smallest and largest coordinates of the second core in the frame of the first shape. `ends` are the ends of the core of a ball or
+    /// capsule.
     pub(super) fn extent_b(&self, ends: Option<&[V]>) -> [V; 2] {
         if let Some(ends) = ends {
             return [f64::min, f64::max].map(|pick| array_of(|k| ends.iter().map(|end| end[k]).reduce(pick).unwrap_or_default()));
@@ -105,7 +106,7 @@ impl<'a> Pair<'a> {
         })
     }
 
-    /// The vertex of A - (B + shift) furthest along `d`.
+    /// Vertex of A - (B + shift) that is farthest along `d`.
     pub(super) fn support(&self, d: V, shift: V) -> Vertex {
         let (x, i) = self.a.corner(d);
         let (y, j) = self.b.corner(rotate_back(&self.mat, neg(d)));
@@ -113,7 +114,7 @@ impl<'a> Pair<'a> {
         Vertex { w: sub(x, y), x, y, names: [i, j] }
     }
 
-    /// The vertex of the difference that two corners of hulls make, `shift` being added to the second.
+    /// Vertex of A - (B + shift) of the two corners `names` of hulls.
     pub(super) fn vertex(&self, names: [u32; 2], shift: V) -> Vertex {
         let (x, y) = (self.a.support_at(names[0], shift), self.place(self.b.support_at(names[1], shift)));
         let y = add(y, shift);
@@ -125,31 +126,32 @@ impl<'a> Pair<'a> {
         dot(n, self.support_b(neg(n))) - dot(n, self.a.support(n))
     }
 
-    /// The same, and the corners that are furthest, where they are near known ones.
+    /// Separation of the cores along the unit vector `n`, m, and the corners where it is. The search starts at the given corners.
     pub(super) fn separation_near(&self, n: V, [i, j]: [u32; 2]) -> (f64, [u32; 2]) {
         let ((x, i), (y, j)) = (self.a.climb(i, n), self.b.climb(j, rotate_back(&self.mat, neg(n))));
         (dot(n, self.place(y)) - dot(n, x), [i, j])
     }
 
-    /// A point of the second in the frame of the first.
+    /// Point `p` of the second shape in the frame of the first.
     pub(super) fn place(&self, p: V) -> V {
         add(self.pos, rotate(&self.mat, p))
     }
 
-    /// The corners that are furthest along `n` and against it; 0 of what is no hull, where nobody asks.
+    /// Corner of the first core that is farthest along `n`, and of the second core in the opposite direction; 0 for shapes other than
+    /// hulls.
     pub(super) fn corners(&self, n: V) -> [u32; 2] {
         let first = if self.a.is_hull() { self.a.corner(n).1 } else { 0 };
         [first, if self.b.is_hull() { self.b.corner(rotate_back(&self.mat, neg(n))).1 } else { 0 }]
     }
 
-    /// How far two corners are apart along `n`, m; of what is no hull the furthest.
+    /// Distance of two corners along `n`, m. Shapes other than hulls have their support point instead.
     pub(super) fn apart_at(&self, n: V, [i, j]: [u32; 2]) -> f64 {
         let y = self.place(self.b.support_at(j, rotate_back(&self.mat, neg(n))));
         dot(n, sub(y, self.a.support_at(i, n)))
     }
 
-    /// The outward normals nearest to facing the other along `n`, of the faces around `corners`: of the first (along n) and the second
-    /// (against n, turned along n).
+    /// Normal of the face of each shape that is closest to facing the other along `n`, among the faces at `corners`. Both normals point
+    /// from the first shape to the second. `None` for a shape without flat faces.
     pub(super) fn flats(&self, n: V, corners: [u32; 2]) -> [Option<V>; 2] {
         let b = self.b.flat(rotate_back(&self.mat, neg(n)), corners[1]);
         [self.a.flat(n, corners[0]), b.map(|m| neg(rotate(&self.mat, m)))]

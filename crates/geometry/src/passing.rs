@@ -1,11 +1,12 @@
 //! Test whether two moving solids pass through each other. Each solid has a constant twist in a frame that moves along a straight line.
 //!
 //! Two convex shapes pass if they are apart at both ends of the path and collide in between. If they overlap at an end, they pass if the
-//! direction between them reverses: contact forces would then push them on instead of back. They also pass if the path ends in an overlap
-//! from which the way on is shorter than the way back: contact forces would push them sideways, around the edge of a plate. They collide if
-//! they overlap by an eighth of their thickness, because resting contacts overlap by rounding and slop.
+//! direction between them reverses, because contact forces would then push them on instead of back. They also pass if they overlap at the
+//! end of the path and the depth in the direction of motion is smaller than in the opposite direction. Contact forces would push them
+//! sideways, around the edge of a plate. They collide if they overlap by an eighth of their thickness, because resting contacts overlap by
+//! rounding and slop.
 //!
-//! The search is conservative advancement (Mirtich 1996). With a bound c on the relative speed of their points, the distance falls by at
+//! The search is conservative advancement (Mirtich, 1996). With a bound c on the relative speed of their points, the distance falls by at
 //! most c t in a time t. A step of distance / c therefore misses no collision. Steps are at least a quarter of the thickness long.
 //!
 //! A shape passes a triangle surface if a point inside the shape enters it and leaves it again. A shape that ends behind the surface does

@@ -1,27 +1,27 @@
-//! The part of a shape's surface that faces the other shape, seen along the contact normal.
+//! Part of a shape's surface that faces the other shape, projected along the contact normal.
 //!
-//! Coordinates are (x, y) across the normal and the height h along it. A corner carries the identity of its vertex and of the edge that
-//! leaves it: these name contacts from step to step.
+//! Coordinates are (x, y) across the normal and the height h along it. A corner has the number of its vertex and the number of the edge to
+//! the next corner. These numbers identify contacts from step to step.
 
 use crate::linear_algebra::*;
 use crate::shape::ConvexShape;
 use crate::vectors::widest;
 use crate::vectors::{V, furthest};
 
-/// A corner of a patch.
+/// Corner of a [`Patch`], in the coordinates of the contact normal.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Corner {
     pub(super) x: f64,
     pub(super) y: f64,
     /// Height along the normal, m.
     pub(super) h: f64,
-    /// Name of the vertex.
+    /// Number of the vertex in the shape.
     pub(super) id: u32,
-    /// Name of the edge to the next corner, below [`EDGES`].
+    /// Number of the edge to the next corner, below [`EDGES`].
     pub(super) edge: u32,
 }
 
-/// Names of edges are below this.
+/// Upper bound of the numbers of edges.
 pub(super) const EDGES: u32 = 1 << 14;
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -33,31 +33,31 @@ pub(super) enum Kind {
     Segment,
     /// Corners in order around a flat face.
     Polygon,
-    /// A cap of a cylinder; its corners are points of the rim.
+    /// End face of a cylinder. Its corners are points of the rim.
     Disc,
 }
 
-/// A part of a surface.
+/// Part of a shape's surface: points, a segment, a polygon or a disc.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Patch {
     pub(super) kind: Kind,
     pub(super) corners: Vec<Corner>,
-    /// Of the plane of a face or cap: h = plane . (1, x, y).
+    /// Coefficients of the plane of a polygon or disc: h = plane . (1, x, y).
     pub(super) plane: V,
-    /// Middle of a cap.
+    /// Centre (x, y) of a disc, m.
     pub(super) centre: [f64; 2],
-    /// Of a cap, m.
+    /// Radius of a disc, m.
     pub(super) radius: f64,
 }
 
-/// Where a shape is, and how the contact is looked at.
+/// Pose of a shape, and the axes of the projection.
 #[derive(Clone, Copy)]
 pub(super) struct View<'a> {
     pub(super) pos: V,
     pub(super) mat: &'a M3<f64>,
-    /// The normal and two axes across it.
+    /// Contact normal, and the x and y axis of the projection.
     pub(super) axes: &'a [V; 3],
-    /// From the shape to the other: 1 along the normal, -1 against it.
+    /// Side of the other shape: 1 in the direction of the normal, -1 in the opposite direction.
     pub(super) side: f64,
 }
 
@@ -72,16 +72,17 @@ impl View<'_> {
     }
 }
 
-/// Beyond this sine of its tilt a cap is taken point by point.
+/// Sine of the tilt above which the end face of a cylinder is a list of points instead of a disc.
 const TILTED: f64 = 1e-3;
-/// Below this sine a cap has no lowest point.
+/// Sine of the tilt below which the end face of a cylinder has no lowest point.
 const LEVEL: f64 = 1e-6;
-/// A cap faces the other shape, rather than the side, above this cosine.
+/// Cosine of the angle to the cylinder's axis above which an end face, rather than the side, faces the other shape.
 const UPRIGHT: f64 = 0.7;
 
 impl Patch {
-    /// The patch of `shape` that faces the other, around its furthest corner. Faces are taken whole even where only an edge of them
-    /// touches: each point has its own height.
+    /// Sets the part of the surface of `shape` that faces the other shape, around its farthest corner `corner`.
+    ///
+    /// It is a whole face even where only an edge touches, because each point has a separate height.
     pub(super) fn fill(&mut self, shape: &ConvexShape, view: &View<'_>, corner: u32) {
         let d = view.towards();
         self.corners.clear();
@@ -113,7 +114,7 @@ impl Patch {
         }
     }
 
-    /// For a half space: also the vertices around the faces beside the lowest vertex of a hull.
+    /// Adds the vertices of all faces around the lowest vertex of a hull, for contacts with a half space.
     pub(super) fn add_neighbours(&mut self, shape: &ConvexShape, view: &View<'_>, corner: u32) {
         if let ConvexShape::Hull(hull) = shape {
             let faces = hull.faces_around(corner as usize);
@@ -130,7 +131,7 @@ impl Patch {
         self.corners.push(Corner { x, y, h, id, edge });
     }
 
-    /// The corners lie on a plane with this normal (in the shape's frame).
+    /// Makes the corners a polygon on a plane with this normal (in the shape's frame).
     fn flat(&mut self, view: &View<'_>, normal: V) {
         self.kind = Kind::Polygon;
         self.set_plane(view, normal);
@@ -140,12 +141,12 @@ impl Patch {
         let m = rotate(view.mat, normal);
         let [up, mx, my] = view.axes.map(|axis| dot(m, axis));
         let c = self.corners[0];
-        // A face seen edge-on has no height of its own; nothing asks for it.
+        // The height of a face parallel to the contact normal is undefined, and is not used.
         let k = if up.abs() > 1e-3 { -1.0 / up } else { 0.0 };
         self.plane = [c.h - k * (mx * c.x + my * c.y), k * mx, k * my];
     }
 
-    /// Whether all corners are at one height, up to `slope` times how far they are apart.
+    /// Whether all corners are at the same height, up to `slope` times their distance from the first corner.
     pub(super) fn is_level(&self, slope: f64) -> bool {
         let Some(o) = self.corners.first() else { return true };
         self.corners.iter().all(|c| {
@@ -162,11 +163,11 @@ impl Patch {
         let k = widest(d);
         let (i, j) = ((k + 1) % 3, (k + 2) % 3);
         let top = u32::from(d[k] > 0.0) << k;
-        // Around the face; edge e leaves corner e along axis i or j.
+        // In order around the face. Edge e starts at corner e and runs along axis i or j.
         for (e, (si, sj)) in [(0, 0), (1, 0), (1, 1), (0, 1)].into_iter().enumerate() {
             let id = top | si << i | sj << j;
             let along = if e % 2 == 0 { i } else { j };
-            // The lower of the edge's two vertices names it, with its axis.
+            // The number of an edge consists of the lower one of its vertices and its axis.
             let next: u32 = [1 << i, 1 << j, 1 << i, 1 << j][e];
             let edge = (id & !next) | (along as u32) << 3;
             let p = std::array::from_fn(|a| if id >> a & 1 == 1 { half[a] } else { -half[a] });
@@ -188,7 +189,7 @@ impl Patch {
             self.push(view, lowest(half_length), 5 | 1 << 4, 0);
             return;
         }
-        // Four points of the rim that stay where they are on the body, and the lowest: it tips over its rim, in any direction.
+        // Four points of the rim that are fixed to the body, and the lowest one, because the cylinder can tip over any point of the rim.
         for (k, (x, y)) in [(radius, 0.0), (0.0, radius), (-radius, 0.0), (0.0, -radius)].into_iter().enumerate() {
             self.push(view, [x, y, cap], top | k as u32, 0);
         }
@@ -205,8 +206,10 @@ impl Patch {
     }
 }
 
-/// The straight line of the shape's surface that is furthest along `d` (unit, its own frame), where `corner` is: an edge, or the side of a
-/// round body.
+/// Ends of the straight line on the shape's surface that is farthest along `d` (unit, in the shape's frame): an edge, or a line on the side
+/// of a round shape.
+///
+/// `corner` is the corner that is farthest along `d`. `None` if the line is inclined by a sine of more than `tolerance`.
 pub(super) fn edge(shape: &ConvexShape, d: V, corner: u32, tolerance: f64) -> Option<[V; 2]> {
     match shape {
         ConvexShape::Sphere { .. } | ConvexShape::Ellipsoid { .. } => None,
@@ -216,7 +219,7 @@ pub(super) fn edge(shape: &ConvexShape, d: V, corner: u32, tolerance: f64) -> Op
             (d[2].abs() < tolerance).then_some([[x, y, -h], [x, y, *h]])
         }
         ConvexShape::Box { half } => {
-            // Beside a face that leans a little, two edges are nearly at right angles to the direction.
+            // Next to a slightly tilted face, two edges are nearly perpendicular to the direction.
             let k = (0..3).min_by(|&i, &j| d[i].abs().total_cmp(&d[j].abs())).filter(|&k| d[k].abs() < tolerance)?;
             let mut ends = [shape.support(d); 2];
             (ends[0][k], ends[1][k]) = (-half[k], half[k]);

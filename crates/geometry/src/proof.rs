@@ -1,18 +1,19 @@
-//! Whether triangles are the surface of the convex hull of points: what a file says is not believed, and to look costs less than to make it
-//! anew.
+//! Checks that triangles are the surface of the convex hull of points. The triangles of a file are not trusted, and the check takes less
+//! time than a new hull.
 //!
-//! A closed surface of triangles is that of a convex body if no edge of it is bent inwards, all of it faces away from one point, and a ray
-//! from that point meets it once (Mehlhorn, Naher, Seel, Seidel, Schilz, Schirra & Uhrig 1999). All three are exact signs of volumes, a few
-//! for each triangle. Points are then followed, from triangle to triangle, to the one that is before them as seen from that same point.
+//! A closed surface of triangles is that of a convex body under three conditions (Mehlhorn, Naher, Seel, Seidel, Schilz, Schirra & Uhrig,
+//! 1999). No edge is bent inwards, every triangle faces away from one inner point, and a ray from that point meets the surface once. Each
+//! condition is the exact sign of a few volumes per triangle. For every given point, the check then walks from triangle to triangle to the
+//! one that the ray from the inner point to it crosses.
 
 use crate::linear_algebra::*;
 use crate::quickhull::volume_over;
 use crate::vectors::V;
 
-/// Of a product of two vectors, as a share of their lengths.
+/// Rounding error of a dot product, relative to the product of both vectors' sums of absolute values.
 const ROUNDING: f64 = 1e-13;
 
-/// The surface in question, closed: triangles of points (m), those across the edges that leave their corners, and a point inside.
+/// Closed surface to check: points, m, triangles, their neighbours across the edge that starts at each corner, and an inner point.
 pub(super) struct Suspect<'a> {
     pub(super) points: &'a [V],
     pub(super) triangles: &'a [[u32; 3]],
@@ -21,7 +22,7 @@ pub(super) struct Suspect<'a> {
 }
 
 impl Suspect<'_> {
-    /// Whether it is certainly convex; it may be where triangles are so narrow, or the whole so thin, that signs do not tell.
+    /// Whether the surface is certainly convex. A convex surface with very narrow triangles, or a very thin one, may give false.
     pub(super) fn is_convex(&self) -> bool {
         let behind = |t: usize, n: usize| {
             let apex = self.triangles[n].iter().find(|v| !self.triangles[t].contains(v));
@@ -38,7 +39,7 @@ impl Suspect<'_> {
             && self.triangles.iter().filter(|t| before(t)).count() == 1
     }
 
-    /// Whether points are within `near` (m) of a surface that is convex, or inside of it.
+    /// Whether all points are inside the surface, which is convex, or outside by at most `near`, m.
     pub(super) fn holds(&self, points: &[V], near: f64) -> bool {
         let over = |t: usize, p: V| {
             let [a, b, c] = self.corners(&self.triangles[t]);
@@ -46,7 +47,7 @@ impl Suspect<'_> {
             dot(normal, sub(p, a)) <= near * norm(normal)
         };
         let mut at = 0;
-        // Neighbours in a list of points are often neighbours in space.
+        // Consecutive points of the list are often close to each other.
         points.iter().all(|&p| {
             for _ in 0..self.triangles.len() {
                 match self.edge_before(&self.triangles[at], p) {
@@ -54,12 +55,13 @@ impl Suspect<'_> {
                     None => return over(at, p),
                 }
             }
-            // Over a flat face a way may lead round and round.
+            // On a flat face, rounding may make the walk circular.
             (0..self.triangles.len()).all(|t| over(t, p))
         })
     }
 
-    /// The first edge of a triangle beyond which a point is, seen from the centre; what is before an edge up to rounding is beyond none.
+    /// First edge of a triangle that the point is outside of, seen from the inner point. Points on an edge up to rounding are not outside
+    /// of it.
     fn edge_before(&self, triangle: &[u32; 3], p: V) -> Option<usize> {
         let corners = self.corners(triangle).map(|q| sub(q, self.centre));
         let p = sub(p, self.centre);

@@ -1,31 +1,34 @@
-//! The triangles of a convex hull.
+//! Triangles of a convex hull.
 //!
-//! Quickhull (Barber, Dobkin & Huhdanpaa 1996) with exact signs of volumes (Shewchuk 1997): whether a point is outside a plane through
-//! three others is never a matter of rounding, so what a point sees of the hull so far is always one piece, however thin, turned or far
-//! from the origin the points are. Distances only choose which point comes next, and which are near enough to be left out.
+//! The method is Quickhull (Barber, Dobkin & Huhdanpaa, 1996). It starts with a tetrahedron and adds one point at a time. The triangles
+//! that face the new point are replaced by triangles between the point and the rim of the removed part.
+//!
+//! Whether a point is outside a triangle's plane is exact (Shewchuk, 1997). The removed part is therefore always connected, even if the
+//! points are nearly flat or far from the origin. Rounded distances only decide which point comes next, and which points are close enough
+//! to the hull to be left out.
 
 use robust::{Coord3D, orient3d};
 
 use crate::linear_algebra::*;
 use crate::vectors::{V, unit_or};
 
-/// Points are on a plane within this share of their largest coordinate: a few times what rounding makes of it.
+/// Distance from a plane below which a point is on it, relative to the largest coordinate: a few times the rounding error.
 const ROUNDING: f64 = 4.0 * f64::EPSILON;
-/// Below this share the hull of all points would be one of rounding.
+/// Thickness below which the points are on one plane up to rounding, relative to the largest coordinate.
 const FLAT: f64 = 64.0 * f64::EPSILON;
 
-/// A triangle of the hull so far.
+/// Triangle of the growing hull.
 struct Triangle {
     corners: [u32; 3],
-    /// Across the edge that leaves each corner.
+    /// Index of the neighbouring triangle across the edge that starts at each corner.
     beside: [usize; 3],
-    /// Points outside it that are outside no triangle before, and how far.
+    /// Index and distance of the points outside this triangle. A point outside several triangles is listed with the first one.
     outside: Vec<(u32, f64)>,
     alive: bool,
     plane: Plane,
 }
 
-/// The plane of a triangle, and how well rounding lets it be known.
+/// Plane of a triangle, with a bound of the rounding error of distances to it.
 struct Plane {
     normal: V,
     /// Twice the triangle's area.
@@ -33,16 +36,17 @@ struct Plane {
     doubt: f64,
 }
 
-/// Triangles, counter-clockwise seen from outside, and the distance within which points count as inside.
+/// Growing hull: its triangles, counter-clockwise seen from outside, and the distance within which points count as inside.
 struct Growing<'a> {
     points: &'a [V],
     triangles: Vec<Triangle>,
     near: f64,
-    /// The triangles that leave each point and arrive there along the rim of what was seen last; anything where the rim is not.
+    /// For each point of the rim of the part that was removed last: the new triangles of the rim edges that start and end there. Other
+    /// entries are meaningless.
     rim: Vec<[usize; 2]>,
 }
 
-/// The triangles of the hull of finite points, counter-clockwise seen from outside; `None` where all are on one plane up to rounding.
+/// Triangles of the hull of finite points, counter-clockwise seen from outside; `None` if all points are on one plane up to rounding.
 pub(super) fn triangles(points: &[V]) -> Option<Vec<[u32; 3]>> {
     let largest = points.iter().flatten().fold(0.0, |most: f64, x| most.max(x.abs()));
     let simplex = simplex(points, FLAT * largest)?;
@@ -58,7 +62,7 @@ pub(super) fn triangles(points: &[V]) -> Option<Vec<[u32; 3]>> {
     Some(hull.triangles.iter().filter(|t| t.alive).map(|t| t.corners).collect())
 }
 
-/// Four points that span much of the volume, the last one inside of the first three.
+/// First tetrahedron: four points that span a large volume. The last one is on the inner side of the triangle of the others.
 fn simplex(points: &[V], flat: f64) -> Option<[u32; 4]> {
     let most = |value: &dyn Fn(V) -> f64| {
         let best = |best: (f64, usize), (i, p): (usize, &V)| {
@@ -80,12 +84,12 @@ fn simplex(points: &[V], flat: f64) -> Option<[u32; 4]> {
     (side.abs() > flat * area).then_some(if side > 0.0 { [a, c, b, d] } else { [a, b, c, d] })
 }
 
-/// Six times the volume between a triangle and a point, positive outside; its sign is exact.
+/// Six times the volume of the tetrahedron between a triangle and a point; positive if the point is outside. The sign is exact.
 pub(super) fn outside(points: &[V], corners: [u32; 3], p: u32) -> f64 {
     volume_over(corners.map(|v| points[v as usize]), points[p as usize])
 }
 
-/// The same of places.
+/// Six times the volume of the tetrahedron between a triangle and the point `p`, see [`outside`].
 pub(super) fn volume_over(corners: [V; 3], p: V) -> f64 {
     let [a, b, c, p] = [corners[0], corners[1], corners[2], p].map(|[x, y, z]| Coord3D { x, y, z });
     -orient3d(a, b, c, p)
@@ -93,7 +97,7 @@ pub(super) fn volume_over(corners: [V; 3], p: V) -> f64 {
 
 impl Growing<'_> {
     fn begin(&mut self, [a, b, c, d]: [u32; 4]) {
-        // Each beside the others: across its edges 0, 1, 2.
+        // Corners of each triangle, and its neighbours across the edges 0, 1 and 2.
         let faces = [([a, b, c], [1, 2, 3]), ([b, a, d], [0, 3, 2]), ([c, b, d], [0, 1, 3]), ([a, c, d], [0, 2, 1])];
         faces.into_iter().for_each(|(corners, beside)| self.push(corners, beside));
         for p in 0..self.points.len() as u32 {
@@ -115,7 +119,7 @@ impl Growing<'_> {
         outside(self.points, self.triangles[triangle].corners, p) > 0.0
     }
 
-    /// How far a point is outside of a triangle, if it is further than what counts as inside.
+    /// Distance of a point outside a triangle's plane; `None` if the point counts as inside.
     fn height(&self, p: u32, triangle: usize) -> Option<f64> {
         let Triangle { corners, plane, .. } = &self.triangles[triangle];
         let nearly = dot(plane.normal, sub(self.points[p as usize], self.points[corners[0] as usize]));
@@ -126,7 +130,7 @@ impl Growing<'_> {
         (height > self.near).then_some(height)
     }
 
-    /// Gives a point to the first of the triangles from `first` on that it is outside of; to none where it is inside.
+    /// Lists a point with the first triangle, from index `first` on, that it is outside of. Inner points are not listed.
     fn give(&mut self, p: u32, first: usize) {
         for t in first..self.triangles.len() {
             if let Some(height) = self.height(p, t) {
@@ -135,7 +139,9 @@ impl Growing<'_> {
         }
     }
 
-    /// The furthest of a triangle's points. Of those that are level the greatest by coordinates: no other is certainly a corner of the
+    /// Farthest of a triangle's listed points.
+    ///
+    /// Among equally far points it is the one with the greatest coordinates in lexicographic order, which is certainly a corner of the
     /// hull.
     fn furthest(&self, triangle: usize) -> Option<u32> {
         let t = &self.triangles[triangle];
@@ -147,11 +153,11 @@ impl Growing<'_> {
         t.outside.iter().filter(|_| t.alive).copied().reduce(|best, p| if greater(p, best) { p } else { best }).map(|(p, _)| p)
     }
 
-    /// Replaces all that a point sees, `from` among it, by triangles between the edge of that and the point.
+    /// Adds the point `apex`: removes all triangles that face it, which include `from`, and connects their rim with the point.
     fn add(&mut self, from: usize, apex: u32) {
         let (mut seen, mut next) = (vec![from], 0);
         self.triangles[from].alive = false;
-        // The edges between what is seen and what is not: from corner to corner, and what is across, in what is seen.
+        // Edges of the rim: both corners, in the order of the removed triangle, and the triangle across the edge, which stays.
         let mut rim = vec![];
         while next < seen.len() {
             let t = seen[next];

@@ -1,11 +1,11 @@
-//! Rays against surfaces of triangles, meshes and height fields: one ray at a time, in f64.
+//! Distances along rays to meshes and height fields, one ray at a time, in f64.
 //!
-//! A mesh's triangles are in a tree of boxes, and each is met by the test of Woop, Benthin & Wald (2013): no ray passes between two
-//! triangles that share an edge, as tests that round each triangle's own way let it (parry's, MuJoCo's). Triangles have two sides here: a
-//! ray that begins inside hits where it leaves.
+//! The triangles of a mesh are in a tree of boxes. The test of a triangle is that of Woop, Benthin & Wald (2013). With it, no ray passes
+//! between two triangles that share an edge. This can happen with tests that round each triangle separately (parry's, MuJoCo's). Triangles
+//! have two sides: a ray that starts inside a mesh hits the surface where it leaves.
 //!
-//! A height field needs no triangles. Along a ray, the height over the ground is linear between the lines of the grid and the diagonals of
-//! its cells; where it changes its sign the ray meets the ground. The field is solid from there to its base.
+//! A height field needs no triangles. Along a ray, the height above the ground is linear between crossings of the grid's lines and the
+//! cells' diagonals. The ray hits the ground where this height changes its sign. The field is solid from the ground to its base.
 
 use parry3d_f64::bounding_volume::BoundingVolume;
 use parry3d_f64::math::Vector;
@@ -17,26 +17,27 @@ use crate::linear_algebra::*;
 use crate::surface::{Grid, MeshSurface, Surface, bounds};
 use crate::vectors::{Pose, V, widest};
 
-/// Boxes about triangles are wider by this share of the mesh's coordinates: what rounding does to a ray that touches one leaves none out.
+/// Enlargement of the triangles' boxes, relative to the largest coordinate of the mesh, so that rounding does not exclude a triangle that a
+/// ray touches.
 const MARGIN: f64 = 1e-12;
 
-/// What rays meet of a mesh or a height field, in its own frame, m.
+/// Mesh or height field for distances along rays, in its frame, m.
 #[derive(Clone, Debug)]
 pub struct RaySurface {
     form: Form,
-    /// Centre and radius of a ball that holds it.
+    /// Centre and radius of a ball that contains the surface, m.
     ball: (V, f64),
 }
 
 #[derive(Clone, Debug)]
 enum Form {
-    /// Triangles, and the tree of their boxes.
+    /// Triangles and the tree of their boxes.
     Mesh(Vec<[V; 3]>, Bvh),
     Field(Grid),
 }
 
 impl RaySurface {
-    /// The triangles of a mesh.
+    /// Surface of a mesh, from vertices, m, and triangles.
     pub fn mesh(vertices: &[V], faces: &[[u32; 3]]) -> Self {
         let triangles: Vec<[V; 3]> = faces.iter().map(|f| f.map(|v| vertices[v as usize])).collect();
         let extent = vertices.iter().flatten().fold(0.0, |most: f64, x| most.max(x.abs()));
@@ -45,29 +46,29 @@ impl RaySurface {
         Self { form: Form::Mesh(triangles, Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes)), ball }
     }
 
-    /// The surface of a convex hull.
+    /// Surface of a convex hull.
     pub fn hull(hull: &Hull) -> Self {
         Self::mesh(hull.points(), hull.triangles())
     }
 
-    /// A height field, solid down to its base.
+    /// Height field that is solid down to its base.
     pub fn field(grid: Grid) -> Self {
         let [x, y] = grid.half;
         let ball = ball_about(&[[-x, -y, -grid.base], [x, y, grid.highest().max(-grid.base)]]);
         Self { form: Form::Field(grid), ball }
     }
 
-    /// Centre and radius of a ball that holds it, m.
+    /// Centre and radius of a ball that contains the surface, m.
     #[inline]
     pub fn ball(&self) -> (V, f64) {
         self.ball
     }
 
-    /// Distance from `origin` (m) along the unit vector `direction`, both in the world, for a surface that is at `pose`: m, infinite where
-    /// it is not met.
+    /// Distance, m, from `origin` along the unit vector `direction` to the surface at `pose`; infinite without a hit. Both vectors are in
+    /// the world frame, the origin in m.
     pub fn distance(&self, pose: &Pose, origin: V, direction: V) -> f64 {
         let (o, d) = (rotate_back(&pose.mat, sub(origin, pose.pos)), rotate_back(&pose.mat, direction));
-        // What is not a number meets nothing.
+        // A ray with a number that is not finite hits nothing.
         if !o.iter().chain(&d).all(|x| x.is_finite()) {
             return f64::INFINITY;
         }
@@ -78,8 +79,8 @@ impl RaySurface {
     }
 }
 
-/// How often the straight path from `p` to `q` crosses a surface, all in its frame: 2 for more than once. To leave a mesh once does not
-/// count.
+/// Number of times that the straight path from `p` to `q` crosses a surface, in its frame; 2 for more than once. A single crossing from the
+/// inside of a mesh to the outside does not count.
 pub(super) fn crossings(surface: &Surface, p: V, q: V) -> usize {
     let d = sub(q, p);
     let length = norm(d);
@@ -100,20 +101,20 @@ pub(super) fn crossings(surface: &Surface, p: V, q: V) -> usize {
         }
         Surface::Mesh(mesh) => {
             let Some((triangle, first)) = first_on_path(mesh, p, d) else { return 0 };
-            // From the other end the first is the last.
+            // The first triangle from the other end is the last one on the path.
             let back = first_on_path(mesh, q, scale(d, -1.0)).map_or(1.0 - first, |(_, part)| part);
             let [a, b, c] = mesh.triangle(triangle);
             let leaves = dot(cross(sub(b, a), sub(c, a)), d) > 0.0;
             match first + back < 1.0 - 1e-9 {
                 true => 2,
-                // What was behind is pushed out.
+                // Contacts push a shape out that was behind the surface.
                 false => usize::from(!leaves),
             }
         }
     }
 }
 
-/// The triangle of a mesh that the path `d` from `from` meets first, and the part of the path before it, up to 1.
+/// First triangle of a mesh on the path from `from` to `from + d`, and the fraction of the path before it, up to 1.
 fn first_on_path(mesh: &MeshSurface, from: V, d: V) -> Option<(u32, f64)> {
     let sheared = Sheared::new(from, d)?;
     let [o, along] = [from, d].map(|p| Vector::new(p[0], p[1], p[2]));
@@ -121,7 +122,7 @@ fn first_on_path(mesh: &MeshSurface, from: V, d: V) -> Option<(u32, f64)> {
     mesh.tree().cast_ray(&Ray::new(o, along), 1.0, meet)
 }
 
-/// The ball about the box about points.
+/// Centre and radius of the ball around the bounding box of points.
 fn ball_about(points: &[V]) -> (V, f64) {
     let around = bounds(points);
     let [low, high] = [around.mins, around.maxs].map(|p| [p.x, p.y, p.z]);
@@ -136,7 +137,7 @@ fn through_triangles(triangles: &[[V; 3]], tree: &Bvh, o: V, d: V) -> f64 {
     found.map_or(f64::INFINITY, |(_, t)| t)
 }
 
-/// The frame in which a ray is the third axis: others are sheared along it.
+/// Frame in which the ray is the third axis. Points are sheared along the ray.
 struct Sheared {
     origin: V,
     axes: [usize; 3],
@@ -159,7 +160,7 @@ impl Sheared {
             let q = sub(p, self.origin);
             [q[i] - self.slopes[0] * q[k], q[j] - self.slopes[1] * q[k], self.scale * q[k]]
         });
-        // Each is minus what the neighbour across the edge finds, to the bit.
+        // The triangle across an edge has exactly the opposite number for that edge.
         let across = |p: V, q: V| p[0] * q[1] - p[1] * q[0];
         let [u, v, w] = [across(b, c), across(c, a), across(a, b)];
         if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
@@ -167,13 +168,13 @@ impl Sheared {
         }
         let total = u + v + w;
         let t = (u * a[2] + v * b[2] + w * c[2]) / total;
-        // A triangle that is seen along its own plane has no area: its neighbours are met.
+        // A triangle parallel to the ray has no projected area. The ray hits its neighbours instead.
         (total != 0.0 && t >= 0.0).then_some(t)
     }
 }
 
 fn over_field(grid: &Grid, o: V, d: V) -> f64 {
-    // The part of the ray within the box about the field.
+    // Part of the ray inside the bounding box of the field.
     let box_ends = [[-grid.half[0], grid.half[0]], [-grid.half[1], grid.half[1]], [-grid.base, grid.highest()]];
     let (mut enter, mut leave) = (0.0, f64::INFINITY);
     for (k, [low, high]) in box_ends.into_iter().enumerate() {
@@ -190,7 +191,7 @@ fn over_field(grid: &Grid, o: V, d: V) -> f64 {
     if enter > leave || !leave.is_finite() {
         return f64::INFINITY;
     }
-    // From there on, `s` being what is left of the way; across the grid in cells.
+    // `s` is the distance from the start of that part. Coordinates across the grid are in cells.
     let start = add_scaled(o, d, enter);
     let cells = [grid.shape[1] - 1, grid.shape[0] - 1].map(|n| n as f64);
     let per_length = [0, 1].map(|k| cells[k] / (2.0 * grid.half[k]));
@@ -201,7 +202,7 @@ fn over_field(grid: &Grid, o: V, d: V) -> f64 {
         start[2] + d[2] * s - grid.height(at)
     };
     let mut height = above(0.0);
-    // Through a side of the field or its base.
+    // The ray enters through a side of the field or its base.
     if enter > 0.0 && height <= 0.0 {
         return enter;
     }
@@ -209,7 +210,7 @@ fn over_field(grid: &Grid, o: V, d: V) -> f64 {
     let [mut x, mut y] = [0, 1].map(|k| Lines::new(first[k], rate[k]));
     let mut diagonal = Lines::new(first[0] - first[1], rate[0] - rate[1]);
     let mut s = 0.0;
-    // Each turn crosses a line at least.
+    // Each iteration crosses at least one line.
     for _ in 0..2 * (grid.shape[0] + grid.shape[1]) + 4 {
         let next = x.next.min(y.next).min(diagonal.next).max(s).min(length);
         let there = above(next);
@@ -222,11 +223,11 @@ fn over_field(grid: &Grid, o: V, d: V) -> f64 {
         (s, height) = (next, there);
         [&mut x, &mut y, &mut diagonal].into_iter().for_each(|lines| lines.pass(s));
     }
-    // What begins inside leaves through a side or the base.
+    // A ray that starts inside leaves through a side or the base.
     if height <= 0.0 { leave } else { f64::INFINITY }
 }
 
-/// Where a ray crosses lines at whole numbers.
+/// Crossings of a ray with the lines at whole numbers of a coordinate.
 struct Lines {
     first: f64,
     rate: f64,
@@ -246,7 +247,7 @@ impl Lines {
         self.next = if self.rate == 0.0 { f64::INFINITY } else { (self.line - self.first) / self.rate };
     }
 
-    /// Goes on to the first line behind the place `s`.
+    /// Advances to the next line, if the ray has passed the current one at `s`.
     fn pass(&mut self, s: f64) {
         if self.next <= s {
             self.line += 1f64.copysign(self.rate);
@@ -261,7 +262,7 @@ mod tests {
 
     const UPRIGHT: Pose = Pose { pos: [0.3, -0.2, 0.1], mat: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0] };
 
-    /// Numbers in -1..1 without any other crate.
+    /// Pseudo-random number in -1..1.
     fn noise(seed: &mut u64) -> f64 {
         *seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
         (*seed >> 11) as f64 / (1u64 << 52) as f64 - 1.0
@@ -276,7 +277,7 @@ mod tests {
         (vertices, vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
     }
 
-    /// A ray from inside leaves, whichever way it goes: also through an edge or a corner, up to the rounding of its direction.
+    /// A ray from inside hits the surface in every direction, also at an edge or a corner, up to the rounding of its direction.
     #[test]
     fn no_ray_leaves_a_closed_mesh_between_its_triangles() {
         let (vertices, faces) = tetrahedron();
@@ -289,7 +290,7 @@ mod tests {
             let from = [0.02 * noise(&mut seed), 0.02 * noise(&mut seed), 0.02 * noise(&mut seed)];
             let way = sub(aim, from);
             let found = surface.distance(&UPRIGHT, add(UPRIGHT.pos, from), unit(way));
-            // On the edge, to the rounding of the direction over the tetrahedron's slopes.
+            // The hit is on the edge, up to the rounding of the direction.
             assert!((found - norm(way)).abs() < 1e-12, "{found} {}", norm(way));
             let back = surface.distance(&UPRIGHT, add(UPRIGHT.pos, add_scaled(from, way, 1.5)), unit(way));
             assert_eq!(back, f64::INFINITY);
@@ -301,7 +302,7 @@ mod tests {
         Grid::new([5, 8], [2.0, 0.9], (0..40).map(|_| 0.3 + 0.3 * noise(&mut seed)).collect(), 0.2)
     }
 
-    /// The field's triangles, sides and base as a mesh meet the same rays.
+    /// A mesh of the field's triangles, sides and base has the same distances.
     #[test]
     fn a_field_is_its_triangles() {
         let grid = hills();
@@ -328,7 +329,7 @@ mod tests {
         for k in 0..40_000 {
             let from = [3.0 * noise(&mut seed), 1.5 * noise(&mut seed), noise(&mut seed)];
             let mut way = [noise(&mut seed), noise(&mut seed), 0.5 * noise(&mut seed)];
-            // Along the grid's axes, too.
+            // Some rays are parallel to the axes of the grid.
             if k % 5 < 3 {
                 way = [0.0; 3];
                 way[k % 5] = 1.0;
@@ -348,7 +349,7 @@ mod tests {
                 assert_eq!(surface.distance(&UPRIGHT, [bad, 0.0, 2.0], [0.0, 0.0, -1.0]), f64::INFINITY);
                 assert_eq!(surface.distance(&UPRIGHT, [0.0, 0.0, 2.0], [0.0, 0.0, -bad]), f64::INFINITY);
             }
-            // Nor what is so far away that its squares are none.
+            // The square of a very large distance is infinite.
             assert_eq!(surface.distance(&UPRIGHT, [1e300, 0.0, 2.0], [0.0, 0.6, -0.8]), f64::INFINITY);
         }
     }

@@ -1,4 +1,4 @@
-//! How far to look for contacts, and where first.
+//! Limits and start of the search for contacts.
 
 use crate::approach::Approach;
 use crate::facing::{Facing, Separation};
@@ -7,37 +7,37 @@ use crate::pair::Pair;
 use crate::separating_plane::SeparatingPlane;
 use crate::vectors::V;
 
-/// How far to look, and where first.
+/// Limits and start of the search for contacts of a pair.
 #[derive(Clone, Copy, Debug)]
 pub struct Reach {
     /// Distance beyond which nothing is a contact, m.
     pub prediction: f64,
-    /// What is known of the pair from the last step: what is found is the same without it, later.
+    /// Result of the last step for this pair. It saves time and does not change the result.
     pub known: Option<Known>,
-    /// How hulls move: contacts that do not count within the step may be left out.
+    /// Motion of two hulls within the step. With it, contacts that cannot push within the step may be left out.
     pub approach: Option<Approach>,
     /// Relative rounding error of the poses.
     pub epsilon: f64,
 }
 
 impl Reach {
-    /// Whether cores separated so are further apart than any contact.
+    /// Whether the separation `found` proves that the pair has no contact.
     pub(super) fn is_beyond(&self, pair: &Pair<'_>, found: &Separation) -> bool {
         self.is_parted(found.normal, found.separation - pair.thickness(), pair.size)
     }
 
-    /// Whether shapes of this size (m) that a plane parts by `gap` (m) have no contact.
+    /// Whether shapes of the size `size`, m, have no contact if their distance along `normal` is at least `gap`, m.
     pub(super) fn is_parted(&self, normal: V, gap: f64, size: f64) -> bool {
         gap > self.prediction || self.approach.is_some_and(|a| a.keeps(normal, gap, size))
     }
 
-    /// Whether no contact with the normal that was found counts.
+    /// Whether no contact with the normal of `found` can push within the step.
     pub(super) fn is_left_out(&self, pair: &Pair<'_>, found: &Separation) -> bool {
         let gap = found.separation - pair.thickness();
         self.is_beyond(pair, found) || self.approach.is_some_and(|a| a.keeps_along(found.normal, gap, pair.size))
     }
 
-    /// What two hulls know of one another afterwards.
+    /// Separating plane of two hulls for the next steps.
     pub(super) fn separating_plane(&self, pair: &Pair<'_>, facing: &Facing) -> SeparatingPlane {
         let Separation { normal, separation, .. } = facing.found;
         SeparatingPlane::new(pair, facing, self.approach.map_or(0.0, |a| a.spare(normal, separation, pair.size)))

@@ -1,13 +1,15 @@
-//! The contact normal of two hulls, if it is one of few near what it was in the last step.
+//! Contact normal of two hulls, found near the normal of the last step.
 //!
-//! The old edges, then along the old normal a face of one hull, or an edge of each, are tried as the facet of their difference that is
-//! nearest to the origin; then what a search for the nearest points that begins there ends at. A facet is taken only where that is certain,
-//! so what is found does not depend on what was known: without it, the search from scratch finds the same.
+//! The candidates are the facets of the difference A - B of the hulls near the old normal. First come the pair of edges of the last step,
+//! then the faces of both hulls and the pairs of edges along the old normal. The last candidate is what a search for the closest points
+//! finds from there. A facet is accepted only if it is certainly the one that is nearest to the origin. The result therefore does not
+//! depend on the old normal: the search from scratch finds the same.
 //!
-//! With n the facet's normal, s its separation and the nearest point at least `room` within its outline, it is certain where the hulls are
-//! apart (two points at the distance s prove it), and where they overlap by d = -s and the ball of radius d about the origin lies in what
-//! is known of the difference, the facet's disc of radius `room` and the ball of radius r about the difference of the centres: with that
-//! centre H deep below the facet and L beside it, where 2 d < H and d (1 + 2 L / H) < min(room, r).
+//! Let n be the facet's normal, s the separation along n, and `room` the distance of the nearest point from the outline of the facet. The
+//! facet is certain if the hulls are apart, because two points have the distance s. Let them overlap by d = -s. The facet is then certain
+//! if the ball of radius d around the origin is inside the known part of the difference. That part consists of the disc of radius `room` on
+//! the facet and of the ball of radius r around the difference of the centres. With this centre at depth H below the facet and at distance
+//! L sideways from the nearest point, the conditions are 2 d < H and d (1 + 2 L / H) < min(room, r).
 
 use crate::facing::{Facing, GAP, Separation};
 use crate::gjk;
@@ -19,18 +21,18 @@ use crate::reach::Reach;
 use crate::shape::ConvexShape;
 use crate::vectors::{V, neg};
 
-/// The part of what would be certain that is taken for it: the rest is for rounding.
+/// Safety factor for rounding in the condition of a certain facet.
 const SURE: f64 = 0.5;
-/// Nearer to the outline than this share of the size the nearest point is on it.
+/// Distance from the outline of a facet below which a point counts as being on it, relative to the size of the pair.
 const OUTLINE: f64 = 1e-9;
-/// Corners further than an edge by less than this share of the size are as far.
+/// Difference below which a corner counts as equally far as an edge, relative to the size of the pair.
 const ROUNDING: f64 = 4e-15;
-/// Edges this parallel (sine) have no direction across both.
+/// Sine of the angle between two edges below which they count as parallel.
 const PARALLEL: f64 = 1e-3;
-/// Normals further than this from what is known (1 - cos) are not tried.
+/// Largest difference (1 - cos of the angle) between the old normal and a candidate.
 const NEAR: f64 = 0.01;
 
-/// What may be the facet: a face of the first or the second, an edge of each.
+/// Candidate for the facet: a face of the first hull, a face of the second hull, or an edge of each.
 #[derive(Clone, Copy)]
 enum Facet {
     First(usize),
@@ -38,8 +40,9 @@ enum Facet {
     Across(Facing, f64),
 }
 
-/// The largest separation, if that is certain across the edges that are known, along the normal, or along the direction between the nearest
-/// points as searched from there; else, or for other shapes, `None`. Where it is beyond `reach`, a lower bound of it.
+/// Largest separation of two hulls, if one of the candidates near the old normal is certain (see the module). `None` for other shapes.
+///
+/// If the separation is beyond `reach`, the result is a lower bound.
 pub(super) fn recall(pair: &Pair<'_>, known: &Known, reach: &Reach) -> Option<Facing> {
     let (ConvexShape::Hull(a), ConvexShape::Hull(b)) = (pair.a, pair.b) else { return None };
     let hulls: [&Hull; 2] = [a, b];
@@ -61,14 +64,16 @@ pub(super) fn recall(pair: &Pair<'_>, known: &Known, reach: &Reach) -> Option<Fa
     })
 }
 
-/// The separation along a normal's facet, if that is certain to be the largest. Where it is beyond `reach`, a lower bound of it.
+/// Separation along the facet near `normal`, if it is certainly the largest. If it is beyond `reach`, the result is a lower bound.
 pub(super) fn facet(pair: &Pair<'_>, normal: V, reach: &Reach) -> Option<Facing> {
     let (ConvexShape::Hull(a), ConvexShape::Hull(b)) = (pair.a, pair.b) else { return None };
     facet_along(pair, [a, b], normal, pair.corners(normal), reach)
 }
 
-/// The direction between the nearest points, or one along which the hulls are beyond `reach`, searched from the corners `start` of the
-/// difference. Hulls that overlap along the normal `known`, where `corners` are furthest, are taken a small gap apart.
+/// Direction between the closest points of the hulls, or a direction along which they are beyond `reach`.
+///
+/// The search starts from the corners `start` of the difference. Hulls that overlap along the normal `known`, with the farthest corners
+/// `corners`, are first moved apart to a small gap.
 fn beside(pair: &Pair<'_>, known: V, corners: [u32; 2], start: [[u32; 2]; 3], reach: &Reach) -> Option<V> {
     let pushed = (GAP * pair.least() - pair.apart_at(known, corners)).max(0.0);
     let shift = scale(known, pushed);
@@ -77,7 +82,9 @@ fn beside(pair: &Pair<'_>, known: V, corners: [u32; 2], start: [[u32; 2]; 3], re
     gjk::nearest_from(pair, shift, start, enough).normal(0.0)
 }
 
-/// See [`facet`]; `corners` are the furthest along `known` and against it.
+/// Separation along the facet near the normal `known`, see [`facet`].
+///
+/// `corners` are the corner of the first hull that is farthest along the normal, and of the second hull in the opposite direction.
 fn facet_along(pair: &Pair<'_>, [a, b]: [&Hull; 2], known: V, corners: [u32; 2], reach: &Reach) -> Option<Facing> {
     let [i, j] = corners.map(|c| c as usize);
     let (x, y) = (a.points()[i], pair.place(b.points()[j]));
@@ -117,15 +124,15 @@ fn facet_along(pair: &Pair<'_>, [a, b]: [&Hull; 2], known: V, corners: [u32; 2],
     })
 }
 
-/// The separation across edges, `room` within their ends, if that is certain, or beyond `reach`.
+/// The separation `facing` across two edges, if it is certain or beyond `reach`. `room` is its distance from the ends of the edges, m.
 fn certain_across(pair: &Pair<'_>, facing: Facing, room: f64, reach: &Reach) -> Option<Facing> {
     let Facing { found, corners, .. } = facing;
-    // The edges must be the furthest of all that way.
+    // No corner may be farther in this direction than the edges.
     let furthest = pair.separation_near(found.normal, corners).0 >= found.separation - ROUNDING * pair.size;
     (furthest && (reach.is_beyond(pair, &found) || is_certain(pair, &found, room))).then_some(facing)
 }
 
-/// The separation across two edges, to the side of what is known, and how far from the edges' ends it is.
+/// Separation along the common perpendicular of two edges, on the side of `known`, and its distance from the ends of the edges, m.
 fn across_edges(pair: &Pair<'_>, [a, b]: [&Hull; 2], [e, h]: [[u32; 2]; 2], known: V) -> Option<(Facing, f64)> {
     let sorted = |[v, w]: [u32; 2]| [v.min(w), v.max(w)];
     let names = [sorted(e), sorted(h)];
@@ -139,7 +146,7 @@ fn across_edges(pair: &Pair<'_>, [a, b]: [&Hull; 2], [e, h]: [[u32; 2]; 2], know
     (room > 0.0).then_some((Facing { found, corners, ends }, room))
 }
 
-/// The separation across two edges whose lines are nearest within them, and where along them, in shares.
+/// Separation along the common perpendicular of two lines, and its places on both edges: 0 at the first end, 1 at the second.
 fn edges([p, q]: [V; 2], [r, s]: [V; 2], towards: V) -> Option<(Separation, [f64; 2])> {
     let (u, v, d) = (sub(q, p), sub(s, r), sub(r, p));
     let n = cross(u, v);
@@ -153,7 +160,7 @@ fn edges([p, q]: [V; 2], [r, s]: [V; 2], towards: V) -> Option<(Separation, [f64
     Some((Separation { normal, separation: dot(normal, d), points }, at))
 }
 
-/// Whether a facet is the nearest of all, see above.
+/// Whether a facet is certainly the one that is nearest to the origin, see the module.
 pub(super) fn is_certain(pair: &Pair<'_>, facet: &Separation, room: f64) -> bool {
     let depth = -facet.separation;
     if room <= OUTLINE * pair.size {

@@ -1,17 +1,17 @@
-//! Room to work: made once, reused for every pair.
+//! Workspace of the narrow phase.
 
 use crate::expand::Polytope;
 use crate::manifold::{Clipper, Point};
 
-/// Room to work: made once, reused for every pair.
+/// Workspace of the narrow phase, which is allocated once and reused for every pair.
 #[derive(Clone, Debug, Default)]
 pub struct Room {
     pub(super) clipper: Clipper,
     pub(super) polytope: Polytope,
     pub(super) triangles: Vec<u32>,
     pub(super) all: Vec<Point>,
-    /// Triangles of the points in `all`.
+    /// Triangle of each point in `all`.
     pub(super) owners: Vec<u32>,
-    /// Whether the points in `all` belong to their triangles.
+    /// Whether each point in `all` belongs to the triangle that has it, not to a neighbour.
     pub(super) is_own: Vec<bool>,
 }

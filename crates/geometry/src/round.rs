@@ -1,4 +1,4 @@
-//! Balls and capsules on a triangle, in closed form: what the search for nearest points finds, in a fraction of its time.
+//! Closest points of a triangle and a ball or capsule, in closed form. The results equal those of the search, which takes longer.
 
 use crate::facing::{Facing, Separation};
 use crate::linear_algebra::*;
@@ -6,7 +6,7 @@ use crate::pair::Pair;
 use crate::shape::ConvexShape;
 use crate::vectors::V;
 
-/// Distance, as a share of the size of the pair, below which the direction between nearest points is left to the search.
+/// Distance, relative to the size of the pair, below which the search finds the direction between the closest points.
 pub(super) const CLOSE: f64 = 1e-6;
 
 /// Ends of the core of the second shape: the centre of a ball, both ends of a capsule's segment.
@@ -20,7 +20,7 @@ impl std::ops::Deref for Ends {
     }
 }
 
-/// See [`Ends`]; `None` of other shapes.
+/// Ends of the core of the second shape, see [`Ends`]; `None` for other shapes.
 pub(super) fn ends(pair: &Pair<'_>) -> Option<Ends> {
     match *pair.b {
         ConvexShape::Sphere { .. } => Some(Ends([pair.pos; 2], 1)),
@@ -32,8 +32,9 @@ pub(super) fn ends(pair: &Pair<'_>) -> Option<Ends> {
     }
 }
 
-/// Whether the hull of `ends` may be nearer to a triangle than `reach`, or behind it and beside it by no more than its depth: no edge parts
-/// them by more.
+/// Whether a core with these ends may be closer to a triangle than `reach`, m, or behind it.
+///
+/// A core behind the plane may be outside an edge by at most its depth. The result is false if one edge shows that both are impossible.
 pub(super) fn may_touch(corners: &[V; 3], normal: V, ends: &[V], reach: f64) -> bool {
     (0..3).all(|k| {
         let edge = sub(corners[(k + 1) % 3], corners[k]);
@@ -46,13 +47,14 @@ pub(super) fn may_touch(corners: &[V; 3], normal: V, ends: &[V], reach: f64) -> 
     })
 }
 
-/// Whether a point is over a triangle or under it.
+/// Whether the projection of a point onto the plane of a triangle is inside the triangle.
 pub(super) fn is_over(corners: &[V; 3], normal: V, p: V) -> bool {
     (0..3).all(|k| dot(cross(sub(corners[(k + 1) % 3], corners[k]), normal), sub(p, corners[k])) <= 0.0)
 }
 
-/// The nearest points of a triangle and the core of a ball or a capsule, of which the triangle comes first; `None` for other shapes, and
-/// where the two touch or nearly so.
+/// Separation of a triangle, the first shape, and the core of a ball or capsule.
+///
+/// The result is `None` for other shapes, and if the two touch or nearly touch.
 pub(super) fn nearest(pair: &Pair<'_>) -> Option<Facing> {
     let ConvexShape::Triangle(corners) = pair.a else { return None };
     let [x, y] = match pair.b {
@@ -66,7 +68,7 @@ pub(super) fn nearest(pair: &Pair<'_>) -> Option<Facing> {
     (separation > CLOSE * pair.size).then(|| Facing::new(pair, Separation { normal, separation, points: [x, y] }))
 }
 
-/// The point of a triangle nearest to `p` (Ericson 2005, section 5.1.5).
+/// Point of a triangle that is closest to `p` (Ericson, 2005, section 5.1.5).
 pub(super) fn nearest_of_triangle([a, b, c]: &[V; 3], p: V) -> V {
     let (ab, ac) = (sub(*b, *a), sub(*c, *a));
     let (ap, bp, cp) = (sub(p, *a), sub(p, *b), sub(p, *c));
@@ -92,12 +94,12 @@ pub(super) fn nearest_of_triangle([a, b, c]: &[V; 3], p: V) -> V {
     if va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0 {
         return add_scaled(*b, sub(*c, *b), (d4 - d3) / ((d4 - d3) + (d5 - d6)));
     }
-    // Along the normal, whose direction is exact however near the point is.
+    // The point is along the normal, whose direction is accurate at any distance.
     let n = cross(ab, ac);
     add_scaled(p, n, -dot(n, ap) / dot(n, n))
 }
 
-/// The nearest points of a triangle and a segment: an end of the segment and the triangle, or the segment and an edge. `None` where the
+/// Closest points of a triangle and a segment, of the triangle and an end of the segment, or of an edge and the segment. `None` if the
 /// segment crosses the triangle.
 fn nearest_of_segment(corners: &[V; 3], ends: [V; 2]) -> Option<[V; 2]> {
     let [a, b, c] = *corners;
@@ -132,7 +134,7 @@ fn nearest_of_segment(corners: &[V; 3], ends: [V; 2]) -> Option<[V; 2]> {
     Some(best)
 }
 
-/// The nearest points of two segments of some length (Ericson 2005, section 5.1.9).
+/// Closest points of two segments (Ericson, 2005, section 5.1.9).
 fn nearest_of_segments([p, q]: [V; 2], [r, s]: [V; 2]) -> [V; 2] {
     let (u, v, w) = (sub(q, p), sub(s, r), sub(p, r));
     let (uu, vv, uv, uw, vw) = (dot(u, u), dot(v, v), dot(u, v), dot(u, w), dot(v, w));

@@ -1,16 +1,17 @@
-//! What parts two hulls for many steps: a half space that holds the first, and a ball that holds the second and bulges little towards the
-//! first.
+//! Separating plane of two hulls that stays valid for many steps. It consists of a half space that contains the first hull, and a ball
+//! that contains the second hull and bulges little towards the first one.
 //!
-//! Each is fixed to its hull and made of its vertices alone, so no pose, reset or change of a state makes it untrue. With the first within
-//! n . x <= a, and the second within the ball of radius q |m| + e about p - q m in its own frame, the hulls are parted along n by
+//! Both are fixed to their hulls and depend on their vertices alone, so that a change of poses or states does not invalidate them. Let the
+//! first hull be within n . x <= a, and the second within the ball of radius q |m| + e about p - q m in its frame. The separation of the
+//! hulls along n is then at least
 //!
 //! ```text
 //! n . (pos + mat (p - q m)) - (q |m| + e) |n| - a >= n . (pos + mat p) - q |n + mat m|^2 / 2 - (a + e |n|)
 //! ```
 //!
-//! at least, and the right side does not suffer where q is a thousand times the hull's size. It is made with m = -mat^T n and p the
-//! second's furthest corner that way: what turning costs is then of second order in the angle. The ball is the least that bulges by e
-//! beyond p: a corner w that is t deep along m and l from p is within it where
+//! The right side stays accurate if q is a thousand times the size of the hull. Planes are made with m = -mat^T n and with the second
+//! hull's farthest corner p in that direction. The loss by rotations is then of second order in the angle. The ball is the smallest one
+//! that bulges by e beyond p. A corner w with depth t along m and distance l from p is within it if
 //!
 //! ```text
 //! (l^2 - e^2) / (2 (t + e)) <= q.
@@ -27,36 +28,36 @@ use crate::pair::Pair;
 use crate::shape::ConvexShape;
 use crate::vectors::neg;
 
-/// The part of what two hulls have to spare that the ball may bulge by: more makes it smaller, and leaves less for the hulls to move.
+/// Fraction of the spare gap of two hulls by which the ball may bulge. A larger bulge allows a smaller ball, but the hulls may then move
+/// less.
 const BULGE: f64 = 0.05;
-/// With less to spare than this share of their size it would last for a step or two, and is not worth making.
+/// Spare gap, relative to the size of the hulls, below which no plane is computed, because it would be valid for a step or two only.
 const LEAST: f64 = 5e-5;
 
-/// A normal of two hulls, where it was found, and what parts them along it.
+/// Normal along which two hulls are separated, the corners where it was found, and the plane and ball that contain the hulls.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SeparatingPlane {
-    /// n: from the first to the second, unit, in the first's frame.
+    /// Unit normal n from the first to the second hull, in the frame of the first.
     normal: [f32; 3],
-    /// Corners that are furthest that way and against it, and the other ends of the edges that it is across; the corners again, if it is
-    /// not.
+    /// Features where the normal was found, as in [`Facing`].
     corners: [u32; 2],
     ends: [u32; 2],
-    /// p, in the second's frame, m.
+    /// Corner p of the second hull, in its frame, m.
     tip: [f32; 3],
-    /// m, in the second's frame.
+    /// Direction m from the ball's centre to the corner p, in the second hull's frame.
     axis: [f32; 3],
-    /// q, m.
+    /// Parameter q of the ball's radius, m.
     curve: f32,
-    /// a + e |n|, m; infinite where nothing is known to part them.
+    /// Offset a + e |n|, m; infinite if no separating plane is known.
     offset: f32,
 }
 
 impl SeparatingPlane {
-    /// Separating plane of a pair of which nothing is known.
+    /// No separating plane.
     pub const NONE: Self =
         Self { normal: [0.0; 3], corners: [0; 2], ends: [0; 2], tip: [0.0; 3], axis: [0.0; 3], curve: 0.0, offset: f32::INFINITY };
 
-    /// What parts hulls that have `spare` (m) to spare along the normal that was found.
+    /// Separating plane along the normal of `facing`. `spare` is the part of the gap, m, that the motion of the step cannot close.
     pub(super) fn new(pair: &Pair<'_>, facing: &Facing, spare: f64) -> Self {
         let Facing { found, corners, ends } = *facing;
         let (n, e) = (found.normal, BULGE * spare);
@@ -65,7 +66,7 @@ impl SeparatingPlane {
         let (ConvexShape::Hull(a), ConvexShape::Hull(b), true) = (pair.a, pair.b, spare > LEAST * pair.size) else {
             return unknown;
         };
-        // Of the numbers as they are kept, so that what is rounded is true.
+        // Computed from the rounded numbers that are stored, so that the plane is valid in spite of rounding.
         let wide = |x: [f32; 3]| x.map(f64::from);
         let [i, j] = facing.corners.map(|c| c as usize);
         let tip = b.points()[j].map(|x| x as f32);
@@ -79,7 +80,7 @@ impl SeparatingPlane {
         Self { tip, axis, curve, offset: offset as f32, ..unknown }
     }
 
-    /// Where the next search begins.
+    /// Start of the search in the next step.
     #[inline]
     pub fn known(&self) -> Known {
         let [i, j] = self.corners;
@@ -87,7 +88,7 @@ impl SeparatingPlane {
     }
 }
 
-/// What parts two hulls in each lane.
+/// Separating planes of two hulls, one in each lane.
 #[derive(Clone, Copy, Debug)]
 pub struct SeparatingPlanes<R: Real> {
     normal: V3<R>,
@@ -98,7 +99,7 @@ pub struct SeparatingPlanes<R: Real> {
 }
 
 impl<R: Real> SeparatingPlanes<R> {
-    /// Nothing parts them in any lane.
+    /// No separating plane in any lane.
     #[inline(always)]
     pub fn none() -> Self {
         let zero = R::zero();
@@ -118,8 +119,10 @@ impl<R: Real> SeparatingPlanes<R> {
         self.offset.set_lane(lane, of(separating_plane.offset));
     }
 
-    /// Lanes in which no contact of hulls that approach one another so can count within the step: `apart` leads from the first's origin to
-    /// the second's, `mats` are their axes, `size` is that of both, m.
+    /// Lanes in which no contact of the hulls can push within the step, with their motion `approach`.
+    ///
+    /// `apart` is the position of the second hull's origin relative to the first's, m. `mats` are the orientations of the hulls, and `size`
+    /// is the size of both, m.
     #[inline(always)]
     pub fn keep(&self, apart: V3<R>, mats: [&M3<R>; 2], approach: &Approach<R>, size: f64) -> R::Mask {
         let n = rotate(mats[0], self.normal);

@@ -1,22 +1,23 @@
-//! The direction of the largest separation of two cores.
+//! Direction of the largest separation of two cores.
 //!
-//! Where they are apart it is the direction between their nearest points (`gjk.rs`). Where polytopes overlap it is the normal of the facet
-//! of their difference that is nearest to the origin (`expand.rs`); a contact that is near what it was needs neither (`recall.rs`).
+//! If the cores are apart, it is the direction between their closest points (`gjk.rs`). If polytopes overlap, it is the normal of the facet
+//! of their difference that is nearest to the origin (`expand.rs`). A contact near that of the last step needs neither (`recall.rs`).
 //!
-//! Where round bodies touch or overlap, and where rounding leaves polytopes undecided, the second is pushed out along the best direction
-//! known until a small gap opens, and the direction between the nearest points across that gap is no worse: with the shift t n0, t = gap -
-//! s(n0), the shifted separation is s'(n) = s(n) + t n . n0, so that
+//! Round shapes that touch or overlap, and polytopes for which rounding hides the result, need another method. The second core is moved
+//! along the best known direction n0 until there is a small gap. The direction n1 between the closest points across that gap is at least as
+//! good. With the shift t n0, t = gap - s(n0), the shifted separation is s'(n) = s(n) + t n . n0, so that
 //!
 //! ```text
 //! s(n1) = s'(n1) - t n1 . n0 >= s'(n0) - t = s(n0).
 //! ```
 //!
-//! Repeated, this climbs to the nearest local maximum of s, on smooth surfaces by the factor (depth + gap) / (radius of curvature + gap)
-//! each time, and there is always an answer: it starts from the best of the faces and axes of both shapes.
+//! Repetition converges to a local maximum of s. On smooth surfaces, each step reduces the error by the factor (depth + gap) / (radius of
+//! curvature + gap). There is always a result, because the climb starts from the best of the face normals and axes of both shapes.
 //!
-//! An overlap may have a shorter way out elsewhere. There is certainly none where a nearest point is as deep below the other's surface,
-//! or where the ball of the depth's radius about the origin lies in a ball that rolls within the difference, or in what is known of it
-//! (`recall.rs`). Else a search of the difference (`expand.rs`) shows that no way out is shorter, or finds one.
+//! The overlap may be shallower in another direction. This is impossible if a closest point is as deep below the other shape's surface. It
+//! is also impossible if the ball around the origin with the depth as radius is inside a ball that can roll within the difference. The same
+//! holds if it is inside the known part of the difference (`recall.rs`). Otherwise a search of the difference (`expand.rs`) finds a
+//! shallower direction, or shows that there is none.
 
 use crate::expand::Polytope;
 use crate::facing::{ALIKE, Facing, GAP, Separation};
@@ -29,29 +30,30 @@ use crate::round;
 use crate::shape::ConvexShape;
 use crate::vectors::{V, neg, unit_or};
 
-/// Polytopes are clear of one another beyond this share of their size: the direction between their nearest points is certain.
+/// Distance of polytopes, relative to their size, above which the direction between their closest points is certain.
 const CLEAR: f64 = 1e-9;
-/// Climbing steps at most; two to four are usual.
+/// Largest number of climbing steps. Two to four are usual.
 const CLIMBS: usize = 12;
-/// Depth by which another way out of an overlap must be shorter to be looked for, as a share of the size.
+/// Least difference of depth for which a shallower direction is searched for, relative to the size of the pair.
 const SHALLOWER: f64 = 3e-8;
-/// Room on a facet beyond which its corners are where the search for shorter ways begins, as a share of the size.
+/// Distance of the nearest point from the outline of its facet, relative to the size of the pair. Above it, the search for a shallower
+/// direction starts with the facet's corners.
 const WIDE: f64 = 0.01;
-/// Directions within this of a face's normal (sine) may be taken for it.
+/// Sine of the angle to a face's normal below which the normal may replace the direction.
 pub(super) const NEAR_FACE: f64 = 0.05;
-/// Nearest points further beside one another than this share of the size are not one over the other.
+/// Sideways distance of the closest points above which neither is over the other, relative to the size of the pair.
 pub(super) const BESIDE: f64 = 1e-7;
 
-/// The largest separation of the cores; stops early with a lower bound of it where that is beyond reach.
+/// Largest separation of the cores. The search stops early, with a lower bound, if that is beyond reach.
 ///
-/// What is known of the normal saves time, and changes nothing.
+/// A known normal saves time and does not change the result.
 pub(super) fn nearest(pair: &Pair<'_>, reach: &Reach, polytope: &mut Polytope) -> Facing {
     let known = || reach.known.and_then(|known| recall(pair, &known, reach));
     let mut facing = round::nearest(pair).or_else(known).unwrap_or_else(|| search(pair, reach, polytope));
     if !reach.is_beyond(pair, &facing.found) {
         facing = prefer_face(pair, facing);
     }
-    // A zero has one sign, whichever way it was found.
+    // Zeros get the same sign on every path.
     facing.found.normal = facing.found.normal.map(|x| x + 0.0);
     facing
 }
@@ -59,7 +61,7 @@ pub(super) fn nearest(pair: &Pair<'_>, reach: &Reach, polytope: &mut Polytope) -
 pub(super) fn search(pair: &Pair<'_>, reach: &Reach, polytope: &mut Polytope) -> Facing {
     let distance = reach.prediction + pair.thickness();
     let found = if pair.is_polytope() { of_polytopes(pair, distance, polytope) } else { of_round_bodies(pair, distance, polytope) };
-    // Rounding of the search is left behind: the normal is the facet's own.
+    // The normal is that of the facet, without the rounding error of the search.
     let own = if reach.is_beyond(pair, &found) { None } else { facet(pair, found.normal, reach) };
     own.unwrap_or_else(|| Facing::new(pair, found))
 }
@@ -69,7 +71,7 @@ fn of_polytopes(pair: &Pair<'_>, reach: f64, polytope: &mut Polytope) -> Separat
     if let Some(normal) = first.normal(CLEAR * pair.size) {
         return first.separation(normal);
     }
-    // Only a tetrahedron holds the origin.
+    // If the origin is inside the difference, the simplex is a tetrahedron.
     polytope.nearest_facet(pair, first.vertices()).unwrap_or_else(|| of_overlap(pair, &first, polytope))
 }
 
@@ -79,7 +81,9 @@ fn of_round_bodies(pair: &Pair<'_>, reach: f64, polytope: &mut Polytope) -> Sepa
     first.normal(gap).map_or_else(|| of_overlap(pair, &first, polytope), |normal| first.separation(normal))
 }
 
-/// By climbing, see above, and from a shorter way out again, if there is one; `first` is what the search without a gap found.
+/// Separation of overlapping cores by climbing (see the module), repeated from every shallower direction that is found.
+///
+/// `first` is the result of the search without a gap.
 fn of_overlap(pair: &Pair<'_>, first: &Nearest, polytope: &mut Polytope) -> Separation {
     let mut best = suggested(pair);
     if let Some(normal) = first.normal(0.0) {
@@ -91,7 +95,7 @@ fn of_overlap(pair: &Pair<'_>, first: &Nearest, polytope: &mut Polytope) -> Sepa
     if -found.separation <= certain_depth(pair, &found) + least || is_certain(pair, &found, room) {
         return found;
     }
-    // A small facet would be among narrow ones.
+    // Near a small facet, the polytope would have narrow faces.
     polytope.enclose(pair, first.vertices(), if room > WIDE * pair.size { near.vertices() } else { &[] });
     for _ in 0..CLIMBS {
         let Some(normal) = polytope.shallower(pair, -found.separation, least) else { break };
@@ -100,21 +104,21 @@ fn of_overlap(pair: &Pair<'_>, first: &Nearest, polytope: &mut Polytope) -> Sepa
     found
 }
 
-/// Depth that no way out of an overlap is shorter than, m: that of a nearest point below the other shape's surface, or the radius of a ball
-/// that rolls within the difference.
+/// Lower bound of the depth of an overlap in any direction, m. It is the depth of a closest point below the other shape's surface, or the
+/// radius of a ball that can roll within the difference.
 fn certain_depth(pair: &Pair<'_>, found: &Separation) -> f64 {
     let [x, y] = found.points;
     let of_points = pair.a.depth_of(y).max(pair.b.depth_of(rotate_back(&pair.mat, sub(x, pair.pos))));
     of_points.max(pair.a.roll() + pair.b.roll())
 }
 
-/// The best of the directions that the shapes suggest.
+/// Best of the candidate directions of both shapes.
 fn suggested(pair: &Pair<'_>) -> Candidate {
     let mut best = Candidate { normal: [0.0, 0.0, 1.0], separation: f64::NEG_INFINITY };
     best.offer(pair, unit_or(pair.apart, [0.0, 0.0, 1.0]));
     pair.a.directions(pair.apart, |n| best.offer(pair, n));
     pair.b.directions(neg(rotate_back(&pair.mat, pair.apart)), |n| best.offer(pair, neg(rotate(&pair.mat, n))));
-    // Sides of round bodies that cross.
+    // Common perpendicular of the axes of two round shapes.
     if let (Some(x), Some(y)) = (axis(pair.a), axis(pair.b)) {
         let n = cross(x, rotate(&pair.mat, y));
         let length = norm(n);
@@ -139,7 +143,7 @@ struct Candidate {
 }
 
 impl Candidate {
-    /// Takes a direction instead, if it separates more.
+    /// Replaces the candidate by a direction that has a larger separation.
     fn offer(&mut self, pair: &Pair<'_>, normal: V) {
         let separation = pair.separation(normal);
         if separation > self.separation {
@@ -148,11 +152,11 @@ impl Candidate {
     }
 }
 
-/// The local maximum of the separation that a climb from `start` reaches, and the nearest points across the gap there.
+/// Climbs from `start` to a local maximum of the separation. Returns it with the closest points across the gap.
 fn climb(pair: &Pair<'_>, start: Candidate) -> (Separation, Nearest) {
     let gap = GAP * pair.least();
     let mut best = start;
-    // What a step gains at rest is rounding.
+    // Gains below this are rounding errors.
     let enough = 1e-14 * pair.size;
     let mut near = Nearest::corner(pair, best.normal);
     let mut points = near.points();
@@ -171,16 +175,19 @@ fn climb(pair: &Pair<'_>, start: Candidate) -> (Separation, Nearest) {
     (Separation { normal: best.normal, separation: best.separation, points }, near)
 }
 
-/// Whether nearest points are beside one another as seen along a face's normal: what is nearest is not over the face then, and clipped with
-/// the face as reference it would be lost, with as much height as what is around it is steep. Of polytopes, whose nearest points are exact.
+/// Whether the closest points of polytopes have a sideways distance, seen along the normal `flat` of a face.
+///
+/// The closest feature is then not over the face, and clipping with this face as the reference would lose it. Only polytopes have exact
+/// closest points.
 fn is_beside(pair: &Pair<'_>, found: &Separation, flat: V) -> bool {
     let [x, y] = found.points;
     let apart = sub(y, x);
     found.separation > 0.0 && pair.is_polytope() && norm(add_scaled(apart, flat, -dot(apart, flat))) > BESIDE * pair.size
 }
 
-/// Takes the normal of a face instead where that separates as well up to rounding: the normals of resting contacts are then exact, and
-/// do not change from step to step. The first shape's face is preferred.
+/// Replaces the normal by that of a face, if the separation is equal up to rounding. The first shape's face is preferred.
+///
+/// Normals of resting contacts are therefore exact, and do not change from step to step.
 fn prefer_face(pair: &Pair<'_>, facing: Facing) -> Facing {
     let Facing { found, corners, ends } = facing;
     let worse = found.separation - ALIKE * pair.size;
@@ -192,7 +199,7 @@ fn prefer_face(pair: &Pair<'_>, facing: Facing) -> Facing {
         if is_beside(pair, &found, flat) {
             continue;
         }
-        // Any two points bound what it can separate.
+        // The distance of any two points along the direction bounds its separation.
         if cos > 0.0 && 1.0 - cos < NEAR_FACE * NEAR_FACE && pair.apart_at(flat, corners) >= worse {
             let (separation, corners) = pair.separation_near(flat, corners);
             if separation >= worse {

@@ -11,41 +11,41 @@ use crate::vectors::{V, furthest, neg, unit_or, widest};
 pub enum ConvexShape {
     /// Ball.
     Sphere {
-        /// m
+        /// Radius, m.
         radius: f64,
     },
-    /// A segment along z, thickened.
+    /// Points within a distance of a segment along z.
     Capsule {
-        /// m
+        /// Radius, m.
         radius: f64,
         /// Half the length of the segment, m.
         half_length: f64,
     },
-    /// A solid cylinder along z.
+    /// Solid cylinder along z.
     Cylinder {
-        /// m
+        /// Radius, m.
         radius: f64,
-        /// m
+        /// Half the length, m.
         half_length: f64,
     },
-    /// An ellipsoid.
+    /// Ellipsoid.
     Ellipsoid {
         /// Semi-axes, m.
         radii: [f64; 3],
     },
-    /// A box.
+    /// Box.
     Box {
         /// Half sizes, m.
         half: [f64; 3],
     },
-    /// The convex hull of points.
+    /// Convex hull of points.
     Hull(Arc<Hull>),
-    /// A triangle, counter-clockwise seen from outside.
+    /// Triangle. Its corners are counter-clockwise seen from outside.
     Triangle([V; 3]),
 }
 
 impl ConvexShape {
-    /// What the core is thickened by, m.
+    /// Radius around the core: the shape is the set of points within this distance of its core, m.
     #[inline]
     pub fn radius(&self) -> f64 {
         match *self {
@@ -54,12 +54,14 @@ impl ConvexShape {
         }
     }
 
-    /// The point of the core furthest along `d` (of any length). Where several are, one of them, the same whatever the length of `d`.
+    /// Support point: the point of the core that is farthest along `d`.
+    ///
+    /// The length of `d` has no effect, also if several points are equally far.
     pub fn support(&self, d: V) -> V {
         self.corner(d).0
     }
 
-    /// The same, with the number of the corner that it is; 0 where the core has no corners.
+    /// Support point along `d`, and its corner number; 0 for cores without corners.
     #[inline]
     pub(super) fn corner(&self, d: V) -> (V, u32) {
         let round = |p: V| (p, 0);
@@ -92,7 +94,7 @@ impl ConvexShape {
         }
     }
 
-    /// The corner of the core furthest along `d`, from one that is nearly so.
+    /// Support point along `d` and its corner number. The search on a hull starts at the corner `from`.
     #[inline]
     pub(super) fn climb(&self, from: u32, d: V) -> (V, u32) {
         match self {
@@ -104,7 +106,7 @@ impl ConvexShape {
         }
     }
 
-    /// The point of the core furthest along `d`, where the corner is known.
+    /// Support point of the core along `d` (the farthest point). For a hull it is the given corner.
     pub(super) fn support_at(&self, corner: u32, d: V) -> V {
         match self {
             Self::Hull(hull) => hull.points()[corner as usize],
@@ -112,17 +114,17 @@ impl ConvexShape {
         }
     }
 
-    /// Whether it is the hull of points.
+    /// Whether the shape is a convex hull of points.
     pub(crate) fn is_hull(&self) -> bool {
         matches!(self, Self::Hull(_))
     }
 
-    /// Whether the core is the hull of its corners.
+    /// Whether the core is a polytope, a segment or a point. Cylinders and ellipsoids are round.
     pub(super) fn is_polytope(&self) -> bool {
         !matches!(self, Self::Cylinder { .. } | Self::Ellipsoid { .. })
     }
 
-    /// No feature of it has more corners.
+    /// Upper bound of the number of corners of a face.
     pub(super) fn corners(&self) -> usize {
         match self {
             Self::Hull(hull) => hull.points().len(),
@@ -130,7 +132,7 @@ impl ConvexShape {
         }
     }
 
-    /// A point inside the core.
+    /// Point inside the core.
     pub(super) fn centre(&self) -> V {
         match self {
             Self::Hull(hull) => hull.centre(),
@@ -139,7 +141,7 @@ impl ConvexShape {
         }
     }
 
-    /// Radius of a ball about the shape's centre that holds it, thickness included, m.
+    /// Radius of a ball around [`Self::centre`] that contains the whole shape, m.
     pub(super) fn bound(&self) -> f64 {
         match self {
             Self::Sphere { radius } => *radius,
@@ -156,7 +158,7 @@ impl ConvexShape {
         }
     }
 
-    /// Half its least extent or so, m: what counts as small against it.
+    /// Scale of the shape, m: about half its smallest extent. Tolerances are relative to it.
     pub(super) fn least(&self) -> f64 {
         match self {
             Self::Sphere { radius } | Self::Capsule { radius, .. } => *radius,
@@ -171,14 +173,14 @@ impl ConvexShape {
         }
     }
 
-    /// Radius of a ball that touches the core's surface from inside at any place without crossing it, m.
+    /// Radius of the largest ball that can touch every point of the core's surface from inside, m; 0 except for ellipsoids.
     pub(super) fn roll(&self) -> f64 {
         let Self::Ellipsoid { radii: [x, y, z] } = *self else { return 0.0 };
         let shortest = x.min(y).min(z);
         shortest * shortest / x.max(y).max(z)
     }
 
-    /// Depth of a point below the surface of a box or cylinder, m; 0 of other shapes.
+    /// Depth of a point below the surface of a box or cylinder, m; 0 for other shapes.
     pub(super) fn depth_of(&self, p: V) -> f64 {
         match self {
             Self::Box { half } => (0..3).map(|k| half[k] - p[k].abs()).fold(f64::INFINITY, f64::min),
@@ -187,7 +189,7 @@ impl ConvexShape {
         }
     }
 
-    /// Radius of a ball about the shape's centre within the core, m.
+    /// Radius of a ball around [`Self::centre`] that is inside the core, m.
     pub(super) fn ball(&self) -> f64 {
         match self {
             Self::Sphere { .. } | Self::Capsule { .. } | Self::Triangle(_) => 0.0,
@@ -195,8 +197,9 @@ impl ConvexShape {
         }
     }
 
-    /// The outward normal of the flat face around `corner`, the one furthest along `d`, that faces `d` most; `None` where there is no such
-    /// face.
+    /// Outward normal of the flat face whose normal is closest to `d`, among the faces at `corner`; `None` if the shape has no flat face.
+    ///
+    /// `corner` is the corner that is farthest along `d`.
     pub(super) fn flat(&self, d: V, corner: u32) -> Option<V> {
         match self {
             Self::Sphere { .. } | Self::Capsule { .. } | Self::Ellipsoid { .. } => None,
@@ -215,8 +218,9 @@ impl ConvexShape {
         }
     }
 
-    /// Directions in which the separation of overlapping shapes is worth trying, besides the line of centres; `towards` is the other's
-    /// centre.
+    /// Visits candidate directions for the largest separation of overlapping shapes, besides the line between the centres.
+    ///
+    /// `towards` is the centre of the other shape.
     pub(super) fn directions(&self, towards: V, mut visit: impl FnMut(V)) {
         match self {
             Self::Sphere { .. } => {}

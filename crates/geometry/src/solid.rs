@@ -1,4 +1,4 @@
-//! What collides: a half space, a convex shape, a surface of triangles.
+//! Solids that can collide: half spaces, convex shapes and surfaces of triangles.
 
 use std::sync::Arc;
 
@@ -6,14 +6,14 @@ use crate::shape::ConvexShape;
 use crate::surface::Surface;
 use crate::vectors::V;
 
-/// What collides here.
+/// Solid that can collide.
 #[derive(Clone, Debug)]
 pub enum Solid {
-    /// All below the xy plane.
+    /// Half space below the xy plane.
     HalfSpace,
-    /// A convex shape.
+    /// Convex shape.
     Convex(ConvexShape),
-    /// A surface of triangles; it may be large, and is shared.
+    /// Surface of triangles. It may be large, and is shared.
     Surface(Arc<Surface>),
 }
 
@@ -39,7 +39,8 @@ impl Solid {
         }
     }
 
-    /// The same of another size (radius, half length; half axes or half sizes; m); `None` where the form is an asset's.
+    /// Solid of the same type with another size in MuJoCo's order (radius and half length, semi-axes or half sizes), m; `None` for solids
+    /// without a size, such as hulls.
     pub fn sized(&self, size: V) -> Option<Self> {
         let [radius, half_length, _] = size;
         Some(Self::Convex(match self {

@@ -575,7 +575,8 @@ pub(super) fn collide_plane_surface(plane: &Pose, surface: &Surface, pose: &Pose
     }
 }
 
-/// A vertex of the shape keeps its name from triangle to triangle, all else is named with the triangle.
+/// Identifier of a feature of the shape in contact with a triangle. That of a vertex is the same for all triangles; that of an edge or face
+/// includes the triangle.
 fn name(triangle: u32, feature: u32) -> u32 {
     if feature < VERTICES { feature } else { crate::manifold::mix(triangle, feature) }
 }

@@ -1,24 +1,25 @@
-//! Vectors in f64, and where a shape is.
+//! Vectors in f64, and poses of shapes.
 
 use crate::linear_algebra::*;
 
-/// A vector in f64.
+/// Vector in f64.
 pub(crate) type V = V3<f64>;
 
-/// Where a shape is: its origin and its axes (columns) in the world.
+/// Pose of a shape in the world frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Pose {
-    /// m
+    /// Position, m.
     pub pos: V,
-    /// Rotation, row by row.
+    /// Rotation matrix, row by row. Its columns are the axes of the shape.
     pub mat: M3<f64>,
 }
 
 impl Pose {
-    /// A pose of 32 bits, whose axes are at right angles up to their rounding alone: made so up to that of 64 bits, else no face would be
-    /// flat along its own normal.
+    /// Pose from numbers of 32 bits. The axes are made orthogonal up to the rounding of 64 bits, because faces would otherwise not be
+    /// perpendicular to their normals.
     ///
-    /// A step of Newton's method for the polar decomposition without an inverse squares what is wrong (Higham 2008, section 8.3).
+    /// The method is one step of Newton's method for the polar decomposition without an inverse, which squares the error (Higham, 2008,
+    /// section 8.3).
     #[inline]
     pub fn widened(pos: V, mat: M3<f64>) -> Self {
         let gram = mat_mul_transposed(&mat, &mat);
@@ -28,7 +29,7 @@ impl Pose {
     }
 }
 
-/// The first of the points furthest along `d`.
+/// Index of the point that is farthest along `d`; the first one of several.
 pub(super) fn furthest(points: &[V], d: V) -> usize {
     let mut best = 0;
     let mut most = f64::NEG_INFINITY;
@@ -41,7 +42,7 @@ pub(super) fn furthest(points: &[V], d: V) -> usize {
     best
 }
 
-/// x / |x|, or the fallback where x is 0.
+/// x / |x|, or `fallback` if x is 0.
 pub(super) fn unit_or(x: V, fallback: V) -> V {
     let length = norm(x);
     if length > 0.0 { scale(x, 1.0 / length) } else { fallback }
@@ -52,7 +53,7 @@ pub(super) fn neg(x: V) -> V {
     [-x[0], -x[1], -x[2]]
 }
 
-/// The coordinate of largest magnitude, the first of equals.
+/// Index of the coordinate with the largest absolute value; the first one of several.
 pub(super) fn widest(d: V) -> usize {
     let a = d.map(f64::abs);
     if a[0] >= a[1] && a[0] >= a[2] {

@@ -39,7 +39,8 @@ impl Actuator {
 }
 
 impl Actuator {
-    /// Force and torque per unit of the actuator's force of one on a site; the scale of length, velocity and force of any other.
+    /// Row of `actuator_gear`: for a site, force and torque per unit of actuator force. For other transmissions, the first entry scales
+    /// length, velocity and force.
     pub fn gear_row(&self) -> [f64; GEAR] {
         match self.transmission {
             Transmission::Site { wrench, .. } => wrench.map(|x| x * self.gear),
@@ -57,7 +58,7 @@ impl Actuator {
         row(&self.bias[..self.force_model.bias.width()])
     }
 
-    /// Property that determines which columns of a field the actuator reads, and their number.
+    /// Property that determines which columns of a field an actuator reads, and the number of columns.
     fn reads(&self, field: &str) -> (String, usize) {
         match (field, self.transmission) {
             ("actuator_gainprm", _) => (format!("its gaintype is {:?}", self.force_model.gain.word()), self.force_model.gain.width()),
@@ -102,14 +103,14 @@ pub(crate) fn bias(model: &mut Description, f: &mut dyn FnMut(&mut f64)) {
     }
 }
 
-/// Visits the numbers that are read, and zeros for the other columns.
+/// Visits the columns that an actuator reads, and zeros for the other columns.
 fn visit(read: &mut [f64], f: &mut dyn FnMut(&mut f64)) {
     let others = PARAMETERS - read.len();
     read.iter_mut().for_each(&mut *f);
     (0..others).for_each(|_| f(&mut 0.0));
 }
 
-/// Error for a number of `field` that an actuator does not read: the `k`-th, whose new value is `value`.
+/// Error for the `k`-th number of `field`, with the new value `value`, if the actuator does not read it.
 pub(crate) fn unread(model: &Description, field: &str, k: usize, value: f64) -> Option<ModelError> {
     let width = match field {
         "actuator_gear" => GEAR,

@@ -1,4 +1,4 @@
-//! What is said of an actuator's dynamics: numbers with their checks, and what the model takes over.
+//! Actuator dynamics: delay, lag, servo, motor and friction, their checks, and the parts that the model takes over.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,9 +8,9 @@ use crate::{Activation, Actuator, ActuatorError, Description, DeviceError, Force
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ActuatorSpec {
-    /// s
+    /// Delay, s.
     pub delay: Vec<f64>,
-    /// Steps; adds to `delay`.
+    /// Delay in steps, which adds to `delay`.
     pub delay_steps: Vec<f64>,
     /// Time constant of the first-order lag, s; 0 is none.
     pub lag: Vec<f64>,
@@ -20,43 +20,43 @@ pub struct ActuatorSpec {
     pub high: Vec<f64>,
     /// Dry friction at the actuator's side, N or N m.
     pub friction: Vec<f64>,
-    /// A servo in place of the actuator's own law.
+    /// Servo that replaces the actuator's affine force.
     pub servo: Option<Servo>,
-    /// A motor with its gear.
+    /// Motor with its gear.
     pub motor: Option<Motor>,
 }
 
-/// A PID servo: the control is a set point of the actuator's length.
+/// PID servo. The control is the target of the actuator's length.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Servo {
-    /// N or N m per unit of length.
+    /// Proportional gain, N or N m per unit of length.
     pub kp: Vec<f64>,
-    /// N or N m per unit of length and second.
+    /// Integral gain, N or N m per unit of length and second.
     pub ki: Vec<f64>,
-    /// N or N m per unit of velocity.
+    /// Derivative gain, N or N m per unit of velocity.
     pub kd: Vec<f64>,
-    /// Largest effort of the integral, N or N m; may be infinite.
+    /// Largest effort of the integral term, N or N m; may be infinite.
     pub integral_limit: Vec<f64>,
     /// Time between samples, s; empty for a continuous servo.
     pub period: Vec<f64>,
 }
 
-/// A DC motor behind a gear; its numbers are those of its shaft.
+/// DC motor behind a gear. Its numbers refer to the motor shaft.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Motor {
-    /// N m at nominal voltage; empty for a motor without a torque-speed curve.
+    /// Stall torque at nominal voltage, N m; empty for a motor without a torque-speed curve.
     pub stall_torque: Vec<f64>,
-    /// rad/s at nominal voltage.
+    /// No-load speed at nominal voltage, rad/s.
     pub no_load_speed: Vec<f64>,
     /// Inertia of the rotor, kg m^2.
     pub rotor_inertia: f64,
     /// Turns of the shaft per unit of the actuator's length.
     pub gear: f64,
-    /// Share of the power that the gear passes on.
+    /// Fraction of the power that the gear transmits.
     pub efficiency: Vec<f64>,
-    /// Whether the control is the share of the nominal voltage, not the torque.
+    /// Whether the control is the fraction of the nominal voltage, and not the torque.
     pub voltage: bool,
 }
 
@@ -68,11 +68,11 @@ fn any(x: &[f64]) -> bool {
 }
 
 impl Actuator {
-    /// Steps of length `h` by which the control acts later.
+    /// Delay of the control in steps of length `h`.
     fn delay_in_steps(&self, h: f64) -> f64 {
         let steps = self.delay / h;
         let near = steps.round();
-        // A whole number of steps, but for rounding, is one.
+        // A delay that is a whole number of steps up to rounding becomes a whole number.
         if (steps - near).abs() < 1e-9 * (1.0 + near) {
             near
         } else if self.delay_holds {
@@ -84,7 +84,7 @@ impl Actuator {
 }
 
 impl ActuatorSpec {
-    /// Spec of an ideal actuator, which changes no control.
+    /// Dynamics of an ideal actuator, whose controls do not change.
     pub fn ideal() -> Self {
         let [none, low, high] = [0.0, f64::NEG_INFINITY, f64::INFINITY].map(|x| vec![x]);
         let (delay, delay_steps, lag) = (none.clone(), none.clone(), none.clone());
@@ -102,7 +102,7 @@ impl ActuatorSpec {
         (0..num_envs).map(|env| self.steps(env, h)).fold(0.0, f64::max).ceil() as usize
     }
 
-    /// Whether it is a servo that acts within a step.
+    /// Whether the actuator has a servo without a sampling period.
     pub fn is_continuous_servo(&self) -> bool {
         self.servo.as_ref().is_some_and(|s| s.period.is_empty())
     }
@@ -117,16 +117,16 @@ impl ActuatorSpec {
         self.low.iter().chain(&self.high).any(|x| x.is_finite())
     }
 
-    /// Whether it loses effort to friction.
+    /// Whether friction or the gear dissipates effort.
     pub fn loses(&self) -> bool {
         any(&self.friction) || self.motor.as_ref().is_some_and(|m| m.efficiency.iter().any(|&e| e != 1.0))
     }
 
-    /// Model with what its actuator dynamics give to it, and specs with what the model gives to them: servos take the place of an
-    /// actuator's law, rotors become armature, and bounds of forces are taken together.
+    /// Model and dynamics in which each number is where the step reads it. Servos replace affine forces, rotor inertia is added to the
+    /// armature, and force limits of both are combined.
     ///
     /// # Errors
-    /// The first number out of its range, and what an actuator cannot have, with the actuator's name.
+    /// The first number out of range, or part that the actuator cannot have, with the actuator's name.
     pub fn fold(model: &Model, specs: &[Option<Self>], num_envs: usize, h: f64) -> Result<(Model, Vec<Option<Self>>), ActuatorError> {
         let (mut folded, mut specs) = (model.clone(), specs.to_vec());
         let model = folded.trusted_mut();
@@ -228,7 +228,7 @@ impl ActuatorSpec {
     }
 }
 
-/// What a number may be.
+/// Allowed range of a number.
 #[derive(Clone, Copy)]
 enum Range {
     Any,

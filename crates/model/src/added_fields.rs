@@ -1,7 +1,7 @@
-//! Serialization of fields that came after version 12 of saved models.
+//! Serialization of fields that were added after version 12 of saved models.
 //!
-//! In text they are fields of the description like any other. In binary, where fields have no names, they are no part of it:
-//! `crate::file` writes them behind it. So the bytes and the digest of a description without them stay what they were.
+//! In text formats they are ordinary fields of the description. In the binary format, which has no field names, `crate::file` writes them
+//! after the description. The bytes and the digest of a description without these fields are thus the same as before.
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 

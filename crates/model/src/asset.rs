@@ -1,4 +1,4 @@
-//! What geoms take their form from: meshes and height fields.
+//! Assets of geoms: meshes and height fields.
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -6,55 +6,55 @@ use stepper_geometry::{Hull, HullError};
 
 use crate::MassProperties;
 
-/// A triangle mesh, in the frame of the geoms that use it.
+/// Triangle mesh in the frame of the geoms that use it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Mesh {
-    /// Name by which geoms refer to it.
+    /// Name by which geoms refer to the mesh.
     pub name: String,
-    /// m
+    /// Vertices, m.
     pub vertices: Vec<[f64; 3]>,
-    /// Vertices of every triangle, counter-clockwise seen from outside; may be empty where only the convex hull is used.
+    /// Vertex indices of the triangles, counter-clockwise seen from outside. They may be empty if only the convex hull is used.
     pub faces: Vec<[u32; 3]>,
 }
 
-/// A height field: a surface of triangles over a grid of the geom's xy plane.
+/// Height field: a surface of triangles over a grid in the xy plane of the geom.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct HeightField {
-    /// Name by which geoms refer to it.
+    /// Name by which geoms refer to the height field.
     pub name: String,
-    /// Points along y and x.
+    /// Numbers of points along y and x.
     pub shape: [usize; 2],
-    /// Half of its extent along x and y, m.
+    /// Half the extent along x and y, m.
     pub half: [f64; 2],
-    /// Height of the points over the geom's origin, row by row: x runs fastest, m.
+    /// Heights of the points above the geom's origin, m, row by row along x.
     pub elevation: Vec<f64>,
-    /// It is solid down to this depth below the geom's origin, m.
+    /// Depth of the solid below the geom's origin, m.
     pub base: f64,
 }
 
 impl Mesh {
-    /// The convex hull of its vertices, made anew; a finished model has those that it needs, see
+    /// Convex hull of the vertices, computed at each call. A finished model stores the hulls that it needs, see
     /// [`Model::hull_of`](crate::Model::hull_of).
     ///
     /// # Errors
-    /// [`HullError`] where they span no volume.
+    /// [`HullError`] if the vertices span no volume.
     pub fn hull(&self) -> Result<Hull, HullError> {
         Hull::new(&self.vertices)
     }
 
-    /// Radius of a ball about its origin that holds it, m.
+    /// Radius of a ball about the mesh's origin that contains it, m.
     pub fn radius(&self) -> f64 {
         self.vertices.iter().map(|v| Vector3::from(*v).norm()).fold(0.0, f64::max)
     }
 
-    /// Its convex hull as a solid of uniform density, kg/m^3; `None` where it has no volume.
+    /// Mass properties of the convex hull with a uniform density, kg/m^3; `None` if it has no volume.
     pub fn mass_properties(&self, density: f64) -> Option<MassProperties> {
         Some(solid(&self.hull().ok()?, density))
     }
 }
 
-/// A solid polyhedron: tetrahedra from a point inside to the triangles of its surface. The second moment of a tetrahedron with corners 0,
-/// a, b, c about 0 is volume/20 (s s^T + a a^T + b b^T + c c^T) with s = a + b + c.
+/// Mass properties of a solid polyhedron, as a sum of tetrahedra from an inner point to the triangles of its surface. The second moment of
+/// a tetrahedron with corners 0, a, b, c about 0 is volume/20 (s s^T + a a^T + b b^T + c c^T) with s = a + b + c.
 fn solid(hull: &Hull, density: f64) -> MassProperties {
     let com = Vector3::from(hull.centre());
     let (mut volume, mut second) = (0.0, Matrix3::zeros());

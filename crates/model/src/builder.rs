@@ -18,7 +18,7 @@ pub use crate::builder::geom::GeomBuilder;
 pub use crate::builder::joint::JointBuilder;
 pub use crate::builder::tendon::TendonBuilder;
 
-/// What a sensor that was added by name reads.
+/// Target of a sensor that was added by name.
 #[derive(Clone, Debug)]
 enum Reading {
     Position(String),
@@ -56,7 +56,7 @@ pub const WORLD: usize = 0;
 ///
 /// assert_eq!((model.nq(), model.nv(), model.nu()), (2, 2, 1));
 /// assert_eq!((model.actuator("push")?, model.body("cart")?), (push, cart));
-/// assert_eq!(model.joint("pivot")?.qpos, 1..2); // its places in the configuration
+/// assert_eq!(model.joint("pivot")?.qpos, 1..2); // its range in the configuration
 /// assert_eq!(model.collision_pairs().len(), 1); // rod and floor
 /// # Ok::<(), stepper_model::ModelError>(())
 /// ```
@@ -67,7 +67,7 @@ pub const WORLD: usize = 0;
 pub struct ModelBuilder {
     model: Description,
     bodies: Vec<BodyBuilder>,
-    /// Geoms that were added by the index of their body.
+    /// Geoms, each with the index of its body.
     geoms: Vec<(usize, GeomBuilder)>,
     actuators: Vec<ActuatorBuilder>,
     sites: Vec<Site>,
@@ -79,7 +79,7 @@ pub struct ModelBuilder {
 }
 
 impl Model {
-    /// Starts a model: only the world, gravity 9.81 m/s^2 along -z, time step 2 ms.
+    /// Builder of a model with the world alone, gravity 9.81 m/s^2 along -z, and a time step of 2 ms.
     pub fn builder(name: &str) -> ModelBuilder {
         ModelBuilder {
             model: Description {
@@ -135,80 +135,80 @@ impl ModelBuilder {
         self
     }
 
-    /// Fills the space between the bodies: density (kg/m^3), viscosity (Pa s) and velocity (m/s).
+    /// Sets the fluid between the bodies: density (kg/m^3), viscosity (Pa s) and velocity (m/s).
     pub fn medium(&mut self, density: f64, viscosity: f64, wind: [f64; 3]) -> &mut Self {
         self.model.medium = Medium { density, viscosity, wind };
         self
     }
 
-    /// Hangs a body from another ([`WORLD`] or what an earlier call gave) and gives its index.
+    /// Adds a child body to [`WORLD`] or to a body of an earlier call. Returns its index.
     pub fn body(&mut self, parent: usize, mut body: BodyBuilder) -> usize {
         body.body.parent = parent;
         push(&mut self.bodies, body)
     }
 
-    /// Fixes a geom to a body, or to the [`WORLD`]. Geoms of a finished model are in the order of their bodies, so that
-    /// [`Description::geom`] of that model gives the index. A body that does not exist is an error of [`ModelBuilder::finish`].
+    /// Adds a geom to a body or to the [`WORLD`]. Geoms of a finished model are in the order of their bodies; [`Description::geom`] returns
+    /// their index. A body that does not exist is an error of [`ModelBuilder::finish`].
     pub fn geom(&mut self, body: usize, geom: GeomBuilder) -> &mut Self {
         self.geoms.push((body, geom));
         self
     }
 
-    /// Adds a fixed tendon, a linear combination of the positions of hinges and slides by name, and gives its index.
+    /// Adds a fixed tendon, a linear combination of the positions of hinges and slides by name. Returns its index.
     pub fn tendon(&mut self, name: &str, joints: &[(&str, f64)]) -> usize {
         self.fixed_tendon(TendonBuilder::new(name, joints))
     }
 
-    /// Adds a fixed tendon with limits, springs and the like, and gives its index.
+    /// Adds a fixed tendon with limits, springs and other attributes. Returns its index.
     pub fn fixed_tendon(&mut self, tendon: TendonBuilder) -> usize {
         push(&mut self.tendons, tendon)
     }
 
-    /// Adds an equality and gives its index.
+    /// Adds an equality. Returns its index.
     pub fn equality(&mut self, equality: EqualityBuilder) -> usize {
         push(&mut self.equalities, equality)
     }
 
-    /// Adds an actuator and gives its index, which is its place in the controls.
+    /// Adds an actuator. Returns its index, which is also its index in the controls.
     pub fn actuator(&mut self, actuator: ActuatorBuilder) -> usize {
         push(&mut self.actuators, actuator)
     }
 
-    /// Adds a sensor of a joint's position and gives its index.
+    /// Adds a sensor of a joint's position. Returns its index.
     pub fn position_sensor(&mut self, name: &str, joint: &str) -> usize {
         push(&mut self.sensors, (name.into(), Reading::Position(joint.into())))
     }
 
-    /// Adds a sensor of a joint's velocity and gives its index.
+    /// Adds a sensor of a joint's velocity. Returns its index.
     pub fn velocity_sensor(&mut self, name: &str, joint: &str) -> usize {
         push(&mut self.sensors, (name.into(), Reading::Velocity(joint.into())))
     }
 
-    /// Fixes a site to a body, or to the [`WORLD`], and gives its index for [`SensorKind`]. A body that does not exist is an error of
+    /// Adds a site to a body or to the [`WORLD`]. Returns its index for [`SensorKind`]. A body that does not exist is an error of
     /// [`ModelBuilder::finish`].
     pub fn site(&mut self, body: usize, mut site: Site) -> usize {
         site.body = body;
         push(&mut self.sites, site)
     }
 
-    /// Adds a sensor of any kind and gives its index; the indices in the kind are those of the finished model.
+    /// Adds a sensor of any kind, with indices of the finished model. Returns its index.
     pub fn sensor(&mut self, name: &str, kind: SensorKind) -> usize {
         push(&mut self.sensors, (name.into(), Reading::Kind(kind)))
     }
 
-    /// Lets two geoms collide whatever the filters say, with this friction (sliding, 1; torsional, m; rolling, m), and gives the index
-    /// of the pair.
+    /// Adds an explicit pair: two geoms that collide regardless of filters, with this friction (sliding, 1; torsional, m; rolling, m).
+    /// Returns its index.
     pub fn pair(&mut self, geom_a: &str, geom_b: &str, friction: [f64; 3]) -> usize {
         push(&mut self.pairs, ([geom_a.into(), geom_b.into()], friction))
     }
 
-    /// Keeps the geoms of two bodies from colliding.
+    /// Disables collisions between the geoms of two bodies.
     pub fn exclude(&mut self, body_a: &str, body_b: &str) -> &mut Self {
         self.excludes.push([body_a.into(), body_b.into()]);
         self
     }
 
-    /// Adds a mesh for [`GeomBuilder::mesh`]: vertices in m; faces, counter-clockwise seen from outside, are needed where it is concave.
+    /// Adds a mesh for [`GeomBuilder::mesh`]: vertices in m, and faces counter-clockwise seen from outside, which concave geoms need.
     pub fn mesh(&mut self, name: &str, vertices: &[[f64; 3]], faces: &[[u32; 3]]) -> &mut Self {
         self.model.meshes.push(Mesh { name: name.into(), vertices: vertices.to_vec(), faces: faces.to_vec() });
         self
@@ -220,20 +220,20 @@ impl ModelBuilder {
         self
     }
 
-    /// Adds a named state to reset to and gives its index.
+    /// Adds a named state for resets. Returns its index.
     pub fn keyframe(&mut self, keyframe: Keyframe) -> usize {
         push(&mut self.model.keyframes, keyframe)
     }
 
-    /// The model, validated.
+    /// Validated model.
     ///
     /// # Errors
-    /// [`ModelError`] when a name is missing, as [`Description::finish`], and for what stepper does not simulate yet.
+    /// [`ModelError`] if a name is missing, for errors of [`Description::finish`], and for elements that are not simulated yet.
     pub fn finish(&self) -> Result<Model, ModelError> {
         self.describe()?.finish(true)
     }
 
-    /// The scene before it is checked.
+    /// Description of the scene before its checks.
     pub(super) fn describe(&self) -> Result<Description, ModelError> {
         let mut model = self.model.clone();
         let mut bodies = self.bodies.clone();
@@ -308,7 +308,7 @@ impl ModelBuilder {
     }
 }
 
-/// Adds to a list and gives the place there.
+/// Appends an element to a list. Returns its index.
 fn push<T>(list: &mut Vec<T>, element: T) -> usize {
     list.push(element);
     list.len() - 1

@@ -1,4 +1,4 @@
-//! The description of a scene: every field may be edited.
+//! Description of a scene, whose fields can be edited.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,10 +12,10 @@ use crate::shape::Shape;
 use crate::softness::{ContactSpring, SoftSettings, Softness};
 use crate::tendon::Tendon;
 
-/// A scene before it is checked: bodies in a tree, their joints, shapes, actuators and sensors. Body 0 is the world.
+/// Scene before its checks: bodies in a tree, joints, shapes, actuators and sensors. Body 0 is the world.
 ///
-/// [`ModelBuilder`](crate::ModelBuilder) is the convenient way to a model. A description is for readers of files, and for edits that
-/// the builder does not know.
+/// [`ModelBuilder`](crate::ModelBuilder) is the convenient way to a model. Descriptions are for readers of files, and for edits that the
+/// builder does not support.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Description {
     /// Name of the scene; may be empty.
@@ -26,9 +26,9 @@ pub struct Description {
     pub gravity: [f64; 3],
     /// Magnetic field in the world frame, T.
     pub magnetic: [f64; 3],
-    /// What fills the space between the bodies.
+    /// Fluid between the bodies.
     pub medium: Medium,
-    /// Whether the integrator `euler` takes the joints' damping explicitly; the others never do.
+    /// Whether the integrator `euler` treats joint damping explicitly. The other integrators never do.
     pub explicit_damping: bool,
     /// Bodies, parents before children; body 0 is the world.
     pub bodies: Vec<Body>,
@@ -40,11 +40,11 @@ pub struct Description {
     pub meshes: Vec<Mesh>,
     /// Height fields that geoms refer to.
     pub height_fields: Vec<HeightField>,
-    /// Geom pairs that collide whatever their filters say.
+    /// Explicit pairs: geoms that collide regardless of filters.
     pub pairs: Vec<Pair>,
     /// Pairs of bodies whose geoms never collide.
     pub excludes: Vec<[usize; 2]>,
-    /// Overlaps whose geoms and bodies never collide: see [`Model::exclude_overlaps`](crate::Model::exclude_overlaps).
+    /// Overlaps whose geoms and bodies never collide, see [`Model::exclude_overlaps`](crate::Model::exclude_overlaps).
     #[serde(default, with = "added_fields")]
     pub excluded_overlaps: Vec<Overlap>,
     /// Fixed tendons: linear combinations of joint positions.
@@ -53,21 +53,21 @@ pub struct Description {
     pub equalities: Vec<Equality>,
     /// Actuators, one control each.
     pub actuators: Vec<Actuator>,
-    /// Places on bodies that sensors refer to.
+    /// Frames on bodies that sensors refer to.
     pub sites: Vec<Site>,
-    /// Sensors that are simulated.
+    /// Sensors.
     pub sensors: Vec<Sensor>,
-    /// Named states to reset to.
+    /// Named states for resets.
     pub keyframes: Vec<Keyframe>,
     /// Configuration at reset and reference of the joint angles, length nq.
     pub qpos0: Vec<f64>,
     /// Configuration in which joint springs are at rest, length nq.
     pub qpos_spring: Vec<f64>,
-    /// What MuJoCo's contact law needs besides the softness of single elements.
+    /// Settings of MuJoCo's contact law for the whole scene.
     pub soft: SoftSettings,
-    /// What the source described and this model leaves out.
+    /// Elements of the source that the model leaves out.
     pub omitted: Vec<Omission>,
-    /// What the source asks of a simulator that stepper does in its own way; nothing where the model was made in code.
+    /// Settings that the source requests and that stepper's default options replace; `None` for models made in code.
     pub requested: Option<Requested>,
 }
 
@@ -80,12 +80,12 @@ pub struct Overlap {
     pub depth: f64,
 }
 
-/// A rigid body.
+/// Rigid body.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Body {
     /// Name; may be empty.
     pub name: String,
-    /// Index of the parent; the world's is 0.
+    /// Index of the parent; 0 for the world itself.
     pub parent: usize,
     /// Position in the parent's frame, m.
     pub pos: [f64; 3],
@@ -99,13 +99,13 @@ pub struct Body {
     pub iquat: [f64; 4],
     /// Principal moments of inertia, kg m^2.
     pub inertia: [f64; 3],
-    /// Posed by the user (a child of the world without joints).
+    /// Whether the user sets the body's pose. Such a body is a child of the world without joints.
     pub mocap: bool,
-    /// Share of its weight that a force at its centre of mass holds up.
+    /// Fraction of its weight that a force at its centre of mass compensates.
     pub gravcomp: f64,
 }
 
-/// How a joint moves.
+/// Kind of joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum JointKind {
     /// Six degrees of freedom: position and velocity of the body's origin in the world frame, orientation, and angular velocity in the
@@ -141,14 +141,14 @@ impl JointKind {
     }
 }
 
-/// A joint between a body and its parent. A body may have several, applied in order.
+/// Joint between a body and its parent. A body may have several, which apply in order.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Joint {
     /// Name; may be empty.
     pub name: String,
-    /// The body that it moves.
+    /// Index of the body that the joint moves.
     pub body: usize,
-    /// How it moves.
+    /// Kind of joint.
     pub kind: JointKind,
     /// Anchor in the body's frame, m.
     pub pos: [f64; 3],
@@ -162,25 +162,25 @@ pub struct Joint {
     pub armature: f64,
     /// Dry friction, N or N m.
     pub frictionloss: f64,
-    /// Lowest and highest position, m or rad.
+    /// Lowest and highest position, m or rad; `None` without limits.
     pub range: Option<[f64; 2]>,
     /// Bounds of the sum of actuator forces on this joint, N or N m.
     pub actuator_force_range: Option<[f64; 2]>,
-    /// Highest speed that the source allows, rad/s or m/s. The step does not enforce it.
+    /// Largest speed that the source allows, rad/s or m/s. The step does not enforce it.
     #[serde(default, with = "added_fields")]
     pub velocity_limit: Option<f64>,
-    /// Softness of the limit by MuJoCo's law.
+    /// Softness of the limit in MuJoCo's contact law.
     pub limit_softness: Softness,
-    /// Softness of dry friction by MuJoCo's law.
+    /// Softness of dry friction in MuJoCo's contact law.
     pub friction_softness: Softness,
 }
 
-/// A shape fixed to a body.
+/// Shape fixed to a body.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Geom {
     /// Name; may be empty.
     pub name: String,
-    /// The body that it is fixed to.
+    /// Index of its body.
     pub body: usize,
     /// Shape and size.
     pub shape: Shape,
@@ -188,77 +188,78 @@ pub struct Geom {
     pub pos: [f64; 3],
     /// Orientation in the body's frame.
     pub quat: [f64; 4],
-    /// Bit mask: two geoms may collide if one's contype meets the other's conaffinity.
+    /// Bit mask. Two geoms may collide if the contype of one shares a bit with the conaffinity of the other.
     pub contype: u32,
     /// Bit mask, see `contype`.
     pub conaffinity: u32,
-    /// Rows of a contact: 1 frictionless, 3 sliding friction, 4 and torsional, 6 and rolling. A pair takes the larger.
+    /// Dimension of contacts: 1 frictionless, 3 sliding friction, 4 also torsional, 6 also rolling. A contact of two geoms has the larger
+    /// one.
     pub condim: u8,
-    /// The pair takes the friction and condim of the geom with the higher priority.
+    /// Priority. A contact of two geoms has the friction and condim of the geom with the higher priority.
     pub priority: i32,
-    /// Sliding (1), torsional (m), rolling (m). A pair takes the larger of each.
+    /// Sliding (1), torsional (m) and rolling (m) friction. A contact has the larger value of each.
     pub friction: [f64; 3],
-    /// Newton's coefficient of restitution, 0 to 1. A pair takes the larger; one whose contacts are springs has none.
+    /// Newton's coefficient of restitution, 0 to 1. A contact has the larger one; compliant contacts have none.
     pub restitution: f64,
-    /// Distance at which a contact begins to push, m. A pair takes the sum.
+    /// Distance below which a contact pushes, m. A contact has the sum.
     pub margin: f64,
-    /// Distance beyond the margin within which MuJoCo reports a contact that does not push, m. A pair takes the sum.
+    /// Distance beyond the margin up to which MuJoCo reports a contact that does not push, m. A contact has the sum.
     pub gap: f64,
-    /// Velocity of its surface as contacts see it (linear, m/s; angular about its origin, rad/s), in its own axes.
+    /// Velocity of the surface in contacts, in the geom's axes: linear, m/s, and angular about its origin, rad/s.
     pub surface_velocity: [f64; 6],
-    /// How the medium acts on it, if not on the body's box.
+    /// Fluid model of the geom. `None` uses the equivalent inertia box of the body.
     pub fluid: Option<Ellipsoid>,
-    /// Softness of its contacts by MuJoCo's law. A pair takes that of the geom with the higher priority, or mixes both.
+    /// Softness of contacts in MuJoCo's contact law. A contact has that of the geom with the higher priority, or a mixture of both.
     pub softness: Softness,
-    /// Weight of its softness when a pair mixes two.
+    /// Weight of the softness in the mixture of two geoms.
     pub solmix: f64,
-    /// Physical softness of its surface. A pair has both springs in series.
+    /// Compliance of the surface. A contact has both springs in series.
     #[serde(default)]
     pub spring: ContactSpring,
 }
 
-/// A pair of geoms that collides whatever the filters say, with its own parameters.
+/// Explicit pair: two geoms that collide regardless of filters, with separate contact parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Pair {
     /// Name; may be empty.
     pub name: String,
-    /// The geoms.
+    /// Indices of the geoms.
     pub geoms: [usize; 2],
-    /// As in [`Geom`].
+    /// Dimension of contacts, as in [`Geom`].
     pub condim: u8,
-    /// As in [`Geom`].
+    /// Friction, as in [`Geom`].
     pub friction: [f64; 3],
-    /// As in [`Geom`].
+    /// Restitution, as in [`Geom`].
     pub restitution: f64,
-    /// As in [`Geom`].
+    /// Margin, as in [`Geom`], m.
     pub margin: f64,
-    /// As in [`Geom`].
+    /// Gap, as in [`Geom`], m.
     pub gap: f64,
-    /// Softness by MuJoCo's law.
+    /// Softness in MuJoCo's contact law.
     pub softness: Softness,
-    /// The same as [`Softness::solref`] for the rows of friction; zeros where they have that of the normal.
+    /// [`Softness::solref`] of the rows of friction; zeros for that of the normal.
     pub solref_friction: [f64; 2],
-    /// Ratio of sliding friction along the second tangent to that along the first, and the same of rolling friction; MuJoCo's law alone
-    /// knows of them.
+    /// Ratio of sliding friction along the second tangent to that along the first, and of rolling friction. Only MuJoCo's contact law uses
+    /// them.
     pub anisotropy: [f64; 2],
-    /// Physical softness of the contact.
+    /// Compliance of the contact.
     #[serde(default)]
     pub spring: ContactSpring,
 }
 
-/// What an actuator pulls on.
+/// Element on which an actuator acts.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Transmission {
-    /// A hinge or slide.
+    /// Index of a hinge or slide.
     Joint(usize),
-    /// A fixed tendon.
+    /// Index of a fixed tendon.
     Tendon(usize),
-    /// A site, with a wrench.
+    /// Site with a wrench.
     Site {
-        /// The site.
+        /// Index of the site.
         site: usize,
-        /// The site in whose frame the wrench is given and against which it acts; without one it is the site's own frame, and the length is
-        /// 0.
+        /// Reference site: the wrench is in its frame, and its body has the reaction. Without one the wrench is in the frame of the site,
+        /// and the length is 0.
         reference: Option<usize>,
         /// Force and torque (N, N m) per unit of the actuator's force.
         wrench: [f64; 6],
@@ -268,9 +269,9 @@ pub enum Transmission {
 /// Dynamics between the control and the force.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Activation {
-    /// The control acts at once.
+    /// No dynamics: the control acts immediately.
     None,
-    /// The control is the rate of the activation.
+    /// Integrator: the control is the rate of the activation.
     Integrator,
     /// First-order lag with this time constant (s), integrated by Euler's rule.
     Filter(f64),
@@ -278,82 +279,83 @@ pub enum Activation {
     FilterExact(f64),
 }
 
-/// An actuator: force = (gain . (1, length, velocity)) * input + bias . (1, length, velocity), input = control or activation.
+/// Actuator with force = (gain . (1, length, velocity)) * input + bias . (1, length, velocity), where the input is the control or
+/// activation.
 ///
-/// [`Actuator::affine_force`] gives this gain and bias; other types of gain and bias ([`ForceModel`]) have other parameters.
+/// [`Actuator::affine_force`] returns this gain and bias. Other types of gain and bias ([`ForceModel`]) have other parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Actuator {
     /// Name; may be empty.
     pub name: String,
-    /// What it pulls on.
+    /// Element on which the actuator acts.
     pub transmission: Transmission,
     /// Scale of length, velocity and force.
     pub gear: f64,
-    /// s by which the control acts later.
+    /// Delay of the control, s.
     pub delay: f64,
-    /// Whether between two controls the older one acts, and not what lies between them.
+    /// Whether the older of two controls acts between them, instead of an interpolation.
     pub delay_holds: bool,
-    /// Control is clamped to it.
+    /// Range to which the control is clamped.
     pub ctrl_range: Option<[f64; 2]>,
-    /// Force is clamped to it, N or N m.
+    /// Range to which the force is clamped, N or N m.
     pub force_range: Option<[f64; 2]>,
-    /// Activation is clamped to it.
+    /// Range to which the activation is clamped.
     pub act_range: Option<[f64; 2]>,
     /// Dynamics of the activation.
     pub activation: Activation,
-    /// Parameters of the gain: constant, per length, per velocity; of a DC motor resistance and motor constant.
+    /// Parameters of the gain: constant, per length, per velocity. For a DC motor they are resistance and motor constant.
     pub gain: [f64; 3],
     /// Parameters of the bias: constant, per length, per velocity.
     pub bias: [f64; 3],
-    /// Formula by which the force follows from these parameters.
+    /// Formula for the force from these parameters.
     #[serde(default, with = "added_fields")]
     pub force_model: ForceModel,
 }
 
-/// A named state.
+/// Named state.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Keyframe {
     /// Name; may be empty.
     pub name: String,
-    /// s
+    /// Time, s.
     pub time: f64,
-    /// Length nq.
+    /// Configuration, length nq.
     pub qpos: Vec<f64>,
-    /// Length nv.
+    /// Velocity, length nv.
     pub qvel: Vec<f64>,
-    /// Length na.
+    /// Activations, length na.
     pub act: Vec<f64>,
-    /// Length nu.
+    /// Controls, length nu.
     pub ctrl: Vec<f64>,
 }
 
-/// Something in the source that this model does without.
+/// Element of the source that the model leaves out.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Omission {
-    /// What kind of element, e.g. "equality connect".
+    /// Kind of element, such as "equality connect".
     pub kind: String,
-    /// Its name, or its index as "#3".
+    /// Name of the element, or its index as "#3".
     pub name: String,
-    /// Why it is left out and what that means.
+    /// Reason for the omission, and its effect.
     pub reason: String,
-    /// Whether the motion would be different with it.
+    /// Whether the element would change the motion.
     pub changes_motion: bool,
 }
 
-/// What a source asks of a simulator, where stepper has a way of its own, in the source's words.
+/// Settings that a source requests and that stepper's default options replace, in the words of the source.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Requested {
     /// Integrator: "Euler", "RK4", "implicit", "implicitfast" or "discrete".
     pub integrator: String,
     /// Solver: "PGS", "CG" or "Newton".
     pub solver: String,
-    /// Iterations of that solver at the most.
+    /// Largest number of iterations of that solver.
     pub iterations: u32,
-    /// Shape of the friction cone, "pyramidal" or "elliptic"; nothing where nothing can touch.
+    /// Shape of the friction cone, "pyramidal" or "elliptic"; `None` if nothing can touch.
     pub cone: Option<String>,
-    /// Whether it has constraints, which are soft there.
+    /// Whether the source has constraints, which are soft in its simulator.
     pub constrained: bool,
-    /// What has a softness of its own, other than the source's default: "2 geoms: foot, floor".
+    /// Elements whose softness differs from the default of the source: "2 geoms: foot, floor".
     pub soft: Vec<String>,
 }
 
@@ -383,13 +385,13 @@ impl Description {
         self.sensors.iter().map(|s| s.dim(&self.sensors)).sum()
     }
 
-    /// Address of every sensor's first reading.
+    /// Index of the first reading of every sensor.
     pub fn sensor_addresses(&self) -> Vec<usize> {
         let dims = self.sensors.iter().map(|s| s.dim(&self.sensors));
         dims.scan(0, |next, dim| Some(std::mem::replace(next, *next + dim))).collect()
     }
 
-    /// Address of every joint's first coordinate in q and first degree of freedom in v.
+    /// Index of the first coordinate in q and of the first degree of freedom in v, for every joint.
     pub fn joint_addresses(&self) -> Vec<(usize, usize)> {
         let (mut q, mut v) = (0, 0);
         self.joints
@@ -403,27 +405,27 @@ impl Description {
             .collect()
     }
 
-    /// "torso", or "#3" when the body has no name, or the model has no such body.
+    /// Label of a body such as "torso"; "#3" for a body without a name or an index out of range.
     pub fn body_label(&self, i: usize) -> String {
         self.bodies.get(i).map_or_else(|| label("", i), |x| label(&x.name, i))
     }
 
-    /// "ankle", or "#3" when the joint has no name, or the model has no such joint.
+    /// Label of a joint such as "ankle"; "#3" for a joint without a name or an index out of range.
     pub fn joint_label(&self, i: usize) -> String {
         self.joints.get(i).map_or_else(|| label("", i), |x| label(&x.name, i))
     }
 
-    /// "imu", or "#3" when the sensor has no name, or the model has no such sensor.
+    /// Label of a sensor such as "imu"; "#3" for a sensor without a name or an index out of range.
     pub fn sensor_label(&self, i: usize) -> String {
         self.sensors.get(i).map_or_else(|| label("", i), |x| label(&x.name, i))
     }
 
-    /// "floor", or "#3" when the geom has no name, or the model has no such geom.
+    /// Label of a geom such as "floor"; "#3" for a geom without a name or an index out of range.
     pub fn geom_label(&self, i: usize) -> String {
         self.geoms.get(i).map_or_else(|| label("", i), |x| label(&x.name, i))
     }
 
-    /// "floor", "#3 of body torso" when the geom has no name, or "#3" when the model has no such geom.
+    /// Label of a geom such as "floor"; "#3 of body torso" for a geom without a name, "#3" for an index out of range.
     pub fn geom_label_with_body(&self, i: usize) -> String {
         match self.geoms.get(i) {
             Some(geom) if geom.name.is_empty() => format!("#{i} of body {}", self.body_label(geom.body)),
@@ -438,7 +440,7 @@ pub fn label(name: &str, index: usize) -> String {
 }
 
 impl Geom {
-    /// Semi-axes of the ellipsoid that stands for a shape, m, if it has a finite size of its own.
+    /// Semi-axes of the ellipsoid that approximates a shape, m; `None` for shapes without a finite size.
     pub fn semi_axes(&self) -> Option<[f64; 3]> {
         match self.shape {
             Shape::Sphere { radius } => Some([radius; 3]),
@@ -452,12 +454,12 @@ impl Geom {
 }
 
 impl Description {
-    /// The mesh that a geom's shape refers to.
+    /// Mesh of a geom's shape.
     pub fn mesh_of(&self, shape: &Shape) -> Option<&Mesh> {
         Some(&self.meshes[self.mesh_index(shape)?])
     }
 
-    /// The height field that a geom's shape refers to.
+    /// Height field of a geom's shape.
     pub fn height_field_of(&self, shape: &Shape) -> Option<&HeightField> {
         match shape {
             Shape::HeightField { asset } => self.height_fields.iter().find(|h| h.name == *asset),
@@ -467,7 +469,7 @@ impl Description {
 }
 
 impl Tendon {
-    /// Length at a configuration of the model.
+    /// Length of the tendon in a configuration of the model.
     pub fn length(&self, model: &Description, qpos: &[f64]) -> f64 {
         let addresses = model.joint_addresses();
         self.joints.iter().map(|&(j, c)| c * qpos[addresses[j].0]).sum()

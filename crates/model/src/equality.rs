@@ -1,61 +1,62 @@
-//! Equalities: what closes loops and couples joints.
+//! Equalities, which close loops and couple joints.
 
 use serde::{Deserialize, Serialize};
 
 use crate::softness::Softness;
 
-/// A bilateral constraint: whatever force it takes, its error is zero.
+/// Bilateral constraint, whose error is kept at zero by any necessary force.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Equality {
     /// Name; may be empty.
     pub name: String,
-    /// What it holds together.
+    /// Kind of equality, with its elements.
     pub kind: EqualityKind,
-    /// Whether it acts; one that does not costs nothing.
+    /// Whether the equality is active. An inactive one costs nothing.
     pub active: bool,
-    /// Infinite for a hard one, else a spring's, N/m (N m/rad for turning, and for joints and tendons in their own unit).
+    /// Stiffness of a soft equality, N/m (N m/rad for rotations; for joints and tendons in their units); infinite for a hard one.
     pub stiffness: f64,
-    /// Of the damper beside the spring of a soft one, N s/m or N m s/rad.
+    /// Damping of a soft equality, N s/m or N m s/rad.
     pub damping: f64,
-    /// Softness by MuJoCo's law, which takes no notice of the spring.
+    /// Softness in MuJoCo's contact law, which ignores stiffness and damping.
     pub softness: Softness,
 }
 
-/// What an equality holds together (MuJoCo's `mjtEq`).
+/// Kind of equality (MuJoCo's `mjtEq`).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum EqualityKind {
-    /// A point of one body is a point of another, as by a ball joint.
+    /// Point of one body that coincides with a point of another, as in a ball joint.
     Connect {
-        /// The bodies; 0 is the world.
+        /// Indices of the bodies; 0 is the world.
         bodies: [usize; 2],
-        /// The points in the bodies' frames, m.
+        /// Points in the frames of the bodies, m.
         anchors: [[f64; 3]; 2],
     },
-    /// As [`EqualityKind::Connect`], and the orientations agree.
+    /// Connection like [`EqualityKind::Connect`], with equal orientations.
     Weld {
-        /// The bodies; 0 is the world.
+        /// Indices of the bodies; 0 is the world.
         bodies: [usize; 2],
-        /// The points in the bodies' frames, m.
+        /// Points in the frames of the bodies, m.
         anchors: [[f64; 3]; 2],
         /// Orientation of the second body in the frame of the first.
         relpose: [f64; 4],
-        /// Weight of an error of one radian against one of a metre, m; 0 lets them turn.
+        /// Weight of an error of one radian relative to one metre, m. With 0, rotations are free.
         torquescale: f64,
     },
-    /// `q0 - ref0 = polynomial(q1 - ref1)` for hinges and slides, references from `qpos0`; without a second joint `q0 - ref0 = c0`.
+    /// Coupling `q0 - ref0 = polynomial(q1 - ref1)` of hinges and slides, with references from `qpos0`. Without a second joint it is `q0 -
+    /// ref0 = c0`.
     Joint {
-        /// The first joint.
+        /// Index of the first joint.
         joint: usize,
-        /// The second joint.
+        /// Index of the second joint.
         other: Option<usize>,
         /// Coefficients of the powers 0 to 4.
         polycoef: [f64; 5],
     },
-    /// The same for the lengths of fixed tendons, references from their lengths at `qpos0`.
+    /// Coupling of the lengths of fixed tendons by a polynomial, with references from their lengths at `qpos0`.
     Tendon {
-        /// The first tendon.
+        /// Index of the first tendon.
         tendon: usize,
-        /// The second tendon.
+        /// Index of the second tendon.
         other: Option<usize>,
         /// Coefficients of the powers 0 to 4.
         polycoef: [f64; 5],
@@ -63,7 +64,7 @@ pub enum EqualityKind {
 }
 
 impl EqualityKind {
-    /// The field's word for it.
+    /// Name of the kind in MJCF.
     pub const fn name(&self) -> &'static str {
         match self {
             Self::Connect { .. } => "connect",
@@ -73,7 +74,7 @@ impl EqualityKind {
         }
     }
 
-    /// Rows of the constraint problem.
+    /// Number of rows in the constraint problem.
     pub const fn rows(&self) -> usize {
         match self {
             Self::Connect { .. } => 3,
@@ -84,8 +85,8 @@ impl EqualityKind {
 }
 
 impl Equality {
-    /// Its numbers in MuJoCo's layout (`eq_data`): connect: both anchors; weld: anchor in the second body, anchor in the first, relpose,
-    /// torquescale; couplings: the polynomial. Entries that mean nothing are 0.
+    /// Numbers in MuJoCo's layout (`eq_data`). Connect: both anchors. Weld: anchor in the second body, anchor in the first, relpose,
+    /// torquescale. Couplings: coefficients of the polynomial. Unused entries are 0.
     pub fn data(&self) -> [f64; 11] {
         let mut out = [0.0; 11];
         match &self.kind {
@@ -101,7 +102,7 @@ impl Equality {
         out
     }
 
-    /// Takes numbers over that are laid out as those of [`Equality::data`].
+    /// Sets the numbers from the layout of [`Equality::data`].
     pub fn set_data(&mut self, data: &[f64; 11]) {
         match &mut self.kind {
             EqualityKind::Connect { anchors, .. } => anchors.as_flattened_mut().copy_from_slice(&data[..6]),

@@ -1,47 +1,47 @@
-//! What can be wrong with a model: what, where in the model, and what to do.
+//! Errors of a model, each with the reason, the place in the model, and the remedy.
 
 use thiserror::Error;
 
 use crate::Omission;
 
-/// A model that cannot be used: what is wrong, where in the model, and what to do about it.
+/// Error of a model that cannot be used, with the reason, the place in the model, and the remedy.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum ModelError {
-    /// A value that no model may have.
+    /// Invalid value.
     #[error("{place}: {what}; {remedy}")]
     Invalid {
-        /// What is wrong, with the value.
+        /// Reason, with the value.
         what: String,
-        /// Kind and name of the element, e.g. `body "torso"`.
+        /// Kind and name of the element, such as `body "torso"`.
         place: String,
-        /// What to do.
+        /// Remedy.
         remedy: String,
     },
-    /// The source describes things that are not simulated yet and that would change the motion.
+    /// Elements of the source that are not simulated yet and would change the motion.
     #[error("{}", list(.0))]
     Unsupported(
-        /// Every such element.
+        /// All such elements.
         Vec<Omission>,
     ),
-    /// A name that no element of a kind has.
+    /// Unknown name: no element of the requested kind has it.
     #[error("there is no {kind} {name:?} in the model; {}", there_are(known))]
     NoSuchName {
-        /// Kind of element: "joint".
+        /// Kind of element, such as "joint".
         kind: &'static str,
-        /// Name that was given.
+        /// Given name.
         name: String,
-        /// Names that there are, the first of them if they are many.
+        /// Existing names, or the first of many.
         known: Vec<String>,
     },
-    /// A file that is not a model, or not one that this version reads.
+    /// File that is not a model of a supported version.
     #[error("{path}: {what}; {remedy}")]
     File {
-        /// What is wrong.
+        /// Reason.
         what: String,
         /// Path of the file, or "saved model" for bytes in memory.
         path: String,
-        /// What to do.
+        /// Remedy.
         remedy: String,
     },
 }
@@ -51,7 +51,7 @@ impl ModelError {
         Self::Invalid { what: what.into(), place: place.into(), remedy: remedy.into() }
     }
 
-    /// Error with the place `whole` in front of its own place.
+    /// Error with the place `whole` before its place.
     pub fn of(self, whole: &str) -> Self {
         match self {
             Self::Invalid { what, place, remedy } => Self::Invalid { what, place: format!("{whole}: {place}"), remedy },

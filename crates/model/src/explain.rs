@@ -1,4 +1,4 @@
-//! The model in words: what is modelled, what was left out and why, what costs nothing, and what rigid bodies cannot say.
+//! Report of a model in words: simulated elements, omitted ones with reasons, unused features, and phenomena beyond rigid-body simulation.
 
 use std::collections::BTreeMap;
 use std::fmt::Display;
@@ -7,7 +7,7 @@ use crate::Kernel;
 use crate::pairs::{Verdict, weld_groups};
 use crate::{Activation, JointKind, Model, Requested};
 
-/// Phenomena that no rigid-body simulator has, whatever the scene.
+/// Phenomena that rigid-body simulation does not model, in any scene.
 const BEYOND: [&str; 7] = [
     "deformation: bodies and contacts are rigid; a contact patch is a few points, and stress, vibration and sound inside bodies do not exist",
     "impacts that take time: a collision is instantaneous, its loss of energy one coefficient of restitution",
@@ -19,8 +19,8 @@ const BEYOND: [&str; 7] = [
 ];
 
 impl Model {
-    /// A report for people: what is modelled, what was left out and why, what costs nothing because the scene does not have it, and which
-    /// phenomena rigid-body simulation does not model at all.
+    /// Report in words: simulated elements, omitted elements with reasons, features that the scene does not use, and phenomena that
+    /// rigid-body simulation does not model.
     pub fn explain(&self) -> String {
         let name = if self.name.is_empty() { "model" } else { &self.name };
         let sizes = format!(
@@ -54,8 +54,8 @@ impl Model {
         .join("\n\n")
     }
 
-    /// What the source asks for and default options do otherwise, in words: what it asks for expressly; with `implied` also what it leaves
-    /// at its own simulator's defaults.
+    /// Settings of the source that the default options replace, in words. With `implied` the list includes settings that the source leaves
+    /// at the defaults of its simulator.
     pub fn deviations(&self, implied: bool) -> Vec<String> {
         let Some(asked) = &self.requested else { return vec![] };
         let lines = [asked.integrator_line(), asked.softness_line(), asked.cone_line(), self.noslip_line()];
@@ -228,7 +228,7 @@ impl Model {
         (!names.is_empty()).then(line).into_iter().collect()
     }
 
-    /// What changes the motion, and what does not; elements of a kind with the same reason share a line.
+    /// Omitted elements that change the motion, and those that do not. Elements of a kind with the same reason share a line.
     fn left_out(&self) -> (Vec<String>, Vec<String>) {
         let lines = |changes: bool| {
             let mut grouped: BTreeMap<(&str, &str), Vec<String>> = BTreeMap::new();
@@ -241,12 +241,12 @@ impl Model {
     }
 }
 
-/// Whether the source asks for it expressly, and the line.
+/// Whether the source has the setting explicitly, and the line.
 type Deviation = Option<(bool, String)>;
 
 impl Requested {
     fn integrator_line(&self) -> Deviation {
-        // Euler's rule is what a source has that says nothing.
+        // Euler's rule is the default of a source without an integrator.
         let (express, name) = (self.integrator != "Euler", &self.integrator);
         let asked = if express { "asks for" } else { "has the default," };
         let line = format!("integrator: the source {asked} {name}, and midpoint runs. Options::from_model(&model) takes the source's");
@@ -279,7 +279,7 @@ impl Verdict {
     }
 }
 
-/// Something that a scene has, or does not.
+/// Feature that a scene has or does not have.
 #[derive(Clone)]
 struct Line {
     present: bool,
@@ -298,12 +298,12 @@ impl Line {
     }
 }
 
-/// Labels of the elements, of so many, that have something.
+/// Labels of those of `count` elements that have a property.
 fn of<'a>(count: usize, has: &'a dyn Fn(usize) -> bool, label: &'a dyn Fn(usize) -> String) -> impl Iterator<Item = String> + 'a {
     (0..count).filter(move |&i| has(i)).map(label)
 }
 
-/// The first names of a list.
+/// First names of a list.
 fn short(names: impl Iterator<Item = impl Display>) -> String {
     const SHOWN: usize = 12;
     let names: Vec<String> = names.map(|n| n.to_string()).collect();
@@ -322,7 +322,7 @@ mod tests {
     use super::super::{BodyBuilder, GeomBuilder, JointBuilder, WORLD};
     use super::*;
 
-    /// The lines of a section.
+    /// Lines of a section.
     fn lines<'a>(text: &'a str, title: &str) -> Vec<&'a str> {
         let start = text.find(&format!("\n{title}:")).unwrap_or_else(|| panic!("no section {title:?} in\n{text}"));
         let body = text[start + 1..].split("\n\n").next().unwrap();

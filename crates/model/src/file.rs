@@ -18,25 +18,25 @@ use sha2::{Digest, Sha256};
 use crate::hulls::{Source, Surfaces};
 use crate::{Description, ForceModel, Model, ModelError, NoSlip, Overlap};
 
-/// The first bytes of every saved model. The last is no valid UTF-8, so no text file begins so.
+/// First bytes of every saved model. The last one is invalid in UTF-8, so that no text file begins with them.
 const MAGIC: [u8; 8] = *b"stepper\xff";
 
-/// Version of the format of saved models; changes whenever the payload does.
+/// Version of the format of saved models. It changes with the payload.
 pub const FORMAT_VERSION: u32 = 15;
-/// An older version that is read too: its actuators have the force models of their parameters.
+/// Older version that can be read: actuators have the narrowest force models for their parameters.
 const WITHOUT_FORCE_MODELS: u32 = 14;
-/// An older version that is read too: its models have no [`Added`] fields either.
+/// Older version that can be read, which also has no [`Added`] fields.
 const WITHOUT_ADDED: u32 = 13;
-/// An older version that is read too: its models have no noslip sweeps either.
+/// Older version that can be read, which also has no noslip iterations.
 const WITHOUT_NOSLIP: u32 = 12;
 
 const HEADER: usize = 8 + 4 + 32;
 const MEMORY: &str = "saved model";
 
-/// Fields of a description that are written behind it.
+/// Fields of a description that are written after it.
 #[derive(Default, PartialEq, Serialize, Deserialize)]
 struct Added {
-    /// Speed limits, one for each joint; empty where no joint has one.
+    /// Speed limits, one for each joint; empty if no joint has one.
     velocity_limits: Vec<Option<f64>>,
     excluded_overlaps: Vec<Overlap>,
 }
@@ -53,14 +53,14 @@ impl Added {
         self.velocity_limits.is_empty() || self.velocity_limits.len() == model.joints.len()
     }
 
-    /// Fills the fields of a description that it fits.
+    /// Writes the fields into a description.
     fn write_to(self, model: &mut Description) {
         model.joints.iter_mut().zip(self.velocity_limits).for_each(|(joint, limit)| joint.velocity_limit = limit);
         model.excluded_overlaps = self.excluded_overlaps;
     }
 }
 
-/// Force models of all actuators; empty where each is that of its parameters.
+/// Force models of all actuators; empty if each is the narrowest for its parameters.
 #[derive(Default, PartialEq, Serialize, Deserialize)]
 struct ForceModels(Vec<ForceModel>);
 
@@ -70,19 +70,19 @@ impl ForceModels {
         Self(if usual { vec![] } else { model.actuators.iter().map(|a| a.force_model).collect() })
     }
 
-    /// Whether there are as many as actuators, or none.
+    /// Whether there are as many force models as actuators, or none.
     fn fits(&self, model: &Description) -> bool {
         self.0.is_empty() || self.0.len() == model.actuators.len()
     }
 
-    /// Gives every actuator of a description that it fits its force model.
+    /// Writes the force models into a description.
     fn write_to(self, model: &mut Description) {
         model.actuators.iter_mut().for_each(|a| a.force_model = ForceModel::of_parameters(&a.gain, &a.bias));
         model.actuators.iter_mut().zip(self.0).for_each(|(actuator, own)| actuator.force_model = own);
     }
 }
 
-/// Description whose actuators have affine forces for parameters.
+/// Description with affine forces as parameters of all actuators.
 fn with_affine_forces(description: &Description) -> Cow<'_, Description> {
     let mut affine = Cow::Borrowed(description);
     for (i, actuator) in description.actuators.iter().enumerate() {
@@ -96,12 +96,12 @@ fn with_affine_forces(description: &Description) -> Cow<'_, Description> {
 }
 
 impl Model {
-    /// SHA-256 of all from which the motion follows: equal for equal models, on any machine.
+    /// SHA-256 of all data that determine the motion. Equal models have equal digests on every machine.
     ///
-    /// Models whose actuators have the same forces by other parameters, see [`ForceModel`], have one digest.
+    /// Models whose actuators have equal forces by different parameters (see [`ForceModel`]) have equal digests.
     pub fn digest(&self) -> [u8; 32] {
         let description = with_affine_forces(&self.description);
-        // A model without noslip sweeps and added fields has the digest that it had before there were any.
+        // A model without noslip iterations and added fields has the digest of versions before these fields.
         let (noslip, added) = (self.soft.noslip, Added::of(self));
         let held = match (noslip == NoSlip::default(), added == Added::default()) {
             (true, true) => encoded(&*description),
@@ -111,26 +111,26 @@ impl Model {
         Sha256::digest(held).into()
     }
 
-    /// The model as bytes, see [`Model::from_bytes`].
+    /// Model as bytes, see [`Model::from_bytes`].
     pub fn to_bytes(&self) -> Vec<u8> {
         let payload = self.payload();
         let digest: [u8; 32] = Sha256::digest(&payload).into();
         [&MAGIC[..], &FORMAT_VERSION.to_le_bytes(), &digest, &payload].concat()
     }
 
-    /// The model that [`Model::to_bytes`] wrote, bit for bit.
+    /// Model from the bytes of [`Model::to_bytes`], bit for bit.
     ///
     /// # Errors
-    /// [`ModelError::File`] when the bytes are no saved model, of another format version, or damaged; [`ModelError::Invalid`] when they
-    /// hold a model that [`Description::finish`] would refuse.
+    /// [`ModelError::File`] if the bytes are not a saved model, have another format version, or are damaged. [`ModelError::Invalid`] if
+    /// [`Description::finish`] rejects the model.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, ModelError> {
         parse(bytes, MEMORY)
     }
 
-    /// Writes the model to a file, in one piece: a reader sees the old file or the new one.
+    /// Writes the model to a file atomically: a reader sees the old file or the new one.
     ///
     /// # Errors
-    /// [`ModelError::File`] when the file cannot be written.
+    /// [`ModelError::File`] if the file cannot be written.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), ModelError> {
         let path = path.as_ref();
         write_whole(path, &self.to_bytes()).map_err(|e| {
@@ -141,7 +141,7 @@ impl Model {
     /// Reads a saved model, bit for bit.
     ///
     /// # Errors
-    /// As [`Model::from_bytes`], and when the file cannot be read.
+    /// Those of [`Model::from_bytes`], and if the file cannot be read.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, ModelError> {
         let shown = path.as_ref().to_string_lossy();
         let read = std::fs::read(path.as_ref());
@@ -154,7 +154,7 @@ impl Model {
     }
 }
 
-/// Writes a file in one piece: a reader sees the old file or the new one.
+/// Writes a file atomically: a reader sees the old file or the new one.
 ///
 /// # Errors
 /// The error of the file system, after which there is no partial file.
@@ -332,7 +332,7 @@ mod tests {
         assert!(matches!(Model::from_bytes(&model.to_bytes()), Err(ModelError::Invalid { .. })));
     }
 
-    /// A scene with two geoms of a mesh that may fall on a floor, and a mesh that nothing touches as its hull.
+    /// Scene with two geoms of a mesh that may fall on a floor, and a mesh whose hull touches nothing.
     fn stones() -> Model {
         let mut scene = Model::builder("stones");
         scene.geom(WORLD, GeomBuilder::plane("floor"));
@@ -344,7 +344,7 @@ mod tests {
         scene.finish().unwrap()
     }
 
-    /// As it is saved, with other triangles for the hull of the stone.
+    /// Saved model with changed triangles of the hulls.
     fn with_surface(model: &Model, change: impl FnOnce(&mut Surfaces)) -> Vec<u8> {
         let mut surfaces = model.hulls.surfaces();
         change(&mut surfaces);
@@ -364,13 +364,13 @@ mod tests {
         let back = Model::from_bytes(&model.to_bytes()).unwrap();
         assert_eq!(back, model);
         assert_eq!(back.to_bytes(), model.to_bytes());
-        // The order of its triangles is that of the file, which only a hull that is made anew would change.
+        // The order of the triangles is that of the file. A recomputed hull would have another order.
         let turned = Model::from_bytes(&with_surface(&model, |s| s[1].as_mut().unwrap().reverse())).unwrap();
         let mut triangles = hull(&turned).triangles().to_vec();
         assert_ne!(triangles, hull(&model).triangles());
         triangles.reverse();
         assert_eq!(triangles, hull(&model).triangles());
-        // What a file does not keep is made of the vertices.
+        // Hulls that the file does not have are computed from the vertices.
         assert_eq!(Model::from_bytes(&with_surface(&model, Vec::clear)).unwrap(), model);
         assert_eq!(turned.digest(), model.digest());
     }

@@ -1,4 +1,4 @@
-//! The gate: every model has passed [`Description::finish`].
+//! Checks of a model: every model has passed [`Description::finish`].
 
 mod check;
 mod element;
@@ -9,27 +9,26 @@ mod sensors;
 use crate::hulls::Source;
 use crate::{Description, EqualityKind, JointKind, Model, ModelError, label};
 
-/// How far from 1 the length of a quaternion or axis may be and still be taken for rounding in the source.
+/// Largest deviation of the norm of a quaternion or axis from 1 that counts as rounding in the source.
 const SLOPPY: f64 = 1e-3;
 
-/// How far from 1 it may be after normalising, here or in the source: a few rounding errors. What is nearer stays as it is, so that
+/// Largest deviation of a norm from 1 that remains after normalisation, a few rounding errors. Vectors within it do not change, so that
 /// finishing a finished model changes no bit.
 const EXACT: f64 = 1e-14;
 
 impl Description {
-    /// Checks everything and normalises what is unit but for rounding.
+    /// Checks everything, and normalises vectors whose norm is 1 up to rounding.
     ///
-    /// What is described but not simulated yet is an error if `strict`; otherwise it is left out and listed in [`Description::omitted`],
-    /// with what was listed there before.
+    /// Elements that are not simulated yet are an error if `strict`. Otherwise they are left out and added to [`Description::omitted`].
     ///
     /// # Errors
-    /// [`ModelError::Invalid`] for the first value that no model may have, with the element and the remedy;
-    /// [`ModelError::Unsupported`] with every element that changes the motion and is not simulated.
+    /// [`ModelError::Invalid`] for the first invalid value, with the element and the remedy; [`ModelError::Unsupported`] with all elements
+    /// that change the motion and are not simulated.
     pub fn finish(self, strict: bool) -> Result<Model, ModelError> {
         self.finish_with(strict, Source::Vertices)
     }
 
-    /// As [`Description::finish`], with hulls from somewhere.
+    /// Finishes like [`Description::finish`], with hulls from a given source.
     pub(super) fn finish_with(self, strict: bool, hulls: Source<'_>) -> Result<Model, ModelError> {
         let Model { description: mut model, hulls } = self.check(hulls)?;
         model.omitted.retain(|o| !scope::is_own(o));
@@ -39,7 +38,7 @@ impl Description {
         if strict && !missing.is_empty() { Err(ModelError::Unsupported(missing)) } else { Ok(Model { description: model, hulls }) }
     }
 
-    /// As [`Description::finish`] but for what is simulated: that was decided when the model was finished.
+    /// Checks like [`Description::finish`], without a check of support, because that was made when the model was finished.
     pub(super) fn check(mut self, hulls: Source<'_>) -> Result<Model, ModelError> {
         check::structure(&self)?;
         self.normalise()?;
@@ -48,12 +47,12 @@ impl Description {
         Ok(Model { description: self, hulls })
     }
 
-    /// Checks of the numbers of a finished model, after some of them changed.
+    /// Checks the numbers of a finished model after a change of some of them.
     pub(super) fn check_parameters(&self) -> Result<(), ModelError> {
         check::parameters(self)
     }
 
-    /// Whether everything that can move has inertia.
+    /// Checks that all moving bodies have inertia.
     pub(super) fn check_inertia(&self) -> Result<(), ModelError> {
         inertia::check(self)
     }
@@ -99,7 +98,7 @@ impl Description {
     }
 }
 
-/// Makes a vector that is unit but for rounding exactly unit.
+/// Normalises a vector whose norm is 1 up to rounding.
 fn unit(x: &mut [f64], place: &str, what: &str) -> Result<(), ModelError> {
     let length = x.iter().map(|v| v * v).sum::<f64>().sqrt();
     let off = (length - 1.0).abs();
@@ -118,12 +117,12 @@ pub(super) mod tests {
     use super::super::*;
     use proptest::prelude::*;
 
-    /// A scene with one of everything that is simulated.
+    /// Scene with one element of every supported kind.
     pub(crate) fn rich() -> Description {
         rich_model().into_description()
     }
 
-    /// The same, finished.
+    /// Finished scene of [`rich`].
     pub(crate) fn rich_model() -> Model {
         let mut scene = Model::builder("rich");
         scene.timestep(0.001).geom(WORLD, GeomBuilder::plane("floor").restitution(0.5));
@@ -157,13 +156,13 @@ pub(super) mod tests {
         scene.finish().unwrap()
     }
 
-    /// A tetrahedron with one face.
+    /// Tetrahedron with a single face.
     fn rock() -> Mesh {
         let vertices = vec![[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1], [-0.1; 3]];
         Mesh { name: "rock".into(), vertices, faces: vec![[0, 1, 2]] }
     }
 
-    /// The rich scene with something that is not simulated: two hollow meshes, "ball" and "rivet", that could meet.
+    /// Scene of [`rich`] with an unsupported part: two hollow meshes, "ball" and "rivet", that could touch.
     pub(crate) fn hollow() -> Description {
         let mut model = rich();
         let shape = Shape::Mesh { asset: "rock".into(), concave: true };
@@ -172,7 +171,7 @@ pub(super) mod tests {
         model
     }
 
-    /// The error of the rich model after a change; it must name the element, say the value and the remedy.
+    /// Checks the error of the rich model after a change: the element, the value and the remedy.
     fn refused(change: impl FnOnce(&mut Description), parts: &[&str]) {
         let mut model = rich();
         change(&mut model);
@@ -310,7 +309,7 @@ pub(super) mod tests {
         let weightless = |m: &mut Description, b: usize| (m.bodies[b].mass, m.bodies[b].inertia) = (0.0, [0.0; 3]);
         refused(|m| weightless(m, 1), &["body \"ball\"", "joint \"root\"", "mass", "armature"]);
         refused(|m| weightless(m, 4), &["body \"lamp\"", "joint \"socket\""]);
-        // A child with mass, or rotor inertia, is enough.
+        // A child with mass or rotor inertia suffices.
         let mut model = rich();
         weightless(&mut model, 3);
         assert!(model.clone().finish(true).is_ok(), "the slide has armature");
@@ -331,7 +330,7 @@ pub(super) mod tests {
         let text = chain(0.0).unwrap_err().to_string();
         assert!(text.contains("body \"a\"") && text.contains("joint \"first\" can move against \"second\""), "{text}");
         assert!(!text.contains("moves nothing"), "{text}");
-        // Two on one body: no body is between them; armature of one determines the motion.
+        // Two hinges on one body: no body is between them, and the armature of one determines the motion.
         let twins = |armature: f64| {
             let mut scene = Model::builder("twins");
             let hinge = |name: &str| JointBuilder::hinge(name, [0.0, 1.0, 0.0]);
@@ -341,7 +340,7 @@ pub(super) mod tests {
         };
         assert!(twins(0.01).is_ok());
         assert!(twins(0.0).unwrap_err().to_string().contains("armature"));
-        // A universal joint's cross may be weightless: its axes differ.
+        // The cross of a universal joint may have no mass, because its axes differ.
         let mut scene = Model::builder("universal");
         let cross = scene.body(WORLD, BodyBuilder::new("cross").joint(JointBuilder::hinge("x", [1.0, 0.0, 0.0])));
         scene.body(cross, BodyBuilder::new("bob").joint(JointBuilder::hinge("y", [0.0, 1.0, 0.0])).geom(GeomBuilder::sphere("t", 0.1)));

@@ -1,4 +1,4 @@
-//! The finished model: checked, and no longer edited.
+//! Finished model, which was checked and cannot be edited.
 
 use std::ops::Deref;
 use std::sync::Arc;
@@ -56,12 +56,12 @@ impl Deref for Model {
 }
 
 impl Model {
-    /// The description that the model was finished from, to be edited and finished again.
+    /// Description of the model, which can be edited and finished again.
     pub fn into_description(self) -> Description {
         self.description
     }
 
-    /// Description of the model, for a change that keeps it valid, and what is made of meshes as it is.
+    /// Description of the model for a change that keeps it valid. Hulls of meshes stay.
     pub(crate) fn trusted_mut(&mut self) -> &mut Description {
         &mut self.description
     }
@@ -71,7 +71,7 @@ impl Model {
     /// Adds overlaps whose geoms and bodies never collide.
     ///
     /// # Panics
-    /// When the model does not have a geom.
+    /// If the model does not have a geom.
     pub fn exclude_overlaps(&mut self, overlaps: impl IntoIterator<Item = Overlap>) {
         let count = self.geoms.len();
         self.description
@@ -79,14 +79,14 @@ impl Model {
             .extend(overlaps.into_iter().inspect(|o| assert!(o.geoms.iter().all(|&g| g < count), "no geom {o:?}")));
     }
 
-    /// Copy of the model whose actuators have no delay of their own.
+    /// Copy of the model without delays in its actuators.
     pub fn without_actuator_delays(&self) -> Self {
         let mut model = self.clone();
         model.description.actuators.iter_mut().for_each(|actuator| actuator.delay = 0.0);
         model
     }
 
-    /// The convex hull of the mesh that a geom's shape refers to; there for every geom that can touch others as that.
+    /// Convex hull of the mesh of a geom's shape. It exists for every geom that can touch others as a hull.
     pub fn hull_of(&self, shape: &Shape) -> Option<&Arc<Hull>> {
         self.hulls.0.get(self.mesh_index(shape)?)?.as_ref()
     }

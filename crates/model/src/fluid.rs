@@ -1,29 +1,30 @@
-//! The medium around the bodies.
+//! Fluid around the bodies.
 
 use serde::{Deserialize, Serialize};
 
-/// What fills the space between the bodies.
+/// Fluid between the bodies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Medium {
-    /// kg/m^3
+    /// Density, kg/m^3.
     pub density: f64,
-    /// Pa s
+    /// Viscosity, Pa s.
     pub viscosity: f64,
-    /// Its velocity in the world frame, m/s.
+    /// Velocity of the fluid in the world frame, m/s.
     pub wind: [f64; 3],
 }
 
 impl Medium {
-    /// Whether it acts on anything.
+    /// Whether the fluid causes forces.
     pub fn acts(&self) -> bool {
         self.density != 0.0 || self.viscosity != 0.0
     }
 }
 
-/// Coefficients of a geom that the medium acts on as on an ellipsoid. A body without such a geom is taken as the box that has its inertia.
+/// Coefficients of MuJoCo's ellipsoid model of fluid forces on a geom. A body without such a geom is approximated by the box with its
+/// inertia.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Ellipsoid {
-    /// Scales all forces.
+    /// Factor on all forces.
     pub share: f64,
     /// Drag along the direction of motion, blunt part.
     pub blunt_drag: f64,
@@ -35,9 +36,9 @@ pub struct Ellipsoid {
     pub kutta_lift: f64,
     /// Lift by spin.
     pub magnus_lift: f64,
-    /// Volume of the medium that moves along, per axis, m^3.
+    /// Volume of the fluid that moves with the geom, per axis, m^3.
     pub virtual_mass: [f64; 3],
-    /// Its moment of inertia over its density, per axis, m^5.
+    /// Moment of inertia of that fluid divided by its density, per axis, m^5.
     pub virtual_inertia: [f64; 3],
     /// Semi-axes, m.
     pub axes: [f64; 3],

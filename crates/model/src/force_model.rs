@@ -1,16 +1,16 @@
-//! Types of an actuator's gain and bias: which of its parameters they read.
+//! Types of an actuator's gain and bias, which determine the parameters that they read.
 
 use serde::{Deserialize, Serialize};
 
-/// MuJoCo's gaintype: which parameters the gain of an actuator reads.
+/// Gain type (MuJoCo's gaintype), which determines the parameters of the gain.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum GainType {
-    /// A constant.
+    /// Constant gain.
     Fixed,
-    /// Constant, per length, per velocity.
+    /// Affine gain: constant, per length, per velocity.
     #[default]
     Affine,
-    /// DC motor: its parameters are resistance and motor constant, and the control is the voltage.
+    /// DC motor: the parameters are resistance and motor constant, and the control is the voltage.
     DcMotor,
     /// Position target of a PID controller without integral term; its gain is `-bias[1]`.
     PidPosition,
@@ -18,19 +18,19 @@ pub enum GainType {
     PidVelocity,
 }
 
-/// MuJoCo's biastype: which parameters the bias of an actuator reads.
+/// Bias type (MuJoCo's biastype), which determines the parameters of the bias.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum BiasType {
-    /// None.
+    /// No bias.
     None,
-    /// Constant, per length, per velocity.
+    /// Affine bias: constant, per length, per velocity.
     #[default]
     Affine,
-    /// Back electromotive force of a DC motor: the gain has its parameters.
+    /// Back electromotive force of a DC motor, with the parameters of the gain.
     DcMotor,
 }
 
-/// Formula by which an actuator's force follows from its parameters.
+/// Formula for an actuator's force from its parameters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct ForceModel {
@@ -43,7 +43,7 @@ pub struct ForceModel {
 }
 
 impl GainType {
-    /// MuJoCo's word.
+    /// Name of the type in MJCF.
     pub const fn word(self) -> &'static str {
         match self {
             Self::Fixed => "fixed",
@@ -53,7 +53,7 @@ impl GainType {
         }
     }
 
-    /// Number of parameters that it reads.
+    /// Number of parameters of the type.
     pub const fn width(self) -> usize {
         match self {
             Self::Fixed => 1,
@@ -65,7 +65,7 @@ impl GainType {
 }
 
 impl BiasType {
-    /// MuJoCo's word.
+    /// Name of the type in MJCF.
     pub const fn word(self) -> &'static str {
         match self {
             Self::None => "none",
@@ -74,7 +74,7 @@ impl BiasType {
         }
     }
 
-    /// Number of parameters that it reads.
+    /// Number of parameters of the type.
     pub const fn width(self) -> usize {
         match self {
             Self::Affine => 3,

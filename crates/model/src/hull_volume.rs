@@ -1,9 +1,9 @@
-//! Meshes that collide as a convex hull much larger than they are.
+//! Meshes that collide as a convex hull that is much larger than the mesh.
 //!
-//! The volume that a mesh encloses is a poor measure: a terrain is an open sheet, and a casing of a CAD program has thin walls, but
-//! nothing can get inside. What counts here is the part of the hull that others could enter. A point of the hull is open where a ray
-//! along an axis leaves the hull without a hit, unless more of its six rays meet the back of a triangle than the front: space behind a
-//! sheet is solid. A pit that no axis leads into is missed, so the open part is a lower bound.
+//! The enclosed volume is a poor measure of a mesh. A terrain is an open sheet, and a casing from a CAD program has thin walls, but nothing
+//! can get inside. The measure here is the part of the hull that other bodies could enter. A point of the hull is open if a ray along an
+//! axis leaves the hull without a hit. It is not open if more of its six rays hit the back of a triangle than the front, because space
+//! behind a sheet is solid. Pits that no axis enters are missed, so that the open part is a lower bound.
 
 use std::collections::BTreeMap;
 
@@ -11,30 +11,31 @@ use stepper_geometry::Hull;
 
 use crate::{Mesh, Model, Shape, weld_groups};
 
-/// Points along each axis. A share of one half is then known to some 2 % (about 2000 of 4096 points are in a hull).
+/// Number of points along each axis. A fraction of one half then has an error of about 2 % (about 2000 of 4096 points are in a hull).
 const POINTS: usize = 16;
 
-/// Place of a point in its cell: not the middle, so that rays miss the edges of meshes that are symmetric or on a grid.
+/// Place of a point in its cell. It is not the middle, so that rays miss the edges of meshes that are symmetric or on a grid.
 const PLACE: [f64; 3] = [0.437_1, 0.541_3, 0.486_7];
 
-/// Hull volume over the mesh's volume from which a hull is worth a line, where the geom moves: links of robots are often half as large.
+/// Smallest ratio of hull volume to mesh volume that is reported for moving geoms. Links of robots often have half the volume of their
+/// hull.
 const WIDE: f64 = 2.0;
 
-/// Hull volume over the mesh's volume from which a fixed geom is worth a line: a trench is a small part of a terrain's hull.
+/// Smallest ratio that is reported for fixed geoms: a trench is a small part of a terrain's hull.
 const WIDE_FIXED: f64 = 1.25;
 
-/// A geom that collides as a convex hull much larger than its mesh.
+/// Geom that collides as a convex hull much larger than its mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WideHull {
     /// Index of the geom in the model.
     pub geom: usize,
-    /// Volume of the hull over that of the part which others cannot enter; infinite where they can enter all of it.
+    /// Ratio of the hull's volume to the part that other bodies cannot enter; infinite if they can enter all of it.
     pub ratio: f64,
 }
 
 impl Model {
-    /// Geoms whose convex hull has at least twice the volume of their mesh, or 1.25 times where no joint moves them. What others cannot
-    /// enter counts as the mesh's volume.
+    /// Geoms whose convex hull has at least twice the volume of their mesh, or 1.25 times if no joint moves them. The mesh's volume
+    /// includes all space that other bodies cannot enter.
     pub fn wide_hulls(&self) -> Vec<WideHull> {
         let (group, moves) = weld_groups(self);
         let mut known: BTreeMap<usize, f64> = BTreeMap::new();
@@ -53,7 +54,7 @@ impl Model {
     }
 }
 
-/// Volume of the hull over that of the part which others cannot enter; 1 where the mesh has no faces.
+/// Ratio of the hull's volume to the part that other bodies cannot enter; 1 if the mesh has no faces.
 fn volume_ratio(mesh: &Mesh, hull: &Hull) -> f64 {
     let grid = Grid::new(mesh);
     let sights = [0, 1, 2].map(|axis| grid.sights(&mesh.vertices, &mesh.faces, axis));
@@ -68,7 +69,7 @@ fn volume_ratio(mesh: &Mesh, hull: &Hull) -> f64 {
     if inside == 0 { 1.0 } else { inside as f64 / (inside - open) as f64 }
 }
 
-/// First side of a surface that a ray meets.
+/// Side of the first triangle that a ray hits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Sight {
     Free,
@@ -76,13 +77,13 @@ enum Sight {
     Back,
 }
 
-/// Points in the box of a mesh.
+/// Grid of points in the bounding box of a mesh.
 struct Grid {
     low: [f64; 3],
     step: [f64; 3],
 }
 
-/// Crossings of the lines of a grid along an axis: place on the line, and whether the triangle faces against the axis.
+/// Crossings of the grid's lines along an axis with triangles: position on the line, and whether the triangle faces against the axis.
 struct Sights {
     axis: usize,
     lines: Vec<Vec<(f64, bool)>>,
@@ -105,13 +106,13 @@ impl Grid {
         self.low[k] + (i as f64 + PLACE[k]) * self.step[k]
     }
 
-    /// Indices of the lines along an axis between two coordinates.
+    /// Indices of the grid lines between two coordinates along axis k.
     fn between(&self, k: usize, low: f64, high: f64) -> std::ops::Range<usize> {
         let index = |x: f64| ((x - self.low[k]) / self.step[k] - PLACE[k]).ceil().clamp(0.0, POINTS as f64) as usize;
         index(low)..index(high)
     }
 
-    /// Where the lines along an axis cross triangles.
+    /// Crossings of the lines along an axis with triangles.
     fn sights(&self, points: &[[f64; 3]], triangles: &[[u32; 3]], axis: usize) -> Sights {
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
         let mut lines = vec![vec![]; POINTS * POINTS];
@@ -137,7 +138,7 @@ impl Grid {
 }
 
 impl Sights {
-    /// Sides of the mesh that a point faces along the axis and against it.
+    /// Sides of the mesh that rays from a point along the axis and against it hit.
     fn of(&self, grid: &Grid, cell: [usize; 3]) -> [Sight; 2] {
         let (axis, u, v) = (self.axis, (self.axis + 1) % 3, (self.axis + 2) % 3);
         let (here, line) = (grid.at(axis, cell[axis]), &self.lines[cell[u] * POINTS + cell[v]]);

@@ -1,4 +1,4 @@
-//! Convex hulls of a model's meshes: made once, and shared by everything that is made of the model.
+//! Convex hulls of a model's meshes, computed once and shared by all copies of the model.
 
 use std::sync::Arc;
 
@@ -8,21 +8,21 @@ use crate::asset::Mesh;
 use crate::description::Description;
 use crate::shape::Shape;
 
-/// Convex hulls by mesh, of those that something can touch as their hull.
+/// Convex hulls by mesh, for meshes that something can touch as their hull.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Hulls(pub(super) Vec<Option<Arc<Hull>>>);
 
-/// Surfaces of hulls by mesh, as triangles of its vertices: what a file keeps of [`Hulls`].
+/// Surfaces of hulls by mesh, as triangles of its vertices. A file stores these of [`Hulls`].
 pub(super) type Surfaces = Vec<Option<Vec<[u32; 3]>>>;
 
-/// Where hulls come from when a description is checked.
+/// Source of hulls in the check of a description.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Source<'a> {
-    /// The vertices.
+    /// Computation from the vertices.
     Vertices,
-    /// A model with the same meshes; for those that have none there, the vertices.
+    /// Model with the same meshes. Hulls that it lacks are computed from the vertices.
     Same(&'a Hulls),
-    /// A file, which is not believed; for those that have none there, the vertices.
+    /// File, whose hulls are checked. Hulls that it lacks are computed from the vertices.
     Kept(&'a [Option<Vec<[u32; 3]>>]),
 }
 
@@ -37,10 +37,10 @@ impl Source<'_> {
 }
 
 impl Hulls {
-    /// The hull of a mesh, looked up or made.
+    /// Finds or computes the hull of a mesh.
     ///
     /// # Errors
-    /// [`HullError`] where it has none, or where a file has another.
+    /// [`HullError`] if the mesh has no hull, or that of a file is wrong.
     pub(super) fn get_or_make(&mut self, index: usize, mesh: &Mesh, source: Source<'_>) -> Result<(), HullError> {
         if self.0.len() <= index {
             self.0.resize(index + 1, None);
@@ -51,14 +51,14 @@ impl Hulls {
         Ok(())
     }
 
-    /// What a file keeps.
+    /// Surfaces for a file.
     pub(super) fn surfaces(&self) -> Surfaces {
         self.0.iter().map(|hull| hull.as_ref().map(|hull| hull.surface())).collect()
     }
 }
 
 impl Description {
-    /// Index of the mesh that a geom's shape refers to.
+    /// Index of the mesh of a geom's shape.
     pub(super) fn mesh_index(&self, shape: &Shape) -> Option<usize> {
         match shape {
             Shape::Mesh { asset, .. } => self.meshes.iter().position(|m| m.name == *asset),

@@ -1,38 +1,38 @@
-//! Which narrow-phase function serves which pair of shapes: the one list of what can touch.
+//! Narrow-phase functions by pair of shapes. Pairs without one cannot touch.
 
 use crate::Shape;
 
-/// The narrow-phase function of a pair.
+/// Narrow-phase function of a pair of shapes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kernel {
-    /// A half space and a ball: 1 point.
+    /// Half space and ball: 1 point.
     PlaneSphere,
-    /// A half space and a capsule: its two ends.
+    /// Half space and capsule: its two ends.
     PlaneCapsule,
-    /// A half space and a box: its eight corners.
+    /// Half space and box: its eight corners.
     PlaneBox,
-    /// A half space and a cylinder: the lowest points of its rims and those at quarter turns from them.
+    /// Half space and cylinder: the lowest points of its rims, and those at quarter turns from them.
     PlaneCylinder,
-    /// A half space and an ellipsoid: 1 point.
+    /// Half space and ellipsoid: 1 point.
     PlaneEllipsoid,
-    /// A ball and a box: 1 point.
+    /// Ball and box: 1 point.
     SphereBox,
-    /// A ball and a cylinder: 1 point.
+    /// Ball and cylinder: 1 point.
     SphereCylinder,
-    /// A ball and an ellipsoid: 1 point.
+    /// Ball and ellipsoid: 1 point.
     SphereEllipsoid,
-    /// A capsule and a box: up to 2 points.
+    /// Capsule and box: up to 2 points.
     CapsuleBox,
-    /// Two balls, or capsules taken as segments of any length: up to 2 points.
+    /// Two balls or capsules, as segments of any length: up to 2 points.
     Segments,
-    /// A convex shape and a surface of triangles (concave mesh, height field), lane by lane: up to 16 points.
+    /// Convex shape and surface of triangles (concave mesh, height field), lane by lane: up to 16 points.
     Surface,
-    /// Convex shapes without a kernel of their own, lane by lane: up to 5 points.
+    /// Other convex shapes, lane by lane: up to 5 points.
     Convex,
 }
 
 impl Kernel {
-    /// Contacts that a pair can have.
+    /// Largest number of contacts of a pair.
     #[inline]
     pub const fn points(self) -> usize {
         match self {
@@ -44,7 +44,7 @@ impl Kernel {
         }
     }
 
-    /// The kernel of two shapes in the order of [`Description::collision_pairs`](crate::Description::collision_pairs); `None` when
+    /// Narrow-phase function of two shapes in the order of [`Description::collision_pairs`](crate::Description::collision_pairs); `None` if
     /// there is none yet.
     pub fn of(a: &Shape, b: &Shape) -> Option<Self> {
         match (a, b) {

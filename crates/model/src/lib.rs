@@ -1,8 +1,8 @@
-//! Models: scenes of bodies, joints, geoms, actuators and sensors, as their author sees them.
+//! Models: scenes of bodies, joints, geoms, actuators and sensors, in the terms of MJCF and in SI units.
 //!
-//! A [`Description`] is a scene whose fields anybody may edit. [`Description::finish`] checks it and makes a [`Model`] of it, which can be
-//! read and no longer edited, so that every model is valid. Both keep the vocabulary of MJCF (bodies, joints, geoms, actuators, sensors,
-//! keyframes) and every index a user knows, in SI units. `stepper-core` compiles a model into what a step needs, and simulates it.
+//! A [`Description`] is a scene whose fields can be edited. [`Description::finish`] checks it and returns a [`Model`], which can be read
+//! but not edited, so that every model is valid. Indices are those of the source. `stepper-core` compiles a model for the step, and
+//! simulates it.
 //!
 //! ```
 //! use stepper_model::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};

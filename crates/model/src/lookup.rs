@@ -4,32 +4,32 @@ use std::ops::Range;
 
 use crate::{Description, ModelError};
 
-/// A joint of a model: its index and its places in the state.
+/// Joint of a model: its index and its coordinates.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct JointPlace {
     /// Index in [`Description::joints`].
     pub index: usize,
-    /// Its coordinates in a configuration.
+    /// Range of its coordinates in a configuration.
     pub qpos: Range<usize>,
-    /// Its degrees of freedom in a velocity.
+    /// Range of its degrees of freedom in a velocity.
     pub qvel: Range<usize>,
 }
 
-/// A sensor of a model: its index and its places in the readings.
+/// Sensor of a model: its index and its readings.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct SensorPlace {
     /// Index in [`Description::sensors`].
     pub index: usize,
-    /// Its numbers in the readings of all sensors.
+    /// Range of its numbers in the readings of all sensors.
     pub readings: Range<usize>,
 }
 
-/// Names of an error that lists those there are.
+/// Largest number of names that an error lists.
 const LISTED: usize = 12;
 
-/// Declares a lookup for a kind of element: the first sentence of its documentation, its name, and the list that it searches.
+/// Declares a lookup for a kind of element, from the first sentence of its documentation, its name, and the searched list.
 macro_rules! lookups {
     ($($(#[$doc:meta])* $kind:ident: $list:ident;)*) => {
         impl Description {
@@ -55,7 +55,7 @@ lookups! {
     pair: pairs;
     /// Index of a site by its name.
     site: sites;
-    /// Index of an actuator by its name, which is its place in the controls.
+    /// Index of an actuator by its name, which is its index in the controls.
     actuator: actuators;
     /// Index of a fixed tendon by its name.
     tendon: tendons;
@@ -66,7 +66,7 @@ lookups! {
 }
 
 impl Description {
-    /// Index of a joint by its name, and its places in configurations and velocities.
+    /// Index of a joint by its name, and its ranges in configurations and velocities.
     ///
     /// # Errors
     /// [`ModelError::NoSuchName`] when there is none of this name.
@@ -76,7 +76,7 @@ impl Description {
         Ok(JointPlace { index, qpos: q..q + kind.nq(), qvel: v..v + kind.nv() })
     }
 
-    /// Index of a sensor by its name, and its places in the readings.
+    /// Index of a sensor by its name, and its range in the readings.
     ///
     /// # Errors
     /// [`ModelError::NoSuchName`] when there is none of this name.
@@ -87,7 +87,7 @@ impl Description {
     }
 }
 
-/// Index of the first element of this name; elements without a name are never found.
+/// Index of the first element with a name. Elements without a name are never found.
 fn index_of<'a>(names: impl Iterator<Item = &'a str> + Clone, kind: &'static str, name: &str) -> Result<usize, ModelError> {
     names.clone().position(|known| known == name && !name.is_empty()).ok_or_else(|| {
         let mut known: Vec<String> = names.filter(|known| !known.is_empty()).take(LISTED + 1).map(str::to_owned).collect();

@@ -7,7 +7,7 @@ use crate::Shape;
 /// Mass, centre of mass and inertia of a body in some frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MassProperties {
-    /// kg
+    /// Mass, kg.
     pub mass: f64,
     /// Centre of mass, m.
     pub com: Vector3<f64>,
@@ -16,13 +16,13 @@ pub struct MassProperties {
 }
 
 impl MassProperties {
-    /// Nothing.
+    /// Mass properties of an empty body.
     pub fn zero() -> Self {
         Self { mass: 0.0, com: Vector3::zeros(), inertia: Matrix3::zeros() }
     }
 
-    /// Volume of a shape, m^3; `None` for shapes that have none (plane, height field) or take it
-    /// from an asset ([`Mesh::mass_properties`](crate::Mesh::mass_properties)).
+    /// Volume of a shape, m^3. `None` for shapes without a volume (plane, height field) and for meshes, whose asset has it
+    /// ([`Mesh::mass_properties`](crate::Mesh::mass_properties)).
     pub fn volume(shape: &Shape) -> Option<f64> {
         use std::f64::consts::PI;
         match *shape {
@@ -35,7 +35,7 @@ impl MassProperties {
         }
     }
 
-    /// A solid of uniform density with this mass in kg, in its geom's frame; `None` where [`MassProperties::volume`] is.
+    /// Mass properties of a solid of uniform density with a mass in kg, in its geom's frame; `None` if [`MassProperties::volume`] is.
     pub fn solid(shape: &Shape, mass: f64) -> Option<Self> {
         let moments = match *shape {
             Shape::Sphere { radius: r } => [0.4 * r * r; 3],
@@ -51,13 +51,13 @@ impl MassProperties {
         Some(Self { mass, com: Vector3::zeros(), inertia: Matrix3::from_diagonal(&Vector3::from(moments.map(|i| i * mass))) })
     }
 
-    /// The same body seen from a frame in which its own is at `pos`, turned by `quat`.
+    /// Mass properties in a frame in which the present frame is at `pos` with orientation `quat`.
     pub fn placed(&self, pos: Vector3<f64>, quat: UnitQuaternion<f64>) -> Self {
         let r = quat.to_rotation_matrix();
         Self { mass: self.mass, com: pos + r * self.com, inertia: r.matrix() * self.inertia * r.matrix().transpose() }
     }
 
-    /// Two bodies as one: parallel axes.
+    /// Mass properties of two bodies as one, by the parallel axis theorem.
     pub fn plus(&self, other: &Self) -> Self {
         let mass = self.mass + other.mass;
         if mass == 0.0 {
@@ -73,7 +73,7 @@ impl MassProperties {
         self.inertia + (Matrix3::identity() * d.norm_squared() - d * d.transpose()) * self.mass
     }
 
-    /// Orientation of the principal axes in the frame, and the moments about them, kg m^2. Axes that are already principal stay.
+    /// Orientation of the principal axes in the frame, and the moments about them, kg m^2. Frame axes that are principal stay.
     pub fn principal(&self) -> (UnitQuaternion<f64>, Vector3<f64>) {
         let i = &self.inertia;
         let off = i.m12.abs().max(i.m13.abs()).max(i.m23.abs());
@@ -89,8 +89,8 @@ impl MassProperties {
     }
 }
 
-/// Moments of a capsule per unit of mass: a cylinder and two hemispheres of the same density. A hemisphere's centre of mass is 3/8 r
-/// from its flat face, and its moment across its axis about that centre is (2/5 - 9/64) r^2.
+/// Moments of a capsule per unit of mass: a cylinder and two hemispheres of the same density. The centre of mass of a hemisphere is 3/8 r
+/// from its flat face, and its transverse moment about that centre is (2/5 - 9/64) r^2.
 fn capsule(r: f64, h: f64) -> [f64; 3] {
     let (cylinder, ball) = (2.0 * h, 4.0 / 3.0 * r);
     let (cylinder, ball) = (cylinder / (cylinder + ball), ball / (cylinder + ball));
@@ -106,7 +106,7 @@ mod tests {
         assert!((a - b).abs() <= 1e-12 * b.abs().max(1e-9), "{a} {b}");
     }
 
-    /// Second moments by brute force: the share of a fine grid that is inside.
+    /// Volume and second moments by the fraction of a fine grid that is inside.
     fn by_grid(extent: [f64; 3], inside: impl Fn(Vector3<f64>) -> bool) -> (f64, [f64; 3]) {
         let n = 80;
         let at = |k: usize, e: f64| -e + (2 * k + 1) as f64 * e / n as f64;

@@ -1,6 +1,6 @@
-//! Orientations as a user gives them.
+//! Orientations as arguments.
 
-/// An orientation as a quaternion [w, x, y, z]. With the feature `nalgebra` a `UnitQuaternion` is one, too, whose array has another order.
+/// Orientation as a quaternion [w, x, y, z]. With the feature `nalgebra`, a `UnitQuaternion` converts to one; its array has another order.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orientation(pub [f64; 4]);
 

@@ -3,7 +3,7 @@
 use crate::pairs::{Filter, Verdict};
 use crate::{Model, ModelError, label};
 
-/// Fields of geoms, each with the field of explicit pairs that takes its place.
+/// Fields of geoms, each with the field of explicit pairs that replaces it.
 const OVERRIDES: [(&str, &str); 10] = [
     ("geom_friction", "pair_friction"),
     ("geom_restitution", "pair_restitution"),
@@ -25,7 +25,7 @@ pub(super) struct PairOverrides<'a> {
     fields: Vec<Overridden>,
 }
 
-/// A field of geoms, the field of pairs in its place, and the model's numbers.
+/// Field of geoms, field of pairs that replaces it, and the model's numbers.
 struct Overridden {
     geom: &'static str,
     pair: &'static str,
@@ -33,7 +33,7 @@ struct Overridden {
 }
 
 impl<'a> PairOverrides<'a> {
-    /// Overrides of the named fields, which are those to be checked.
+    /// Overrides of the named fields.
     pub(super) fn new<'n>(model: &'a Model, names: impl IntoIterator<Item = &'n str>) -> Self {
         if model.pairs.is_empty() {
             return Self { model, pairs: vec![], fields: vec![] };
@@ -51,10 +51,11 @@ impl<'a> PairOverrides<'a> {
         Self { model, pairs: (0..model.pairs.len()).filter(collides).collect(), fields: fields.collect() }
     }
 
-    /// Checks that no pair overrides a number that differs from the model's, unless the pair's field is given too.
+    /// Checks that no explicit pair overrides a given number of a geom that differs from the model's. Numbers whose field of the pair is
+    /// given too are not checked.
     ///
     /// # Errors
-    /// [`ModelError::Invalid`] with the first such geom, the pair and the remedy.
+    /// [`ModelError::Invalid`] with the first geom whose number has no effect, its pair and the remedy.
     pub(super) fn check(&self, given: &[(&str, &[f64])]) -> Result<(), ModelError> {
         let values_of = |name: &str| given.iter().find(|(given, _)| *given == name).map(|(_, values)| *values);
         for Overridden { geom, pair, own } in self.fields.iter().filter(|field| values_of(field.pair).is_none()) {
@@ -85,7 +86,7 @@ impl<'a> PairOverrides<'a> {
 mod tests {
     use crate::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
 
-    /// Two balls on a floor, of which the first has an explicit pair with it.
+    /// Two balls on a floor. The first ball has an explicit pair with the floor.
     fn balls() -> Model {
         let mut scene = Model::builder("balls");
         scene.geom(WORLD, GeomBuilder::plane("floor"));

@@ -1,21 +1,21 @@
-//! The geom pairs that can collide, by the rules of MuJoCo 4.
+//! Pairs of geoms that can collide, by the rules of MuJoCo 4.
 //!
-//! Two geoms collide if an explicit [`Pair`](crate::Pair) says so, or if none of these filters drops them (MuJoCo
+//! Two geoms collide if they are an explicit [`Pair`](crate::Pair), or if none of these filters drops them (MuJoCo
 //! `engine_collision_driver.c`, `filterBodyPair` and `filterBitmask`; documentation, "Collision detection"):
 //!
-//! 1. both are fixed to the same rigid group: a body with everything welded to it (MuJoCo's `body_weldid`); a mocap body is a group of
-//!    its own, all that is fixed to the world is one group;
+//! 1. both are fixed to the same rigid group, a body with everything welded to it (MuJoCo's `body_weldid`). A mocap body is a separate
+//!    group, and everything fixed to the world is one group;
 //! 2. no degree of freedom moves either of them;
 //! 3. one group is the parent of the other, unless the parent is the world's;
 //! 4. their bodies are excluded;
 //! 5. neither's `contype` shares a bit with the other's `conaffinity`.
 //!
 //! Overlaps that are excluded ([`Description::excluded_overlaps`]) come before explicit pairs. Like `<exclude>`, and like
-//! `disable_collisions` of links in SRDF, each excludes two bodies; of the world, which is no link, it excludes the one geom.
+//! `disable_collisions` of links in SRDF, each excludes two bodies. If one body is the world, only its geom is excluded.
 //!
-//! Margins and gaps of a pair are **sums** of the geoms', and a gap is beyond the margin: a contact is found within margin + gap, and
-//! pushes within margin (MuJoCo 4, `getMargin`, `getGap`, `mj_setContact`; MuJoCo 2 and 3 took the larger of two margins, and pushed
-//! within margin - gap). Measured with 4.0.0: margins 0.05 and 0.02 m with gaps 0.03 and 0.01 m rest at 0.07 m.
+//! Margins and gaps of a pair are **sums** of those of the geoms. A gap is beyond the margin: a contact is found within margin + gap, and
+//! pushes within margin (MuJoCo 4, `getMargin`, `getGap`, `mj_setContact`). MuJoCo 2 and 3 used the larger of two margins, and contacts
+//! pushed within margin - gap. Measured with 4.0.0: margins 0.05 and 0.02 m with gaps 0.03 and 0.01 m rest at 0.07 m.
 
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, HashSet};
@@ -23,33 +23,33 @@ use std::collections::{BTreeMap, HashSet};
 use crate::softness::{ContactSpring, mixing_share};
 use crate::{Description, Geom, Pair, Shape, Softness};
 
-/// Two geoms that can collide, and what a contact between them is like.
+/// Two geoms that can collide, and the parameters of their contacts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GeomPair {
-    /// Indices of the geoms; the simpler shape first (plane, height field, sphere, capsule, ellipsoid, cylinder, box, mesh), then the
+    /// Indices of the geoms. The simpler shape comes first (plane, height field, sphere, capsule, ellipsoid, cylinder, box, mesh), then the
     /// lower index.
     pub geoms: [usize; 2],
-    /// Rows of a contact: 1, 3, 4 or 6.
+    /// Dimension of a contact: 1, 3, 4 or 6.
     pub condim: u8,
-    /// Sliding (1), torsional (m), rolling (m).
+    /// Sliding (1), torsional (m) and rolling (m) friction.
     pub friction: [f64; 3],
     /// Newton's coefficient of restitution.
     pub restitution: f64,
-    /// Distance at which a contact begins to push, m.
+    /// Distance below which a contact pushes, m.
     pub margin: f64,
-    /// Distance beyond the margin within which a contact is reported but does not push, m.
+    /// Distance beyond the margin up to which a contact is reported but does not push, m.
     pub gap: f64,
-    /// Softness by MuJoCo's law.
+    /// Softness in MuJoCo's contact law.
     pub softness: Softness,
-    /// See [`Pair::solref_friction`](crate::Pair::solref_friction).
+    /// Softness of friction, see [`Pair::solref_friction`](crate::Pair::solref_friction).
     pub solref_friction: [f64; 2],
-    /// See [`Pair::anisotropy`](crate::Pair::anisotropy).
+    /// Anisotropy of friction, see [`Pair::anisotropy`](crate::Pair::anisotropy).
     pub anisotropy: [f64; 2],
-    /// Physical softness.
+    /// Compliance.
     pub spring: ContactSpring,
 }
 
-/// Why two geoms do not collide, or that they do.
+/// Result of the filters for two geoms: they collide, or the filter that drops them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Verdict {
     Collides,
@@ -79,24 +79,24 @@ impl Verdict {
     }
 }
 
-/// Collision filter of a model: whether any two geoms collide, and how, without a list of pairs.
+/// Collision filter of a model, which decides whether any two geoms collide, without a list of pairs.
 #[derive(Clone, Debug)]
 pub struct Filter {
     tags: Vec<Tag>,
     pairs: Vec<Pair>,
     explicit: BTreeMap<[usize; 2], usize>,
     excluded: HashSet<[usize; 2]>,
-    /// Pairs of bodies that overlap, and pairs of geoms of which one is the world's; both ways round.
+    /// Pairs of bodies that overlap, and pairs of geoms if one body is the world; in both orders.
     overlapping_bodies: HashSet<[usize; 2]>,
     overlapping_geoms: HashSet<[usize; 2]>,
 }
 
-/// A geom, for the filters.
+/// Data of a geom for the filters.
 #[derive(Clone, Debug)]
 struct Tag {
     rank: u8,
     body: usize,
-    /// Its rigid group, the group that this hangs from, and whether it has joints.
+    /// Rigid group of the geom, parent group, and whether the group has joints.
     group: usize,
     parent: usize,
     moves: bool,
@@ -104,7 +104,7 @@ struct Tag {
     surface: Surface,
 }
 
-/// What a geom brings into a contact.
+/// Contact parameters of a geom.
 #[derive(Clone, Copy, Debug)]
 struct Surface {
     priority: i32,
@@ -118,8 +118,8 @@ struct Surface {
     spring: ContactSpring,
 }
 
-/// Leader of each body's rigid group, and whether the group moves. A body with joints, or posed by the user, leads itself; any other has
-/// its parent's leader. The world leads what is fixed to it.
+/// Leader of each body's rigid group, and whether the group moves. Bodies with joints and mocap bodies are leaders; others have the leader
+/// of their parent. The world leads all that is fixed to it.
 pub fn weld_groups(model: &Description) -> (Vec<usize>, Vec<bool>) {
     let mut moves = vec![false; model.bodies.len()];
     for joint in &model.joints {
@@ -191,14 +191,14 @@ impl Filter {
         self.overlapping_geoms.contains(&geoms) || self.overlapping_bodies.contains(&geoms.map(|g| self.tags[g].body))
     }
 
-    /// The two geoms in the order of [`GeomPair::geoms`].
+    /// Two geoms in the order of [`GeomPair::geoms`].
     #[inline]
     pub fn ordered(&self, [a, b]: [usize; 2]) -> [usize; 2] {
         let key = |g: usize| (self.tags[g].rank, g);
         if key(a) <= key(b) { [a, b] } else { [b, a] }
     }
 
-    /// Whether the two geoms collide, and if not, the first filter that drops them. Geoms in the order of [`GeomPair`].
+    /// Whether two geoms, in the order of [`GeomPair`], collide, and if not, the first filter that drops them.
     pub(super) fn verdict(&self, geoms: [usize; 2]) -> Verdict {
         let [a, b] = geoms.map(|g| &self.tags[g]);
         if a.group == b.group {
@@ -222,7 +222,7 @@ impl Filter {
         }
     }
 
-    /// Whether the two geoms collide by an explicit pair.
+    /// Whether two geoms collide by an explicit pair.
     pub fn is_explicit(&self, geoms: [usize; 2]) -> bool {
         self.explicit.contains_key(&geoms)
     }
@@ -237,20 +237,20 @@ impl Filter {
         self.explicit.keys().copied()
     }
 
-    /// Order of the two geoms' priorities, of which the higher gives the friction (equal ones the larger friction), and rows of their
-    /// contact.
+    /// Order of the priorities of two geoms, and dimension of their contact. The geom with the higher priority determines the friction;
+    /// with equal priorities it is the larger friction.
     #[inline(always)]
     pub fn precedence(&self, geoms: [usize; 2]) -> (Ordering, u8) {
         precedence(geoms.map(|g| &self.tags[g].surface))
     }
 
-    /// Whether a contact of the two geoms is rigid.
+    /// Whether a contact of two geoms is rigid.
     #[inline(always)]
     pub fn is_rigid(&self, [a, b]: [usize; 2]) -> bool {
         self.tags[a].surface.spring.is_rigid() && self.tags[b].surface.spring.is_rigid()
     }
 
-    /// The two geoms as a pair, if they collide. Geoms in the order of [`GeomPair`].
+    /// Pair of two geoms, in the order of [`GeomPair`], if they collide.
     pub fn pair(&self, geoms: [usize; 2]) -> Option<GeomPair> {
         match self.verdict(geoms) {
             Verdict::Collides => Some(mix(geoms, geoms.map(|g| &self.tags[g].surface))),
@@ -269,8 +269,8 @@ fn both_ways(pairs: impl Iterator<Item = [usize; 2]>) -> HashSet<[usize; 2]> {
     pairs.flat_map(|[a, b]| [[a, b], [b, a]]).collect()
 }
 
-/// Whose friction counts in a contact of two geoms without an explicit pair, the larger if neither goes first; and the contact's rows
-/// (MuJoCo `mj_contactParam`).
+/// Order of precedence of the friction of two geoms without an explicit pair, and dimension of the contact (MuJoCo `mj_contactParam`).
+/// Equal precedence means the larger friction.
 fn precedence([a, b]: [&Surface; 2]) -> (Ordering, u8) {
     let order = a.priority.cmp(&b.priority);
     let condim = match order {
@@ -281,12 +281,12 @@ fn precedence([a, b]: [&Surface; 2]) -> (Ordering, u8) {
     (order, condim)
 }
 
-/// Restitution of a contact: what a spring stores and its damper loses is its own law.
+/// Restitution of a contact; 0 for a compliant one, whose spring and damper determine the rebound.
 fn bounce(spring: ContactSpring, restitution: f64) -> f64 {
     if spring.is_rigid() { restitution } else { 0.0 }
 }
 
-/// The contact parameters of two geoms without an explicit pair.
+/// Contact parameters of two geoms without an explicit pair.
 fn mix(geoms: [usize; 2], [a, b]: [&Surface; 2]) -> GeomPair {
     let (order, condim) = precedence([a, b]);
     let friction = match order {
@@ -315,8 +315,8 @@ fn mix(geoms: [usize; 2], [a, b]: [&Surface; 2]) -> GeomPair {
 }
 
 impl Description {
-    /// The geom pairs that can collide, ascending by their geoms. An explicit pair replaces what the filters say; of two explicit pairs
-    /// of the same geoms the first counts. Pairs that no degree of freedom can move against each other are never in the list.
+    /// Pairs of geoms that can collide, ascending by their geoms. An explicit pair overrides the filters; of two explicit pairs of the same
+    /// geoms the first counts. Pairs without a relative degree of freedom are never in the list.
     pub fn collision_pairs(&self) -> Vec<GeomPair> {
         let filter = Filter::new(self);
         let mut pairs: Vec<GeomPair> = self.geom_pairs().filter_map(|g| filter.pair(g)).collect();
@@ -324,7 +324,7 @@ impl Description {
         pairs
     }
 
-    /// How many geom pairs each filter drops, and how many remain.
+    /// Number of geom pairs that each filter drops, and of those that remain.
     pub(super) fn pair_census(&self) -> BTreeMap<Verdict, usize> {
         let filter = Filter::new(self);
         let mut census = BTreeMap::new();
@@ -334,7 +334,7 @@ impl Description {
         census
     }
 
-    /// Every two geoms, each pair in the order of [`GeomPair::geoms`].
+    /// All pairs of geoms, each in the order of [`GeomPair::geoms`].
     fn geom_pairs(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
         let ranked = |a: usize, b: usize| if rank(&self.geoms[a].shape) <= rank(&self.geoms[b].shape) { [a, b] } else { [b, a] };
         (0..self.geoms.len()).flat_map(move |a| (a + 1..self.geoms.len()).map(move |b| ranked(a, b)))
@@ -350,7 +350,7 @@ mod tests {
         GeomBuilder::sphere(name, 0.1)
     }
 
-    /// A floor, two balls on an arm, one of them welded on, and a user-posed hand with a ball hanging from it.
+    /// Scene with a floor, two balls on an arm, one of them welded, and a mocap hand with a ball hanging from it.
     fn scene() -> ModelBuilder {
         let mut scene = Model::builder("filters");
         scene.geom(WORLD, GeomBuilder::plane("floor"));

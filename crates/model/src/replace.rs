@@ -1,23 +1,23 @@
-//! Models with other numbers: one table of fields, read and written alike.
+//! Models with other numbers: a table of the fields that can be read and written.
 
 use crate::actuator_fields::{self, GEAR, PARAMETERS};
 use crate::hulls::Source;
 use crate::pair_overrides::PairOverrides;
 use crate::{Body, Description, Equality, Geom, Joint, Model, ModelError, Pair, Shape, Tendon};
 
-/// Hands every number of a field, in order, to a visitor that may change it.
+/// Function that passes every number of a field, in order, to a visitor that may change it.
 type Visit = fn(&mut Description, &mut dyn FnMut(&mut f64));
 
-/// An array of numbers of a model.
+/// Array of numbers of a model.
 #[derive(Clone, Copy, Debug)]
 pub struct Field {
-    /// Name, in MuJoCo's vocabulary.
+    /// Name in MuJoCo's vocabulary.
     pub name: &'static str,
-    /// Quantity that it holds.
+    /// Quantity in words.
     pub what: &'static str,
-    /// Unit of its numbers; empty where they have none, or several.
+    /// Unit of its numbers; empty without a unit, or with several.
     pub unit: &'static str,
-    /// Numbers of every element.
+    /// Numbers per element.
     width: Option<usize>,
     visit: Visit,
 }
@@ -30,7 +30,7 @@ const fn rows(name: &'static str, width: usize, what: &'static str, unit: &'stat
     Field { name, what, unit, width: Some(width), visit }
 }
 
-/// Every field that [`Model::replace`] writes and [`Model::field`] reads.
+/// All fields that [`Model::replace`] writes and [`Model::field`] reads.
 pub const REPLACEABLE: &[Field] = &[
     rows("gravity", 1, "gravitational acceleration", "m/s^2", |m, f| m.gravity.iter_mut().for_each(f)),
     scalar("timestep", "default time step", "s", |m, f| f(&mut m.timestep)),
@@ -178,7 +178,7 @@ pub const REPLACEABLE: &[Field] = &[
     }),
 ];
 
-/// Fields that the inverse weights of MuJoCo's law follow: they are computed anew.
+/// Fields on which the inverse weights of MuJoCo's contact law depend. They are recomputed after a change.
 const MOVES_WEIGHTS: [&str; 8] = ["qpos0", "body_mass", "body_inertia", "body_ipos", "body_iquat", "body_pos", "body_quat", "dof_armature"];
 
 fn each_body(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Body) -> &mut [f64]) {
@@ -205,7 +205,7 @@ fn each_tendon(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mu
     model.tendons.iter_mut().flat_map(get).for_each(f);
 }
 
-/// A joint's numbers once for each of its degrees of freedom; the last ones written stay.
+/// Visits the numbers of a joint once for each of its degrees of freedom. The last written ones stay.
 fn each_dofs(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Joint) -> &mut [f64]) {
     for joint in &mut model.joints {
         let now = get(joint).to_vec();
@@ -217,7 +217,7 @@ fn each_dofs(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut 
     }
 }
 
-/// A joint's number once for each of its degrees of freedom; the last one written stays.
+/// Visits the number of a joint once for each of its degrees of freedom. The last written one stays.
 fn each_dof(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Joint) -> &mut f64) {
     for joint in &mut model.joints {
         let now = *get(joint);
@@ -229,7 +229,7 @@ fn each_dof(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut J
     }
 }
 
-/// What the medium takes a geom for follows its size.
+/// Visits the size of a geom. The axes of its fluid model follow the size.
 fn size(geom: &mut Geom, f: &mut dyn FnMut(&mut f64)) {
     let before = geom.semi_axes();
     let [mut none, mut nor] = [0.0; 2];
@@ -249,7 +249,7 @@ fn size(geom: &mut Geom, f: &mut dyn FnMut(&mut f64)) {
     }
 }
 
-/// No range is one from -inf to inf.
+/// Visits the ends of a range. A missing range reads as -inf to inf.
 fn bounds(range: &mut Option<[f64; 2]>, f: &mut dyn FnMut(&mut f64)) {
     const NONE: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
     let mut ends = range.unwrap_or(NONE);
@@ -257,21 +257,21 @@ fn bounds(range: &mut Option<[f64; 2]>, f: &mut dyn FnMut(&mut f64)) {
     *range = (ends != NONE).then_some(ends);
 }
 
-/// No bound is one at infinity.
+/// Visits a limit. A missing limit reads as infinity.
 fn bound(limit: &mut Option<f64>, f: &mut dyn FnMut(&mut f64)) {
     let mut value = limit.unwrap_or(f64::INFINITY);
     f(&mut value);
     *limit = (value != f64::INFINITY).then_some(value);
 }
 
-/// A whole number; what is written saturates.
+/// Visits a whole number. Written values saturate.
 fn whole<T: Copy + Into<f64> + Saturates>(number: &mut T, f: &mut dyn FnMut(&mut f64)) {
     let mut value = (*number).into();
     f(&mut value);
     *number = T::saturated(value);
 }
 
-/// A whole number made of any.
+/// Conversion of any number to a whole number with saturation.
 trait Saturates {
     fn saturated(value: f64) -> Self;
 }
@@ -288,7 +288,7 @@ impl Saturates for u32 {
     }
 }
 
-/// 0 or 1; what is written is taken for 1 unless it is 0.
+/// Visits a flag as 0 or 1. Written values other than 0 count as 1.
 fn flag(set: &mut bool, f: &mut dyn FnMut(&mut f64)) {
     let mut value = f64::from(u8::from(*set));
     f(&mut value);
@@ -298,14 +298,14 @@ fn flag(set: &mut bool, f: &mut dyn FnMut(&mut f64)) {
 impl Field {
     /// Quantity and unit in words: "mass, kg".
     pub fn meaning(&self) -> String {
-        // Several units are in the words already.
+        // The words already have the unit if there are several.
         match self.unit {
             "" | "1, m, m" => self.what.to_owned(),
             unit => format!("{}, {unit}", self.what),
         }
     }
 
-    /// Its shape in words: "(ngeom, 3)"; empty for a scalar.
+    /// Shape in words: "(ngeom, 3)"; empty for a scalar.
     pub fn axes(&self) -> String {
         let width = match self.width {
             None => return String::new(),
@@ -327,7 +327,7 @@ impl Field {
         format!("({count},{width})")
     }
 
-    /// Its shape in this model: `[]` for a scalar, `[n]`, or `[n, width]`.
+    /// Shape in a model: `[]` for a scalar, `[n]`, or `[n, width]`.
     pub fn shape(&self, model: &Description) -> Vec<usize> {
         let count = self.read(model).len();
         match self.width {
@@ -341,7 +341,7 @@ impl Field {
         self.read_in(&mut model.clone())
     }
 
-    /// As [`Field::read`], without a copy of the model; it stays what it is.
+    /// Numbers of the field, read without a copy of the model, which does not change.
     fn read_in(&self, model: &mut Description) -> Vec<f64> {
         let mut values = vec![];
         (self.visit)(model, &mut |x| values.push(*x));
@@ -361,16 +361,15 @@ pub(super) fn find(name: &str) -> Result<&'static Field, ModelError> {
 }
 
 impl Model {
-    /// The shape of a field and its numbers, row by row; `None` when there is no such field in [`REPLACEABLE`]. A range that is not there
-    /// reads -inf to inf.
+    /// Shape of a field and its numbers, row by row; `None` if [`REPLACEABLE`] has no such field. A missing range reads as -inf to inf.
     pub fn field(&self, name: &str) -> Option<(Vec<usize>, Vec<f64>)> {
         find(name).ok().map(|field| (field.shape(self), field.read(self)))
     }
 
-    /// Whether the finite numbers of all fields are at most `most`, in magnitude.
+    /// Checks that the magnitudes of the finite numbers of all fields are at most `most`.
     ///
     /// # Errors
-    /// [`ModelError::Invalid`] for the first that is not.
+    /// [`ModelError::Invalid`] for the first larger number.
     pub fn check_range(&self, most: f64) -> Result<(), ModelError> {
         let mut model = self.description.clone();
         for field in REPLACEABLE {
@@ -383,23 +382,23 @@ impl Model {
         Ok(())
     }
 
-    /// A model with other numbers in one field, validated like any other: see [`REPLACEABLE`]. If this model leaves nothing out that
-    /// changes the motion, the new one may not either.
+    /// Model with other numbers in one field, validated like any other, see [`REPLACEABLE`]. If the present model leaves out nothing that
+    /// changes the motion, neither may the new one.
     ///
     /// # Errors
-    /// [`ModelError::Invalid`] when there is no such field, with both shapes when there are too few or too many numbers, for what the model
-    /// cannot hold, and for numbers of a geom that an explicit pair overrides; otherwise as [`Description::finish`].
+    /// [`ModelError::Invalid`] if there is no such field, for a wrong number of values (with both shapes), for invalid values, and for
+    /// numbers of a geom that an explicit pair overrides. Otherwise those of [`Description::finish`].
     pub fn replace(&self, name: &str, values: &[f64]) -> Result<Self, ModelError> {
         self.replace_all(&[(name, values)])
     }
 
-    /// As [`Model::replace`] for several fields at once: only the result needs to be valid, not what is between.
+    /// Model with other numbers in several fields at once. Only the result must be valid.
     ///
-    /// Contacts of an explicit pair have the pair's numbers, whatever its geoms have. So other numbers of a field such as `geom_friction`
-    /// for a geom of a pair need those of the pair, `pair_friction`, in the same call: other ones, or the model's.
+    /// Contacts of an explicit pair have the pair's numbers instead of those of its geoms. If a field such as `geom_friction` changes for a
+    /// geom of a pair, the same call must have the pair's field, `pair_friction`, with new numbers or those of the model.
     ///
     /// # Errors
-    /// As [`Model::replace`].
+    /// Those of [`Model::replace`].
     pub fn replace_all(&self, fields: &[(&str, &[f64])]) -> Result<Self, ModelError> {
         let mut model = self.description.clone();
         for &(name, values) in fields {
@@ -410,7 +409,7 @@ impl Model {
         }
         PairOverrides::new(self, fields.iter().map(|field| field.0)).check(fields)?;
         let strict = !self.omitted.iter().any(|o| o.changes_motion);
-        // No field is of a mesh.
+        // No field belongs to a mesh.
         model.finish_with(strict, Source::Same(&self.hulls))
     }
 }
@@ -425,7 +424,7 @@ pub(super) fn write(model: &mut Description, field: &Field, values: &[f64]) -> R
     let mut next = values.iter();
     (field.visit)(model, &mut |x| *x = *next.next().expect("as many as were counted"));
     let held = field.read_in(model);
-    // A zero may change its sign: nothing depends on it.
+    // The sign of a zero may change, because nothing depends on it.
     match (0..count).find(|&k| held[k] != values[k] && held[k].to_bits() != values[k].to_bits()) {
         Some(k) => Err(actuator_fields::unread(model, field.name, k, values[k]).unwrap_or_else(|| {
             ModelError::invalid(

@@ -1,38 +1,38 @@
-//! Sensors: what they read, in MuJoCo's vocabulary.
+//! Sensors with MuJoCo's types.
 
 use serde::{Deserialize, Serialize};
 
 use crate::Shape;
 
-/// A place on a body for sensors, with a volume for those that have a zone.
+/// Frame on a body for sensors, with a volume for sensors that have a zone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Site {
     /// Name; may be empty.
     pub name: String,
-    /// The body that it is fixed to.
+    /// Index of its body.
     pub body: usize,
     /// Position in the body's frame, m.
     pub pos: [f64; 3],
     /// Orientation in the body's frame.
     pub quat: [f64; 4],
-    /// Its volume: a sphere, capsule, ellipsoid, cylinder or box.
+    /// Volume: a sphere, capsule, ellipsoid, cylinder or box.
     pub shape: Shape,
 }
 
-/// Something with a frame.
+/// Object with a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Object {
-    /// A body's centre of mass and principal axes.
+    /// Centre of mass and principal axes of a body.
     Body(usize),
-    /// A body's own frame.
+    /// Frame of a body.
     XBody(usize),
-    /// A geom.
+    /// Frame of a geom.
     Geom(usize),
-    /// A site.
+    /// Frame of a site.
     Site(usize),
 }
 
-/// What a frame sensor reads of its object.
+/// Quantity of a frame sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum FrameReading {
     /// Position, m.
@@ -49,38 +49,39 @@ pub enum FrameReading {
     LinVel,
     /// Angular velocity, rad/s.
     AngVel,
-    /// Linear acceleration less gravity, m/s^2: a frame at rest reads 9.81 upwards.
+    /// Linear acceleration minus gravity, m/s^2. A frame at rest reads 9.81 upwards.
     LinAcc,
     /// Angular acceleration, rad/s^2.
     AngAcc,
 }
 
-/// What is reported of the closest points of two geoms.
+/// Quantity of the closest points of two geoms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ProximityReading {
     /// Signed distance, m.
     Distance,
-    /// Unit vector from the first's closest point to the second's, which turns round where they overlap; zero beyond the cutoff.
+    /// Unit vector from the closest point of the first geom to that of the second. It is reversed if they overlap, and zero beyond the
+    /// cutoff.
     Normal,
-    /// The closest points, first and second; zero beyond the cutoff, m.
+    /// Closest points of both geoms, m; zero beyond the cutoff.
     FromTo,
 }
 
-/// What a range finder reports of each ray, in this order.
+/// Quantities of each ray of a range finder, in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum RayField {
-    /// Distance to the nearest surface, m; -1 where there is none.
+    /// Distance to the nearest surface, m; -1 without a hit.
     Distance,
-    /// The ray's unit direction in the world; zero where it hits nothing.
+    /// Unit direction of the ray in the world; zero without a hit.
     Direction,
-    /// Where it begins, m.
+    /// Origin of the ray, m.
     Origin,
-    /// Where it hits, m; zero where there is nothing.
+    /// Hit point, m; zero without a hit.
     Point,
 }
 
 impl RayField {
-    /// Numbers that it takes.
+    /// Number of values.
     pub const fn dim(self) -> usize {
         if matches!(self, Self::Distance) { 1 } else { 3 }
     }
@@ -89,22 +90,22 @@ impl RayField {
 /// One side of the contacts that a contact sensor selects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ContactSide {
-    /// Everything.
+    /// All geoms.
     Any,
-    /// A geom.
+    /// Index of a geom.
     Geom(usize),
-    /// The geoms of a body.
+    /// Geoms of a body.
     Body(usize),
-    /// The geoms of a body and all that hangs from it.
+    /// Geoms of a body and of its descendants.
     Subtree(usize),
-    /// Whatever touches within a site's volume.
+    /// Geoms whose contacts are within a site's volume.
     Site(usize),
 }
 
-/// What a contact sensor reports of each contact, in this order.
+/// Quantities of each contact of a contact sensor, in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum ContactField {
-    /// The number of contacts that match; 0 in slots without one.
+    /// Number of matching contacts; 0 in empty slots.
     Found,
     /// Force in the contact's frame (normal, first and second tangent), N.
     Force,
@@ -121,37 +122,37 @@ pub enum ContactField {
 }
 
 impl ContactField {
-    /// Numbers that it takes.
+    /// Number of values.
     pub const fn dim(self) -> usize {
         if matches!(self, Self::Found | Self::Distance) { 1 } else { 3 }
     }
 }
 
-/// Which of the matching contacts fill the slots of a contact sensor.
+/// Selection of the contacts for the slots of a contact sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ContactReduction {
-    /// The first ones, in the order of the contacts.
+    /// First contacts, in their order.
     None,
-    /// The deepest ones.
+    /// Deepest contacts.
     MinDistance,
-    /// Those with the largest force.
+    /// Contacts with the largest forces.
     MaxForce,
-    /// One: the sum of all forces, in world axes, at the mean of the positions weighted by force.
+    /// Sum of all forces, in world axes, at the mean of the positions weighted by force, as one contact.
     NetForce,
 }
 
-/// What a sensor reads.
+/// Type of a sensor, with its element.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum SensorKind {
     /// Position of a hinge or slide.
     JointPos(usize),
     /// Velocity of a hinge or slide.
     JointVel(usize),
-    /// Sum of the actuators' forces on a hinge or slide, within the joint's bounds.
+    /// Sum of the actuator forces on a hinge or slide, within the joint's bounds.
     JointActuatorForce(usize),
-    /// Distance to the nearer limit of a hinge or slide where it is exceeded, else 0.
+    /// Distance to the nearer limit of a hinge or slide if it is exceeded, else 0.
     JointLimitPos(usize),
-    /// Rate of that distance where the limit is exceeded, else 0.
+    /// Rate of that distance if the limit is exceeded, else 0.
     JointLimitVel(usize),
     /// Force of the limit.
     JointLimitForce(usize),
@@ -161,17 +162,17 @@ pub enum SensorKind {
     BallAngVel(usize),
     /// Length of a tendon.
     TendonPos(usize),
-    /// Rate of that length.
+    /// Rate of the length of a tendon.
     TendonVel(usize),
-    /// Sum of the actuators' forces on a tendon.
+    /// Sum of the actuator forces on a tendon.
     TendonActuatorForce(usize),
-    /// Distance to the nearer limit of a tendon where it is exceeded, else 0.
+    /// Distance to the nearer limit of a tendon if it is exceeded, else 0.
     TendonLimitPos(usize),
-    /// Rate of that distance where the limit is exceeded, else 0.
+    /// Rate of that distance if the limit is exceeded, else 0.
     TendonLimitVel(usize),
     /// Force of the limit.
     TendonLimitForce(usize),
-    /// Length of an actuator's transmission, gear included.
+    /// Length of an actuator's transmission, including the gear.
     ActuatorPos(usize),
     /// Rate of that length.
     ActuatorVel(usize),
@@ -179,54 +180,54 @@ pub enum SensorKind {
     ActuatorForce(usize),
     /// Position, orientation, axes, velocity or acceleration of a frame. Accelerations have no reference.
     Frame {
-        /// What is read.
+        /// Measured quantity.
         what: FrameReading,
-        /// The frame.
+        /// Object with the frame.
         object: Object,
-        /// The frame in which it is expressed and against which it moves; `None` is the world.
+        /// Reference frame: readings are relative to it and in its axes. `None` is the world.
         reference: Option<Object>,
     },
-    /// The magnetic field in a site's frame.
+    /// Magnetic field in a site's frame.
     Magnetometer(usize),
-    /// Linear velocity of a site in its own frame, m/s.
+    /// Linear velocity of a site in its frame, m/s.
     Velocimeter(usize),
-    /// Angular velocity of a site in its own frame, rad/s.
+    /// Angular velocity of a site in its frame, rad/s.
     Gyro(usize),
-    /// Linear acceleration less gravity of a site in its own frame, m/s^2.
+    /// Linear acceleration of a site minus gravity, in its frame, m/s^2.
     Accelerometer(usize),
     /// Force from the parent on the site's body in the site's frame, N.
     Force(usize),
     /// Torque from the parent on the site's body about the site, in its frame, N m.
     Torque(usize),
-    /// Sum of the normal forces of the contacts on the site's body whose line of force meets the site's volume, N.
+    /// Sum of the normal forces of contacts on the site's body whose line of action meets the site's volume, N.
     Touch(usize),
     /// Distances along rays from a site.
     RangeFinder {
-        /// Where the rays begin.
+        /// Index of the site at the origin of the rays.
         site: usize,
         /// Unit directions in the site's frame.
         rays: Vec<[f64; 3]>,
-        /// What is reported of each ray, ascending.
+        /// Reported quantities of each ray, ascending.
         fields: Vec<RayField>,
         /// The geoms that rays can hit.
         geoms: Vec<usize>,
     },
-    /// 1 where the object's origin is inside the site's volume, else 0.
+    /// Whether the object's origin is inside the site's volume, as 1 or 0.
     InsideSite {
-        /// What is looked for.
+        /// Object.
         object: Object,
-        /// Where.
+        /// Index of the site.
         site: usize,
     },
     /// Closest points of two sets of geoms.
     Proximity {
-        /// What is reported.
+        /// Reported quantity.
         what: ProximityReading,
-        /// The first set.
+        /// Indices of the geoms of the first set.
         from: Vec<usize>,
-        /// The second set.
+        /// Indices of the geoms of the second set.
         to: Vec<usize>,
-        /// Distances are looked for up to this one, m.
+        /// Largest distance of the search, m.
         cutoff: f64,
     },
     /// Contacts between two sides.
@@ -235,66 +236,66 @@ pub enum SensorKind {
         first: ContactSide,
         /// Second side.
         second: ContactSide,
-        /// What is reported of each, ascending.
+        /// Reported quantities of each contact, ascending.
         fields: Vec<ContactField>,
-        /// Which are reported.
+        /// Selection of the reported contacts.
         reduction: ContactReduction,
-        /// How many are reported.
+        /// Number of reported contacts.
         slots: usize,
     },
-    /// Centre of mass of a body and all that hangs from it, m.
+    /// Centre of mass of a body and its descendants, m.
     SubtreeCom(usize),
     /// Velocity of that centre of mass, m/s.
     SubtreeLinVel(usize),
     /// Angular momentum about that centre of mass, kg m^2/s.
     SubtreeAngMom(usize),
-    /// Energy of gravity and springs, J.
+    /// Potential energy of gravity and springs, J.
     PotentialEnergy,
-    /// J
+    /// Kinetic energy, J.
     KineticEnergy,
     /// Simulated time, s.
     Clock,
-    /// A linear combination of readings of earlier sensors, all of one dimension: sensor and coefficient.
+    /// Linear combination of the readings of earlier sensors with equal dimensions: sensor and coefficient.
     Combination(Vec<(usize, f64)>),
 }
 
-/// What kind of quantity a reading is: it decides how errors act on it.
+/// Kind of a reading, which determines the effect of errors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// Any number.
     Real,
-    /// A number that is positive where it says something: errors leave 0 and below alone.
+    /// Number that is only valid above 0. Errors do not change values of 0 and below.
     Positive,
-    /// A unit vector: errors turn it.
+    /// Unit vector, which errors rotate.
     Axis,
-    /// A unit quaternion: errors turn it.
+    /// Unit quaternion, which errors rotate.
     Quaternion,
 }
 
-/// A sensor.
+/// Sensor of a model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sensor {
     /// Name; may be empty.
     pub name: String,
-    /// What it reads.
+    /// Type.
     pub kind: SensorKind,
-    /// Standard deviation of the noise that its source declares.
+    /// Standard deviation of the noise in the source.
     pub noise: f64,
-    /// Largest magnitude of its readings that its source declares; 0 is none.
+    /// Largest magnitude of readings in the source; 0 is none.
     pub cutoff: f64,
-    /// Delay that its source declares, s.
+    /// Delay in the source, s.
     pub delay: f64,
-    /// Time between samples that its source declares, s; 0 is every step.
+    /// Time between samples in the source, s; 0 is every step.
     pub interval: f64,
 }
 
 impl Sensor {
-    /// A sensor of which nothing but its truth is declared.
+    /// Sensor without noise, cutoff, delay and interval.
     pub fn ideal(name: &str, kind: SensorKind) -> Self {
         Self { name: name.into(), kind, noise: 0.0, cutoff: 0.0, delay: 0.0, interval: 0.0 }
     }
 
-    /// Numbers of a reading; `sensors` are those of the model.
+    /// Dimension of the reading; `sensors` are those of the model.
     pub fn dim(&self, sensors: &[Self]) -> usize {
         use SensorKind as K;
         match &self.kind {
@@ -319,7 +320,7 @@ impl Sensor {
         }
     }
 
-    /// What kind of quantity it reads.
+    /// Kind of the reading.
     pub fn quantity(&self) -> Quantity {
         use SensorKind as K;
         match &self.kind {
@@ -332,7 +333,7 @@ impl Sensor {
         }
     }
 
-    /// Whether it needs what the last step did: its acceleration and impulses.
+    /// Whether the sensor needs the acceleration and impulses of the last step.
     pub fn needs_step(&self) -> bool {
         use SensorKind as K;
         matches!(
@@ -348,7 +349,7 @@ impl Sensor {
         )
     }
 
-    /// The field's word for it.
+    /// Name of the type in MJCF.
     pub fn word(&self) -> &'static str {
         use FrameReading as F;
         use SensorKind as K;

@@ -1,63 +1,62 @@
-//! The shapes of geoms.
+//! Shapes of geoms.
 
 use serde::{Deserialize, Serialize};
 
-/// The shape of a geom; its axes are those of the geom's frame.
+/// Shape of a geom, in the axes of the geom's frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Shape {
-    /// The half space z <= 0.
+    /// Half space z <= 0.
     Plane,
-    /// A ball.
+    /// Ball.
     Sphere {
-        /// m
+        /// Radius, m.
         radius: f64,
     },
-    /// A segment along z, thickened.
+    /// Capsule: all points within the radius of a segment along z.
     Capsule {
-        /// m
+        /// Radius, m.
         radius: f64,
         /// Half the length of the segment, m.
         half_length: f64,
     },
-    /// A solid cylinder along z.
+    /// Solid cylinder along z.
     Cylinder {
-        /// m
+        /// Radius, m.
         radius: f64,
-        /// m
+        /// Half the length, m.
         half_length: f64,
     },
-    /// An ellipsoid.
+    /// Ellipsoid.
     Ellipsoid {
         /// Semi-axes, m.
         radii: [f64; 3],
     },
-    /// A box.
+    /// Box.
     Box {
         /// Half sizes, m.
         half: [f64; 3],
     },
-    /// A mesh: the convex hull of its vertices, as MJCF means it.
+    /// Mesh, by default the convex hull of its vertices, as in MJCF.
     Mesh {
-        /// Name of its [`Mesh`](crate::Mesh) in [`Description::meshes`](crate::Description::meshes).
+        /// Name of the [`Mesh`](crate::Mesh) in [`Description::meshes`](crate::Description::meshes).
         asset: String,
-        /// Whether it is the surface of its triangles instead, hollows included. Planes see the hull of either.
+        /// Whether the shape is the surface of the triangles, including hollows. Planes collide with the hull in both cases.
         concave: bool,
     },
-    /// A height field.
+    /// Height field.
     HeightField {
-        /// Name of its [`HeightField`](crate::HeightField) in
-        /// [`Description::height_fields`](crate::Description::height_fields).
+        /// Name of the [`HeightField`](crate::HeightField) in [`Description::height_fields`](crate::Description::height_fields).
         asset: String,
     },
 }
 
 impl Shape {
-    /// Whether it collides as triangles.
+    /// Whether the shape collides as triangles.
     pub const fn is_surface(&self) -> bool {
         matches!(self, Self::HeightField { .. } | Self::Mesh { concave: true, .. })
     }
 
-    /// The field's word for it.
+    /// Name of the shape in MJCF.
     pub const fn name(&self) -> &'static str {
         match self {
             Self::Plane => "plane",

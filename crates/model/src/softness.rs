@@ -1,4 +1,4 @@
-//! What MuJoCo's contact law needs of a scene: how soft its constraints are, and what softness is relative to.
+//! Softness of constraints in MuJoCo's contact law, and the inverse weights to which it is relative.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,7 +7,7 @@ use crate::added_fields;
 /// Shape of the friction cones.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Cone {
-    /// Pyramid whose edges are n + mu_k t_k and n - mu_k t_k, each with a force of its own.
+    /// Pyramid with edges n + mu_k t_k and n - mu_k t_k, each with a separate force.
     #[default]
     Pyramidal,
     /// Ellipse `sum (f_k / mu_k)^2 <= f_n^2`.
@@ -19,19 +19,19 @@ pub enum Cone {
 pub struct Softness {
     /// Time constant (s) and damping ratio of the error, or minus stiffness and minus damping relative to the mass.
     pub solref: [f64; 2],
-    /// Impedance without error and at its largest, the error over which it grows (m or rad), and midpoint and power of the curve.
+    /// Impedance without error and its largest value; the error over which it grows (m or rad); midpoint and power of the curve.
     pub solimp: [f64; 5],
 }
 
 impl Default for Softness {
-    /// MuJoCo's own.
+    /// MuJoCo's default.
     fn default() -> Self {
         Self { solref: [0.02, 1.0], solimp: [0.9, 0.95, 0.001, 0.5, 2.0] }
     }
 }
 
 impl Softness {
-    /// Softness of a contact of two geoms without priority (MuJoCo's `mj_contactParam`): `share` is the first geom's.
+    /// Softness of a contact of two geoms with equal priority (MuJoCo's `mj_contactParam`). `share` is the weight of the first geom.
     pub(crate) fn mix(a: Self, b: Self, share: f64) -> Self {
         let blend = |a: f64, b: f64| share * a + (1.0 - share) * b;
         let standard = a.solref[0] > 0.0 && b.solref[0] > 0.0;
@@ -42,30 +42,30 @@ impl Softness {
     }
 }
 
-/// A spring and a damper beside it, between what touches: physical softness, in either law of contact.
+/// Spring and damper in parallel between two surfaces: compliance in both contact laws.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ContactSpring {
-    /// N/m; infinity is rigid.
+    /// Stiffness, N/m; infinite is rigid.
     pub stiffness: f64,
-    /// N s/m.
+    /// Damping, N s/m.
     pub damping: f64,
 }
 
 impl Default for ContactSpring {
-    /// Rigid.
+    /// Rigid contact.
     fn default() -> Self {
         Self { stiffness: f64::INFINITY, damping: 0.0 }
     }
 }
 
 impl ContactSpring {
-    /// Whether nothing gives way.
+    /// Whether the contact is rigid.
     pub fn is_rigid(&self) -> bool {
         self.stiffness.is_infinite()
     }
 
-    /// Two surfaces that press on one another: springs in series, which share the depth inversely to their stiffnesses, and the damping
-    /// that dissipates what both do at these shares.
+    /// Compliance of two surfaces that press on each other. Springs in series share the penetration inversely to their stiffnesses, and the
+    /// damping dissipates as much as both do with these shares.
     pub(crate) fn in_series([a, b]: [Self; 2]) -> Self {
         if a.is_rigid() || b.is_rigid() {
             return if a.is_rigid() { b } else { a };
@@ -75,10 +75,10 @@ impl ContactSpring {
     }
 }
 
-/// Magnitude below which MuJoCo takes a number for zero (`mjMINVAL`).
+/// Magnitude below which MuJoCo treats a number as zero (`mjMINVAL`).
 pub const MIN_VALUE: f64 = 1e-15;
 
-/// Share of the first of two geoms in what they mix, from their `solmix`.
+/// Weight of the first of two geoms in mixed parameters, from their `solmix`.
 pub(crate) fn mixing_share([a, b]: [f64; 2]) -> f64 {
     match (a >= MIN_VALUE, b >= MIN_VALUE) {
         (true, true) => a / (a + b),
@@ -88,7 +88,7 @@ pub(crate) fn mixing_share([a, b]: [f64; 2]) -> f64 {
     }
 }
 
-/// What MuJoCo's contact law needs of a whole scene.
+/// Settings of MuJoCo's contact law for the whole scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SoftSettings {
     /// Shape of the friction cone.
@@ -97,25 +97,25 @@ pub struct SoftSettings {
     pub impratio: f64,
     /// Whether time constants are at least two time steps.
     pub refsafe: bool,
-    /// What softness is relative to; `None` lets stepper compute it.
+    /// Inverse weights to which softness is relative; `None` lets stepper compute them.
     pub inverse_weights: Option<InverseWeights>,
-    /// Sweeps after the solution that take the slip out of friction.
+    /// Noslip iterations after the solution, which remove slip of sticking contacts.
     #[serde(default, with = "added_fields")]
     pub noslip: NoSlip,
 }
 
-/// MuJoCo's noslip post-processing: what is left of slip where the regularisation of friction lets contacts creep.
+/// Settings of MuJoCo's noslip iterations, which remove the creep that the regularisation of friction causes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NoSlip {
-    /// Sweeps at the most; 0 for none.
+    /// Largest number of iterations; 0 is none.
     pub iterations: u32,
     /// Improvement of the objective at which they stop, relative to the sum of the diagonal of an island's mass matrix.
     pub tolerance: f64,
 }
 
 impl Default for NoSlip {
-    /// MuJoCo's own.
+    /// MuJoCo's default.
     fn default() -> Self {
         Self { iterations: 0, tolerance: 1e-6 }
     }
@@ -127,14 +127,15 @@ impl Default for SoftSettings {
     }
 }
 
-/// Mean inverse inertia at the reference configuration (MuJoCo's `body_invweight0`, `dof_invweight0`, `tendon_invweight0`): what the
-/// regularisation of a row is a fraction of. They are numbers of the model, so that environments with other masses keep them.
+/// Mean inverse inertia in the reference configuration (MuJoCo's `body_invweight0`, `dof_invweight0`, `tendon_invweight0`). The
+/// regularisation of a row is a fraction of it. Inverse weights are numbers of the model, so that environments with other masses have the
+/// same ones.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct InverseWeights {
-    /// Of every body: translation, 1/kg, and rotation, 1/(kg m^2).
+    /// Inverse weights of every body: translation, 1/kg, and rotation, 1/(kg m^2).
     pub bodies: Vec<[f64; 2]>,
-    /// Of every degree of freedom.
+    /// Inverse weights of the degrees of freedom.
     pub dofs: Vec<f64>,
-    /// Of every tendon.
+    /// Inverse weights of the tendons.
     pub tendons: Vec<f64>,
 }

@@ -4,12 +4,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::softness::Softness;
 
-/// A fixed tendon: its length is a linear combination of scalar joint positions. Its unit u is that of the combination.
+/// Fixed tendon, whose length is a linear combination of the positions of hinges and slides. Its unit u is that of the combination.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Tendon {
     /// Name; may be empty.
     pub name: String,
-    /// Joint and coefficient.
+    /// Joints and their coefficients.
     pub joints: Vec<(usize, f64)>,
     /// Lowest and highest length, u.
     pub range: Option<[f64; 2]>,
@@ -23,8 +23,8 @@ pub struct Tendon {
     pub armature: f64,
     /// Dry friction, N.
     pub frictionloss: f64,
-    /// Softness of the limit by MuJoCo's law.
+    /// Softness of the limit in MuJoCo's contact law.
     pub limit_softness: Softness,
-    /// Softness of dry friction by MuJoCo's law.
+    /// Softness of dry friction in MuJoCo's contact law.
     pub friction_softness: Softness,
 }

@@ -1,4 +1,4 @@
-//! Variants of a model: other numbers, the same structure. What environments of one batch may differ in.
+//! Variants of a model with other numbers and the same structure. Environments of a batch can differ in these numbers.
 
 use std::fmt;
 use std::str::FromStr;
@@ -36,7 +36,7 @@ macro_rules! parameters {
 parameters! {
     /// Gravitational acceleration in the world frame, m/s^2: (num_envs, 3).
     Gravity = "gravity",
-    /// Masses, kg: (num_envs, nbody). The inertia stays as it is.
+    /// Masses, kg: (num_envs, nbody). The inertia does not change.
     BodyMass = "body_mass",
     /// Centres of mass in the bodies' frames, m: (num_envs, nbody, 3).
     BodyIpos = "body_ipos",
@@ -50,9 +50,9 @@ parameters! {
     PairFriction = "pair_friction",
     /// Coefficients of restitution of explicit pairs: (num_envs, npair).
     PairRestitution = "pair_restitution",
-    /// Sizes as the shapes have them, m: (num_envs, ngeom, 3). Masses stay as they are.
+    /// Sizes in the order of `geom_size`, m: (num_envs, ngeom, 3). Masses do not change.
     GeomSize = "geom_size",
-    /// Positions in the bodies' frames, m: (num_envs, ngeom, 3). Masses stay as they are.
+    /// Positions in the bodies' frames, m: (num_envs, ngeom, 3). Masses do not change.
     GeomPos = "geom_pos",
     /// Spring stiffness, N/m or N m/rad: (num_envs, njnt).
     JointStiffness = "jnt_stiffness",
@@ -92,7 +92,8 @@ impl FromStr for Parameter {
     }
 }
 
-/// Variants of a model that differ in the numbers of some fields, made one after the other in the same place: assets are copied once.
+/// Variants of a model that differ in the numbers of some fields. They are made one after the other in one copy of the model, so that
+/// assets are copied once.
 pub struct Variants<'a> {
     base: &'a Model,
     model: Model,
@@ -101,20 +102,20 @@ pub struct Variants<'a> {
 }
 
 impl<'a> Variants<'a> {
-    /// Variants in these fields.
+    /// Variants with changes in the named fields.
     ///
     /// # Errors
-    /// [`ModelError::Invalid`] for a name that is no field.
+    /// [`ModelError::Invalid`] for a name that is not a field.
     pub fn new<'n>(base: &'a Model, names: impl IntoIterator<Item = &'n str>) -> Result<Self, ModelError> {
         let fields: Vec<&'static Field> = names.into_iter().map(find).collect::<Result<_, _>>()?;
         let overrides = PairOverrides::new(base, fields.iter().map(|field| field.name));
         Ok(Self { base, model: base.clone(), fields, overrides })
     }
 
-    /// The variant with these numbers, field by field; `None` is the base's own.
+    /// Variant with given numbers, field by field; `None` is those of the base.
     ///
     /// # Errors
-    /// As [`Model::replace`], and [`ModelError::Invalid`] where a number would give the model rows or terms that the base does not have.
+    /// Those of [`Model::replace`], and [`ModelError::Invalid`] if a number would add rows or terms that the base does not have.
     pub fn with(&mut self, values: &[Option<&[f64]>], own: &[Vec<f64>]) -> Result<&Model, ModelError> {
         let mut given = Vec::with_capacity(values.len());
         for ((field, values), own) in self.fields.iter().zip(values).zip(own) {
@@ -129,7 +130,7 @@ impl<'a> Variants<'a> {
     }
 }
 
-/// What a compiled model leaves out of a model because of its numbers must be left out of its variants too.
+/// Checks that the numbers of a variant require no row or term that the compiled base model lacks.
 fn same_structure(base: &Model, model: &Model) -> Checked {
     base.joints.iter().zip(&model.joints).enumerate().try_for_each(|(i, (old, new))| joint(i, old, new))?;
     base.bodies.iter().zip(&model.bodies).enumerate().try_for_each(|(i, (old, new))| body(i, old, new))?;
@@ -139,7 +140,7 @@ fn same_structure(base: &Model, model: &Model) -> Checked {
 
 type Checked = Result<(), ModelError>;
 
-/// `field` of the element `place` is `new`, which asks for something that the model lacks.
+/// Error for an element `place` whose new `field` requires a feature that the model lacks.
 fn lacks(place: String, field: &str, new: &str, lack: &str, first: &str) -> Checked {
     let remedy = format!("give the model {first} there first, with model.replace({field:?}, ..), and make the simulation of that");
     Err(ModelError::invalid(place, format!("{field} is {new}, and the model has {lack}"), remedy))

@@ -1,6 +1,6 @@
-//! Portable lanes: plain arrays and element-wise loops, which the compiler turns into whatever vectors the baseline has (SSE2, NEON).
+//! Portable lanes: arrays and element-wise loops, which the compiler vectorises with the instructions of the baseline (SSE2, NEON).
 //!
-//! The only level of every architecture but x86-64, where they are what other lanes are compared with.
+//! They are the only level of all architectures except x86-64, and the reference for the other lane types.
 
 use crate::mask::Mask;
 use crate::operators::{as_lanes, elementary_functions, lane_access, operators, vectorize};

@@ -1,20 +1,20 @@
-//! Lanes in AVX registers, two of `f64` and one of `f32`, masks as vectors of compare results. Features: `avx2`.
+//! Lanes in AVX registers, two of `f64` and one of `f32`, with masks as vectors of compare results. Features: `avx2`.
 //!
 //! # Safety
-//! The functions here are safe to call but execute AVX2 instructions. The module is private, and its types have no name outside but
-//! through an unsafe trait: below [`at_level!`](crate::at_level), which asks the CPU for the level before. Every method is
-//! `#[inline(always)]`, so that the intrinsics end up inlined into the function that [`Real::vectorize`] makes and inherit its
-//! `#[target_feature]`; outside of one they are calls, slow but right.
+//! The functions here are safe to call but execute AVX2 instructions. The module is private, and its types can only be named through an
+//! unsafe trait in [`at_level!`](crate::at_level), which checks the CPU level first. Every method is `#[inline(always)]`: the intrinsics
+//! are inlined into the function that [`Real::vectorize`] makes, and inherit its `#[target_feature]`. Outside of one they are calls, which
+//! are slow but correct.
 
 use crate::mask::Mask;
 use crate::operators::{as_lanes, elementary_functions, lane_access, operators, vectorize};
 use crate::real::Real;
 use core::arch::x86_64::{__m256i, _CMP_EQ_OQ, _CMP_LE_OQ, _CMP_LT_OQ};
 
-/// Round to the nearest integer, ties to even, with no inexact exception.
+/// Rounds to the nearest integer, half to even, without an inexact exception.
 const NEAREST_EVEN: i32 = 0x08;
 
-/// The same expression of every register of a lane type; `$i` is the register.
+/// Evaluates an expression for each register of a lane type. `$i` is the register.
 macro_rules! each {
     ($make:ident, 1, |$i:ident| $e:expr) => {{
         // SAFETY: the module's contract.

@@ -6,31 +6,31 @@
 
 /// Constants of one precision. Public in a private module: this seals [`Scalar`](crate::Scalar).
 pub trait Coefficients: Sized + 'static {
-    /// pi/2 cut into pieces whose products with an integer of the stated range are exact, and one rounded remainder.
+    /// pi/2 as pieces whose products with an integer of the given range are exact, and one rounded rest.
     const HALF_PI_PIECES: &'static [Self];
-    /// More than |x - k pi/2| can be: pi/4, and a little for the rounding of k.
+    /// Upper bound of |x - k pi/2|: pi/4, and a margin for the rounding of k.
     const REDUCED_MAX: Self;
-    /// More than the rounding errors of an accurate reduction can sum up to.
+    /// Upper bound of the sum of rounding errors of an accurate reduction.
     const REDUCED_LOW_MAX: Self;
     /// (sin x - x) / x^3 in x^2.
     const SIN: &'static [Self];
     /// (cos x - 1 + x^2/2) / x^4 in x^2.
     const COS: &'static [Self];
 
-    /// Below this exp is 0, and at or above `EXP_MAX` infinite.
+    /// Argument below which exp is 0.
     const EXP_MIN: Self;
-    /// See `EXP_MIN`.
+    /// Argument at and above which exp is infinite.
     const EXP_MAX: Self;
-    /// ln 2 cut into a piece whose product with every exponent is exact, and the rest.
+    /// ln 2 as a piece whose product with every exponent is exact, and the rest.
     const LN_2: [Self; 2];
     /// (x coth(x/2) - 2) / x^2 in x^2.
     const EXP: &'static [Self];
     /// (ln((1 + s) / (1 - s)) - 2 s) / s^3 in s^2.
     const LN: &'static [Self];
 
-    /// Above this, sums may overflow and are scaled down first.
+    /// Magnitude above which sums may overflow and are scaled down first.
     const HUGE: Self;
-    /// pi, as the nearest number and the rest.
+    /// pi as the nearest number and the rest.
     const PI: [Self; 2];
     /// pi/2.
     const HALF_PI: [Self; 2];

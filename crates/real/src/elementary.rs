@@ -103,7 +103,7 @@ pub fn sin_cos_octant<R: Real>(x: R) -> (R, R) {
 #[inline(always)]
 pub fn ln<R: Real>(x: R) -> R {
     let zero = R::zero();
-    // Subnormal numbers have no exponent of their own; this makes them normal in either precision.
+    // Subnormal numbers have no exponent. This factor makes them normal in both precisions.
     const SHIFT: u32 = 54;
     let small = x.lt(R::splat(R::Scalar::MIN_POSITIVE));
     let (m, e) = R::select(small, x * R::of((1u64 << SHIFT) as f64), x).split();
@@ -165,7 +165,7 @@ pub fn atan2<R: Real>(y: R, x: R) -> R {
     let steep = ay.gt(ax);
     let backward = one.copysign(x).lt(zero);
 
-    // The quotient's sums must not overflow, infinities count as 1 beside 0, and 0/0 is angle 0.
+    // The sums of the quotient must not overflow, infinities count as 1 compared with 0, and 0/0 is angle 0.
     let (long, short) = (ax.max(ay), ax.min(ay));
     let scale = R::select(long.gt(R::splat(R::Scalar::HUGE)), R::of(0.0625), one);
     let infinite = long.eq(R::splat(R::Scalar::INFINITY));

@@ -1,4 +1,4 @@
-//! Which instructions this machine has, which of them to use, and how to use them.
+//! CPU levels: the instructions that this machine has, the selection of a level, and calls with its lane types.
 
 use core::fmt;
 use core::str::FromStr;
@@ -10,10 +10,10 @@ use crate::real::Real;
 /// The environment variable that overrides [`Level::best`].
 const VARIABLE: &str = "STEPPER_CPU_LEVEL";
 
-/// A set of CPU instructions that kernels are instantiated for. Results have the same bits at every level; only speed differs.
+/// Set of CPU instructions for which kernels are compiled. Results are equal bit for bit at all levels; only the speed differs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Level {
-    /// What every CPU of the architecture has: SSE2 on x86-64, NEON on AArch64.
+    /// Instructions of every CPU of the architecture: SSE2 on x86-64, NEON on AArch64.
     Baseline,
     /// x86-64 with AVX2.
     Avx2,
@@ -24,20 +24,20 @@ pub enum Level {
 impl Level {
     const ALL: [Level; 3] = [Level::Baseline, Level::Avx2, Level::Avx512];
 
-    /// The levels that this machine has and that this build was made with, slowest first.
+    /// Levels that this machine and this build support, slowest first.
     pub fn available() -> &'static [Level] {
         static AVAILABLE: OnceLock<Vec<Level>> = OnceLock::new();
         AVAILABLE.get_or_init(|| Level::ALL.into_iter().filter(|level| level.detect()).collect())
     }
 
-    /// Whether [`Level::available`] has it.
+    /// Whether [`Level::available`] contains the level.
     pub fn is_available(self) -> bool {
         Level::available().contains(&self)
     }
 
-    /// The fastest available level, or the one that the environment variable `STEPPER_CPU_LEVEL` names (`baseline`, `avx2` or `avx512`;
-    /// read at the first call only). An unknown name, or a level that this machine or build lacks, is an error rather than a
-    /// silent fallback: whoever sets the variable wants to know what was measured.
+    /// Fastest available level, or that of the environment variable `STEPPER_CPU_LEVEL` (`baseline`, `avx2` or `avx512`), which is read at
+    /// the first call. An unknown name, or a level that this machine or build lacks, is an error, so that measurements never run at an
+    /// unexpected level.
     pub fn best() -> Result<Level, LevelError> {
         static BEST: OnceLock<Result<Level, LevelError>> = OnceLock::new();
         BEST.get_or_init(|| match std::env::var_os(VARIABLE) {
@@ -47,12 +47,12 @@ impl Level {
         .clone()
     }
 
-    /// Whether instructions on a whole register of this level occupy the CPU's units for two cycles: those of AVX-512 on AMD's cores before
-    /// Zen 5, whose units have half the width. A second register beside the first then hides no latency.
+    /// Whether instructions on a whole register of this level occupy the CPU's units for two cycles. This holds for AVX-512 on AMD's cores
+    /// before Zen 5, whose units have half the width. A second register then hides no latency.
     #[cfg(target_arch = "x86_64")]
     pub fn takes_two_cycles(self) -> bool {
         use core::arch::x86_64::__cpuid;
-        /// "AuthenticAMD", as leaf 0 has it in EBX, EDX and ECX.
+        /// "AuthenticAMD", as leaf 0 returns it in EBX, EDX and ECX.
         const AMD: [u32; 3] = [0x6874_7541, 0x6974_6e65, 0x444d_4163];
         const ZEN_5: u32 = 0x1a;
         let [maker, signature] = [__cpuid(0), __cpuid(1)];
@@ -114,13 +114,13 @@ impl FromStr for Level {
     }
 }
 
-/// Why a CPU level cannot be used.
+/// Error of a CPU level that cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum LevelError {
-    /// Not the name of a level.
+    /// Name of no level.
     Unknown(String),
-    /// A level that this machine, or this build, lacks.
+    /// Level that this machine or this build lacks.
     Unavailable(Level),
 }
 
@@ -149,8 +149,8 @@ impl std::error::Error for LevelError {}
 /// `step::<_, Further>(state, h)`. The types of arguments and result are the same at every level: numbers go in and out as scalars, through
 /// [`Real::load`] and [`Real::store`].
 ///
-/// The function itself is ordinary code. What it computes it computes in [`Real::vectorize`], which compiles a closure with the level's
-/// instructions; the closure and all that it calls must be `#[inline(always)]`, or they run with baseline instructions.
+/// The function is ordinary code that computes inside [`Real::vectorize`], which compiles a closure with the level's instructions. The
+/// closure and all functions that it calls must be `#[inline(always)]`; otherwise they run with baseline instructions.
 ///
 /// ```
 /// use stepper_real::{Level, Real, at_level};
@@ -217,10 +217,10 @@ macro_rules! at_level {
     }};
 }
 
-/// As [`at_level!`] at the level AVX-512, for the lane types that only this one has: `F64x16` and `F32x32`.
+/// Calls a generic function like [`at_level!`] at the level AVX-512, with lane types that only this level has: `F64x16` and `F32x32`.
 ///
 /// # Panics
-/// When the machine or this build lacks the level.
+/// If the machine or this build lacks the level.
 #[macro_export]
 macro_rules! at_avx512 {
     ($lanes:ident, $run:ident $(::<_, $($extra:ty),+>)? ($($arg:expr),* $(,)?)) => {{
@@ -234,15 +234,14 @@ macro_rules! at_avx512 {
     }};
 }
 
-/// A witness that the CPU has the instructions of [`Level::Avx2`]: the lane types of this level have no other name than [`Avx2`] gives
-/// them.
+/// Proof that the CPU has the instructions of [`Level::Avx2`]. The lane types of this level can only be named through [`Avx2`].
 ///
 /// # Safety
-/// Its implementor is named only where [`Level::is_available`] said so before. [`at_level!`](crate::at_level) does that.
+/// The implementor may be named only after [`Level::is_available`] returned true. [`at_level!`](crate::at_level) ensures this.
 #[cfg(target_arch = "x86_64")]
 pub unsafe trait HasAvx2 {}
 
-/// The same for [`Level::Avx512`].
+/// Proof that the CPU has the instructions of [`Level::Avx512`].
 ///
 /// # Safety
 /// As for [`HasAvx2`].
@@ -256,7 +255,7 @@ pub trait Avx2 {
     type F64x1: Real<Scalar = f64>;
     /// Eight `f64` lanes in two registers.
     type F64Lanes: Real<Scalar = f64>;
-    /// Eight `f32` lanes in one.
+    /// Eight `f32` lanes in one register.
     type F32Lanes: Real<Scalar = f32>;
 }
 
@@ -267,7 +266,7 @@ pub trait Avx512 {
     type F64x1: Real<Scalar = f64>;
     /// Eight `f64` lanes.
     type F64Lanes: Real<Scalar = f64>;
-    /// Sixteen `f64` lanes in two of the thirty-two registers.
+    /// Sixteen `f64` lanes in two registers. There are 32 registers.
     type F64x16: Real<Scalar = f64>;
     /// Sixteen `f32` lanes.
     type F32Lanes: Real<Scalar = f32>;
@@ -292,7 +291,7 @@ impl<T: HasAvx512> Avx512 for T {
     type F32x32 = crate::two::Two<crate::avx512::F32x16>;
 }
 
-// A `cfg` inside `at_level!` would ask the features of the crate that uses it; these ask those of this crate.
+// A `cfg` inside `at_level!` would test the features of the calling crate; these test those of this crate.
 #[cfg(not(any(one_level = "avx512", one_level = "avx2")))]
 #[doc(hidden)]
 #[macro_export]

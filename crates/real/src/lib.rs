@@ -1,4 +1,4 @@
-//! The numbers of `stepper`: one environment, or many side by side in the lanes of a vector register, behind one trait.
+//! Number types of `stepper` behind one trait: for one environment, or for several environments in the lanes of vector registers.
 //!
 //! The simulator's hot path is written once, generic over [`Real`], and instantiated for
 //!
@@ -7,13 +7,13 @@
 //!   and eight by `avx2`, eight and sixteen by `avx512`;
 //! * `F64x16` and `F32x32`, sixteen and thirty-two environments in [two](Two) registers of `avx512`, which has enough of them.
 //!
-//! Every backend gives every lane the bits that `f64` (or `f32`) gives alone, for arithmetic, for [`Real::min`] and its like, and for
-//! the elementary functions: so a result depends neither on the CPU nor on an environment's neighbours. This assumes the floating-point
-//! environment that Rust assumes: round to nearest, subnormals kept (a library built with `-ffast-math` may have changed it).
+//! On every backend, each lane gets the bits of the same operation on `f64` (or `f32`). This holds for arithmetic, comparisons such as
+//! [`Real::min`], and elementary functions. Results thus depend neither on the CPU nor on other environments of the group. The
+//! floating-point environment must be that of Rust: round to nearest, with subnormals. (A library built with `-ffast-math` may change it.)
 //!
-//! [`Real::vectorize`] compiles a kernel with the instructions of a lane type's CPU level, [`at_level!`] picks the lane type of a level
-//! at run time, and [`Level`] says which levels there are. Everything a kernel calls must be `#[inline(always)]`: a function that is
-//! not inlined is compiled for the baseline.
+//! [`Real::vectorize`] compiles a kernel with the instructions of a lane type's CPU level, [`at_level!`] selects the lane type of a level
+//! at run time, and [`Level`] lists the levels. All functions that a kernel calls must be `#[inline(always)]`: a function that is not
+//! inlined is compiled for the baseline.
 //!
 //! ```
 //! use stepper_real::{Level, Real, at_level};

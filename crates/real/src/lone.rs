@@ -1,12 +1,12 @@
-//! One `f64` with AVX2 instructions around it, for one environment alone: the arithmetic of `f64`, in kernels that the compiler may
-//! vectorise across what one environment has. Features: `avx2`.
+//! Single `f64` compiled with AVX2 instructions, for one environment: the arithmetic of `f64`, in kernels that the compiler may vectorise
+//! across the numbers of the environment. Features: `avx2`.
 //!
-//! Wider registers gain it nothing (measured on the models of `benches/comparison`), so it is the type of the level above as well.
+//! Wider registers give no speedup (measured on the models of `benches/comparison`), so that the level above uses the same type.
 
 use crate::operators::{elementary_functions, operators, vectorize};
 use crate::real::Real;
 
-/// One number with the instructions of the wider types: of `f32` there is none that is worth having.
+/// Single number with the instructions of the wider types. There is none for `f32`, because it would not be faster.
 macro_rules! single {
     (f64) => {
         crate::lone::F64x1
@@ -17,7 +17,7 @@ macro_rules! single {
 }
 pub(crate) use single;
 
-/// One `f64`. As for the wider types, it may be used only where the CPU was asked for the level before.
+/// Single `f64`. As for the wider types, it may be used only after a check of the CPU level.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(transparent)]
 pub struct F64x1(f64);

@@ -4,9 +4,9 @@ use core::fmt::Debug;
 
 /// One truth value per lane. Lane `i` is bit `i` of [`Mask::bits`]; no operation ever sets a bit at or above the number of lanes.
 pub trait Mask: Copy + Debug + Send + Sync + 'static {
-    /// The same truth value in every lane.
+    /// Mask with one truth value in all lanes.
     fn splat(b: bool) -> Self;
-    /// Lane `i` from bit `i`; higher bits are ignored.
+    /// Mask with lane `i` from bit `i`. Higher bits are ignored.
     fn from_bits(bits: u32) -> Self;
     /// Bit `i` from lane `i`; higher bits are 0.
     fn bits(self) -> u32;
@@ -18,11 +18,11 @@ pub trait Mask: Copy + Debug + Send + Sync + 'static {
     fn and_not(self, o: Self) -> Self;
     /// `!self`, in the lanes that exist.
     fn not(self) -> Self;
-    /// True in at least one lane.
+    /// Whether at least one lane is true.
     fn any(self) -> bool;
-    /// True in every lane.
+    /// Whether all lanes are true.
     fn all(self) -> bool;
-    /// True in no lane.
+    /// Whether no lane is true.
     #[inline(always)]
     fn none(self) -> bool {
         !self.any()

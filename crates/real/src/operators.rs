@@ -1,4 +1,4 @@
-//! What is written once for every lane type: operators, `Default`, `Debug`, access to lanes, elementary functions, and `Real::vectorize`.
+//! Code that all lane types share: operators, `Default`, `Debug`, access to lanes, elementary functions, and `Real::vectorize`.
 
 /// Implements the binary operators of a lane type from one expression each.
 macro_rules! operators {
@@ -20,7 +20,7 @@ macro_rules! operators {
     )*};
 }
 
-/// Implements what follows from a lane type's being `[$scalar; $n]` in memory.
+/// Implements the methods of a lane type that is `[$scalar; $n]` in memory.
 macro_rules! as_lanes {
     ($t:ident, $scalar:ident, $n:literal) => {
         // No padding: the lanes lie in memory as an array, and no register of them lies in two cache lines.
@@ -54,7 +54,7 @@ macro_rules! as_lanes {
     };
 }
 
-/// `Real::vectorize` as a function of its own, with the given CPU features.
+/// Implements `Real::vectorize` as a separate function with given CPU features.
 macro_rules! vectorize {
     ($($feature:literal)?) => {
         #[inline(always)]
@@ -73,7 +73,7 @@ macro_rules! vectorize {
     };
 }
 
-/// The part of `impl Real` that is the same for every lane type, for use inside the impl.
+/// Methods of `impl Real` that are equal for all lane types, for use inside the impl.
 macro_rules! lane_access {
     ($t:ident, $scalar:ident, $n:literal) => {
         type Scalar = $scalar;
@@ -93,8 +93,8 @@ macro_rules! lane_access {
     };
 }
 
-/// The elementary functions of `impl Real`, the same for every lane type, for use inside the impl. So the trait knows nothing of how they
-/// are computed, and what computes them is written against the trait.
+/// Elementary functions of `impl Real`, which are equal for all lane types, for use inside the impl. The trait thus does not depend on
+/// their implementation, which is written for the trait.
 #[macro_export]
 macro_rules! elementary_functions {
     () => {

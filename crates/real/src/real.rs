@@ -1,4 +1,4 @@
-//! The trait that the simulator's hot path is generic over.
+//! Trait over which the simulator's hot path is generic.
 
 use crate::mask::Mask;
 use crate::scalar::Scalar;
@@ -8,8 +8,8 @@ use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAss
 /// A real number per environment: `f64` or `F64x1` for one, `F64x8` for eight, `F64x16` and `F32x16` for sixteen,
 /// `F32x32` for thirty-two environments side by side.
 ///
-/// Every operation gives each lane the bits that a lone scalar would get, on every backend: IEEE 754 arithmetic rounded to nearest,
-/// no fused multiply-add, no approximate reciprocals. Only which NaN comes out of an operation (its sign and payload) may differ
+/// On every backend, each lane gets the bits of an operation on a single scalar: IEEE 754 arithmetic rounded to nearest, without fused
+/// multiply-add and approximate reciprocals. Only which NaN comes out of an operation (its sign and payload) may differ
 /// between CPUs, so never let `copysign` read the sign of a NaN.
 ///
 /// Write code against `R: Real`, not against `f64`: on a plain `f64` the inherent methods win (`f64::min`, `f64::sin` ...), and these
@@ -37,24 +37,24 @@ pub trait Real:
     type Mask: Mask;
     /// Half of the lanes, in half the registers; `Self` where there is one register.
     type Half: Real<Scalar = Self::Scalar, Half = Self::Half>;
-    /// One lane as a number of its own.
+    /// Type of a single lane.
     type Single: Real<Scalar = Self::Scalar, Single = Self::Single>;
     /// Environments side by side.
     const LANES: usize;
 
-    /// The same number in every lane.
+    /// Number in all lanes.
     fn splat(x: Self::Scalar) -> Self;
-    /// A constant in every lane, rounded to the lane's precision.
+    /// Constant in all lanes, rounded to the lane's precision.
     #[inline(always)]
     fn of(x: f64) -> Self {
         Self::splat(Self::Scalar::from_f64(x))
     }
-    /// 0 in every lane.
+    /// 0 in all lanes.
     #[inline(always)]
     fn zero() -> Self {
         Self::splat(Self::Scalar::ZERO)
     }
-    /// 1 in every lane.
+    /// 1 in all lanes.
     #[inline(always)]
     fn one() -> Self {
         Self::splat(Self::Scalar::ONE)
@@ -69,29 +69,29 @@ pub trait Real:
     /// # Panics
     /// When `s` is shorter.
     fn store(self, s: &mut [Self::Scalar]);
-    /// Loads `out` from numbers that lie one after the other, as far as there are any.
+    /// Loads `out` from consecutive numbers, as far as there are any.
     #[inline(always)]
     fn load_all(from: &[Self::Scalar], out: &mut [Self]) {
         for (x, from) in out.iter_mut().zip(from.chunks_exact(Self::LANES)) {
             *x = Self::load(from);
         }
     }
-    /// Writes `all` one after the other, as far as there is room.
+    /// Writes `all` consecutively, as far as the slice reaches.
     #[inline(always)]
     fn store_all(all: &[Self], out: &mut [Self::Scalar]) {
         for (x, out) in all.iter().zip(out.chunks_exact_mut(Self::LANES)) {
             x.store(out);
         }
     }
-    /// The number in lane `i`.
+    /// Number in lane `i`.
     ///
     /// # Panics
-    /// When there is no lane `i`.
+    /// If there is no lane `i`.
     fn lane(self, i: usize) -> Self::Scalar;
-    /// The number in lane `i`, by itself.
+    /// Number in lane `i`, as a [`Real::Single`].
     ///
     /// # Panics
-    /// When there is no lane `i`.
+    /// If there is no lane `i`.
     #[inline(always)]
     fn single_lane(self, i: usize) -> Self::Single {
         Self::Single::splat(self.lane(i))
@@ -137,11 +137,11 @@ pub trait Real:
         }
         gathered
     }
-    /// Runs `kernel` as a function of its own, compiled with the instructions of this type's CPU level: what it inlines, it inlines with
-    /// them. So a long computation can be made of several kernels called from ordinary code, each compiled once.
+    /// Runs `kernel` as a separate function that is compiled with the instructions of this type's CPU level, with all functions that it
+    /// inlines. A long computation can thus consist of several kernels that ordinary code calls, each compiled once.
     ///
-    /// The closure and all that it calls must be `#[inline(always)]`, or they run with baseline instructions, every operation a call: an
-    /// array's `map` and `from_fn` do, which call closures through functions of their own.
+    /// The closure and all functions that it calls must be `#[inline(always)]`. Otherwise they run with baseline instructions, and every
+    /// operation is a call. The methods `map` and `from_fn` of arrays are such functions.
     fn vectorize<T>(kernel: impl FnOnce() -> T) -> T;
 
     /// `self < o`; false where either is NaN.
@@ -172,7 +172,7 @@ pub trait Real:
     fn sqrt(self) -> Self;
     /// The magnitude of `self` with the sign of `sign`.
     fn copysign(self, sign: Self) -> Self;
-    /// The nearest integer, ties to even, with the sign of `self`. Exact for every input; infinities and NaN stay.
+    /// Nearest integer, half to even, with the sign of `self`. It is exact for every input; infinities and NaN stay.
     fn round_even(self) -> Self;
     /// Neither infinite nor NaN.
     #[inline(always)]
@@ -214,11 +214,13 @@ pub trait Real:
     fn cos(self) -> Self {
         self.sin_cos().1
     }
-    /// Sine and cosine of at most pi/4 either way, within 0.8 ulp: what [`Real::sin_cos`] makes of an argument that needs no reduction.
+    /// Sine and cosine of at most pi/4 in magnitude, within 0.8 ulp, as [`Real::sin_cos`] computes them without a reduction of the
+    /// argument.
     fn sin_cos_octant(self) -> (Self, Self);
     /// Natural logarithm, within 0.85 ulp. -infinity for zeros of either sign, NaN below.
     fn ln(self) -> Self;
-    /// What [`Real::ln`] makes of a positive normal number. Anything else gives some number, the same everywhere.
+    /// Natural logarithm of a positive normal number, as [`Real::ln`] computes it. Other arguments give an arbitrary number, the same on
+    /// every machine.
     fn ln_normal(self) -> Self;
     /// e^self, within 0.9 ulp (f32: 0.95). Overflows to infinity; underflows gradually through the subnormals to 0.
     fn exp(self) -> Self;

@@ -1,4 +1,4 @@
-//! One lane's number: `f64` or `f32`.
+//! Number type of a lane: `f64` or `f32`.
 
 use crate::coefficients::Coefficients;
 use core::fmt::{Debug, Display};
@@ -38,11 +38,11 @@ pub trait Scalar:
     /// A quiet NaN.
     const NAN: Self;
 
-    /// The nearest number of this type, ties to even.
+    /// Nearest number of this type, half to even.
     fn from_f64(x: f64) -> Self;
-    /// The same number; exact.
+    /// Conversion to `f64`, which is exact.
     fn to_f64(self) -> f64;
-    /// Neither infinite nor NaN.
+    /// Whether the number is neither infinite nor NaN.
     fn is_finite(self) -> bool;
 }
 

@@ -1,8 +1,8 @@
-//! Lanes in two SSE registers, masks as vectors of compare results. Every x86-64 CPU has SSE2, so these are the lanes of its baseline
-//! level. Four registers a value would not fit into the sixteen that there are, and take twice as long to compile.
+//! Lanes in two SSE registers, with masks as vectors of compare results. Every x86-64 CPU has SSE2, so these are the lanes of its baseline
+//! level. Four registers per value would exceed the sixteen registers, and double the compile time.
 //!
-//! [Portable lanes](crate::array) are compiled to much the same instructions in the end, but the compiler has to find the vectors among
-//! scalars first, which took longer than all other lane types together.
+//! [Portable lanes](crate::array) compile to similar instructions. But the compiler must first find the vectors among scalars, which took
+//! longer than all other lane types together.
 
 use core::arch::x86_64::{__m128i, _mm_and_si128 as and_int, _mm_cmpeq_epi32 as equal_int, _mm_set1_epi32 as set1_int};
 
@@ -10,7 +10,7 @@ use crate::mask::Mask;
 use crate::operators::{as_lanes, elementary_functions, lane_access, operators, vectorize};
 use crate::real::Real;
 
-/// The same expression of both halves; `$i` is the half.
+/// Evaluates an expression for both halves. `$i` is the half.
 macro_rules! halves {
     ($make:ident, |$i:ident| $e:expr) => {{
         // SAFETY: every x86-64 CPU has SSE2, and what is read lies within its slice.

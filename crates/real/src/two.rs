@@ -1,7 +1,7 @@
-//! Two registers side by side.
+//! Lanes in two registers.
 //!
-//! Whatever is done once for a group of lanes, an index, a branch, a call, is then done for twice as many; and while an operation on one
-//! register waits for the one before, that on the other goes on.
+//! An index, branch or call for a group of lanes then serves twice as many. While an operation on one register waits for the operation
+//! before it, one on the other register can run.
 
 use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 

@@ -7,7 +7,7 @@
 use core::f64::consts::PI;
 use stepper_real::Real;
 
-/// The largest |got - want| / ulp(want) seen, and where.
+/// Largest measured |result - expected| / ulp(expected), and its argument.
 #[derive(Default)]
 struct Worst {
     ulps: f64,
@@ -201,7 +201,7 @@ fn exp_over_and_underflows_as_ieee() {
 }
 
 // 2 ulp: 1.40 ulp against mpmath, where the quotient's two roundings (up to 0.5 each, more just above a power of two) come on top of
-// the final one; libm adds its own half, and doubles less than 3 apart are 2 at most.
+// the final one; libm adds up to 0.5, and doubles less than 3 apart are 2 at most.
 #[test]
 fn atan2_f64() {
     let mut worst = Worst::default();

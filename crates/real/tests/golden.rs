@@ -1,6 +1,6 @@
-//! The same bits on every CPU, compiler and day: hashes of results, written down once.
+//! Hashes of results, which must be equal on every CPU and with every compiler.
 //!
-//! A change here is a change of every trajectory. It may be wanted (better coefficients), but never unnoticed.
+//! A changed hash is a change of all trajectories. It may be intended (better coefficients), but must be noticed.
 
 use stepper_real::Real;
 

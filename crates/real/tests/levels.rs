@@ -1,8 +1,8 @@
-//! What `at_level!` accepts, and that it refuses a level that the machine or the build lacks.
+//! Use of `at_level!`, and its rejection of a level that the machine or the build lacks.
 
 use stepper_real::{Level, Real, at_level};
 
-/// Something the kernel is generic over beside its lanes.
+/// Type parameter of the kernel in addition to its lanes.
 trait Offset {
     const BY: f64;
 }

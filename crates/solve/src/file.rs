@@ -132,7 +132,7 @@ fn parse<R: Real>(bytes: &[u8]) -> Result<LoadedProblem<R>, String> {
 }
 
 impl Payload {
-    /// Problem in every lane of `R`.
+    /// Problem with the same numbers in every lane of `R`.
     fn problem<R: Real>(&self) -> Result<LoadedProblem<R>, String> {
         let Self { dimension, redundant, sweeps, newton_steps, tolerance, newton_threshold, .. } = *self;
         if dimension > MOST_COORDINATES || !(tolerance >= 0.0 && newton_threshold >= tolerance) {

@@ -56,14 +56,14 @@ impl LaneMap {
         }
     }
 
-    /// Gathers a list of numbers; the capacity of `to` suffices.
+    /// Gathers a list of numbers. `to` must have enough capacity.
     #[inline(always)]
     pub(crate) fn gather_slice<R: Real>(&self, from: &[R], to: &mut Vec<R::Half>) {
         to.resize(from.len(), R::Half::zero());
         self.gather_into(from, to);
     }
 
-    /// Gathers a mask.
+    /// Gathers a mask of the source lanes into a mask of half as many lanes.
     #[inline(always)]
     pub(crate) fn gather_mask<R: Real>(&self, m: R::Mask) -> <R::Half as Real>::Mask {
         self.gather(R::select(m, R::one(), R::zero())).gt(R::Half::zero())

@@ -100,7 +100,8 @@ impl<R: Real> Problem<R> {
         self.rolling_contacts.push(support, y, active, mu, g, self.least_mobility);
     }
 
-    /// Adds the velocities of a scaled change of the free velocity to both targets of all rows, in the lanes `lanes`.
+    /// Adds the row velocities of `change`, a scaled change of the free velocity, to the targets of both solves (velocity and position) in
+    /// all rows, in the lanes `lanes`.
     #[inline(always)]
     pub fn shift(&mut self, change: &[R], lanes: R::Mask) {
         each_kind!([set: &mut self] => {

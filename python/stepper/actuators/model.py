@@ -137,14 +137,15 @@ def _names(model: Model) -> list[str]:
 def _changed(part: Any, change: Callable[[np.ndarray[Any, Any]], np.ndarray[Any, Any]]) -> Any:
     """Copy of a drive, motor or servo in which `change` was applied to all arrays with one number per environment."""
 
-    def new(value: Any) -> Any:
+    def changed(value: Any) -> Any:
+        """Value of a field after the change; parts of a drive, and tuples, are changed inside."""
         if isinstance(value, PID | DCMotor):
             return _changed(value, change)
         if isinstance(value, tuple):
-            return tuple(new(end) for end in value)
+            return tuple(changed(end) for end in value)
         return value if value is None or isinstance(value, str) or np.size(value) == 1 else change(np.asarray(value, np.float64))
 
-    return replace(part, **{field.name: new(getattr(part, field.name)) for field in fields(part)})
+    return replace(part, **{field.name: changed(getattr(part, field.name)) for field in fields(part)})
 
 
 def _from_row(row: dict[str, Any], kind: type[Any]) -> Any:

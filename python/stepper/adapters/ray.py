@@ -163,8 +163,7 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         Returns:
             Arrays by name: "observation" and "next_observation" (num_steps, num_envs, k), "action" (num_steps, num_envs, nu), "reward",
             "terminated" and "truncated" (num_steps, num_envs). At the end of an episode, "next_observation" is the last observation of that
-            episode.
-            "last_observation" (num_envs, k) is the input of the policy's next action.
+            episode. "last_observation" (num_envs, k) is the input of the policy's next action.
 
         Raises:
             ValueError: num_steps is below 1, or the autoreset is not SAME_STEP, because other modes ignore some actions.

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import ModuleType
+from types import MappingProxyType, ModuleType
 from typing import TYPE_CHECKING, Any
 
+from stepper.cli.options import ARGUMENTS, arguments_of
 from stepper.lab.progress import progress, show_files
 from stepper.policies import check_film, compare, describe, differences, film, load
 from stepper.policies import evaluate as run
 from stepper.policies.evaluation import make
-from stepper.policies.film import FILMED, check_file
+from stepper.policies.film import FILMED
 
 if TYPE_CHECKING:
     from typer import Typer
@@ -21,46 +22,50 @@ if TYPE_CHECKING:
 def evaluate(
     policy: Path,
     env: str,
-    against: str,
+    against: str = "",
     *,
     episodes: int,
     seed: int,
     margin: float,
     settings: dict[str, Any],
+    values: Mapping[str, Any] = MappingProxyType({}),
     infos: Sequence[str] = (),
     video: Path | None = None,
 ) -> None:
     """Evaluates a policy: mean return with a confidence interval, after a list of differences from the environment of the training.
 
-    With --against, the policy also runs in a second environment from the same initial states, and the command tests whether the mean
-    returns are equivalent. With --info, the result has also the mean of an info. With --film, the command also films an episode.
+    With --against, the policy also runs in a second environment from the same initial states. The command then tests whether the mean
+    returns are equivalent. --values sets arguments of both environments. With --info, the result has also the mean of an info. With --film,
+    the command also films an episode.
 
     Example: stepper evaluate half_cheetah.npz stepper/HalfCheetah-v5 --film half_cheetah.mp4
 
     Example: stepper evaluate half_cheetah.npz stepper/HalfCheetah-v5 --against HalfCheetah-v5
 
-    Example: stepper evaluate go1_velocity.npz stepper/Go1Velocity-v0 --info tracking_error --episodes 200
+    Example: stepper evaluate go1_velocity.npz stepper/Go1Velocity-v0 --info tracking_error --episodes 200 --values roughness=0.05
     """
     if against and infos:
         raise ValueError("--info cannot be compared: leave out --against or --info")
+    if own := sorted(values.keys() & {"contact", "precision"}):
+        raise ValueError(f"--values sets {own[0]}, which is another option: give --{own[0]}")
+    settings, shared = settings | dict(values), dict(values)
     loaded = load(policy)
     if video is not None:
-        check_file(video)
-        check_film(env, **settings)
-    for name, given in ((env, settings), (against, {})):
+        check_film(env, video, **settings)
+    for name, given in ((env, settings), (against, shared)):
         if name:
             for line in differences(loaded.environment, describe(make(name, **given))):
                 print(f"{name}: {line}", file=sys.stderr)
     with progress() as tick:
         if against:
-            both = compare(loaded, env, against, episodes=episodes, seed=seed, margin=margin, settings=(settings, {}), tick=tick)
+            both = compare(loaded, env, against, episodes=episodes, seed=seed, margin=margin, settings=(settings, shared), tick=tick)
             found = "\n".join(map(str, (both.one, both.other, both)))
         else:
             found = str(run(loaded, env, episodes=episodes, seed=seed, infos=infos, tick=tick, **settings))
     print(found)
     if video is not None:
         with progress() as tick:
-            film(loaded, env, video, actions=FILMED, seed=seed, progress=lambda done: tick(f"film {video.name}", done / FILMED), **settings)
+            film(loaded, env, video, actions=FILMED, seed=seed, tick=tick, **settings)
         show_files([video])
 
 
@@ -69,6 +74,7 @@ def register(app: Typer, typer: ModuleType) -> None:
     file = typer.Argument(help="Policy file, from stepper train or Policy.save.")
     keys = typer.Option([], "--info", help="Key of an info whose mean is printed, for example tracking_error. Repeat the option for more.")
 
+    arguments = typer.Option([], "--values", help=ARGUMENTS)
     video = typer.Option(None, "--film", metavar="FILE", help=f"Video (mp4) of at most {FILMED} actions of an episode with the seed.")
 
     @app.command("evaluate", help=evaluate.__doc__)
@@ -83,9 +89,11 @@ def register(app: Typer, typer: ModuleType) -> None:
             0.02, help="Largest difference of mean returns that counts as equivalent, as a fraction of the first mean return."
         ),
         infos: list[str] = keys,
+        values: list[str] = arguments,
         video: Path | None = video,
         contact: str = typer.Option("", help='Contact law of the first environment, "mujoco" or "hard".'),
         precision: str = typer.Option("", help='Precision of the first environment, "f64" or "f32".'),
     ) -> None:
         settings = {name: value for name, value in (("contact", contact), ("precision", precision)) if value}
-        evaluate(policy, env, against, episodes=episodes, seed=seed, margin=margin, infos=infos, settings=settings, video=video)
+        given = {"settings": settings, "values": arguments_of(values)}
+        evaluate(policy, env, against, episodes=episodes, seed=seed, margin=margin, infos=infos, video=video, **given)

@@ -15,6 +15,7 @@ from stepper.lab.progress import progress, show_files
 from stepper.lab.study import Study
 from stepper.lab.study.document import Document, Section, check_pages
 from stepper.loading import ModelWarning
+from stepper.loading.findings import explained
 from stepper.shared.machine import provenance
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ def explain(source: str, *, run: bool = False, out: Path | None = None) -> None:
     with warnings.catch_warnings():
         # The report contains the warnings.
         warnings.simplefilter("ignore", ModelWarning)
-        text = study.loaded[0].explain()
+        text = explained(study.loaded[0])
     print(text)
     found = _account(study) if run else None
     if found is not None:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from typer import Typer
 
 KIND_HELP = (
-    "Unknown parameter, field[name,name][column]=low..high; the bounds are optional. Quote it for the shell. Repeat the option for more. "
+    "Unknown parameter, a selector as in the example, with optional bounds low..high. Quote it for the shell. Repeat the option for more. "
     f"Fields: {', '.join(KINDS)}."
 )
 

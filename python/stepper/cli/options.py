@@ -11,6 +11,7 @@ from typing import Any
 
 from stepper.lab.progress import Tick, progress
 from stepper.lab.study import Study
+from stepper.shared.name_values import literal, name_values
 
 OUT = "Output folder."
 STUDY = "Study: a .toml file, or a .py file with a variable study of type stepper.lab.Study."
@@ -18,13 +19,19 @@ RECORDING = "Folder of a recording by Stepper.record."
 RAY = "Run batches as tasks of Ray, on all machines of its cluster."
 RAY_RUNS = "Run the settings as tasks of Ray, on all machines of its cluster; costs are still measured on this machine."
 ONLY = (
-    "Parameter to vary: a name in the study, or a selector with a range, 'geom_friction[floor][0]=0.2..1'. "
+    "Parameter to vary: a name in the study, or a selector with a range, 'gravity[2]=-9..-3'. "
     "Repeat the option for more; without it, all parameters of the study."
 )
 SEED = "Seed of all random numbers, instead of that of the study; the same seed gives the same rows."
 VALUES = (
     "Value of a parameter for episodes in which it does not vary, in place of its nominal value: NAME=VALUE with a name in the study, or "
-    "a selector, 'geom_friction[floor][0]=0.3'. Quote selectors for the shell. Repeat the option for more."
+    "a selector, 'gravity[2]=-3.7'. Quote selectors for the shell. Repeat the option for more."
+)
+
+
+ARGUMENTS = (
+    "Argument of the environment, NAME=VALUE, such as a field of its task: roughness=0.1. Repeat the option for more. The error for an "
+    "unknown name lists all names."
 )
 
 
@@ -62,28 +69,18 @@ def source_with(source: str, *, ray: bool, values: Sequence[str] = ()) -> Any:
 
 
 def values_of(texts: Sequence[str]) -> dict[str, float | str]:
-    """Values by name from texts NAME=VALUE.
-
-    Raises:
-        ValueError: A text does not have this form, or a name has two values.
-    """
-    found: dict[str, float | str] = {}
-    for name, value in map(value_of, texts):
-        if found.setdefault(name, value) != value:
-            raise ValueError(f"--values gives {name!r} twice, as {found[name]} and as {value}: give it once")
-    return found
+    """Values of the option --values for studies: numbers or else strings, by name; a ValueError for a text that is not NAME=VALUE."""
+    return name_values(texts, "--values", number_or_text)
 
 
-def value_of(text: str) -> tuple[str, float | str]:
-    """Name and value from a text NAME=VALUE. The value is a number or else a string.
+def arguments_of(texts: Sequence[str]) -> dict[str, Any]:
+    """Arguments of an environment by name, from the option --values; a ValueError for a text that is not NAME=VALUE."""
+    return name_values(texts, "--values", literal)
 
-    Raises:
-        ValueError: The text does not have this form.
-    """
-    name, sign, value = text.rpartition("=")
-    if not (name and sign and value):
-        raise ValueError(f"--values is {text!r}, must be NAME=VALUE; repeat the option for more parameters")
+
+def number_or_text(text: str) -> float | str:
+    """Number of a text, or else the text."""
     for kind in (int, float):
         with contextlib.suppress(ValueError):
-            return name, kind(value)
-    return name, value
+            return kind(text)
+    return text

@@ -15,12 +15,15 @@ if TYPE_CHECKING:
 def train(words: list[str]) -> None:
     """Trains a policy by proximal policy optimisation (PPO) in PyTorch, evaluates it, and films it.
 
-    Every setting of the learner is an option; --help lists them. The same command continues a stopped run.
+    Every setting of the learner is an option; --help lists them. --values NAME=VALUE sets an argument of the environment, such as a field
+    of its task. Files are written to a folder of out/train in the working folder, or to --out. The same command continues a stopped run.
     To change the learner, copy its source with --copy, change the copy, and run that.
 
     Example: stepper train stepper/HalfCheetah-v5 --seed 1 --film half_cheetah.mp4
 
     Example: stepper train my_task:me/Push-v0 --steps 3000000 --num-envs 512
+
+    Example: stepper train stepper/Go1Velocity-v0 --values roughness=0.05
 
     Example: stepper train --copy my_ppo.py
     """

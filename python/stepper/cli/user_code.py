@@ -6,7 +6,7 @@ import sysconfig
 import traceback
 from pathlib import Path
 
-_OWN = Path(__file__).parents[1]
+_STEPPER_FOLDER = Path(__file__).parents[1]
 """Folder of the package stepper."""
 _PACKAGES = {"site-packages", "dist-packages"}
 """Names of folders with installed packages."""
@@ -35,7 +35,7 @@ def _is_of_user(file: str) -> bool:
         return False
     path = path.resolve()
     standard = Path(sysconfig.get_paths()["stdlib"]).resolve()
-    return not path.is_relative_to(_OWN) and not path.is_relative_to(standard) and not _PACKAGES & set(path.parts)
+    return not path.is_relative_to(_STEPPER_FOLDER) and not path.is_relative_to(standard) and not _PACKAGES & set(path.parts)
 
 
 def _place(frame: traceback.FrameSummary) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 
 from stepper._options import Options
 from stepper._stepper import Stepper
-from stepper.cli.options import VALUES, values_of
+from stepper.cli.options import ARGUMENTS, VALUES, arguments_of, values_of
 from stepper.lab.progress import progress
 from stepper.lab.study import Study
 from stepper.lab.study.episode import Episodes
@@ -67,8 +67,10 @@ def view(what: str, options: ViewOptions, of_study: StudyOptions, rerun: Path | 
     stepper view examples/studies/tray.toml --values friction=0.5 --values push=2.2
     """
     is_study = Path(what).suffix in STUDIES
+    is_model = Path(what).exists() or Path(what).suffix in MODELS
     if not is_study:
-        _refuse_study_options(what, of_study)
+        # Values are parameters of a study, or arguments of an environment.
+        _refuse_study_options(what, of_study if is_model else of_study._replace(values=()))
     if (Path(what) / HEADER).exists():
         _refuse(what, "a recording", contact=options.contact, keyframe=options.keyframe, actions=options.actions, seed=options.seed)
         _play(Path(what), options, rerun)
@@ -83,9 +85,8 @@ def view(what: str, options: ViewOptions, of_study: StudyOptions, rerun: Path | 
         _refuse(what, "a study", contact=options.contact, keyframe=options.keyframe, actions=options.actions)
         _study(what, options, of_study)
         return
-    is_model = Path(what).exists() or Path(what).suffix in MODELS
     _refuse(what, "a model", actions=options.actions) if is_model else _refuse(what, "an environment", keyframe=options.keyframe)
-    sim, advance, reset = _model(what, options) if is_model else _environments(what, options)
+    sim, advance, reset = _model(what, options) if is_model else _environments(what, options, arguments_of(of_study.values))
     opened = View(sim, envs=options.envs, source=options.looks, host=options.host, port=options.port, reset=reset)
     opened.paused = options.pause
     print(f"{opened.url} shows {what}; Ctrl-C ends it", flush=True)
@@ -104,11 +105,11 @@ def _study(file: str, options: ViewOptions, of_study: StudyOptions) -> None:
             print(f"episode {number}: {_result(study, row['outcomes'], lost=diverged(row))}")
         print(f"recorded them in {of_study.record}; show them: stepper view {of_study.record}")
         return
-    running = episodes.watched()
+    running = episodes.repeated_steps()
 
     def begin() -> None:
         nonlocal running
-        running = episodes.watched()
+        running = episodes.repeated_steps()
         next(running)
 
     def advance() -> None:
@@ -143,7 +144,10 @@ def _refuse_study_options(what: str, of_study: StudyOptions) -> None:
     """Raises ValueError if an option is given that only studies have."""
     for name, value in of_study._asdict().items():
         if value not in (None, ()):
-            raise ValueError(f"--{name} is for studies ({', '.join(STUDIES)}), and {what} is not a study: leave it out")
+            kinds, is_none = (
+                ("studies and environments", "neither") if name == "values" else (f"studies ({', '.join(STUDIES)})", "not a study")
+            )
+            raise ValueError(f"--{name} is for {kinds}, and {what} is {is_none}: leave it out")
 
 
 def _refuse(what: str, kind: str, **given: object) -> None:
@@ -187,13 +191,13 @@ def _model(file: str, options: ViewOptions) -> Simulation:
     return sim, None, reset
 
 
-def _environments(name: str, options: ViewOptions) -> Simulation:
-    """Simulation of environments with an id in Gymnasium's registry."""
+def _environments(name: str, options: ViewOptions, arguments: dict[str, Any]) -> Simulation:
+    """Simulation of environments with an id in Gymnasium's registry, made with `arguments`."""
     gymnasium = require("gymnasium", "to view an environment")
     importlib.import_module("stepper.envs")
     try:
         law = {} if options.contact is None else {"contact": options.contact}
-        envs = gymnasium.make_vec(import_env(name), num_envs=options.envs, **law)
+        envs = gymnasium.make_vec(import_env(name), num_envs=options.envs, **law, **arguments)
     except gymnasium.error.Error as error:
         raise ValueError(f"{name} is no file, no recording and no environment: {error}") from error
     sim = getattr(envs.unwrapped, "sim", None)
@@ -212,7 +216,7 @@ def _environments(name: str, options: ViewOptions) -> Simulation:
 def register(app: Typer, typer: ModuleType) -> None:
     """Adds the command `view` to the Typer application; `typer` is the module."""
     file = typer.Option(None, "--model", exists=True, help="MJCF file with the colours and meshes of a recording or a saved model.")
-    parameters = typer.Option([], "--values", help=VALUES)
+    parameters = typer.Option([], "--values", help=f"For a study: {VALUES} For an environment: {ARGUMENTS}")
     folder = typer.Option(None, help="New folder: record the study's episodes there, and open no view.")
     log = typer.Option(None, help="New .rrd file for Rerun: convert a recording to it, and open no view.")
 

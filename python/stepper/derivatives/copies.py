@@ -21,7 +21,7 @@ from stepper.derivatives.nominal_mode import Pairs
 from stepper.derivatives.perturbations import STATE, Array, Block, Stencil
 from stepper.shared.fields import APPLIED, RANDOMIZED
 
-ROOM = 1024
+COPIES_PER_THREAD = 1024
 """Largest number of copies per thread in one batch, so that the copies fit into the cache of a core. Copies of one environment are never
 split."""
 
@@ -119,7 +119,7 @@ def parts_of(
     """Yields perturbed copies of all environments, or of the slice `envs`, for some environments at a time, ready to be stepped."""
     begin, end = (0, nominal.num_envs) if envs is None else (envs.start, envs.stop)
     levels, points, columns = stencil.offsets.shape[1:]
-    largest = ROOM * (sim.threads or os.cpu_count() or 1)
+    largest = COPIES_PER_THREAD * (sim.threads or os.cpu_count() or 1)
     most = max(1, largest // (1 + levels * points * columns))
     size = -(-(end - begin) // -(-(end - begin) // most))
     # Steppers are reused only if each linearization overwrites everything in them: no drives, sensors, applied forces or parameters.
@@ -244,6 +244,7 @@ def _stepper(sim: Stepper, index: NDArray[np.int64], options: Options) -> Steppe
     # sensors do not matter, because only ideal readings are differentiated.
 
     def memory_of(own: Any) -> Any:
+        """Model of sensors or actuators whose parts all have values for the copies."""
         named = {name: _widest(part, sim, len(index)) for name, part in own.named.items()}
         return type(own)(named, default=_widest(own.default, sim, len(index)))
 
@@ -267,9 +268,10 @@ def _widest(part: Any, sim: Stepper, count: int) -> Any:
     total = sum((unit * np.asarray(getattr(part, name, 0.0), np.float64) for name, unit in units.items()), np.zeros(1))
     longest = int(np.argmax(total))
 
-    def new(value: Any, *, delays: bool) -> Any:
+    def widest(value: Any, *, delays: bool) -> Any:
+        """Value of a field for the copies."""
         if isinstance(value, tuple):
-            return tuple(new(end, delays=False) for end in value)
+            return tuple(widest(end, delays=False) for end in value)
         # A number, or a matrix that mixes the axes of a sensor, applies to all environments. A nested part, such as a motor, is copied.
         if value is None or isinstance(value, str) or is_dataclass(value) or np.size(value) == 1 or np.ndim(value) == 2:
             return _widest(value, sim, count)
@@ -278,7 +280,7 @@ def _widest(part: Any, sim: Stepper, count: int) -> Any:
         out[0] = numbers[longest] if delays else numbers.max()
         return out
 
-    return replace(part, **{field.name: new(getattr(part, field.name), delays=field.name in units) for field in fields(part)})
+    return replace(part, **{field.name: widest(getattr(part, field.name), delays=field.name in units) for field in fields(part)})
 
 
 def _randomize(copies: Stepper, nominal: Nominal, blocks: Sequence[Block], flat: dict[str, Array], index: NDArray[np.int64]) -> None:

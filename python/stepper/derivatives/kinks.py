@@ -34,24 +34,24 @@ SOLVED = 1e-9
 
 
 class Kink(IntFlag):
-    """Flags for the kinds of kinks: differences between perturbed copies and the nominal environment."""
+    """Flags for the kinds of kinks: differences between a perturbed copy and the nominal (unperturbed) environment."""
 
     NONE = 0
     """No kink."""
     CONTACT = 1
     """Contacts begin or cease to push."""
     SLIP = 2
-    """A contact sticks in one and slips in the other; not detected with contact="mujoco"."""
+    """A contact sticks in one of the two environments and slips in the other; not detected with contact="mujoco"."""
     GAP = 4
-    """A contact or limit has a tiny gap in one and overlaps in the other. A gap may close within the step; an overlap adds no velocity.
-    A robot at rest is at this kink; docs/how-to/derivatives.md has settings without it. With method="implicit" the flag has a second
-    cause: equalities move a contact across the depth at which the damping of its position correction begins."""
+    """A contact or limit has a tiny gap in one of them and overlaps in the other. A gap may close within the step; an overlap adds no
+    velocity. A robot at rest is at this kink; docs/how-to/derivatives.md has settings without it. With method="implicit" the flag has a
+    second cause: equalities move a contact across the depth at which the damping of its position correction begins."""
     LIMIT = 8
     """A slide or hinge reaches a limit or leaves it; limits of ball joints and tendons are not detected."""
     DRY_FRICTION = 16
-    """Dry friction holds a joint in one and not in the other; not detected with contact="mujoco"."""
+    """Dry friction holds a joint in one of the two environments and not in the other; not detected with contact="mujoco"."""
     SATURATION = 32
-    """The force of an actuator is at its limit in one and not in the other, or in both."""
+    """The force of an actuator is at its limit in one of the two environments, or in both."""
     SLOPE = 64
     """Slopes on both sides of the nominal point differ, whatever the cause."""
     UNSOLVED = 128
@@ -61,16 +61,16 @@ class Kink(IntFlag):
 
 
 @dataclass(frozen=True)
-class Rows:
+class RowGroup:
     """Rows of the derivative matrix with the same unit, whose slopes are compared with one another.
 
     Attributes:
-        where: Range of the rows.
-        least: Slope below which a column is compared with this one, SI units.
+        rows: Range of the rows.
+        least_slope: Slope below which a column is compared with this one, SI units.
     """
 
-    where: slice
-    least: float = LEAST_SLOPE
+    rows: slice
+    least_slope: float = LEAST_SLOPE
 
 
 @dataclass
@@ -117,7 +117,7 @@ class KinkDetector:
             one_sided=~self.stencil.central,
             limited=[[place, dof] for place, dof, _ in self._limited],
             ranges=self._ranges,
-            taken=self._evaluated_at,
+            limit_positions=self._evaluated_at,
             rubbing=self._rubbing,
             smooth_at_rest=_smooth_at_rest(self.sim),
             tolerance=NOISE_RATIO * self.sim.tolerance,
@@ -135,13 +135,13 @@ class KinkDetector:
         positions: Array = np.asarray(self.sim.qpos, np.float64)[:, place] + self._ahead * np.asarray(self.sim.qvel, np.float64)[:, dof]
         return positions
 
-    def compare_slopes(self, changes: Array, slopes: Array, groups: Sequence[Rows], noise: float) -> None:
+    def compare_slopes(self, changes: Array, slopes: Array, groups: Sequence[RowGroup], noise: float) -> None:
         """Compares the slopes at the stencil's two points at the end of all steps. Does nothing with one point.
 
         Args:
             changes: Results minus the nominal result, (num_envs, levels, points, columns, n), as in `Stencil.slopes`.
             slopes: Slopes of the finest level, (num_envs, columns, n).
-            groups: Rows of the derivatives with the same unit. Differences are relative to their largest slope (or `least`, if larger).
+            groups: Rows of the derivatives with the same unit. Differences are relative to their largest slope, at least `least_slope`.
             noise: Noise of a result, in SI units.
         """
         if self.sides == 1:
@@ -150,8 +150,8 @@ class KinkDetector:
         h = self.stencil.step[:, 0]
         floor = 4.0 * noise / np.where(h > 0.0, h, 1.0)
         for group in groups:
-            size = np.abs(slopes[..., group.where]).max(axis=-1, initial=group.least)
-            bend = bends[..., group.where].max(axis=-1, initial=0.0)
+            size = np.abs(slopes[..., group.rows]).max(axis=-1, initial=group.least_slope)
+            bend = bends[..., group.rows].max(axis=-1, initial=0.0)
             kinked = bend > np.minimum(CURVATURE * h, 0.1) * size + floor
             self.report.causes[:, -1][kinked] |= np.uint32(Kink.SLOPE)
 

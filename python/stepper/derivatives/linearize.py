@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from stepper._stepper import Model, Stepper
 from stepper.derivatives import implicit, nominal_mode
 from stepper.derivatives.copies import Part, ends_of, nominal_of, parts_of
-from stepper.derivatives.kinks import LEAST_SLOPE, Bools, Kink, KinkDetector, Rows
+from stepper.derivatives.kinks import LEAST_SLOPE, Bools, Kink, KinkDetector, RowGroup
 from stepper.derivatives.pair_readings import Reader
 from stepper.derivatives.perturbations import ROUNDING, STATE, Array, Block, Stencil, blocks_of, stencil_of, step_of
 
@@ -170,7 +170,7 @@ def linearize(
                 whole[name][envs] = value
         width = implicit.STEP if step is None else width
     read = Reader(sim, nominal, blocks, whole, nstep=int(nstep), tolerance=tolerance, sensors=sensors)
-    groups = [*_groups(sim, int(nstep)), Rows(slice(_size(sim.model), None))]
+    groups = [*_groups(sim, int(nstep)), RowGroup(slice(_size(sim.model), None))]
     nominal_mode.settle(whole, stencil, groups, solved=solved, read=read)
     # Order of the error in the width, for Richardson's extrapolation; 0 is no extrapolation.
     order = (2 if centered else 1) if extrapolate else 0
@@ -276,10 +276,10 @@ def _result(
     )
 
 
-def _groups(sim: Stepper, nstep: int) -> list[Rows]:
+def _groups(sim: Stepper, nstep: int) -> list[RowGroup]:
     """Rows with the same unit: displacements, velocities, activations."""
     nv, duration = sim.model.nv, min(nstep * sim.timestep, 1.0)
-    return [Rows(slice(0, nv), LEAST_SLOPE * duration), Rows(slice(nv, 2 * nv)), Rows(slice(2 * nv, _size(sim.model)))]
+    return [RowGroup(slice(0, nv), LEAST_SLOPE * duration), RowGroup(slice(nv, 2 * nv)), RowGroup(slice(2 * nv, _size(sim.model)))]
 
 
 def _size(model: Model) -> int:

@@ -15,16 +15,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper.derivatives.kinks import CURVATURE, Bools, Kink, Rows
+from stepper.derivatives.kinks import CURVATURE, Bools, Kink, RowGroup
 from stepper.derivatives.perturbations import Array, Stencil
 
 WIDTHS = 6
 """Number of widths of differences. The narrowest is 1/1024 of the first; its rounding error is about 1e-6 of a slope."""
 
-NARROWER = 0.25
+WIDTH_RATIO = 0.25
 """Ratio of each width to the one before."""
 
-SHRINKS = 0.5
+CURVATURE_RATIO = 0.5
 """Largest ratio of the difference of two slopes at a quarter of the width to that at the full width that counts as curvature. In theory
 the ratio is 1/4 for curvature and 1 at a kink."""
 
@@ -74,14 +74,14 @@ class Readings:
 def pairs_of(flagged: Bools, stencil: Stencil) -> Pairs:
     """Pairs for the flagged columns, a mask (num_envs, columns), with the displacements of the stencil and smaller ones."""
     env, column = np.nonzero(flagged & (stencil.step[:, 0] > 0.0))
-    width = stencil.step[env, 0, column, None] * NARROWER ** np.arange(WIDTHS)
+    width = stencil.step[env, 0, column, None] * WIDTH_RATIO ** np.arange(WIDTHS)
     first = np.sign(stencil.offsets[env, 0, 0, column])[:, None]
     # Only a column at a bound must stay on one side; with `centered=False` both sides are possible.
     bounded = stencil.bounded[env, column][:, None]
     return Pairs(env, column, np.stack([first * width, np.where(bounded, 0.0, -first * width)], axis=1))
 
 
-def slopes_of(readings: Readings, offsets: Array, groups: Sequence[Rows]) -> tuple[Array, Bools, Bools]:
+def slopes_of(readings: Readings, offsets: Array, groups: Sequence[RowGroup]) -> tuple[Array, Bools, Bools]:
     """Slopes of the nominal mode, from the copies that stay in it.
 
     A difference is valid if its copies (on both sides or on one) are in the nominal mode and a quarter of the width gives the same
@@ -102,7 +102,7 @@ def slopes_of(readings: Readings, offsets: Array, groups: Sequence[Rows]) -> tup
     inside = constant & ~readings.differs[:, :, :-1] & ~readings.differs[:, :, 1:]
     symmetric = constant.all(axis=1) & _agree(slopes[:, 0], slopes[:, 1], width[:, 0], groups, noise)[:, :-1]
     middle = 0.5 * (slopes[:, 0, :-1] + slopes[:, 1, :-1])
-    one_sided = (slopes[:, :, 1:] - NARROWER * slopes[:, :, :-1]) / (1.0 - NARROWER)
+    one_sided = (slopes[:, :, 1:] - WIDTH_RATIO * slopes[:, :, :-1]) / (1.0 - WIDTH_RATIO)
     out, found = np.zeros((len(slopes), slopes.shape[-1])), np.zeros(len(slopes), np.bool_)
 
     def take(chosen: Bools, value: Array) -> None:
@@ -120,35 +120,35 @@ def slopes_of(readings: Readings, offsets: Array, groups: Sequence[Rows]) -> tup
     return out, nominal, found & ~nominal
 
 
-def _agree(a: Array, b: Array, width: Array, groups: Sequence[Rows], noise: Array) -> Bools:
+def _agree(a: Array, b: Array, width: Array, groups: Sequence[RowGroup], noise: Array) -> Bools:
     """Whether two arrays of slopes, (..., widths, rows), agree apart from curvature and noise; (..., widths) bool.
 
     With the width, a difference from curvature decreases, one from a kink is constant, and one from a jump increases.
     """
     good = np.ones(a.shape[:-1], np.bool_)
     safe = np.where(width > 0.0, width, 1.0)
-    floor = 4.0 * noise.reshape(-1, *[1] * (width.ndim - 1)) / (NARROWER * safe)
+    floor = 4.0 * noise.reshape(-1, *[1] * (width.ndim - 1)) / (WIDTH_RATIO * safe)
     for group in groups:
-        own, other = a[..., group.where], b[..., group.where]
-        size = np.abs([own, other]).max(axis=(0, -1), initial=group.least)
+        own, other = a[..., group.rows], b[..., group.rows]
+        size = np.abs([own, other]).max(axis=(0, -1), initial=group.least_slope)
         apart = np.abs(own - other).max(axis=-1, initial=0.0)
         shrinks = np.zeros_like(good)
-        falls = apart[..., 1:] <= SHRINKS * apart[..., :-1] + floor[..., 1:]
+        falls = apart[..., 1:] <= CURVATURE_RATIO * apart[..., :-1] + floor[..., 1:]
         shrinks[..., :-1] = falls & (apart[..., :-1] <= LARGEST_BEND * size[..., :-1])
         good &= shrinks | (apart <= np.minimum(CURVATURE * safe, LARGEST_BEND) * size + floor)
     return good
 
 
 Read = Callable[[Pairs, bool], Iterator[tuple[Pairs, Readings]]]
-"""Function that steps displaced copies of pairs and yields results for some pairs at a time.
+"""Function that steps displaced copies for pairs of an environment and a column (`Pairs`), and yields results for some pairs at a time.
 
-With True it uses the stabilization that is smooth at rest (see `Reader`)."""
+If the second argument is True, it uses the stabilization that is smooth at rest (see `Reader`)."""
 
 
 def settle(
     whole: dict[str, NDArray[Any]],
     stencil: Stencil,
-    groups: Sequence[Rows],
+    groups: Sequence[RowGroup],
     *,
     solved: dict[str, NDArray[Any]] | None,
     read: Read,

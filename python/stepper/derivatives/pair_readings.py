@@ -10,7 +10,7 @@ import numpy as np
 
 from stepper._options import Options
 from stepper._stepper import Stepper
-from stepper.derivatives.copies import ROOM, Nominal, copies_of, ends_of
+from stepper.derivatives.copies import COPIES_PER_THREAD, Nominal, copies_of, ends_of
 from stepper.derivatives.kinks import SOLVED, Kink, KinkDetector
 from stepper.derivatives.nominal_mode import WIDTHS, Pairs, Readings
 from stepper.derivatives.perturbations import Array, Block, Stencil
@@ -55,7 +55,7 @@ class Reader:
             if options.contact != "hard":
                 return
             options = replace(options, stabilization="baumgarte", baumgarte=1.0, slop=0.0)
-        most = max(1, ROOM * (self.sim.threads or os.cpu_count() or 1) // (1 + 2 * WIDTHS))
+        most = max(1, COPIES_PER_THREAD * (self.sim.threads or os.cpu_count() or 1) // (1 + 2 * WIDTHS))
         for first in range(0, len(pairs), most):
             some = pairs[first : first + most]
             yield some, self._read(some, options)

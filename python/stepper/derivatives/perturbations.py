@@ -1,8 +1,7 @@
 """Perturbed quantities, the sizes of their displacements, and the difference formulas.
 
 A column is one number: a degree of freedom of qpos, a velocity, an activation, a control or an entry of a parameter. Each is displaced to
-two
-points, or to one with `centered=False`. Richardson's extrapolation has twice as many points.
+two points, or to one with `centered=False`. Richardson's extrapolation has twice as many points.
 """
 
 from __future__ import annotations
@@ -26,16 +25,16 @@ STATE: tuple[str, ...] = ("qpos", "qvel", "act")
 NOISE_RATIO = 10.0
 """Noise of a velocity after a step, relative to the tolerance. Light bodies, such as feet, have a larger error than the residual."""
 KINK_DENSITY = 1.0
-"""Error of a central difference by kinks within its step, relative to the step, in SI units; see `step_of`."""
+"""Factor k in the error k h that kinks cause in a difference of half width h, SI units; see `step_of`."""
 ROUNDING = 2.0**-52
-"""Rounding of a number of order 1."""
+"""Rounding error of a number of order 1: the machine epsilon of float64."""
 
 SIGNED = frozenset({"gravity", "body_ipos", "geom_pos", "jnt_range", "actuator_gainprm", "actuator_biasprm"})
 """Fields whose values may be negative; all other fields must be at least 0."""
 ABSENT = frozenset({"body_mass", "body_inertia", "geom_size", "dof_frictionloss", "jnt_stiffness", "actuator_gainprm", "actuator_biasprm"})
 """Fields whose zeros cannot be perturbed, because 0 means that the model lacks the property (for example a spring or dry friction)."""
 OF_AXES = frozenset({"dof_damping", "dof_armature"})
-"""Fields whose zeros cannot be perturbed for free and ball joints."""
+"""Fields whose zeros cannot be perturbed for free and ball joints, because all axes of such a joint must have one value."""
 
 
 def step_of(tolerance: float) -> float:

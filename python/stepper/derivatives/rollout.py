@@ -80,8 +80,8 @@ class Rollout:
     def memory(self) -> int:
         """Upper bound of the memory of `vjp` in bytes: checkpoints, the states between two of them, and the matrices of one control.
 
-        It does not include the copies that are stepped for finite differences, at most `stepper.derivatives.copies.ROOM` per thread; these
-        are kept for the next linearization. With `smoothing`, multiply the matrices by the number of samples.
+        It does not include the copies that are stepped for finite differences, at most `stepper.derivatives.copies.COPIES_PER_THREAD` per
+        thread; these are kept for the next linearization. With `smoothing`, multiply the matrices by the number of samples.
         """
         model, n = self._plant.model, self._plant.num_envs or 1
         state = self._checkpoints[0].nbytes

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from gymnasium.spaces import Box
 
-from stepper._options import Options, Precision
+from stepper._options import Options, Precision, precision_of
 from stepper._quantities import output_array
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
+from stepper.envs.hooks import call_hook, check_rows_of_others, episode_state_of
 from stepper.envs.state import EnvState, check_settings, restore, save
-from stepper.envs.task import Array, Contact, Moment, Observation, Reset, Task, Terms, with_zero_rows
+from stepper.envs.task import Array, Contact, Moment, Reset, Task, Terms, with_zero_rows
+from stepper.envs.task_results import bounds_of, check_methods, infos_of, model_of, position_of, rewards_of, rows_of, table_of
 from stepper.loading import ModelWarning
 from stepper.shared.streams import Rng, Streams
 
@@ -55,9 +57,11 @@ class Batch:
         model: Model | None = None,
     ):
         self.task = task
-        model = task.model() if model is None else model
+        check_methods(task)
+        model = model_of(task) if model is None else model
         law = _options(model, contact or task.contact, options)
         sensors = task.sensors()
+        precision = precision_of(precision)
         settings: dict[str, Any] = {"options": law, "precision": precision, "threads": threads}
         self.sim = Stepper(model, num_envs, **settings, sensors=sensors, actuators=task.actuators())
         self._has_noise = sensors is not None
@@ -66,26 +70,23 @@ class Batch:
         if not hasattr(task, "frame_skip"):
             raise TypeError(f"{type(task).__name__} has no frame_skip, the number of steps per action: add the field `frame_skip: int = 1`")
         self.num_envs, self.dt = num_envs, self.sim.timestep * task.frame_skip
-        self.dtype = np.dtype(dtype if dtype is not None else {"f64": np.float64, "f32": np.float32}[precision])
-        if self.dtype not in (np.float64, np.float32):
-            raise ValueError(f"dtype is {self.dtype}, must be float64 or float32")
+        self.dtype = _dtype_of(precision if dtype is None else dtype)
         if max_episode_steps is not None and max_episode_steps < 1:
             raise ValueError(f"max_episode_steps is {max_episode_steps}, must be at least 1, or None for no limit")
         self._limit = max_episode_steps
         self.streams = Streams(num_envs, _hashed_seed())
         self.returns, self.lengths = np.zeros(num_envs), np.zeros(num_envs, dtype=np.int64)
-        self._default_qpos, self._episode_state = model.qpos0, task.episode_state(num_envs)
-        _check_episode_state(task, self._episode_state, num_envs)
+        self._default_qpos, self._episode_state = model.qpos0, episode_state_of(task, num_envs, task.carried)
         self._initial = {name: np.array(values) for name, values in self._episode_state.items()}
         self._seeded, self._tested_resets = np.ones(num_envs, dtype=bool), False
         self._qpos, self._qvel = np.tile(model.qpos0, (num_envs, 1)), np.zeros((num_envs, model.nv))
-        low, high = task.action_bounds(model)
+        low, high = bounds_of(task, model)
         if not len(low):
             _warn_without_actions(task, model)
         self._actions = len(low)
         self._seen: Array | None = None
         self.clear_last_step()
-        self._rows = self._table()
+        self._rows = table_of(task, self._now)
         self.action_space = Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
         self.observation_space = Box(-np.inf, np.inf, (self._rows[-1][1].stop,), dtype=self.dtype.type)
 
@@ -100,26 +101,18 @@ class Batch:
     def clear_last_step(self) -> None:
         """Replace the present moment by one without a last step: action and velocity are zero."""
         self._now = self._moment(np.zeros((self.num_envs, self._actions)))
-        position = self.task.position(self._now)
+        position = position_of(self.task, self._now, self.num_envs)
         self._now.velocity = None if position is None else np.zeros_like(position)
         self._seen = None
 
     def _moment(self, action: Array) -> Moment:
+        """New moment after a step with some actions."""
         shared: dict[str, Any] = {"episode_state": self._episode_state, "streams": self.streams}
         return Moment(self.sim, self.task, self.dt, action, self._default_qpos, **shared)
 
     def _reread(self, changed: Array) -> None:
         """Replace the present moment after a change of the environments in the mask `changed` (num_envs,): quantities are read again."""
         self._now, self._seen = self._now.reread(changed), None
-
-    def _table(self) -> list[tuple[Observation, slice]]:
-        """Rows of the task's table of observations, each with its columns in the observation."""
-        rows, at = [], 0
-        for row in self.task.observations():
-            width = row.read(self._now).shape[1]
-            rows.append((row, slice(at, at + width)))
-            at += width
-        return rows
 
     @property
     def structure(self) -> dict[str, int]:
@@ -147,7 +140,7 @@ class Batch:
     def _end(self, envs: Array) -> None:
         """Call the hook `task.on_end` for the environments in `envs` (n,) whose episode has at least one step."""
         if type(self.task).on_end is not Task.on_end and len(stepped := envs[self.lengths[envs] > 0]):
-            self.task.on_end(self.now, stepped)
+            call_hook(self.task, "on_end", self.now, stepped)
 
     def _place(self, mask: Array, envs: Array) -> None:
         """Reset the environments of a mask (num_envs,), whose indices are `envs` (n,), and keep the present moment; `begin` replaces it."""
@@ -155,7 +148,7 @@ class Batch:
         qpos, qvel = np.empty((len(envs), len(self._default_qpos))), np.zeros((len(envs), self._qvel.shape[1]))
         qpos[:] = self._default_qpos
         rng = Rng(self.streams, envs)
-        self.task.place(Reset(self.sim, envs, qpos, qvel, self._episode_state, rng))
+        call_hook(self.task, "place", Reset(self.sim, envs, qpos, qvel, self._episode_state, rng))
         self._qpos[envs], self._qvel[envs] = qpos, qvel
         new = mask & self._new_seeds
         if new.any():
@@ -171,15 +164,15 @@ class Batch:
         """Call `Task.on_reset` for the environments of a mask (num_envs,).
 
         Raises:
-            ValueError: `on_reset` changed rows of `episode_state` of environments outside the mask, or added, removed or reshaped an array.
-                This is checked once, at the first reset that leaves out some environments.
+            ValueError: `on_reset` returned a value, changed rows of `episode_state` of environments outside the mask, or removed an array.
+                Rows are checked once, at the first reset that leaves out some environments.
         """
         first = not self._tested_resets and not mask.all()
-        before = {name: np.array(self._episode_state.get(name)) for name in self._initial} if first else {}
-        self.task.on_reset(self.sim, self._episode_state, mask, rng)
+        before = {name: np.array(self._episode_state[name]) for name in self._initial} if first else {}
+        call_hook(self.task, "on_reset", self.sim, self._episode_state, mask, rng)
         if first:
             self._tested_resets = True
-            _check_rows_of_others(self.task, before, self._episode_state, ~mask)
+            check_rows_of_others(self.task, before, self._episode_state, ~mask)
 
     def _begin_episode_state(self, envs: Array) -> None:
         """Set the rows of `episode_state` for new episodes in `envs` (n,). Names in `task.carried` are reset only after a new seed."""
@@ -264,7 +257,7 @@ class Batch:
         self._now.expire()
         self._now, self._seen = self._moment(action), None
         self._now.velocity = None if before is None else np.zeros_like(before)
-        task.advance(self._now)
+        call_hook(task, "advance", self._now)
         self._now.end_step()
         status: Array = self._now.status
         self.lengths += 1
@@ -279,13 +272,13 @@ class Batch:
             now.velocity = (task.position(now.without_kept()) - before) / self.dt
             if begins is not None:
                 now.velocity[begins] = 0.0
-        reward, terms = self._reward(now)
+        reward, terms = rewards_of(task, now, self.num_envs)
         ends = task.terminated(now)
-        terminated = np.zeros(self.num_envs, dtype=bool) if ends is None else self._rows_from("terminated", ends, bool)
+        terminated = np.zeros(self.num_envs, dtype=bool) if ends is None else rows_of(task, "terminated", ends, bool, self.num_envs)
         truncated = np.zeros(self.num_envs, dtype=bool) if self._limit is None else self.lengths >= self._limit
         cut = task.truncated(now)
         if cut is not None:
-            cut = self._rows_from("truncated", cut, bool)
+            cut = rows_of(task, "truncated", cut, bool, self.num_envs)
         truncated = truncated if cut is None else truncated | cut
         if np.bitwise_or.reduce(status) & _NON_FINITE:
             failed = (status & _NON_FINITE) != 0
@@ -301,34 +294,6 @@ class Batch:
         self.returns += reward
         return reward, terminated, truncated, terms
 
-    def _reward(self, now: Moment) -> tuple[Array, Terms]:
-        """Rewards (num_envs,) and terms of the task.
-
-        Raises:
-            ValueError: `Task.reward` does not return both.
-        """
-        result = self.task.reward(now)
-        if not (isinstance(result, tuple) and len(result) == 2 and isinstance(result[1], Mapping)):
-            raise ValueError(
-                f"{type(self.task).__name__}.reward must return two values: rewards (num_envs,), and a dictionary of their terms by name, "
-                "which may be empty"
-            )
-        return self._rows_from("reward", result[0], np.float64), dict(result[1])
-
-    def _rows_from(self, name: str, values: Any, dtype: Any) -> Array:
-        """New array (num_envs,) of a result of the task's method `name`.
-
-        Raises:
-            ValueError: The result has another shape.
-        """
-        array = np.array(values, dtype=dtype)
-        if array.shape != (self.num_envs,):
-            raise ValueError(
-                f"{type(self.task).__name__}.{name} returns an array of shape {array.shape}, must be ({self.num_envs},): one value for "
-                "each environment"
-            )
-        return array
-
     def _check_rewards(self, reward: Array, action: Array) -> None:
         """Raise ValueError if a reward (num_envs,) is not finite; the message has the action (num_envs, n)."""
         if not _all_finite(reward):
@@ -340,7 +305,7 @@ class Batch:
 
     def info(self) -> Terms:
         """Extra fields of the info dict after reset and after step."""
-        return self.task.info(self._now)
+        return infos_of(self.task, self._now, self.num_envs)
 
     def observation_array(self, out: Array | None = None) -> Array:
         """Uninitialised array for observations, (num_envs, n): `out` if it is given, otherwise a new one.
@@ -367,37 +332,7 @@ class Batch:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__ = state
-        self._rows = self._table()
-
-
-def _check_episode_state(task: Task, values: Terms, num_envs: int) -> None:
-    """Raise ValueError if an array of `episode_state` has not num_envs rows, or a name in `task.carried` is not among them."""
-    for name, value in values.items():
-        if np.shape(value)[:1] != (num_envs,):
-            raise ValueError(
-                f"the task's episode_state has {name!r} of shape {np.shape(value)}, must be ({num_envs}, ...): one row for each environment"
-            )
-    if unknown := sorted(set(task.carried) - set(values)):
-        raise ValueError(
-            f"{type(task).__name__}.carried names {unknown}, which episode_state does not return: return them there, as it returns "
-            f"{', '.join(values) or 'nothing'}"
-        )
-
-
-def _check_rows_of_others(task: Task, before: Terms, after: Terms, others: Array) -> None:
-    """Raise ValueError if `Task.on_reset` changed arrays of `episode_state` in environments (mask) that were not reset."""
-    for name in {**before, **after}:
-        own, new = (np.asarray(values[name]) if name in values else None for values in (before, after))
-        if own is None or new is None:
-            what = "adds" if own is None else "removes"
-            raise ValueError(
-                f"{type(task).__name__}.on_reset {what} episode_state[{name!r}]: the method episode_state must return all of them"
-            )
-        if own.shape != new.shape or not np.array_equal(own[others], new[others], equal_nan=own.dtype.kind == "f"):
-            raise ValueError(
-                f"{type(task).__name__}.on_reset changed episode_state[{name!r}] of environments that were not reset: set rows of the mask "
-                f"alone, as episode_state[{name!r}][mask] = ..."
-            )
+        self._rows = table_of(self.task, self._now)
 
 
 def _all_finite(values: Array) -> bool:
@@ -427,6 +362,14 @@ def _warn_without_actions(task: Task, model: Model) -> None:
         'or to a URDF with stepper.load(..., actuators="position")'
     )
     warnings.warn(message, ModelWarning, stacklevel=4)
+
+
+def _dtype_of(value: Any) -> np.dtype[Any]:
+    """Scalar type of observations from the argument `dtype`."""
+    try:
+        return np.dtype({"f64": np.float64, "f32": np.float32}[precision_of(value)])
+    except ValueError:
+        raise ValueError(f"dtype is {value!r}, must be np.float64 or np.float32") from None
 
 
 def _hashed_seed(seed: int | None = None) -> int:

@@ -8,7 +8,7 @@ from typing import Any
 import gymnasium
 from gymnasium.vector import AutoresetMode, VectorEnv
 
-from stepper._hints import did_you_mean_or_all, unknown_keyword
+from stepper._hints import WrongArgumentError, did_you_mean_or_all, unknown_keyword
 from stepper._other_names import NEW_KEYWORDS
 from stepper.envs.task import Task
 from stepper.envs.tasks import TASKS
@@ -49,7 +49,12 @@ def make_task(task: Task | type[Task] | str, arguments: dict[str, Any], *, vecto
     if not any(p.kind == inspect.Parameter.VAR_KEYWORD for p in known.values()):
         for name in arguments:
             if name not in known:
-                raise TypeError(_unknown(kind, name, [*known], vector=vector))
+                raise WrongArgumentError(_unknown(kind, name, [*known], vector=vector))
+    for name, value in arguments.items():
+        default = known[name].default if name in known else None
+        if isinstance(value, str) and isinstance(default, int | float):
+            wanted = "True or False" if isinstance(default, bool) else "a number"
+            raise ValueError(f"{name} of {kind.__name__} is {value!r}, must be {wanted}, as the default {default}")
     return kind(**arguments)
 
 

@@ -46,6 +46,7 @@ def register_tasks() -> None:
 
 
 def _register(name: str, steps: int | None, arguments: dict[str, Any], threshold: float | None = None) -> None:
+    """Register an environment with its number of actions per episode, arguments and solved return, unless the name is registered."""
     if name not in registry:
         register(
             name,

@@ -82,6 +82,7 @@ def check_settings(sim: Stepper, task: Task, state: EnvState) -> None:
 
 
 def _shown(settings: dict[str, Any], name: str) -> str:
+    """Text of a setting for an error message."""
     return repr(settings[name]) if name in settings else "absent"
 
 

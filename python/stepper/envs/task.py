@@ -11,13 +11,15 @@ from typing import Any, ClassVar, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper._hints import no_attribute
+from stepper._hints import WrongArgumentError, no_attribute
 from stepper._other_names import RENAMED
 from stepper._quantities import read
 from stepper._stepper import Model, Stepper
 from stepper.actuators import ActuatorModel
 from stepper.envs.assets import load_quietly, model_file
+from stepper.envs.hooks import call_hook, in_words
 from stepper.sensors import SensorModel
+from stepper.shared.functions import check_takes
 from stepper.shared.streams import Rng, Streams
 
 Array = NDArray[Any]
@@ -68,13 +70,24 @@ class Moment:
             raise no_attribute(Moment, name)
         if self._expired:
             raise RuntimeError(f"{name} is a quantity of a past moment, which was not read then: read it before the next step or reset")
-        value = self.task.healthy(self) if name == "healthy" else getattr(self.sim, name)
+        value = self._healthy() if name == "healthy" else getattr(self.sim, name)
         if callable(value):
             return value  # Methods are not stored, so that every access checks whether the moment has expired.
         if isinstance(value, np.ndarray):
             value = np.asarray(value)  # A plain array: `Stepper` returns a subclass of ndarray, with which arithmetic is slower.
         self.__dict__[name] = value
         return value
+
+    def _healthy(self) -> Any:
+        """Result of `Task.healthy`; a ValueError if it is neither None nor a bool for each environment."""
+        found, expected = self.task.healthy(self), (self.sim.num_envs,)
+        if found is not None and not (isinstance(found, np.ndarray) and found.dtype == np.bool_ and found.shape == expected):
+            described = f"{in_words(found)} of {found.dtype}" if isinstance(found, np.ndarray) else in_words(found)
+            raise ValueError(
+                f"{type(self.task).__name__}.healthy returns {described}, must be an array {expected} of bool: one value for each "
+                "environment, or None"
+            )
+        return found
 
     def read(self, name: str, of: str | int | Sequence[str | int] | None = None) -> Array:
         """Values of a quantity for all its elements, or for some by name or index, (num_envs, n, ...), in its unit; see `Stepper.read`."""
@@ -110,6 +123,7 @@ class Moment:
         return self._same_step(self.action) if self._kept else self
 
     def _same_step(self, action: Array) -> Moment:
+        """Moment of the same step, which reads all quantities again."""
         shared: dict[str, Any] = {"episode_state": self.episode_state, "streams": self._streams}
         return Moment(self.sim, self.task, self.dt, action, self.default_qpos, **shared)
 
@@ -196,6 +210,14 @@ class Observation:
     clip: tuple[float, float] | None = None
     noise: float = 0.0
     unit: str = ""
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise WrongArgumentError(f"the name of an Observation is {in_words(self.name)}, must be a text: Observation(name, func=...)")
+        if self.func is not None and not callable(self.func):
+            raise WrongArgumentError(f"func of Observation {self.name!r} is {in_words(self.func)}, must be a function of now, or None")
+        if self.func is not None:
+            check_takes(self.func, ["now"], f"func of Observation {self.name!r}")
 
     def read(self, now: Moment) -> Array:
         """Values of the row, (num_envs, n), in its unit, with noise and before `clip`."""
@@ -300,7 +322,7 @@ class Task(ABC):
 
         The default calls `sample_state`. An override may call it too, and then move the sampled states.
         """
-        self.sample_state(reset.qpos, reset.qvel, reset.rng)
+        call_hook(self, "sample_state", reset.qpos, reset.qvel, reset.rng)
 
     def episode_state(self, num_envs: int) -> Terms:
         """Initial values of data of the episodes that the stepper does not store, such as commands and previous actions.

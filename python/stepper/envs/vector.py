@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -336,15 +336,25 @@ def _infos(terms: Terms, mask: Array) -> dict[str, Any]:
 
 
 def _seeds(seed: int | Sequence[int | None] | None, num_envs: int) -> list[int | None]:
-    """List with a seed or None for each environment, from the argument `seed` of `reset`."""
+    """List with a seed or None for each environment, from the argument `seed` of `reset`.
+
+    Raises:
+        TypeError: A seed is not a whole number.
+        ValueError: There are more or fewer seeds than environments.
+    """
     if seed is None:
         return [None] * num_envs
     if isinstance(seed, int | np.integer):
         return [int(seed) + k for k in range(num_envs)]
+    if isinstance(seed, str) or not isinstance(seed, Iterable):
+        raise TypeError(f"seed is {seed!r}, must be a whole number, or a sequence with one for each environment")
     seeds = list(seed)
     if len(seeds) != num_envs:
         raise ValueError(f"there are {len(seeds)} seeds, must be {num_envs}: one for each environment, or None for those without")
-    return seeds
+    for env, value in enumerate(seeds):
+        if value is not None and (isinstance(value, bool) or not isinstance(value, int | np.integer)):
+            raise TypeError(f"the seed of environment {env} is {value!r}, must be a whole number, or None to keep its random numbers")
+    return [None if value is None else int(value) for value in seeds]
 
 
 def _mask_of(envs: ArrayLike | None, num_envs: int) -> Array:
@@ -355,6 +365,7 @@ def _mask_of(envs: ArrayLike | None, num_envs: int) -> Array:
 
 
 def _are_indices(envs: ArrayLike | None) -> bool:
+    """Whether the argument `envs` has indices and not a mask."""
     return envs is not None and np.asarray(envs).dtype != np.bool_
 
 
@@ -371,12 +382,12 @@ def _scattered(seeds: list[int | None], ids: Array, num_envs: int) -> list[int |
 def _mask(options: dict[str, Any] | None, num_envs: int) -> Array:
     """Mask (num_envs,) of the environments that `reset` starts, from Gymnasium's "reset_mask" in the options."""
     if unknown := set(options or {}) - {"reset_mask"}:
-        raise ValueError(f"unknown options {sorted(unknown)}, there is: 'reset_mask'; reset(envs=...) takes indices")
+        raise ValueError(f"unknown options {sorted(unknown)}, the only option is 'reset_mask'; reset(envs=...) takes indices")
     if options is None or "reset_mask" not in options:
         return np.ones(num_envs, dtype=bool)
     mask = options["reset_mask"]
     if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
         raise TypeError(f"reset_mask is {mask!r}, must be an array of bool")
     if mask.shape != (num_envs,) or not mask.any():
-        raise ValueError(f"reset_mask has shape {mask.shape} and {mask.sum()} of True, must be ({num_envs},) with one at least")
+        raise ValueError(f"reset_mask has shape {mask.shape} and {mask.sum()} true entries, must be ({num_envs},) with at least one")
     return mask

@@ -23,9 +23,15 @@ _DEEP = 1e-3
 class ModelWarning(UserWarning):
     """A loaded model is simulated differently from its source: other settings, meshes as convex hulls, or disabled contacts.
 
-    Also issued if geoms overlap in a keyframe. `Model.explain()` has the details, except for keyframes: there use
-    `model.replace(qpos0=qpos).overlaps()` with the keyframe's `qpos`.
+    Also issued if geoms overlap in a keyframe. `Model.explain()` has the details, except for keyframes, which the command `stepper explain`
+    lists too; `model.replace(qpos0=qpos).overlaps()` with the keyframe's `qpos` has all of its overlaps.
     """
+
+
+def explained(model: Model) -> str:
+    """Text of `Model.explain()`, with a section on keyframes in which geoms overlap."""
+    lines = list(_keyframe_overlaps(model)) or ["nothing"]
+    return f"{model.explain()}\n\nOverlaps of more than 1 mm in keyframes:" + "".join(f"\n  {line}" for line in lines)
 
 
 def warn_about(model: Model, *, loaded: bool, excluded: bool, is_robot: bool) -> None:

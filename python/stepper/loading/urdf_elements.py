@@ -156,6 +156,7 @@ def omissions(urdf: Urdf, actuators: str | None = None) -> list[Omission]:
 
 
 def _omission(kind: str, name: str, reason: str) -> Omission:
+    """Omission that does not change the motion."""
     return {"kind": kind, "name": name, "reason": reason, "changes_motion": False}
 
 

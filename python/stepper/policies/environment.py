@@ -30,8 +30,8 @@ def describe(env: Any) -> Description:
 
     Returns:
         Dictionary with engine and versions; the task with its arguments; name and digest of the model; options, time step and steps per
-        action; precision; structure of the observation; bounds of the actions; models of actuators and sensors. The key "theta" has the
-        parameters that were set by `Stepper.randomize`: the smallest and largest value of each element over the environments.
+        action; precision; structure of the observation; bounds of the actions; models of actuators and sensors. The key "randomized" has
+        the parameters that were set by `Stepper.randomize`: the smallest and largest value of each element over the environments.
     """
     base = env.unwrapped
     base = base.envs[0].unwrapped if hasattr(base, "envs") else base
@@ -56,7 +56,7 @@ def _of_stepper(base: Any) -> Description:
     options["integrator"] = options["integrator"] or ("midpoint" if options["contact"] == "hard" else "of the model")
     drives = sim.randomized.get("actuators")
     numbers = {name: np.asarray(values) for name, values in sim.randomized.items() if name != "actuators"}
-    theta = {name: {"least": n.min(axis=0).tolist(), "largest": n.max(axis=0).tolist()} for name, n in numbers.items()}
+    ranges = {name: {"min": n.min(axis=0).tolist(), "max": n.max(axis=0).tolist()} for name, n in numbers.items()}
     return {
         "engine": "stepper",
         "task": {
@@ -68,7 +68,7 @@ def _of_stepper(base: Any) -> Description:
         "frame_skip": task.frame_skip,
         "precision": sim.precision,
         "observation": dict(base.observation_structure),
-        "theta": theta,
+        "randomized": ranges,
         "drives": "drawn for each environment" if drives is not None else None,
         "actuators": None if sim.actuators is None else sim.actuators.to_dict(),
         "sensors": None if sim.sensors is None else sim.sensors.to_dict(),
@@ -92,7 +92,7 @@ def _of_mujoco(base: Any) -> Description:
         "frame_skip": base.frame_skip,
         "precision": "f64",
         "observation": {"size": int(base.observation_space.shape[0])},
-        "theta": {},
+        "randomized": {},
     }
 
 
@@ -105,8 +105,8 @@ def _of_other(base: Any) -> Description:
 def differences(one: Description, other: Description) -> list[str]:
     """Differences between the settings of two environments, such as "options.contact: 'mujoco' there, 'hard' here".
 
-    A setting that only one environment has also counts, except if the engines differ. Randomised parameters ("theta") count only if the
-    second environment has any, because tasks draw them at the first reset.
+    A setting that only one environment has also counts, except if the engines differ. Randomised parameters count only if the second
+    environment has any, because tasks draw them at the first reset.
 
     Args:
         one: Result of `describe` for the first environment, "there".
@@ -115,8 +115,8 @@ def differences(one: Description, other: Description) -> list[str]:
     Returns:
         One line per difference.
     """
-    if not other.get("theta"):
-        one = {name: value for name, value in one.items() if name != "theta"}
+    if not other.get("randomized"):
+        one = {name: value for name, value in one.items() if name != "randomized"}
     there, here = dict(_leaves(one)), dict(_leaves(other))
     names = sorted(there.keys() | here.keys()) if one.get("engine") == other.get("engine") else sorted(there.keys() & here.keys())
     return [f"{name}: {_text(there, name)} there, {_text(here, name)} here" for name in names if there.get(name) != here.get(name)]

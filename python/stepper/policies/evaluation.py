@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stepper._hints import WrongArgumentError
 from stepper.shared.environments import import_env
+from stepper.shared.functions import check_takes
 from stepper.shared.machine import require, require_all
 from stepper.shared.progress import Tick, silent
 
@@ -120,8 +122,19 @@ def make(env: str, num_envs: int | None = None, *, training: bool = False, **set
 
     Raises:
         ValueError: The id is not registered.
+        TypeError: The environment has no argument of this name.
         MissingPackageError: Gymnasium, or a package that its MuJoCo environments need, is not installed.
     """
+    try:
+        return _made(env, num_envs, training=training, **settings)
+    except TypeError as error:
+        if not isinstance(error, WrongArgumentError) and "got an unexpected keyword argument" in str(error):
+            raise WrongArgumentError(str(error)) from error
+        raise
+
+
+def _made(env: str, num_envs: int | None, *, training: bool, **settings: Any) -> Any:
+    """Environment of `make`, with the errors of Gymnasium."""
     gymnasium = require("gymnasium", "to run policies")
     importlib.import_module("stepper.envs")  # The import registers the environments.
     has_module, env = ":" in env, import_env(env)
@@ -179,6 +192,7 @@ def evaluate(
     """
     if episodes < 2:
         raise ValueError(f"episodes is {episodes}, must be at least 2: one episode gives no confidence interval")
+    check_takes(policy, ["observations"], "policy")
     if is_native(env) or _has_only_vector_environment(env):
         return _in_parallel(make(env, episodes, **settings), policy, seed, starts, infos, tick=tick or silent)
     return _in_sequence(make(env, **settings), policy, range(seed, seed + episodes), starts, infos, tick=tick or silent)

@@ -12,30 +12,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper.policies.evaluation import make
+from stepper.shared.functions import check_takes
 from stepper.shared.machine import require
+from stepper.shared.progress import Tick, silent
 
 Array = NDArray[Any]
 FILMED = 300
 """Largest number of actions of a film, unless given."""
 
 
-def check_file(file: str | Path) -> None:
-    """Raise ValueError if the name of a film does not end in .mp4."""
-    if Path(file).suffix.lower() != ".mp4":
-        raise ValueError(f"the film's file is {str(file)!r}, must end in .mp4: films have this format alone")
-
-
-def check_film(env: str, **settings: Any) -> None:
-    """Renders one frame, to find out before a training whether `film` can render the environment on this machine.
+def check_film(env: str, file: str | Path, **settings: Any) -> None:
+    """Renders one frame, to find out before a training whether `film` can film the environment into a file on this machine.
 
     Args:
         env: Id of an environment in Gymnasium's registry.
+        file: Video file.
         **settings: Arguments of the environment.
 
     Raises:
+        ValueError: The id is not registered, or the file's name does not end in .mp4.
         RuntimeError: OpenGL cannot render on this machine; the message has the remedy.
         MissingPackageError: Gymnasium or MoviePy is not installed.
     """
+    _check_file(file)
     require("moviepy", "to write films")
     single = make(env, render_mode="rgb_array", **settings)
     try:
@@ -45,6 +44,12 @@ def check_film(env: str, **settings: Any) -> None:
         single.close()
 
 
+def _check_file(file: str | Path) -> None:
+    """Raise ValueError if the name of a film does not end in .mp4."""
+    if Path(file).suffix.lower() != ".mp4":
+        raise ValueError(f"the film's file is {str(file)!r}, must end in .mp4: films have this format alone")
+
+
 def film(
     policy: Callable[[Array], Array],
     env: str,
@@ -52,9 +57,9 @@ def film(
     *,
     actions: int = FILMED,
     seed: int = 0,
-    progress: Callable[[int], object] | None = None,
+    tick: Tick | None = None,
     **settings: Any,
-) -> None:
+) -> int:
     """Films the start of an episode as a video, with Gymnasium's `RecordVideo`, which needs MoviePy.
 
     Args:
@@ -63,28 +68,34 @@ def film(
         file: Video file, mp4; an existing file is replaced.
         actions: Number of actions to film; fewer if the episode ends earlier.
         seed: Seed of the episode.
-        progress: Function that is called after each action with the number of actions so far. Without a graphics card a frame takes a tenth
-            of a second or more.
+        tick: Function of the film's name and the fraction that is done, called after each action. The fraction is of `actions`, or of the
+            episode's time limit if that is shorter. At the end of the episode it is 1.
         **settings: Arguments of the environment.
+
+    Returns:
+        Number of filmed actions.
 
     Raises:
         ValueError: The id is not registered, or the file's name does not end in .mp4.
         MissingPackageError: Gymnasium or MoviePy is not installed.
     """
-    check_file(file)
+    _check_file(file)
+    check_takes(policy, ["observation"], "policy")
     require("moviepy", "to write films")
+    tick = tick or silent
     gymnasium = require("gymnasium", "to film policies")
     with tempfile.TemporaryDirectory() as temporary:
         folder = str(Path(temporary, "film"))
         single = make(env, render_mode="rgb_array", **settings)
         recorded = gymnasium.wrappers.RecordVideo(single, folder, episode_trigger=lambda _: True, disable_logger=True)
+        longest = min(actions, recorded.spec.max_episode_steps or actions)
         observation, _ = recorded.reset(seed=seed)
-        for k in range(actions):
+        count, over = 0, False
+        while count < actions and not over:
             observation, _, terminated, truncated, _ = recorded.step(policy(np.asarray(observation)))
-            if progress is not None:
-                progress(k + 1)
-            if terminated or truncated:
-                break
+            count, over = count + 1, terminated or truncated
+            tick(f"film {Path(file).name}", 1.0 if over else min(count / longest, 1.0))
         recorded.close()
         Path(file).parent.mkdir(parents=True, exist_ok=True)
         shutil.move(next(Path(folder).glob("*.mp4")), file)
+    return count

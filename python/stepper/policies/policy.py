@@ -95,7 +95,7 @@ class Policy:
                 "the space of actions: use envs.unwrapped.single_action_space"
             )
         if not all(np.isfinite(part).all() for part in (self.mean, self.std, *sum(self.layers, ()))):
-            raise PolicyError("a number of the policy is not finite: the training diverged, or there was none")
+            raise PolicyError("a number of the policy is not finite: the training diverged, or the policy was not trained")
 
     def __call__(self, observation: ArrayLike) -> Array:
         """Actions for observations.
@@ -153,11 +153,11 @@ class Policy:
         arrays: dict[str, Any] = {"mean": self.mean, "std": self.std, "low": self.low, "high": self.high}
         for k, (weight, bias) in enumerate(self.layers):
             arrays |= {f"weight{k}": weight, f"bias{k}": bias}
-        said = {"format": FORMAT, "clip": self.clip, "activation": self.activation}
-        said |= {"environment": self.environment, "training": self.training}
+        settings = {"format": FORMAT, "clip": self.clip, "activation": self.activation}
+        settings |= {"environment": self.environment, "training": self.training}
         file.parent.mkdir(parents=True, exist_ok=True)
         with atomic_write(file) as stream:
-            np.savez_compressed(stream, said=np.array(json.dumps(said)), **arrays)
+            np.savez_compressed(stream, settings=np.array(json.dumps(settings)), **arrays)
 
 
 def load(path: str | os.PathLike[str], env: Any = None) -> Policy:
@@ -176,14 +176,14 @@ def load(path: str | os.PathLike[str], env: Any = None) -> Policy:
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
             arrays = dict(archive)
-        said = json.loads(str(arrays.pop("said")))
-        if said["format"] != FORMAT:
-            raise PolicyError(f"the file has format {said['format']} of policies, and this version reads format {FORMAT}")
+        settings = json.loads(str(arrays.pop("settings")))
+        if settings["format"] != FORMAT:
+            raise PolicyError(f"the file has format {settings['format']} of policies, and this version reads format {FORMAT}")
         count = sum(name.startswith("weight") for name in arrays)
         layers = tuple((arrays[f"weight{k}"], arrays[f"bias{k}"]) for k in range(count))
         shared = {name: arrays[name] for name in ("mean", "std", "low", "high")}
-        settings = {name: said[name] for name in ("clip", "activation", "environment", "training")}
-        policy = Policy(**shared, layers=layers, **settings)
+        kept = {name: settings[name] for name in ("clip", "activation", "environment", "training")}
+        policy = Policy(**shared, layers=layers, **kept)
     except PolicyError as error:
         raise PolicyError(f"{file}: {error}") from error
     except _DAMAGED as error:

@@ -40,10 +40,11 @@ from torch import Tensor, nn  # noqa: E402
 
 from stepper.envs import StepperVectorEnv  # noqa: E402
 from stepper.policies import Policy, check_film, describe, evaluate, film, is_native, make  # noqa: E402
-from stepper.policies.film import FILMED, check_file  # noqa: E402
-from stepper.policies.ppo_settings import Settings, arguments, copy_learner  # noqa: E402
+from stepper.policies.film import FILMED  # noqa: E402
+from stepper.policies.ppo_settings import Settings, arguments, copy_learner, settings_of  # noqa: E402
 from stepper.shared.environments import import_env  # noqa: E402
 from stepper.shared.files import atomic_write  # noqa: E402
+from stepper.shared.progress import progress_lines  # noqa: E402
 
 Array = NDArray[Any]
 
@@ -279,7 +280,6 @@ def train(settings: Settings, folder: Path, *, every: float = 30.0, quiet: bool 
         ValueError: The folder contains a run with other settings.
     """
     torch.set_num_threads(settings.threads)
-    folder.mkdir(parents=True, exist_ok=True)
     curve, checkpoint = folder / "curve.csv", folder / "checkpoint.pt"
     if not quiet:
         action = "continuing" if checkpoint.exists() else "starting"
@@ -292,6 +292,7 @@ def train(settings: Settings, folder: Path, *, every: float = 30.0, quiet: bool 
             raise ValueError(f"{folder} contains a run with other settings: {'; '.join(found)}; give another folder with --out")
     else:
         run = Run(settings)
+        folder.mkdir(parents=True, exist_ok=True)
     _cut(curve, run.iteration)
     if not quiet:
         continued = f", from step {run.steps:,} on" if run.steps else ""
@@ -351,15 +352,14 @@ def main(words: Sequence[str] | None = None, prog: str | None = None) -> None:
     if episodes < 2:
         raise ValueError(f"--evaluate is {episodes}, must be at least 2: one episode has no confidence interval")
     env = import_env(env)
-    settings = Settings.of_task(env, **{name: value for name, value in given.items() if value is not None})
-    law = f"_{settings.contact}" if settings.contact else ""
-    folder = out or Path("out/train", env.replace("/", "_") + law, f"seed{settings.seed}")
+    settings = settings_of(env, given)
+    chosen = [settings.contact] * bool(settings.contact) + [f"{name}={value}" for name, value in settings.values.items()]
+    folder = out or Path("out/train", "_".join([env, *chosen]).replace("/", "_"), f"seed{settings.seed}")
     if video is not None:
         # PyTorch imports this for its first optimizer. After a picture by OpenGL in software, the import can crash the process.
         import torch._dynamo  # noqa: F401, PLC0415
 
-        check_file(video)
-        check_film(env, **settings.environment())
+        check_film(env, video, **settings.environment())
     run = train(settings, folder)
     policy = run.policy()
     print(f"{run.steps:,} steps in {run.seconds:.0f} s, {run.processor:.0f} s of processor time; the run is in {folder}")
@@ -367,14 +367,8 @@ def main(words: Sequence[str] | None = None, prog: str | None = None) -> None:
     print(evaluate(policy, env, episodes=episodes, seed=EVALUATION_SEED, **settings.environment()), flush=True)
     if video is not None:
         print(f"filming at most {FILMED} actions", flush=True)
-        film(policy, env, video, actions=FILMED, seed=EVALUATION_SEED, progress=_filmed, **settings.environment())
-        print(f"wrote {video}")
-
-
-def _filmed(actions: int) -> None:
-    """Prints progress after every 50 filmed actions."""
-    if actions % 50 == 0:
-        print(f"{actions:>12,} actions filmed", flush=True)
+        count = film(policy, env, video, actions=FILMED, seed=EVALUATION_SEED, tick=progress_lines(), **settings.environment())
+        print(f"wrote {video}, with {count} actions")
 
 
 if __name__ == "__main__":

@@ -7,17 +7,19 @@ import dataclasses
 import inspect
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from stepper.policies.evaluation import is_native
+from stepper.shared.name_values import literal, name_values
 
 ABOUT = """Trains a policy for a task by proximal policy optimisation (PPO), evaluates it, and films it with --film.
 
-The learning curve, a checkpoint and the policy are written to a folder.
+The learning curve, a checkpoint and the policy are written to a folder of out/train in the working folder, or to that of --out.
 
     stepper train stepper/HalfCheetah-v5 --seed 1 --film half_cheetah.mp4
+    stepper train stepper/Go1Velocity-v0 --values roughness=0.05
 
 The same command continues a stopped run. Each task has its settings in stepper/policies/ppo_settings.py; options override these."""
 
@@ -47,6 +49,7 @@ class Settings:
         max_grad_norm: Largest norm of the gradient; larger gradients are scaled down.
         initial_std: Initial standard deviation of the actions, as a fraction of half their range.
         threads: Number of threads of the physics and of the learner.
+        values: Arguments of the environment by name, such as fields of its task: roughness=0.1. Repeat the option for more.
 
     Raises:
         ValueError: A minibatch has more samples than there are between two updates.
@@ -72,6 +75,7 @@ class Settings:
     max_grad_norm: float = 1.0
     initial_std: float = 0.6
     threads: int = 2
+    values: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         samples = self.num_envs * self.horizon
@@ -87,9 +91,9 @@ class Settings:
         return cls(env=env, **{**TASKS.get(env.rpartition("/")[2], {}), **given})
 
     def environment(self) -> dict[str, Any]:
-        """Arguments for the creation of the environment: contact and precision if it is on stepper, otherwise none."""
+        """Arguments for the creation of the environment: `values`, and contact and precision if it is on stepper."""
         given = {"contact": self.contact, "precision": self.precision} if is_native(self.env) else {}
-        return {name: value for name, value in given.items() if value}
+        return {name: value for name, value in given.items() if value} | dict(self.values)
 
 
 SMALL: Mapping[str, Any] = {
@@ -165,8 +169,23 @@ def arguments(prog: str | None = None) -> argparse.ArgumentParser:
     parser.add_argument("--copy", type=Path, metavar="FILE", help="copy the learner's source to a new file, for changes, and exit")
     # Python 3.13 removes the indentation of docstrings; earlier versions keep it.
     texts = dict(re.findall(r"^    (\w+): (.*)$", inspect.cleandoc(str(Settings.__doc__)), re.MULTILINE))
-    for field in dataclasses.fields(Settings):
-        if field.name != "env":
-            flag, text = f"--{field.name.replace('_', '-')}", f"{texts[field.name]} [{field.default}]"
-            parser.add_argument(flag, type=type(field.default), help=text)
+    for setting in dataclasses.fields(Settings):
+        if setting.name not in ("env", "values"):
+            flag, text = f"--{setting.name.replace('_', '-')}", f"{texts[setting.name]} [{setting.default}]"
+            parser.add_argument(flag, type=type(setting.default), help=text)
+    parser.add_argument("--values", action="append", metavar="NAME=VALUE", help=texts["values"])
     return parser
+
+
+def settings_of(env: str, given: Mapping[str, Any]) -> Settings:
+    """Settings for an environment from options of the command line by name; options that are None have their defaults.
+
+    Raises:
+        ValueError: A value of the option --values is not NAME=VALUE, or is another option.
+    """
+    options = {name: value for name, value in given.items() if value is not None}
+    if "values" in options:
+        options["values"] = name_values(options["values"], "--values", literal)
+        if own := sorted(options["values"].keys() & {"contact", "precision", "threads", "num_envs"}):
+            raise ValueError(f"--values sets {own[0]}, which is another option: give --{own[0].replace('_', '-')}")
+    return Settings.of_task(env, **options)

@@ -186,7 +186,7 @@ def _source(model: Model) -> str | None:
 def _parameters(fields: dict[str, Any], chosen: np.ndarray[Any, Any]) -> dict[str, np.ndarray[Any, Any]]:
     """Arrays of a row for parameters per environment: values in the environments of a mask, and drives as JSON."""
     rows = {name: values for name, values in fields.items() if name != "actuators"}
-    kept = {f"theta/{name}": np.asarray(values, np.float64).reshape(len(chosen), -1)[chosen] for name, values in rows.items()}
+    kept = {f"randomized/{name}": np.asarray(values, np.float64).reshape(len(chosen), -1)[chosen] for name, values in rows.items()}
     if "actuators" in fields:
         kept["actuators"] = np.array(json.dumps(fields["actuators"].chosen(chosen).to_dict()))
     return kept

@@ -166,7 +166,7 @@ def repeat(sim: Stepper, kind: str, arrays: Arrays, row: int, step: int) -> Diff
 
 def apply_parameters(sim: Stepper, arrays: Arrays) -> None:
     """Assigns the parameters in a row of the recording to a stepper; arrays have the rows of the changed environments only."""
-    rows = {name.removeprefix("theta/"): values for name, values in arrays.items() if name.startswith("theta/")}
+    rows = {name.removeprefix("randomized/"): values for name, values in arrays.items() if name.startswith("randomized/")}
     n = sim.num_envs or 1
     mask = arrays.get("envs", np.full(n, True))
     drawn: dict[str, np.ndarray[Any, Any] | ActuatorModel | None] = {str(name): None for name in arrays.get("shared", ())}

@@ -111,14 +111,15 @@ class SensorModel:
 def _chosen(transfer: Transfer, index: np.ndarray[Any, Any]) -> Transfer:
     """Transfer function with the numbers of some environments only, by a mask or by indices."""
 
-    def new(value: Any) -> Any:
+    def chosen_of(value: Any) -> Any:
+        """Value of a field in the chosen environments."""
         if isinstance(value, tuple):
-            return tuple(new(end) for end in value)
+            return tuple(chosen_of(end) for end in value)
         # A single number applies to all environments, as does a matrix, which mixes the axes of a sensor.
         shared = value is None or isinstance(value, str) or np.size(value) == 1 or np.ndim(value) == 2
         return value if shared else np.asarray(value, np.float64)[index]
 
-    return replace(transfer, **{field.name: new(getattr(transfer, field.name)) for field in fields(transfer)})
+    return replace(transfer, **{field.name: chosen_of(getattr(transfer, field.name)) for field in fields(transfer)})
 
 
 def _read(table: Any, place: str) -> Transfer:

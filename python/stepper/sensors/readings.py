@@ -150,7 +150,7 @@ def _fan(model: Model, fan: RayFan, place: str) -> dict[str, Any]:
         worst = int(np.argmin(np.isfinite(lengths) & (lengths > 0)))
         raise ValueError(f"{place}: ray {worst} is {rays[worst].tolist()}, must be a direction")
     if unknown := [word for word in fan.data if word not in RAY_FIELDS]:
-        raise ValueError(f"{place}: data has {unknown}, must be of: {', '.join(RAY_FIELDS)}")
+        raise ValueError(f"{place}: data has {unknown}, must be one of: {', '.join(RAY_FIELDS)}")
     seen = model.geoms_seen_from(site) if fan.geoms is None else [_index(model.geom_names, geom, "geom", place) for geom in fan.geoms]
     fields = [word.capitalize() for word in fan.data]
     return {"site": site, "rays": (rays / lengths[:, None]).tolist(), "fields": fields, "geoms": seen}

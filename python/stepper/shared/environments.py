@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import sys
+from pathlib import PurePath
 
 
 def import_env(env: str) -> str:
@@ -18,9 +19,16 @@ def import_env(env: str) -> str:
         The name without the module, for `gymnasium.make`.
 
     Raises:
-        ValueError: There is no such module.
+        ValueError: There is no such module, or the name is that of a file.
     """
     module, _, name = env.rpartition(":")
+    file = module or name
+    if file.endswith(".py"):
+        stem = PurePath(file).stem
+        raise ValueError(
+            f"{file!r} is a file, must be the id of an environment: write {stem}:{name if module else 'me/Name-v0'}, with the id that the "
+            f"file registers, and run in its folder"
+        )
     if not module:
         return env
     sys.path.append("")

@@ -61,6 +61,7 @@ class Field:
 
 
 def _field(name: str, shape: str, quantity: str, unit: str, per_environment: bool) -> Field:
+    """Field from a row of the table in the Rust crate."""
     element = _ELEMENTS.get(shape.strip("()").partition(",")[0], "")
     return Field(name, element, shape, quantity, unit, per_environment, _DERIVED.get(name, ""))
 

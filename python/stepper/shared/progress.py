@@ -1,12 +1,46 @@
-"""Type of the callbacks that report the progress of a long call."""
+"""Callbacks that report the progress of a long call."""
 
 from __future__ import annotations
 
+import sys
+import time
 from collections.abc import Callable
 
 Tick = Callable[[str, float], None]
 """Callback with a text that names the present work, and the completed fraction (0 to 1). It is never called during a time measurement."""
+_LONGEST_PAUSE = 30.0
+"""Longest time between two lines of progress, s."""
 
 
 def silent(what: str, done: float) -> None:
     """Progress callback that does nothing."""
+
+
+def progress_lines() -> Tick:
+    """Progress callback that writes lines, for files and pipes."""
+    last: dict[str, tuple[int, float]] = {}
+    first: dict[str, tuple[float, float]] = {}
+
+    def tick(what: str, done: float) -> None:
+        tenth, now = int(10 * done + 1e-9), time.monotonic()
+        before, when = last.get(what, (-1, now))
+        begun, began = first.setdefault(what, (done, now))
+        if tenth > before or now - when > _LONGEST_PAUSE:
+            print(f"{what}: {100 * done:.0f} %{_remaining(done, done - begun, now - began)}", file=sys.stderr, flush=True)
+            last[what] = max(tenth, before), now
+
+    return tick
+
+
+def _remaining(done: float, made: float, seconds: float) -> str:
+    """Text with the estimated remaining time; empty without progress, or below a second.
+
+    Args:
+        done: Fraction of the work that is done.
+        made: Fraction that was done since the first report.
+        seconds: Time since the first report, s.
+    """
+    left = (1.0 - done) * seconds / made if made > 0 else 0.0
+    if left < 1.0:
+        return ""
+    return f", {left:.0f} s left" if left < 100.0 else f", {left / 60.0:.0f} min left"

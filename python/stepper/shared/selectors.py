@@ -337,6 +337,7 @@ def randomized_fields(sim: Stepper, values: Mapping[str, ArrayLike | None], envs
     present = sim.randomized
 
     def base(field: str) -> Array:
+        """Present values of a field in the selected environments, flattened."""
         own = np.asarray(getattr(model, field), np.float64)
         now = np.asarray(present.get(field, np.broadcast_to(own, (n, *own.shape))), np.float64).reshape(n, -1)
         return now[rows].reshape(*lead, -1)
@@ -363,6 +364,7 @@ def replaced_fields(model: Model, values: Any, fields: Mapping[str, Any] | None)
         raise TypeError(f"Model.replace: values is {values!r}, must be a dict of selectors, as {{'geom_friction[floor][0]': 0.5}}")
 
     def base(field: str) -> Array:
+        """Values of a field of the model, flattened."""
         return np.array(getattr(model, field), np.float64).reshape(-1)
 
     return _whole("Model.replace", model, values, base, lead=(), known=FIELDS, fields=fields or {})
@@ -403,14 +405,29 @@ def _whole(
             own, used = made[part.field], taken[part.field]
             other = int(np.max(used[part.index], initial=-1))
             if part.field in fields or other >= 0:
-                both = f"{text!r} and {f'{part.field}=' if part.field in fields else repr(list(values)[other])}"
-                raise ValueError(f"{where} has {both}, which give the same number of {part.field}: give each number once")
+                raise conflict(where, text, f"{part.field}=" if part.field in fields else list(values)[other], part.field)
             used[part.index] = place
             if value is None:
                 own[..., part.index] = np.asarray(getattr(model, part.field), np.float64).reshape(-1)[part.index]
             else:
                 own[..., part.index] = part.sign * _numbers(f"{where}: {text!r}", value, lead, part.index.shape)
     return {**fields, **{field: own.reshape(*lead, *np.shape(getattr(model, field))) for field, own in made.items()}}
+
+
+def conflict(where: str, one: object, other: object, field: str, differ: str = "") -> ValueError:
+    """Error for two selectors or names that set the same number of a field.
+
+    Args:
+        where: Name of the call or the argument that has both.
+        one: A selector or name.
+        other: The other one.
+        field: Name of the field.
+        differ: Difference of what they give, as "to 1 and to 2"; empty if that does not matter.
+    """
+    numbers = f"number of {field} {differ}" if differ else f"number of {field}"
+    return ValueError(
+        f"{where} has {str(one)!r} and {str(other)!r}, which set the same {numbers}: give one of them, or select other elements"
+    )
 
 
 def _numbers(what: str, value: ArrayLike, lead: tuple[int, ...], tail: tuple[int, ...]) -> Array:

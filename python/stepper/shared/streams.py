@@ -33,7 +33,7 @@ def _mix(words: Words) -> Words:
 
 @lru_cache(maxsize=64)
 def _steps(size: int) -> Words:
-    """Offsets from the state of a stream to the inputs of its next `size` numbers, (size,)."""
+    """Increments of the counter of a stream for its next `size` numbers, (size,). `_mix` turns counters into random integers."""
     return np.multiply(np.arange(1, size + 1, dtype=np.uint64), _GAMMA, dtype=np.uint64)
 
 

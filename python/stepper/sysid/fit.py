@@ -31,17 +31,17 @@ from stepper.sysid.simulate import Simulator, noise_of, solved
 from stepper.sysid.uncertainty import uncertainty, weights_of
 
 Loss = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]
-SPREAD = 1.5
+START_SPREAD = 1.5
 """Largest distance of start points of searches from the given start, in scales. For positive quantities it is a factor e^1.5 = 4.5."""
-SAME = 1e-2
+SAME_MINIMUM = 1e-2
 """Distance between the ends of two searches, in scales, below which they count as the same minimum."""
-HOPELESS = 9.0
+ABANDON_RATIO = 9.0
 """Ratio of a search's cost to the lowest one above which the search is abandoned. Its residuals are then three times as large."""
 COARSE, FINE = 1e-4, 1e-4
 """Relative change of x at which a search ends, and factor on it for the last search, which ends at 1e-8."""
-SETTLED = 0.05
+NOISE_TOLERANCE = 0.05
 """Relative change of the estimated noise below which its iteration ends."""
-QUIETEST = 1e-6
+MIN_NOISE = 1e-6
 """Lower bound of an estimated noise, relative to the channel's largest reading: errors of time steps and finite differences."""
 
 
@@ -122,7 +122,7 @@ def identify(
     for _ in range(5):
         best = min(searches, key=lambda s: s.cost)
         sigma = np.where(np.isnan(known), _noise_left(residuals, best.at, loss), known)
-        settled = (np.abs(sigma - residuals.sigma) <= SETTLED * residuals.sigma).all()
+        settled = (np.abs(sigma - residuals.sigma) <= NOISE_TOLERANCE * residuals.sigma).all()
         residuals.sigma = sigma
         # The noise weights the channels, so that a change of it can change which minimum is the lowest.
         searches = solver.search(_distinct(searches))
@@ -144,7 +144,7 @@ class _Found:
 
 
 class _Solver:
-    """Solver that runs several searches concurrently, with one batch for the next point of all of them.
+    """Solver that runs several searches concurrently. Each batch of environments evaluates the next point of every search.
 
     Attributes:
         loss, f_scale: Arguments of `identify`.
@@ -167,20 +167,21 @@ class _Solver:
         before = self.evaluations
         name = f"search {self._searches}"
 
-        def told() -> None:
+        def report_progress() -> None:
+            """Report the fraction of the evaluations that may be needed."""
             self._tick(name, min(1.0, (self.evaluations - before) / (len(starts) * self._most)))
 
         with ThreadPoolExecutor(len(starts)) as pool:
             try:
-                found = list(pool.map(lambda k: self._one(together, k, starts[k], tolerance, told), range(len(starts))))
+                found = list(pool.map(lambda k: self._one(together, k, starts[k], tolerance, report_progress), range(len(starts))))
             except BaseException:  # Ctrl-C, which only the main thread receives.
                 together.stop()
                 raise
         self._tick(name, 1.0)
         return found
 
-    def _one(self, together: Together, search: int, x0: Array, tolerance: float, told: Callable[[], None]) -> _Found:
-        """Search from one start x0. `search` is its index in `together`; `told` reports the progress after each evaluation."""
+    def _one(self, together: Together, search: int, x0: Array, tolerance: float, report_progress: Callable[[], None]) -> _Found:
+        """Search from one start x0. `search` is its index in `together`; `report_progress` reports the progress after each evaluation."""
         held: dict[bytes, Linearized] = {}
 
         def at(x: Array) -> Linearized:
@@ -190,7 +191,7 @@ class _Solver:
                     held.pop(next(iter(held)))
                 held[key] = together.ask(search, x.copy())
                 self.evaluations += 1
-                told()
+                report_progress()
             return held[key]
 
         low, high = self._residuals.low, self._residuals.high
@@ -209,7 +210,7 @@ def _distinct(searches: Sequence[_Found]) -> list[Array]:
     out: list[Array] = []
     least = min(s.cost for s in searches)
     for found in sorted(searches, key=lambda s: s.cost):
-        if found.cost <= HOPELESS * least and all(np.abs(found.x - x).max() > SAME for x in out):
+        if found.cost <= ABANDON_RATIO * least and all(np.abs(found.x - x).max() > SAME_MINIMUM for x in out):
             out.append(found.x)
     return out
 
@@ -261,7 +262,7 @@ def _noise_left(residuals: Residuals, at: Linearized, loss: str) -> Array:
             column = rows[np.isfinite(rows[:, j]), j]
             if len(column) > 1:
                 scatter = np.sqrt(np.mean(column**2) * free) if loss == "linear" else 1.4826 * np.median(np.abs(column))
-                sigma[j] = max(float(scatter), QUIETEST * largest, 1e-12)
+                sigma[j] = max(float(scatter), MIN_NOISE * largest, 1e-12)
     return sigma
 
 
@@ -272,8 +273,8 @@ def _starts(qmc: Any, residuals: Residuals, count: int, seed: int) -> list[Array
         n = residuals.n
         drawn = qmc.Sobol(n, seed=seed).random(1 << int(np.ceil(np.log2(8 * (count - 1)))))
         low, high = (
-            np.maximum(residuals.low[:n], residuals.start[:n] - SPREAD),
-            np.minimum(residuals.high[:n], residuals.start[:n] + SPREAD),
+            np.maximum(residuals.low[:n], residuals.start[:n] - START_SPREAD),
+            np.minimum(residuals.high[:n], residuals.start[:n] + START_SPREAD),
         )
         around = np.tile(residuals.start, (len(drawn), 1))
         around[:, :n] = low + drawn * (high - low)

@@ -38,26 +38,26 @@ from stepper.sysid.roots import root_of
 
 STEP = 1e-5
 """Smallest half width of finite differences of parameters (in scales) and velocities (m/s, rad/s)."""
-NUDGE = 1e-7
+POSITION_STEP = 1e-7
 """Smallest half width of finite differences of displacements, m or rad."""
 STEPS = 6
 """Largest number of Gauss-Newton steps per sample."""
 HALVINGS = 4
 """Largest number of halvings of a step."""
-SAME = 0.01
+COST_TOLERANCE = 0.01
 """Largest accepted increase of the cost by a step, in squared standard deviations."""
-LITTLE = 0.1
+SETTLED_CHANGE = 0.1
 """Largest change of a parameter, in standard deviations, at which the Gauss-Newton steps end."""
-NEARBY = 0.5
+SETTLED_STEP = 0.5
 """Step length up to which an estimate counts as settled although no shorter step lowers the cost, in standard deviations."""
-FARTHEST = 0.5
+MAX_CHANGE = 0.5
 """Largest change of a parameter by one sample, in scales."""
 UNCERTAIN_FRICTION = 0.1
 """Standard deviation of log(friction) before the window above which an object that slips at the estimate is tried as held too."""
 HELD_START = 2.0
 """A held object is first tried at a friction that is larger than the estimate by this, in log(friction): large enough to hold it."""
 HELD_RANGE = 0.5
-"""The smallest friction that can hold an object is looked for within this distance of the estimate, in log(friction). The two are close,
+"""The smallest friction that can hold an object is searched within this distance of the estimate, in log(friction). The two are close,
 because the same force of friction determines both."""
 SPREAD = 3.0
 """Range of other parameters in the search for a held object, in standard deviations."""
@@ -235,11 +235,11 @@ class Horizon:
         The points are the estimate, points above and below it, and points with other values of friction.
         """
         problem, m, n = self._problem, len(self._problem.dofs), self._problem.n
-        h = np.concatenate([STEP * problem.scale, np.full(m, NUDGE), np.full(m, STEP)])
-        room = np.full(len(h), math.inf)
-        room[:n] = np.minimum(problem.high - self.x[:n], self.x[:n] - problem.low)
+        h = np.concatenate([STEP * problem.scale, np.full(m, POSITION_STEP), np.full(m, STEP)])
+        clearance = np.full(len(h), math.inf)
+        clearance[:n] = np.minimum(problem.high - self.x[:n], self.x[:n] - problem.low)
         std = np.sqrt(np.diag(self.posterior))[:n]
-        directions = Directions(self.posterior, h, room, np.flatnonzero(std > WIDE * problem.scale).tolist(), problem.kinked)
+        directions = Directions(self.posterior, h, clearance, np.flatnonzero(std > WIDE * problem.scale).tolist(), problem.kinked)
         first = 1 + 2 * len(h)
         points = np.tile(self.x, (first + OTHERS_PER_FRICTION * len(problem.kinked), 1))
         points[1:first] = directions.points(self.x)
@@ -290,7 +290,7 @@ class Horizon:
         for _ in range(STEPS):
             holding = self._hold(best)
             step, self.posterior = self._gauss_newton(best)
-            moved = np.abs(step[:n]) > LITTLE * np.sqrt(np.diag(self.posterior))[:n]
+            moved = np.abs(step[:n]) > SETTLED_CHANGE * np.sqrt(np.diag(self.posterior))[:n]
             moved[holding] = False
             if not moved.any():
                 self._move(best.points[0], step)
@@ -300,13 +300,13 @@ class Horizon:
             for _ in range(HALVINGS):
                 self._move(best.points[0], share * step)
                 shorter = self._linear()
-                if shorter.cost <= best.cost + SAME:
+                if shorter.cost <= best.cost + COST_TOLERANCE:
                     break
                 share /= 2
             else:
                 # The cost has kinks, as at the onset of slip. The estimate is settled if the step is short.
                 self.x = best.points[0].copy()
-                far = np.abs(step[:n]) > NEARBY * np.sqrt(np.diag(self.posterior))[:n]
+                far = np.abs(step[:n]) > SETTLED_STEP * np.sqrt(np.diag(self.posterior))[:n]
                 far[holding] = False
                 self.at, self.settled = best, not far.any()
                 return
@@ -360,7 +360,7 @@ class Horizon:
         step = -np.linalg.lstsq(rows / size, left, rcond=None)[0]
         remaining = float(((left + (rows / size) @ step) ** 2).sum())
         least = step / size
-        step = least * min(1.0, FARTHEST / max(float((np.abs(least[: self._problem.n]) / self._problem.scale).max()), 1e-300))
+        step = least * min(1.0, MAX_CHANGE / max(float((np.abs(least[: self._problem.n]) / self._problem.scale).max()), 1e-300))
         information = (rows / size).T @ (rows / size)
         inverse = np.linalg.inv(information) / np.outer(size, size)
         # Laplace's approximation: the cost, and the ratio of the volumes of the posterior and the prior.
@@ -406,7 +406,7 @@ class Horizon:
         self._mean[n:] += mean_shift(curved)[0]
         self.x = np.concatenate([self.x[:n], F[n:] @ (self.x - linearized)])
         # Coordinates that contacts hold exactly get a small variance, so that the covariance has an inverse.
-        gained = np.diag(problem.gained**2 + np.concatenate([np.zeros(n), np.full(2 * m, (1e-3 * NUDGE) ** 2)]))
+        gained = np.diag(problem.gained**2 + np.concatenate([np.zeros(n), np.full(2 * m, (1e-3 * POSITION_STEP) ** 2)]))
         gained[n:, n:] += curved[:, 0].T @ curved[:, 0]
         cov, posterior = (F @ what @ F.T + gained for what in (cov, self.posterior))
         self._cov, self.posterior = (cov + cov.T) / 2, (posterior + posterior.T) / 2

@@ -28,7 +28,7 @@ class Directions:
     Args:
         covariance: Covariance of x, (n, n).
         local: Smallest half widths of finite differences, (n,), in the unit of x.
-        room: Distance from x to its nearest bound, (n,), in the unit of x; infinite without bounds.
+        clearance: Distance from x to its nearest bound, (n,), in the unit of x; infinite without bounds.
         apart: Indices of numbers in x with local differences along their axis. The directions of the other numbers come from their
             conditional covariance.
         leading: Indices of numbers in x, such as frictions, that the other numbers' directions leave unchanged. A step of a correlated
@@ -38,7 +38,7 @@ class Directions:
         columns: Directions, (n, n), one per column.
     """
 
-    def __init__(self, covariance: Array, local: Array, room: Array, apart: Sequence[int], leading: Sequence[int] = ()):
+    def __init__(self, covariance: Array, local: Array, clearance: Array, apart: Sequence[int], leading: Sequence[int] = ()):
         n = len(local)
         self._local, self._apart = local, list(apart)
         rest = sorted((j for j in range(n) if j not in self._apart), key=lambda j: j not in leading)
@@ -49,7 +49,7 @@ class Directions:
         for c in rest:
             column = self.columns[:, c]
             narrow = np.abs(column / local).max()
-            wide = (np.abs(column) / np.maximum(room, local)).max()
+            wide = (np.abs(column) / np.maximum(clearance, local)).max()
             column *= (1.0 if narrow >= 1 else 1 / max(narrow, 1e-300)) / max(wide, 1.0)
 
     def points(self, x: Array) -> Array:

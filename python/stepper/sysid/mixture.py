@@ -2,9 +2,9 @@
 
 Near the onset of slip, readings often do not show whether an object has slipped, and the two cases give different masses. An immediate
 decision would make all later intervals too narrow. A rival (another friction that explains the readings, rivals.py) therefore
-starts another hypothesis (a Gaussian sum, Alspach and Sorenson 1972),
-weighted by Laplace's approximation of its evidence. An object that slips in all hypotheses is also tried as held, with its mass
-estimated again. Hypotheses with little weight are dropped.
+starts another hypothesis (a Gaussian sum, Alspach and Sorenson 1972), weighted by Laplace's approximation of its evidence. If an object
+slips in all hypotheses, a hypothesis in which friction holds it is added, with its mass estimated again. Hypotheses with little weight are
+dropped.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from stepper.sysid.inertia import Array
 from stepper.sysid.problem import Problem, Sample
 from stepper.sysid.roots import RIDGE, root_of
 
-MOST = 4
+MAX_HYPOTHESES = 4
 """Largest number of hypotheses."""
 UNLIKELY = 0.01
 """Weight below which a hypothesis is dropped. It is less than the probability of 2.5 % beyond each end of an interval."""
@@ -28,9 +28,9 @@ CLOSE = 0.05
 """Difference of the logarithms of friction between a rival and a hypothesis, below which the rival starts no new hypothesis."""
 CLOSE_STD = 3.0
 """Difference for the same purpose, in standard deviations of the hypothesis. The larger of both bounds counts."""
-ALIKE = 0.3
+MERGE_DISTANCE = 0.3
 """Largest distance between two hypotheses that are merged, in units of the smaller standard deviation."""
-ALIKE_RATIO = 1.5
+MERGE_STD_RATIO = 1.5
 """Largest ratio of the standard deviations of two hypotheses that are merged."""
 
 
@@ -162,7 +162,7 @@ def _likely(hypotheses: list[Horizon], problem: Problem) -> list[Horizon]:
         else:
             kept.append(hypothesis)
     weights = weights_of(kept)
-    return [h for h, weight in zip(kept, weights, strict=True) if weight >= UNLIKELY][:MOST]
+    return [h for h, weight in zip(kept, weights, strict=True) if weight >= UNLIKELY][:MAX_HYPOTHESES]
 
 
 def _near(hypothesis: Horizon, x: Array, problem: Problem) -> bool:
@@ -176,7 +176,7 @@ def _alike(one: Horizon, other: Horizon, problem: Problem) -> bool:
     n = problem.n
     stds = np.sqrt([np.diag(one.posterior)[:n], np.diag(other.posterior)[:n]])
     least, most = stds.min(axis=0), stds.max(axis=0)
-    return bool((np.abs(one.x[:n] - other.x[:n]) <= ALIKE * least).all() and (most <= ALIKE_RATIO * least).all())
+    return bool((np.abs(one.x[:n] - other.x[:n]) <= MERGE_DISTANCE * least).all() and (most <= MERGE_STD_RATIO * least).all())
 
 
 def _normal(z: float) -> float:

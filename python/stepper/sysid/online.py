@@ -16,7 +16,7 @@ from stepper._stepper import Model, Stepper
 from stepper.shared.fields import RANDOMIZED
 from stepper.sysid.data import vector
 from stepper.sysid.findings import undetermined
-from stepper.sysid.horizon import NUDGE, Horizon
+from stepper.sysid.horizon import POSITION_STEP, Horizon
 from stepper.sysid.inertia import Array
 from stepper.sysid.mixture import Mixture, mixture_of, updated
 from stepper.sysid.parameters import READING, Block, FitParameter, bind, natural, write
@@ -183,7 +183,7 @@ class Tracker:
         )
         mean, std = _prior(self.blocks)
         # A standard deviation of 0 is replaced by a thousandth of the width of the finite differences.
-        cov = np.diag(np.concatenate([std, np.maximum(np.repeat(unknown, m), 1e-3 * NUDGE)]) ** 2)
+        cov = np.diag(np.concatenate([std, np.maximum(np.repeat(unknown, m), 1e-3 * POSITION_STEP)]) ** 2)
         self._hypotheses = [Horizon(self._problem, np.concatenate([mean, np.zeros(2 * m)]), cov, begin)]
         span = (high - low) / 2
         self._reach = np.where(np.isfinite(span), span, 100.0) / scale

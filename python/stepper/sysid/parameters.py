@@ -17,7 +17,7 @@ from stepper._stepper import Model
 from stepper.actuators import ActuatorModel, Drive
 from stepper.shared.fields import OF_PAIRS, check_pairs
 from stepper.shared.rotations import matrices
-from stepper.shared.selectors import Selector, parse, parse_range, parts_of, rows_of
+from stepper.shared.selectors import Selector, conflict, parse, parse_range, parts_of, rows_of
 from stepper.sysid import inertia as shape
 from stepper.sysid.inertia import Array
 
@@ -241,7 +241,7 @@ class Block:
         parameter, kind = self.parameter, self.kind
         start = own if parameter.start is None else float(parameter.start)
         if kind.log and not start > 0:
-            raise ValueError(f"{parameter}: it is {start:g} in the model, and is sought as a logarithm; give a start above 0")
+            raise ValueError(f"{parameter}: it is {start:g} in the model, and its logarithm is identified; give a start above 0")
         if parameter.bounds is not None and not parameter.bounds[0] <= start <= parameter.bounds[1]:
             if parameter.start is not None:
                 raise ValueError(f"{parameter}: the start {start:g} is outside of its bounds {parameter.bounds}")
@@ -441,7 +441,7 @@ def bind(parameters: Sequence[FitParameter | str], model: Model) -> list[Block]:
         for kind in _SAME.get(block.parameter.kind, (block.parameter.kind,)):
             for k in block.index:
                 if (kind, k) in taken:
-                    raise ValueError(f"{block.parameter} and {taken[kind, k]} are of the same number; leave one out")
+                    raise conflict("parameters", taken[kind, k], block.parameter, block.parameter.parsed.field)
                 taken[kind, k] = block.parameter
     for block in blocks:
         field, columns = block.selector.field, block.selector.columns

@@ -223,8 +223,8 @@ class Identification:
         start = natural(self.blocks, np.concatenate([block.start for block in self.blocks]))
         rows = zip(self.labels, self.values, self.interval(confidence), self.units, start, self.determined, strict=True)
         for label, value, (low, high), unit, before, known in rows:
-            said = f"{low:.5g} to {high:.5g}" if known else "not determined"
-            lines.append(f"| {label} | {value:.5g} | {said} | {unit} | {before:.5g} |")
+            interval_text = f"{low:.5g} to {high:.5g}" if known else "not determined"
+            lines.append(f"| {label} | {value:.5g} | {interval_text} | {unit} | {before:.5g} |")
         return "\n".join(lines)
 
     def __str__(self) -> str:

@@ -44,13 +44,13 @@ Equal costs give it a weight of about 3 %, the share of the prior in which frict
 EXCLUDED = 12.0
 """Difference of costs above which a smaller friction is a rival of a determined one, or a value is excluded (3.5 standard deviations)."""
 LEAST_GAIN = 0.01
-"""Gain of information by the derivatives, relative to the information before, below which the derivatives are not checked."""
+"""Smallest relative gain of information about a friction, according to the derivatives, that `share_of` checks with other values."""
 LEAST_DISTANCE = 2.0
-"""Squared distance of another friction, relative to the variance from the derivatives, above which its cost counts in this check."""
+"""Squared offset of another value from the estimate, in units of the variance from the derivatives, above which `share_of` uses it."""
 POSSIBLE = 9.0
-"""Increase of the cost below which another friction counts in this check: three standard deviations."""
-LEAST = 0.04
-"""Smallest fraction of the derivatives' information that is kept. Intervals become at most five times as wide."""
+"""Increase of the cost below which `share_of` uses another value: three standard deviations."""
+LEAST_SHARE = 0.04
+"""Lower bound of the result of `share_of`. Intervals become at most five times as wide."""
 TWO_SIDED = 1.96
 """Half width of a 95 % interval, in standard deviations."""
 _NORMAL = NormalDist()
@@ -134,7 +134,7 @@ def excluded_end(values: Array, costs: Array) -> float | None:
 
 
 def share_of(rises: Array, step: float, *, before: float, after: float) -> float:
-    """Fraction of the derivatives' information about a friction that the costs of other values confirm, from `LEAST` to 1.
+    """Fraction of the derivatives' information about a friction that the costs of other values confirm, from `LEAST_SHARE` to 1.
 
     At the onset of slip, the cost rises less towards larger values than the derivative at the estimate predicts.
 
@@ -157,7 +157,7 @@ def share_of(rises: Array, step: float, *, before: float, after: float) -> float
         if beyond:
             share = max(share, ((2 / min(beyond)) ** 2 - 1 / before) / gained)
         shares.append(share)
-    return float(np.clip(min(shares, default=1.0), LEAST, 1.0))
+    return float(np.clip(min(shares, default=1.0), LEAST_SHARE, 1.0))
 
 
 def truncated_normal(low: float) -> tuple[float, float, float]:
@@ -184,9 +184,9 @@ def widened(covariance: Array, j: int, before: float, share: float) -> Array:
 
 
 def _profiles(j: int, points: Array, residual: Array, *, J: Array, mean: Array, whitening: Array) -> tuple[Array, Array]:
-    """Costs of points with other values of friction j, minimised over all other unknowns with the derivatives.
+    """Profile costs of friction j: costs of points, minimised over all other unknowns, which enter linearly by the derivatives.
 
-    Without prior knowledge of the friction, the arrival cost is its minimum over the friction.
+    For the cost without prior knowledge of the friction, the arrival cost is also minimised over the friction.
 
     Args:
         j: Index of the friction.
@@ -222,7 +222,7 @@ def _holds(residual: Array, values: Array, window: Array, *, unknown: bool) -> b
 
 
 def _same(one: Array, other: Array) -> bool:
-    """Whether two predictions have the same residuals, (T, width), up to `FLAT`."""
+    """Whether the squared difference of two residuals, (T, width), is below `FLAT`."""
     return float(((one - other) ** 2).sum()) < FLAT
 
 

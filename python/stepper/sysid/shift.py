@@ -29,7 +29,7 @@ RECENT = 15
 """Number of samples over which a tracker's normalised innovation squared is averaged."""
 UNEXPLAINED = 3.0
 """Mean normalised innovation squared above which the tracker's model does not explain the readings."""
-STRETCH = 100
+COPY_INTERVAL = 100
 """Number of samples after which the stored copy of the tracker, from which shifted trackers start, is replaced."""
 CAUGHT_UP = 2
 """Number of past samples that each shifted tracker processes per update, until it has caught up."""
@@ -89,6 +89,7 @@ def finding_of_fit(shift: int, ratio: float, freed: float | None) -> str:
 
 
 def _percent(ratio: float) -> str:
+    """Ratio as a percentage with two digits."""
     return f"{100 * ratio:.2g} %"
 
 
@@ -138,8 +139,8 @@ class Watch:
         self._twins: dict[int, _Twin] = {}
 
     def begin(self, tracker: Any) -> None:
-        """Before each sample of the tracker: stores a copy of it every `STRETCH` samples, but not while shifted copies are running."""
-        if self._origin is None or (len(self._samples) >= STRETCH and not self._twins):
+        """Before each sample of the tracker: stores a copy of it every `COPY_INTERVAL` samples, except while shifted copies run."""
+        if self._origin is None or (len(self._samples) >= COPY_INTERVAL and not self._twins):
             self._origin = twin_of(tracker)
             self._samples, self._surprise = [], self._surprise[-RECENT:]
 

@@ -23,7 +23,7 @@ from stepper.sysid.data import COORDINATES, Episode
 from stepper.sysid.inertia import Array
 from stepper.sysid.parameters import READING, Block, Variants, split, write
 
-ROOM = 64 << 20
+MAX_PREDICTION_BYTES = 64 << 20
 """Largest size of the predictions of one call of `rollout`, bytes. Larger ones are split into several calls."""
 TOLERANCE = 1e-9
 """Default solver tolerance, m/s. It is small, because finite differences divide the solver's error by their step."""
@@ -272,7 +272,7 @@ class Simulator:
         for kind in range(kinds.max() + 1):
             mine = np.flatnonzero(kinds == kind)
             model = self.model.replace(**{name: array[mine[0]] for name, array in shared.items()}) if shared else self.model
-            for part in np.array_split(mine, max(1, -(-size * len(mine) // ROOM))):
+            for part in np.array_split(mine, max(1, -(-size * len(mine) // MAX_PREDICTION_BYTES))):
                 bad, all_ = self._roll(model, variants, part, group, starts=starts, out=out)
                 flagged, total = flagged + bad, total + all_
         return out, flagged, total

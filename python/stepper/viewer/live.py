@@ -23,7 +23,7 @@ SHOWN = 16
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4", "as fast as it can")
 SLIDERS = 12
 """Largest number of controls for which the folder of sliders is open initially."""
-_BEHIND = 0.25
+_MAX_LAG = 0.25
 """Largest lag behind real time that is caught up, s. A simulation that is too slow does not accumulate more."""
 
 
@@ -242,7 +242,7 @@ class View:
         if self._speed.value == SPEEDS[-1]:
             self._clock = clock
             return
-        self._clock = max(self._clock + passed / float(self._speed.value), clock - _BEHIND)
+        self._clock = max(self._clock + passed / float(self._speed.value), clock - _MAX_LAG)
         if self._clock > clock:
             time.sleep(self._clock - clock)
 

@@ -171,6 +171,7 @@ class Window:
         self._pulls = server.scene.add_arrows("/scene/pull", np.zeros((1, 2, 3), np.float32), _PULL_COLOUR, **arrow)
 
     def _add(self, k: int, part: Part, place: Array, quat: Array, scale: Array) -> Any:
+        """Adds the instances of a part to the scene of the browser, and returns their handle."""
         colours = np.round(255 * np.tile(part.rgba, (self.count, 1))).astype(np.uint8)
         return self.server.scene.add_batched_meshes_simple(
             f"/scene/{k} {part.name}", part.mesh.vertices, part.mesh.faces, quat, place,
@@ -220,6 +221,7 @@ class Window:
                 control.on_update(lambda _: self._draw())
 
     def _move(self, spacing: float) -> None:
+        """Sets the distance between neighbouring environments, m, and draws the scene again."""
         self._spacing = spacing
         self._draw()
 

@@ -148,7 +148,7 @@ pub(crate) struct Derivation<R: Real> {
     wrenches: Vec<[R; 6]>,
     /// Workspace of mass matrices and similar quantities.
     dynamics: SmoothDynamics<R>,
-    /// Quantities of the present group that are already computed.
+    /// Intermediate results that are already computed for the current group of environments.
     cached: Cached,
     /// Values of the quantity.
     values: Vec<R>,

@@ -10,7 +10,7 @@ use stepper_real::Scalar;
 use crate::compile::{LaneModel, Params};
 use crate::model::{Model, ModelError, Variants};
 
-/// Numbers of one environment that differ from the compiled model, by their place in its parameters.
+/// Numbers of one environment that differ from the compiled model, with their indices in its parameters.
 pub type Differences = Vec<(u32, f64)>;
 
 /// Per-environment fields of the model, by name, (num_envs, numbers of the field) each.
@@ -29,7 +29,7 @@ impl Randomization {
         self.fields.iter().map(|(&name, values)| (name, &values[..]))
     }
 
-    /// Whether all environments have the model's numbers.
+    /// Whether no field differs between environments.
     pub fn is_empty(&self) -> bool {
         self.fields.is_empty()
     }
@@ -131,7 +131,7 @@ impl<S: Scalar> ParameterOverrides<S> {
         }
     }
 
-    /// Adds the places that are new.
+    /// Adds the places of parameters that differ from the shared ones for the first time.
     fn add_places(&mut self, shared: &Params<S>, groups: usize, lanes: usize, differences: &[Differences]) {
         let mut places: Vec<u32> = differences.iter().flatten().map(|d| d.0).chain(self.places.iter().copied()).collect();
         places.sort_unstable();

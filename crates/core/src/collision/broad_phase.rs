@@ -1,10 +1,10 @@
-//! Broad phase: which of the dynamic pairs of moving geoms are close to each other. For many loose bodies the list of all pairs would grow
-//! with their square.
+//! Broad phase: finds the dynamic pairs of moving geoms that are close to each other. For many free bodies, the list of all pairs would
+//! grow with the square of their number.
 //!
-//! Lane by lane, in scalar code, and stateless: the centres are sorted into cubes as wide as the largest two bounding balls together, so
-//! that whatever can touch is in neighbouring cubes (Ericson 2005, section 7.1). The cubes' keys are sorted, a row of cubes along z is a
-//! run of the sorted list, and the five rows that come after a cube's own are found by five pointers that only move forward. What is much
-//! larger or faster than the rest is compared with everything instead.
+//! The search is stateless, and runs lane by lane in scalar code. The centres are sorted into cubes whose width is twice the largest radius
+//! of a geom's ball. Geoms that can touch are therefore in neighbouring cubes (Ericson, 2005, section 7.1). The keys of the cubes are
+//! sorted, so that a row of cubes along z is a range of the sorted list. Pointers that only move forward find the rest of a cube's row and
+//! the four rows after it. Geoms that are much larger or faster than the others have no cube, and are compared with all geoms.
 
 use stepper_real::{Real, Scalar};
 
@@ -14,15 +14,15 @@ use crate::math::spatial::*;
 
 /// Bits of a coordinate of a cube in its key.
 const BITS: u32 = 21;
-/// Rows of cubes (dx, dy) that come after (0, 0).
+/// Offsets (dx, dy) of the neighbouring rows of cubes after (0, 0).
 const ROWS: [(i64, i64); 4] = [(0, 1), (1, -1), (1, 0), (1, 1)];
 
-/// A ball that holds a geom with all that it does within the step.
+/// Ball that contains a geom during the whole step.
 #[derive(Clone, Copy, Debug, Default)]
 struct Ball {
     centre: [f64; 3],
     radius: f64,
-    /// Its place among the members.
+    /// Index of the geom in the list of members.
     member: u32,
 }
 
@@ -33,12 +33,12 @@ pub(crate) struct Broad {
     cells: Vec<(u64, u32)>,
     without_cell: Vec<u32>,
     found: Vec<u64>,
-    /// Number of a pair in the compiled model, and the lanes (bits) in which it can touch; ascending.
+    /// Index of each pair in the compiled model, and the lanes (bits) in which it can touch; ascending.
     pub(crate) pairs: Vec<(u32, u32)>,
 }
 
 impl Broad {
-    /// Finds the pairs of the lanes in `alive`, from the centres of all geoms and how far each can get.
+    /// Finds the pairs that can touch in the lanes `alive`, from the centres of all geoms and the bounds of their displacements, m.
     pub(crate) fn find<R: Real>(
         &mut self,
         compiled: &LaneModel<R>,
@@ -57,7 +57,7 @@ impl Broad {
                 let centre = of_lane(&pos[g], lane);
                 let reach = (compiled.params.bounding_radius(g).lane(lane).to_f64() + member.margin)
                     + (displacement[g].lane(lane).to_f64() + slack.lane(lane).to_f64());
-                // A hair more than the exact test will ask for, also in single precision.
+                // Slightly more than the limit of the exact test, also in single precision.
                 let rounding = 1e-6 * (reach + centre.iter().map(|x| x.abs()).sum::<f64>());
                 Ball { centre, radius: reach + rounding, member: i }
             }));
@@ -89,7 +89,7 @@ impl Broad {
         let mut starts = [0; ROWS.len()];
         for e in 0..self.cells.len() {
             let (key, a) = self.cells[e];
-            // The rest of its own cube and the next along z.
+            // The rest of the same cube, and the next cube along z.
             self.visit_run(a, e + 1, key + 1, lane);
             for (start, (dx, dy)) in starts.iter_mut().zip(ROWS) {
                 let first = key.wrapping_add_signed((dx << (2 * BITS)) + (dy << BITS) - 1);
@@ -136,7 +136,7 @@ impl Broad {
     }
 }
 
-/// Offers `a` with every entry of the sorted list from `from` on whose key is at most `last`.
+/// Tests `a` with every entry of the sorted list from index `from` on whose key is at most `last`.
 fn visit(balls: &[Ball], cells: &[(u64, u32)], found: &mut Vec<u64>, a: u32, from: usize, last: u64, lane: u64) {
     for &(_, b) in cells[from..].iter().take_while(|c| c.0 <= last) {
         offer(balls, found, a, b, lane);
@@ -154,7 +154,8 @@ fn offer(balls: &[Ball], found: &mut Vec<u64>, a: u32, b: u32, lane: u64) {
     }
 }
 
-/// Cubes in the order of x, then y, then z. Beyond a million cubes from the origin they are all one, which costs time and misses nothing.
+/// Key of the cube at `x`, in the order of x, then y, then z. Beyond a million cubes from the origin, all cubes have the same key. This
+/// costs time and misses no pair.
 fn key(x: [f64; 3]) -> u64 {
     let half = 1_i64 << (BITS - 1);
     let place = |x: f64| ((x.floor() as i64).clamp(2 - half, half - 3) + half) as u64;

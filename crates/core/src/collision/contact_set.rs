@@ -40,7 +40,7 @@ impl ContactId {
 /// One slot: a contact in each lane that has so many.
 #[derive(Clone, Copy, Debug)]
 pub struct Slot<R> {
-    /// Geometry; the distance is measured from the pair's margin.
+    /// Point, normal and distance of the contact. The distance is the gap of the shapes minus the pair's margin, m.
     pub point: ContactPoint<R>,
     /// First tangent; the second is normal x tangent.
     pub tangent: V3<R>,

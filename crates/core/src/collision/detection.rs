@@ -1,4 +1,4 @@
-//! Where the colliding geoms are, which of their pairs are near one another, and the contacts of a pair.
+//! Poses of the colliding geoms, the pairs that can touch, and the contacts of a pair.
 
 use std::ops::Range;
 
@@ -16,13 +16,13 @@ use crate::compile::{CompiledPair, Kernel, LaneModel, ModelStructure};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 
-/// Where the colliding geoms are, which of them are near one another, and the search for their contacts.
+/// Poses of the colliding geoms, the pairs that can touch, and the search for their contacts.
 #[derive(Clone, Debug)]
 pub struct GeomPoses<R: Real> {
     pub(crate) placed: Placed<R>,
     /// Distance that gravity covers in a step, m.
     pub(crate) slack: R,
-    /// Listed pairs without the static ones, cut where the first geom or the margin changes.
+    /// Ranges of listed pairs with the same first geom and margin, without the static pairs.
     pub(crate) runs: Vec<Range<usize>>,
     /// Listed pairs that can touch, and the lanes (bits) in which they can; with one unused entry.
     pub(crate) near: Vec<(u32, u32)>,
@@ -30,7 +30,7 @@ pub struct GeomPoses<R: Real> {
     pub(crate) near_count: usize,
     pub(crate) broad: Broad,
     pub(crate) statics: StaticSearch<R>,
-    /// For every geom whether it moved far from the beginning of the step in any lane.
+    /// Whether each geom has moved far from the beginning of the step in any lane.
     fast: Vec<bool>,
     /// Dynamic pairs that can touch, with their numbers and lanes.
     pub(crate) dynamic: Vec<(usize, R::Mask, CompiledPair<R::Scalar>)>,
@@ -51,32 +51,32 @@ fn runs<S: Scalar>(compiled: &ModelStructure<S>) -> Vec<Range<usize>> {
     runs
 }
 
-/// Where the geoms are and how far they can get.
+/// Poses of the geoms, and bounds of their displacements.
 #[derive(Clone, Debug)]
 pub(crate) struct Placed<R: Real> {
     pub(crate) pos: Vec<V3<R>>,
-    /// Whole orientation; only its z axis is kept up where that is all that is read.
+    /// Orientation. Only the z axis is current for geoms of which nothing else is read.
     pub(crate) mat: Vec<M3<R>>,
-    /// Bound on the way of any point of the geom in two free steps, m.
+    /// Upper bound of the displacement of any point of the geom in two free steps, m.
     pub(crate) travel: Vec<R>,
-    /// Bound on the way of any point of the geom from the beginning of the step to where it is taken, m.
+    /// Upper bound of the displacement of any point of the geom from the beginning of the step to its evaluated pose, m.
     pub(crate) displacement: Vec<R>,
-    /// Which geoms went by half their thickness in any lane.
+    /// Whether each geom moved by half its thickness in any lane.
     pub(crate) fast: Vec<bool>,
-    /// Velocities of the links on that way.
+    /// Velocities of the links for `displacement`.
     pub(crate) displacing_velocity: Vec<V6<R>>,
-    /// Ball about the geom's origin that holds it in two free steps (centre, radius), of a plane only its way, m.
+    /// Bounding ball of the geom over two free steps: centre and radius, m. For a plane the radius is the bound of its displacement.
     pub(crate) balls: Vec<[R; 4]>,
     pub(crate) velocity: Vec<V6<R>>,
 }
 
-/// The narrow phase, and where it looks first.
+/// Narrow phase, with the results of the last step at which its searches start.
 #[derive(Clone, Debug)]
 pub(crate) struct Search {
     pub(crate) narrow: Narrow,
-    /// What the last step left: where a search begins, however often a step searches.
+    /// Results of the last step, at which every search of the step starts.
     pub(crate) known: SeparationCache,
-    /// What this one leaves.
+    /// Results of this step.
     pub(crate) found: SeparationCache,
 }
 
@@ -90,7 +90,7 @@ impl Search {
         }
     }
 
-    /// Exchanges what is known and what is found.
+    /// Makes the results of this step those of the last one.
     pub(crate) fn exchange(&mut self) {
         if !self.known.is_empty() {
             std::mem::swap(&mut self.known, &mut self.found);
@@ -99,7 +99,7 @@ impl Search {
 }
 
 impl<R: Real> GeomPoses<R> {
-    /// Workspace for a compiled model; geoms of the world are placed where the model has them.
+    /// Workspace for a compiled model. Geoms of the world have the poses of the model.
     pub fn new(compiled: &LaneModel<R>) -> Self {
         let placed = Placed::new(compiled);
         let mut poses = Self {
@@ -120,7 +120,7 @@ impl<R: Real> GeomPoses<R> {
         poses
     }
 
-    /// Takes what a group's last step left, and leaves what was found last: before a group's steps and after them.
+    /// Exchanges the results of the search with those of a group of environments, before and after the steps of the group.
     pub(crate) fn exchange(&mut self, separation_cache: &mut SeparationCache) {
         if !separation_cache.is_empty() {
             std::mem::swap(&mut self.search.found, separation_cache);
@@ -132,7 +132,7 @@ impl<R: Real> GeomPoses<R> {
         self.search.exchange();
     }
 
-    /// Places the geoms that are fixed to the world, where environments may have them elsewhere.
+    /// Updates the poses of geoms that are fixed to the world, which may differ between environments.
     pub(crate) fn update_static_poses(&mut self, compiled: &LaneModel<R>) {
         for (i, _) in compiled.geoms.iter().enumerate().filter(|(_, g)| g.frame == 0) {
             self.placed.place_static(compiled, i);
@@ -141,8 +141,9 @@ impl<R: Real> GeomPoses<R> {
     }
 
     /// Finds the pairs with static geoms whose boxes overlap in any of the lanes `alive`.
-    /// `travel` bounds the displacement of every geom, m. With `looks_back`, geoms that move far from the beginning of the step have all
-    /// pairs whose bounding balls overlap.
+    ///
+    /// `travel` bounds the displacement of every geom, m. With `looks_back`, all pairs whose bounding balls overlap are found for geoms
+    /// that have moved far from the beginning of the step.
     pub(crate) fn find_static(&mut self, compiled: &LaneModel<R>, alive: R::Mask, looks_back: bool, travel: impl Fn(&Placed<R>) -> &[R]) {
         if !compiled.static_pairs.is_empty() {
             let Self { placed, statics, slack, fast, .. } = self;
@@ -152,7 +153,7 @@ impl<R: Real> GeomPoses<R> {
                     #[inline(always)]
                     || {
                         for m in &compiled.static_pairs.moving {
-                            fast[m.geom] = statics.moves_too_far(compiled, m.geom, placed.displacement[m.geom]).and(alive).any();
+                            fast[m.geom] = statics.may_tunnel(compiled, m.geom, placed.displacement[m.geom]).and(alive).any();
                         }
                     },
                 );
@@ -175,7 +176,8 @@ impl<R: Real> GeomPoses<R> {
         self.near_count += listed.len();
     }
 
-    /// Finds the dynamic pairs that can touch in any of the lanes `alive`, with the static ones that [`GeomPoses::find_static`] found.
+    /// Finds the dynamic pairs that can touch in any of the lanes `alive`. They include the static pairs that [`GeomPoses::find_static`]
+    /// found.
     pub(crate) fn find_dynamic(&mut self, compiled: &LaneModel<R>, alive: R::Mask, travel: impl Fn(&Placed<R>) -> &[R]) {
         if let Some(dynamic_pairs) = &compiled.dynamic_pairs {
             let Self { placed, slack, broad, statics, .. } = self;
@@ -184,8 +186,10 @@ impl<R: Real> GeomPoses<R> {
         }
     }
 
-    /// Lists the pairs that can touch in any of the lanes `alive`, ascending. Most cannot, and a robot has hundreds: what the pairs of a
-    /// geom share is kept at hand, and nothing branches.
+    /// Lists the pairs that can touch in any of the lanes `alive`, ascending.
+    ///
+    /// A robot has hundreds of pairs, and most cannot touch. The loop therefore has no branches, and numbers that the pairs of a geom share
+    /// stay in registers.
     #[inline(always)]
     pub(crate) fn find_near(&mut self, compiled: &LaneModel<R>, alive: R::Mask) {
         let Self { placed: Placed { balls, mat, .. }, slack, runs, near, .. } = self;
@@ -222,7 +226,7 @@ impl<R: Real> Placed<R> {
         }
     }
 
-    /// Places the geoms that are not fixed to the world.
+    /// Updates the poses of geoms that are not fixed to the world.
     #[inline(always)]
     pub(crate) fn update_poses(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) {
         for &i in &compiled.moving_geoms {
@@ -240,7 +244,8 @@ impl<R: Real> Placed<R> {
         }
     }
 
-    /// Bounds on the ways of all geoms from where they are placed, with the velocity `v` of the joints; leaves the velocities of the links.
+    /// Updates the bounds of the displacements of all geoms from their poses in `time`, s, at the generalized velocity `v`. It also updates
+    /// the velocities of the links.
     #[inline(always)]
     pub(crate) fn update_travel(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
         kinematics.velocities(compiled, v, &mut self.velocity);
@@ -250,7 +255,7 @@ impl<R: Real> Placed<R> {
         }
     }
 
-    /// Updates the ball about a geom from its place and its way.
+    /// Updates the bounding ball of a geom from its position and the bound of its displacement.
     #[inline(always)]
     fn update_ball(&mut self, compiled: &LaneModel<R>, i: usize) {
         let way = self.travel[i];
@@ -259,7 +264,7 @@ impl<R: Real> Placed<R> {
         self.balls[i] = [x, y, z, radius];
     }
 
-    /// Lanes in which the balls about two geoms overlap.
+    /// Lanes in which the bounding balls of two geoms overlap.
     #[inline(always)]
     fn balls_touch(&self, pair: &CompiledPair<R::Scalar>, slack: R) -> R::Mask {
         let [[ax, ay, az, a], [bx, by, bz, b]] = pair.geoms.map(|g| self.balls[g]);
@@ -267,13 +272,14 @@ impl<R: Real> Placed<R> {
         dot(apart, apart).lt(reach * reach)
     }
 
-    /// Places a geom that is fixed to the world.
+    /// Updates the pose of a geom that is fixed to the world.
     fn place_static(&mut self, compiled: &LaneModel<R>, i: usize) {
         self.pos[i] = compiled.params.geom_pos(i);
         self.update_ball(compiled, i);
     }
 
-    /// Bounds on the ways of all geoms from the beginning of the step; leaves the velocities of the links on them.
+    /// Updates the bounds of the displacements of all geoms from the beginning of the step, `time` seconds ago. It also updates the
+    /// velocities of the links for them.
     #[inline(always)]
     pub(crate) fn update_lead(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
         kinematics.velocities(compiled, v, &mut self.displacing_velocity);
@@ -281,7 +287,8 @@ impl<R: Real> Placed<R> {
     }
 }
 
-/// Bound on the way of any point of each geom that is not fixed to the world, at the velocities of the links.
+/// Upper bound of the displacement of any point of each geom in `time` seconds at the velocities of the links. Geoms that are fixed to the
+/// world are left out.
 #[inline(always)]
 fn ways<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, pos: &[V3<R>], velocity: &[V6<R>], time: R, out: &mut [R]) {
     for &i in &compiled.moving_geoms {
@@ -292,7 +299,7 @@ fn ways<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, pos: &[V3<
             out[i] = (norm(velocity_at(&motion, arm)) + norm(angular(&motion)) * compiled.params.bounding_radius(i)) * time;
         } else {
             let motion = &kinematics.posed[g.frame - compiled.links.len() - 1];
-            // A plane has no bound: 0 * infinity must not become NaN.
+            // The bounding radius of a plane is infinite, and 0 * infinity must not become NaN.
             let spin = norm(angular(motion));
             let swing = R::select(spin.gt(R::zero()), spin * compiled.params.bounding_radius(i), R::zero());
             out[i] = (norm(velocity_at(motion, sub(pos[i], kinematics.pos[g.frame]))) + swing) * time;
@@ -300,7 +307,7 @@ fn ways<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, pos: &[V3<
     }
 }
 
-/// What gravity covers in a step, and a micrometre for scenes without it.
+/// Distance that gravity covers in a step, plus a micrometre for scenes without gravity, m.
 #[inline(always)]
 pub(crate) fn slack<R: Real>(compiled: &LaneModel<R>, h: R) -> R {
     norm(compiled.params.gravity()) * h * h + R::of(1e-6)
@@ -317,8 +324,8 @@ pub(crate) struct Scene<'a, R: Real> {
 }
 
 impl<R: Real> Scene<'_, R> {
-    /// Takes up the contacts of a pair in the lanes `near`; those of pairs in `packed` were found before. Returns the lanes
-    /// that are too far from the beginning of the step.
+    /// Adds the contacts of a pair in the lanes `near`. Contacts of pairs in `packed` were found before. Returns the lanes in which the
+    /// contacts are unreliable, because the geoms have moved too far since the beginning of the step.
     #[inline(always)]
     pub(crate) fn collide(
         &self,
@@ -332,7 +339,7 @@ impl<R: Real> Scene<'_, R> {
         if !self.take_packed(index, pair, near, packed, contacts) {
             self.test_pair(index, pair, near, search, contacts);
         }
-        if self.looks_ahead { self.moves_too_far(index, pair, near, &mut search.narrow, contacts) } else { R::Mask::splat(false) }
+        if self.looks_ahead { self.may_have_tunnelled(index, pair, near, &mut search.narrow, contacts) } else { R::Mask::splat(false) }
     }
 
     /// Lanes in which the bounding balls of a dynamic pair can meet within the step.
@@ -344,10 +351,12 @@ impl<R: Real> Scene<'_, R> {
         dot(apart, apart).lt(reach * reach)
     }
 
-    /// Lanes of `near` in which the contacts of a pair are unreliable at this time of the step. Since the beginning of the step, either
-    /// geom has moved farther than the tunnelling distance of the pair; and they overlap, may have passed each other, or hit a surface.
+    /// Lanes of `near` in which the contacts of a pair are unreliable at this time of the step.
+    ///
+    /// In these lanes, a geom has moved farther than the tunnelling distance of the pair since the beginning of the step. In addition, the
+    /// geoms overlap, may have passed each other, or hit a surface.
     #[inline(always)]
-    fn moves_too_far(
+    fn may_have_tunnelled(
         &self,
         index: usize,
         pair: &CompiledPair<R::Scalar>,
@@ -364,14 +373,14 @@ impl<R: Real> Scene<'_, R> {
         // Limbs that fly in the same direction have a small relative displacement.
         let way = self.way_past(a, b).min(self.way_past(b, a));
         let far = far.and(way.gt(distance));
-        // Geoms that are apart again have passed completely. A grazing hit is missed if the way inside the other geom is shorter than twice
-        // the tunnelling distance.
+        // Geoms that are apart again have passed completely. A grazing hit is missed if the path inside the other geom is shorter than
+        // twice the tunnelling distance.
         let most = (way - (distance + distance)).max(R::zero());
         let passed = self.gap(pair, far, most, narrow).lt(most);
         far.and(passed.or(self.hits_surface(index, pair, far, contacts)))
     }
 
-    /// Lower bound on the distance of a pair that is thin, in the lanes `lanes`, m. It is at most `most` for a surface.
+    /// Lower bound of the distance of a thin pair in the lanes `lanes`, m. For a surface it is at most `most`.
     #[inline(always)]
     pub(crate) fn gap(&self, pair: &CompiledPair<R::Scalar>, lanes: R::Mask, most: R, narrow: &mut Narrow) -> R {
         let [a, b] = pair.geoms;
@@ -382,8 +391,8 @@ impl<R: Real> Scene<'_, R> {
         }
     }
 
-    /// Bound on the way of any point of the geom `b`, as seen from `a`, from the beginning of the step, m. Neither is a plane, which has no
-    /// bound.
+    /// Upper bound of the displacement of any point of the geom `b` relative to `a` from the beginning of the step, m. Neither is a plane,
+    /// which has no bound.
     #[inline(always)]
     pub(crate) fn way_past(&self, a: usize, b: usize) -> R {
         let (there, here) = (
@@ -394,14 +403,14 @@ impl<R: Real> Scene<'_, R> {
         (norm(sub(there[1], here[1])) + spin * self.compiled.params.bounding_radius(b)) * self.look_ahead
     }
 
-    /// Motion of the second geom as seen from the first (angular, linear at the point `p`), with the velocities of the links.
+    /// Velocity of the second geom relative to the first: angular, and linear at the point `p`.
     #[inline(always)]
     pub(crate) fn relative_motion(&self, [a, b]: [usize; 2], p: V3<R>) -> [V3<R>; 2] {
         let ([wa, va], [wb, vb]) = (self.motion_at(&self.poses.velocity, a, p), self.motion_at(&self.poses.velocity, b, p));
         [sub(wb, wa), sub(vb, va)]
     }
 
-    /// Motion of a geom (angular, linear where it passes the point `p`) if the links have the velocities `links`.
+    /// Velocity of a geom, angular and linear at the point `p`, if the links have the velocities `links`.
     #[inline(always)]
     pub(crate) fn motion_at(&self, links: &[V6<R>], geom: usize, p: V3<R>) -> [V3<R>; 2] {
         let frame = self.compiled.geoms[geom].frame;

@@ -103,7 +103,7 @@ pub(super) fn gather<R: Real, const N: usize>(items: &[Item<R::Scalar>], of: imp
     )
 }
 
-/// Numbers of items side by side.
+/// A number of each item, one item per lane.
 #[inline(always)]
 pub(crate) fn gather_scalars<R: Real, I>(items: &[I], of: impl Fn(&I) -> R::Scalar) -> R {
     let mut row = [R::Scalar::ZERO; MAX_LANES];

@@ -1,5 +1,7 @@
-//! Distances of balls and capsules to static boxes along the motion of a step, for pairs that few lanes test: they share a register, as in
-//! [`PackedPairs`](crate::collision::packed_pairs::PackedPairs). The numbers are those of [`SweptPair`].
+//! Distances of balls and capsules to static boxes along the motion of a step, for pairs that are tested in few lanes.
+//!
+//! Several such pairs share a register, as in [`PackedPairs`](crate::collision::packed_pairs::PackedPairs). The numbers equal those of
+//! [`SweptPair`].
 
 use stepper_geometry::pairs::{ContactPoint, Cuboid, Segment, capsule_box, sphere_box};
 use stepper_real::{Mask, Real};
@@ -9,7 +11,8 @@ use crate::collision::swept_pair::{Gap, MAX_ROTATION, Path, SweptPair, Touch, fi
 use crate::compile::{CompiledPair, Kernel, LaneModel};
 use crate::math::spatial::*;
 
-/// Balls or capsules and static boxes side by side: one kernel, a pair and a lane each.
+/// Balls or capsules and static boxes of several pairs (items) with the same kernel. Each lane of the registers has one pair in one lane of
+/// the step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PackedSweep<R> {
     kernel: Kernel,
@@ -24,7 +27,7 @@ pub(crate) struct PackedSweep<R> {
     origin: V3<R>,
     turn: V3<R>,
     velocity: V3<R>,
-    /// Motion of the link, and the point that its linear part is of.
+    /// Velocity of the link, and the point to which its linear part belongs.
     motion: V6<R>,
     motion_origin: V3<R>,
     margin: R,
@@ -42,7 +45,7 @@ pub(crate) fn is_packed<R: Real>(compiled: &LaneModel<R>, pair: &CompiledPair<R:
 }
 
 impl<R: Real> PackedSweep<R> {
-    /// The first of some items along the motion of `swept`; all have one kernel. The pair of `path` does not count.
+    /// Packs the first `LANES` of some items, which have the same kernel, along the motion of `swept`. The pair of `path` is not used.
     #[inline(always)]
     pub(crate) fn new(swept: &SweptPair<R>, path: &Path<'_, R>, kernel: Kernel, items: &[Item<R::Scalar>]) -> Self {
         let Path { compiled, kinematics, start, .. } = *path;
@@ -124,7 +127,7 @@ impl<R: Real> PackedSweep<R> {
         }
     }
 
-    /// [`find_touch`] of the items `items`.
+    /// First touch of each of the items `items`, see [`find_touch`].
     #[inline(always)]
     pub(crate) fn find_touch(&self, gap: Gap<R>, items: R::Mask, tolerance: R) -> Touch<R> {
         let end = self.gap_at(self.time, items);
@@ -169,7 +172,7 @@ impl<R: Real> PackedSweep<R> {
         least
     }
 
-    /// Takes over a point of the items `items` where it can touch within the step and is nearer than `least`.
+    /// Replaces `least` by a contact point of the items `items`, where the point can touch within the step and is closer.
     #[inline(always)]
     fn take(&self, point: &ContactPoint<R>, items: R::Mask, travel: R, time: R, least: &mut Gap<R>) {
         let distance = point.distance - self.margin;

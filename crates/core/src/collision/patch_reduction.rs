@@ -1,12 +1,13 @@
-//! Contacts that others make redundant: of a flat patch, those at the corners carry all that it can carry.
+//! Removal of redundant contacts: in a flat contact area, the contacts at the corners can carry every load.
 //!
-//! Where two bodies touch by several geoms (a foot of seven capsules), their contacts with one normal and one coefficient of friction are a
-//! patch. Let the gap of a contact be at least what the gaps of others are, interpolated at its place. Then nothing that it could add is
-//! missing: its normal velocity is the same interpolation of theirs, so it does not close while they stay closed; and a force at it, within
-//! its friction cone, is the same combination of forces at them, within theirs, with the same moment. So a flat patch keeps the corners of
-//! its convex hull. Contacts off the plane of the corners stay.
+//! Two bodies may touch by several geoms (a foot of seven capsules). Their contacts with the same normal and coefficient of friction form a
+//! contact area. Let the gap of a contact be at least the gap that is interpolated from other contacts at its position. The contact is then
+//! redundant for two reasons. Its normal velocity is the same interpolation of theirs, so it does not close while they stay closed. And a
+//! force at it, within its friction cone, equals the same combination of forces at the others, within their cones, with the same moment. A
+//! flat contact area therefore keeps the corners of its convex hull. Contacts off the plane of the corners stay.
 //!
-//! How friction is shared in a patch that turns while it slips is left open by rigidity, with the contacts as without them.
+//! Rigid-body mechanics does not determine how friction is shared in an area that rotates while it slips, with or without the redundant
+//! contacts.
 
 use stepper_real::{Real, Scalar};
 
@@ -14,31 +15,31 @@ use crate::collision::contact_set::Contacts;
 use crate::compile::{ModelStructure, NO_PATCH};
 use crate::math::spatial::*;
 
-/// Number of contacts of a patch from which on some may be redundant: four may all be corners, and mostly are.
+/// Smallest number of contacts of an area in which redundant ones are searched for. Four contacts are usually all corners.
 const MIN_CONTACTS: usize = 5;
 
-/// Sine of the angle between normals below which they are one.
+/// Sine of the angle between two normals below which they count as equal.
 const PARALLEL: f64 = 1e-9;
 
-/// Distance from the plane of a patch, and from an edge of its hull, that is none, in sizes of the patch: 2 micrometres of a foot. Files
-/// have orientations of six digits, which tilt the capsules of one sole by 1e-6.
+/// Distance from the plane of a contact area, or from an edge of its hull, below which a contact is on it. It is relative to the size of
+/// the area: 2 micrometres for a foot. Files have orientations of six digits, which tilt the capsules of one sole by 1e-6.
 const FLAT: f64 = 1e-5;
 
 /// Workspace of the search for redundant contacts.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct PatchReduction {
-    /// Patch of every contact of a lane.
+    /// Number of the contact area of every contact of a lane.
     patches: Vec<u32>,
     points: Vec<Point>,
     hull: Vec<Point>,
     kept: Vec<bool>,
 }
 
-/// Contact of a patch.
+/// Contact of a contact area.
 #[derive(Clone, Copy, Debug)]
 struct Point {
     slot: usize,
-    /// Coordinates in the plane of the patch from its first contact, m.
+    /// Coordinates in the plane of the area, relative to its first contact, m.
     x: [f64; 2],
     /// Gap, m.
     gap: f64,
@@ -57,7 +58,7 @@ impl PatchReduction {
         }
     }
 
-    /// Clears the reduction, and makes it large enough for so many contacts: no later call allocates.
+    /// Clears the workspace, and reserves memory for `contacts` contacts, so that later calls do not allocate.
     fn clear(&mut self, contacts: usize) {
         let Self { patches, points, hull, kept } = self;
         patches.clear();
@@ -66,7 +67,7 @@ impl PatchReduction {
         kept.clear();
         patches.reserve(contacts);
         points.reserve(contacts);
-        // Both chains of the hull, and the point that each repeats.
+        // Both chains of the hull, and the point that they repeat.
         hull.reserve(2 * contacts + 1);
         kept.reserve(contacts);
     }
@@ -92,8 +93,8 @@ impl PatchReduction {
         }
     }
 
-    /// Gathers the contacts of a patch that have the normal and the friction of its contact `first`; they are in no patch any more. Returns
-    /// the size of the patch, m.
+    /// Gathers the contacts of the area number `patch` that have the normal and the friction of its contact `first`, and removes them from
+    /// the area. Returns the size of the gathered area, m.
     fn gather<R: Real>(&mut self, contacts: &Contacts<R>, l: usize, first: usize, patch: u32) -> f64 {
         let (origin, normal) = (of_lane(&contacts.data[first].point.pos, l), of_lane(&contacts.data[first].point.normal, l));
         let [_, a, b] = contact_frame(normal);
@@ -115,12 +116,12 @@ impl PatchReduction {
             size = size.max(x[0].abs()).max(x[1].abs());
             self.points.push(Point { slot: k, x, gap: slot.point.distance.lane(l).to_f64() });
         }
-        // Positions are rounded as numbers of the world.
+        // Positions have the rounding error of world coordinates.
         let place = origin.iter().fold(size, |most, x| most.max(x.abs()));
         size.max(place * 64.0 * R::Scalar::EPSILON.to_f64() / FLAT)
     }
 
-    /// Marks the redundant contacts of the patch of this size; returns whether there are any.
+    /// Marks the redundant contacts of the gathered area, whose size is `size`, m. Returns whether there are any.
     fn mark(&mut self, size: f64) -> bool {
         let Self { points, hull, kept, .. } = self;
         let flat = FLAT * size;
@@ -131,7 +132,7 @@ impl PatchReduction {
         }
         let mut redundant = false;
         for p in points.iter().filter(|p| hull.iter().all(|corner| corner.slot != p.slot)) {
-            // Outside of the hull by less than `flat`, or inside.
+            // The contact is inside the hull, or outside by less than `flat`.
             if p.gap >= plane.gap(p.x) - flat {
                 kept[p.slot] = false;
                 redundant = true;
@@ -141,14 +142,14 @@ impl PatchReduction {
     }
 }
 
-/// Gap as a linear function of the place in the plane.
+/// Gap as a linear function of the position in the plane.
 struct Plane {
     origin: Point,
     slope: [f64; 2],
 }
 
 impl Plane {
-    /// Plane through three corners of a hull that span it widely; none where the corners lie on a line.
+    /// Plane through three corners of a hull that are far apart; `None` if all corners are on a line.
     fn through(hull: &[Point], flat: f64) -> Option<Self> {
         let origin = *hull.first()?;
         let arm = |p: &Point| [p.x[0] - origin.x[0], p.x[1] - origin.x[1]];
@@ -171,8 +172,8 @@ impl Plane {
     }
 }
 
-/// Corners of the convex hull, left in `hull` (monotone chain, Andrew 1979). What is outside an edge by less than `flat` is no corner; of
-/// points at one place the one with the least gap counts.
+/// Finds the corners of the convex hull (monotone chain, Andrew, 1979). A point outside an edge by less than `flat` is not a corner. Of
+/// several points at one position, the one with the smallest gap counts.
 fn find_hull(points: &mut [Point], hull: &mut Vec<Point>, flat: f64) {
     let order = |p: &Point, q: &Point| p.x[0].total_cmp(&q.x[0]).then(p.x[1].total_cmp(&q.x[1])).then(p.gap.total_cmp(&q.gap));
     points.sort_unstable_by(|p, q| order(p, q).then(p.slot.cmp(&q.slot)));
@@ -185,14 +186,14 @@ fn find_hull(points: &mut [Point], hull: &mut Vec<Point>, flat: f64) {
             }
             hull.push(*p);
         }
-        // The last begins the other chain.
+        // The last point starts the other chain.
         hull.pop();
     };
     chain(&mut points.iter());
     chain(&mut points.iter().rev());
 }
 
-/// Whether `b` is to the right of the way from `a` to `c` by more than `flat`.
+/// Whether `b` is to the right of the line from `a` to `c` by more than `flat`.
 fn turns_left(a: &Point, b: &Point, c: &Point, flat: f64) -> bool {
     let (u, v) = ([c.x[0] - a.x[0], c.x[1] - a.x[1]], [b.x[0] - a.x[0], b.x[1] - a.x[1]]);
     v[0] * u[1] - v[1] * u[0] > flat * u[0].hypot(u[1])
@@ -203,7 +204,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Weights of three points whose mean is `x`; none where they lie on a line or `x` is outside by more than rounding.
+    /// Weights of three points whose mean is `x`; `None` if they are on a line, or if `x` is outside by more than rounding.
     fn weights([a, b, c]: [&Point; 3], x: [f64; 2]) -> Option<[f64; 3]> {
         let area = |p: [f64; 2], q: [f64; 2], r: [f64; 2]| (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
         let whole = area(a.x, b.x, c.x);
@@ -211,7 +212,7 @@ mod tests {
         (whole.abs() > 1e-9 && w.iter().all(|&w| w >= -2e-4)).then_some(w)
     }
 
-    /// Places on a coarse grid, so that some coincide and many lie on a line, with gaps on a plane but for some that are larger.
+    /// Positions on a coarse grid, so that some coincide and many are on a line. The gaps are on a plane, except for some that are larger.
     fn patch() -> impl Strategy<Value = (Vec<Point>, [f64; 2])> {
         let place = (0..6i32, 0..6i32, prop_oneof![3 => Just(0.0), 1 => 0.0..1e-3f64]);
         (prop::collection::vec(place, 5..16), prop::array::uniform2(-0.1..0.1f64)).prop_map(|(places, slope)| {
@@ -249,7 +250,7 @@ mod tests {
             let mut reduction = PatchReduction { points: flat.clone(), kept: vec![true; flat.len()], ..PatchReduction::default() };
             reduction.mark(0.2);
             let stay: Vec<&Point> = flat.iter().filter(|p| reduction.kept[p.slot]).collect();
-            // Unless all lie on a line, where the hull has no area and all stay.
+            // If all points are on a line, the hull has no area and all contacts stay.
             let spread = stay.iter().any(|p| stay.iter().any(|q| {
                 stay.iter().any(|r| ((q.x[0] - p.x[0]) * (r.x[1] - p.x[1]) - (q.x[1] - p.x[1]) * (r.x[0] - p.x[0])).abs() > 1e-9)
             }));

@@ -1,8 +1,8 @@
-//! What one step leaves to the next about hulls that are near one another: a normal, where the next search begins, and what parts them for
-//! a while.
+//! Results for pairs of hulls that one step stores for the next. They are the normal at which the next search starts, and a separating
+//! plane that is valid for a while.
 //!
-//! The cache saves time and changes no contact, see [`Reach::known`](stepper_geometry::Reach::known) and
-//! [`SeparatingPlane`]. Still it is state, so that a step is a function of its state whatever rounding does.
+//! The cache saves time and changes no contact, see [`Reach::known`](stepper_geometry::Reach::known) and [`SeparatingPlane`]. It belongs to
+//! the state nevertheless, so that rounding cannot make a step depend on anything else.
 
 use serde::{Deserialize, Serialize};
 use stepper_geometry::{SeparatingPlane, Solid};
@@ -11,30 +11,30 @@ use stepper_real::Scalar;
 use crate::compile::{Kernel, ModelStructure};
 use crate::math::lanes::{Target, each_of};
 
-/// Pairs of one environment of which something is kept, at most: the first that a step comes to.
+/// Largest number of pairs of one environment in the cache. These are the first ones that a step tests.
 const PLACES: usize = 16;
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Held {
-    /// Number of the pair in the compiled model.
+    /// Index of the pair in the compiled model.
     pair: u32,
     separating_plane: SeparatingPlane,
 }
 
 const NONE: Held = Held { pair: u32::MAX, separating_plane: SeparatingPlane::NONE };
 
-/// The normals of all lanes of a group.
+/// Separating planes of all lanes of a group.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SeparationCache {
-    /// Places of each lane.
+    /// Number of entries for each lane.
     places: usize,
-    /// How many of them are used, per lane.
+    /// Number of used entries of each lane.
     count: Vec<u32>,
     held: Vec<Held>,
 }
 
 impl SeparationCache {
-    /// Workspace for a number of lanes; none in a scene without pairs of hulls.
+    /// Cache for a number of lanes; without entries in a scene without pairs of hulls.
     pub fn new<S: Scalar>(compiled: &ModelStructure<S>, lanes: usize) -> Self {
         let is_hull = |g: usize| compiled.geoms[g].solid.as_ref().is_some_and(Solid::is_hull);
         let listed = compiled.pairs.iter().filter(|p| p.kernel == Kernel::Convex && p.geoms.iter().all(|&g| is_hull(g))).count();
@@ -56,13 +56,13 @@ impl SeparationCache {
         lane * self.places..lane * self.places + used
     }
 
-    /// What is known of a pair.
+    /// Separating plane of a pair, if the cache has it.
     #[inline(always)]
     pub(crate) fn of(&self, lane: usize, pair: usize) -> Option<&SeparatingPlane> {
         self.held[self.used(lane)].iter().find(|h| h.pair == pair as u32).map(|h| &h.separating_plane)
     }
 
-    /// Keeps what is known of a pair that nothing is kept of yet, while there is room.
+    /// Adds the separating plane of a pair that the cache does not have, unless the cache is full.
     #[inline(always)]
     pub(crate) fn keep(&mut self, lane: usize, pair: usize, separating_plane: &SeparatingPlane) {
         let next = self.used(lane);
@@ -72,27 +72,27 @@ impl SeparationCache {
         }
     }
 
-    /// Forgets all.
+    /// Removes the entries of all lanes.
     pub(crate) fn clear(&mut self) {
         if !self.is_empty() {
             (0..self.count.len()).for_each(|lane| self.forget(lane));
         }
     }
 
-    /// Forgets those of a lane.
+    /// Removes the entries of a lane.
     pub(crate) fn forget(&mut self, lane: usize) {
         if let Some(count) = self.count.get_mut(lane) {
             *count = 0;
         }
     }
 
-    /// Those of `n` lanes from `first` on.
+    /// Cache with the entries of `n` lanes from `first` on.
     pub(crate) fn part(&self, first: usize, n: usize) -> Self {
         let count = self.count.get(first..first + n).unwrap_or_default().to_vec();
         Self { places: self.places, count, held: self.held[first * self.places..(first + n) * self.places].to_vec() }
     }
 
-    /// Takes over those of `n` lanes of a part in some lanes.
+    /// Copies the entries of the `n` lanes of a part to some lanes.
     pub(crate) fn set_part(&mut self, to: Target, n: usize, part: &Self) {
         if self.places == 0 {
             return;
@@ -109,7 +109,7 @@ impl SeparationCache {
         }
     }
 
-    /// The same in one form only: what nobody can read is nothing.
+    /// Clears unused entries, so that equal caches have equal bytes.
     pub(crate) fn tidy(&mut self) {
         for lane in 0..self.count.len() {
             let end = self.used(lane).end;
@@ -117,13 +117,13 @@ impl SeparationCache {
         }
     }
 
-    /// Whether there is room for as many, and these are no more than there is room for.
+    /// Whether another cache has the same size, and neither has more used entries than its size.
     pub(crate) fn fits(&self, other: &Self) -> bool {
         let shape = |n: &Self| (n.places, n.count.len(), n.held.len());
         shape(self) == shape(other) && self.count.iter().chain(&other.count).all(|&n| n as usize <= self.places)
     }
 
-    /// Memory that it holds, bytes.
+    /// Allocated memory, bytes.
     pub(crate) fn bytes(&self) -> usize {
         size_of_val(&self.count[..]) + size_of_val(&self.held[..])
     }

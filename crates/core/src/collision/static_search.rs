@@ -12,26 +12,26 @@ use crate::compile::{LaneModel, Params, StaticPairs};
 use crate::math::lanes::{MAX_LANES, each_of};
 use crate::math::spatial::*;
 
-/// Rounding error of bounds, as a share of the coordinates and sizes that they are made of, also in single precision.
+/// Rounding error of bounds, relative to coordinates and sizes, also in single precision.
 const ROUNDING: f64 = 4e-6;
 
 /// Box along the axes of the world: lowest coordinates, then highest, m.
 type Bounds<T> = [T; 6];
 
-/// Boxes, and the pairs whose boxes overlap.
+/// Bounding boxes, and the pairs whose boxes overlap.
 #[derive(Clone, Debug)]
 pub(crate) struct StaticSearch<R: Real> {
     /// Bounds of the nodes of the tree.
     nodes: Vec<Bounds<R::Scalar>>,
     /// Bounds of each group of moving geoms.
     groups: Vec<Bounds<R>>,
-    /// Bounds of the moving geoms: for every lane and coordinate a row of all geoms.
+    /// Bounds of the moving geoms: a row of all geoms for every lane and coordinate.
     boxes: Vec<R::Scalar>,
     found: Vec<u64>,
-    /// Largest bounding radius of the static geoms, and their least inscribed one, m.
+    /// Largest bounding radius and smallest inscribed radius of the static geoms, m.
     largest: R::Scalar,
     thinnest: R::Scalar,
-    /// Number of a pair in the compiled model, and the lanes (bits) in which it can touch; ascending.
+    /// Index of each pair in the compiled model, and the lanes (bits) in which it can touch; ascending.
     pub(crate) pairs: Vec<(u32, u32)>,
 }
 
@@ -63,7 +63,7 @@ impl<R: Real> StaticSearch<R> {
         pairs.moving.len() + R::LANES
     }
 
-    /// Updates the bounds of the tree from the places and sizes of the static geoms.
+    /// Updates the bounds of the tree from the poses and sizes of the static geoms.
     pub(crate) fn update_tree(&mut self, compiled: &LaneModel<R>, pos: &[V3<R>], mat: &[M3<R>]) {
         let StaticPairs { fixed, nodes, .. } = &compiled.static_pairs;
         let params = &compiled.params;
@@ -85,9 +85,9 @@ impl<R: Real> StaticSearch<R> {
         }
     }
 
-    /// Lanes in which a geom moves so far, by `displacement` (m), that it may be through the thinnest static geom.
+    /// Lanes in which a geom that moves by `displacement`, m, may have passed through the thinnest static geom.
     #[inline(always)]
-    pub(crate) fn moves_too_far(&self, compiled: &LaneModel<R>, geom: usize, displacement: R) -> R::Mask {
+    pub(crate) fn may_tunnel(&self, compiled: &LaneModel<R>, geom: usize, displacement: R) -> R::Mask {
         displacement.gt(R::of(0.5) * (compiled.params.inscribed_radius(geom) + R::splat(self.thinnest)))
     }
 
@@ -110,7 +110,7 @@ impl<R: Real> StaticSearch<R> {
         self.merge_lanes();
     }
 
-    /// Boxes about the moving geoms and about each group of them.
+    /// Updates the boxes of the moving geoms and of each group of them.
     #[inline(always)]
     fn update_boxes(&mut self, compiled: &LaneModel<R>, (pos, mat): (&[V3<R>], &[M3<R>]), travel: impl Fn(usize) -> (R, bool)) {
         let StaticPairs { moving, groups, .. } = &compiled.static_pairs;
@@ -185,12 +185,12 @@ impl<R: Real> StaticSearch<R> {
         }
     }
 
-    /// The pairs that were found among the first `listed` pairs of the model.
+    /// Found pairs among the first `listed` pairs of the model.
     pub(crate) fn listed_pairs(&self, listed: usize) -> &[(u32, u32)] {
         &self.pairs[..self.count_listed(listed)]
     }
 
-    /// The pairs that were found among the others: dynamic pairs.
+    /// Found pairs after the first `listed` pairs of the model, which are dynamic pairs.
     pub(crate) fn dynamic_pairs(&self, listed: usize) -> &[(u32, u32)] {
         &self.pairs[self.count_listed(listed)..]
     }
@@ -200,7 +200,7 @@ impl<R: Real> StaticSearch<R> {
     }
 }
 
-/// Box about a geom that moves by `travel` at most, m.
+/// Bounding box of a geom that moves by at most `travel`, m.
 #[inline(always)]
 fn bounds<R: Real>(compiled: &LaneModel<R>, geom: usize, pos: V3<R>, mat: &M3<R>, travel: R) -> Bounds<R> {
     let solid = compiled.geoms[geom].solid.as_ref().expect("made for every geom of static pairs");
@@ -214,7 +214,7 @@ fn bounds<R: Real>(compiled: &LaneModel<R>, geom: usize, pos: V3<R>, mat: &M3<R>
     )
 }
 
-/// One lane of a box.
+/// Box of one lane.
 #[inline(always)]
 fn lane_of<R: Real>(own: &Bounds<R>, lane: usize) -> Bounds<R::Scalar> {
     let mut out = [R::Scalar::ZERO; 6];
@@ -224,7 +224,7 @@ fn lane_of<R: Real>(own: &Bounds<R>, lane: usize) -> Bounds<R::Scalar> {
     out
 }
 
-/// Box that holds that of every lane. All coordinates must be finite.
+/// Box that contains the boxes of all lanes. All coordinates must be finite.
 fn over_lanes<R: Real>(own: Bounds<R>) -> Bounds<R::Scalar> {
     let mut whole = own.map(|x| x.lane(0));
     for lane in 1..R::LANES {

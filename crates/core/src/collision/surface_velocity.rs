@@ -1,4 +1,4 @@
-//! Velocities of surfaces that no degree of freedom moves: conveyors, and bodies that the user moves.
+//! Velocities of surfaces that do not come from degrees of freedom: conveyors, and bodies that the user moves.
 
 use stepper_real::{Mask, Real};
 
@@ -7,8 +7,10 @@ use crate::compile::LaneModel;
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 
-/// Motion (angular, linear at the point) at contact `k` of the second surface against the first, as far as no degree of freedom makes it.
-/// A conveyor's is taken along the tangent plane and about the normal (MuJoCo's documentation of `surfacevel`).
+/// Velocity of the second surface relative to the first at contact `k` (angular, linear at the contact point), without the part from
+/// degrees of freedom.
+///
+/// The velocity of a conveyor counts along the tangent plane and around the normal (MuJoCo's documentation of `surfacevel`).
 #[inline(always)]
 pub fn motion<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> V6<R> {
     let (mut sum, point) = (zero(), &contacts.data[k].point);
@@ -42,7 +44,7 @@ pub fn motion<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, cont
     sum
 }
 
-/// Angular velocity that conveyors among a pair's geoms have of themselves, the second's against the first's, rad/s.
+/// Angular velocity of the second geom's conveyor relative to the first geom's, rad/s.
 #[inline(always)]
 pub fn spin<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, [a, b]: [usize; 2]) -> V3<R> {
     let mut sum = zero();

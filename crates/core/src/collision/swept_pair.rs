@@ -33,7 +33,7 @@ pub(crate) struct Path<'a, R: Real> {
     pub(crate) start: &'a Placed<R>,
     /// Duration of the path, s.
     pub(crate) time: R,
-    /// See [`super::detection::GeomPoses::slack`].
+    /// Distance that gravity covers in a step, m, see [`super::detection::GeomPoses::slack`].
     pub(crate) slack: R,
     /// Index of the pair in the compiled model.
     pub(crate) index: usize,
@@ -52,7 +52,7 @@ pub(crate) struct Gap<R> {
 /// Workspace of the narrow phase along paths.
 #[derive(Clone, Debug)]
 pub(crate) struct SweptPair<R: Real> {
-    /// Poses along the path. Only those of the tested pair are current.
+    /// Poses along the path. Only the poses of the tested pair are current.
     placed: Placed<R>,
     search: Search,
     contacts: Contacts<R>,
@@ -70,7 +70,7 @@ impl<R: Real> SweptPair<R> {
         kinematics.velocities(compiled, v, &mut self.placed.velocity);
     }
 
-    /// [`find_touch`] of the pair of a path.
+    /// Searches for the first touch of the pair of a path, by [`find_touch`].
     #[inline(always)]
     pub(crate) fn find_touch(&mut self, path: &Path<'_, R>, lanes: R::Mask, gap: Gap<R>, tolerance: R) -> Touch<R> {
         let end = self.gap_at(path, path.time, lanes);
@@ -153,7 +153,7 @@ impl<R: Real> SweptPair<R> {
 pub(crate) struct Touch<R: Real> {
     /// Lanes in which the pair touches.
     pub(crate) lanes: R::Mask,
-    /// A time at which it does, s.
+    /// A time at which the pair touches, s.
     pub(crate) time: R,
     /// Overlap at this time, m. Infinite where a body rotates too far for the search.
     pub(crate) overlap: R,

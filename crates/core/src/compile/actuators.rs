@@ -60,7 +60,7 @@ pub struct CompiledWrench<S> {
     pub turn: Option<S>,
     /// Dofs that move the site (1) or the reference (-1), but not both.
     pub dofs: Vec<(usize, S)>,
-    /// Offset of its arms among those of all wrenches. Its length has the index of the wrench.
+    /// Offset of its arms in the list of arms of all wrenches. Its length has the index of the wrench.
     pub arms: usize,
     /// Index among the wrenches.
     pub index: usize,

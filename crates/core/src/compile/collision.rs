@@ -72,9 +72,9 @@ impl<S> CompiledPair<S> {
 pub struct DynamicPairs<S> {
     /// Geoms of the group, ascending.
     pub members: Vec<Member>,
-    /// Places among the members of those that are not fixed to the world. Empty if the pairs of these are listed.
+    /// Indices of the members that are not fixed to the world. Empty if the pairs of these are listed.
     pub moving: Vec<u32>,
-    /// Radius of the largest ball about one of them, margin included, m.
+    /// Largest bounding radius of a member plus its margin, m.
     pub widest: f64,
     /// Number of the first dynamic pair; the pairs before it are listed.
     first: usize,

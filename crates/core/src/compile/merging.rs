@@ -6,7 +6,7 @@ use stepper_real::Scalar;
 use crate::compile::tree::{CompiledBody, CompiledJoint, CompiledMocap, Descendant, Dof, Link, scalars};
 use crate::model::{JointKind, Model, simple_bodies};
 
-/// Frame to which every body is fixed, and its place in the frame.
+/// Frame to which every body is fixed, and its pose in the frame.
 #[derive(Clone, Debug)]
 pub(crate) struct Merged {
     pub(crate) frame: Vec<usize>,

@@ -185,7 +185,7 @@ impl<T: Copy> Params<T> {
         self.numbers.is_empty()
     }
 
-    /// All numbers, by their place.
+    /// All numbers, in the order of the tables.
     pub fn numbers(&self) -> &[T] {
         &self.numbers
     }

@@ -75,7 +75,7 @@ pub struct GravityCompensation {
 pub struct CompiledSurface<S> {
     /// Index of the geom in the compiled model.
     pub geom: usize,
-    /// Mocap body that carries it, by its place among the compiled model's.
+    /// Index of the mocap body that carries the surface, in the compiled model.
     pub mocap: Option<usize>,
     /// Velocity of a moving surface in the frame's axes (m/s at the geom's origin, rad/s); `None` for one at rest.
     pub own: Option<[[S; 3]; 2]>,

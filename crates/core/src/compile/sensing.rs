@@ -188,9 +188,9 @@ pub enum Read<S> {
     ActuatorLength(usize),
     /// Rate of the length of an actuator.
     ActuatorRate(usize),
-    /// Overlap of a sum of coefficient q with the nearer end of its range.
+    /// Violation of the nearer end of the range of a sum of coefficients times q.
     LimitPos(Vec<(usize, S)>, Bounds<S>),
-    /// Rate of a limit: the same in v.
+    /// Rate of the violation of a limit.
     LimitVel([Vec<(usize, S)>; 2], Bounds<S>),
     /// Impulse of a limit, by its index in the compiled model.
     LimitForce(usize),
@@ -206,7 +206,7 @@ pub enum Read<S> {
     Gyro(SensorFrame<S>),
     /// Linear acceleration less gravity in the sensor's frame.
     Accelerometer(SensorFrame<S>),
-    /// Force of the parent on a subtree, by its number among those that are read.
+    /// Force of the parent on a subtree, by its index among the subtree forces that sensors read.
     Force(usize),
     /// Torque of the parent on a subtree.
     Torque(usize),

@@ -84,10 +84,10 @@ pub struct CompiledSoftness<S> {
     pub order: Vec<u32>,
 }
 
-/// Inputs of a soft law besides its softness.
+/// Parameters of soft laws that do not depend on the constraint.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LawMaker {
-    /// Least time constant, s.
+    /// Smallest time constant, s.
     pub(super) least_time: f64,
     /// Time step, s.
     pub(super) timestep: f64,
@@ -256,8 +256,8 @@ impl LawMaker {
 
     /// Spring and damper along the normal, evaluated at the end of the step by Euler's implicit rule.
     ///
-    /// f = -K (r + h v+) - D v+ is R f = a_ref - a with R = 1 / (h (h K + D)) and a_ref = -v/h - K r R. An impedance of 1/2 makes R the
-    /// weight.
+    /// f = -K (r + h v+) - D v+ is R f = a_ref - a with R = 1 / (h (h K + D)) and a_ref = -v/h - K r R. With an impedance of 1/2, the
+    /// regularisation R equals the inverse weight of the row.
     fn spring_contact<S: Scalar>(self, pair: &GeomPair) -> SoftContactLaw<S> {
         let (ContactSpring { stiffness, damping }, h) = (pair.spring, self.timestep);
         let weight = 1.0 / (h * (h * stiffness + damping));

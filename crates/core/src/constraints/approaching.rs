@@ -112,7 +112,7 @@ impl<R: Real> ConstraintProblem<R> {
 
     /// Activates the deferred contacts of colliding pairs in the lanes `lanes`.
     ///
-    /// `lanes_of` returns the lanes in which a pair collides, and those of them in which [`Self::defer_doubtful`] defers it again.
+    /// `lanes_of` returns the lanes in which a pair collides, and the ones of these in which [`Self::defer_doubtful`] defers it again.
     pub(crate) fn activate(
         &mut self,
         velocity: &mut VelocitySolution<R>,

@@ -1,4 +1,4 @@
-//! Change of a contact's velocity as its place moves.
+//! Change of a contact's velocity due to the motion of its position.
 //!
 //! The midpoint rule evaluates its rows in the middle of the step, but their target is a velocity at the end, `time_after` seconds later.
 //! There

@@ -42,7 +42,8 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// Finds the eliminated equalities that share a degree of freedom with the bits of `words`, and adds their support.
+    /// Finds the eliminated equalities that share a degree of freedom with the set in `words`, a bit for each degree of freedom, and adds
+    /// their support.
     #[inline(always)]
     pub(crate) fn find_coupled(&mut self, problem: &ConstraintProblem<R>, compiled: &LaneModel<R>) {
         self.coupled.clear();

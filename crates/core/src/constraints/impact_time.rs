@@ -19,13 +19,13 @@ use crate::tuning::END_TOLERANCE;
 /// Flight of a contact through a step.
 #[derive(Clone, Copy, Debug)]
 pub struct Flight<R> {
-    /// Gap at the evaluation point, m.
+    /// Gap at the time at which the step evaluates it, m.
     pub gap: R,
     /// Normal velocity before the step, m/s; negative where the gap closes.
     pub before: R,
     /// Normal velocity after the step without constraints, m/s.
     pub free: R,
-    /// Time of the evaluation after the beginning of the step, s.
+    /// Time at which the step evaluates the gap, from the beginning of the step, s.
     pub time_before: R,
     /// Time step, s.
     pub h: R,

@@ -169,9 +169,9 @@ impl<R: Real> ConstraintProblem<R> {
         );
     }
 
-    /// Adds a change of the velocity before the impacts to the targets.
+    /// Updates the targets after a change of the velocity before the impacts.
     ///
-    /// `change` is the change of the velocity after the step that it would cause without impacts. Overwrites `change`.
+    /// `change` is the corresponding change of the velocity after the step without impacts. It is overwritten.
     pub fn shift_before_impacts(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, change: &mut [R], lanes: R::Mask) {
         if !self.resolves_impacts {
             return;
@@ -272,7 +272,7 @@ pub(crate) struct ImpactStep<'a, R: Real> {
     pub(crate) contacts: &'a Contacts<R>,
     /// Free velocity, nv.
     pub(crate) free: &'a [R],
-    /// Overlap that is no error, m.
+    /// Overlap that is not corrected, m.
     pub(crate) slop: f64,
     /// Time step, s.
     pub(crate) h: R,
@@ -445,7 +445,7 @@ fn after_impact<R: Real>(normal_factor: R, time_fraction: R) -> R {
     normal_factor * time_fraction - R::one()
 }
 
-/// Weight of a velocity change before the impact, given as the change of the velocity after the step.
+/// Weight of a velocity change that acts before an impact. The change is given as that of the velocity after the step.
 #[inline(always)]
 fn before_impact<R: Real>(normal_factor: R, time_fraction: R) -> R {
     normal_factor * time_fraction

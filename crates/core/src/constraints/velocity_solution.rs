@@ -31,7 +31,7 @@ pub struct VelocitySolution<R: Real> {
     pub(crate) capture: Capture,
 }
 
-/// Request for the problem of a lane as the next solve of stage 5 finds it, and the answer.
+/// Request to save the constraint problem of a lane at the next solve of stage 5, and the saved problem.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Capture {
     /// Lane to save; none once it is saved.

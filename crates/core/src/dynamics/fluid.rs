@@ -161,7 +161,7 @@ fn turned<R: Real>(d: V3<R>, x: &M3<R>) -> M3<R> {
     )
 }
 
-/// Wrench against a motion.
+/// Wrench of the drag at a velocity, which points against it.
 #[inline(always)]
 fn apply<R: Real>([spin, lever, slide]: &[M3<R>; 3], motion: &V6<R>) -> V6<R> {
     let (w, v) = (angular(motion), linear(motion));

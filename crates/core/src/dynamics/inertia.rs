@@ -238,9 +238,9 @@ impl<R: Real> MassMatrix<R> {
         scaled.iter().fold(R::zero(), |sum, v| sum + v.square()) * R::of(0.5)
     }
 
-    /// Sum over the degrees of freedom of the kinetic energy if that one alone moves with `speed`, J.
+    /// Kinetic energy scale of a speed, J: sum over the degrees of freedom of D speed^2 / 2.
     ///
-    /// Its descendants are free to follow, so that its inertia is the entry of D.
+    /// The entry of D is the inertia of a degree of freedom whose descendants move freely.
     #[inline(always)]
     pub fn energy_at(&self, speed: R) -> R {
         let mut inertia = R::zero();

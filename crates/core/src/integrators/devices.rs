@@ -9,7 +9,7 @@ use crate::sensing::memory::Memory;
 /// Device models of one group of environments.
 #[derive(Debug)]
 pub struct Devices<'a, S> {
-    /// Number of the group among those of the batch.
+    /// Index of the group in the batch.
     pub(crate) group: usize,
     /// Actuator pipelines between controls and forces; none without an actuator model.
     pub(crate) actuators: Option<ActuatorDevices<'a, S>>,

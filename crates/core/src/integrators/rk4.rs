@@ -75,7 +75,7 @@ impl<R: Real> Rk4<R> {
         self.go(compiled, state, h * R::of(1.0 / 6.0));
     }
 
-    /// sum += weight * rate
+    /// Adds `weight * rate` to `sum`.
     fn accumulate(&mut self, weight: R) {
         R::vectorize(
             #[inline(always)]

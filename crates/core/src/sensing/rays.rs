@@ -134,7 +134,7 @@ fn cuboid<R: Real>(half: V3<R>, o: V3<R>, d: V3<R>) -> R {
     t
 }
 
-/// Lanes in which a point, in the shape's frame, is inside.
+/// Lanes in which the point `p`, in the shape's frame, is inside the shape.
 pub(super) fn holds<R: Real>(form: Form, size: V3<R>, p: V3<R>) -> R::Mask {
     R::vectorize(
         #[inline(always)]

@@ -47,7 +47,7 @@ impl Contact {
     }
 }
 
-/// Volume at its pose.
+/// Volume of a site, with its pose in the world.
 struct Volume<R: Real> {
     origin: V3<R>,
     axes: M3<R>,

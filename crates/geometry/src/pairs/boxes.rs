@@ -14,7 +14,7 @@ use crate::pairs::Segment;
 /// A box.
 #[derive(Clone, Copy, Debug)]
 pub struct Cuboid<R> {
-    /// m
+    /// Centre, m.
     pub centre: V3<R>,
     /// Its axes are the columns.
     pub mat: M3<R>,
@@ -153,7 +153,8 @@ impl<R: Real> Line<R> {
         (sizes + self.half) * R::splat(R::Scalar::EPSILON) * R::of(64.0)
     }
 
-    /// The parameters at which the line enters and leaves the slab of axis `k`; all or nothing where it runs along the slab.
+    /// Parameters at which the line enters and leaves the slab of axis `k`. A line parallel to the slab is inside for all parameters or for
+    /// none.
     #[inline(always)]
     fn slab(&self, cuboid: &Cuboid<R>, k: usize) -> [R; 2] {
         let (p, d, s) = (self.p[k], self.d[k], cuboid.half[k]);
@@ -171,7 +172,8 @@ impl<R: Real> Line<R> {
         dot(self.d, cuboid.beyond(self.at(t)))
     }
 
-    /// The parameter of the least distance; an end of them, if there are many.
+    /// Parameter of the point of the line that is closest to the box; where several are equally close, the parameter at an end of their
+    /// interval.
     #[inline(always)]
     fn closest(&self, cuboid: &Cuboid<R>) -> R {
         let (mut lo, mut hi) = (-self.half, self.half);

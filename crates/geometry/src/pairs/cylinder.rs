@@ -1,4 +1,4 @@
-//! Cylinders against a half space and a ball.
+//! Contacts of cylinders with a half space and with a ball.
 
 use stepper_real::Real;
 
@@ -6,34 +6,36 @@ use crate::linear_algebra::*;
 use crate::pairs::ContactPoint;
 use crate::pairs::plane_sphere;
 
-/// A cylinder about its z axis.
+/// Cylinder around its z axis.
 #[derive(Clone, Copy, Debug)]
 pub struct Cylinder<R> {
-    /// m
+    /// Centre, m.
     pub centre: V3<R>,
-    /// Its axes are the columns.
+    /// Orientation. The columns are the cylinder's axes.
     pub mat: M3<R>,
-    /// m
+    /// Radius, m.
     pub radius: R,
-    /// m
+    /// Half the length, m.
     pub half_length: R,
 }
 
-/// The points of a cylinder's rims that can touch a half space with outward normal `normal`: on each cap the lowest, and those at right
-/// angles to it and opposite. Lying, it touches with the lowest of both caps; standing, with all four of one. MuJoCo's `mjc_PlaneCylinder`
-/// has the lowest two and a triangle.
+/// Points of a cylinder's rims that can touch a half space with the outward normal `normal`. On each end face they are the lowest point,
+/// the opposite point, and the two points halfway between them.
 ///
-/// `tip` is how the normal turns as seen from the cylinder within the step, n x omega h. Where that is more than the cylinder leans, the
-/// lowest point is the one that it tips to: so it tips over its rim, and not over a chord.
+/// A lying cylinder touches with the lowest point of both end faces, a standing one with all four points of one end face. MuJoCo's
+/// `mjc_PlaneCylinder` has the lowest two points and a triangle.
 ///
-/// Point k is at `k % 4` quarter turns from the lowest, on the cap at +z for k < 4.
+/// `tip` is the change of the normal in the frame of the cylinder within the step, n x omega h. If it exceeds the cylinder's tilt, the
+/// lowest point is the one toward which the cylinder tips. It therefore tips over its rim, and not over a line between two points.
+///
+/// Point k is at `k % 4` quarter turns from the lowest one, on the end face at +z for k < 4.
 #[inline(always)]
 pub fn cylinder_rims<R: Real>(normal: V3<R>, tip: V3<R>, cylinder: &Cylinder<R>) -> [V3<R>; 8] {
     let axis = column(&cylinder.mat, 2);
     let (leans, tips) = (sub(scale(axis, dot(normal, axis)), normal), sub(scale(axis, dot(tip, axis)), tip));
     let down = select(dot(leans, leans).lt(dot(tips, tips)), add(leans, tips), leans);
     let length = norm(down);
-    // Standing to a millionth: any direction is as low, and one fixed to the body keeps the points where they are.
+    // With a tilt below a millionth, all directions are equally low. One that is fixed to the body keeps the points in place.
     let some = length.gt(R::of(1e-6));
     let lowest = select(some, scale(down, R::one() / R::select(some, length, R::one())), column(&cylinder.mat, 0));
     let (lowest, side) = (scale(lowest, cylinder.radius), scale(cross(axis, lowest), cylinder.radius));
@@ -51,16 +53,16 @@ pub fn cylinder_rims<R: Real>(normal: V3<R>, tip: V3<R>, cylinder: &Cylinder<R>)
     )
 }
 
-/// The half space below `origin` and a point of a cylinder's rim.
+/// Contact of the half space below `origin` and a point of a cylinder's rim.
 #[inline(always)]
 pub fn plane_point<R: Real>(origin: V3<R>, normal: V3<R>, point: V3<R>) -> ContactPoint<R> {
     plane_sphere(origin, normal, point, R::zero())
 }
 
-/// A ball and a cylinder.
+/// Contact of a ball and a cylinder.
 ///
-/// In the half plane through the axis and the ball's centre the cylinder is a rectangle; outside, the nearest point is the centre clamped
-/// to it, inside, the nearer of side and cap.
+/// In the half plane through the axis and the ball's centre, the cylinder is a rectangle. For a centre outside, the closest point is the
+/// centre clamped to the rectangle. For a centre inside, it is on the side or the end face, whichever is closer.
 #[inline(always)]
 pub fn sphere_cylinder<R: Real>(centre: V3<R>, radius: R, cylinder: &Cylinder<R>) -> ContactPoint<R> {
     let x = rotate_back(&cylinder.mat, sub(centre, cylinder.centre));

@@ -1,23 +1,24 @@
-//! Ellipsoids against a half space and a ball.
+//! Contacts of ellipsoids with a half space and with a ball.
 
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::linear_algebra::*;
 use crate::pairs::ContactPoint;
 
-/// An ellipsoid.
+/// Ellipsoid.
 #[derive(Clone, Copy, Debug)]
 pub struct Ellipsoid<R> {
-    /// m
+    /// Centre, m.
     pub centre: V3<R>,
-    /// Its axes are the columns.
+    /// Orientation. The columns are the ellipsoid's axes.
     pub mat: M3<R>,
-    /// Half axes, m.
+    /// Semi-axes, m.
     pub radii: V3<R>,
 }
 
-/// The half space below `origin` with outward normal `normal`, and the point of the ellipsoid that is farthest against the normal: with
-/// m = A R^T n it is c - R A m / |m|, and |m| deep below the centre.
+/// Contact of the half space below `origin` with the outward normal `normal` and the lowest point of an ellipsoid.
+///
+/// With m = A R^T n, the lowest point is c - R A m / |m|. It is |m| below the centre c.
 #[inline(always)]
 pub fn plane_ellipsoid<R: Real>(origin: V3<R>, normal: V3<R>, ellipsoid: &Ellipsoid<R>) -> ContactPoint<R> {
     let n = rotate_back(&ellipsoid.mat, normal);
@@ -29,21 +30,23 @@ pub fn plane_ellipsoid<R: Real>(origin: V3<R>, normal: V3<R>, ellipsoid: &Ellips
     ContactPoint { distance, pos, normal }
 }
 
-/// Newton steps at the most: enough for half axes of a ratio of 200, from anywhere; four or five are usual.
+/// Largest number of Newton steps. It suffices for semi-axes with a ratio of 200 and any position. Four or five are usual.
 const STEPS: usize = 14;
 
-/// A ball and an ellipsoid.
+/// Contact of a ball and an ellipsoid.
 ///
-/// The point x of the surface nearest to the centre y has y - x along the gradient: with half axes e, x = e^2 y / (t + e^2), and t is the
-/// largest root of |q(t)| = 1, q = e y / (t + e^2) (Eberly, *Distance from a Point to an Ellipse, an Ellipsoid, or a Hyperellipsoid*,
-/// 2013). 1 / |q| is nearly linear in t, and Newton's method on it ascends to the root from where one entry of q is 1 (Conn, Gould, Toint,
-/// *Trust-Region Methods*, 2000, section 7.3.3). Inside, that is the nearest way out.
+/// Let y be the centre of the ball and x the closest point of the surface. The vector y - x is along the gradient at x, so that with the
+/// semi-axes e, x = e^2 y / (t + e^2). Here t is the largest root of |q(t)| = 1 with q = e y / (t + e^2) (Eberly, *Distance from a Point to
+/// an Ellipse, an Ellipsoid, or a Hyperellipsoid*, 2013). The function 1 / |q| is nearly linear in t. Newton's method on it starts where
+/// one entry of q is 1, and ascends to the root (Conn, Gould, Toint, *Trust-Region Methods*, 2000, section 7.3.3). For a centre inside the
+/// ellipsoid, the result is the direction of the smallest depth.
 #[inline(always)]
 pub fn sphere_ellipsoid<R: Real>(centre: V3<R>, radius: R, ellipsoid: &Ellipsoid<R>) -> ContactPoint<R> {
     let (e, one, epsilon) = (ellipsoid.radii, R::one(), R::splat(R::Scalar::EPSILON) * R::of(4.0));
     let y = rotate_back(&ellipsoid.mat, sub(centre, ellipsoid.centre));
     let least = e[0].min(e[1]).min(e[2]);
-    // With s = t + least^2, t + e^2 = s + more. On a plane of symmetry one side is as good as the other: take that of the sign.
+    // With s = t + least^2, t + e^2 = s + more. On a plane of symmetry both sides are equally close, and the sign of the coordinate (+0 or
+    // -0) decides.
     let (mut more, mut off): (V3<R>, V3<R>) = (zero(), zero());
     let mut s = R::zero();
     for k in 0..3 {
@@ -69,7 +72,7 @@ pub fn sphere_ellipsoid<R: Real>(centre: V3<R>, radius: R, ellipsoid: &Ellipsoid
     }
     let u = [off[0] / (s + more[0]), off[1] / (s + more[1]), off[2] / (s + more[2])];
     let u = scale(u, one / norm(u));
-    // The room along u, which errs by the square of what u does.
+    // Gap along u. Its error is quadratic in the error of u.
     let distance = dot(u, y) - norm(times(e, u)) - radius;
     let u = rotate(&ellipsoid.mat, u);
     let pos = add_scaled(centre, u, -(radius + distance * R::of(0.5)));

@@ -1,11 +1,11 @@
-//! A half space against a ball, and against the corners of a box.
+//! Contacts of a half space with a ball, and with the corners of a box.
 
 use stepper_real::Real;
 
 use crate::linear_algebra::*;
 use crate::pairs::ContactPoint;
 
-/// The half space below `origin` with outward normal `normal`, and a ball.
+/// Contact of the half space below `origin` with the outward normal `normal` and a ball.
 #[inline(always)]
 pub fn plane_sphere<R: Real>(origin: V3<R>, normal: V3<R>, centre: V3<R>, radius: R) -> ContactPoint<R> {
     let distance = dot(normal, sub(centre, origin)) - radius;
@@ -13,7 +13,7 @@ pub fn plane_sphere<R: Real>(origin: V3<R>, normal: V3<R>, centre: V3<R>, radius
     ContactPoint { distance, pos, normal }
 }
 
-/// The half space and the corner of a box whose signs are the bits of `corner`.
+/// Contact of a half space and a corner of a box. Bit k of `corner` is 1 if the corner is on the positive side of axis k.
 #[inline(always)]
 pub fn plane_box<R: Real>(origin: V3<R>, normal: V3<R>, centre: V3<R>, mat: &M3<R>, half: V3<R>, corner: usize) -> ContactPoint<R> {
     let sign = |k: usize| if corner >> k & 1 == 1 { half[k] } else { -half[k] };

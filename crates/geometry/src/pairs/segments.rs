@@ -1,20 +1,20 @@
-//! Capsules among themselves, a ball being a capsule without length.
+//! Contacts of two capsules. A ball is a capsule without length.
 
 use stepper_real::{Mask, Real};
 
 use crate::linear_algebra::*;
 use crate::pairs::ContactPoint;
 
-/// A capsule: the points within `radius` of a segment.
+/// Capsule: the points within `radius` of a segment.
 #[derive(Clone, Copy, Debug)]
 pub struct Segment<R> {
-    /// Middle of the segment, m.
+    /// Centre of the segment, m.
     pub centre: V3<R>,
-    /// Unit direction.
+    /// Unit vector along the segment.
     pub axis: V3<R>,
-    /// m
+    /// Half the length, m.
     pub half_length: R,
-    /// m
+    /// Radius, m.
     pub radius: R,
 }
 
@@ -25,10 +25,10 @@ impl<R: Real> Segment<R> {
     }
 }
 
-/// The contact at the closest points of two capsules; where they are parallel, the contacts at both ends of their overlap. The mask says
-/// where the second one exists.
+/// Contacts of two capsules: one at their closest points, or two at the ends of the overlapping part of parallel capsules. The mask has the
+/// lanes with a second contact.
 ///
-/// Closest points of segments by clamping each parameter in turn (Ericson 2005, section 5.1.9).
+/// The closest points of the segments are found by clamping each parameter in turn (Ericson, 2005, section 5.1.9).
 #[inline(always)]
 pub fn segments<R: Real>(a: &Segment<R>, b: &Segment<R>) -> ([ContactPoint<R>; 2], R::Mask) {
     let one = R::one();
@@ -36,14 +36,14 @@ pub fn segments<R: Real>(a: &Segment<R>, b: &Segment<R>) -> ([ContactPoint<R>; 2
     let cos = dot(a.axis, b.axis);
     let (ra, rb) = (dot(r, a.axis), dot(r, b.axis));
     let determinant = one - cos * cos;
-    // Below this the closest point is ill-defined to more than a thousandth of the length: sin of 0.06 degrees, squared.
+    // Squared sine of 0.06 degrees. At smaller angles the error of the closest point exceeds a thousandth of the length.
     let parallel = determinant.lt(R::of(1e-6));
 
     let xa = ((ra - cos * rb) / R::select(parallel, one, determinant)).clamp(-a.half_length, a.half_length);
     let xb = (cos * xa - rb).clamp(-b.half_length, b.half_length);
     let xa = (cos * xb + ra).clamp(-a.half_length, a.half_length);
 
-    // Where parallel, the two ends of the stretch of a that lies beside b.
+    // For parallel capsules: both ends of the part of a that overlaps b along the axis.
     let reach = (cos * b.half_length).abs();
     let (lo, hi) = ((ra - reach).max(-a.half_length), (ra + reach).min(a.half_length));
     let two = parallel.and(lo.lt(hi));
@@ -53,12 +53,12 @@ pub fn segments<R: Real>(a: &Segment<R>, b: &Segment<R>) -> ([ContactPoint<R>; 2
     ([between(a.at(xa1), b.at(xb1), a.radius, b.radius), between(a.at(hi), b.at(xb2), a.radius, b.radius)], two)
 }
 
-/// Two balls.
+/// Contact of two balls.
 #[inline(always)]
 fn between<R: Real>(p: V3<R>, q: V3<R>, radius_p: R, radius_q: R) -> ContactPoint<R> {
     let d = sub(q, p);
     let length = norm(d);
-    // Centres that coincide have no direction between them; any will separate them.
+    // Coinciding centres have no direction between them. Any direction separates the balls.
     let apart = length.gt(R::zero());
     let up = [R::zero(), R::zero(), R::one()];
     let normal = select(apart, scale(d, R::one() / R::select(apart, length, R::one())), up);

@@ -100,14 +100,17 @@ pub(crate) fn manifold(a: &ConvexShape, pa: &Pose, b: &ConvexShape, pb: &Pose, p
     out
 }
 
-/// How deep the face of a box may be that is taken where edges overlap by `depth`: edges are taken where they overlap by less than 0.95 of
-/// what faces do, see `boxes.rs`.
+/// Largest depth of a box's face that determines the normal where edges overlap by `depth`.
+///
+/// Edges determine the normal if they overlap by less than 0.95 of the faces' overlap, see `boxes.rs`.
 fn by_faces(depth: f64) -> f64 {
     depth.min(depth / 0.95)
 }
 
-/// Whether two boxes have a face in one plane, each on its own side of it, and are not above one another: what would overlap if they came
-/// closer within that plane is thinner than 1e-5 m, up to rounding. Such boxes have no contact, see `boxes.rs`.
+/// Whether two boxes on opposite sides of a common plane touch in a sliver only.
+///
+/// Moved toward each other within that plane, they would overlap by less than 1e-5 m, up to rounding. Such boxes have no contact, see
+/// `boxes.rs`.
 fn graze([a, b]: [&ConvexShape; 2], [pa, pb]: [&Pose; 2]) -> bool {
     let axes = [pa, pb].map(|p| [0, 1, 2].map(|k| column(&p.mat, k)));
     let apart = |n: V| separation(a, pa, b, pb, n).max(separation(a, pa, b, pb, scale(n, -1.0)));
@@ -145,7 +148,7 @@ proptest! {
         }
         let nearest = points.iter().map(|p| p.distance).fold(f64::INFINITY, f64::min);
         if !points.is_empty() && depth > -0.02 {
-            // Faces are preferred to edges up to a millionth of the size; of boxes, as [`by_faces`] says.
+            // Faces are preferred to edges up to a millionth of the size, and for boxes up to the rule of [`by_faces`].
             let boxes = [&a, &b].iter().all(|s| matches!(s, ConvexShape::Box { .. }));
             let deepest = if boxes { by_faces(depth) } else { depth };
             prop_assert!(nearest > deepest - 1e-5 && nearest < depth + 1e-5, "{nearest} {depth}");
@@ -153,7 +156,7 @@ proptest! {
         prop_assert!(points.windows(2).all(|w| w[0].feature < w[1].feature), "features are distinct");
         for p in &points {
             prop_assert!((norm(p.normal) - 1.0).abs() < 1e-12 && p.distance <= prediction);
-            // Half way: no further outside of either shape than half the distance, along the normal.
+            // Along the normal, a contact point is outside of either shape by at most half the distance.
             let beyond = |s: &ConvexShape, pose: &Pose, n: V| dot(n, sub(p.pos, pose.pos)) - reach(s, rotate_back(&pose.mat, n));
             prop_assert!(beyond(&a, &pa, p.normal) <= 0.5 * p.distance + 1e-9);
             prop_assert!(beyond(&b, &pb, scale(p.normal, -1.0)) <= 0.5 * p.distance + 1e-9);
@@ -165,22 +168,22 @@ proptest! {
                                                       towards in unit(), mat in rotation(), gap in -0.01..0.01f64) {
         let [a, b] = [ha, hb].map(|half| ConvexShape::Box { half });
         let still = Pose { pos: [0.0; 3], mat: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0] };
-        // Along a line that reaches both, at about the gap.
+        // The second box is moved along a line until the distance is about the gap.
         let reaches = reach(&a, towards) + reach(&b, rotate_back(&mat, scale(towards, -1.0)));
         let pose = Pose { pos: scale(towards, reaches + gap), mat };
         let (general, _) = distance(&a, &still, &b, &pose);
         let points = manifold(&a, &still, &b, &pose, 10.0).points;
         if points.is_empty() {
-            // No prediction is that short: only what grazes is left out.
+            // The prediction is longer than the distance, so that only boxes that touch in a sliver have no contact.
             prop_assert!(graze([&a, &b], [&still, &pose]), "no contact, {general} apart");
             return Ok(());
         }
         let nearest = points.iter().map(|p| p.distance).fold(f64::INFINITY, f64::min);
-        // Faces are preferred to edges up to a millionth of the size, and as [`by_faces`] says. The axes know all ways out of an overlap,
-        // the general way some short ones.
+        // Faces are preferred to edges up to a millionth of the size, and up to the rule of [`by_faces`]. The axes include all directions
+        // out of an overlap, the general search some shallow ones.
         prop_assert!(nearest > by_faces(general) - 3e-6, "{nearest} {general}");
-        // Of edges at right angles to the normal and parallel, both up to a hundredth, the ends of what they share are taken: as far beside
-        // the nearest points as one leans away from the other, and lower by as much of that as they slope.
+        // Edges that are parallel and perpendicular to the normal up to a hundredth touch at the ends of their overlapping part. These ends
+        // are away from the closest points, and lower in proportion to the slope of the edges.
         let beside = if general > 0.0 { 1e-4 * 2.0 * ha.into_iter().chain(hb).fold(0.0, f64::max) } else { 0.0 };
         prop_assert!(nearest < general + 3e-6 + beside || (general < -1e-3 && general > 2.0 * nearest), "{nearest} {general}");
         prop_assert!(points.len() <= 4);

@@ -91,7 +91,7 @@ fn are_parted(separating_plane: &SeparatingPlane, pa: &Pose, pb: &Pose, approach
     partings.keep(sub(pb.pos, pa.pos), [&pa.mat, &pb.mat], approach, size)
 }
 
-/// What bounds the size of two hulls.
+/// Upper bound of the size of two hulls, m.
 fn size(a: &Hull, b: &Hull) -> f64 {
     [a, b].iter().map(|h| h.points().iter().map(|p| norm(sub(*p, h.centre()))).fold(0.0, f64::max)).sum()
 }

@@ -1,5 +1,5 @@
-//! Distances, normals and nearest points of convex shapes beside parry's queries, for every pair of shapes that parry has too: all but
-//! ellipsoids. PROPTEST_CASES=20000 searches longer.
+//! Distances, normals and closest points of convex shapes compared with parry's queries, for every pair of shapes except ellipsoids, which
+//! parry does not have. PROPTEST_CASES=20000 tests more cases.
 
 use parry3d_f64::math::{Matrix, Pose as ParryPose, Rotation, Vector};
 use parry3d_f64::query;
@@ -12,19 +12,20 @@ use crate::convex::{hull, manifold, pose, separation, size};
 use crate::pairs::{contacts, pair};
 use crate::shapes::{Body, cases, room, vector};
 
-/// Distance beyond which directions are compared, m: with less, rounding of coordinates turns parry's.
+/// Distance above which directions are compared, m. Below it, parry's directions have large rounding errors.
 const APART: f64 = 1e-4;
 
-/// Excess of parry's distances over ours, m: its search along a cylinder's rim ends early. 20,000 cases: 1e-5.
+/// Largest excess of parry's distances, m, because its search along a cylinder's rim ends early. It was 1e-5 in 20,000 cases.
 const EXCESS: f64 = 5e-5;
 
-/// Distance of nearest points from a shape, m: a distance that is flat about its least leaves them room. 200,000 cases: 1.2e-5.
+/// Largest distance of closest points from a shape, m. They are inaccurate where the distance changes little around its minimum. It was
+/// 1.2e-5 in 200,000 cases.
 const ON_SHAPE: f64 = 1e-4;
 
-/// Rounding of parry's distances and depths, m. 20,000 cases: 1e-12.
+/// Rounding error of parry's distances and depths, m. It was 1e-12 in 20,000 cases.
 const ROUNDING: f64 = 1e-11;
 
-/// Overlap beyond which parry finds one of several ways out, m.
+/// Overlap above which parry may find another local minimum of the depth, m.
 const DEEP: f64 = 0.02;
 
 fn triangle() -> impl Strategy<Value = ConvexShape> {
@@ -48,7 +49,7 @@ fn of(x: V3<f64>) -> Vector {
     Vector::new(x[0], x[1], x[2])
 }
 
-/// A shape in parry, with the axes of its frame there: parry's cylinder is along y.
+/// Shape in parry, and the rotation of its frame, because parry's cylinder is along y.
 fn in_parry(shape: &ConvexShape, pose: &Pose) -> (Box<dyn Shape>, ParryPose) {
     let [x, y, z] = [0, 1, 2].map(|k| of(column(&pose.mat, k)));
     let (shape, axes): (Box<dyn Shape>, _) = match shape {
@@ -67,13 +68,15 @@ fn in_parry(shape: &ConvexShape, pose: &Pose) -> (Box<dyn Shape>, ParryPose) {
     (shape, ParryPose::from_parts(of(pose.pos), Rotation::from_mat3(&Matrix::from_cols(axes[0], axes[1], axes[2]))))
 }
 
-/// Largest angle between the shortest way of two convex shapes, `length` (m), and one that is `excess` longer: the longer way ends beyond
-/// the plane at right angles to the end of the shortest, so that cos(angle) >= length / (length + excess).
+/// Largest angle between the shortest vector between two convex shapes, of `length`, m, and one that is longer by `excess`, m.
+///
+/// The longer vector ends behind the plane that is perpendicular to the shortest one at its end. Hence cos(angle) >= length / (length +
+/// excess).
 fn turned(length: f64, excess: f64) -> f64 {
     (2.0 * excess / length).sqrt()
 }
 
-/// A body of a kernel in parry; none of an ellipsoid.
+/// Shape of a kernel in parry; `None` for ellipsoids.
 fn body_in_parry(body: &Body) -> Option<(Box<dyn Shape>, ParryPose)> {
     let along = |z: V3<f64>| {
         let [_, x, y] = contact_frame(z);
@@ -91,7 +94,7 @@ fn body_in_parry(body: &Body) -> Option<(Box<dyn Shape>, ParryPose)> {
     Some(in_parry(&shape, &Pose { pos, mat }))
 }
 
-/// The place of a contact is on both shapes; edges that pass beside one another once made a contact 0.28 m beside a box.
+/// Checks that the position of a contact is on both shapes. Edges that passed at a distance once had a contact 0.28 m away from a box.
 #[test]
 fn edges_that_pass_beside_one_another_share_no_contact() {
     let tilted = [
@@ -126,7 +129,7 @@ proptest! {
             let theirs = query::contact(&pa, &*a, &pb, &*b, f64::MAX).unwrap().expect("within reach");
             let way = theirs.point2 - theirs.point1;
             let excess = (way.length() - found).max(0.0);
-            // A face is taken for a direction that is better by a billionth of the size, 2 m.
+            // A face's normal may replace a direction that is better by a billionth of the size, 2 m.
             let bound = turned(found, excess) + turned(found, 2e-9);
             prop_assert!(excess < EXCESS && (way / way.length() - of(n)).length() < bound, "{n:?}, parry {way}");
         }
@@ -136,11 +139,11 @@ proptest! {
     fn nearest_points_are_on_the_shapes_of_parry(a in shape(), pa in pose(), b in shape(), pb in pose()) {
         let (found, _) = distance(&a, &pa, &b, &pb);
         if found > 0.0 {
-            // Two edges of boxes that are parallel up to a hundredth touch at the ends of what they share, halfway between them.
+            // Two edges of boxes that are parallel up to a hundredth touch at the ends of their overlapping part, halfway between them.
             let leaning = if let (ConvexShape::Box { half: x }, ConvexShape::Box { half: y }) = (&a, &b) { 1e-2 * norm(*x).max(norm(*y)) } else { 0.0 };
             let points = manifold(&a, &pa, &b, &pb, found + 1e-3).points;
             let nearest = points.iter().min_by(|p, q| p.distance.total_cmp(&q.distance)).expect("a contact within reach");
-            // Faces are preferred to edges up to a millionth of the size. As in `convex.rs`.
+            // Faces are preferred to edges up to a millionth of the size, as in `convex.rs`.
             prop_assert!((nearest.distance - found).abs() < 1e-5 + 1e-2 * leaning, "{nearest:?}, {found} apart");
             let at = |x: f64| of(add_scaled(nearest.pos, nearest.normal, x * nearest.distance));
             for ((shape, pose), point) in [(in_parry(&a, &pa), at(-0.5)), (in_parry(&b, &pb), at(0.5))] {
@@ -152,7 +155,7 @@ proptest! {
 
     #[test]
     fn shallow_overlaps_are_as_deep_as_in_parry(a in shape(), pa in pose(), b in shape(), pb in pose()) {
-        // Moved apart along the normal to a shallow overlap: by chance few are.
+        // The shapes are moved along the normal to a shallow overlap, because random poses rarely have one.
         let (depth, n) = distance(&a, &pa, &b, &pb);
         let pb = Pose { pos: add_scaled(pb.pos, n, -depth - 0.5 * DEEP * depth.abs().min(1.0)), ..pb };
         let (found, _) = distance(&a, &pa, &b, &pb);
@@ -160,7 +163,7 @@ proptest! {
         let Some(theirs) = query::contact(&qa, &*ga, &qb, &*gb, 0.0).unwrap().filter(|_| found > -DEEP) else { return Ok(()) };
         prop_assert!(found < theirs.dist + ROUNDING, "{found}, parry {theirs:?}");
         let along = separation(&a, &pa, &b, &pb, theirs.normal1.to_array());
-        // As in `convex.rs`, with faces that are preferred by a billionth of the size.
+        // The tolerance is that of `convex.rs`, and faces are preferred by a billionth of the size.
         prop_assert!(found > along - 1e-7, "{found}, {along} along the normal of {theirs:?}");
     }
 
@@ -170,11 +173,11 @@ proptest! {
         let ((ga, qa), (gb, qb)) = (in_parry(&a, &pa), in_parry(&b, &pb));
         let Some(theirs) = query::contact(&qa, &*ga, &qb, &*gb, 0.0).unwrap().filter(|_| found < -DEEP) else { return Ok(()) };
         let along = separation(&a, &pa, &b, &pb, theirs.normal1.to_array());
-        // Ways out whose lengths differ by 3e-8 of the size, 2 m, are alike.
+        // Depths that differ by 3e-8 of the size, 2 m, count as equal.
         prop_assert!(found > along - 1e-7, "{found} along {n:?}, {along} along the normal of {theirs:?}");
     }
 
-    /// Kernels over lanes, of which parry has all shapes but ellipsoids.
+    /// Kernels over lanes, for all shapes except ellipsoids.
     #[test]
     fn kernels_have_the_distance_and_normal_of_parry((a, b) in pair()) {
         let (Some((ga, pa)), Some((gb, pb))) = (body_in_parry(&a), body_in_parry(&b)) else { return Ok(()) };
@@ -182,8 +185,8 @@ proptest! {
         let theirs = query::contact(&pa, &*ga, &pb, &*gb, f64::MAX).unwrap().expect("within reach");
         let excess = theirs.dist - nearest.distance;
         prop_assert!(excess > -ROUNDING, "{nearest:?}, parry {theirs:?}");
-        // No direction has more room than the normal: parry's is not a shorter way out of an overlap. Rounding turns a normal between
-        // points that are a nanometre apart by 1e-6, as in `is_distance`.
+        // No direction has a larger separation than the normal, so that parry's normal has no smaller depth. Rounding rotates a normal
+        // between points that are a nanometre apart by 1e-6, as in `is_distance`.
         let [along, other] = [nearest.normal, theirs.normal1.to_array()].map(|n| room(&a, &b, n));
         prop_assert!(other < nearest.distance + ROUNDING && along > nearest.distance - 1e-6, "{nearest:?}, parry {theirs:?}");
         if nearest.distance > APART {

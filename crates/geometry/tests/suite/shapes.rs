@@ -1,4 +1,4 @@
-//! Convex bodies as their support functions, which is all that a distance needs.
+//! Convex bodies with their support functions, which determine their distances.
 #![allow(dead_code, reason = "each test uses its own part")]
 
 use proptest::prelude::*;
@@ -7,13 +7,13 @@ use stepper_geometry::linear_algebra::*;
 use stepper_geometry::pairs::ContactPoint;
 use stepper_geometry::pairs::{Cuboid, Cylinder, Ellipsoid, Segment};
 
-/// Cases of a property test: PROPTEST_CASES, or `usual`.
+/// Number of cases of a property test: PROPTEST_CASES, or `usual`.
 pub(crate) fn cases(usual: u32) -> ProptestConfig {
     let asked = std::env::var("PROPTEST_CASES").ok().and_then(|n| n.parse().ok());
     ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(asked.unwrap_or(usual)) }
 }
 
-/// A convex body.
+/// Convex body.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Body {
     HalfSpace { origin: V3<f64>, normal: V3<f64> },
@@ -24,7 +24,7 @@ pub(crate) enum Body {
 }
 
 impl Body {
-    /// The greatest u . x over the body.
+    /// Maximum of u . x over the body.
     pub(crate) fn support(&self, u: V3<f64>) -> f64 {
         let local = |mat: &M3<f64>| rotate_back(mat, u);
         match self {
@@ -51,12 +51,12 @@ impl Body {
         }
     }
 
-    /// What it is rounded by.
+    /// Radius around the core, m.
     fn radius(&self) -> f64 {
         if let Self::Capsule(s) = self { s.radius } else { 0.0 }
     }
 
-    /// How far `p` is outside, in a measure that is zero on the surface and no more than the distance times a constant of order one.
+    /// Measure of how far `p` is outside. It is zero on the surface, and at most the distance times a constant of order one.
     pub(crate) fn outside(&self, p: V3<f64>) -> f64 {
         match self {
             Self::HalfSpace { origin, normal } => dot(*normal, sub(p, *origin)),
@@ -92,13 +92,13 @@ impl Body {
     }
 }
 
-/// The room between two bodies along the unit vector `u` from a to b. Its greatest over all u is their signed distance: positive apart,
-/// negative the least translation that separates them.
+/// Separation of two bodies along the unit vector `u` from a to b. Its maximum over all u is their signed distance: positive if they are
+/// apart, else minus the smallest translation that separates them.
 pub(crate) fn room(a: &Body, b: &Body, u: V3<f64>) -> f64 {
     -b.support(scale(u, -1.0)) - a.support(u)
 }
 
-/// A better direction than `u`: ascent of the room by shrinking random steps, deterministic.
+/// Improves the direction `u`: ascends the separation by deterministic pseudo-random steps that shrink.
 pub(crate) fn widest(a: &Body, b: &Body, mut u: V3<f64>) -> f64 {
     let mut best = room(a, b, u);
     let mut size = 0.5;
@@ -124,26 +124,26 @@ pub(crate) fn widest(a: &Body, b: &Body, mut u: V3<f64>) -> f64 {
     best
 }
 
-/// Checks that a contact is what it says: a unit normal, and points of the two bodies half its distance away on either side.
+/// Checks a contact: its normal has length 1, and half the distance away on either side there are points of the two bodies.
 pub(crate) fn is_contact(a: &Body, b: &Body, c: &ContactPoint<f64>) -> Result<(), TestCaseError> {
     prop_assert!((norm(c.normal) - 1.0).abs() < 1e-12, "normal of length {}", norm(c.normal));
-    // Rounding of coordinates of a few metres.
+    // Rounding error of coordinates of a few metres.
     let (on_a, on_b) = (add_scaled(c.pos, c.normal, -0.5 * c.distance), add_scaled(c.pos, c.normal, 0.5 * c.distance));
     prop_assert!(a.outside(on_a) < 1e-11 && b.outside(on_b) < 1e-11, "{} {} {c:?}", a.outside(on_a), b.outside(on_b));
     Ok(())
 }
 
-/// Checks that the nearest of the contacts is the signed distance of the bodies.
+/// Checks that the smallest distance of the contacts is the signed distance of the bodies.
 ///
-/// Apart, nothing has to be searched: points of a and b at the distance bound it from above, the room along the normal from below.
-/// Overlapping, no direction that a search from `starts` finds is a shorter way out.
+/// For bodies that are apart, two bounds suffice. Points of a and b at the distance bound it from above, and the separation along the
+/// normal from below. For overlapping bodies, no direction that a search from `starts` finds has a smaller depth.
 pub(crate) fn is_distance(a: &Body, b: &Body, contacts: &[ContactPoint<f64>], starts: &[V3<f64>]) -> Result<(), TestCaseError> {
     let nearest = contacts.iter().copied().min_by(|p, q| p.distance.total_cmp(&q.distance)).expect("a pair has a contact");
     contacts.iter().try_for_each(|c| is_contact(a, b, c))?;
     let along = room(a, b, nearest.normal);
-    // The normal is the way between the nearest points of what is rounded: of coordinates of 2 m each entry is off by 2e-15 m. Where that
-    // way is as short as nanometres this turns it, and what is 2 m to the side, an end of a capsule or a corner of a box, is up to 4e-15
-    // m^2 / its length off.
+    // The normal is the direction between closest points with rounded coordinates. Coordinates of 2 m have errors of 2e-15 m. If the points
+    // are nanometres apart, this rotates the normal. A point 2 m to the side, such as an end of a capsule or a corner of a box, is then off
+    // by up to 4e-15 m^2 divided by the distance.
     let core = nearest.distance + a.radius() + b.radius();
     let turned = if core > 0.0 { 4e-15 / core } else { 0.0 };
     prop_assert!((along - nearest.distance).abs() < 1e-11 + turned, "room {along} along the normal of {nearest:?}");
@@ -164,7 +164,7 @@ pub(crate) fn unit() -> impl Strategy<Value = V3<f64>> {
     vector(1.0).prop_filter("a direction", |v| norm(*v) > 0.1).prop_map(|v| scale(v, 1.0 / norm(v)))
 }
 
-/// Shapes that are no mesh, of such radii and half lengths.
+/// Shapes other than meshes, with radii and half lengths from `size`.
 pub(crate) fn simple<S: Strategy<Value = f64> + 'static>(s: impl Fn() -> S) -> impl Strategy<Value = ConvexShape> {
     prop_oneof![
         s().prop_map(|radius| ConvexShape::Sphere { radius }),
@@ -175,7 +175,7 @@ pub(crate) fn simple<S: Strategy<Value = f64> + 'static>(s: impl Fn() -> S) -> i
     ]
 }
 
-/// Rotations: any, and the twenty-four of a cube's, which make edges and faces parallel.
+/// Rotations: random ones, and the 24 rotations of a cube, which make edges and faces parallel.
 pub(crate) fn turn() -> impl Strategy<Value = M3<f64>> {
     let any = (unit(), -3.0..3.0f64).prop_map(|(axis, angle)| axis_rotation(axis, angle.sin(), angle.cos()));
     let square = (0..3usize, 0..4usize, 0..4usize).prop_map(|(i, j, k)| {

@@ -1,9 +1,9 @@
-//! An actuator.
+//! Builder of an actuator.
 
 use crate::builder::{find, find_joint};
 use crate::{Activation, Actuator, Description, ForceModel, ModelError, Transmission};
 
-/// What a builder's target names.
+/// Kind of element that the target's name belongs to.
 #[derive(Clone, Debug)]
 enum Target {
     Joint,
@@ -11,7 +11,7 @@ enum Target {
     Site { reference: Option<String>, wrench: [f64; 6] },
 }
 
-/// An actuator on a joint, tendon or site, by name.
+/// Actuator on a joint, tendon or site, by name.
 #[derive(Clone, Debug)]
 pub struct ActuatorBuilder {
     pub(super) actuator: Actuator,
@@ -38,41 +38,41 @@ impl ActuatorBuilder {
         Self { actuator, name: target.into(), target: Target::Joint }
     }
 
-    /// The control is the force (N, N m) on a joint, by name.
+    /// Actuator whose control is the force (N, N m) on a joint, by name.
     pub fn motor(name: &str, joint: &str) -> Self {
         Self::new(name, joint, [1.0, 0.0, 0.0], [0.0; 3])
     }
 
-    /// The control is a position that a spring (N/m, N m/rad) and a damper (N s/m, N m s/rad) pull a joint to.
+    /// Position servo: a spring (N/m, N m/rad) and a damper (N s/m, N m s/rad) pull a joint to the control.
     pub fn position(name: &str, joint: &str, kp: f64, kv: f64) -> Self {
         Self::new(name, joint, [kp, 0.0, 0.0], [0.0, -kp, -kv])
     }
 
-    /// The control is a velocity that a damper (N s/m, N m s/rad) pulls a joint to.
+    /// Velocity servo: a damper (N s/m, N m s/rad) pulls a joint to the velocity that is the control.
     pub fn velocity(name: &str, joint: &str, kv: f64) -> Self {
         Self::new(name, joint, [kv, 0.0, 0.0], [0.0, 0.0, -kv])
     }
 
-    /// The name that was given is a tendon's, not a joint's.
+    /// Makes the target a tendon instead of a joint.
     pub fn on_tendon(mut self) -> Self {
         self.target = Target::Tendon;
         self
     }
 
-    /// The name that was given is a site's, on which a wrench (force, torque) acts for every unit of force: in the frame of the site, or in
-    /// that of another site, whose body takes the reaction.
+    /// Makes the target a site, on which a wrench (force, torque) acts per unit of actuator force. The wrench is in the frame of the site,
+    /// or in that of a reference site, whose body has the reaction.
     pub fn on_site(mut self, wrench: [f64; 6], reference: Option<&str>) -> Self {
         self.target = Target::Site { reference: reference.map(Into::into), wrench };
         self
     }
 
-    /// Scales length, velocity and force.
+    /// Sets the gear, which scales length, velocity and force.
     pub fn gear(mut self, gear: f64) -> Self {
         self.actuator.gear = gear;
         self
     }
 
-    /// Lets the control act so much later, s.
+    /// Delays the control, s.
     pub fn delay(mut self, delay: f64) -> Self {
         self.actuator.delay = delay;
         self
@@ -90,7 +90,7 @@ impl ActuatorBuilder {
         self
     }
 
-    /// Puts dynamics between control and force.
+    /// Adds dynamics between control and force.
     pub fn activation(mut self, activation: Activation) -> Self {
         self.actuator.activation = activation;
         self

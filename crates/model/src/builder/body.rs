@@ -1,10 +1,10 @@
-//! A body with its joints and geoms.
+//! Builder of a body with its joints and geoms.
 
 use crate::builder::{GeomBuilder, JointBuilder, WORLD};
 use crate::orientation::Orientation;
 use crate::{Body, Description, Geom, Joint, MassProperties};
 
-/// A body with its joints and geoms.
+/// Body with its joints and geoms.
 #[derive(Clone, Debug)]
 pub struct BodyBuilder {
     pub(super) body: Body,
@@ -14,7 +14,7 @@ pub struct BodyBuilder {
 }
 
 impl BodyBuilder {
-    /// A body at its parent's origin, without joints: fixed to its parent.
+    /// Body at its parent's origin. Without joints it is fixed to its parent.
     pub fn new(name: &str) -> Self {
         let body = Body {
             name: name.into(),
@@ -31,30 +31,30 @@ impl BodyBuilder {
         Self { body, inertial: false, joints: vec![], geoms: vec![] }
     }
 
-    /// A body that moves freely: only for a child of the world. Its joint has its name.
+    /// Free body, which must be a child of the world. Its joint has the same name.
     pub fn free(name: &str) -> Self {
         Self::new(name).joint(JointBuilder::free(name))
     }
 
-    /// Places it in its parent's frame, m.
+    /// Sets the position in the parent's frame, m.
     pub fn pos(mut self, pos: impl Into<[f64; 3]>) -> Self {
         self.body.pos = pos.into();
         self
     }
 
-    /// Turns it in its parent's frame: quaternion [w, x, y, z], or nalgebra's with the feature `nalgebra`.
+    /// Sets the orientation in the parent's frame: quaternion [w, x, y, z], or nalgebra's with the feature `nalgebra`.
     pub fn quat(mut self, quat: impl Into<Orientation>) -> Self {
         self.body.quat = quat.into().0;
         self
     }
 
-    /// Places and turns it, in its parent's frame.
+    /// Sets the pose in the parent's frame.
     #[cfg(feature = "nalgebra")]
     pub fn pose(self, pose: nalgebra::Isometry3<f64>) -> Self {
         self.pos(pose.translation.vector).quat(pose.rotation)
     }
 
-    /// Adds a joint; several act in this order.
+    /// Adds a joint. Several joints act in the order of these calls.
     pub fn joint(mut self, joint: JointBuilder) -> Self {
         self.joints.push(joint);
         self
@@ -66,25 +66,25 @@ impl BodyBuilder {
         self
     }
 
-    /// Gives mass (kg), centre of mass (m) and principal moments (kg m^2, along the body's axes) instead of the geoms'.
+    /// Sets mass (kg), centre of mass (m) and principal moments (kg m^2, along the body's axes), which replace those of the geoms.
     pub fn inertial(mut self, mass: f64, com: impl Into<[f64; 3]>, moments: impl Into<[f64; 3]>) -> Self {
         (self.body.mass, self.body.ipos, self.body.inertia, self.inertial) = (mass, com.into(), moments.into(), true);
         self
     }
 
-    /// Turns the principal axes of [`BodyBuilder::inertial`]: quaternion [w, x, y, z], or nalgebra's with the feature `nalgebra`.
+    /// Rotates the principal axes of [`BodyBuilder::inertial`]: quaternion [w, x, y, z], or nalgebra's with the feature `nalgebra`.
     pub fn inertial_quat(mut self, quat: impl Into<Orientation>) -> Self {
         self.body.iquat = quat.into().0;
         self
     }
 
-    /// Lets the user pose it; only children of the world without joints.
+    /// Makes it a mocap body, whose pose the user sets. It must be a child of the world without joints.
     pub fn mocap(mut self) -> Self {
         self.body.mocap = true;
         self
     }
 
-    /// Holds up a share of its weight, 1 for all of it.
+    /// Compensates a fraction of its weight; 1 is all of it.
     pub fn gravcomp(mut self, share: f64) -> Self {
         self.body.gravcomp = share;
         self

@@ -1,9 +1,9 @@
-//! An equality.
+//! Builder of an equality.
 
 use crate::builder::{find, find_joint};
 use crate::{Description, Equality, EqualityKind, ModelError, Softness};
 
-/// An equality between elements that are named.
+/// Equality between elements by name.
 #[derive(Clone, Debug)]
 pub struct EqualityBuilder {
     equality: Equality,
@@ -17,28 +17,29 @@ impl EqualityBuilder {
         Self { equality, names: [Some(first.into()), second.map(Into::into)] }
     }
 
-    /// Joins a point of one body with a point of another ("world" is the world), each in its body's frame, m.
+    /// Equality that connects a point of one body with a point of another ("world" is the world), each in its body's frame, m.
     pub fn connect(name: &str, bodies: [&str; 2], anchors: [[f64; 3]; 2]) -> Self {
         Self::new(name, EqualityKind::Connect { bodies: [0; 2], anchors }, bodies[0], Some(bodies[1]))
     }
 
-    /// As [`EqualityBuilder::connect`], and keeps the second body's orientation in the first's at `relpose` (w, x, y, z).
+    /// Equality like [`EqualityBuilder::connect`], which also keeps the second body's orientation in the first one's frame at `relpose` (w,
+    /// x, y, z).
     pub fn weld(name: &str, bodies: [&str; 2], anchors: [[f64; 3]; 2], relpose: [f64; 4]) -> Self {
         let kind = EqualityKind::Weld { bodies: [0; 2], anchors, relpose, torquescale: 1.0 };
         Self::new(name, kind, bodies[0], Some(bodies[1]))
     }
 
-    /// Couples a hinge or slide with another by a polynomial, or holds it at `polycoef[0]` from its reference.
+    /// Equality of a hinge or slide with a polynomial of another one. Without another one it is held at `polycoef[0]` from its reference.
     pub fn joint(name: &str, joint: &str, other: Option<&str>, polycoef: [f64; 5]) -> Self {
         Self::new(name, EqualityKind::Joint { joint: 0, other: None, polycoef }, joint, other)
     }
 
-    /// Couples the lengths of two fixed tendons by a polynomial, or holds one.
+    /// Equality of the length of a fixed tendon with a polynomial of another one's length, or with a constant.
     pub fn tendon(name: &str, tendon: &str, other: Option<&str>, polycoef: [f64; 5]) -> Self {
         Self::new(name, EqualityKind::Tendon { tendon: 0, other: None, polycoef }, tendon, other)
     }
 
-    /// Weighs a weld's turning against its displacement, m per rad.
+    /// Sets the weight of a weld's rotation relative to its displacement, m per rad.
     pub fn torquescale(mut self, scale: f64) -> Self {
         if let EqualityKind::Weld { torquescale, .. } = &mut self.equality.kind {
             *torquescale = scale;
@@ -46,13 +47,13 @@ impl EqualityBuilder {
         self
     }
 
-    /// Makes a spring and damper of it.
+    /// Replaces the hard constraint by a spring and a damper.
     pub fn soft(mut self, stiffness: f64, damping: f64) -> Self {
         (self.equality.stiffness, self.equality.damping) = (stiffness, damping);
         self
     }
 
-    /// Leaves it out until a model with another `eq_active0` is made.
+    /// Disables the equality until a model has another `eq_active0`.
     pub fn inactive(mut self) -> Self {
         self.equality.active = false;
         self

@@ -1,4 +1,4 @@
-//! A geom.
+//! Builder of a geom.
 
 use nalgebra::{Quaternion, UnitQuaternion};
 
@@ -6,10 +6,10 @@ use crate::builder::WORLD;
 use crate::orientation::Orientation;
 use crate::{ContactSpring, Description, Geom, MassProperties, Shape, Softness};
 
-/// Density of a geom that gives neither mass nor density: that of water, kg/m^3.
+/// Density of a geom without mass and density: that of water, kg/m^3.
 const DENSITY: f64 = 1000.0;
 
-/// A geom; solid of density 1000 kg/m^3 unless told otherwise.
+/// Geom, by default a solid with a density of 1000 kg/m^3.
 #[derive(Clone, Debug)]
 pub struct GeomBuilder {
     pub(super) geom: Geom,
@@ -42,76 +42,76 @@ impl GeomBuilder {
         Self { geom, mass: None, density: DENSITY }
     }
 
-    /// The half space below the frame's xy plane.
+    /// Half space below the xy plane of the frame.
     pub fn plane(name: &str) -> Self {
         Self::new(name, Shape::Plane)
     }
 
-    /// A ball; radius in m.
+    /// Sphere; radius in m.
     pub fn sphere(name: &str, radius: f64) -> Self {
         Self::new(name, Shape::Sphere { radius })
     }
 
-    /// A segment along z of twice this half length, thickened; m.
+    /// Capsule along z: radius, and half the length of its segment, m.
     pub fn capsule(name: &str, radius: f64, half_length: f64) -> Self {
         Self::new(name, Shape::Capsule { radius, half_length })
     }
 
-    /// A solid cylinder along z; m.
+    /// Solid cylinder along z, m.
     pub fn cylinder(name: &str, radius: f64, half_length: f64) -> Self {
         Self::new(name, Shape::Cylinder { radius, half_length })
     }
 
-    /// An ellipsoid; semi-axes in m.
+    /// Ellipsoid; semi-axes in m.
     pub fn ellipsoid(name: &str, radii: impl Into<[f64; 3]>) -> Self {
         Self::new(name, Shape::Ellipsoid { radii: radii.into() })
     }
 
-    /// A box; half sizes in m.
+    /// Box; half sizes in m.
     pub fn cuboid(name: &str, half: impl Into<[f64; 3]>) -> Self {
         Self::new(name, Shape::Box { half: half.into() })
     }
 
-    /// The convex hull of the mesh `asset` of the builder.
+    /// Convex hull of the mesh `asset` of the builder.
     pub fn mesh(name: &str, asset: &str) -> Self {
         Self::new(name, Shape::Mesh { asset: asset.into(), concave: false })
     }
 
-    /// The surface of the mesh `asset` of the builder, hollows included; without mass.
+    /// Surface of the mesh `asset` of the builder, including its hollows; without mass.
     pub fn concave_mesh(name: &str, asset: &str) -> Self {
         Self::new(name, Shape::Mesh { asset: asset.into(), concave: true }).mass(0.0)
     }
 
-    /// The height field `asset` of the builder; without mass.
+    /// Height field `asset` of the builder; without mass.
     pub fn height_field(name: &str, asset: &str) -> Self {
         Self::new(name, Shape::HeightField { asset: asset.into() }).mass(0.0)
     }
 
-    /// Places it in the body's frame, m.
+    /// Sets the position in the body's frame, m.
     pub fn pos(mut self, pos: impl Into<[f64; 3]>) -> Self {
         self.geom.pos = pos.into();
         self
     }
 
-    /// Turns it in the body's frame: quaternion [w, x, y, z], or nalgebra's with the feature `nalgebra`.
+    /// Sets the orientation in the body's frame: quaternion [w, x, y, z], or nalgebra's with the feature `nalgebra`.
     pub fn quat(mut self, quat: impl Into<Orientation>) -> Self {
         self.geom.quat = quat.into().0;
         self
     }
 
-    /// Places and turns it, in the body's frame.
+    /// Sets the pose in the body's frame.
     #[cfg(feature = "nalgebra")]
     pub fn pose(self, pose: nalgebra::Isometry3<f64>) -> Self {
         self.pos(pose.translation.vector).quat(pose.rotation)
     }
 
-    /// Gives it a mass, kg; 0 makes it a shape without mass.
+    /// Sets the mass, kg; 0 is a shape without mass.
     pub fn mass(mut self, mass: f64) -> Self {
         self.mass = Some(mass);
         self
     }
 
-    /// Gives it a density, kg/m^3.
+    /// Sets the density, kg/m^3.
     pub fn density(mut self, density: f64) -> Self {
         (self.mass, self.density) = (None, density);
         self
@@ -123,13 +123,13 @@ impl GeomBuilder {
         self
     }
 
-    /// Sets the rows of a contact: 1 frictionless, 3 sliding friction.
+    /// Sets the dimension of contacts: 1 is frictionless, 3 has sliding friction.
     pub fn condim(mut self, condim: u8) -> Self {
         self.geom.condim = condim;
         self
     }
 
-    /// Sets the priority of its friction and condim.
+    /// Sets the priority of the geom's friction and condim in contacts.
     pub fn priority(mut self, priority: i32) -> Self {
         self.geom.priority = priority;
         self
@@ -141,7 +141,7 @@ impl GeomBuilder {
         self
     }
 
-    /// Makes its surface a spring (N/m) and a damper (N s/m) in place of a rigid one.
+    /// Makes the surface compliant, with a stiffness (N/m) and a damping (N s/m).
     pub fn spring(mut self, stiffness: f64, damping: f64) -> Self {
         self.geom.spring = ContactSpring { stiffness, damping };
         self
@@ -153,19 +153,20 @@ impl GeomBuilder {
         self
     }
 
-    /// Sets the distance at which a contact begins to push, m.
+    /// Sets the distance below which a contact pushes, m.
     pub fn margin(mut self, margin: f64) -> Self {
         self.geom.margin = margin;
         self
     }
 
-    /// Sets the distance beyond the margin within which a contact is reported, m.
+    /// Sets the distance beyond the margin up to which a contact is reported, m.
     pub fn gap(mut self, gap: f64) -> Self {
         self.geom.gap = gap;
         self
     }
 
-    /// Lets its surface move as contacts see it, in its own axes: linear (m/s) and angular about its origin (rad/s).
+    /// Sets the velocity of the surface in contacts, as of a conveyor, in the geom's axes: linear (m/s), and angular about its origin
+    /// (rad/s).
     pub fn surface_velocity(mut self, velocity: [f64; 6]) -> Self {
         self.geom.surface_velocity = velocity;
         self

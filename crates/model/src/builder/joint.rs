@@ -1,11 +1,11 @@
-//! A joint.
+//! Builder of a joint.
 
 use nalgebra::Vector3;
 
 use crate::builder::WORLD;
 use crate::{Body, Joint, JointKind, Softness};
 
-/// A joint.
+/// Joint of a body.
 #[derive(Clone, Debug)]
 pub struct JointBuilder {
     pub(super) joint: Joint,
@@ -33,33 +33,33 @@ impl JointBuilder {
         Self { joint, rest: None }
     }
 
-    /// Six degrees of freedom; only for a child of the world, and alone.
+    /// Free joint with six degrees of freedom. It must be the only joint of a child of the world.
     pub fn free(name: &str) -> Self {
         Self::new(name, JointKind::Free, [0.0, 0.0, 1.0])
     }
 
-    /// Three rotations.
+    /// Ball joint with three rotations.
     pub fn ball(name: &str) -> Self {
         Self::new(name, JointKind::Ball, [0.0, 0.0, 1.0])
     }
 
-    /// Translation along an axis of any length but 0.
+    /// Slide along an axis of any length above 0.
     pub fn slide(name: &str, axis: impl Into<[f64; 3]>) -> Self {
         Self::new(name, JointKind::Slide, unit(axis.into()))
     }
 
-    /// Rotation about an axis of any length but 0.
+    /// Hinge about an axis of any length above 0.
     pub fn hinge(name: &str, axis: impl Into<[f64; 3]>) -> Self {
         Self::new(name, JointKind::Hinge, unit(axis.into()))
     }
 
-    /// Places its anchor in the body's frame, m.
+    /// Sets the position of the anchor in the body's frame, m.
     pub fn pos(mut self, pos: impl Into<[f64; 3]>) -> Self {
         self.joint.pos = pos.into();
         self
     }
 
-    /// Limits it, m or rad.
+    /// Sets the range, m or rad.
     pub fn range(mut self, low: f64, high: f64) -> Self {
         self.joint.range = Some([low, high]);
         self
@@ -71,7 +71,7 @@ impl JointBuilder {
         self
     }
 
-    /// Adds a spring, N/m or N m/rad, at rest at `rest` (hinges and slides) or at the initial pose.
+    /// Adds a spring, N/m or N m/rad. Hinges and slides are at rest at `rest`, others in the initial pose.
     pub fn spring(mut self, stiffness: f64, rest: f64) -> Self {
         self.joint.stiffness = stiffness;
         self.rest = Some(rest);
@@ -90,13 +90,13 @@ impl JointBuilder {
         self
     }
 
-    /// Bounds the sum of actuator forces on it, N or N m.
+    /// Bounds the sum of the actuator forces on the joint, N or N m.
     pub fn actuator_force_range(mut self, low: f64, high: f64) -> Self {
         self.joint.actuator_force_range = Some([low, high]);
         self
     }
 
-    /// Coordinates at reset, and where the spring rests.
+    /// Coordinates at reset, and rest position of the spring.
     pub(super) fn reference(&self, body: &Body) -> (Vec<f64>, Vec<f64>) {
         match self.joint.kind {
             JointKind::Free => {
@@ -109,7 +109,8 @@ impl JointBuilder {
     }
 }
 
-/// The axis with length 1, or as it is when that cannot be: [`Description::finish`](crate::Description::finish) then says so.
+/// Unit vector of an axis. An axis that has none stays unchanged, and [`Description::finish`](crate::Description::finish) returns the
+/// error.
 fn unit(axis: [f64; 3]) -> [f64; 3] {
     Vector3::from(axis).try_normalize(0.0).map_or(axis, Into::into)
 }

@@ -1,9 +1,9 @@
-//! A fixed tendon.
+//! Builder of a fixed tendon.
 
 use crate::builder::find_joint;
 use crate::{Description, ModelError, Tendon};
 
-/// A fixed tendon: a linear combination of the positions of hinges and slides, by name.
+/// Fixed tendon: a linear combination of the positions of hinges and slides, by name.
 #[derive(Clone, Debug)]
 pub struct TendonBuilder {
     pub(super) tendon: Tendon,
@@ -12,7 +12,7 @@ pub struct TendonBuilder {
 }
 
 impl TendonBuilder {
-    /// A tendon that does nothing of itself.
+    /// Tendon without limits, springs, damping, inertia and friction.
     pub fn new(name: &str, joints: &[(&str, f64)]) -> Self {
         let joints = joints.iter().map(|&(j, c)| (j.into(), c)).collect();
         Self { tendon: Tendon { name: name.into(), ..Tendon::default() }, joints, rest: None }
@@ -24,13 +24,13 @@ impl TendonBuilder {
         self
     }
 
-    /// Adds a spring that rests where joint springs do.
+    /// Adds a spring whose rest length is that in the rest pose of joint springs.
     pub fn stiffness(mut self, stiffness: f64) -> Self {
         self.tendon.stiffness = stiffness;
         self
     }
 
-    /// Lets the spring rest between two lengths.
+    /// Sets the range of lengths in which the spring is slack.
     pub fn spring_length(mut self, low: f64, high: f64) -> Self {
         self.rest = Some([low, high]);
         self
@@ -42,7 +42,7 @@ impl TendonBuilder {
         self
     }
 
-    /// Adds inertia that moves with its length.
+    /// Adds an inertia that moves with the tendon's length.
     pub fn armature(mut self, armature: f64) -> Self {
         self.tendon.armature = armature;
         self

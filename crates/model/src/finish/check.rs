@@ -1,4 +1,4 @@
-//! The rules that every model keeps, element by element.
+//! Rules for every model, element by element.
 
 mod assets;
 mod softness;
@@ -9,11 +9,10 @@ use crate::finish::element::{Checked, Element};
 use crate::hulls::{Hulls, Source};
 use crate::{Activation, Actuator, BiasType, Description, EqualityKind, ForceModel, GainType, JointKind, ModelError, Shape, Transmission};
 
-/// How much the largest principal moment may exceed the sum of the others, relative: rounding of a source in single precision.
+/// Largest relative excess of the largest principal moment over the sum of the others, which rounding of a single-precision source causes.
 const TRIANGLE: f64 = 1e-6;
 
-/// What must hold before anything else of the model can be looked at: the tree, the indices between bodies, joints and geoms, the
-/// lengths of arrays.
+/// Checks that come first: the tree, the indices between bodies, joints and geoms, and the lengths of arrays.
 pub(super) fn structure(model: &Description) -> Checked {
     tree(model)?;
     order("joint", model.joints.iter().map(|j| (j.name.as_str(), j.body)), model.bodies.len())?;
@@ -91,7 +90,7 @@ fn joints_fit_bodies(model: &Description) -> Checked {
     Ok(())
 }
 
-/// Every number.
+/// Checks every number.
 pub(super) fn values(model: &Description, hulls: Source<'_>) -> Result<Hulls, ModelError> {
     let scene = Element("model".into());
     scene.positive("timestep", &[model.timestep], " s")?;
@@ -114,7 +113,7 @@ pub(super) fn values(model: &Description, hulls: Source<'_>) -> Result<Hulls, Mo
     Ok(hulls)
 }
 
-/// The numbers that environments may have of their own; everything else is as it was when the model was checked.
+/// Checks the numbers that may differ between environments. All others are unchanged since the model was checked.
 pub(super) fn parameters(model: &Description) -> Checked {
     Element("model".into()).finite("gravity", &model.gravity)?;
     bodies(model)?;
@@ -124,7 +123,7 @@ pub(super) fn parameters(model: &Description) -> Checked {
     actuators(model)
 }
 
-/// Names are how users refer to elements: two of a kind with one name cannot be told apart.
+/// Checks that names are unique, because users refer to elements by name.
 fn names(model: &Description) -> Checked {
     fn unique<'a>(kind: &str, names: impl Iterator<Item = &'a String>) -> Checked {
         let mut seen = HashSet::new();

@@ -1,4 +1,4 @@
-//! Elements of a model, as messages name them.
+//! Elements of a model with their names in messages.
 
 use crate::description::{Description, JointKind, label};
 use crate::error::ModelError;
@@ -6,10 +6,10 @@ use crate::softness::ContactSpring;
 
 pub(crate) type Checked = Result<(), ModelError>;
 
-/// Rows that a contact may have: frictionless, sliding, torsional, rolling.
+/// Allowed dimensions of a contact: frictionless, sliding, torsional, rolling.
 const DIMENSIONS: [u8; 4] = [1, 3, 4, 6];
 
-/// An element of the model: errors name it.
+/// Element of a model, with its name for errors.
 pub(crate) struct Element(pub(crate) String);
 
 impl Element {
@@ -25,7 +25,7 @@ impl Element {
         if x.iter().all(|v| v.is_finite()) { Ok(()) } else { self.fail(format!("{what} is {x:?}"), "give finite numbers") }
     }
 
-    /// Finite and at least 0.
+    /// Checks that numbers are finite and at least 0.
     pub(crate) fn size(&self, what: &str, x: &[f64], unit: &str) -> Checked {
         match x.iter().find(|v| !v.is_finite() || **v < 0.0) {
             Some(v) => self.fail(format!("{what} is {v}{unit}"), "give a finite number of at least 0"),
@@ -33,7 +33,7 @@ impl Element {
         }
     }
 
-    /// Finite and greater than 0.
+    /// Checks that numbers are finite and above 0.
     pub(crate) fn positive(&self, what: &str, x: &[f64], unit: &str) -> Checked {
         match x.iter().find(|v| !v.is_finite() || **v <= 0.0) {
             Some(v) => self.fail(format!("{what} is {v}{unit}"), "give a finite number greater than 0"),
@@ -41,7 +41,7 @@ impl Element {
         }
     }
 
-    /// Right way up; infinite ends are no bounds, and leave room between them.
+    /// Checks that the lower end of a range is below the upper one. Infinite ends are no bounds.
     pub(crate) fn range(&self, what: &str, range: Option<[f64; 2]>) -> Checked {
         match range {
             Some([low, high]) if low.is_nan() || high.is_nan() => self.fail(format!("{what} is [{low}, {high}]"), "give numbers"),
@@ -69,7 +69,7 @@ impl Element {
         self.fail(format!("{what} has length {}", x.len()), format!("give {expected} numbers: {sum}"))
     }
 
-    /// A hinge or slide of the model.
+    /// Checks that a joint is a hinge or slide.
     pub(crate) fn scalar_joint(&self, model: &Description, joint: usize) -> Checked {
         self.index("joint", joint, model.joints.len())?;
         let kind = match model.joints[joint].kind {
@@ -80,7 +80,7 @@ impl Element {
         self.fail(format!("refers to joint {:?}, a {kind} joint", model.joint_label(joint)), "refer to a hinge or slide")
     }
 
-    /// Physical softness of a contact.
+    /// Checks the compliance of a contact.
     pub(crate) fn spring(&self, spring: ContactSpring) -> Checked {
         let ContactSpring { stiffness, damping } = spring;
         if stiffness.is_nan() || stiffness <= 0.0 {

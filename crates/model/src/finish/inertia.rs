@@ -1,22 +1,23 @@
-//! Whether everything that can move has inertia.
+//! Check that all moving bodies have inertia.
 //!
-//! With q at its reference, eliminate the degrees of freedom from the leaves to the roots (the order of Featherstone's L^T D L, "Rigid
-//! Body Dynamics Algorithms" 2008, section 6.5). The pivot of a degree of freedom is the inertia that its own force feels while all
-//! farther out move as they like: zero exactly if the mass matrix is singular there. This is less than MuJoCo asks (a mass for every
-//! moving body: a weightless universal joint between heavy bodies is fine here) and more (two hinges on one line with nothing between
-//! them are found). It says nothing of other configurations; there a singular matrix is the step's to report.
+//! With q at its reference, degrees of freedom are eliminated from the leaves to the roots (the order of Featherstone's L^T D L, "Rigid
+//! Body Dynamics Algorithms" 2008, section 6.5). The pivot of a degree of freedom is the inertia that its force accelerates while all
+//! degrees of freedom farther out move freely. It is zero exactly if the mass matrix is singular there.
+//!
+//! MuJoCo requires a mass of every moving body instead. Here a universal joint without mass between heavy bodies is valid, and two hinges
+//! on one line with nothing between them are an error. Other configurations are not checked; the step reports a singular matrix there.
 
 use nalgebra::{DMatrix, Matrix6, Quaternion, UnitQuaternion, Vector3, Vector6};
 
 use crate::{Description, JointKind, MassProperties, ModelError};
 
-/// A pivot this small against the inertia of the whole subtree is rounding error.
+/// Ratio of a pivot to the inertia of the whole subtree below which the pivot counts as rounding error.
 const NOTHING: f64 = 1e-13;
 
-/// Share of the energy of a degree of freedom below which that of another is rounding error.
+/// Fraction of the energy of a degree of freedom below which that of another one counts as rounding error.
 const ROUNDING: f64 = 1e-9;
 
-/// A degree of freedom: its joint, its motion (angular, linear at the origin of its tree), and the one that carries it.
+/// Degree of freedom: its joint, its motion (angular, and linear at the origin of its tree), and the parent degree of freedom.
 struct Dof {
     joint: usize,
     motion: Vector6<f64>,
@@ -60,8 +61,8 @@ pub(super) fn check(model: &Description) -> Result<(), ModelError> {
     })
 }
 
-/// Joints whose motions cancel that of a degree of freedom without a pivot: those of the null vector, which is 1 there. The rows of
-/// `matrix` below it are those of the elimination.
+/// Joints whose motions cancel that of a degree of freedom without a pivot. They are those of the null vector, which is 1 there. The rows
+/// of `matrix` below the degree of freedom are those of the elimination.
 fn partners(matrix: &DMatrix<f64>, whole: &nalgebra::DVector<f64>, dofs: &[Dof], dof: usize) -> Vec<usize> {
     let mut null = vec![0.0; dofs.len()];
     null[dof] = 1.0;
@@ -72,7 +73,7 @@ fn partners(matrix: &DMatrix<f64>, whole: &nalgebra::DVector<f64>, dofs: &[Dof],
             ancestor = dofs[j].parent;
         }
     }
-    // A motion counts by its energy: entries of different joints have different units.
+    // Motions are compared by energy, because entries of different joints have different units.
     let energy = |i: usize| null[i] * null[i] * whole[i];
     let mut found: Vec<usize> = (dof + 1..dofs.len()).filter(|&i| energy(i) > ROUNDING * energy(dof)).map(|i| dofs[i].joint).collect();
     found.retain(|&j| j != dofs[dof].joint);
@@ -86,7 +87,7 @@ fn quaternion(q: [f64; 4]) -> UnitQuaternion<f64> {
     UnitQuaternion::new_unchecked(Quaternion::new(q[0], q[1], q[2], q[3]))
 }
 
-/// Every body's pose with all joints at their reference, and the origin of its tree.
+/// Pose of every body with all joints at their reference, and origin of its tree.
 fn poses(model: &Description) -> (Vec<Pose>, Vec<Vector3<f64>>) {
     let (mut poses, mut origins): (Vec<Pose>, Vec<Vector3<f64>>) = (vec![], vec![]);
     for (i, body) in model.bodies.iter().enumerate() {
@@ -103,7 +104,7 @@ fn poses(model: &Description) -> (Vec<Pose>, Vec<Vector3<f64>>) {
     (poses, origins)
 }
 
-/// The degrees of freedom, in order.
+/// All degrees of freedom, in order.
 fn dofs(model: &Description, poses: &[Pose], origins: &[Vector3<f64>]) -> Vec<Dof> {
     let mut dofs: Vec<Dof> = vec![];
     let mut last: Vec<Option<usize>> = vec![None; model.bodies.len()];
@@ -134,7 +135,7 @@ fn spatial(angular: Vector3<f64>, linear: Vector3<f64>) -> Vector6<f64> {
     Vector6::new(angular.x, angular.y, angular.z, linear.x, linear.y, linear.z)
 }
 
-/// For every body the spatial inertia, about the origin of its tree, of all that its own joints carry.
+/// Spatial inertia of all bodies that move with each body, about the origin of its tree.
 fn composite(model: &Description, poses: &[Pose], origins: &[Vector3<f64>]) -> Vec<Matrix6<f64>> {
     let mut inertias = vec![Matrix6::zeros(); model.bodies.len()];
     for (b, body) in model.bodies.iter().enumerate().skip(1).rev() {
@@ -157,7 +158,7 @@ fn composite(model: &Description, poses: &[Pose], origins: &[Vector3<f64>]) -> V
     inertias
 }
 
-/// The joint-space inertia matrix; entries between dofs of which neither carries the other stay 0.
+/// Joint-space inertia matrix. Entries between degrees of freedom on different branches stay 0.
 fn mass_matrix(model: &Description, dofs: &[Dof], inertias: &[Matrix6<f64>]) -> DMatrix<f64> {
     let mut matrix = DMatrix::zeros(dofs.len(), dofs.len());
     for (i, dof) in dofs.iter().enumerate() {
@@ -172,7 +173,7 @@ fn mass_matrix(model: &Description, dofs: &[Dof], inertias: &[Matrix6<f64>]) -> 
     matrix
 }
 
-/// Eliminates from the leaves; the lower triangle of `matrix` is used up.
+/// Eliminates from the leaves, and returns the first degree of freedom without inertia. It overwrites the lower triangle of `matrix`.
 fn first_without_inertia(matrix: &mut DMatrix<f64>, dofs: &[Dof]) -> Option<usize> {
     let whole = matrix.diagonal();
     for i in (0..dofs.len()).rev() {

@@ -1,31 +1,33 @@
-//! What a model can describe and the step does not simulate yet.
+//! Elements that a model can describe and that are not simulated yet.
 
 use std::collections::BTreeMap;
 
 use crate::{Description, GeomPair, Kernel, Omission, Shape};
 
-/// Name of an element, and why it is left out.
+/// Name of an element, and reason for its omission.
 type User = (String, String);
 
-/// Who uses something.
+/// Function that finds the elements with a missing feature.
 type Users = fn(&Description, &[GeomPair]) -> Vec<User>;
 
-/// The table: what is missing, and who uses it.
+/// Missing features, each with the function that finds their elements.
 const MISSING: [(&str, Users); 1] = [("collision", pairs_without_kernel)];
 
-/// Every element that uses something of the table.
+/// All elements with a missing feature.
 pub(super) fn not_simulated(model: &Description) -> Vec<Omission> {
     let pairs = model.collision_pairs();
     let rows = MISSING.iter().flat_map(|(kind, users)| users(model, &pairs).into_iter().map(move |user| (kind, user)));
     rows.map(|(kind, (name, reason))| Omission { kind: (*kind).into(), name, reason, changes_motion: true }).collect()
 }
 
-/// Whether this module wrote it.
+/// Whether this module made an omission.
 pub(super) fn is_own(omission: &Omission) -> bool {
     MISSING.iter().any(|(kind, _)| *kind == omission.kind)
 }
 
-/// One entry for every geom whose shape is the reason: of two, the later in the order of [`GeomPair::geoms`], or the height field.
+/// Geoms with contacts that have no kernel, each with a reason that lists the shapes it passes through.
+///
+/// A pair is listed with its height field, else with its second geom.
 fn pairs_without_kernel(model: &Description, pairs: &[GeomPair]) -> Vec<User> {
     let mut partners: BTreeMap<usize, BTreeMap<&str, Vec<usize>>> = BTreeMap::new();
     for [a, b] in pairs.iter().map(|p| p.geoms) {

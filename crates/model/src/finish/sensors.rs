@@ -1,10 +1,10 @@
-//! The rules of sites and sensors.
+//! Rules for sites and sensors.
 
 use crate::finish::element::{Checked, Element};
 use crate::hulls::Source;
 use crate::{ContactSide, Description, EqualityKind, FrameReading, Geom, JointKind, Model, ModelError, Object, Sensor, SensorKind, Shape};
 
-/// Every site and sensor.
+/// Checks every site and sensor.
 pub(super) fn check(model: &Description) -> Checked {
     for (i, site) in model.sites.iter().enumerate() {
         let at = Element::new("site", &site.name, i);
@@ -94,17 +94,17 @@ fn one(model: &Description, i: usize, sensor: &Sensor) -> Checked {
 }
 
 impl Model {
-    /// The same model with more sensors behind its own.
+    /// Model with additional sensors after the existing ones.
     ///
     /// # Errors
-    /// [`ModelError::Invalid`] for the first sensor that the model cannot have.
+    /// [`ModelError::Invalid`] for the first invalid sensor.
     pub fn with_sensors(&self, sensors: impl IntoIterator<Item = Sensor>) -> Result<Self, ModelError> {
         let mut model = self.description.clone();
         model.sensors.extend(sensors);
         model.check(Source::Same(&self.hulls))
     }
 
-    /// Checks that no force sensor is part of a loop when the equalities `acts` act.
+    /// Checks that no force sensor is part of a loop if the equalities for which `acts` is true are active.
     ///
     /// # Errors
     /// [`ModelError::Invalid`] with the sensor and the equality.
@@ -117,12 +117,12 @@ impl Model {
         Ok(())
     }
 
-    /// The geoms that rays from a site can meet: all but those of its own body whose form the model has.
+    /// Geoms that rays from a site can hit: those of other bodies whose shape the model has.
     pub fn geoms_seen_from(&self, site: usize) -> Vec<usize> {
         self.geoms_met_by_rays(self.sites.get(site).map(|site| site.body))
     }
 
-    /// The geoms that rays can meet, but those of a body: meshes that are only drawn may have no form here.
+    /// Geoms that rays can hit, except those of a body. The model may lack the shape of meshes for drawing.
     pub fn geoms_met_by_rays(&self, except: Option<usize>) -> Vec<usize> {
         let met = |g: &Geom| Some(g.body) != except && (self.hull_of(&g.shape).is_some() || has_form(self, &g.shape));
         (0..self.geoms.len()).filter(|&g| met(&self.geoms[g])).collect()
@@ -145,7 +145,7 @@ fn object(model: &Description, at: &Element, object: Object) -> Checked {
     }
 }
 
-/// Distances are known of a plane and anything simple, and of balls and capsules.
+/// Checks that the distance of two geoms is implemented: a plane and a simple shape, or balls and capsules.
 fn near(model: &Description, at: &Element, a: usize, b: usize) -> Checked {
     let round = |s: &Shape| matches!(s, Shape::Sphere { .. } | Shape::Capsule { .. });
     let simple = |s: &Shape| !matches!(s, Shape::Plane | Shape::Mesh { .. } | Shape::HeightField { .. });
@@ -168,7 +168,7 @@ fn side(model: &Description, at: &Element, side: ContactSide) -> Checked {
     }
 }
 
-/// Rays meet what the model has the form of.
+/// Checks that the model has the shape of a geom that rays must hit.
 fn formed(model: &Description, at: &Element, geom: usize) -> Checked {
     let shape = &model.geoms[geom].shape;
     if has_form(model, shape) {
@@ -178,7 +178,7 @@ fn formed(model: &Description, at: &Element, geom: usize) -> Checked {
     at.fail(what, "add its mesh or height field to the model's, or leave that geom out of those that are seen")
 }
 
-/// Whether there is something of a shape for rays to meet: triangles, or points that have a hull; elevations; a simple shape.
+/// Whether a shape has a surface that rays can hit: triangles or points with a hull, elevations, or a simple shape.
 fn has_form(model: &Description, shape: &Shape) -> bool {
     match shape {
         Shape::Mesh { .. } => model.mesh_of(shape).is_some_and(|mesh| !mesh.faces.is_empty() || mesh.hull().is_ok()),
@@ -187,7 +187,7 @@ fn has_form(model: &Description, shape: &Shape) -> bool {
     }
 }
 
-/// What a force sensor carries is part of no closed loop, whose force is not known body by body.
+/// Checks that the bodies that a force sensor carries are part of no closed loop, whose forces are not known body by body.
 fn open(model: &Description, at: &Element, site: usize, acts: impl Fn(usize) -> bool) -> Checked {
     let mut carried = vec![false; model.bodies.len()];
     carried[model.sites[site].body] = true;

@@ -14,7 +14,7 @@ impl Stepper {
     ///
     /// Returns:
     ///     Flags of `Kink` by column, (environments, columns) uint32, and the distance to the nearest kink, (environments,).
-    #[pyo3(signature = (*, count, sides, one_sided, limited, ranges, taken, rubbing, smooth_at_rest, tolerance))]
+    #[pyo3(signature = (*, count, sides, one_sided, limited, ranges, limit_positions, rubbing, smooth_at_rest, tolerance))]
     #[expect(clippy::too_many_arguments, reason = "each has a name of its own")]
     fn _find_kinks<'py>(
         slf: Reading<'_>,
@@ -24,12 +24,12 @@ impl Stepper {
         one_sided: PyReadonlyArrayDyn<'py, bool>,
         limited: Vec<[usize; 2]>,
         ranges: Bound<'py, PyAny>,
-        taken: Bound<'py, PyAny>,
+        limit_positions: Bound<'py, PyAny>,
         rubbing: Vec<usize>,
         smooth_at_rest: bool,
         tolerance: f64,
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyArray1<f64>>)> {
-        let (ranges, taken) = (readonly(&ranges, "ranges")?, readonly(&taken, "taken")?);
+        let (ranges, limit_positions) = (readonly(&ranges, "ranges")?, readonly(&limit_positions, "limit_positions")?);
         let columns = one_sided.shape().last().copied().unwrap_or(0);
         let copies = PerturbedCopies {
             count,
@@ -38,7 +38,7 @@ impl Stepper {
             one_sided: one_sided.as_slice()?,
             limited: &limited,
             ranges: ranges.as_slice()?,
-            taken: taken.as_slice()?,
+            limit_positions: limit_positions.as_slice()?,
             rubbing: &rubbing,
             smooth_at_rest,
             tolerance,

@@ -153,7 +153,7 @@ pub struct ReferenceRows<'a, R> {
 pub struct LaneConstraint<const N: usize> {
     /// Set of its admissible impulses.
     pub(crate) set: AdmissibleSet,
-    /// Index among its kind.
+    /// Index in the list of constraints of its kind.
     pub(crate) source: usize,
     /// Velocity of every row before any impulse, with its bias, m/s.
     pub(crate) g: [f64; N],
@@ -181,7 +181,7 @@ pub trait LaneReceiver {
 pub struct SavedConstraint {
     /// Coordinates of the constraint, ascending.
     pub(crate) support: Vec<u32>,
-    /// Entries; those of a coordinate lie side by side.
+    /// Jacobian entries, coordinate by coordinate: for each the entry of every row.
     pub(crate) y: Vec<f64>,
     /// Target g of the velocity solve.
     pub(crate) g: Vec<f64>,
@@ -303,14 +303,15 @@ pub trait ConstraintSet<R: Real>: Sized {
     /// Sum of `sum` and the potential `g . lambda + R lambda^2 / 2` of the impulses in the velocity solve, J.
     fn add_potential(&self, impulses: &[Self::Impulse], sum: R) -> R;
 
-    /// Adds the velocities of a scaled change of the free velocity to both targets of all rows, in the lanes `lanes`.
+    /// Adds the row velocities of `change`, a scaled change of the free velocity, to the targets of both solves (velocity and position) in
+    /// all rows, in the lanes `lanes`.
     fn shift(&self, rows: &mut Rows<Self::Row>, change: &[R], lanes: R::Mask);
 
     /// Damps the targets of the rows relative to `impulses`, which are appended to the reference; see
     /// [`PositionRows::damp`](crate::PositionRows::damp).
     fn damp(&self, rows: &mut Rows<Self::Row>, impulses: &[Self::Impulse], damping: Damping<R>, floors: &[R], reference: [&mut Vec<R>; 2]);
 
-    /// Larger of `most` and the largest velocity by which damping keeps a normal row from its target, m/s or rad/s.
+    /// Larger of `most` and the largest difference between the target of a normal row and its velocity that damping causes, m/s or rad/s.
     fn shortfall(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], before: &[R], most: R) -> R;
 
     /// Larger of `most` and the largest target of an immovable row, m/s or rad/s.
@@ -354,7 +355,7 @@ pub(crate) fn blend_lane<R: Real>(numbers: &mut [R], from: &[R], lane: usize, we
     }
 }
 
-/// Number of one lane.
+/// Number in lane `lane` of a register, as f64.
 #[inline(always)]
 pub(crate) fn number_of<R: Real>(x: R, lane: usize) -> f64 {
     x.lane(lane).to_f64()

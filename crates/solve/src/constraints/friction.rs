@@ -98,9 +98,9 @@ impl<R: Real> NaturalStep<R> {
 /// Contact with friction in `N` rows, which `L` solves alone.
 #[derive(Clone, Copy, Debug)]
 pub struct FrictionContact<R: Real, const N: usize, L> {
-    /// Index of its first coordinate among those of all contacts of its kind.
+    /// Index of its first coordinate in the list of coordinates of all contacts with as many rows.
     support: usize,
-    /// Index of its first entry among those of all contacts of its kind.
+    /// Index of its first Jacobian entry in the list of entries of all contacts with as many rows.
     y: usize,
     /// Number of its coordinates.
     coordinates: usize,

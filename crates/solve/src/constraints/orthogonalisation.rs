@@ -31,7 +31,8 @@ fn entry_threshold<R: Real>() -> f64 {
     dependence_threshold::<f64>().max((32.0 * <R::Scalar as Scalar>::EPSILON.to_f64()).powi(2))
 }
 
-/// Square of the ratio of an entry to its change by the second projection, below which the entry is rounding error.
+/// Square of the ratio of an entry to its rounding error, below which the entry counts as zero. The second projection changes an entry by
+/// about its rounding error.
 pub const ROUNDING_RATIO: f64 = 16.0;
 
 /// Ratio of a target velocity to its scale below which it is rounding error. It applies to dependent rows.

@@ -51,8 +51,8 @@ impl<R: Real> RollingSolver<R> {
         out
     }
 
-    /// Impulse at the s > 0 at which |x(s)| = mu n(s), in the lanes `todo`, by Newton's method on mu n / |x| = 1 inside a bracket. It is as
-    /// exact as that of sliding friction.
+    /// Impulse of a slipping contact in the lanes `todo`. It solves |x(s)| = mu n(s) for s > 0 by Newton's method on mu n / |x| = 1 inside
+    /// a bracket, to the accuracy of sliding friction.
     #[inline(always)]
     fn slip(&self, mu: R, p: [R; T], push: R, guess: R, mut todo: R::Mask) -> Slip<R> {
         let zero = R::zero();

@@ -17,9 +17,9 @@ use stepper_real::{Mask, Real, Scalar};
 /// Bounded scalar row: an equality (any lambda), a limit (`0 <= lambda`), or dry friction (`|lambda| <= h f`).
 #[derive(Clone, Copy, Debug)]
 pub struct ScalarRow<R: Real> {
-    /// Index of its first coordinate among those of all scalar rows.
+    /// Index of its first coordinate in the list of coordinates of all scalar rows.
     support: usize,
-    /// Index of its first entry among those of all scalar rows.
+    /// Index of its first Jacobian entry in the list of entries of all scalar rows.
     pub(super) y: usize,
     /// Number of its coordinates.
     pub(super) coordinates: usize,
@@ -50,7 +50,7 @@ pub struct ScalarRow<R: Real> {
 }
 
 impl<R: Real> ScalarRow<R> {
-    /// Range of the row's entries among those of all scalar rows.
+    /// Range of the row's Jacobian entries in the list of entries of all scalar rows.
     #[inline(always)]
     pub fn entries(&self) -> Range<usize> {
         self.y..self.y + self.coordinates

@@ -105,7 +105,7 @@ impl Dense {
 mod tests {
     use super::Dense;
 
-    /// Rows of one tile from their first numbers.
+    /// Rows of one tile, of width 4, from their first three numbers.
     fn rows(rows: &[[f64; 3]]) -> Vec<f64> {
         rows.iter().flat_map(|&[a, b, c]| [a, b, c, 0.0]).collect()
     }

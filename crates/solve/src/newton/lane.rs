@@ -15,7 +15,7 @@ use stepper_real::{Real, Scalar};
 #[derive(Clone, Debug)]
 pub(super) struct LaneBlock {
     pub(super) set: AdmissibleSet,
-    /// Number of its kind.
+    /// Index of its kind of constraint.
     pub(super) kind: usize,
     /// Index of the constraint among its kind in the lanes' problem.
     pub(super) source: usize,
@@ -35,7 +35,7 @@ pub(super) struct LaneBlock {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Lane {
     pub(super) blocks: Vec<LaneBlock>,
-    /// Number of the kind whose constraints are gathered.
+    /// Index of the kind of constraint that is being gathered.
     kind: usize,
     support: Vec<u32>,
     /// Entries; the rows of a coordinate lie side by side.
@@ -86,7 +86,7 @@ impl Lane {
         &self.support[block.support.clone()]
     }
 
-    /// Rows of a block with an effect, as bits: those with entries, and the first.
+    /// Rows of a block that have an effect, as bits. These are rows with a nonzero entry, target or impulse, and always the first row.
     pub(super) fn busy_rows(&self, block: &LaneBlock) -> u32 {
         let (_, entries) = self.entries(block);
         let dim = block.rows.len();

@@ -6,7 +6,7 @@
 
 use crate::newton::lane::Lane;
 
-/// Number of a coordinate without a number yet.
+/// Placeholder for coordinates that have no number in the new order yet.
 const NONE: u32 = u32::MAX;
 
 /// Islands of one lane's rows. Coordinates without rows belong to none.

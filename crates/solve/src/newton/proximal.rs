@@ -46,8 +46,8 @@ pub const EXACT_RATIO: u32 = 6;
 /// Number of steps in an attempt of the exact law that need not lower its error.
 const PATIENCE: u32 = 3;
 
-/// Number of coordinates of a small island. In larger ones (a wall hit by a ball, a heap of thirty boxes) hundreds of contacts switch at
-/// once.
+/// Largest number of coordinates of a small island. In larger islands (a wall hit by a ball, a heap of thirty boxes), hundreds of contacts
+/// change their state at once.
 pub(super) const SMALL: usize = 64;
 
 /// Law that Newton's steps solve.

@@ -384,7 +384,7 @@ impl LaneResponse {
     /// Corrects the velocities of rows of the lane `l` whose damping differs from that at the solution: damped there and not now, or the
     /// reverse.
     ///
-    /// `compliances` are the present ones, and `before` the impulses from which damping counts.
+    /// `compliances` are the current ones, and `before` the impulses from which damping counts.
     fn hold_damping<R: Real>(&self, velocities: &mut [R], compliances: &[R], before: &[R], l: usize) {
         for (block, first) in self.blocks.iter().zip(&self.found) {
             let Some(first) = *first else { continue };

@@ -9,7 +9,7 @@ use crate::constraints::constraint_set::is_nonzero;
 /// Contact with `N` rows: normal, two tangents and, of six, spin and two axes of rolling.
 #[derive(Clone, Debug)]
 pub struct SoftContact<R: Real, const N: usize> {
-    /// Range of its coordinates and entries among those of all contacts of the kind.
+    /// Range of the contact in the lists of coordinates and Jacobian entries, which hold all contacts with `N` rows.
     pub(super) entries: Range<usize>,
     /// Reference acceleration of every row.
     pub reference: [R; N],
@@ -26,7 +26,7 @@ pub struct SoftContact<R: Real, const N: usize> {
 }
 
 impl<R: Real, const N: usize> SoftContact<R, N> {
-    /// Contact with these entries among those of its kind.
+    /// Contact with the range `entries` of the lists of all contacts with `N` rows.
     #[inline(always)]
     pub(super) fn new(entries: Range<usize>, reference: [R; N], weight: [R; N], scale: [R; N]) -> Self {
         let mu = scale[0] * scale[0];

@@ -30,7 +30,7 @@ const SAMPLES: usize = 4;
 pub struct LaneSolver<R: Real> {
     solver: SoftSolver<R::Single>,
     problem: SoftProblem<R::Single>,
-    /// Places of the lane's rows, contacts and rolling contacts among those of all lanes.
+    /// Indices of the lane's rows, contacts and rolling contacts in the lists for all lanes.
     places: [Vec<u32>; 3],
     /// Entries of the metric, row by row, and the start of each row.
     metric: Vec<R::Single>,

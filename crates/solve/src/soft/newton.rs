@@ -220,7 +220,7 @@ impl<R: Real> SoftSolver<R> {
         self.hessian.factor();
     }
 
-    /// Sweeps whose forces are the present ones, if any.
+    /// Sweeps whose forces are the current ones, if any.
     fn slipless(&self) -> Option<&NoSlip<R>> {
         self.noslip.as_deref().filter(|_| self.without_slip)
     }

@@ -45,7 +45,7 @@ pub struct SlipCapacity {
 pub struct ContactVisit<M> {
     /// Whether the contact has six rows.
     pub rolling: bool,
-    /// Index among the items of its kind.
+    /// Index in the list of contacts with three rows, or with six.
     pub index: usize,
     /// Lanes in which it is visited.
     pub lanes: M,
@@ -712,13 +712,13 @@ fn is_dry_friction<R: Real>(bounds: [R; 2]) -> bool {
     bounds[0].gt(R::of(f64::NEG_INFINITY)).and(bounds[1].lt(R::of(f64::INFINITY))).any()
 }
 
-/// Entries of a row as those of a kind with one row.
+/// Jacobian of one scalar row in the layout of contacts, which have an array of rows for each coordinate.
 #[inline(always)]
 fn as_rows<R: Real>(jacobian: &[R]) -> &[[R; 1]] {
     jacobian.as_chunks::<1>().0
 }
 
-/// Tree of an item in a lane without it.
+/// Index of a tree where a lane does not have the row or contact.
 const NOWHERE: u32 = u32::MAX;
 
 /// Unites the trees that an item joins in every lane, and appends one of them. `is_there` returns whether a lane has an entry.

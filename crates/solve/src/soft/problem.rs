@@ -20,7 +20,7 @@ pub trait Metric<R: Real> {
 /// Scalar row with the force -D u between two bounds, u = J a - r. An equality has no bounds, a limit one, dry friction two.
 #[derive(Clone, Debug)]
 pub struct SoftRow<R: Real> {
-    /// Range of its coordinates and entries among those of all scalar rows.
+    /// Range of the row in the lists of coordinates and Jacobian entries, which hold all scalar rows.
     pub(super) entries: Range<usize>,
     /// Reference acceleration r.
     pub reference: R,

@@ -20,7 +20,7 @@ from stepper.shared.streams import Rng
 _FILE = "asset_zoo/robots/unitree_go1/xmls/go1.xml"
 _HEIGHT = 0.278
 """Initial height of the trunk, m."""
-_STANDING = 0.2945
+_ROUGH_HEIGHT = 0.2945
 """Initial height of the trunk on rough terrain, m. The feet touch the ground; in mjlab they start 0.0165 m below its surface."""
 _STANCE = {"hip": 0.1, "thigh": 0.9, "calf": -1.8}
 """Initial joint angles, rad, by kind of joint; positive hip angles point outwards."""
@@ -32,11 +32,11 @@ _TORQUE = {"hip": 23.7, "thigh": 23.7, "calf": 35.55}
 """Largest torques at the joint, N m, by kind of joint."""
 _GREY, _LIGHT = "0.25 0.25 0.28 1", "0.75 0.75 0.78 1"
 """Colours (rgba) of geoms that can touch the ground, and of other geoms."""
-_FOOT, _CLEAR = 0.023, 0.01
+_FOOT, _CLEARANCE = 0.023, 0.01
 """Radius of a foot, and clearance between foot and ground above which the foot counts as in the air, m."""
-_SHORTEST, _LONGEST = 0.1, 0.3
+_MIN_AIR_TIME, _MAX_AIR_TIME = 0.1, 0.3
 """Bounds of a rewarded air time, s. A landing foot earns min(air time, longest) - shortest."""
-_STANDS = 0.1
+_STANDING_COMMAND = 0.1
 """Norm of the command (m/s, rad/s) below which it counts as a command to stand."""
 
 
@@ -63,7 +63,7 @@ class Go1Velocity(VelocityTask):
 
     def terms(self, now: Moment) -> Terms:
         """Terms of `VelocityTask`, and the term "stride" while the command is to move."""
-        return super().terms(now) | {"stride": now.episode_state["stride"] * (square_sum(command(now)) > _STANDS**2)}
+        return super().terms(now) | {"stride": now.episode_state["stride"] * (square_sum(command(now)) > _STANDING_COMMAND**2)}
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
         """Draws commands, pushes, latency and parameters, and clears the air times of the feet."""
@@ -75,9 +75,9 @@ class Go1Velocity(VelocityTask):
         """Step the simulation by one action, and detect landings of feet. During the latency the previous action still acts."""
         super().advance(now)
         air, feet = now.episode_state["air"], now.sim.site_xpos[:, _feet(now.sim.model)]
-        stands = feet[..., 2] - self.ground(feet[..., :2]) < _FOOT + _CLEAR
+        stands = feet[..., 2] - self.ground(feet[..., :2]) < _FOOT + _CLEARANCE
         landed = stands & (air > 0.0)
-        now.episode_state["stride"][:] = np.where(landed, np.minimum(air, _LONGEST) - _SHORTEST, 0.0).sum(axis=1)
+        now.episode_state["stride"][:] = np.where(landed, np.minimum(air, _MAX_AIR_TIME) - _MIN_AIR_TIME, 0.0).sum(axis=1)
         air[:] = np.where(stands, 0.0, air + now.dt)
 
 
@@ -115,6 +115,7 @@ def _feet(model: Model) -> list[int]:
 
 
 def _geom(name: str) -> dict[str, str]:
+    """MJCF attributes of a geom on plain ground: feet, trunk and head collide."""
     return _touching(name, name in ("trunk_collision", "head_collision"))
 
 
@@ -140,7 +141,7 @@ def _scene(roughness: float) -> Model:
 
 @cache_model
 def _rough_scene() -> Model:
-    return _on(tiled_ground(Go1Rough.TERRAIN), lambda name: _touching(name, "hip" not in name), _STANDING)
+    return _on(tiled_ground(Go1Rough.TERRAIN), lambda name: _touching(name, "hip" not in name), _ROUGH_HEIGHT)
 
 
 def _on(ground: Ground, geom: Callable[[str], Mapping[str, str]], height: float) -> Model:

@@ -24,11 +24,11 @@ _COMMANDS, _PUSHES = 2, 3
 """Number of commands per episode, one after the other; number of pushes per episode."""
 _STANDING_SHARE = 0.1
 """Fraction of the commands that are zero (stand still)."""
-_SPREAD = 0.7 * terrain.HALF
+_START_RANGE = 0.7 * terrain.HALF
 """Largest distance in x and y of an initial position from the middle of the bumpy ground, m."""
 _GRID = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, 5)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
 """Points of the observed grid of ground heights, ahead and to the left of the base, (25, 2), in multiples of `VelocityTask.sight`."""
-_UNDER = np.stack(np.meshgrid(*[np.linspace(-0.4, 0.4, 9)] * 2), axis=-1).reshape(-1, 2)
+_FOOTPRINT = np.stack(np.meshgrid(*[np.linspace(-0.4, 0.4, 9)] * 2), axis=-1).reshape(-1, 2)
 """Points around the base whose highest ground sets the initial height, (81, 2) m."""
 
 
@@ -238,8 +238,8 @@ class VelocityTask(Task):
         qpos[:, 7:] += rng.uniform(-0.1, 0.1, qpos.shape[1] - 7)
         qvel[:, :6] = rng.uniform(-0.3, 0.3, 6)
         if self.roughness:
-            qpos[:, :2] = rng.uniform(-_SPREAD, _SPREAD, 2)
-            qpos[:, 2] += self.ground(qpos[:, None, :2] + _UNDER).max(axis=1)
+            qpos[:, :2] = rng.uniform(-_START_RANGE, _START_RANGE, 2)
+            qpos[:, 2] += self.ground(qpos[:, None, :2] + _FOOTPRINT).max(axis=1)
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
         """Draw commands, pushes, latency and model parameters of the new episodes."""

@@ -157,7 +157,8 @@ def _target(now: Moment) -> Array:
 
 
 def _from_head(now: Moment, geom: str) -> Array:
-    offset: Array = _place(now, geom) - now.site_xpos[:, now.sim.model.site("head").id]
+    """Vector from the head to a geom, in world axes, (num_envs, 3), m."""
+    offset: Array = _geom_position(now, geom) - now.site_xpos[:, now.sim.model.site("head").id]
     return offset
 
 
@@ -167,7 +168,8 @@ def _to_head(now: Moment, vectors: Array) -> Array:
     return local
 
 
-def _place(now: Moment, geom: str) -> Array:
+def _geom_position(now: Moment, geom: str) -> Array:
+    """Position of a geom, (num_envs, 3), m."""
     place: Array = now.geom_xpos[:, now.sim.model.geom(geom).id]
     return place
 
@@ -175,10 +177,10 @@ def _place(now: Moment, geom: str) -> Array:
 def _fetching(now: Moment) -> Array:
     """Score of fetching, (num_envs,): product of terms for the ball in the mouth (1 near the target) and for the ball at the target."""
     model = now.sim.model
-    ball, radius = _place(now, "ball"), float(model.geom("target").size[0])
+    ball, radius = _geom_position(now, "ball"), float(model.geom("target").size[0])
     upper, lower = (norm(ball - now.site_xpos[:, model.site(site).id]) for site in ("upper_bite", "lower_bite"))
     to_mouth = 0.5 * (upper + lower)
-    to_target = norm(ball - _place(now, "target"))
+    to_target = norm(ball - _geom_position(now, "target"))
     reached = (6.0 * tolerance(to_mouth, 0.0, _BITE, margin=2.0, fall="reciprocal") + 1.0) / 7.0
     brought = (tolerance(to_target, 0.0, radius, margin=_ARENA, fall="reciprocal") + 1.0) / 2.0
     fetching: Array = np.where(to_target < 2.0 * radius, 1.0, reached) * brought

@@ -61,6 +61,7 @@ class Fish(SuiteTask):
 
 
 def _angles(now: Moment) -> Array:
+    """Joint angles, (num_envs, 7), rad."""
     angles: Array = now.qpos[:, [now.sim.model.joint(name).qposadr for name in _JOINTS]]
     return angles
 

@@ -68,6 +68,7 @@ class Humanoid(SuiteTask):
 
 
 def _head_height(now: Moment) -> Array:
+    """Height of the head, (num_envs,), m."""
     height: Array = now.xpos[:, now.sim.model.body("head").id, 2]
     return height
 

@@ -38,6 +38,7 @@ class Manipulator(SuiteTask):
 
     @property
     def _object(self) -> str:
+        """Name of the body that must be moved."""
         return "peg" if self.peg else "ball"
 
     def model(self) -> Model:

@@ -80,6 +80,7 @@ class PointMass(SuiteTask):
 
 
 def _unit(vectors: Array) -> Array:
+    """Vectors (n, 2) divided by their norms."""
     units: Array = vectors / norm(vectors)[:, None]
     return units
 

@@ -75,7 +75,7 @@ class Quadruped(SuiteTask):
         if not self.fetch:
             speed, wanted = reading(now, "velocimeter")[:, 0], self.move_speed
             return upright * tolerance(speed, wanted, float("inf"), margin=wanted, fall="linear", value=0.5)
-        model, ball = now.sim.model, _place(now, "ball")
+        model, ball = now.sim.model, _body_position(now, "ball")
         radii = {"workspace": _WORKSPACE + float(model.geom("ball").size[0]), "target": _TARGET}
         distances = {site: norm((now.site_xpos[:, model.site(site).id] - ball)[:, :2]) for site in radii}
         near, brought = (
@@ -120,7 +120,7 @@ def _ball(now: Moment) -> Array:
     """Position and velocity of the ball relative to the torso, and its angular velocity, in the torso's frame: (num_envs, 3, 3)."""
     ball, root = now.sim.model.joint("ball_root").dofadr, now.sim.model.joint("root").dofadr
     rows = [
-        _place(now, "ball") - _place(now, "torso"),
+        _body_position(now, "ball") - _body_position(now, "torso"),
         now.qvel[:, ball : ball + 3] - now.qvel[:, root : root + 3],
         now.qvel[:, ball + 3 : ball + 6],
     ]
@@ -130,12 +130,13 @@ def _ball(now: Moment) -> Array:
 
 def _target(now: Moment) -> Array:
     """Vector from the torso to the target in the middle, in the torso's frame, m: (num_envs, 3)."""
-    offset = now.site_xpos[:, now.sim.model.site("target").id] - _place(now, "torso")
+    offset = now.site_xpos[:, now.sim.model.site("target").id] - _body_position(now, "torso")
     local: Array = np.einsum("ni,nij->nj", offset, rotation(now, "torso"))
     return local
 
 
-def _place(now: Moment, body: str) -> Array:
+def _body_position(now: Moment, body: str) -> Array:
+    """Position of a body, (num_envs, 3), m."""
     place: Array = now.xpos[:, now.sim.model.body(body).id]
     return place
 

@@ -67,6 +67,7 @@ class Stacker(SuiteTask):
 
     @property
     def _names(self) -> list[str]:
+        """Names of the boxes."""
         return [f"box{k}" for k in range(self.boxes)]
 
     def _rates(self, now: Moment) -> Array:

@@ -35,13 +35,13 @@ class Pusher(MujocoTask):
         return (
             Observation("qpos", columns=slice(0, 7)),
             Observation("qvel", columns=slice(0, 7)),
-            Observation("tips_arm", func=lambda now: _place(now, "tips_arm"), unit="m"),
-            Observation("object", func=lambda now: _place(now, "object"), unit="m"),
-            Observation("goal", func=lambda now: _place(now, "goal"), unit="m"),
+            Observation("tips_arm", func=lambda now: _body_position(now, "tips_arm"), unit="m"),
+            Observation("object", func=lambda now: _body_position(now, "object"), unit="m"),
+            Observation("goal", func=lambda now: _body_position(now, "goal"), unit="m"),
         )
 
     def advance(self, now: Moment) -> None:
-        """Step the simulation by one action, and keep the positions of bodies before the last time step for `now.xpos`."""
+        """Step the simulation by one action. As in Gymnasium, `now.xpos` has the body positions before the last time step."""
         now.sim.step(now.action, self.frame_skip - 1)
         now.keep("xpos", now.sim.xpos)
         before = now.sim.status
@@ -50,9 +50,9 @@ class Pusher(MujocoTask):
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
         """Reward: minus the distances of the cylinder from the fingertips and from the goal, and a cost of squared controls."""
-        cylinder = _place(now, "object")
-        near = -self.reward_near_weight * np.sqrt(square_sum(cylinder - _place(now, "tips_arm")))
-        distance = -self.reward_dist_weight * np.sqrt(square_sum(cylinder - _place(now, "goal")))
+        cylinder = _body_position(now, "object")
+        near = -self.reward_near_weight * np.sqrt(square_sum(cylinder - _body_position(now, "tips_arm")))
+        distance = -self.reward_dist_weight * np.sqrt(square_sum(cylinder - _body_position(now, "goal")))
         control = -self.reward_control_weight * square_sum(now.action)
         return distance + control + near, {"reward_dist": distance, "reward_ctrl": control, "reward_near": near}
 
@@ -68,7 +68,7 @@ class Pusher(MujocoTask):
         qvel[:, -4:] = 0.0
 
 
-def _place(now: Moment, body: str) -> Array:
+def _body_position(now: Moment, body: str) -> Array:
     """Position of a body, (num_envs, 3), m."""
     place: Array = now.xpos[:, now.sim.model.body_names.index(body)]
     return place

@@ -17,11 +17,11 @@ from stepper.sensors import HeightField
 if TYPE_CHECKING:
     import mujoco
 
-_WHOLE = 1e-6
+_CELL_TOLERANCE = 1e-6
 """Largest accepted difference of a number of cells from a whole number."""
-_LEAST = 1e-3
+_MIN_EXTENT = 1e-3
 """Least extent in z of a height field, m: MuJoCo refuses 0, the extent of flat ground."""
-_BASE = 0.5
+_BASE_THICKNESS = 0.5
 """Thickness of the ground below its lowest point, m."""
 
 
@@ -63,7 +63,7 @@ class Terrain:
             raise ValueError(f"horizontal_scale is {self.horizontal_scale}, must be above 0 m")
         for name in ("size", "border_width"):
             cells = getattr(self, name) / self.horizontal_scale
-            if abs(cells - round(cells)) > _WHOLE or round(cells) < (1 if name == "size" else 0):
+            if abs(cells - round(cells)) > _CELL_TOLERANCE or round(cells) < (1 if name == "size" else 0):
                 raise ValueError(f"{name} is {getattr(self, name)} m, must be a whole number of cells of {self.horizontal_scale} m")
         if not 0.0 <= self.difficulty_range[0] <= self.difficulty_range[1] <= 1.0:
             raise ValueError(f"difficulty_range is {self.difficulty_range}, must be two numbers from 0 to 1, the easier one first")
@@ -96,7 +96,7 @@ class Terrain:
             for column in range(len(self.sub_terrains)):
                 first, second = border + cells * column, border + cells * row
                 heights[first : first + cells + 1, second : second + cells + 1] += self._tile(row, column)
-        lowest, extent = heights.min(), max(float(np.ptp(heights)), _LEAST)
+        lowest, extent = heights.min(), max(float(np.ptp(heights)), _MIN_EXTENT)
         single = ((heights - lowest) / extent).astype(np.float32)
         elevation: Array = single.astype(np.float64) * extent + lowest
         return elevation
@@ -133,7 +133,7 @@ class Terrain:
                 raise ValueError(f"sub_terrain {name!r} is a {type(kind).__name__}, which has no boxes: add_to(spec) makes a height field")
             for row in range(self.num_rows):
                 corners = kind.boxes(self.size, self.difficulties[row], self._rng(row, column))
-                corners = corners[(corners[:, 1] > corners[:, 0] + _WHOLE).all(axis=1)]
+                corners = corners[(corners[:, 1] > corners[:, 0] + _CELL_TOLERANCE).all(axis=1)]
                 place = [*self.origins[row, column, :2], 0.0]
                 found.append(np.stack([corners.mean(axis=1) + place, (corners[:, 1] - corners[:, 0]) / 2], axis=1))
         return np.concatenate([*found, self._border()])
@@ -178,16 +178,16 @@ class Terrain:
 
     def _field(self) -> tuple[Array, float, list[float]]:
         """MuJoCo's data of the height field: relative heights (0 to 1, float32), z of relative height 0 (m), and attribute `size` (4,)."""
-        lowest, extent = float(self.elevation.min()), max(float(np.ptp(self.elevation)), _LEAST)
+        lowest, extent = float(self.elevation.min()), max(float(np.ptp(self.elevation)), _MIN_EXTENT)
         data = ((self.elevation - lowest) / extent).astype(np.float32)
-        return data, lowest, [*self.half.tolist(), extent, _BASE]
+        return data, lowest, [*self.half.tolist(), extent, _BASE_THICKNESS]
 
     def _tile(self, row: int, column: int) -> Array:
         """Heights of the grid points of a tile, (cells + 1, cells + 1) m; 0 on its border."""
         kind = list(self.sub_terrains.values())[column]
         line = np.linspace(-self.size / 2, self.size / 2, round(self.size / self.horizontal_scale) + 1)
         heights = kind.heights(line, line, self.size, float(self.difficulties[row]), self._rng(row, column))
-        inside = np.abs(line) <= self.size / 2 - max(kind.border_width, self.horizontal_scale / 2) + _WHOLE
+        inside = np.abs(line) <= self.size / 2 - max(kind.border_width, self.horizontal_scale / 2) + _CELL_TOLERANCE
         return np.where(inside & inside[:, None], heights, 0.0)
 
     def _rng(self, row: int, column: int) -> np.random.Generator:
@@ -201,4 +201,4 @@ class Terrain:
             return np.empty((0, 2, 3))
         sides = [((x - width / 2, 0.0), (width / 2, y)), ((0.0, y - width / 2), (x - width, width / 2))]
         signs = ((1.0, sides[0]), (-1.0, sides[0]), (1.0, sides[1]), (-1.0, sides[1]))
-        return np.array([[[s * a, s * b, -_BASE / 2], [*half, _BASE / 2]] for s, ((a, b), half) in signs])
+        return np.array([[[s * a, s * b, -_BASE_THICKNESS / 2], [*half, _BASE_THICKNESS / 2]] for s, ((a, b), half) in signs])

@@ -12,7 +12,7 @@ from stepper.envs.task import Array
 Range = tuple[float, float]
 """Values of a parameter at difficulty 0 and at difficulty 1, with linear interpolation between them."""
 
-_EDGE = 1e-9
+_EDGE_MARGIN = 1e-9
 """Margin around a box, m, within which grid points count as on the box, so that rounding errors exclude no point on its edge."""
 _THICKNESS = 0.5
 """Thickness of the ground below its lowest point, m."""
@@ -64,8 +64,8 @@ class BoxTerrain(SubTerrain):
         """Heights of the tops of the highest boxes at points of a tile, (m, n) m; see `SubTerrain.heights`."""
         heights = np.full((len(y), len(x)), -np.inf)
         for (x_low, y_low, _), (x_high, y_high, top) in self.boxes(size, difficulty, rng):
-            columns = slice(np.searchsorted(x, x_low - _EDGE), np.searchsorted(x, x_high + _EDGE))
-            rows = slice(np.searchsorted(y, y_low - _EDGE), np.searchsorted(y, y_high + _EDGE))
+            columns = slice(np.searchsorted(x, x_low - _EDGE_MARGIN), np.searchsorted(x, x_high + _EDGE_MARGIN))
+            rows = slice(np.searchsorted(y, y_low - _EDGE_MARGIN), np.searchsorted(y, y_high + _EDGE_MARGIN))
             heights[rows, columns] = np.maximum(heights[rows, columns], top)
         return heights
 
@@ -158,7 +158,7 @@ class PyramidStairs(BoxTerrain):
     def boxes(self, size: float, difficulty: float, rng: np.random.Generator) -> Array:
         """Boxes of border and stairs, (n, 2, 3), m: stacked, one per step; or four per step around the platform of inverted stairs."""
         step, outer = _at(self.step_height_range, difficulty), size / 2 - self.border_width
-        count = max(0, int((outer - self.platform_width / 2) / self.step_width + _EDGE))
+        count = max(0, int((outer - self.platform_width / 2) / self.step_width + _EDGE_MARGIN))
         halves = outer - self.step_width * np.arange(count + 1)
         if not self.inverted:
             pyramid = [_box(-half, half, -half, half, -_THICKNESS, step * (k + 1)) for k, half in enumerate(halves[:count])]
@@ -214,7 +214,7 @@ class SteppingStones(BoxTerrain):
         """The stones, the platform, the border, and the bottom of the pit."""
         side, distance = _at(self.stone_size_range, difficulty), _at(self.stone_distance_range, difficulty)
         outer, inner, bottom = size / 2 - self.border_width, self.platform_width / 2, -self.depth - _THICKNESS
-        count = max(1, int((2.0 * outer - distance) / (side + distance) + _EDGE))
+        count = max(1, int((2.0 * outer - distance) / (side + distance) + _EDGE_MARGIN))
         # Equal gaps between the stones and at the outer edge.
         gap = (2.0 * outer - count * side) / (count + 1)
         starts = -outer + gap + (side + gap) * np.arange(count)

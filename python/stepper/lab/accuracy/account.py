@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
 from stepper.lab.accuracy.costs import BATCH
-from stepper.lab.study.batches import drive_through, world_of
+from stepper.lab.study.batches import run_batch, world_of
 from stepper.lab.study.document import Document, Section, counted
 from stepper.lab.study.points import USUAL
 from stepper.lab.study.study import Study
@@ -35,9 +35,9 @@ _BATCHES = 4
 """Number of batches of states from which steps are timed."""
 _ROUNDS = 11
 """Number of timed rounds."""
-_LEAST = 4e-3
+_SHORTEST_ROUND = 4e-3
 """Shortest duration of a round, s of processor time."""
-_USED = 1e-9
+_USED_FRICTION = 1e-9
 """Fraction of the friction cone, or ratio of torque to peak force (m), above which a contact counts as using friction."""
 
 
@@ -124,7 +124,7 @@ def _uses(study: Study, seen: Touching) -> Iterator[Use]:
     """Rows of the table of used parts."""
     model, options = study.loaded[0], study.options
     pressed = [pair for pair in seen.pairs if pair.impulse > 0]
-    rubbed = [pair for pair in pressed if pair.cone > _USED or pair.twists > _USED * pair.peak]
+    rubbed = [pair for pair in pressed if pair.cone > _USED_FRICTION or pair.twists > _USED_FRICTION * pair.peak]
     slid = [pair for pair in pressed if pair.cone >= 1 - 1e-3]
     near = {tuple(sorted(model.geom(g).bodyid for g in pair.geoms)) for pair in seen.pairs}
     yield Use("pairs of bodies within reach of a step", len(pairs_that_may_touch(model, study.loaded[1])), len(near))
@@ -176,42 +176,49 @@ def _spent(study: Study, parts: tuple[Part, ...]) -> Section:
 # Functions that remove one part of a scene from its description (`stepper.loading.describe`), in place.
 
 
-def _no_sensors(made: Description) -> None:
-    made["sensors"] = []
+def _no_sensors(description: Description) -> None:
+    """Removes all sensors from a description, in place."""
+    description["sensors"] = []
 
 
-def _no_friction(made: Description) -> None:
-    for one in (*made["geoms"], *made["pairs"]):
+def _no_friction(description: Description) -> None:
+    """Removes friction from all contacts, in place."""
+    for one in (*description["geoms"], *description["pairs"]):
         one["condim"] = 1
 
 
-def _no_contacts(made: Description) -> None:
+def _no_contacts(description: Description) -> None:
     """Removes all contacts from a description, in place."""
-    made["pairs"] = []
-    for geom in made["geoms"]:
+    description["pairs"] = []
+    for geom in description["geoms"]:
         geom["contype"] = geom["conaffinity"] = 0
 
 
-def _no_limits(made: Description) -> None:
-    for one in (*made["joints"], *made["tendons"]):
+def _no_limits(description: Description) -> None:
+    """Removes the limits of joints and tendons from a description, in place."""
+    for one in (*description["joints"], *description["tendons"]):
         one["range"] = None
 
 
-def _no_dry_friction(made: Description) -> None:
-    for one in (*made["joints"], *made["tendons"]):
+def _no_dry_friction(description: Description) -> None:
+    """Removes dry friction from joints and tendons, in place."""
+    for one in (*description["joints"], *description["tendons"]):
         one["frictionloss"] = 0.0
 
 
-def _no_equalities(made: Description) -> None:
-    made["equalities"] = []
+def _no_equalities(description: Description) -> None:
+    """Removes all equalities from a description, in place."""
+    description["equalities"] = []
 
 
-def _no_medium(made: Description) -> None:
-    made["medium"] |= {"density": 0.0, "viscosity": 0.0}
+def _no_medium(description: Description) -> None:
+    """Removes the surrounding fluid from a description, in place."""
+    description["medium"] |= {"density": 0.0, "viscosity": 0.0}
 
 
-def _no_actuators(made: Description) -> None:
-    made["actuators"], made["keyframes"] = [], []
+def _no_actuators(description: Description) -> None:
+    """Removes all actuators, and keyframes, which have their controls from a description, in place."""
+    description["actuators"], description["keyframes"] = [], []
 
 
 _PARTS: tuple[tuple[str, Callable[[Description], None]], ...] = (
@@ -225,7 +232,7 @@ _PARTS: tuple[tuple[str, Callable[[Description], None]], ...] = (
     ("actuators", _no_actuators),
 )
 """Removable parts: name and function, in the order of removal."""
-_REST = "motion of the bodies"
+_REMAINDER = "motion of the bodies"
 """Name of the part that remains in the end."""
 
 
@@ -262,10 +269,10 @@ def _states(study: Study, episodes: range) -> tuple[list[_States], Any]:
     sim = world.sim
     rows: list[_States] = []
 
-    def look(_: World) -> None:
+    def record(_: World) -> None:
         rows.append((world.qpos.copy(), world.qvel.copy(), np.array(sim.act, float), np.array(sim.ctrl, float)))
 
-    drive_through(study, world, episodes, look)
+    run_batch(study, world, episodes, record)
     # Row k of the controls acts on the state of row k - 1.
     every = [np.concatenate([row[k] for row in (rows[1:] if k == 3 else rows[:-1])]) for k in range(4)]
     chosen = np.random.default_rng(0).permutation(np.resize(np.arange(len(every[0])), max(BATCH, min(len(every[0]), _BATCHES * BATCH))))
@@ -279,28 +286,30 @@ def _costs(study: Study, episodes: range, tick: Tick) -> Iterator[Part]:
     if compiled is None:
         return
     states, options = _states(study, episodes)
-    made = {name: value if name in ("meshes", "height_fields") else copy.deepcopy(value) for name, value in describe(compiled).items()}
-    names, cases = ["all"], [_Steps(Model.from_description(made, strict=False), study, states, options)]
+    description = {
+        name: value if name in ("meshes", "height_fields") else copy.deepcopy(value) for name, value in describe(compiled).items()
+    }
+    names, cases = ["all"], [_Steps(Model.from_description(description, strict=False), study, states, options)]
     for name, cut in _PARTS:
-        before = copy.deepcopy({key: value for key, value in made.items() if key not in ("meshes", "height_fields")})
-        cut(made)
-        if all(made[key] == value for key, value in before.items()):
+        before = copy.deepcopy({key: value for key, value in description.items() if key not in ("meshes", "height_fields")})
+        cut(description)
+        if all(description[key] == value for key, value in before.items()):
             continue
         names.append(name)
-        cases.append(_Steps(Model.from_description(made, strict=False), study, states, options))
+        cases.append(_Steps(Model.from_description(description, strict=False), study, states, options))
     with one_core():
         for case in cases:
             case.once()
         for number in range(_ROUNDS):
             for case in cases:
-                case.measure(_LEAST)
+                case.measure(_SHORTEST_ROUND)
             tick("costs", (number + 1) / _ROUNDS)
     steps = len(states) * BATCH
     # The smallest of the rounds, because other load on the machine only adds time.
     spent = [1e6 * min(case.times) / steps for case in cases]
     memory = [case.sim.memory()["per_env"] for case in cases]
     yield Part(names[0], 1.0, spent[0], memory[0])
-    for k, name in enumerate([*names[1:], _REST]):
+    for k, name in enumerate([*names[1:], _REMAINDER]):
         last = k == len(names) - 1
         own, bytes_of = (spent[k], memory[k]) if last else (spent[k] - spent[k + 1], memory[k] - memory[k + 1])
         yield Part(name, own / spent[0], own, bytes_of)

@@ -22,7 +22,7 @@ from stepper.lab.accuracy.costs import costs
 from stepper.lab.accuracy.distributions import shifts
 from stepper.lab.accuracy.dots import Dot
 from stepper.lab.accuracy.invariants import Invariants
-from stepper.lab.accuracy.measure import COSTS, INVARIANTS, REFERENCE, TARGET, ChartBasis, Point, measure, reference
+from stepper.lab.accuracy.measure import COSTS, INVARIANTS, REFERENCE, TARGET, ChartBasis, Point, chart_reference, measure
 from stepper.lab.accuracy.reference import Reference, check_moves
 from stepper.lab.accuracy.tables import ChartData, write
 from stepper.lab.accuracy.traces import Distance, quantity
@@ -105,25 +105,27 @@ def chart(
     until = None if horizon is None else quantity(horizon, name="horizon", units=("s",))[0]
     if until is not None and not study.hold <= until <= study.seconds * (1 + 1e-9):
         raise ValueError(f"horizon is {until:g} s, must be between a control period, {study.hold:g} s, and an episode, {study.seconds:g} s")
-    told: Tick = tick or (lambda _what, _done: None)
+    report_progress: Tick = tick or (lambda _what, _done: None)
     numbers, most = range(episodes), 4 if quick else 7
     stage = clock.stage(REFERENCE)
-    distance, right = reference(study, numbers, until, unit, most, stage=stage, tick=lambda done: told("reference", done))
-    ground = ChartBasis(study, numbers, distance, right, most, clock)
+    distance, reference = chart_reference(
+        study, numbers, until, unit, most, stage=stage, tick=lambda done: report_progress("reference", done)
+    )
+    ground = ChartBasis(study, numbers, distance, reference, most, clock)
     steps = timesteps(study, coarser=2 if quick else 3, finer=1 if quick else 3)
-    points, skipped, laws = measure(ground, lines(study, quick=quick), steps, told)
+    points, skipped, laws = measure(ground, lines(study, quick=quick), steps, report_progress)
     peers = (("MuJoCo", no_peer(study)), ("rapier", no_rapier(study)))
     skipped = [f"{name}: {reason}" for name, reason in peers if reason] + skipped
     invariants = Invariants(study)
-    dots = _dots(ground, points, invariants, quick=quick, told=told)
+    dots = _dots(ground, points, invariants, quick=quick, report_progress=report_progress)
     folder = Path(out) / study.name
     folder.mkdir(parents=True, exist_ok=True)
     found = ChartData(ground, points, dots, tuple(skipped), laws, invariants)
     document, files = write(found, folder)
-    return Chart(study, distance, right, dots, tuple(skipped), document, tuple(files))
+    return Chart(study, distance, reference, dots, tuple(skipped), document, tuple(files))
 
 
-def _dots(ground: ChartBasis, points: Sequence[Point], invariants: Invariants, *, quick: bool, told: Tick) -> tuple[Dot, ...]:
+def _dots(ground: ChartBasis, points: Sequence[Point], invariants: Invariants, *, quick: bool, report_progress: Tick) -> tuple[Dot, ...]:
     """Points of the chart as numbers: measures invariants and costs of all runs."""
     study, limit = ground.study, ground.budget.stage(INVARIANTS)
     nothing, kept = np.full(len(ground.episodes), np.nan), [dict[str, Array]() for _ in points]
@@ -136,7 +138,7 @@ def _dots(ground: ChartBasis, points: Sequence[Point], invariants: Invariants, *
             late.add(k)
         errors = {} if trace is None or k in late else invariants.measure(trace)
         kept[k] = {kind.label: errors.get(kind, nothing) for kind in invariants.kinds}
-        told("invariants", (done + 1) / len(points))
+        report_progress("invariants", (done + 1) / len(points))
     # Diverged runs are not timed: steps that cannot be solved use all their iterations.
     timed = [k for k, point in enumerate(points) if math.isfinite(float(np.median(point.errors["total"])))]
     with one_core():
@@ -146,7 +148,7 @@ def _dots(ground: ChartBasis, points: Sequence[Point], invariants: Invariants, *
             [trace for k in timed if (trace := points[k].trace) is not None],
             repeats=3 if quick else 7,
             seconds=0.004 if quick else 0.02,
-            tick=lambda done: told("costs", done),
+            tick=lambda done: report_progress("costs", done),
             stage=ground.budget.stage(COSTS),
         )
     by_point = dict(zip(timed, spent, strict=True))
@@ -186,7 +188,7 @@ def _dot(ground: ChartBasis, point: Point, cost: tuple[float, float] | None, kep
         outcome=_mean(values),
         share=float(outcome.succeeds(values).mean()) if whole and outcome is not None else nan,
         invariants={name: _largest(own) for name, own in kept.items()},
-        shifts=() if trace is None else tuple(shifts(study, trace, ground.right.trace)),
+        shifts=() if trace is None else tuple(shifts(study, trace, ground.reference.trace)),
         notes=tuple(notes),
     )
 

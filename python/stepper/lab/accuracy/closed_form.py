@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 from stepper.lab.accuracy.budget import Stage
 from stepper.lab.accuracy.reference import Reference, converge
 from stepper.lab.accuracy.traces import Distance, Trace, TraceRecorder
-from stepper.lab.study import drives
+from stepper.lab.study import controllers
 from stepper.lab.study.batches import begin, world_of
 from stepper.lab.study.points import USUAL
 from stepper.lab.study.study import Study
 from stepper.lab.study.worlds import StepperWorld
 
 Array = NDArray[np.float64]
-_BEGINS = 1e-9
+_INITIAL_DIFFERENCE = 1e-9
 """Largest accepted difference between the initial states of a closed form and of the episodes, m, rad, m/s, rad/s."""
 
 
@@ -51,7 +51,7 @@ def reference_of(
         extrapolates=np.ones(count, np.bool_),
         methods=np.full(count, np.nan),
         known=np.full(count, trace.reached),
-        exact=drives.name_of(study.exact) or "a function",
+        exact=controllers.name_of(study.exact) or "a function",
     )
 
 
@@ -65,7 +65,7 @@ def closed_form(study: Study, episodes: Sequence[int]) -> Trace:
     world = world_of(study, USUAL, [study.nominal] * len(episodes), sensors=None)
     assert isinstance(world, StepperWorld)
     begin(study, world, episodes)
-    name = drives.name_of(study.exact)
+    name = controllers.name_of(study.exact)
     times: Array = study.hold * np.arange(study.controls + 1, dtype=np.float64)
     found = study.exact(world, times)
     if not isinstance(found, tuple | list) or len(found) != 2:
@@ -78,17 +78,17 @@ def closed_form(study: Study, episodes: Sequence[int]) -> Trace:
             raise ValueError(f"{study.name}: exact, {name}, gives {what} of shape {made.shape}, must be (T, num_envs, n{what[0]}): {shape}")
         if not np.isfinite(made).all():
             raise ValueError(f"{study.name}: exact, {name}, gives {what} that is not finite: it must be finite at all times")
-        if (apart := float(np.abs(made[0] - own).max(initial=0.0))) > _BEGINS:
+        if (apart := float(np.abs(made[0] - own).max(initial=0.0))) > _INITIAL_DIFFERENCE:
             raise ValueError(
                 f"{study.name}: exact, {name}, begins {apart:.2g} away from the initial {what} of the episodes: at time 0 it must "
                 "return the world's qpos and qvel, with their noise"
             )
         rows.append(made)
     seen = TraceRecorder(study, world)
-    seen.look(world)
+    seen.record(world)
     for k, time in enumerate(times[1:], start=1):
         world.sim.reset(qpos=rows[0][k], qvel=rows[1][k])
         world.time = np.full(world.num_envs, time)
-        seen.look(world)
+        seen.record(world)
     # With an infinite duration, no run counts as much slower than the reference.
     return replace(seen.trace(world, study.controls, math.inf), settings={"exact": name}, timestep=math.nan)

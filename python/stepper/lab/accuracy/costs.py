@@ -22,7 +22,7 @@ BATCH = 32
 """Number of environments of a timed batch: two SIMD groups with f32, four with f64."""
 _PEER_BATCH = 4
 """Number of environments of a timed batch in MuJoCo and rapier. They step one after the other, so that more give the same cost."""
-_LONG = 0.1
+_LONG_RUN = 0.1
 """Processor time above which the first run of a case is used as a measurement, s. In shorter runs, filling caches would count."""
 
 _PAIRS, _PAIR_SECONDS = 8, 0.01
@@ -104,7 +104,7 @@ def costs(
         first = case.once()
         if stage.limited:
             # This may remain the only measurement.
-            case.times.append(first) if first >= _LONG else case.measure(seconds)
+            case.times.append(first) if first >= _LONG_RUN else case.measure(seconds)
         if tick:
             tick((done + 1) / len(order) / (repeats + 1))
     for done in range(repeats):

@@ -48,7 +48,7 @@ def names(study: Study) -> list[str]:
     return [f"mean {outcome.name}" for outcome in study.all_outcomes] + (["successes"] if study.decisive else [])
 
 
-def shifts(study: Study, own: Trace, right: Trace) -> list[Shift]:
+def shifts(study: Study, own: Trace, converged: Trace) -> list[Shift]:
     """Differences of outcomes from those of the converged run, in the order of `names`.
 
     The interval of a mean is Student's, for differences of pairs. That of successes combines two Wilson intervals (R. G. Newcombe's tenth
@@ -58,19 +58,19 @@ def shifts(study: Study, own: Trace, right: Trace) -> list[Shift]:
     Args:
         study: The study.
         own: Run with the settings.
-        right: Converged run.
+        converged: Converged run.
     """
-    if own.stopped or right.stopped:
+    if own.stopped or converged.stopped:
         return [Shift(name, math.nan, math.nan, math.nan, 0) for name in names(study)]
     found = []
     for outcome in study.all_outcomes:
-        apart = own.outcomes[outcome.name] - right.outcomes[outcome.name]
+        apart = own.outcomes[outcome.name] - converged.outcomes[outcome.name]
         apart = apart[np.isfinite(apart)]
         low, high = student(apart.tolist()) if len(apart) > 1 else (math.nan, math.nan)
         found.append(Shift(f"mean {outcome.name}", float(apart.mean()) if len(apart) else math.nan, low, high, len(apart)))
     if study.decisive is not None:
         name, n = study.decisive.name, len(own.qpos)
-        one, two = (int(study.decisive.succeeds(trace.outcomes[name]).sum()) for trace in (own, right))
+        one, two = (int(study.decisive.succeeds(trace.outcomes[name]).sum()) for trace in (own, converged))
         found.append(Shift("successes", (one - two) / n, *newcombe(one, two, n), n))
     return found
 

@@ -33,7 +33,7 @@ _ACROSS = 3
 """Number of panels of invariants per row of the picture."""
 
 
-def draw(study: Study, distance: Distance, right: Reference, dots: Sequence[Dot], *, path: Path, note: str) -> Path:
+def draw(study: Study, distance: Distance, reference: Reference, dots: Sequence[Dot], *, path: Path, note: str) -> Path:
     """Draw the chart into a PNG file: error against cost, and sources of errors.
 
     Raises:
@@ -48,7 +48,7 @@ def draw(study: Study, distance: Distance, right: Reference, dots: Sequence[Dot]
     panels = [figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])]
     for panel, cost, title in zip(panels, ("alone", "batch"), ("one environment alone", f"{BATCH} environments in a batch"), strict=True):
         _panel(panel, dots, cost, colours, markers)
-        low = float(np.median(right.uncertainty))
+        low = float(np.median(reference.uncertainty))
         low = low if math.isfinite(low) else _FLOOR
         panel.axhspan(_FLOOR, max(low, 2 * _FLOOR), color="#888888", alpha=0.15, linewidth=0)
         panel.set_title(title, fontsize=11)
@@ -59,7 +59,7 @@ def draw(study: Study, distance: Distance, right: Reference, dots: Sequence[Dot]
             panel.set_ylim(max(_FLOOR, 0.3 * min([*finite, max(low, _FLOOR)])), 3 * max(finite))
     _legends(figure, panels, markers)
     _split(figure.add_subplot(grid[1, :]), study, dots, labels, colours)
-    title = "\n".join(textwrap.wrap(f"{study.name}. Reference: {right.words}", 150))
+    title = "\n".join(textwrap.wrap(f"{study.name}. Reference: {reference.words}", 150))
     figure.suptitle(f"{title}\n{note}", fontsize=9)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path)
@@ -74,18 +74,18 @@ def draw_later(study: Study, dots: Sequence[Dot], *, path: Path) -> Path | None:
     """
     # An invariant without any error needs no panel.
     kept = [name for name in dots[0].invariants if any(dot.invariants[name] > 0 for dot in dots)] if dots else []
-    told = [shift.name for shift in next((dot.shifts for dot in dots if dot.shifts), ())]
-    told = [name for name in told if any(shift.name == name and math.isfinite(shift.value) for dot in dots for shift in dot.shifts)]
-    if not kept and not told:
+    outcomes = [shift.name for shift in next((dot.shifts for dot in dots if dot.shifts), ())]
+    outcomes = [name for name in outcomes if any(shift.name == name and math.isfinite(shift.value) for dot in dots for shift in dot.shifts)]
+    if not kept and not outcomes:
         return None
     figures = require("matplotlib.figure", "to draw a chart")
     rows = [kept[k : k + _ACROSS] for k in range(0, len(kept), _ACROSS)]
-    figure = figures.Figure(figsize=(13, 1.5 + 3.4 * len(rows) + 4.2 * len(told)), dpi=120, layout="constrained")
-    grid = figure.add_gridspec(len(rows) + len(told), _ACROSS, height_ratios=[1.0] * len(rows) + [1.25] * len(told))
+    figure = figures.Figure(figsize=(13, 1.5 + 3.4 * len(rows) + 4.2 * len(outcomes)), dpi=120, layout="constrained")
+    grid = figure.add_gridspec(len(rows) + len(outcomes), _ACROSS, height_ratios=[1.0] * len(rows) + [1.25] * len(outcomes))
     colours = _colours(list(dict.fromkeys(dot.label for dot in dots)))
     for k, name in enumerate(kept):
         _kept(figure.add_subplot(grid[k // _ACROSS, k % _ACROSS]), name, dots, colours)
-    for k, name in enumerate(told):
+    for k, name in enumerate(outcomes):
         _shifted(figure.add_subplot(grid[len(rows) + k, :]), name, study, dots, colours)
     lines = require("matplotlib.lines", "to draw a chart")
     handles = [lines.Line2D([], [], color=colour, linestyle=_line(label), label=label) for label, colour in colours.items()]
@@ -111,6 +111,7 @@ def _colours(labels: Sequence[str]) -> dict[str, str]:
 
 
 def _line(label: str) -> str:
+    """Style of a line of the chart by engine and precision."""
     return "--" if label.startswith("MuJoCo:") else "-." if label.startswith("rapier:") else ":" if label.endswith(_SINGLE) else "-"
 
 

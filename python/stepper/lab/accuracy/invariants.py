@@ -33,7 +33,7 @@ from stepper.lab.study.worlds import with_fields
 from stepper.shared.machine import require
 
 Array = NDArray[np.float64]
-_RESTS = 1e-6
+_INITIAL_VIOLATION = 1e-6
 """Largest initial overlap, limit violation or loop error of an episode whose energy error is measured, m and rad."""
 
 
@@ -159,7 +159,7 @@ class Invariants:
             errors[kind] = max(own.errors[kind] for own in seen[1:])
         # The work of applied forces cannot be computed from the positions after the control periods.
         pushed = bool(trace.applied[:count, e].any())
-        begins = all(own <= _RESTS for own in seen[0].errors.values()) and not pushed
+        begins = all(own <= _INITIAL_VIOLATION for own in seen[0].errors.values()) and not pushed
         for kind in (ENERGY, CONSERVED):
             if kind in self.kinds:
                 excess = np.array([own.energy for own in seen]) - seen[0].energy - self._work(trace, e, seen)
@@ -173,6 +173,7 @@ class Invariants:
 
     @property
     def _weightless(self) -> bool:
+        """Whether the model has gravity disabled."""
         return bool(self._model.opt.disableflags & int(self._mujoco.mjtDisableBit.mjDSBL_GRAVITY))
 
     def _norms(self, qpos: Array) -> float:

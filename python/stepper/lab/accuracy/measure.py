@@ -28,11 +28,12 @@ Array = NDArray[np.float64]
 TARGET = {"m": 1e-4, "rad": 1e-3}
 """Target uncertainty of a reference, by unit. If no horizon is given, errors are measured until the reference exceeds it."""
 REFERENCE, RUNS, LAWS, SOURCES, INVARIANTS, COSTS = 0.3, 0.55, 0.65, 0.71, 0.77, 1.0
-"""Fractions of the time budget at which parts must be finished: reference, runs, converged runs of the contact laws, tight runs,
-invariants, costs."""
+"""Fractions of the time budget at which stages must be finished.
+
+The stages are: the reference, all runs, a converged run of each contact law, runs with a tight solver tolerance, invariants, costs."""
 
 
-_SLOWER, _LEAST = 10.0, 10.0
+_MAX_SLOWDOWN, _MIN_PATIENCE = 10.0, 10.0
 """Largest ratio of a run's duration to that of the reference's finest run, and duration that is always allowed, s. Slower runs have usually
 diverged."""
 
@@ -45,7 +46,7 @@ class ChartBasis:
         study: The study.
         episodes: Numbers of the episodes.
         distance: Definition of errors.
-        right: Reference, relative to which errors are measured.
+        reference: Reference, relative to which errors are measured.
         most: Largest number of halvings of the time step for converged runs.
         budget: Time budget.
     """
@@ -53,7 +54,7 @@ class ChartBasis:
     study: Study
     episodes: Sequence[int]
     distance: Distance
-    right: Reference
+    reference: Reference
     most: int
     budget: Budget = field(default_factory=lambda: Budget.from_seconds(math.inf))
 
@@ -77,7 +78,7 @@ class Point:
     notes: tuple[str, ...] = ()
 
 
-def reference(
+def chart_reference(
     study: Study,
     episodes: Sequence[int],
     horizon: float | None,
@@ -103,13 +104,13 @@ def reference(
     """
     law = {"contact": "mujoco"} if study.options.contact == "mujoco" else None
     distance = Distance(unit, horizon or study.seconds)
-    right = reference_of(study, episodes, distance, target=TARGET[unit], most=most, law=law, stage=stage, tick=tick)
-    reached = min(trace.reached for trace in (*right.runs, *right.second))
+    reference = reference_of(study, episodes, distance, target=TARGET[unit], most=most, law=law, stage=stage, tick=tick)
+    reached = min(trace.reached for trace in (*reference.runs, *reference.second))
     if horizon is None or horizon > reached * (1 + 1e-9):
-        known = float(np.median(right.known)) if horizon is None else reached
+        known = float(np.median(reference.known)) if horizon is None else reached
         distance = Distance(unit, min(max(study.hold, known), reached))
-        right = right.with_distance(distance)
-    return distance, right
+        reference = reference.with_distance(distance)
+    return distance, reference
 
 
 def measure(
@@ -151,7 +152,7 @@ def measure(
 
 def _laws(ground: ChartBasis, lines: Sequence[Line], tick: Callable[[float], None]) -> dict[str, Reference | str]:
     """Converged run of each contact law of some lines, by `_law`, or the reason why it failed."""
-    laws: dict[str, Reference | str] = {ground.study.options.contact: ground.right}
+    laws: dict[str, Reference | str] = {ground.study.options.contact: ground.reference}
     first = {_law(line): line for line in reversed(lines) if _law(line) not in laws}
     jobs = [(line, 1.0 / (len(first) - k)) for k, line in enumerate(reversed(first.values()))]
     for done, (number, law) in enumerate(each(ground.study, jobs, functools.partial(_converged, ground))):
@@ -201,11 +202,11 @@ def _run(ground: ChartBasis, stage: Stage, settings: dict[str, Any], study: Stud
     """Run with some settings, and a note if it was stopped; None without time for it. `until` is the simulated time, s."""
     if stage.limited and not stage.left:
         return None, f"the budget of {ground.budget.seconds:g} s was spent before"
-    patient = patience(study, ground.right.trace, settings["timestep"], slower=_SLOWER, least=_LEAST)
+    patient = patience(study, ground.reference.trace, settings["timestep"], slower=_MAX_SLOWDOWN, least=_MIN_PATIENCE)
     trace = run(study, ground.episodes, until=until, stage=stage.within(patient), **settings)
     if trace.stopped:
         whole = min(until, study.seconds)
-        why = "" if stage.limited and not stage.left else f": it takes more than {_SLOWER:g} times as long as the converged run"
+        why = "" if stage.limited and not stage.left else f": it takes more than {_MAX_SLOWDOWN:g} times as long as the converged run"
         return trace, f"stopped after {trace.spent:.1f} s at {trace.reached:.3g} of {whole:.3g} s{why}"
     return trace, ""
 
@@ -261,9 +262,9 @@ def _point(
 
     converged = None if isinstance(law, str) else law.trace
     errors = {
-        "total": apart(trace, ground.right.trace),
+        "total": apart(trace, ground.reference.trace),
         "solver": apart(trace, tight[0]) if line.engine == "stepper" else nothing,
         "step": apart(tight[0], converged),
-        "model": apart(converged, ground.right.trace),
+        "model": apart(converged, ground.reference.trace),
     }
     return Point(line, dt, trace, errors, tuple(note for note in notes if note))

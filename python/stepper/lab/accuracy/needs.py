@@ -24,11 +24,11 @@ _Cut = tuple[str, str, Callable[[Description], None]]
 """Removable part: its name, the reason, and the function that removes it from a description."""
 _NO_FRICTION = 1e-9
 """Ratio of tangential to normal force below which a contact counts as frictionless."""
-_HOLDS = 0.9
+_MAX_CONE_USE = 0.9
 """Largest used fraction of the friction cone at which a contact counts as never sliding."""
-_WIDER = 2.0
+_FRICTION_FACTOR = 2.0
 """Factor by which friction is increased in the test of contacts that never slide; the motion must not change."""
-_FAR = 0.01
+_LIMIT_DISTANCE = 0.01
 """Distance from a limit, as a fraction of the joint's range, beyond which the limit counts as not needed."""
 
 
@@ -85,14 +85,14 @@ class Bench:
     def _error(self, _: Study, smaller: Model) -> float:
         """Largest error of the episodes with a smaller model; infinite if the distance cannot be measured."""
         try:
-            return float(self.distance(run(self._with(smaller), self.episodes, **self.settings), self.trace).max())
+            return float(self.distance(run(self._study_with(smaller), self.episodes, **self.settings), self.trace).max())
         except KeyError:
             return math.inf
 
     def saved(self, smaller: Model) -> tuple[float, float]:
         """Saved fraction of a batch's time with a smaller model, and its lower bound."""
         with one_core():
-            return saving((self.study, self.settings), (self._with(smaller), self.settings), self.trace)
+            return saving((self.study, self.settings), (self._study_with(smaller), self.settings), self.trace)
 
     def cheaper(self, before: Mapping[str, Any], after: Mapping[str, Any]) -> tuple[float, float, float]:
         """Effect of a change of settings.
@@ -111,7 +111,8 @@ class Bench:
         saved, least = self.saved(smaller) if math.isfinite(error) else (math.nan, math.nan)
         return Spare(what, why, error, saved, least, error <= budget and least > 0)
 
-    def _with(self, smaller: Model) -> Study:
+    def _study_with(self, smaller: Model) -> Study:
+        """The study with a smaller model, ideal sensors, and without parameters of sensors."""
         # The controller reads the parameters. Sensors are ideal and may be removed, so that their parameters are dropped.
         kept = {name: own for name, own in self.study.parameters.items() if own.kind != "sensor"}
         return replace(self.study, model=smaller, parameters=kept, sensors=None)
@@ -170,10 +171,10 @@ def _settings(bench: Bench, seen: Touching, budget: float) -> Iterator[Spare]:
 def _smaller(whole: Description, cuts: Sequence[Callable[[Description], None]]) -> Model:
     """Model of a description without some parts."""
     # Meshes and height fields stay shared, because no cut changes them.
-    made = {name: value if name in ("meshes", "height_fields") else copy.deepcopy(value) for name, value in whole.items()}
+    description = {name: value if name in ("meshes", "height_fields") else copy.deepcopy(value) for name, value in whole.items()}
     for cut in cuts:
-        cut(made)
-    return Model.from_description(made, strict=False)
+        cut(description)
+    return Model.from_description(description, strict=False)
 
 
 def _pairs(model: Model, compiled: Any, seen: Touching, whole: Description) -> list[_Cut]:
@@ -186,25 +187,25 @@ def _pairs(model: Model, compiled: Any, seen: Touching, whole: Description) -> l
     idle = [geoms for geoms in _explicit(whole) if geoms not in bodies and (_bodies(model, geoms) in apart or not _meet(model, geoms))]
     of_near = [geoms for geoms in idle if _bodies(model, geoms) not in never]
 
-    def cut(made: Description) -> None:
-        known = {_ordered(own) for own in made["excludes"]}
-        made["excludes"] += [list(own) for own in never if own not in known]
+    def remove(description: Description) -> None:
+        known = {_ordered(own) for own in description["excludes"]}
+        description["excludes"] += [list(own) for own in never if own not in known]
         # Exclusions do not apply to explicit pairs.
-        _without_pairs(made, set(idle) - set(of_near))
+        _without_pairs(description, set(idle) - set(of_near))
 
     found: list[_Cut] = []
     if never:
-        found.append((f"{len(never)} of {len(may)} pairs of bodies", "they never came near enough to touch within a step", cut))
+        found.append((f"{len(never)} of {len(may)} pairs of bodies", "they never came near enough to touch within a step", remove))
     if of_near:
         what = f"{len(of_near)} of {len(whole['pairs'])} explicit pairs of geoms"
         why = "they never came near enough to touch within a step, unlike other geoms of their bodies; or their bodies are excluded"
-        found.append((what, why, lambda made: _without_pairs(made, set(of_near))))
+        found.append((what, why, lambda description: _without_pairs(description, set(of_near))))
     return found
 
 
-def _without_pairs(made: Description, gone: set[tuple[int, int]]) -> None:
+def _without_pairs(description: Description, gone: set[tuple[int, int]]) -> None:
     """Remove explicit pairs, given by their geoms, from a description."""
-    made["pairs"] = [pair for pair in made["pairs"] if _ordered(pair["geoms"]) not in gone]
+    description["pairs"] = [pair for pair in description["pairs"] if _ordered(pair["geoms"]) not in gone]
 
 
 def _explicit(whole: Description) -> dict[tuple[int, int], int]:
@@ -225,6 +226,7 @@ def _bodies(model: Model, geoms: tuple[int, int]) -> tuple[int, int]:
 
 
 def _ordered(pair: Sequence[int]) -> tuple[int, int]:
+    """Pair of indices in ascending order."""
     first, second = sorted(pair)
     return first, second
 
@@ -239,14 +241,14 @@ def _frictionless(model: Model, seen: Touching, whole: Description) -> list[_Cut
     geoms = sorted(g for g in {g for key in idle - explicit.keys() for g in key} - busy if model.geom(g).condim > 1)
     pairs = sorted(k for key, k in explicit.items() if key in idle and whole["pairs"][k]["condim"] > 1)
 
-    def cut(made: Description) -> None:
+    def remove(description: Description) -> None:
         for g in geoms:
-            made["geoms"][g]["condim"] = 1
+            description["geoms"][g]["condim"] = 1
         for k in pairs:
-            made["pairs"][k]["condim"] = 1
+            description["pairs"][k]["condim"] = 1
 
     what = " and ".join(f"{len(own)} {name}" for own, name in ((geoms, "geoms"), (pairs, "explicit pairs of geoms")) if own)
-    return [(f"friction of {what}", "none of their contacts has a tangential force", cut)] if what else []
+    return [(f"friction of {what}", "none of their contacts has a tangential force", remove)] if what else []
 
 
 def cones(model: Model, seen: Touching, whole: Description) -> list[_Cut]:
@@ -256,31 +258,33 @@ def cones(model: Model, seen: Touching, whole: Description) -> list[_Cut]:
     contact's cone, and the change of the motion with a wider cone. The engine has no friction without a bound, so that nothing is removed.
     """
     pressed = {pair.geoms: pair for pair in seen.pairs if pair.impulse > 0}
-    holds = {key for key, pair in pressed.items() if _NO_FRICTION < pair.cone <= _HOLDS and pair.twists <= _NO_FRICTION * pair.peak}
+    holds = {key for key, pair in pressed.items() if _NO_FRICTION < pair.cone <= _MAX_CONE_USE and pair.twists <= _NO_FRICTION * pair.peak}
     # Geoms without sliding contacts. The friction of a geom affects all its contacts.
     steady = {g for key in holds for g in key} - {g for key in pressed.keys() - holds for g in key}
     explicit = _explicit(whole)
     friction = np.asarray(model.geom_friction, float)
-    wide = {k: _WIDER * max(pressed[key].friction for key in holds if k in key) for k in steady}
+    wide = {k: _FRICTION_FACTOR * max(pressed[key].friction for key in holds if k in key) for k in steady}
     raised = np.array([[wide.get(k, own), *rest] for k, (own, *rest) in enumerate(friction.tolist())]).reshape(friction.shape)
     # The cone of a pair stays the same if it has no such geom, or takes its friction from the other geom.
-    widened = {key for key in holds if key in explicit or pair_friction(model, raised, *key, {}) >= _WIDER * pressed[key].friction}
+    widened = {
+        key for key in holds if key in explicit or pair_friction(model, raised, *key, {}) >= _FRICTION_FACTOR * pressed[key].friction
+    }
     if not widened:
         return []
     worst = max((pressed[key] for key in widened), key=lambda pair: pair.cone)
 
-    def wider(made: Description) -> None:
+    def widen(description: Description) -> None:
         for k, own in wide.items():
-            made["geoms"][k]["friction"][0] = own
+            description["geoms"][k]["friction"][0] = own
         for key in widened & explicit.keys():
-            made["pairs"][explicit[key]]["friction"][0] *= _WIDER
+            description["pairs"][explicit[key]]["friction"][0] *= _FRICTION_FACTOR
 
     what = f"cones of {len(widened)} of {len(pressed)} pairs of geoms that touch"
     why = (
         f"none slides: a contact uses at most {worst.cone:.0%} of its cone ({' - '.join(worst.names)}, which leaves a margin of "
-        f"{1 - worst.cone:.0%}); the change is that of cones {_WIDER:g} times as wide"
+        f"{1 - worst.cone:.0%}); the change is that of cones {_FRICTION_FACTOR:g} times as wide"
     )
-    return [(what, why, wider)]
+    return [(what, why, widen)]
 
 
 def _limits(model: Model, seen: Touching) -> list[_Cut]:
@@ -291,18 +295,18 @@ def _limits(model: Model, seen: Touching) -> list[_Cut]:
         if not joint.limited or joint.nq != 1:
             continue
         low, high = joint.range
-        margin = _FAR * (high - low) if np.isfinite(high - low) else _FAR
+        margin = _LIMIT_DISTANCE * (high - low) if np.isfinite(high - low) else _LIMIT_DISTANCE
         if seen.reach[0, joint.qposadr] > low + margin and seen.reach[1, joint.qposadr] < high - margin:
             far.append(k)
     if not far:
         return []
 
-    def cut(made: Description) -> None:
+    def remove(description: Description) -> None:
         for k in far:
-            made["joints"][k]["range"] = None
+            description["joints"][k]["range"] = None
 
     what = "the limit of one joint" if len(far) == 1 else f"the limits of {len(far)} joints"
-    return [(what, f"no step came nearer to a limit than {_FAR:.0%} of the joint's range", cut)]
+    return [(what, f"no step came nearer to a limit than {_LIMIT_DISTANCE:.0%} of the joint's range", remove)]
 
 
 def _sensors(model: Model, seen: Touching) -> list[_Cut]:
@@ -310,7 +314,7 @@ def _sensors(model: Model, seen: Touching) -> list[_Cut]:
     if not model.sensors or seen.senses:
         return []
 
-    def cut(made: Description) -> None:
-        made["sensors"] = []
+    def remove(description: Description) -> None:
+        description["sensors"] = []
 
-    return [(f"{len(model.sensors)} sensors", "neither the controller nor an outcome reads them", cut)]
+    return [(f"{len(model.sensors)} sensors", "neither the controller nor an outcome reads them", remove)]

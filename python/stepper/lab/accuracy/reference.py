@@ -31,22 +31,22 @@ from stepper.lab.study.points import USUAL
 from stepper.lab.study.study import Study
 
 Array = NDArray[np.float64]
-_HARD: dict[str, Any] = {"contact": "hard", "integrator": "midpoint"}
+_FIRST_METHOD: dict[str, Any] = {"contact": "hard", "integrator": "midpoint"}
 """Contact law and integrator of the first method, whatever the options of the study."""
 TIGHT: dict[str, Any] = {"tolerance": 1e-9, "iterations": 200, "precision": "f64"}
 """Settings of a tight solve. Evidence: contacts of a humanoid have rounding errors of about 1e-11 m/s. A tolerance near that uses all
 iterations in most steps and takes twenty times as long."""
-_SECOND = {"euler": "Euler's rule", "implicit": "the implicit rule"}
+_SECOND_METHODS = {"euler": "Euler's rule", "implicit": "the implicit rule"}
 """Integrators of the second method. The first one that stays finite and finishes in time is used."""
-_LEAST, _PER_STEP = 2.0, 1e-4
+_MIN_PATIENCE, _PATIENCE_PER_STEP = 2.0, 1e-4
 """Duration that is always allowed for a run, s, and additional duration per time step, s."""
-_SLOWER = 3.0
+_MAX_SLOWDOWN = 3.0
 """Largest ratio of the second method's duration to the first's."""
 _SHARE = 0.4
 """Largest fraction of the remaining time for one run of a reference."""
 _ROUNDING = 1e-11
 """Difference of two runs below which it counts as rounding, m or rad."""
-_SMOOTH = (1.6, 2.6)
+_SMOOTH_ORDERS = (1.6, 2.6)
 """Range of observed orders of the midpoint rule in smooth motion."""
 
 
@@ -79,7 +79,7 @@ class Reference:
     methods: Array
     known: Array
     stopped: bool = False
-    rule: str = _SECOND["euler"]
+    rule: str = _SECOND_METHODS["euler"]
     without: tuple[str, ...] = ()
     exact: str = ""
 
@@ -107,25 +107,30 @@ class Reference:
             return f"the closed form {self.exact}"
         smooth, n = int(self.extrapolates.sum()), len(self.extrapolates)
         orders = self.orders[np.isfinite(self.orders)]
-        told = [f"time steps halved to {1e6 * self.timestep:.4g} us", f"observed order {np.median(orders):.1f}" if len(orders) else ""]
+        sentences = [
+            f"time steps halved to {1e6 * self.timestep:.4g} us",
+            f"observed order {np.median(orders):.1f}" if len(orders) else "",
+        ]
         if self.stopped:
-            told.append(f"stopped by the time budget at {self.trace.reached:.3g} s of simulated time")
+            sentences.append(f"stopped by the time budget at {self.trace.reached:.3g} s of simulated time")
         if len(self.runs) == 1:
-            told.append("a single run, without an estimate of its uncertainty")
+            sentences.append("a single run, without an estimate of its uncertainty")
         if smooth < n:
-            told.append(
+            sentences.append(
                 f"no extrapolation in {n - smooth} of {n} episodes, whose orders are not those of smooth motion (impacts, sticking)"
             )
         if self.without:
             alone = "" if self.second else ", and there is no other method"
-            told.append(f"{' and '.join(self.without)} cannot check it, diverging or taking more than {_SLOWER:g} times as long{alone}")
+            sentences.append(
+                f"{' and '.join(self.without)} cannot check it, diverging or taking more than {_MAX_SLOWDOWN:g} times as long{alone}"
+            )
         if np.isfinite(self.methods).all():
-            told.append(f"{self.rule} is {np.median(self.methods):.1e} away")
-        told.append(f"uncertainty {np.median(self.uncertainty):.1e} (median), {self.uncertainty.max():.1e} (largest)")
-        return "; ".join(part for part in told if part)
+            sentences.append(f"{self.rule} is {np.median(self.methods):.1e} away")
+        sentences.append(f"uncertainty {np.median(self.uncertainty):.1e} (median), {self.uncertainty.max():.1e} (largest)")
+        return "; ".join(part for part in sentences if part)
 
 
-def patience(study: Study, of: Trace, timestep: float, *, slower: float = _SLOWER, least: float = _LEAST) -> float:
+def patience(study: Study, of: Trace, timestep: float, *, slower: float = _MAX_SLOWDOWN, least: float = _MIN_PATIENCE) -> float:
     """Duration after which a run is stopped, s. Diverging runs use all iterations in every step, and take much longer than others.
 
     Args:
@@ -135,7 +140,7 @@ def patience(study: Study, of: Trace, timestep: float, *, slower: float = _SLOWE
         slower: Largest ratio of the durations.
         least: Duration that is always allowed, s.
     """
-    return max(least, slower * of.spent) + _PER_STEP * study.seconds / timestep
+    return max(least, slower * of.spent) + _PATIENCE_PER_STEP * study.seconds / timestep
 
 
 def check_moves(study: Study) -> Study:
@@ -176,7 +181,7 @@ def converge(
     Raises:
         ValueError: The budget ended the first run within its first control period.
     """
-    base, stage = _HARD if law is None else law, stage or Stage()
+    base, stage = _FIRST_METHOD if law is None else law, stage or Stage()
     tight = TIGHT if base.get("engine", "stepper") == "stepper" else {}
     finest = steps_of(study, run(study, episodes[:1], setting, **base, until=study.hold, stage=stage).timestep)
     runs: list[Trace] = []
@@ -187,9 +192,9 @@ def converge(
         if stopped := bool(stage.limited and len(runs) >= 2 and need > stage.left):
             break
         before, now = (2.0 ** (j - most) if j >= 0 else 0.0 for j in (k - 1, k))
-        told = None if tick is None else (lambda done, a=before, b=now: tick(a + done * (b - a)))
+        part_tick = None if tick is None else (lambda done, a=before, b=now: tick(a + done * (b - a)))
         settings = base | tight | {"timestep": study.hold / (finest * 2**k)}
-        last = run(study, episodes, setting, **settings, until=until, stage=stage.one(_SHARE), tick=told)
+        last = run(study, episodes, setting, **settings, until=until, stage=stage.one(_SHARE), tick=part_tick)
         if stopped := last.stopped:
             if len(runs) < 2 and len(last.time):
                 # A reference of the beginning of the episodes.
@@ -205,8 +210,8 @@ def converge(
             "time for it; give more time with --budget (budget=), or fewer --episodes"
         )
     second: list[Trace] = []
-    rule, without = _SECOND["euler"], list[str]()
-    for integrator, name in _SECOND.items() if law is None else ():
+    rule, without = _SECOND_METHODS["euler"], list[str]()
+    for integrator, name in _SECOND_METHODS.items() if law is None else ():
         made = _by(integrator, runs[-2:], functools.partial(run, study, episodes, setting, until=until), stage, study)
         if made is None and stage.limited and not stage.left:
             stopped = True
@@ -230,7 +235,7 @@ def _by(integrator: str, runs: Sequence[Trace], again: Callable[..., Trace], sta
     """
     made: list[Trace] = []
     for of in runs:
-        settings = _HARD | TIGHT | {"integrator": integrator, "timestep": of.timestep}
+        settings = _FIRST_METHOD | TIGHT | {"integrator": integrator, "timestep": of.timestep}
         made.append(again(**settings, stage=stage.within(patience(study, of, of.timestep))))
         if made[-1].stopped:
             return None
@@ -250,7 +255,7 @@ def _assessed(runs: Sequence[Trace], second: Sequence[Trace], distance: Distance
     rounding = two <= _ROUNDING
     with np.errstate(divide="ignore", invalid="ignore"):
         orders = np.where(rounding | (one <= _ROUNDING), np.nan, np.log2(one / two))
-        smooth = ((orders > _SMOOTH[0]) & (orders < _SMOOTH[1])) | rounding
+        smooth = ((orders > _SMOOTH_ORDERS[0]) & (orders < _SMOOTH_ORDERS[1])) | rounding
         richardson = two / (2.0**orders - 1.0)
     own = np.where(rounding, _ROUNDING, np.where(smooth, richardson, two))
     methods = nothing.copy()

@@ -52,16 +52,16 @@ def write(found: ChartData, folder: Path) -> tuple[Document, list[Path]]:
     from stepper.lab.accuracy.draw import draw, draw_later  # noqa: PLC0415  (matplotlib is optional, and slow to import)
 
     ground, came_from = found.ground, provenance()
-    study, distance, right = ground.study, ground.distance, ground.right
+    study, distance, reference = ground.study, ground.distance, ground.reference
     note = f"{came_from['cpu']}, one core, {came_from['utc']}"
-    picture = draw(study, distance, right, found.dots, path=folder / "chart.png", note=note)
+    picture = draw(study, distance, reference, found.dots, path=folder / "chart.png", note=note)
     later = draw_later(study, found.dots, path=folder / "chart_later.png")
     table = folder / "chart.csv"
     if rapier := package_version("rapier3d"):
         came_from["rapier3d"] = rapier
     with table.open("w", newline="", encoding="utf-8") as file:
-        told = {"reference": right.words, "horizon_s": distance.horizon, "unit": distance.unit, "budget_s": ground.budget.seconds}
-        for key, value in {**told, **study.in_force, **came_from}.items():
+        header = {"reference": reference.words, "horizon_s": distance.horizon, "unit": distance.unit, "budget_s": ground.budget.seconds}
+        for key, value in {**header, **study.in_force, **came_from}.items():
             file.write(f"# {key}: {value if isinstance(value, str) else json.dumps(value, default=str)}\n")
         writer = csv.DictWriter(file, list(dict.fromkeys(name for dot in found.dots for name in dot.row)))
         writer.writeheader()
@@ -84,7 +84,7 @@ def _episodes(found: ChartData, path: Path) -> Path:
         kept[f"outcome_{outcome.name}"] = np.array(
             [nothing if point.trace is None else point.trace.outcomes[outcome.name] for point in found.points]
         )
-        kept[f"reference_{outcome.name}"] = found.ground.right.trace.outcomes[outcome.name]
+        kept[f"reference_{outcome.name}"] = found.ground.reference.trace.outcomes[outcome.name]
     np.savez_compressed(path, **kept)
     return path
 
@@ -122,18 +122,18 @@ def _sections(found: ChartData, picture: Path, later: Path | None) -> list[Secti
 def _words(found: ChartData) -> list[str]:
     """Paragraphs that explain errors, costs and the reference."""
     ground = found.ground
-    right, unit, horizon = ground.right, ground.distance.unit, ground.distance.horizon
+    reference, unit, horizon = ground.reference, ground.distance.unit, ground.distance.horizon
     what = "largest distance of a body, geom or site" if unit == "m" else "largest angle of a body"
-    laws = [f"{label} {np.median(law.uncertainty):.1e}" for label, law in found.laws.items() if law is not right]
+    laws = [f"{label} {np.median(law.uncertainty):.1e}" for label, law in found.laws.items() if law is not reference]
     stopped = sum(bool(dot.notes) for dot in found.dots)
     words = [
         f"Errors are the {what} from the reference up to {horizon:.3g} s, in {unit}, medians over "
-        f"{counted(len(right.uncertainty), 'episode')}. Reference: {right.words}."
+        f"{counted(len(reference.uncertainty), 'episode')}. Reference: {reference.words}."
         + (
             ""
-            if right.exact
-            else f" Its last two runs agree to {TARGET[unit]:g} {unit} up to {np.median(right.known):.3g} s (median; at least "
-            f"{right.known.min():.3g} s). Later, compare invariants and outcomes instead of single motions."
+            if reference.exact
+            else f" Its last two runs agree to {TARGET[unit]:g} {unit} up to {np.median(reference.known):.3g} s (median; at least "
+            f"{reference.known.min():.3g} s). Later, compare invariants and outcomes instead of single motions."
         ),
         f"Costs are processor time of one core: microseconds for a simulated second of one environment, alone and of {BATCH} in a "
         "batch, with recorded controls. MuJoCo and rapier step one environment after the other in both.",
@@ -167,13 +167,13 @@ def _kept(found: ChartData, picture: Path | None) -> Section:
 
 def _distributions(found: ChartData) -> Section:
     """Section with differences of outcomes from the converged runs."""
-    study, right = found.ground.study, found.ground.right
+    study, reference = found.ground.study, found.ground.reference
     title = "Distributions of outcomes"
     if not study.all_outcomes:
         return Section(title, ["Left out: the study has no outcome. Give it one to compare outcomes where motions are chaotic."])
-    if right.trace.stopped:
-        return Section(title, [f"Left out: the budget stopped the converged runs at {right.trace.reached:.3g} of {study.seconds:g} s."])
-    count = counted(len(right.uncertainty), "episode")
+    if reference.trace.stopped:
+        return Section(title, [f"Left out: the budget stopped the converged runs at {reference.trace.reached:.3g} of {study.seconds:g} s."])
+    count = counted(len(reference.uncertainty), "episode")
     words = [
         f"Differences of means, and of shares of successes, from those of the converged runs, over {count}, with 95 % intervals (Student's "
         "for pairs, Newcombe's for shares). If the interval contains 0, these episodes do not distinguish the settings from the reference; "

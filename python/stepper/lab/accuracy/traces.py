@@ -107,7 +107,7 @@ def run(
     enough = max(1, min(study.controls, math.ceil(until / study.hold - 1e-9))) if math.isfinite(until) else study.controls
     for looks in running(study, world, episodes, by_step=by_step):
         if looks:
-            seen.look(world)
+            seen.record(world)
             if tick:
                 tick(len(seen.rows) / enough)
             if len(seen.rows) >= enough < study.controls or not seen.finite.any():
@@ -118,7 +118,7 @@ def run(
 
 
 class TraceRecorder:
-    """Recorder that builds the trace of a run. Call `look` at the start and after every control period."""
+    """Recorder that builds the trace of a run. Call `record` at the start and after every control period."""
 
     def __init__(self, study: Study, world: World):
         self._study, self._nu = study, world.model.nu
@@ -127,12 +127,12 @@ class TraceRecorder:
         self._start: tuple[Array, Array] | None = None
         self._watch: Watch | None = None
 
-    def look(self, now: World) -> None:
+    def record(self, now: World) -> None:
         """Record the initial state in the first call, and the state after a control period in later calls."""
         if self._watch is None or self._start is None:
             self._start, self._watch = (now.qpos.copy(), now.qvel.copy()), Watch(tuple(self._study.all_outcomes), now)
             return
-        self._watch.look(now)
+        self._watch.record(now)
         held = np.full((now.num_envs, self._nu), np.nan)
         if now.last_ctrl is not None:
             held[:] = now.last_ctrl
@@ -198,19 +198,21 @@ def runs(
         tick: Progress callback with the fraction done.
     """
     made: dict[int, Trace] = {}
-    for number, trace in each(study, list(zip(settings, patience, strict=True)), functools.partial(_one, episodes)):
+    for number, trace in each(study, list(zip(settings, patience, strict=True)), functools.partial(_trace_of, episodes)):
         made[number] = trace
         if tick:
             tick(len(made) / len(settings))
     return [made[number] for number in range(len(settings))]
 
 
-def _one(episodes: Sequence[int], study: Study, own: tuple[Mapping[str, Any], float]) -> Trace:
+def _trace_of(episodes: Sequence[int], study: Study, own: tuple[Mapping[str, Any], float]) -> Trace:
+    """Trace with some settings and the time after which the run is stopped, s. `own` has both."""
     settings, patience = own
     return run(study, episodes, stage=Stage().within(patience), **settings)
 
 
 def _points(now: World) -> Array:
+    """Points whose distances are errors, (num_envs, n, 3) m: origins of bodies, geoms and sites."""
     # The origin of a body does not move when the body turns about it; geoms and sites do.
     return np.concatenate([now.xpos, now.geom_xpos, now.site_xpos], axis=1)
 

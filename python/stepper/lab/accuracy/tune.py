@@ -33,18 +33,18 @@ from stepper.lab.study.study import Study
 from stepper.shared.machine import one_core, provenance
 
 Array = NDArray[np.float64]
-_KNOWN = 0.1
+_REFERENCE_SHARE = 0.1
 """Target uncertainty of the reference, as a fraction of the error budget."""
-_BETTER = 0.8
+_RETRY_RATIO = 0.8
 """Largest ratio of the next tested candidate's error to that of a candidate that failed on held-out episodes."""
 
-_BETWEEN = 3
+_BISECTIONS = 3
 """Number of rounds of bisection between the longest time step within the budget and the next longer one."""
-_NEAR = 1.25
+_RETIMED_RATIO = 1.25
 """Ratio of a candidate's cost to the lowest cost below which it is timed a second time."""
 OWN = "the study's own"
 """Name of a study's settings among candidates."""
-_PART = 16
+_HELD_OUT_BATCH = 16
 """Number of held-out episodes in one batch or one task of Ray."""
 
 
@@ -180,7 +180,7 @@ def tune(
     if study.options.contact != "hard":
         raise ValueError('the study has contact="mujoco", and tuning chooses settings of hard contact: give it contact="hard"')
     study = replace(check_moves(study), threads=1, seconds=max(study.hold, math.ceil(round(seconds / study.hold, 9)) * study.hold))
-    told: Tick = tick or (lambda _what, _done: None)
+    report_progress: Tick = tick or (lambda _what, _done: None)
     distance = Distance(unit, seconds)
     enough = trials_for(coverage, 1 - (1 - confidence) / 2)
     if (count := len(_distinct(study, range(episodes, episodes + enough), {}))) < enough:
@@ -189,8 +189,10 @@ def tune(
             f"{confidence} needs all of them; give it qpos_noise, qvel_noise, a random start or controller, or more recorded episodes, "
             "or lower coverage or confidence"
         )
-    right = reference_of(study, range(episodes), distance, target=_KNOWN * budget, tick=lambda done: told("reference", done))
-    usual, candidates = _candidates(study, range(episodes), distance, right, budget, alone=alone, told=told)
+    reference = reference_of(
+        study, range(episodes), distance, target=_REFERENCE_SHARE * budget, tick=lambda done: report_progress("reference", done)
+    )
+    usual, candidates = _candidates(study, range(episodes), distance, reference, budget, alone=alone, report_progress=report_progress)
     candidates.sort(key=lambda own: (not own.error <= budget, own.alone if alone else own.batch))
     trials: list[Trial] = []
     chosen = None
@@ -208,22 +210,24 @@ def tune(
             break
         trials.append(_trial(study, candidate, held_out, distance, budget, confidence=1 - doubt))
         first += count
-        told("held-out episodes", len(trials) / (len(trials) + 1))
+        report_progress("held-out episodes", len(trials) / (len(trials) + 1))
         if trials[-1].share >= coverage:
             chosen = candidate
             break
         # Candidates with a similar error would fail on held-out episodes too.
-        bound = _BETTER * candidate.error
-    told("held-out episodes", 1.0)
+        bound = _RETRY_RATIO * candidate.error
+    report_progress("held-out episodes", 1.0)
     # Parts are searched with settings that do not diverge.
     seen = chosen or (usual if math.isfinite(usual.error) else min(candidates, key=lambda own: own.error))
-    spare, smaller = _removable(study, range(episodes), seen, distance, budget=budget, told=told) if reduce else ([], None)
+    spare, smaller = (
+        _removable(study, range(episodes), seen, distance, budget=budget, report_progress=report_progress) if reduce else ([], None)
+    )
     options, precision = _options(study, chosen)
     document = Document(f"Tuning of {study.name}")
     found = Tuning(
         *(study, budget, distance, chosen, options, precision, usual, tuple(candidates), tuple(trials), tuple(spare), smaller, document, ())
     )
-    document.sections += _sections(found, right, coverage=coverage, confidence=confidence, alone=alone, exhausted=exhausted)
+    document.sections += _sections(found, reference, coverage=coverage, confidence=confidence, alone=alone, exhausted=exhausted)
     return replace(found, files=tuple(_save(found, Path(out) / study.name)))
 
 
@@ -256,7 +260,7 @@ def _lines(study: Study) -> list[tuple[str, dict[str, Any]]]:
 
 
 def _candidates(
-    study: Study, episodes: Sequence[int], distance: Distance, right: Reference, budget: float, *, alone: bool, told: Tick
+    study: Study, episodes: Sequence[int], distance: Distance, reference: Reference, budget: float, *, alone: bool, report_progress: Tick
 ) -> tuple[Candidate, list[Candidate]]:
     """Candidate with the study's settings, and all candidates including it, with their errors and costs.
 
@@ -268,14 +272,16 @@ def _candidates(
     own = steps_of(study, timestep)
     counts = sorted({own, *(steps_of(study, dt) for dt in timesteps(study, coarser=4, finer=4))})
     lines = _lines(study)
-    tick = functools.partial(told, "candidates")
+    tick = functools.partial(report_progress, "candidates")
 
     def cases_of(chosen: Sequence[tuple[str, dict[str, Any], int]], done: tuple[float, float]) -> list[_Case]:
         # The study's time step keeps its exact value; others are quotients of the control period.
         settings = [line | {"timestep": timestep if steps == own else study.hold / steps} for _, line, steps in chosen]
-        patient = [patience(study, right.trace, own["timestep"]) for own in settings]
+        patient = [patience(study, reference.trace, own["timestep"]) for own in settings]
         traces = runs(study, episodes, settings, patient, tick=lambda part: tick(done[0] + (done[1] - done[0]) * part))
-        errors = [math.inf if trace.stopped else float((distance(trace, right.trace) + right.uncertainty).max()) for trace in traces]
+        errors = [
+            math.inf if trace.stopped else float((distance(trace, reference.trace) + reference.uncertainty).max()) for trace in traces
+        ]
         return [
             _Case(name, line, steps, given, trace, error)
             for (name, line, steps), given, trace, error in zip(chosen, settings, traces, errors, strict=True)
@@ -289,7 +295,7 @@ def _candidates(
                 [one.trace for one in some],
                 repeats=repeats,
                 seconds=0.004,
-                tick=lambda part: told("costs", done[0] + (done[1] - done[0]) * part),
+                tick=lambda part: report_progress("costs", done[0] + (done[1] - done[0]) * part),
             )
         for one, cost in zip(some, spent, strict=True):
             one.cost = cost
@@ -301,7 +307,7 @@ def _candidates(
     first = [usual] if math.isfinite(usual.error) else []
     time([*first, *(one for one in keep if one is not usual)], 3, (0.0, 0.5))
     between: list[_Case] = []
-    for _ in range(_BETWEEN if keep else 0):
+    for _ in range(_BISECTIONS if keep else 0):
         best = min(one.cost[by] for one in keep if one not in between)
         chosen = []
         for name, line in lines:
@@ -323,23 +329,23 @@ def _candidates(
             break
     tick(1.0)
     if keep:
-        near = _NEAR * min(one.cost[by] for one in keep if math.isfinite(one.cost[by]))
+        near = _RETIMED_RATIO * min(one.cost[by] for one in keep if math.isfinite(one.cost[by]))
         # A second timing in interleaved rounds, so that changes of the machine's load do not decide the order.
         time([*first, *between, *(one for one in keep if one is not usual and one.cost[by] <= near)], 7, (0.5, 1.0))
-    told("costs", 1.0)
+    report_progress("costs", 1.0)
     candidates = {id(one): Candidate(one.settings, one.name, one.error, *one.cost, stopped=one.trace.stopped) for one in found}
     return candidates[id(usual)], list(candidates.values())
 
 
 def _removable(
-    study: Study, episodes: Sequence[int], seen: Candidate, distance: Distance, *, budget: float, told: Tick
+    study: Study, episodes: Sequence[int], seen: Candidate, distance: Distance, *, budget: float, report_progress: Tick
 ) -> tuple[list[Spare], Model | None]:
     """Removable parts of the scene with the settings of a candidate, and the smaller model; nothing if an episode diverges."""
     found: tuple[list[Spare], Model | None] = ([], None)
     if math.isfinite(seen.error):
         bench = Bench(study, episodes, seen.settings, distance, run(study, episodes, **seen.settings))
-        found = spares(bench, budget, lambda done: told("removable parts", done))
-    told("removable parts", 1.0)
+        found = spares(bench, budget, lambda done: report_progress("removable parts", done))
+    report_progress("removable parts", 1.0)
     return found
 
 
@@ -359,10 +365,10 @@ def _distinct(study: Study, episodes: range, settings: Mapping[str, Any]) -> lis
 
 def _trial(study: Study, candidate: Candidate, episodes: Sequence[int], distance: Distance, budget: float, *, confidence: float) -> Trial:
     """Test of a candidate on held-out episodes."""
-    parts = [episodes[k : k + _PART] for k in range(0, len(episodes), _PART)]
+    parts = [episodes[k : k + _HELD_OUT_BATCH] for k in range(0, len(episodes), _HELD_OUT_BATCH)]
     apart, unsure = np.empty(len(episodes)), np.empty(len(episodes))
     for number, (own, doubt) in each(study, parts, functools.partial(_held_out, candidate, distance, budget)):
-        place = slice(_PART * number, _PART * (number + 1))
+        place = slice(_HELD_OUT_BATCH * number, _HELD_OUT_BATCH * (number + 1))
         apart[place], unsure[place] = own, doubt
     unknown = unsure > 0.5 * budget
     held = int(np.count_nonzero((apart + unsure <= budget) & ~unknown))
@@ -372,10 +378,10 @@ def _trial(study: Study, candidate: Candidate, episodes: Sequence[int], distance
 
 def _held_out(candidate: Candidate, distance: Distance, budget: float, study: Study, episodes: Sequence[int]) -> tuple[Array, Array]:
     """Errors of held-out episodes, and the uncertainty of their reference, (episodes,) each, m or rad."""
-    right = reference_of(study, episodes, distance, target=_KNOWN * budget)
-    stage = Stage().within(patience(study, right.trace, candidate.settings["timestep"]))
+    reference = reference_of(study, episodes, distance, target=_REFERENCE_SHARE * budget)
+    stage = Stage().within(patience(study, reference.trace, candidate.settings["timestep"]))
     trace = run(study, episodes, stage=stage, **candidate.settings)
-    return np.full(len(episodes), np.inf) if trace.stopped else distance(trace, right.trace), right.uncertainty
+    return np.full(len(episodes), np.inf) if trace.stopped else distance(trace, reference.trace), reference.uncertainty
 
 
 def _options(study: Study, chosen: Candidate | None) -> tuple[Options | None, str | None]:
@@ -395,10 +401,10 @@ def words_of(options: Options, precision: str | None) -> str:
     return f"stepper.Options({arguments})" + ("" if precision == "f64" else f', precision="{precision}"')
 
 
-def _sections(found: Tuning, right: Reference, *, coverage: float, confidence: float, alone: bool, exhausted: bool) -> list[Section]:
+def _sections(found: Tuning, reference: Reference, *, coverage: float, confidence: float, alone: bool, exhausted: bool) -> list[Section]:
     """Sections of the report of a tuning."""
     unit, cost = found.distance.unit, "alone" if alone else "batch"
-    words = [f"Budget: {found.budget:g} {unit} up to {found.distance.horizon:g} s. Reference: {right.words}."]
+    words = [f"Budget: {found.budget:g} {unit} up to {found.distance.horizon:g} s. Reference: {reference.words}."]
     if found.chosen is not None and found.options is not None:
         trial = found.trials[-1]
         words += [
@@ -414,9 +420,10 @@ def _sections(found: Tuning, right: Reference, *, coverage: float, confidence: f
         best = min(found.candidates, key=lambda own: own.error)
         words.append(
             f"No settings are proved to keep the budget. The least error is {best.error:.2g} {unit}, of {best.name} at "
-            f"{1e3 * best.settings['timestep']:g} ms, the reference's uncertainty of {right.uncertainty.max():.2g} {unit} included. All "
-            f"episodes are known to {right.target:.2g} {unit} up to {right.known.min():.3g} s, half of them up to "
-            f"{np.median(right.known):.3g} s: a shorter horizon, or a larger error."
+            f"{1e3 * best.settings['timestep']:g} ms, and includes the uncertainty of the reference, "
+            f"{reference.uncertainty.max():.2g} {unit}. "
+            f"The reference is accurate to {reference.target:.2g} {unit} up to {reference.known.min():.3g} s in all episodes, and up to "
+            f"{np.median(reference.known):.3g} s in half of them: give a shorter horizon, or a larger error."
             f" {_usual_error(found.usual, unit)}"
         )
     if exhausted:
@@ -523,7 +530,7 @@ def _save(found: Tuning, folder: Path) -> list[Path]:
     """Writes the report and tune.json to a folder; returns the files."""
     folder.mkdir(parents=True, exist_ok=True)
     files = found.document.save(folder, "tune")
-    told = {
+    contents = {
         "budget": found.budget,
         "unit": found.distance.unit,
         "horizon": found.distance.horizon,
@@ -535,7 +542,7 @@ def _save(found: Tuning, folder: Path) -> list[Path]:
         "provenance": provenance(),
     }
     files.append(folder / "tune.json")
-    files[-1].write_text(json.dumps(_plain(told), indent=2, default=str, allow_nan=False) + "\n", encoding="utf-8")
+    files[-1].write_text(json.dumps(_plain(contents), indent=2, default=str, allow_nan=False) + "\n", encoding="utf-8")
     if found.smaller is not None:
         files.append(folder / "smaller.stepper")
         found.smaller.save(files[-1])

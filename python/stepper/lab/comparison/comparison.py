@@ -13,10 +13,11 @@ import numpy as np
 from stepper._options import Options
 from stepper._stepper import Model, Stepper
 from stepper.lab.comparison.draw import draw
-from stepper.lab.comparison.trial import Array, Controller, Course, Slip, run
+from stepper.lab.comparison.trial import Array, ControlSource, Course, Slip, run
 from stepper.lab.study.worlds import Plan, make_world
 from stepper.loading import load
 from stepper.shared.files import existing
+from stepper.shared.functions import check_takes
 from stepper.shared.machine import require
 from stepper.shared.progress import Tick, silent
 
@@ -84,7 +85,7 @@ class Comparison:
 
 def compare(
     source: Any,
-    controller: Controller | None = None,
+    controller: ControlSource | None = None,
     *,
     seconds: float = 2.0,
     num_envs: int = 8,
@@ -122,6 +123,10 @@ def compare(
     for name, value in (("seconds", seconds), ("num_envs", num_envs), ("hold", hold)):
         if not value > 0:
             raise ValueError(f"{name} is {value}, must be above 0")
+    if callable(controller):
+        check_takes(controller, ["qpos", "qvel"], "controller")
+    if reward is not None:
+        check_takes(reward, ["before", "ctrl", "after"], "reward")
     model, compiled = _load(source)
     hard = replace(options or Options(), contact="hard")
     if hard.integrator in ("implicitfast", "discrete"):
@@ -139,11 +144,11 @@ def compare(
     plans = {"hard": Plan(model, {}, hard), "MuJoCo's law": Plan(model, {}, law)}
     if compiled is not None:
         plans["MuJoCo"] = Plan(model, {}, Options(), mujoco={"timestep": timestep}, compiled=compiled)
-    courses, told = [], tick or silent
+    courses, report_progress = [], tick or silent
     for name, plan in plans.items():
         world = make_world(plan, num_envs)
         world.start(qpos, qvel, None, 0)
-        courses.append(run(name, world, controller, steps, slip=slip, reward=reward, tick=told))
+        courses.append(run(name, world, controller, steps, slip=slip, reward=reward, tick=report_progress))
     return Comparison(tuple(courses), reward is not None)
 
 

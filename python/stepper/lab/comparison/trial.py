@@ -15,11 +15,9 @@ from stepper.shared.progress import Tick, silent
 
 Array = NDArray[np.float64]
 
-Controller = Array | Callable[[Array, Array], Any]
+ControlSource = Array | Callable[[Array, Array], Any]
 """Recorded controls (steps, nu) or (steps, num_envs, nu), or a function of qpos (num_envs, nq) and qvel (num_envs, nv) that returns
-controls.
-
-Studies have another type of controller, a function of a `World`: `stepper.lab.study.drives.Controller`."""
+controls. Controllers of studies are functions of a `World` instead (`stepper.lab.study.controllers.Controller`)."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +90,7 @@ class Slip:
 def run(
     name: str,
     world: World,
-    controller: Controller,
+    controller: ControlSource,
     steps: int,
     *,
     slip: Slip | None = None,

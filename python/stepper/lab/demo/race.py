@@ -170,6 +170,7 @@ def race(
 
 
 def _batches(model: Model, path: str, plan: Plan, threads: int) -> list[EngineBatch]:
+    """Batches of all engines: stepper in f64 and f32, and MuJoCo with matched and with default settings."""
     return [
         StepperBatch(model, plan.num_envs, threads=threads),
         StepperBatch(model, plan.num_envs, precision="f32", threads=threads),
@@ -211,7 +212,7 @@ def _engine_figures(batch: EngineBatch, one: Track, many: Track, peers: dict[str
 
 
 def measure(plan: Plan, tick: Tick) -> dict[str, object]:
-    """Run the whole plan on one core, and its phase with controls on all cores.
+    """Run the whole plan on one core, and only its first phase, the fall with random controls, on all cores.
 
     Args:
         plan: Settings of the race.

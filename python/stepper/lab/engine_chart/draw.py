@@ -58,6 +58,7 @@ def _lines(rows: Sequence[Row]) -> dict[tuple[str, str], list[Row]]:
 
 
 def _colour(engine: str, index: int) -> str:
+    """Colour of a line, by engine and index of its setting."""
     palette = COLOURS.get(engine, OTHERS)
     return palette[index % len(palette)]
 

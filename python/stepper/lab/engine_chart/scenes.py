@@ -132,6 +132,7 @@ BOX_HALF = (0.1, 0.1, 0.05)
 
 
 def _box_mjcf() -> str:
+    """MJCF of a box on a plane."""
     size = " ".join(map(str, BOX_HALF))
     return f"""<mujoco model="box"><option gravity="0 0 -{GRAVITY}"/>
       <default><geom friction="{BOX_FRICTION} 0 0"/></default>

@@ -10,7 +10,7 @@
 - `report`, `document`, `draw`: documents and pictures of the results
 """
 
-from stepper.lab.study.drives import Policy, Recorded
+from stepper.lab.study.controllers import Policy, Recorded
 from stepper.lab.study.outcomes import Outcome
 from stepper.lab.study.parameters import Parameter
 from stepper.lab.study.ranking import Ranking, rank

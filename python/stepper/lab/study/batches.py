@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper._options import Options, Precision
-from stepper.lab.study import drives
+from stepper.lab.study import controllers
 from stepper.lab.study.jobs import each
 from stepper.lab.study.journal import Journal, Row
 from stepper.lab.study.outcomes import Watch
@@ -125,6 +125,19 @@ def options_of(study: Study, setting: str, values: Values, **changed: Any) -> tu
     return engine, precision, replace(study.options, **given) if engine == "stepper" else study.options, given
 
 
+def _check_shared_options(study: Study, values_by_env: Sequence[Values]) -> None:
+    """Raise ValueError if environments of a batch differ in parameters that are options of the step; a batch has one value of each."""
+    names = [name for name, parameter in study.parameters.items() if parameter.kind == "options"]
+    for env, values in enumerate(values_by_env):
+        for name in names:
+            first, own = values_by_env[0].get(name), values.get(name)
+            if first != own:
+                raise ValueError(
+                    f"parameter {name!r} is {first} in environment 0 and {own} in environment {env}: it is an option of the step, which "
+                    "the environments of a batch share; run them in separate batches"
+                )
+
+
 def world_of(study: Study, setting: str, values_by_env: Sequence[Values], **changed: Any) -> World:
     """World (environments of one engine) of a study, with one environment for each set of parameter values.
 
@@ -137,6 +150,7 @@ def world_of(study: Study, setting: str, values_by_env: Sequence[Values], **chan
     model, compiled = study.loaded
     ideal = changed.pop("sensors", "given") is None
     engine, precision, options, given = options_of(study, setting, values_by_env[0], **changed)
+    _check_shared_options(study, values_by_env)
     if engine != "stepper" and options.timestep is not None:
         given.setdefault("timestep", options.timestep)
     plan = Plan(
@@ -218,14 +232,14 @@ def running(study: Study, world: World, episodes: Sequence[int], *, by_step: boo
     """
     nstep = steps_of(study, world.timestep)
     begin(study, world, episodes)
-    drive = study.driven()
-    memory = drives.Memory(drive)
-    if hasattr(drive, "begin"):
-        drive.begin(world)
+    controller = study.batch_controller()
+    state_check = controllers.StateCheck(controller)
+    if hasattr(controller, "begin"):
+        controller.begin(world)
     yield True
     for _ in range(study.controls):
-        world.last_ctrl = ctrl = None if drive is None else drive(world)
-        _check_controls(drive, world, ctrl)
+        world.last_ctrl = ctrl = None if controller is None else controller(world)
+        _check_controls(controller, world, ctrl)
         if not by_step:
             world.advance(ctrl, nstep)
             yield True
@@ -233,16 +247,16 @@ def running(study: Study, world: World, episodes: Sequence[int], *, by_step: boo
         for left in reversed(range(nstep)):
             world.advance(ctrl, 1)
             yield left == 0
-    memory.check()
+    state_check.check()
 
 
-def _check_controls(drive: Any, world: World, ctrl: Any) -> None:
+def _check_controls(controller: Any, world: World, ctrl: Any) -> None:
     """Raise ValueError if the controller returns another shape, or controls that are not finite in an episode whose state is finite."""
     if ctrl is None:
         return
     if np.shape(ctrl) not in ((world.num_envs, world.model.nu), (world.model.nu,)):
         raise ValueError(
-            f"the controller {drives.name_of(drive)} returned the shape {np.shape(ctrl)}, must be (num_envs, nu), which is "
+            f"the controller {controllers.name_of(controller)} returned the shape {np.shape(ctrl)}, must be (num_envs, nu), which is "
             f"({world.num_envs}, {world.model.nu}), or (nu,), or None"
         )
     if np.isfinite(ctrl).all():
@@ -253,8 +267,8 @@ def _check_controls(drive: Any, world: World, ctrl: Any) -> None:
         env, actuator = (int(k) for k in found[0])
         name = world.model.actuator(actuator).name or f"#{actuator}"
         raise ValueError(
-            f"the controller {drives.name_of(drive)} gives actuator {name!r} the control {rows[env, actuator]} at {world.time[env]:g} s of "
-            f"episode {int(world.episodes[env])}: controls must be finite"
+            f"the controller {controllers.name_of(controller)} gives actuator {name!r} the control {rows[env, actuator]} at "
+            f"{world.time[env]:g} s of episode {int(world.episodes[env])}: controls must be finite"
         )
 
 
@@ -263,8 +277,8 @@ def outcomes_of(watch: Watch, world: World) -> dict[str, Array]:
     return {name: np.where(world.diverged, np.nan, value) for name, value in watch.values(world).items()}
 
 
-def drive_through(
-    study: Study, world: World, episodes: Sequence[int], look: Callable[[World], None], each: Callable[[World], None] | None = None
+def run_batch(
+    study: Study, world: World, episodes: Sequence[int], on_control: Callable[[World], None], on_step: Callable[[World], None] | None = None
 ) -> None:
     """Run episodes to their end.
 
@@ -272,42 +286,45 @@ def drive_through(
         study: The study.
         world: Environments, one for each episode.
         episodes: Numbers of the episodes.
-        look: Function that is called at the start and after every control period.
-        each: Function that is called after every time step; None is none.
+        on_control: Function that is called at the start and after every control period.
+        on_step: Function that is called after every time step; None is none.
     """
-    for number, looks in enumerate(running(study, world, episodes, by_step=each is not None)):
-        if each is not None and number:
-            each(world)
+    for number, looks in enumerate(running(study, world, episodes, by_step=on_step is not None)):
+        if on_step is not None and number:
+            on_step(world)
         if looks:
-            look(world)
+            on_control(world)
 
 
 def run_episodes(study: Study, setting: str, values_by_env: Sequence[Values], episodes: Sequence[int], **changed: Any) -> list[Row]:
-    """Run a batch of episodes, and return their rows, without keys. See `world_of` for the arguments."""
+    """Run a batch of episodes, and return their rows, without the keys of the journal. See `world_of` for the arguments."""
     return rows_in(world_of(study, setting, values_by_env, **changed), study, setting, values_by_env, episodes)
 
 
 def rows_in(world: World, study: Study, setting: str, values_by_env: Sequence[Values], episodes: Sequence[int]) -> list[Row]:
-    """Run a batch of episodes in a given world, and return their rows, without keys."""
+    """Run a batch of episodes in a given world, and return their rows, without the keys of the journal."""
     seen: list[Watch] = []
 
-    def look(now: World) -> None:
+    def record(now: World) -> None:
         if seen:
-            seen[0].look(now)
+            seen[0].record(now)
         else:
             seen.append(Watch(tuple(study.all_outcomes), now))
 
-    drive_through(study, world, episodes, look)
+    run_batch(study, world, episodes, record)
     return _rows(study, setting, list(zip(values_by_env, episodes, strict=True)), world, outcomes_of(seen[0], world))
 
 
 def _run(study: Study, batch: _Batch) -> list[Row]:
-    """Rows of one batch, without keys."""
+    """Rows of one batch, without the keys of the journal."""
     return run_episodes(study, batch.setting, [point.values for point, _ in batch.episodes], [e for _, e in batch.episodes])
 
 
 def _rows(study: Study, setting: str, members: Sequence[tuple[Values, int]], world: World, outcomes: Mapping[str, Array]) -> list[Row]:
-    """Rows of finished episodes, without keys. `members` has parameter values and number of each episode, `outcomes` arrays (num_envs,)."""
+    """Rows of finished episodes, without the keys of the journal.
+
+    `members` has the parameter values and the number of each episode, and `outcomes` arrays (num_envs,).
+    """
     decisive, certificate, settings = study.decisive, world.certificate(), world.settings()
     success = None if decisive is None else decisive.succeeds(outcomes[decisive.name])
     in_force = hashlib.sha256(json.dumps(study.in_force, sort_keys=True, default=str).encode()).hexdigest()[:16]

@@ -73,15 +73,15 @@ def figure_of(sweep: Sweep) -> Any:
                 _panel(panel, sweep, names[k], shares=shares)
             else:
                 panel.set_visible(False)
-    handles, told = axes[0, 0].get_legend_handles_labels()
-    if len(told) > 1:
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    if len(labels) > 1:
         if any(cliff.parameter in names for cliff in sweep.cliffs):
             handles.append(_line(color="#444444", linestyle=":", linewidth=1))
-            told.append("where success ends")
+            labels.append("where success ends")
         if sweep.study.decisive:
             handles.append(_line(color="#444444", linestyle="-.", linewidth=1))
-            told.append("limit of success")
-        figure.legend(handles, told, loc="outside lower center", ncols=min(each, len(told)), frameon=False, fontsize=9)
+            labels.append("limit of success")
+        figure.legend(handles, labels, loc="outside lower center", ncols=min(each, len(labels)), frameon=False, fontsize=9)
     title = f"{sweep.study.name}: {measured(sweep.study)}, {counted(sweep.study.episodes, 'episode')} a point"
     figure.suptitle(textwrap.fill(title, int(11 * width)), fontsize=11)
     return figure
@@ -133,10 +133,10 @@ def cliffs_of(sweep: Sweep) -> Any | None:
             panel.annotate(f"{middle:.4g}", (middle, row), xytext=(0, 4), textcoords="offset points", ha="center", fontsize=8, color=colour)
         for row, setting in enumerate(settings):
             if not any(cliff.setting == setting for cliff in own[name]):
-                told = "none in this range" if sweep.levels_of(name, setting) else "not run"
-                panel.text(0.5, row, told, transform=panel.get_yaxis_transform(), ha="center", va="center", fontsize=8, color="#666666")
+                note = "none in this range" if sweep.levels_of(name, setting) else "not run"
+                panel.text(0.5, row, note, transform=panel.get_yaxis_transform(), ha="center", va="center", fontsize=8, color="#666666")
         panel.margins(x=0.25)
-        panel.set_xlabel(_name(sweep, name))
+        panel.set_xlabel(_axis_label(sweep, name))
         panel.grid(visible=True, axis="x", color="#dddddd")
         panel.locator_params(axis="x", nbins=5)
     axes[0, 0].set_yticks(range(len(settings)), [textwrap.shorten(name, 32, placeholder=" ...") for name in settings])
@@ -161,7 +161,7 @@ def _panel(panel: Axes, sweep: Sweep, name: str, *, shares: bool) -> None:
                 panel.axvline(middle, color=colour, linestyle=":", linewidth=1)
                 if shares and len(settings) <= _ANNOTATED:
                     _annotate(panel, sweep, cliff, number)
-    panel.set_xlabel(_name(sweep, name) + {"set": "", "scale": " (factor)", "add": " (added)"}[parameter.operation])
+    panel.set_xlabel(_axis_label(sweep, name) + {"set": "", "scale": " (factor)", "add": " (added)"}[parameter.operation])
     if shares:
         panel.set_ylabel("fraction of successes")
         panel.set_ylim(-0.05, 1.05)
@@ -201,7 +201,7 @@ def _series(panel: Axes, sweep: Sweep, name: str, number: int, *, shares: bool) 
     setting, colour = settings[number], COLOURS[number % len(COLOURS)]
     points, levels = sweep.points(name, setting), sweep.levels_of(name, setting)
     line = panel.plot(
-        _places(points),
+        _axis_values(points),
         _bars(points, shares=shares)[0],
         "-" if number == 0 else "--",
         color=colour,
@@ -212,21 +212,24 @@ def _series(panel: Axes, sweep: Sweep, name: str, number: int, *, shares: bool) 
     line.set_gid(f"{name}/{setting}")
     y, below, above = _bars(levels, shares=shares)
     panel.errorbar(
-        _places(levels), y, (below, above), fmt=MARKERS[number % len(MARKERS)], color=colour, label=_wrapped(setting), capsize=2,
+        _axis_values(levels), y, (below, above), fmt=MARKERS[number % len(MARKERS)], color=colour, label=_wrapped(setting), capsize=2,
         markersize=9 - 5 * number / max(1, len(settings) - 1), markerfacecolor="none", linewidth=1,
     )  # fmt: skip
 
 
-def _places(levels: Sequence[Level]) -> list[Any]:
+def _axis_values(levels: Sequence[Level]) -> list[Any]:
+    """Values of levels for an axis of Matplotlib: words or numbers."""
     return [level.value if isinstance(level.value, str) else float(level.value or 0) for level in levels]
 
 
-def _name(sweep: Sweep, name: str) -> str:
+def _axis_label(sweep: Sweep, name: str) -> str:
+    """Name of a parameter with its unit, wrapped to the width of a panel."""
     unit = sweep.study.parameters[name].unit
     return textwrap.fill(f"{name}{', ' + unit if unit else ''}", 36)
 
 
 def _wrapped(setting: str) -> str:
+    """Name of settings, wrapped to the width of the legend."""
     return textwrap.fill(setting, _LABEL)
 
 
@@ -236,8 +239,9 @@ def _legend_columns(labels: Sequence[str], width: float) -> int:
     return max(1, min(4, int(width / (0.08 * longest + 0.7))))
 
 
-def _line(**look: Any) -> Any:
-    return require("matplotlib.lines", "to draw a sweep").Line2D([], [], **look)
+def _line(**style: Any) -> Any:
+    """Line of Matplotlib for a legend, with some style."""
+    return require("matplotlib.lines", "to draw a sweep").Line2D([], [], **style)
 
 
 def _bars(levels: Sequence[Level], *, shares: bool) -> tuple[list[float], list[float], list[float]]:

@@ -13,7 +13,7 @@ from stepper._stepper import Stepper
 from stepper.lab.study.batches import outcomes_of, rows_in, running, together, world_of
 from stepper.lab.study.journal import Row
 from stepper.lab.study.outcomes import Watch
-from stepper.lab.study.parameters import Value, check_overlaps
+from stepper.lab.study.parameters import Value, check_value_conflicts
 from stepper.lab.study.points import USUAL, point_at
 from stepper.lab.study.worlds import StepperWorld
 
@@ -54,7 +54,7 @@ class Episodes:
             )
         new = {name: value for name, value in values.items() if name not in study.parameters}
         study = study.at(new)
-        check_overlaps({name: study.parameters[name] for name in values}, study.loaded[0], values)
+        check_value_conflicts({name: study.parameters[name] for name in values}, study.loaded[0], values)
         point = point_at(study, values, setting)
         self.study = study
         self.episodes = list(range(study.episodes)) if together(study) else list(numbers)
@@ -84,7 +84,7 @@ class Episodes:
             made = rows_in(self.world, study, point.setting, [point.values] * len(self.episodes), self.episodes)
         return [made[env] for env in self.shown]
 
-    def watched(self) -> Iterator[dict[str, Any] | None]:
+    def repeated_steps(self) -> Iterator[dict[str, Any] | None]:
         """Run the episodes step by step, and repeat them without end.
 
         Yields:
@@ -97,7 +97,7 @@ class Episodes:
             controls = 0
             for looks in running(self.study, self.world, self.episodes, by_step=True):
                 if looks and watch is not None:
-                    watch.look(self.world)
+                    watch.record(self.world)
                     controls += 1
                 watch = watch or Watch(outcomes, self.world)
                 # Yielded before the next reset, so that the viewer shows the final state.

@@ -151,4 +151,5 @@ def _repeated(
 
 
 def _key(row: Row, name: str) -> str:
+    """Key in the journal of the row that repeats an episode in a trial."""
     return f"{row['key']}, {name}"

@@ -1,29 +1,31 @@
 """Studies from files: TOML, or Python with a `Study` named `study`.
 
-name = "grasp"
-model = "grasp.xml"                    # path relative to this file; or "module:function", "file.py:function", or MJCF text
-controller = "grasp.py:lift"           # a function; or "controls.npz", "controls.csv", "random". Instead of a controller, a policy:
-                                       # policy = "file.py:function", "walker.onnx", "walker.pt", "walker.npz"
-seconds = 1.0
-episodes = 16
-sensors = "sensors.toml"               # a file for SensorModel.from_file, or tables; actuators likewise
+Example of a TOML file:
 
-[options]                              # attributes of Options
+    name = "grasp"
+    model = "grasp.xml"                    # path relative to this file; or "module:function", "file.py:function", or MJCF text
+    controller = "grasp.py:lift"           # a function; or "controls.npz", "controls.csv", "random". Instead of a controller, a policy:
+                                           # policy = "file.py:function", "walker.onnx", "walker.pt", "walker.npz"
+    seconds = 1.0
+    episodes = 16
+    sensors = "sensors.toml"               # a file for SensorModel.from_file, or tables; actuators likewise
 
-[[outcomes]]
-name = "lifted"
-measure = "body cube z"                # or "file.py:function"
-reduce = "change"
-success = ">= 0.05"
+    [options]                              # attributes of Options
 
-[parameters.friction]
-selector = "geom_friction[floor,box][0]"
-low = 0.2
-high = 1.0
-source = "rubber on wood, measured"
+    [[outcomes]]
+    name = "lifted"
+    measure = "body cube z"                # or "file.py:function"
+    reduce = "change"
+    success = ">= 0.05"
 
-[settings."5 iterations"]
-iterations = 5
+    [parameters.friction]
+    selector = "geom_friction[floor,box][0]"
+    low = 0.2
+    high = 1.0
+    source = "rubber on wood, measured"
+
+    [settings."5 iterations"]
+    iterations = 5
 """
 
 from __future__ import annotations
@@ -36,7 +38,7 @@ from typing import TYPE_CHECKING, Any
 from stepper._hints import did_you_mean, present_keyword
 from stepper._options import Options
 from stepper.actuators import ActuatorModel
-from stepper.lab.study.drives import Policy, Recorded, find, load_file
+from stepper.lab.study.controllers import Policy, Recorded, find, load_file
 from stepper.lab.study.outcomes import Outcome
 from stepper.lab.study.parameters import Parameter
 from stepper.lab.study.policy_files import ENDINGS, PROGRAM

@@ -11,6 +11,7 @@ from stepper.shared.machine import require
 
 
 def _stats() -> Any:
+    """The module `scipy.stats`."""
     return require("scipy.stats", "to compute intervals")
 
 

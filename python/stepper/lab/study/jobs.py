@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from stepper.lab.study.drives import FILES
+from stepper.lab.study.controllers import FILES
 from stepper.shared.ray_tasks import each_task, running_ray
 
 if TYPE_CHECKING:
@@ -100,6 +100,7 @@ def _guarded() -> Callable[[dict[str, Any], bytes, bytes], tuple[str, dict[str, 
 
 
 def _refusal(machine: str, theirs: dict[str, Any], ours: dict[str, Any]) -> str:
+    """Error message that lists the versions that differ between a worker and this process."""
     apart = [
         f"{name} {theirs[name] or '(not installed)'} there and {ours[name] or '(not installed)'} here"
         for name in ours

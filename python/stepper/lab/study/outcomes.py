@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from stepper._hints import unknown
 from stepper._stepper import Model
+from stepper.shared.functions import check_takes
 
 Array = NDArray[np.float64]
 Measure = Callable[[Any], Any]
@@ -69,13 +70,17 @@ class Outcome:
 
     def __post_init__(self) -> None:
         if self.reduce not in REDUCTIONS:
-            raise ValueError(f"outcome {self.name!r}: reduce is {self.reduce!r}, must be of: {', '.join(REDUCTIONS)}")
+            raise ValueError(f"outcome {self.name!r}: reduce is {self.reduce!r}, must be one of: {', '.join(REDUCTIONS)}")
         if self.cause is not None and self.cause not in CAUSES:
-            raise ValueError(f"outcome {self.name!r}: cause is {self.cause!r}, must be of: {', '.join(CAUSES)}")
+            raise ValueError(f"outcome {self.name!r}: cause is {self.cause!r}, must be one of: {', '.join(CAUSES)}")
         if self.success is not None:
             _compare(self.success, self.name)
         if isinstance(self.measure, str):
             measure_of(self.measure)
+        elif callable(self.measure):
+            check_takes(self.measure, ["now"], f"outcome {self.name!r}: measure")
+        else:
+            raise TypeError(f'outcome {self.name!r}: measure is {self.measure!r}, must be a function of now, or a text as "body box z"')
 
     def check(self, model: Model) -> None:
         """Check that the model has the element in the text of the measure.
@@ -154,7 +159,7 @@ def measure_of(text: str) -> Measure:
 
 
 class Watch:
-    """Accumulator of the outcomes of a batch of episodes. It is created at the start; call `look` after every control period.
+    """Accumulator of the outcomes of a batch of episodes. It is created at the start; call `record` after every control period.
 
     Its memory does not grow with the length of an episode.
     """
@@ -165,7 +170,7 @@ class Watch:
         self._last, self._count = [x.copy() for x in self._first], 1
         self._low, self._high, self._sum = ([x.copy() for x in self._first] for _ in range(3))
 
-    def look(self, now: Any) -> None:
+    def record(self, now: Any) -> None:
         """Measure the values after a control period, and add them."""
         self._count += 1
         for k, outcome in enumerate(self._outcomes):

@@ -13,7 +13,6 @@ A selector (`stepper.shared.selectors`) names the numbers that a parameter chang
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import itertools
 import math
 from collections.abc import Mapping, Sequence
@@ -29,7 +28,7 @@ from stepper._stepper import Model
 from stepper.actuators import PID, ActuatorModel, DCMotor, Drive
 from stepper.sensors import SensorModel, Transfer
 from stepper.shared.fields import COMPOUNDS, FIELDS, OF_PAIRS, check_pairs
-from stepper.shared.selectors import Selector, numbers_of, parse, parse_range, parts_of, rows_of
+from stepper.shared.selectors import Selector, conflict, numbers_of, parse, parse_range, parts_of, rows_of
 from stepper.shared.tables import fitting
 
 Array = NDArray[np.float64]
@@ -180,7 +179,7 @@ def selected(parameters: Mapping[str, Parameter], texts: Sequence[str], model: M
         if same is None:
             found[name], changed[name] = own, numbers
         elif (found[same].operation, found[same].low, found[same].high) != (own.operation, own.low, own.high):
-            raise ValueError(f"parameters has {text!r} and {same!r}, which are the same numbers with another range: give one of them")
+            raise conflict("parameters", text, same, own.parsed.field, "with different ranges")
     return found
 
 
@@ -207,18 +206,11 @@ def _set_numbers(parameter: Parameter, model: Model) -> frozenset[tuple[str, int
 
 def _no_parameter(text: str, parameters: Mapping[str, Parameter], otherwise: str) -> str:
     """Error message for a text that is neither the name of a parameter nor a selector; `otherwise` is a further remedy."""
-    known = ", ".join(parameters) or "none"
-    return f"there is no parameter {text!r}{_guess(text, parameters) or ','} there are: {known}; or {otherwise}"
-
-
-def _guess(text: str, parameters: Mapping[str, Parameter]) -> str:
-    """Hint for an unknown parameter: similar names of parameters, or the text with a similar field; "" if there is none."""
     field = text.partition("=")[0].partition("[")[0].strip()
     head, dot, _ = field.partition(".")
-    word, known = (head, _HEADS[:3]) if dot else (field, [*FIELDS, *COMPOUNDS])
-    similar = [] if word in known else difflib.get_close_matches(word, known, n=1)
-    fields = [repr(text.replace(word, name, 1)) if text != word else name for name in similar]
-    return did_you_mean(text, parameters) or "".join(f"; did you mean {name}?" for name in fields)
+    word, words = (head, _HEADS[:3]) if dot else (field, [*FIELDS, *COMPOUNDS])
+    hint = did_you_mean(text, parameters) or ("" if word in words else did_you_mean(word, words, text=text))
+    return f"there is no parameter {text!r}{hint or ','} there are: {', '.join(parameters) or 'none'}; or {otherwise}"
 
 
 def _selects(text: str) -> bool:
@@ -243,7 +235,7 @@ def with_nominal(parameters: Mapping[str, Parameter], values: Mapping[str, Value
     return found
 
 
-def check_overlaps(chosen: Mapping[str, Parameter], model: Model, values: Values | None = None) -> None:
+def check_value_conflicts(chosen: Mapping[str, Parameter], model: Model, values: Values | None = None) -> None:
     """Check that no two parameters set the same number.
 
     Args:
@@ -259,8 +251,7 @@ def check_overlaps(chosen: Mapping[str, Parameter], model: Model, values: Values
         if not own[one] & own[other] or (values is not None and values[one] == values[other]):
             continue
         field = min(own[one] & own[other])[0]
-        told = "" if values is None else f" to {values[one]} and to {values[other]}"
-        raise ValueError(f"{one!r} and {other!r} set the same number of {field}{told}: give one of them, or select other elements")
+        raise conflict("parameters", one, other, field, "" if values is None else f"to {values[one]} and to {values[other]}")
 
 
 def check_effects(names: Sequence[str], parameters: Mapping[str, Parameter], model: Model) -> None:
@@ -312,6 +303,7 @@ def check(parameters: Mapping[str, Parameter], model: Model) -> None:
 
 
 def _where(parameter: Parameter) -> str:
+    """Text that names the selector of a parameter in error messages."""
     return f"selector {parameter.selector!r}"
 
 
@@ -342,7 +334,9 @@ def _number_of(kind: type, leaf: str) -> None:
     """Raise ValueError if the class `kind` (Transfer, Drive, DCMotor or PID) has no numeric attribute `leaf`."""
     known = [field.name for field in fields(kind) if field.name not in _NO_NUMBERS]
     if leaf not in known:
-        raise ValueError(f"a {kind.__name__} has no number {leaf!r}{did_you_mean(leaf, known) or ','} it has: {', '.join(known)}")
+        raise ValueError(
+            f"a {kind.__name__} has no numeric attribute {leaf!r}{did_you_mean(leaf, known) or ','} it has: {', '.join(known)}"
+        )
 
 
 def _places(parameter: Parameter, model: Model) -> list[tuple[str, NDArray[np.int64], float]]:

@@ -25,7 +25,7 @@ from stepper.lab.study.batches import run_points
 from stepper.lab.study.document import Document, Section, counted
 from stepper.lab.study.intervals import wilson
 from stepper.lab.study.journal import diverged
-from stepper.lab.study.parameters import check_overlaps, selected
+from stepper.lab.study.parameters import check_value_conflicts, selected
 from stepper.lab.study.points import USUAL, Point, inapplicable
 from stepper.lab.study.report import in_force, study_of
 from stepper.lab.study.results import Results
@@ -129,7 +129,7 @@ def rank(
         chosen = selected(study.parameters, parameters, study.loaded[0])
         study, parameters = replace(study, parameters={**study.parameters, **chosen}), list(chosen)
     names = _names(study, parameters, setting)
-    check_overlaps({name: study.parameters[name] for name in names}, study.loaded[0])
+    check_value_conflicts({name: study.parameters[name] for name in names}, study.loaded[0])
     if samples < 2 or samples & (samples - 1):
         raise ValueError(f"samples is {samples}, must be a power of 2, of 2 and more")
     # Imported before a long run, not after.
@@ -203,7 +203,8 @@ def _indices(stats: Any, study: Study, values: Array, n: int) -> tuple[Array, Ar
     """
     rows = values.reshape(-1, n)
 
-    def of(some: NDArray[np.int64]) -> tuple[Array, Array]:
+    def indices_of(some: NDArray[np.int64]) -> tuple[Array, Array]:
+        """Total and first-order indices of some points, (parameters,) each."""
         a, b, *mixed = rows[:, some]
         if np.ptp([a, b]) == 0.0:
             # A resample without variance has no shares of it.
@@ -211,9 +212,9 @@ def _indices(stats: Any, study: Study, values: Array, n: int) -> tuple[Array, Ar
         found = stats.sobol_indices(func={"f_A": a[None], "f_B": b[None], "f_AB": np.array(mixed)[:, None]}, n=n)
         return found.total_order, found.first_order
 
-    total, first = of(np.arange(n))
+    total, first = indices_of(np.arange(n))
     rng = np.random.default_rng([study.seed, 3])
-    again = np.array([of(rng.integers(n, size=n)) for _ in range(_RESAMPLES)])
+    again = np.array([indices_of(rng.integers(n, size=n)) for _ in range(_RESAMPLES)])
     ends = np.nanpercentile(again, [2.5, 97.5], axis=0)
     return total, first, ends[:, 0].T, ends[:, 1].T
 

@@ -55,6 +55,7 @@ def _colliding(m: Any) -> NDArray[np.intp]:
 
 
 def _other_joints(m: Any, mujoco: Any) -> bool:
+    """Whether a joint is a ball, or a body has several joints."""
     return bool(np.any(m.jnt_type == mujoco.mjtJoint.mjJNT_BALL)) or bool(np.any(m.body_jntnum > 1))
 
 
@@ -66,10 +67,12 @@ def _other_shapes(m: Any, mujoco: Any) -> bool:
 
 
 def _joint_forces(m: Any, _: Any) -> bool:
+    """Whether a joint has damping, armature, dry friction or a spring."""
     return any(np.any(own != 0) for own in (m.dof_damping, m.dof_armature, m.dof_frictionloss, m.jnt_stiffness))
 
 
 def _other_friction(m: Any, _: Any) -> bool:
+    """Whether condim differs between colliding geoms, or is neither 1 nor 3."""
     own = _colliding(m)
     return not np.isin(m.geom_condim[own], (1, 3)).all() or len({int(x) for x in m.geom_condim[own]}) > 1
 
@@ -83,6 +86,7 @@ def _other_contacts(m: Any, mujoco: Any) -> bool:
 
 
 def _senses_accelerations(m: Any, mujoco: Any) -> bool:
+    """Whether a sensor depends on accelerations or contact forces."""
     return bool(m.nsensor and np.any(m.sensor_needstage == int(mujoco.mjtStage.mjSTAGE_ACC)))
 
 
@@ -467,10 +471,12 @@ def _nearest(angle: float, before: float) -> float:
 
 
 def _tuple(v: Any) -> tuple[float, ...]:
+    """Numbers of a vector as a tuple, the format of rapier."""
     return tuple(float(x) for x in v)
 
 
 def _vector(v: Any) -> Array:
+    """Vector (3,) from one of rapier."""
     return np.array([v.x, v.y, v.z], float)
 
 
@@ -482,10 +488,12 @@ def _quaternion(r: Any) -> Array:
 
 
 def _conjugate(q: Array) -> Array:
+    """Conjugate of a quaternion (w, x, y, z)."""
     return np.array([q[0], -q[1], -q[2], -q[3]])
 
 
 def _product(a: Array, b: Array) -> Array:
+    """Product of two quaternions (w, x, y, z)."""
     w, x = a[0], a[1:]
     return np.array([w * b[0] - x @ b[1:], *(w * b[1:] + b[0] * x + np.cross(x, b[1:]))])
 

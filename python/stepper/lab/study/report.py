@@ -157,6 +157,7 @@ def with_peers(study: Study) -> Study:
 
 
 def _has_peer(study: Study) -> bool:
+    """Whether any settings of the study run in MuJoCo."""
     return any(own.get("engine") == "mujoco" for own in study.settings.values())
 
 
@@ -239,12 +240,12 @@ def _observation(study: Study) -> list[Section]:
 def _transfer_words(own: dict[str, Any] | None) -> str:
     """Text with the entries of a transfer function that differ from those of an ideal sensor."""
     ideal = Transfer()._row(1)
-    told = (
+    entries = (
         []
         if own is None
         else [f"{name} {value[0] if isinstance(value, list) and value else value}" for name, value in own.items() if value != ideal[name]]
     )
-    return ", ".join(told) or "ideal"
+    return ", ".join(entries) or "ideal"
 
 
 def _drives(study: Study) -> list[Section]:
@@ -276,10 +277,10 @@ def _contacts(study: Study, seen: Touching, episodes: int) -> list[Section]:
     for pair in seen.deciding:
         both = [model.geom(g) for g in pair.geoms]
         soft = [np.asarray(getattr(model, name))[list(pair.geoms)] for name in ("geom_solref", "geom_solimp")]
-        told = [" / ".join(dict.fromkeys(" ".join(f"{x:g}" for x in own) for own in values)) for values in soft]
+        softness = [" / ".join(dict.fromkeys(" ".join(f"{x:g}" for x in own) for own in values)) for values in soft]
         rows.append([
             *(" - ".join(pair.names), pair.time, pair.impulse, pair.peak, pair.friction, pair.used, pair.slides),
-            *(max(g.condim for g in both), max(g.restitution for g in both), *told),
+            *(max(g.condim for g in both), max(g.restitution for g in both), *softness),
         ])  # fmt: skip
     words = [
         f"Every step of {counted(episodes, 'episode')} at the nominal point, with the study's own settings: pairs of geoms with a "
@@ -308,8 +309,8 @@ def _differences(own: dict[str, Any], usual: dict[str, Any]) -> str:
     """Differences of settings from the usual ones, as text. "no NAME" marks a setting that the engine does not have."""
     names = list(dict.fromkeys((*usual, *own)))
     changed = [name for name in names if own.get(name) != usual.get(name)]
-    told = [f"no {name}" if own.get(name) is None else f"{name} {cell(own[name])}" for name in changed]
-    return ", ".join(told) or "the same"
+    changes = [f"no {name}" if own.get(name) is None else f"{name} {cell(own[name])}" for name in changed]
+    return ", ".join(changes) or "the same"
 
 
 def _perturbations(found: Sweep, folder: Path) -> list[Section]:
@@ -373,8 +374,8 @@ def _level_row(study: Study, level: Level) -> list[Any]:
     """Row of the table of perturbations for a level."""
     parameter = study.parameters.get(level.parameter)
     shares = [level.successes, level.share, _interval(level)] if study.decisive else []
-    told = (level.setting, level.parameter or "nominal", level.value, parameter.unit if parameter else "")
-    return [*told, *shares, level.mean, *level.change, level.unsolved, level.diverged, parameter.source if parameter else ""]
+    point = (level.setting, level.parameter or "nominal", level.value, parameter.unit if parameter else "")
+    return [*point, *shares, level.mean, *level.change, level.unsolved, level.diverged, parameter.source if parameter else ""]
 
 
 def _cliffs(found: Sweep, folder: Path, *, searched: bool = True) -> list[Section]:
@@ -452,6 +453,7 @@ def _transfer(study: Study, found: Sweep) -> list[Section]:
 
 
 def _nominal_rows(found: Sweep, setting: str) -> dict[int, dict[str, Any]]:
+    """Rows of the journal at the nominal point with some settings, by number of the episode."""
     nominal = nominal_of(found.study, setting)
     return {row["episode"]: row for row in found.table.rows if row["setting"] == setting and row["parameters"] == nominal}
 
@@ -483,6 +485,7 @@ def _failures(verdicts: Sequence[Verdict], found: Sweep) -> list[Section]:
 
 
 def _left_out(study: Study) -> list[Section]:
+    """Section with the elements of the source that the model leaves out."""
     return [Section("Left out of the model", study.notes or ["Nothing."])]
 
 

@@ -22,14 +22,15 @@ from stepper._hints import Hinting, did_you_mean, hint_keywords
 from stepper._options import Options, Precision
 from stepper._stepper import Model, __version__
 from stepper.actuators import ActuatorModel
-from stepper.lab.study import drives
+from stepper.lab.study import controllers
 from stepper.lab.study.episode import Episodes
 from stepper.lab.study.outcomes import Outcome
-from stepper.lab.study.parameters import CHOICES, OF_MODEL, SETTINGS, Parameter, Value, Values, check, check_overlaps, with_nominal
+from stepper.lab.study.parameters import CHOICES, OF_MODEL, SETTINGS, Parameter, Value, Values, check, check_value_conflicts, with_nominal
 from stepper.lab.study.points import USUAL
 from stepper.lab.study.worlds import MUJOCO_SETTINGS, World, check_mujoco
 from stepper.loading import compile_source, is_saved, load
 from stepper.sensors import SensorModel
+from stepper.shared.functions import check_takes
 from stepper.shared.machine import package_version, require
 
 Array = NDArray[np.float64]
@@ -135,11 +136,18 @@ class Study(metaclass=Hinting):
     _source: _Source | None = field(default=None, repr=False, compare=False)
 
     def _check_functions(self) -> None:
-        """Check that the controller and the start can be called."""
+        """Check that controller, start and exact can be called, and with which arguments."""
         if not (self.controller is None or self.controller == "random" or callable(self.controller)):
             raise TypeError(f'controller is {self.controller!r}, must be a function, Recorded, Policy, "random" or None')
         if not (self.start is None or callable(self.start)):
             raise TypeError(f'start is {self.start!r}, must be a function or None: "file.py:function" works only in TOML files')
+        if not (self.exact is None or callable(self.exact)):
+            raise TypeError(f"exact is {self.exact!r}, must be a function of a world and times that returns qpos and qvel, or None")
+        for name, arguments in (("controller", ["now"]), ("start", ["now", "rngs"]), ("exact", ["now", "times"])):
+            if callable(function := getattr(self, name)):
+                check_takes(function, arguments, name)
+        if callable(self.model) and not isinstance(self.model, type):
+            check_takes(self.model, [], "model")
 
     def __post_init__(self) -> None:
         source = self._source if self._source is not None and self._source.model is self.model else _Source(self.model)
@@ -156,8 +164,6 @@ class Study(metaclass=Hinting):
         if self.control is not None and not 0 < self.control <= self.seconds:
             raise ValueError(f"control is {self.control} s, must be above 0 and at most seconds, which is {self.seconds}")
         self._check_functions()
-        if not (self.exact is None or callable(self.exact)):
-            raise TypeError(f"exact is {self.exact!r}, must be a function of a world and times that returns qpos and qvel, or None")
         names = [outcome.name for outcome in self.all_outcomes]
         if len(set(names)) < len(names):
             raise ValueError(f"outcomes have the names {names}, which must differ: rename one")
@@ -260,9 +266,9 @@ class Study(metaclass=Hinting):
         """Nominal values of the parameters, by name; parameters without a nominal value are left out."""
         return {name: p.nominal for name, p in self.parameters.items() if p.nominal is not None}
 
-    def driven(self) -> Any:
-        """Controller (a function of a `World`) for one batch; None keeps the initial controls."""
-        return drives.Random(self.seed) if isinstance(self.controller, str) else self.controller
+    def batch_controller(self) -> Any:
+        """Controller for the next batch, a function of a `World`: new random controls for "random". None keeps the initial controls."""
+        return controllers.Random(self.seed) if isinstance(self.controller, str) else self.controller
 
     def setting(self, name: str, given: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Changed options of the settings with a name, as a dict.
@@ -300,16 +306,16 @@ class Study(metaclass=Hinting):
         measured = [
             {
                 **{f.name: getattr(o, f.name) for f in fields(o) if f.name not in ("measure", "cause")},
-                "measure": drives.name_of(o.measure),
-                "sha256": drives.digest_of(o.measure),
+                "measure": controllers.name_of(o.measure),
+                "sha256": controllers.digest_of(o.measure),
             }
             for o in self.all_outcomes
         ]
         return {
             "rows": _ROWS,
             "model": {"name": model.name, "sha256": model.digest, "omitted": len(model.omitted), "forces": _force_types(model)},
-            "controller": {"name": drives.name_of(self.controller), "sha256": drives.digest_of(self.driven())},
-            "start": {"name": drives.name_of(self.start), "sha256": drives.digest_of(self.start), "keyframe": self.keyframe},
+            "controller": {"name": controllers.name_of(self.controller), "sha256": controllers.digest_of(self.batch_controller())},
+            "start": {"name": controllers.name_of(self.start), "sha256": controllers.digest_of(self.start), "keyframe": self.keyframe},
             "noise": [self.qpos_noise, self.qvel_noise],
             "outcomes": measured,
             "seconds": self.seconds,
@@ -407,7 +413,7 @@ class Study(metaclass=Hinting):
         """
         made = replace(self, parameters=with_nominal(self.parameters, values))
         if len(values) > 1:
-            check_overlaps({name: made.parameters[name] for name in values}, made.loaded[0], values)
+            check_value_conflicts({name: made.parameters[name] for name in values}, made.loaded[0], values)
         return made
 
     def generators(self, episodes: Sequence[int]) -> list[np.random.Generator]:
@@ -420,12 +426,12 @@ def _check_options(given: Mapping[str, Any]) -> None:
     if unknown := sorted(given.keys() - SETTINGS):
         of_mujoco = '; MuJoCo has it: add engine = "mujoco",' if unknown[0] in MUJOCO_SETTINGS else ""
         hint = of_mujoco or did_you_mean(unknown[0], SETTINGS) or ","
-        raise ValueError(f"unknown {unknown}{hint} must be of: {', '.join(sorted(SETTINGS))}")
+        raise ValueError(f"unknown {unknown}{hint} must be one of: {', '.join(sorted(SETTINGS))}")
     for name, words in _words().items():
         if name in given and given[name] not in words:
             listed = [repr(word) for word in words if word is not None]
             guess = did_you_mean(str(given[name]), [str(word) for word in words])
-            raise ValueError(f"{name} is {given[name]!r}{guess or ','} must be of: {', '.join(listed)}")
+            raise ValueError(f"{name} is {given[name]!r}{guess or ','} must be one of: {', '.join(listed)}")
 
 
 @cache
@@ -446,4 +452,5 @@ def _force_types(model: Model) -> list[str]:
 
 
 def _digest(value: Any) -> str:
+    """Digest of a value of JSON: 32 hexadecimal digits."""
     return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()[:32]

@@ -24,7 +24,7 @@ CLIFF = 0.5
 """Fraction of successes that defines a cliff: it is at least this on one side, and below it on the other."""
 RESOLUTION = 1e-3
 """Default width of a cliff's bracket, as a fraction of the parameter's range."""
-_AT_ONCE = 7
+_POINTS_PER_ROUND = 7
 """Number of points inside a bracket that one round of the bisection runs as one batch."""
 Bisected = list[tuple[float, list[Row]]]
 """Values of a parameter with the rows of their episodes."""
@@ -249,6 +249,7 @@ def _different(study: Study, rows: Sequence[Row]) -> int:
 
 
 def _deviation(values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
+    """Standard deviation of a sample; NaN for a single value."""
     return float(values.std(ddof=1)) if len(values) > 1 else math.nan
 
 
@@ -284,7 +285,7 @@ def _brackets(study: Study, levels: Sequence[Level], resolution: float) -> list[
 def _rounds(one: Level, other: Level, width: float) -> int:
     """Number of rounds in which a bisection narrows a bracket to a width."""
     apart = abs(float(other.value or 0) - float(one.value or 0))
-    return max(1, math.ceil(math.log(apart / width) / math.log(_AT_ONCE + 1) - 1e-9)) if apart > width else 0
+    return max(1, math.ceil(math.log(apart / width) / math.log(_POINTS_PER_ROUND + 1) - 1e-9)) if apart > width else 0
 
 
 def _shares(study: Study, points: Sequence[Point], journal: Journal, progress: _Progress) -> list[tuple[float, list[Row]]]:
@@ -308,7 +309,7 @@ def _bisect(
     every: Bisected = []
     steps = study.parameters[one.parameter].leaf == "timestep"
     while high - low > width:
-        inner = [float(x) for x in np.linspace(low, high, _AT_ONCE + 2)[1:-1]]
+        inner = [float(x) for x in np.linspace(low, high, _POINTS_PER_ROUND + 2)[1:-1]]
         if steps:
             # Only time steps that divide the control period.
             inner = [study.hold / round(study.hold / x) for x in inner]

@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 
 from stepper._status import Status
 from stepper._stepper import Model
-from stepper.lab.study.batches import drive_through, world_of
+from stepper.lab.study.batches import run_batch, world_of
 from stepper.lab.study.outcomes import Watch
 from stepper.lab.study.points import USUAL
 from stepper.lab.study.study import Study
 from stepper.lab.study.worlds import StepperWorld, World
 
 Array = NDArray[np.float64]
-_STICKS = 0.999
+_SLIDING_SHARE = 0.999
 """Fraction of the friction cone above which a contact counts as sliding."""
-_FIRM = 1e-3
+_LEAST_FORCE = 1e-3
 """Fraction of a pair's largest normal force below which the friction ratio of a single contact is ignored."""
 
 
@@ -177,7 +177,7 @@ class _Ledger:
         joints = [model.joint(i) for i in range(model.njnt)]
         self._limited = [(k, j.qposadr, *j.range) for k, j in enumerate(joints) if j.limited and j.nq == 1]
 
-    def look(self, now: World) -> None:
+    def record(self, now: World) -> None:
         """Add the contacts of a step."""
         assert isinstance(now, StepperWorld)
         self.steps += self.num_envs
@@ -223,8 +223,8 @@ class _Ledger:
             # For tiny normal forces the ratio is dominated by rounding.
             firm = force > 1e-6 * book["peak"]
             book["used"] = max(book["used"], float((side[firm] / force[firm]).max(initial=0.0)))
-            book["slides"] += timestep * force[side >= _STICKS * mu * force].sum()
-            bears = pushes & (normal > _FIRM * book["peak"])
+            book["slides"] += timestep * force[side >= _SLIDING_SHARE * mu * force].sum()
+            bears = pushes & (normal > _LEAST_FORCE * book["peak"])
             if mu > 0:
                 ratio = np.linalg.norm(contacts["force"][bears, 1:], axis=1) / normal[bears]
                 book["cone"] = max(book["cone"], float(ratio.max(initial=0.0)) / mu)
@@ -279,13 +279,13 @@ def touching(study: Study, episodes: Sequence[int], **changed: Any) -> Touching:
     ledger = _Ledger(world.model, len(episodes), np.asarray(geoms, np.float64), _friction_of_pairs(world.model, np.asarray(pairs)))
     watches: list[Watch] = []
 
-    def look(now: World) -> None:
+    def record(now: World) -> None:
         # Outcomes are measured too, to record whether they read sensors.
         if watches:
-            watches[0].look(now)
+            watches[0].record(now)
         else:
             watches.append(Watch(tuple(study.all_outcomes), now))
 
-    drive_through(study, world, episodes, look, ledger.look)
+    run_batch(study, world, episodes, record, ledger.record)
     watches[0].values(world)
     return ledger.result(senses=world.senses)

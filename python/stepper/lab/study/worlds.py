@@ -25,11 +25,11 @@ from stepper.shared.machine import require
 from stepper.shared.streams import Rng, Streams
 
 Array = NDArray[np.float64]
-_WEIGHED = frozenset({"body_mass", "body_inertia", "body_ipos", "dof_armature"})
+_WEIGHT_FIELDS = frozenset({"body_mass", "body_inertia", "body_ipos", "dof_armature"})
 """Fields of `Stepper.randomize` that determine the inverse weights of MuJoCo's contact law."""
-_HUGE = 1e10
+_LARGEST_STATE = 1e10
 """Bound of positions (m, rad) and velocities (m/s, rad/s) beyond which an episode counts as diverged: mjMAXVAL, at which MuJoCo resets."""
-_RNG = 2
+_RNG_KEY = 2
 """Third number of the seeds of `World.rng`, after the study's seed and the episode's number: initial states have 0, random controls 1."""
 
 
@@ -135,7 +135,7 @@ class World:
             period: Control period, s.
         """
         self.episodes, self.time, self._period = np.array(episodes), np.zeros(self.num_envs), period
-        words = [int(np.random.SeedSequence([seed, int(e), _RNG]).generate_state(1, np.uint64)[0]) for e in episodes]
+        words = [int(np.random.SeedSequence([seed, int(e), _RNG_KEY]).generate_state(1, np.uint64)[0]) for e in episodes]
         self._streams.seed(np.arange(self.num_envs), words)
 
     def start(self, qpos: Array, qvel: Array, keyframe: str | int | None, seed: int) -> None:
@@ -177,9 +177,9 @@ class World:
         return lost
 
     def _beyond(self) -> NDArray[np.bool_]:
-        """Whether each environment's current state is not finite or larger than `_HUGE`, (num_envs,)."""
+        """Whether each environment's current state is not finite or larger than `_LARGEST_STATE`, (num_envs,)."""
         state = np.concatenate([self.qpos, self.qvel], axis=1)
-        beyond: NDArray[np.bool_] = ~(np.abs(state) <= _HUGE).all(axis=1)
+        beyond: NDArray[np.bool_] = ~(np.abs(state) <= _LARGEST_STATE).all(axis=1)
         return beyond
 
 
@@ -271,7 +271,7 @@ def own_fields(options: Options) -> frozenset[str]:
     In MuJoCo's law of contact, the resistance of constraints depends on inverse weights of bodies and joints at the reference pose.
     `Stepper.randomize` does not change them; `Model.replace` computes them, as `mj_setConst` does.
     """
-    return frozenset(RANDOMIZED) - _WEIGHED if options.contact == "mujoco" else frozenset(RANDOMIZED)
+    return frozenset(RANDOMIZED) - _WEIGHT_FIELDS if options.contact == "mujoco" else frozenset(RANDOMIZED)
 
 
 def _split(plan: Plan) -> tuple[Model, dict[str, Array]]:

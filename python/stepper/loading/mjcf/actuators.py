@@ -76,6 +76,7 @@ def force_of(source: Source, a: int) -> Description | None:
 
 
 def _force(gain: list[float], bias: list[float], gain_type: str, bias_type: str) -> Description:
+    """Gain and bias of an actuator, as fields of its description."""
     return {"gain": gain, "bias": bias, "force_model": {"gain": gain_type, "bias": bias_type, "disabled": False}}
 
 

@@ -49,7 +49,7 @@ pub struct PerturbedCopies<'a> {
     /// Ranges of these joints, (num_envs, joints, 2) or (joints, 2) for all.
     pub ranges: &'a [f64],
     /// Positions of these joints at which the step evaluated their limits, (num_envs, joints).
-    pub taken: &'a [f64],
+    pub limit_positions: &'a [f64],
     /// Degrees of freedom whose dry friction is read.
     pub rubbing: &'a [usize],
     /// Whether gaps and overlaps have the same target velocity.
@@ -63,7 +63,7 @@ pub struct PerturbedCopies<'a> {
 pub struct Kinks {
     /// Flags of every column, (environments, columns), as Python's `stepper.derivatives.Kink` has them.
     pub causes: Vec<u32>,
-    /// Distance to the nearest kink with a known distance, in widths of the difference; infinite without any.
+    /// Distance to the nearest kink with a known distance, as a multiple of the finite difference's step; infinite without any.
     pub distance: Vec<f64>,
 }
 
@@ -123,7 +123,7 @@ impl Simulation {
     }
 
     fn check_copies(&self, copies: &PerturbedCopies<'_>) -> Result<(), Error> {
-        let PerturbedCopies { count, columns, sides, one_sided, limited, ranges, taken, rubbing, .. } = *copies;
+        let PerturbedCopies { count, columns, sides, one_sided, limited, ranges, limit_positions, rubbing, .. } = *copies;
         let environments = self.num_envs / count.max(1);
         check_length("copies", environments.saturating_mul(count), self.num_envs)?;
         let perturbed = sides.saturating_mul(columns);
@@ -135,7 +135,7 @@ impl Simulation {
         let shared = |found: usize, row: usize| if found == row { row } else { self.num_envs * row };
         let row = 2 * limited.len();
         check_length("ranges", ranges.len(), shared(ranges.len(), row))?;
-        check_length("taken", taken.len(), self.num_envs * limited.len())?;
+        check_length("limit_positions", limit_positions.len(), self.num_envs * limited.len())?;
         let (nq, nv) = (self.model.nq(), self.model.nv());
         let places = limited.iter().map(|&[q, _]| (q, nq)).chain(limited.iter().map(|&[_, v]| (v, nv)));
         let beyond = places.chain(rubbing.iter().map(|&v| (v, nv))).find(|(found, count)| found >= count);
@@ -181,10 +181,10 @@ impl Simulation {
         let joints = copies.limited.len();
         if joints > 0 {
             let (q, ranges) = (self.values(Field::Qpos, env), row_of(copies.ranges, env, 2 * joints));
-            for (i, (&[place, _], taken)) in copies.limited.iter().zip(&copies.taken[env * joints..]).enumerate() {
+            for (i, (&[place, _], limit_position)) in copies.limited.iter().zip(&copies.limit_positions[env * joints..]).enumerate() {
                 for (side, sign) in [(0, 1.0), (1, -1.0)] {
                     let end = ranges[2 * i + side];
-                    let (after, gap) = (sign * (q[place] - end), sign * (taken - end));
+                    let (after, gap) = (sign * (q[place] - end), sign * (limit_position - end));
                     let held = if hard { after < AT_LIMIT } else { gap < 0.0 };
                     limits.extend(held.then_some(2 * i + side));
                     numbers.push(match (hard, copies.smooth_at_rest, held) {
@@ -277,7 +277,7 @@ impl ActiveSet {
         pairs.fold(0, |flags, ((own, other), flag)| if own == other { flags } else { flags | flag })
     }
 
-    /// Numbers of a set of the same joints, one after the other; NaN for contacts that it does not have.
+    /// Numbers of the set `of`, for the contacts of this set and then for the joints; NaN for contacts that `of` does not have.
     fn numbers<'a>(&self, of: &'a Self) -> impl Iterator<Item = f64> + 'a {
         let contacts = (0..self.contacts.len()).flat_map(|i| of.contacts.get(i).copied().unwrap_or([f64::NAN; 3]));
         contacts.chain(of.joints.iter().copied())
@@ -289,7 +289,7 @@ impl ActiveSet {
         out.extend(self.numbers(self).zip(self.numbers(other)).map(|(now, there)| there - now));
     }
 
-    /// Distance to the nearest switch along a column, in widths of its difference, to first order.
+    /// Distance to the nearest switch along a column, as a multiple of its finite difference's step, to first order.
     ///
     /// The slope is the sum of the changes at the first place (of `first`, if there are two) and at the last, times their weights.
     fn widths(&self, first: &[f64], last: &Self, weights: [f64; 2]) -> f64 {

@@ -24,7 +24,8 @@ pub(super) struct RowOf<R: Real> {
 }
 
 impl<R: Real> RowBuilder<R> {
-    /// Writes the Jacobian of a combination of joints, times `sign`, to the first component of `column`, on `system.terms`.
+    /// Writes the Jacobian of combinations of joints, each times its factor, to the first component of `column`. Sets `system.terms` to the
+    /// degrees of freedom with entries, ascending.
     #[inline(always)]
     pub(super) fn combine(&mut self, system: &mut SoftSystem<R>, parts: &[(&Combination<R::Scalar>, R)]) {
         system.terms.clear();
@@ -45,7 +46,7 @@ impl<R: Real> RowBuilder<R> {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Appends a scalar row whose Jacobian is in the first component of `column` at `system.terms`, ascending.
+    /// Appends a scalar row. Its Jacobian is in the first component of `column`, at the degrees of freedom `system.terms`.
     #[inline(always)]
     pub(super) fn push_soft_row(&mut self, input: SoftInput<'_, R>, system: &mut SoftSystem<R>, row: RowOf<R>) {
         let RowOf { law: [reference, mut weight], bounds, active, owner } = row;

@@ -13,7 +13,7 @@ pub(super) type Key = [u32; 4];
 pub(super) struct VisitOrder<R: Real> {
     /// Contacts to visit.
     pub(super) visits: Vec<ContactVisit<R::Mask>>,
-    /// Ranges of every slot among the contacts with three rows and among those with six.
+    /// Ranges of every slot in the list of contacts with three rows, and in the list of contacts with six.
     pub(super) places: Vec<[Range<usize>; 2]>,
     /// Key and slot of the contacts of one lane.
     pub(super) keyed: Vec<(Key, u32)>,

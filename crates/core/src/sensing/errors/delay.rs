@@ -90,7 +90,7 @@ impl<S: Scalar> Imperfect<S> {
     }
 }
 
-/// Whole and fractional part of a delay in steps. For a staircase the delay is rounded up.
+/// Whole and fractional part of a delay in steps. Without interpolation (zero-order hold) the delay is rounded up.
 #[inline(always)]
 fn parts<R: Real>(steps: R, smooth: bool) -> (R, R) {
     let steps = steps.max(R::zero());

@@ -14,7 +14,7 @@ pub(super) enum Purpose {
     Mixing,
 }
 
-/// Keys of the environments that draw: part of the counter and the key, one per lane.
+/// Part of the key and counter of the random number generator, for one environment in each lane.
 #[derive(Clone, Copy, Debug)]
 pub struct Keys {
     /// Low and high half of the seed.

@@ -1,9 +1,9 @@
-//! Numbers of MuJoCo's contact law.
+//! Checks of the numbers of MuJoCo's contact law.
 
 use crate::finish::element::{Checked, Element};
 use crate::{Description, Softness};
 
-/// Softness of every element, and what it is relative to.
+/// Checks the softness of every element, and the inverse weights.
 pub(super) fn check(model: &Description) -> Checked {
     let scene = Element("model".into());
     scene.positive("impratio", &[model.soft.impratio], "")?;

@@ -71,11 +71,13 @@ def foot_forces(now: Moment) -> Array:
 
 @cache_per_model
 def _sites(model: Model, names: tuple[str, ...]) -> list[int]:
+    """Indices of sites by name."""
     return [model.site(name).id for name in names]
 
 
 @cache_per_model
 def _bodies(model: Model, names: tuple[str, ...]) -> list[int]:
+    """Indices of the bodies of sites by the names of the sites."""
     return [model.site(name).bodyid for name in names]
 
 

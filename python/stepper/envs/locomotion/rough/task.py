@@ -40,13 +40,13 @@ ROUGH = Terrain(
     border_width=4.0,
 )
 """Terrain of mjlab's rough velocity tasks, as a height field. Its steps of stairs are ramps of 0.1 m between treads of 0.2 m."""
-_MOST = 2.0
+_MAX_ACTION = 2.0
 """Largest action. In the stance it gives half the largest torque of the servo."""
-_LIFT = (0.01, 0.05)
+_INITIAL_LIFT = (0.01, 0.05)
 """Lowest and highest initial height of the base above the stance, m."""
-_BIAS = 0.015
+_MAX_ENCODER_BIAS = 0.015
 """Largest error of an encoder, rad."""
-_SHIFT = np.array([0.025, 0.025, 0.03])
+_MAX_COM_SHIFT = np.array([0.025, 0.025, 0.03])
 """Largest shift of the base's centre of mass, m."""
 _SCAN_UNIT = 5.0
 """Height difference of the scan that is observed as 1, m."""
@@ -137,7 +137,7 @@ class RoughTask(Task):
 
     def action_bounds(self, model: Model) -> tuple[Array, Array]:
         """Bounds of the actions, -2 and 2. In the stance they give half the largest torque of a servo."""
-        return np.full(model.nu, -_MOST), np.full(model.nu, _MOST)
+        return np.full(model.nu, -_MAX_ACTION), np.full(model.nu, _MAX_ACTION)
 
     def observations(self) -> tuple[Observation, ...]:
         """Velocities and gravity in the frame of the base, joint angles minus the stance, last action, command, height scan."""
@@ -188,7 +188,7 @@ class RoughTask(Task):
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
         """Initial states: the stance with a random heading, 0.01 to 0.05 m above the ground."""
         qpos[:] = self.model().keyframe("stance").qpos
-        qpos[:, 2] += rng.uniform(*_LIFT, 1)[:, 0]
+        qpos[:, 2] += rng.uniform(*_INITIAL_LIFT, 1)[:, 0]
         qpos[:, 3:7] = about_vertical(rng.uniform(-np.pi, np.pi, 1)[:, 0])
 
     def place(self, reset: Reset) -> None:
@@ -201,13 +201,13 @@ class RoughTask(Task):
         model, envs, dt = sim.model, rng.envs, sim.timestep * self.frame_skip
         draw_commands(episode_state, envs, rng, dt, self.stages)
         draw_push_times(episode_state, envs, rng, dt)
-        episode_state["encoder_bias"][envs] = self.noise * rng.uniform(-_BIAS, _BIAS, model.nu)
+        episode_state["encoder_bias"][envs] = self.noise * rng.uniform(-_MAX_ENCODER_BIAS, _MAX_ENCODER_BIAS, model.nu)
         rows = {name: np.zeros((len(mask), *getattr(model, name).shape)) for name in ("geom_friction", "body_ipos")}
         for name, values in rows.items():
             values[envs] = getattr(model, name)
         feet = [model.geom(name).id for names in self.FEET.values() for name in names]
         rows["geom_friction"][envs[:, None], feet, 0] = rng.uniform(*self.friction, 1)
-        rows["body_ipos"][envs, 1] += _SHIFT * rng.uniform(-1.0, 1.0, 3)
+        rows["body_ipos"][envs, 1] += _MAX_COM_SHIFT * rng.uniform(-1.0, 1.0, 3)
         sim.randomize(mask, **rows)
 
     def advance(self, now: Moment) -> None:

@@ -23,13 +23,14 @@ from numpy.typing import NDArray
 
 from stepper.lab.study.policy_files import Network, PolicyFile, is_module, read_policy
 from stepper.lab.study.worlds import World
+from stepper.shared.functions import check_takes
 
 Array = NDArray[np.float64]
 FILES = "stepper_study_"
 """Prefix of the names under which `load_file` imports Python files of studies."""
 Controller = Callable[[World], Any]
 """Function of a `World` that returns controls (num_envs, nu) or (nu,), or None to keep the last ones. If it has a method
-`begin(now)`, that is called at the start of each batch. `stepper.lab.compare` takes functions of qpos and qvel instead."""
+`begin(now)`, that is called at the start of each batch."""
 
 
 class Recorded:
@@ -163,6 +164,8 @@ class Policy:
     def __init__(self, act: Callable[[Array], Any] | str | os.PathLike[str]):
         if isinstance(act, str | os.PathLike):
             act = read_policy(act)
+        elif callable(act) and not is_module(act):
+            check_takes(act, ["observations"], "act")
         self.act = Network(act) if is_module(act) else act
 
     def begin(self, now: World) -> None:
@@ -243,17 +246,17 @@ def digest_of(thing: Any) -> str:
     return found.hexdigest()
 
 
-class Memory:
+class StateCheck:
     """Check that a controller without a method `begin` carries no state from one batch to the next.
 
     Args:
-        drive: The controller, before its batch.
+        controller: The controller, before its batch.
     """
 
-    def __init__(self, drive: Any):
+    def __init__(self, controller: Any):
         # `Policy.begin` calls the begin of its function. Networks are copied for each batch.
-        self._drive = drive.act if isinstance(drive, Policy) else drive
-        self._restarts = hasattr(self._drive, "begin") or isinstance(self._drive, PolicyFile | Network)
+        self._controller = controller.act if isinstance(controller, Policy) else controller
+        self._restarts = hasattr(self._controller, "begin") or isinstance(self._controller, PolicyFile | Network)
         self._before = {} if self._restarts else self._held()
 
     def check(self) -> None:
@@ -268,17 +271,17 @@ class Memory:
         changed = [name for name, before in self._before.items() if before is not None and now.get(name, before) != before]
         if changed:
             raise ValueError(
-                f"the controller {name_of(self._drive)} has changed {', '.join(changed)} in a batch and has no method begin(now): the next "
-                "batch would continue with the changed value, and results would depend on how episodes are batched. Make it a class with "
-                f"a method begin(now) that resets {', '.join(changed)} (an empty method, if no control depends on them)"
+                f"the controller {name_of(self._controller)} has changed {', '.join(changed)} in a batch and has no method begin(now): "
+                "the next batch would continue with the changed value, and results would depend on how episodes are batched. Make it a "
+                f"class with a method begin(now) that resets {', '.join(changed)} (an empty method, if no control depends on them)"
             )
 
     def _held(self) -> dict[str, str | None]:
         """Digests of attributes and closure variables by name; None for those that are empty or have no digest."""
-        owner = getattr(self._drive, "__self__", self._drive)
+        owner = getattr(self._controller, "__self__", self._controller)
         held = {} if isinstance(owner, ModuleType) else dict(getattr(owner, "__dict__", {}))
-        names = getattr(getattr(self._drive, "__code__", None), "co_freevars", ())
-        for name, cell in zip(names, getattr(self._drive, "__closure__", None) or (), strict=True):
+        names = getattr(getattr(self._controller, "__code__", None), "co_freevars", ())
+        for name, cell in zip(names, getattr(self._controller, "__closure__", None) or (), strict=True):
             with contextlib.suppress(ValueError):
                 held[name] = cell.cell_contents
         return {name: _state_of(value) for name, value in held.items()}

@@ -1,0 +1,119 @@
+"""Checks of a task's hooks, which change arrays in place: results that would be ignored, and wrong names or rows of `episode_state`."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stepper._hints import did_you_mean_or_all
+
+Array = NDArray[Any]
+IN_PLACE = {
+    "sample_state": "write to its arguments, as in qpos[:, :2] += rng.uniform(-0.1, 0.1, 2)",
+    "place": "write to reset.qpos and reset.qvel",
+    "on_reset": "write rows of the mask, as in episode_state[name][mask] = ..., and call methods of sim",
+    "on_end": "write rows of envs, as in now.episode_state[name][envs] = ...",
+    "advance": "step now.sim, and write to arrays of now.episode_state",
+}
+"""Hooks of a task without a result, and how each has its effect."""
+
+
+def call_hook(task: Any, hook: str, *arguments: Any) -> None:
+    """Call a hook of a task.
+
+    Raises:
+        ValueError: The hook returns a value, which would be ignored.
+    """
+    result = getattr(task, hook)(*arguments)
+    if result is not None:
+        raise ValueError(
+            f"{type(task).__name__}.{hook} returns {in_words(result)}, must return nothing, because its result is ignored: {IN_PLACE[hook]}"
+        )
+
+
+def in_words(value: Any) -> str:
+    """Description of a value in an error message: its type, with the shape of an array and the types in a tuple."""
+    if isinstance(value, np.ndarray):
+        return f"an array of shape {value.shape}"
+    if isinstance(value, tuple):
+        return f"a tuple ({', '.join(type(part).__name__ for part in value)})"
+    if value is None or isinstance(value, bool | int | float | str):
+        return repr(value)
+    if isinstance(value, type):
+        return f"the class {value.__name__}"
+    if callable(value):
+        return "a function"
+    return f"a value of type {type(value).__name__}"
+
+
+class EpisodeState(dict[str, Array]):
+    """Arrays (num_envs, ...) of the episodes by name. The names and shapes are those that `Task.episode_state` returns.
+
+    Args:
+        task: Name of the task's class, for error messages.
+        values: Arrays by name.
+    """
+
+    def __init__(self, task: str, values: Mapping[str, Array]):
+        super().__init__(values)
+        self._task = task
+
+    def __missing__(self, name: str) -> Array:
+        raise KeyError(self._unknown(name))
+
+    def __setitem__(self, name: str, value: Any) -> None:
+        if name not in self:
+            raise KeyError(self._unknown(name))
+        if np.shape(value) != self[name].shape:
+            raise ValueError(
+                f"episode_state[{name!r}] of {self._task} is set to {in_words(value)}, must have the shape {self[name].shape}: set rows in "
+                f"place, as episode_state[{name!r}][mask] = ..."
+            )
+        super().__setitem__(name, np.asarray(value))
+
+    def _unknown(self, name: str) -> str:
+        hint = did_you_mean_or_all(name, self) if self else "; it returns no arrays"
+        return f"{self._task}.episode_state returns no {name!r}{hint}"
+
+    def __reduce__(self) -> Any:
+        return EpisodeState, (self._task, dict(self))
+
+
+def episode_state_of(task: Any, num_envs: int, carried: Collection[str]) -> EpisodeState:
+    """Initial arrays of `task.episode_state`.
+
+    Raises:
+        ValueError: The method returns no mapping, or an array without num_envs rows, or a name in `carried` is not among the arrays.
+    """
+    kind, values = type(task).__name__, task.episode_state(num_envs)
+    if not isinstance(values, Mapping):
+        raise ValueError(
+            f"{kind}.episode_state returns {in_words(values)}, must return a dictionary of arrays (num_envs, ...) by name, which may be "
+            'empty, as {"target": np.zeros((num_envs, 3))}'
+        )
+    for name, value in values.items():
+        if np.shape(value)[:1] != (num_envs,):
+            raise ValueError(
+                f"{kind}.episode_state returns {name!r} of shape {np.shape(value)}, must be ({num_envs}, ...): one row for each environment"
+            )
+    if unknown := sorted(set(carried) - set(values)):
+        raise ValueError(
+            f"{kind}.carried names {unknown}, which episode_state does not return: return them there, as it returns "
+            f"{', '.join(values) or 'nothing'}"
+        )
+    return EpisodeState(kind, {name: np.asarray(value) for name, value in values.items()})
+
+
+def check_rows_of_others(task: Any, before: Mapping[str, Array], after: Mapping[str, Array], others: Array) -> None:
+    """Raise ValueError if `Task.on_reset` removed arrays of `episode_state`, or changed rows of environments (mask) that were not reset."""
+    for name, own in before.items():
+        if name not in after:
+            raise ValueError(f"{type(task).__name__}.on_reset removes episode_state[{name!r}]: keep all arrays of the method episode_state")
+        if not np.array_equal(own[others], after[name][others], equal_nan=own.dtype.kind == "f"):
+            raise ValueError(
+                f"{type(task).__name__}.on_reset changed episode_state[{name!r}] of environments that were not reset: set rows of the mask "
+                f"alone, as episode_state[{name!r}][mask] = ..."
+            )

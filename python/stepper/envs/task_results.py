@@ -1,0 +1,213 @@
+"""Checks of the results of a task's methods. An error names the task, the method, what it returned, and the remedy."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from stepper._hints import WrongArgumentError
+from stepper._stepper import Model
+from stepper.envs.hooks import in_words
+from stepper.envs.task import Array, Moment, Observation, Task, Terms
+from stepper.shared.functions import check_takes
+
+_METHODS = {
+    name: list(inspect.signature(method).parameters)[1:]
+    for name, method in vars(Task).items()
+    if inspect.isfunction(method) and name[0] != "_"
+}
+"""Names of the arguments of each method of a task, without `self`."""
+Table = list[tuple[Observation, slice]]
+"""Rows of a task's table of observations, each with its columns in the observation."""
+
+
+def check_methods(task: Task) -> None:
+    """Raise TypeError if a method of a task takes another number of arguments than that of `Task`."""
+    for name, arguments in _METHODS.items():
+        check_takes(getattr(task, name), arguments, f"{type(task).__name__}.{name}", is_method=True)
+
+
+def model_of(task: Task) -> Model:
+    """Model of a task; a TypeError if `task.model` returns something else."""
+    found: Any = task.model()
+    if not isinstance(found, Model):
+        raise WrongArgumentError(
+            f"{type(task).__name__}.model returns {in_words(found)}, must return a stepper.Model: return stepper.load(...)"
+        )
+    return found
+
+
+def bounds_of(task: Task, model: Model) -> tuple[Array, Array]:
+    """Lower and upper bounds of a task's actions, (n,) each; a ValueError if `task.action_bounds` returns something else."""
+    found: Any = task.action_bounds(model)
+    if isinstance(found, tuple | list | np.ndarray) and len(found) == 2:
+        low, high = (np.asarray(bound, dtype=np.float64) for bound in found)
+        if low.ndim == 1 and low.shape == high.shape and not np.any(low > high):
+            return low, high
+        found = (low, high)
+    raise ValueError(
+        f"{type(task).__name__}.action_bounds returns {_pair_in_words(found)}, must return two arrays (n,), lower and upper bounds: "
+        "return np.full(model.nu, -1.0), np.full(model.nu, 1.0)"
+    )
+
+
+def _pair_in_words(found: Any) -> str:
+    """Description of wrong bounds of actions."""
+    if not (isinstance(found, tuple) and len(found) == 2 and all(isinstance(bound, np.ndarray) for bound in found)):
+        return in_words(found)
+    low, high = found
+    if low.ndim == 1 and low.shape == high.shape:
+        return f"a lower bound {low[low > high][0]} above the upper bound {high[low > high][0]}"
+    return f"arrays of shapes {low.shape} and {high.shape}"
+
+
+def table_of(task: Task, now: Moment) -> Table:
+    """Table of observations of a task, with the columns of each row.
+
+    Args:
+        task: The task.
+        now: A moment, from which the rows are read to find their widths.
+
+    Raises:
+        ValueError: `task.observations` returns something else than several rows, or a row does not give (num_envs, n) numbers.
+        AttributeError: A row without a function names no quantity of the stepper.
+    """
+    given: Any = task.observations()
+    kind = type(task).__name__
+    if isinstance(given, Observation):
+        raise ValueError(f"{kind}.observations returns a single Observation, must return a tuple of them: return (Observation(...),)")
+    if isinstance(given, str | Mapping | np.ndarray) or not isinstance(given, Iterable):
+        raise ValueError(
+            f"{kind}.observations returns {in_words(given)}, must return a tuple of stepper.envs.Observation{_rows_like(given)}"
+        )
+    rows: Table = []
+    for row in given:
+        if not isinstance(row, Observation):
+            raise ValueError(
+                f"{kind}.observations returns {in_words(row)} as row {len(rows)}, must be a stepper.envs.Observation{_row_like(row)}"
+            )
+        at = rows[-1][1].stop if rows else 0
+        rows.append((row, slice(at, at + _width(kind, row, now))))
+    if not rows:
+        raise ValueError(f'{kind}.observations returns no rows: return at least one, as (Observation("qpos"), Observation("qvel"))')
+    return rows
+
+
+def _rows_like(given: Any) -> str:
+    """Remedy for a wrong table of observations, as the end of a message."""
+    if isinstance(given, str):
+        return f": return (Observation({given!r}),)"
+    if isinstance(given, Mapping) and given:
+        name = next(iter(given))
+        return f": return (Observation({name!r}, func=...), ...), where func is a function of now"
+    return ': return (Observation("qpos"), Observation("speed", func=lambda now: now.qvel[:, :1])), where func is a function of now'
+
+
+def _row_like(row: Any) -> str:
+    """Remedy for a wrong row of a table of observations, as the end of a message."""
+    if isinstance(row, str):
+        return f": return Observation({row!r})"
+    if isinstance(row, np.ndarray):
+        return ": return Observation(name, func=lambda now: ...), which computes the array anew after each step"
+    if isinstance(row, tuple):
+        return ": return Observation(name, func=...)"
+    if callable(row):
+        return ": return Observation(name, func=...), whose func is this function"
+    return ""
+
+
+def _width(kind: str, row: Observation, now: Moment) -> int:
+    """Number of columns of a row of the task `kind`."""
+    expected = len(now.qpos)
+    if row.func is None:
+        try:
+            value = getattr(now, row.name)
+        except AttributeError as error:
+            raise AttributeError(
+                f"{kind}.observations has the row {row.name!r} without func, so that it must be a quantity of the stepper: {error}"
+            ) from error
+        if callable(value) or not isinstance(value, np.ndarray):
+            raise ValueError(
+                f"{kind}.observations has the row {row.name!r} without func, which is {in_words(value)} and no array (num_envs, ...): give "
+                f"Observation({row.name!r}, func=...)"
+            )
+    else:
+        value = row.func(now)
+    if not isinstance(value, np.ndarray) or value.shape[:1] != (expected,):
+        raise ValueError(
+            f"{kind}.observations: the function of the row {row.name!r} returns {in_words(value)}, must return an array ({expected}, ...): "
+            "one row for each environment"
+        )
+    width = row.read(now).shape
+    if len(width) != 2:
+        raise ValueError(
+            f"{kind}.observations: columns of the row {row.name!r} is {row.columns!r}, must be a slice, as slice(0, 3), or a list"
+        )
+    return int(width[1])
+
+
+def rewards_of(task: Task, now: Moment, num_envs: int) -> tuple[Array, Terms]:
+    """Rewards (num_envs,) and terms of a task.
+
+    Raises:
+        ValueError: `Task.reward` does not return both, or one has another shape.
+    """
+    result: Any = task.reward(now)
+    if not (isinstance(result, tuple) and len(result) == 2 and isinstance(result[1], Mapping)):
+        raise ValueError(
+            f"{type(task).__name__}.reward returns {in_words(result)}, must return two values: rewards (num_envs,), and a dictionary of "
+            "their terms by name, which may be empty, as (rewards, {})"
+        )
+    terms = dict(result[1])
+    check_terms(task, "reward", terms, num_envs)
+    return rows_of(task, "reward", result[0], np.float64, num_envs), terms
+
+
+def position_of(task: Task, now: Moment, num_envs: int) -> Array | None:
+    """Position of a task, (num_envs, ...), or None; a ValueError if `Task.position` returns something else."""
+    found: Any = task.position(now)
+    if found is not None and not (isinstance(found, np.ndarray) and found.shape[:1] == (num_envs,)):
+        raise ValueError(
+            f"{type(task).__name__}.position returns {in_words(found)}, must be an array ({num_envs}, ...): one row for each environment, "
+            "or None"
+        )
+    return found
+
+
+def infos_of(task: Task, now: Moment, num_envs: int) -> Terms:
+    """Infos of a task; a ValueError if `Task.info` does not return arrays (num_envs, ...) by name."""
+    infos: Any = task.info(now)
+    if not isinstance(infos, Mapping):
+        raise ValueError(
+            f"{type(task).__name__}.info returns {in_words(infos)}, must return a dictionary of arrays (num_envs, ...) by name, "
+            "which may be empty"
+        )
+    check_terms(task, "info", infos, num_envs)
+    return dict(infos)
+
+
+def check_terms(task: Task, method: str, terms: Mapping[str, Any], num_envs: int) -> None:
+    """Raise ValueError if an entry for the info dict is not an array (num_envs, ...)."""
+    for name, value in terms.items():
+        if not isinstance(value, np.ndarray) or value.shape[:1] != (num_envs,):
+            raise ValueError(
+                f"{type(task).__name__}.{method} returns {name!r} as {in_words(value)}, must be an array ({num_envs}, ...): one row for "
+                "each environment; np.full(now.sim.num_envs, value) makes one of a number"
+            )
+
+
+def rows_of(task: Task, method: str, values: Any, dtype: Any, num_envs: int) -> Array:
+    """New array (num_envs,) of a result of a task's method.
+
+    Raises:
+        ValueError: The result has another shape.
+    """
+    array = np.array(values, dtype=dtype)
+    if array.shape != (num_envs,):
+        raise ValueError(
+            f"{type(task).__name__}.{method} returns an array of shape {array.shape}, must be ({num_envs},): one value for each environment"
+        )
+    return array

@@ -1,0 +1,44 @@
+"""Options NAME=VALUE of command lines."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Sequence
+from typing import TypeVar
+
+T = TypeVar("T")
+_WORDS = {"true": True, "false": False, "none": None}
+"""Values of words, in addition to Python's own."""
+
+
+def literal(text: str) -> object:
+    """Value of a text: a number, bool, None, tuple, list or string, as Python writes it. Other texts are strings."""
+    if text.lower() in _WORDS:
+        return _WORDS[text.lower()]
+    try:
+        value: object = ast.literal_eval(text)
+    except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError):
+        return text
+    return value if isinstance(value, bool | int | float | str | tuple | list | None) else text
+
+
+def name_values(texts: Sequence[str], option: str, convert: Callable[[str], T]) -> dict[str, T]:
+    """Values by name from texts NAME=VALUE.
+
+    Args:
+        texts: Texts of the option, which may be given several times.
+        option: Name of the option, for error messages.
+        convert: Function from the text of a value to the value.
+
+    Raises:
+        ValueError: A text does not have this form, or a name has two values.
+    """
+    found: dict[str, T] = {}
+    for text in texts:
+        name, sign, value = text.rpartition("=")
+        if not (name and sign and value):
+            raise ValueError(f"{option} is {text!r}, must be NAME=VALUE; repeat the option for more")
+        made = convert(value)
+        if found.setdefault(name, made) != made:
+            raise ValueError(f"{option} gives {name!r} twice, as {found[name]} and as {made}: give it once")
+    return found

@@ -73,6 +73,13 @@ impl<R: Real> Approach<R> {
         [array_of(|k| fastest + self.way[k] + swing[k] + least), array_of(|k| fastest - self.way[k] + swing[k] + least)]
     }
 
+    /// Bound on the displacement of the second in two steps, perpendicular to the unit vector `n`, m.
+    pub(super) fn sideways(&self, n: V3<R>) -> R {
+        let along = dot(n, self.way);
+        let displacement = (dot(self.way, self.way) - along * along).max(R::zero()).sqrt() + norm(self.turn) * self.radius;
+        displacement + displacement
+    }
+
     /// Bound on the way of the second in the ball, m.
     #[inline(always)]
     fn fastest(&self) -> R {

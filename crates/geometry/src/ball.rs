@@ -33,7 +33,13 @@ pub(super) enum Touch {
 
 /// Point of a ball that is over a triangle, at a height of its centre, m.
 pub(super) fn ball_over(normal: V, centre: V, height: f64, radius: f64) -> Point {
-    Point { pos: add_scaled(centre, normal, -0.5 * (height + radius)), normal, distance: height - radius, feature: 0 }
+    Point {
+        pos: add_scaled(centre, normal, -0.5 * (height + radius)),
+        normal,
+        distance: height - radius,
+        feature: 0,
+        stays_over_face: false,
+    }
 }
 
 impl Ball<'_> {
@@ -83,7 +89,13 @@ impl Ball<'_> {
         let (at, corner) = facet.furthest(own);
         if cos > 0.0 && !matches!(at, Outline::Inside) && is_nearest(&at, corner, own) {
             let distance = separation - radius;
-            out.points.push(Point { pos: add_scaled(nearest, own, 0.5 * distance), normal: own, distance, feature: LONE });
+            out.points.push(Point {
+                pos: add_scaled(nearest, own, 0.5 * distance),
+                normal: own,
+                distance,
+                feature: LONE,
+                stays_over_face: false,
+            });
             return Touch::Found;
         }
         self.add_over(&beyond, out);

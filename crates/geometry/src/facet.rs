@@ -3,7 +3,6 @@
 use crate::linear_algebra::*;
 use crate::pair::Pair;
 use crate::round::ends;
-use crate::shape::triangle_normal;
 use crate::vectors::{V, furthest};
 
 /// Relative height by which the corner of a neighbouring triangle must be below the plane for a convex edge. Vertices of mesh files have
@@ -32,8 +31,8 @@ pub(super) enum Outline {
 }
 
 impl Facet {
-    pub(super) fn new(corners: [V; 3], across: [Option<V>; 3]) -> Self {
-        let normal = triangle_normal(&corners);
+    /// A triangle with its unit normal and the third corners of its neighbours.
+    pub(super) fn new(corners: [V; 3], normal: V, across: [Option<V>; 3]) -> Self {
         let falls = |d: V| {
             let fall = -dot(normal, d);
             fall > 0.0 && fall * fall > FLAT * FLAT * dot(d, d)

@@ -89,6 +89,7 @@ mod hull;
 mod known;
 pub mod linear_algebra;
 mod manifold;
+mod mesh_heights;
 mod narrow;
 mod pair;
 pub mod pairs;

@@ -26,6 +26,8 @@ pub struct Point {
     pub distance: f64,
     /// Which vertices, edges and faces meet: the same from step to step.
     pub feature: u32,
+    /// Whether the second shape is a ball that stays over one triangle of a surface within the step.
+    pub stays_over_face: bool,
 }
 
 /// The contact points of two shapes.
@@ -117,7 +119,7 @@ impl Clipper {
             let [x, y] = found.points;
             let middle = scale(add(x, y), 0.5);
             let pos = add_scaled(middle, n, dot(n, pair.a.support_at(corners[0], n)) + pair.a.radius() + 0.5 * distance - dot(n, middle));
-            out.points.push(Point { pos, normal: n, distance, feature: LONE });
+            out.points.push(Point { pos, normal: n, distance, feature: LONE, stays_over_face: false });
         }
     }
 
@@ -271,7 +273,7 @@ impl Clipper {
         for s in &self.shared {
             let h = 0.5 * (s.h[0] + ra + s.h[1] - rb);
             let pos = add_scaled(add_scaled(scale(axes[0], h), axes[1], s.x), axes[2], s.y);
-            out.points.push(Point { pos, normal: axes[0], distance: distance(s), feature: s.id });
+            out.points.push(Point { pos, normal: axes[0], distance: distance(s), feature: s.id, stays_over_face: false });
         }
     }
 }

@@ -26,6 +26,7 @@ use crate::facet::{FLAT, Facet, Outline, PARALLEL};
 use crate::facing::{Facing, Separation};
 use crate::linear_algebra::*;
 use crate::manifold::{LEVEL, Manifold, Point, VERTICES, reduce_points};
+use crate::mesh_heights::MeshHeights;
 use crate::pair::Pair;
 use crate::reach::Reach;
 use crate::room::Room;
@@ -65,6 +66,8 @@ pub enum Surface {
 pub struct MeshSurface {
     vertices: Vec<V>,
     faces: Vec<[u32; 3]>,
+    /// Unit normal of every triangle.
+    normals: Vec<V>,
     /// Across the edge that leaves corner k of a triangle: the neighbour's third vertex; of several neighbours that of the one that rises
     /// most.
     across: Vec<[Option<u32>; 3]>,
@@ -72,6 +75,7 @@ pub struct MeshSurface {
     around: Vec<u32>,
     first: Vec<u32>,
     tree: Bvh,
+    heights: MeshHeights,
     /// Least and greatest coordinates, m.
     extent: [V; 2],
 }
@@ -92,10 +96,10 @@ pub struct Grid {
     places: [Vec<f64>; 2],
 }
 
-/// Heights of a grid below a disc.
+/// Heights of a surface below a disc.
 #[derive(Clone, Copy, Debug)]
 pub struct Under {
-    /// Greatest height of the cells there, m; minus infinity outside the grid.
+    /// Greatest height of the cells there, m; minus infinity outside the surface.
     pub highest: f64,
     /// Whether these cells and their neighbours have one height. Every contact normal is then vertical.
     pub level: bool,
@@ -129,6 +133,7 @@ impl MeshSurface {
             let others = thirds.get(&[b, a]).into_iter().flatten().copied().filter(|&v| v != c);
             others.max_by(|x, y| rise(x).total_cmp(&rise(y)))
         };
+        let normals = faces.iter().map(|f| triangle_normal(&corners(f))).collect();
         let across = faces.iter().map(|f| std::array::from_fn(|k| neighbour(f, k))).collect();
         let mut first = vec![0; vertices.len() + 1];
         beside.iter().for_each(|&[v, _]| first[v as usize + 1] += 1);
@@ -136,10 +141,11 @@ impl MeshSurface {
         let around = beside.into_iter().map(|[_, w]| w).collect();
         let boxes: Vec<Aabb> = faces.iter().map(|f| bounds(&corners(f))).collect();
         let tree = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
+        let heights = MeshHeights::new(&boxes.iter().map(|b| [b.mins, b.maxs].map(|p| [p.x, p.y, p.z])).collect::<Vec<_>>());
         let used = || faces.iter().flatten().map(|&v| vertices[v as usize]);
         let extent =
             [f64::min, f64::max].map(|pick: fn(f64, f64) -> f64| used().reduce(|p, q| array_of(|k| pick(p[k], q[k]))).unwrap_or_default());
-        Self { vertices: vertices.to_vec(), faces, across, around, first, tree, extent }
+        Self { vertices: vertices.to_vec(), faces, normals, across, around, first, tree, heights, extent }
     }
 
     /// Corners of triangle `t`.
@@ -220,7 +226,7 @@ impl Grid {
             let third = [self.near(Some(c), r.checked_sub(1)), self.near(Some(c + 2), Some(r + 1)), Some(at(0, 1))];
             ([at(0, 0), at(1, 0), at(1, 1)], third)
         };
-        Facet::new(corners, third)
+        Facet::new(corners, triangle_normal(&corners), third)
     }
 
     /// The points that share an edge with corner `k` of triangle `t`.
@@ -272,7 +278,7 @@ impl Grid {
     }
 
     /// Heights of the grid below a horizontal disc.
-    pub fn under_disc(&self, [x, y]: [f64; 2], radius: f64) -> Under {
+    fn under_disc(&self, [x, y]: [f64; 2], radius: f64) -> Under {
         let [rows, columns] = self.shape;
         let (c, r) = (self.cells(0, x - radius, x + radius), self.cells(1, y - radius, y + radius));
         let mut highest = f64::NEG_INFINITY;
@@ -316,11 +322,19 @@ impl Surface {
         }
     }
 
+    /// Unit normal of triangle `t`, whose corners are `corners`.
+    fn normal(&self, t: u32, corners: &[V; 3]) -> V {
+        match self {
+            Self::Mesh(m) => m.normals[t as usize],
+            Self::Grid(_) => triangle_normal(corners),
+        }
+    }
+
     fn facet(&self, t: usize) -> Facet {
         match self {
             Self::Mesh(m) => {
                 let at = |v: u32| m.vertices[v as usize];
-                Facet::new(m.faces[t].map(at), m.across[t].map(|v| v.map(at)))
+                Facet::new(m.faces[t].map(at), m.normals[t], m.across[t].map(|v| v.map(at)))
             }
             Self::Grid(g) => g.facet(t),
         }
@@ -352,6 +366,28 @@ impl Surface {
         }
     }
 
+    /// Whether a point over triangle `t` stays over it, or over neighbours that do not fall away from it, if it moves `sideways` (m).
+    fn keeps_over(&self, t: u32, corners: &[V; 3], normal: V, point: V, sideways: f64) -> bool {
+        let mut facet = None;
+        let foot = add_scaled(point, normal, -dot(normal, sub(point, corners[0])));
+        (0..3).all(|k| {
+            let [a, b] = [corners[k], corners[(k + 1) % 3]];
+            let edge = sub(b, a);
+            let outwards = cross(edge, normal);
+            let inside = -dot(outwards, sub(foot, a));
+            if inside > 0.0 && inside * inside > sideways * sideways * dot(edge, edge) {
+                return true;
+            }
+            // Beyond the neighbour's other edges there may be any triangle. A neighbour that turns back is over this one.
+            let facet = facet.get_or_insert_with(|| self.facet(t as usize));
+            let is_far_from_others = |third: V| {
+                let third = add_scaled(third, normal, -dot(normal, sub(third, a)));
+                dot(outwards, sub(third, a)) > 0.0 && from_segment(foot, a, third).min(from_segment(foot, third, b)) > sideways
+            };
+            !facet.bulges[k] && facet.across[k].is_some_and(is_far_from_others)
+        })
+    }
+
     /// Whether no neighbour at the part of triangle `t` that `p` is a point of is nearer to what is in the direction `d` (unit) from there.
     fn is_nearest(&self, t: usize, facet: &Facet, at: &Outline, p: V, d: V) -> bool {
         self.all_beside(t, facet, at, |w| {
@@ -360,11 +396,39 @@ impl Surface {
         })
     }
 
+    /// Axis of the surface's frame along which heights are measured: z of a height field, and of a mesh the axis along which it is
+    /// shortest.
+    pub fn up_axis(&self) -> usize {
+        match self {
+            Self::Mesh(m) => m.heights.up_axis(),
+            Self::Grid(_) => 2,
+        }
+    }
+
+    /// Greatest height, m.
+    pub fn highest(&self) -> f64 {
+        match self {
+            Self::Mesh(m) => m.extent[1][self.up_axis()],
+            Self::Grid(g) => g.highest,
+        }
+    }
+
+    /// Heights of the surface below a disc about the point `at` in the surface's frame, across [`Surface::up_axis`].
+    pub fn under_disc(&self, at: V, radius: f64) -> Under {
+        match self {
+            Self::Mesh(m) => Under { highest: m.heights.highest_in(&at.map(|x| x - radius), &at.map(|x| x + radius)), level: false },
+            Self::Grid(g) => g.under_disc([at[0], at[1]], radius),
+        }
+    }
+
     /// Triangles in the box from `low` to `high`, ascending, and others near it.
     pub(super) fn candidates(&self, low: V, high: V, out: &mut Vec<u32>) {
         out.clear();
         match self {
             Self::Mesh(m) => {
+                if low[self.up_axis()] > m.heights.highest_in(&low, &high) {
+                    return;
+                }
                 let [a, b] = [low, high].map(|p| Vector::new(p[0], p[1], p[2]));
                 out.extend(m.tree.intersect_aabb(&Aabb::new(a, b)));
                 out.sort_unstable();
@@ -413,7 +477,7 @@ pub fn collide_surface(
     let mut left: Option<(u32, Facing)> = None;
     for &t in &triangles {
         let corners = a.triangle(t);
-        let normal = triangle_normal(&corners);
+        let normal = a.normal(t, &corners);
         // Nothing is nearer than along the normal.
         let along = match &core {
             Some(ends) => ends.iter().map(|end| dot(normal, sub(*end, corners[0]))).reduce(f64::min).unwrap_or_default(),
@@ -436,7 +500,9 @@ pub fn collide_surface(
             }
             if let [centre] = ends[..] {
                 if along > 0.0 && is_over(&corners, normal, centre) {
-                    room.all.push(Point { feature: name(t, 0), ..ball_over(normal, centre, along, b.radius()) });
+                    let stays_over_face =
+                        approach.is_some_and(|approach| a.keeps_over(t, &corners, normal, centre, approach.sideways(normal)));
+                    room.all.push(Point { feature: name(t, 0), stays_over_face, ..ball_over(normal, centre, along, b.radius()) });
                     room.owners.push(t);
                     continue;
                 }
@@ -624,7 +690,7 @@ fn drop_nearer_elsewhere(surface: &Surface, triangles: &[u32], size: f64, room: 
         let has_shallower = |t: &u32| owners.iter().zip(all.iter()).any(|(owner, other)| owner == t && other.distance > p.distance);
         let is_nearer = |t: &u32| {
             let corners = surface.triangle(*t);
-            let normal = triangle_normal(&corners);
+            let normal = surface.normal(*t, &corners);
             let height = dot(normal, sub(x, corners[0]));
             // Up to the rounding of poses in 32 bits.
             let touches = height.abs() <= 1e-7 * size;
@@ -644,12 +710,17 @@ fn drop_nearer_elsewhere(surface: &Surface, triangles: &[u32], size: f64, room: 
 
 /// Distance of a point from a triangle.
 fn distance(corners: &[V; 3], normal: V, x: V) -> f64 {
-    let edges = [0, 1, 2].map(|k| (sub(corners[(k + 1) % 3], corners[k]), sub(x, corners[k])));
-    if edges.iter().all(|(edge, arm)| dot(cross(normal, *edge), *arm) >= 0.0) {
-        return dot(normal, edges[0].1).abs();
+    let is_inside = |k: usize| dot(cross(normal, sub(corners[(k + 1) % 3], corners[k])), sub(x, corners[k])) >= 0.0;
+    if (0..3).all(is_inside) {
+        return dot(normal, sub(x, corners[0])).abs();
     }
-    let from_edge = |(edge, arm): &(V, V)| norm(add_scaled(*arm, *edge, -(dot(*arm, *edge) / dot(*edge, *edge)).clamp(0.0, 1.0)));
-    edges.iter().map(from_edge).fold(f64::INFINITY, f64::min)
+    (0..3).map(|k| from_segment(x, corners[k], corners[(k + 1) % 3])).fold(f64::INFINITY, f64::min)
+}
+
+/// Distance of a point from the segment from `a` to `b`.
+fn from_segment(x: V, a: V, b: V) -> f64 {
+    let (edge, arm) = (sub(b, a), sub(x, a));
+    norm(add_scaled(arm, edge, -(dot(arm, edge) / dot(edge, edge)).clamp(0.0, 1.0)))
 }
 
 #[cfg(test)]

@@ -50,6 +50,8 @@ pub struct Slot<R> {
     pub restitution: R,
     /// Impulse along normal, first and second tangent, N s.
     pub impulse: V3<R>,
+    /// Lanes (bits) in which a ball stays over one face of the other geom within the step.
+    pub over_face: u32,
 }
 
 impl<R: Real> Slot<R> {
@@ -63,6 +65,13 @@ impl<R: Real> Slot<R> {
         }
         self.mu.set_lane(l, from.mu.lane(l));
         self.restitution.set_lane(l, from.restitution.lane(l));
+        self.set_over_face(l, from.over_face);
+    }
+
+    /// Takes over the bit of lane `l` of `over_face`.
+    #[inline(always)]
+    fn set_over_face(&mut self, l: usize, over_face: u32) {
+        self.over_face = self.over_face & !(1 << l) | over_face & 1 << l;
     }
 
     /// Takes over the tangent and the impulse of one lane of another slot.
@@ -96,7 +105,7 @@ impl<R: Real> Contacts<R> {
         let z = R::zero();
         let up = [z, z, R::one()];
         let point = ContactPoint { distance: z, pos: [z; 3], normal: up };
-        let empty = Slot { point, tangent: [R::one(), z, z], mu: z, restitution: z, impulse: [z; 3] };
+        let empty = Slot { point, tangent: [R::one(), z, z], mu: z, restitution: z, impulse: [z; 3], over_face: 0 };
         Self {
             count: Box::new([0; MAX_LANES]),
             ids: vec![[ContactId::default(); MAX_LANES]; capacity],
@@ -143,11 +152,11 @@ impl<R: Real> Contacts<R> {
         SlotPairs { ids: &self.ids[k][..R::LANES], rest: lanes }
     }
 
-    /// Adds the contact to the lanes in `bits`; lanes that are full are marked in `full`.
+    /// Adds the contact to the lanes in `bits`; lanes that are full are marked in `full`. See [`Slot::over_face`].
     ///
     /// Pairs come in ascending order; the features of a pair may come in any, and are sorted here.
     #[inline(always)]
-    pub fn push(&mut self, bits: u32, id: ContactId, point: &ContactPoint<R>, mu: R, restitution: R) {
+    pub fn push(&mut self, [bits, over_face]: [u32; 2], id: ContactId, point: &ContactPoint<R>, mu: R, restitution: R) {
         let mut rest = bits;
         while rest != 0 {
             let l = rest.trailing_zeros() as usize;
@@ -166,6 +175,7 @@ impl<R: Real> Contacts<R> {
             }
             slot.mu.set_lane(l, mu.lane(l));
             slot.restitution.set_lane(l, restitution.lane(l));
+            slot.set_over_face(l, over_face);
         }
     }
 
@@ -371,7 +381,7 @@ mod tests {
         let ids = [(0, 3), (2, 7), (2, u32::MAX), (2, 1), (2, 5), (3, 0)].map(|(pair, feature)| ContactId::new(pair, feature));
         for id in ids {
             let distance = id.0 as f64;
-            contacts.push(1, id, &ContactPoint { distance, pos: [distance; 3], normal: [0.0, 0.0, 1.0] }, distance, 0.0);
+            contacts.push([1, 0], id, &ContactPoint { distance, pos: [distance; 3], normal: [0.0, 0.0, 1.0] }, distance, 0.0);
         }
         assert_eq!((contacts.count[0], contacts.full), (5, 1), "the last one was left out");
         let found: Vec<_> = contacts.ids.iter().map(|ids| (ids[0].pair(), ids[0].feature())).collect();

@@ -3,10 +3,10 @@
 use std::borrow::Cow;
 
 use stepper_geometry::pairs::{
-    ContactPoint, Cuboid, Cylinder, Ellipsoid, Segment, capsule_box, cylinder_rims, plane_box, plane_ellipsoid, plane_point, plane_sphere,
-    segments, sphere_box, sphere_cylinder, sphere_ellipsoid,
+    ContactPoint, Cuboid, Cylinder, Ellipsoid, Segment, capsule_box, cylinder_rims, face_clearance, plane_box, plane_ellipsoid,
+    plane_point, plane_sphere, segments, sphere_box, sphere_cylinder, sphere_ellipsoid,
 };
-use stepper_geometry::{Approach, BoundingBox, Pose, Reach, SeparatingPlane, SeparatingPlanes, Solid, Surface};
+use stepper_geometry::{Approach, BoundingBox, Pose, Reach, SeparatingPlane, SeparatingPlanes, Solid};
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::collision::contact_set::{ContactId, Contacts};
@@ -100,8 +100,22 @@ impl<R: Real> Scene<'_, R> {
     #[inline(always)]
     fn sphere_box(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
-        let point = sphere_box(self.poses.pos[a], self.compiled.params.geom_size(a)[0], &self.cuboid(b));
-        self.offer(index, 0, pair, near, point, contacts);
+        let cuboid = self.cuboid(b);
+        let point = sphere_box(self.poses.pos[a], self.compiled.params.geom_size(a)[0], &cuboid);
+        let over_face = self.stays_over_face(pair, &point, face_clearance(self.poses.pos[a], &cuboid));
+        self.offer_over_face(index, 0, pair, near, over_face, point, contacts);
+    }
+
+    /// Lanes in which the centre of the ball of a pair stays over a face of the other geom within the step. `clearance` is the distance of
+    /// the centre from the border of the face, m.
+    ///
+    /// The ball is the first geom.
+    #[inline(always)]
+    pub(crate) fn stays_over_face(&self, pair: &CompiledPair<R::Scalar>, point: &ContactPoint<R>, clearance: R) -> R::Mask {
+        let [_, velocity] = self.relative_motion(pair.geoms, self.poses.pos[pair.geoms[0]]);
+        let along = dot(velocity, point.normal);
+        let displacement = (dot(velocity, velocity) - along * along).max(R::zero()).sqrt() * (self.h + self.h);
+        displacement.lt(clearance)
     }
 
     #[inline(always)]
@@ -158,8 +172,8 @@ impl<R: Real> Scene<'_, R> {
     fn convex(&self, index: usize, pair: &CompiledPair<R::Scalar>, mut near: R::Mask, search: &mut Search, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
         let (ground, margin) = (self.surface_and_shape(pair), R::splat(pair.margin));
-        if let Some((Surface::Grid(grid), geoms)) = ground {
-            near = self.may_meet_grid(grid, geoms, margin, near);
+        if let Some((surface, geoms)) = ground {
+            near = self.may_meet_surface(surface, geoms, margin, near);
         }
         let reach = margin + self.poses.travel[a] + self.poses.travel[b] + self.slack;
         near = near.and_not(self.boxes_are_beyond(pair, reach));
@@ -191,7 +205,9 @@ impl<R: Real> Scene<'_, R> {
             }
             for p in points {
                 let point = ContactPoint { distance: R::of(p.distance), pos: p.pos.map(R::of), normal: p.normal.map(R::of) };
-                self.offer(index, p.feature, pair, near.and(R::Mask::from_bits(1 << lane)), point, contacts);
+                let own = R::Mask::from_bits(1 << lane);
+                let over_face = if p.stays_over_face { own } else { R::Mask::splat(false) };
+                self.offer_over_face(index, p.feature, pair, own, over_face, point, contacts);
             }
         }
     }
@@ -274,10 +290,9 @@ impl<R: Real> Scene<'_, R> {
     #[inline(always)]
     pub(crate) fn approach_at(&self, geoms: [usize; 2], centre: V3<R>, radius: R, margin: R) -> Approach<R> {
         let mat = &self.poses.mat[geoms[0]];
-        let [turn, way] = self.relative_motion(geoms, centre).map(
-            #[inline(always)]
-            |x| scale(rotate_back(mat, x), self.h),
-        );
+        // `map` of an array would be a function call.
+        let [turn, way] = self.relative_motion(geoms, centre);
+        let [turn, way] = [scale(rotate_back(mat, turn), self.h), scale(rotate_back(mat, way), self.h)];
         Approach { way, turn, radius, slack: margin.max(R::zero()) + self.slack }
     }
 
@@ -287,14 +302,31 @@ impl<R: Real> Scene<'_, R> {
         Segment { centre: self.poses.pos[geom], axis: column(&self.poses.mat[geom], 2), half_length, radius }
     }
 
-    /// Takes the point up in the lanes where it can touch within the step. A kernel of its own, as [`Scene::meet`].
-    #[inline(never)]
+    /// Adds the point in the lanes where it can touch within the step.
+    #[inline(always)]
     pub(crate) fn offer(
         &self,
         index: usize,
         feature: u32,
         pair: &CompiledPair<R::Scalar>,
         near: R::Mask,
+        point: ContactPoint<R>,
+        contacts: &mut Contacts<R>,
+    ) {
+        self.offer_over_face(index, feature, pair, near, R::Mask::splat(false), point, contacts);
+    }
+
+    /// Adds the point in the lanes where it can touch within the step. In the lanes `over_face`, a ball stays over a face of the other geom.
+    /// A kernel of its own, as [`Scene::test_pair`].
+    #[expect(clippy::too_many_arguments, reason = "a contact, and where it goes")]
+    #[inline(never)]
+    pub(crate) fn offer_over_face(
+        &self,
+        index: usize,
+        feature: u32,
+        pair: &CompiledPair<R::Scalar>,
+        near: R::Mask,
+        over_face: R::Mask,
         mut point: ContactPoint<R>,
         contacts: &mut Contacts<R>,
     ) {
@@ -312,7 +344,7 @@ impl<R: Real> Scene<'_, R> {
                 let touching = near.and(point.distance.lt(closing * (self.h + self.h) + self.slack));
                 let id = ContactId::new(index, feature);
                 let params = self.compiled.contact(index);
-                contacts.push(touching.bits(), id, &point, params.mu, params.restitution);
+                contacts.push([touching, over_face].map(Mask::bits), id, &point, params.mu, params.restitution);
             },
         )
     }

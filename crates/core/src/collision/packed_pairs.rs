@@ -29,6 +29,8 @@ pub(super) struct Found<S> {
     pub(super) feature: u32,
     pub(super) lane: usize,
     pub(super) point: ContactPoint<S>,
+    /// Distance of a ball's centre from the border of the face that it is over, m. Not positive if it is over none.
+    pub(super) clearance: S,
 }
 
 /// Items of one kernel, and their points, both in the order of the pairs.

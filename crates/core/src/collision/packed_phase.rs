@@ -1,6 +1,6 @@
 //! The narrow phase of balls and capsules that are near boxes in few lanes, see [`PackedPairs`].
 
-use stepper_geometry::pairs::{ContactPoint, Cuboid, Segment, capsule_box, sphere_box};
+use stepper_geometry::pairs::{ContactPoint, Cuboid, Segment, capsule_box, face_clearance, sphere_box};
 use stepper_real::{Mask, Real};
 
 use crate::collision::contact_set::Contacts;
@@ -29,8 +29,9 @@ impl<R: Real> Scene<'_, R> {
                         #[inline(always)]
                         |item| self.poses.pos[item.geoms[0]],
                     );
-                    let point = sphere_box(centre, radius, &self.gather_box(items));
-                    self.keep(items, &[point], [R::Mask::splat(true)], found);
+                    let cuboid = self.gather_box(items);
+                    let point = sphere_box(centre, radius, &cuboid);
+                    self.keep(items, &[point], [R::Mask::splat(true)], face_clearance(centre, &cuboid), found);
                 }
                 let Queue { items, found, .. } = &mut packed.capsules;
                 for items in items.chunks(R::LANES) {
@@ -53,7 +54,7 @@ impl<R: Real> Scene<'_, R> {
                         |item| column(&self.poses.mat[item.geoms[0]], 2),
                     );
                     let (points, exist) = capsule_box(&Segment { centre, axis, half_length, radius }, &self.gather_box(items));
-                    self.keep(items, &points, exist, found);
+                    self.keep(items, &points, exist, R::zero(), found);
                 }
             },
         );
@@ -74,9 +75,11 @@ impl<R: Real> Scene<'_, R> {
         queue.taken += queue.found[first..].iter().take_while(|found| found.index == index).count();
         let own = &queue.found[first..queue.taken];
         for feature in 0..2 {
-            let (mut lanes, mut point) = (0, ContactPoint { distance: R::zero(), pos: zero(), normal: zero() });
+            let (mut lanes, mut clearance) = (0, R::zero());
+            let mut point = ContactPoint { distance: R::zero(), pos: zero(), normal: zero() };
             for found in own.iter().filter(|found| found.feature == feature) {
                 lanes |= 1 << found.lane;
+                clearance.set_lane(found.lane, found.clearance);
                 point.distance.set_lane(found.lane, found.point.distance);
                 for k in 0..3 {
                     point.pos[k].set_lane(found.lane, found.point.pos[k]);
@@ -84,7 +87,8 @@ impl<R: Real> Scene<'_, R> {
                 }
             }
             if lanes != 0 {
-                self.offer(index, feature, pair, R::Mask::from_bits(lanes), point, contacts);
+                let over_face = self.stays_over_face(pair, &point, clearance);
+                self.offer_over_face(index, feature, pair, R::Mask::from_bits(lanes), over_face, point, contacts);
             }
         }
         true
@@ -111,13 +115,14 @@ impl<R: Real> Scene<'_, R> {
         }
     }
 
-    /// Keeps the points of items, where they exist and can touch within the step.
+    /// Keeps the points of items, where they exist and can touch within the step, with their [`Found::clearance`].
     #[inline(always)]
     fn keep<const N: usize>(
         &self,
         items: &[Item<R::Scalar>],
         points: &[ContactPoint<R>; N],
         exist: [R::Mask; N],
+        clearance: R,
         found: &mut Vec<Found<R::Scalar>>,
     ) {
         let margin = gather_scalars(
@@ -142,7 +147,13 @@ impl<R: Real> Scene<'_, R> {
             for feature in (0..N).filter(|&feature| near[feature] >> place & 1 == 1) {
                 let (of, point) = (|x: R| x.lane(place), &points[feature]);
                 let point = ContactPoint { distance: of(point.distance), pos: point.pos.map(of), normal: point.normal.map(of) };
-                found.push(Found { index: items[place].index, feature: feature as u32, lane: items[place].lane, point });
+                found.push(Found {
+                    index: items[place].index,
+                    feature: feature as u32,
+                    lane: items[place].lane,
+                    point,
+                    clearance: of(clearance),
+                });
             }
         }
     }

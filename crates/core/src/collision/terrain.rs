@@ -1,4 +1,4 @@
-//! Tests of surfaces against convex shapes, over lanes. The height of a height field below a shape rejects most of its pairs.
+//! Tests of surfaces against convex shapes, over lanes. The height of a surface below a shape rejects most of its pairs.
 //!
 //! A contact joins a point x of the surface and a point y of the shape with y - x = d n. Let the shape be a gap g above all of the surface
 //! below it. Then d cos(a) >= g for a normal at an angle a from upright. Stage 3 takes the contact up only if d < 2 h c + slack, where c is
@@ -11,7 +11,7 @@
 //! Nothing moves along n by turning about a point on the line of n: of a ball only the centre's speed counts, of a capsule that of its
 //! segment.
 
-use stepper_geometry::{Approach, ConvexShape, Grid, Narrow, Solid, Surface};
+use stepper_geometry::{Approach, ConvexShape, Narrow, Solid, Surface};
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::collision::contact_set::Contacts;
@@ -34,31 +34,32 @@ impl<R: Real> Scene<'_, R> {
         })
     }
 
-    /// Lanes of `near` in which a height field and a shape can touch within the step.
+    /// Lanes of `near` in which the height of a surface below a shape lets the two touch within the step.
     #[inline(always)]
-    pub(crate) fn may_meet_grid(&self, grid: &Grid, geoms: [usize; 2], margin: R, near: R::Mask) -> R::Mask {
-        let [field, shape] = geoms;
-        let (mat, centre) = (&self.poses.mat[field], self.poses.pos[shape]);
-        let up = column(mat, 2);
-        let at = rotate_back(mat, sub(centre, self.poses.pos[field]));
+    pub(crate) fn may_meet_surface(&self, surface: &Surface, geoms: [usize; 2], margin: R, near: R::Mask) -> R::Mask {
+        let [ground, shape] = geoms;
+        let (mat, centre) = (&self.poses.mat[ground], self.poses.pos[shape]);
+        let up_axis = surface.up_axis();
+        let up = column(mat, up_axis);
+        let at = rotate_back(mat, sub(centre, self.poses.pos[ground]));
         let (depth, core) = self.reach_below(shape, up);
 
         let [w, v] = self.relative_motion(geoms, centre);
         let rise = dot(up, v) - norm(cross(up, w)) * core;
         let speed = norm(v) + norm(w) * core;
         let least = margin.max(R::zero()) + self.slack;
-        let around = self.compiled.params.bounding_radius(shape) + self.poses.travel[field] + self.poses.travel[shape] + least;
+        let around = self.compiled.params.bounding_radius(shape) + self.poses.travel[ground] + self.poses.travel[shape] + least;
         // A hair more than the exact test will ask for, also in single precision.
         let hair = R::of(1e-6) * (around + at[0].abs() + at[1].abs() + at[2].abs());
         let least = least + hair;
         let anyhow = self.h * (speed - rise) + least;
         let level = (-(self.h + self.h) * rise).max(R::zero()) + least;
 
-        let low = at[2] - depth;
-        let mut near = near.and((low - R::of(grid.highest())).lt(anyhow));
+        let low = at[up_axis] - depth;
+        let mut near = near.and((low - R::of(surface.highest())).lt(anyhow));
         for lane in each_of(near.bits()) {
             let of = |x: R| x.lane(lane).to_f64();
-            let under = grid.under_disc([of(at[0]), of(at[1])], of(around + hair));
+            let under = surface.under_disc(at.map(of), of(around + hair));
             let limit = if under.level { level } else { anyhow };
             if of(low) - under.highest >= of(limit) {
                 near = near.and_not(R::Mask::from_bits(1 << lane));

@@ -72,7 +72,7 @@ impl<S> CompiledPair<S> {
 pub struct DynamicPairs<S> {
     /// Geoms of the group, ascending.
     pub members: Vec<Member>,
-    /// Indices of the members that are not fixed to the world.
+    /// Indices of the members that are not fixed to the world. Empty if the pairs of these are listed.
     pub moving: Vec<u32>,
     /// Largest bounding radius of a member plus its margin, m.
     pub widest: f64,
@@ -167,7 +167,8 @@ impl<S: Scalar> DynamicPairs<S> {
 
 /// Number of contacts that a geom among many similar ones adds: half of twelve neighbours (the kissing number), up to eight points each.
 const NEIGHBOUR_POINTS: usize = 48;
-/// Number of pairs of ordinary-sized geoms above which detection finds these pairs in every step.
+/// Number of pairs of ordinary-sized geoms above which detection finds these pairs in every step. If those of the geoms that move are
+/// fewer, these are listed, and only pairs with geoms that are fixed to the world are found in every step.
 const LISTED_PAIRS: usize = 3000;
 /// Ratio of a geom's size to the median above which its pairs are listed. A grid with cells of its size would have all geoms in one cell.
 const LARGE: f64 = 8.0;
@@ -178,6 +179,8 @@ pub(crate) type Collision<S> = (Vec<CompiledGeom<S>>, Vec<CompiledPair<S>>, Opti
 pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S> {
     let filter = Filter::new(model);
     let among = dynamic(model);
+    let moving: Vec<usize> = (0..model.geoms.len()).filter(|&g| among[g] && merged.frame[model.geoms[g].body] != 0).collect();
+    let listed_moving = if number_of_pairs(moving.len()) <= LISTED_PAIRS { &moving[..] } else { &[] };
     let mut slot = vec![None; model.geoms.len()];
     let mut geoms: Vec<CompiledGeom<S>> = Vec::new();
     let mut place = |g: usize, geoms: &mut Vec<CompiledGeom<S>>| {
@@ -187,7 +190,7 @@ pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S>
         })
     };
     let mut pairs = Vec::new();
-    for pair in listed_pairs(model, &filter, &among) {
+    for pair in listed_pairs(model, &filter, &among, listed_moving) {
         let shapes = pair.geoms.map(|g| &model.geoms[g].shape);
         let Some(kernel) = Kernel::of(shapes[0], shapes[1]) else { continue };
         let places = pair.geoms.map(|g| place(g, &mut geoms));
@@ -215,7 +218,7 @@ pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S>
     }
     let dynamic_pairs = (!members.is_empty()).then(|| DynamicPairs {
         widest: members.iter().map(|m| bounding_radius(model, &model.geoms[m.model_geom].shape) + m.margin).fold(0.0, f64::max),
-        moving: (0..).zip(&members).filter(|(_, m)| geoms[m.geom].frame != 0).map(|(i, _)| i).collect(),
+        moving: (0..).zip(&members).filter(|(_, m)| listed_moving.is_empty() && geoms[m.geom].frame != 0).map(|(i, _)| i).collect(),
         has_rolling_friction: members.iter().any(|m| model.geoms[m.model_geom].condim > 3),
         members,
         first: pairs.len(),
@@ -254,17 +257,24 @@ fn dynamic(model: &Model) -> Vec<bool> {
     let median = sizes.get(sizes.len() / 2).copied().unwrap_or(0.0);
     let among: Vec<bool> = model.geoms.iter().map(|g| can(g) && size(g) <= LARGE * median).collect();
     let n = among.iter().filter(|&&x| x).count();
-    if n * n.saturating_sub(1) / 2 > LISTED_PAIRS && n < (1 << 16) { among } else { vec![false; model.geoms.len()] }
+    if number_of_pairs(n) > LISTED_PAIRS && n < (1 << 16) { among } else { vec![false; model.geoms.len()] }
+}
+
+/// Number of pairs of `n` geoms.
+fn number_of_pairs(n: usize) -> usize {
+    n * n.saturating_sub(1) / 2
 }
 
 /// Pairs that can collide, without the dynamic ones: those with torsional or rolling friction first, ascending by their geoms.
 ///
-/// Contacts are in the order of their pairs, so that those with six rows have the same slots in all lanes.
-fn listed_pairs(model: &Model, filter: &Filter, among: &[bool]) -> Vec<GeomPair> {
+/// The pairs of the geoms `listed_moving` are among them. Contacts are in the order of their pairs, so that those with six rows have the same slots in all lanes.
+fn listed_pairs(model: &Model, filter: &Filter, among: &[bool], listed_moving: &[usize]) -> Vec<GeomPair> {
     let all = 0..model.geoms.len();
     let one_outside = all.clone().filter(|&a| !among[a]).flat_map(|a| all.clone().filter(move |&b| among[b] || b > a).map(move |b| [a, b]));
-    let explicit = filter.explicit().filter(|&[a, b]| among[a] && among[b]);
-    let mut pairs: Vec<GeomPair> = one_outside.chain(explicit).filter_map(|g| filter.pair(filter.ordered(g))).collect();
+    let both_move = (1..listed_moving.len()).flat_map(|k| listed_moving[..k].iter().map(move |&a| [a, listed_moving[k]]));
+    let is_listed = |g| listed_moving.binary_search(&g).is_ok();
+    let explicit = filter.explicit().filter(|&[a, b]| among[a] && among[b] && !(is_listed(a) && is_listed(b)));
+    let mut pairs: Vec<GeomPair> = one_outside.chain(both_move).chain(explicit).filter_map(|g| filter.pair(filter.ordered(g))).collect();
     pairs.sort_by_key(|p| (p.condim <= 3, p.geoms));
     pairs
 }

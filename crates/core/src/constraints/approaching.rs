@@ -5,7 +5,8 @@
 //! contact and defers them: the solver leaves them out. The solution without them gives the motion of the step. Stage 5 activates the rows
 //! of the pairs that collide in this motion and solves their lanes again ([`crate::integrators::contact_activation`]).
 //!
-//! Contacts that rest, slide or roll are never deferred, nor are contacts with a half space, which has one normal everywhere.
+//! Contacts that rest, slide or roll are never deferred. Nor are contacts with a half space, which has one normal everywhere, and those of a
+//! ball that stays over one face.
 
 use stepper_real::{Mask, Real, Scalar};
 
@@ -39,7 +40,7 @@ impl<R: Real> Assembler<'_, R> {
         before: R,
         free: V3<R>,
     ) -> R::Mask {
-        let curved = lanes.and_not(R::Mask::from_bits(self.builder.flat));
+        let curved = lanes.and_not(R::Mask::from_bits(self.builder.flat | contacts.data[k].over_face));
         if curved.none() {
             return curved;
         }

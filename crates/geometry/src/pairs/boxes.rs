@@ -91,6 +91,15 @@ pub fn sphere_box<R: Real>(centre: V3<R>, radius: R, cuboid: &Cuboid<R>) -> Cont
     cuboid.contact(&Touch { x, u, gap: R::select(outside, length, face.gap) }, radius)
 }
 
+/// Distance of a point from the border of the face of a box that it is over, m. Not positive if it is over none.
+#[inline(always)]
+pub fn face_clearance<R: Real>(point: V3<R>, cuboid: &Cuboid<R>) -> R {
+    let x = cuboid.inside(point);
+    let [a, b, c] = [cuboid.half[0] - x[0].abs(), cuboid.half[1] - x[1].abs(), cuboid.half[2] - x[2].abs()];
+    let (least, middle) = (a.min(b).min(c), a.min(b).max(a.max(b).min(c)));
+    R::select(least.lt(R::zero()), middle, R::zero())
+}
+
 /// A capsule and a box: the contact at their closest points, and where the capsule runs along a face or an edge, the contact at the other
 /// end of the stretch that does. Ordered along the capsule; the masks say where each exists.
 #[inline(always)]

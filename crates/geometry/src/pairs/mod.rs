@@ -9,7 +9,7 @@ mod ellipsoid;
 mod plane;
 mod segments;
 
-pub use crate::pairs::boxes::{Cuboid, capsule_box, sphere_box};
+pub use crate::pairs::boxes::{Cuboid, capsule_box, face_clearance, sphere_box};
 pub use crate::pairs::contact_point::{ContactPoint, DISTANCE_ROUNDINGS};
 pub use crate::pairs::cylinder::{Cylinder, cylinder_rims, plane_point, sphere_cylinder};
 pub use crate::pairs::ellipsoid::{Ellipsoid, plane_ellipsoid, sphere_ellipsoid};

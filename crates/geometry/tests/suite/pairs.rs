@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use stepper_geometry::linear_algebra::*;
 use stepper_geometry::pairs::ContactPoint;
 use stepper_geometry::pairs::{
-    capsule_box, cylinder_rims, plane_ellipsoid, plane_point, segments, sphere_box, sphere_cylinder, sphere_ellipsoid,
+    capsule_box, cylinder_rims, face_clearance, plane_ellipsoid, plane_point, segments, sphere_box, sphere_cylinder, sphere_ellipsoid,
 };
 
 /// The contacts that a kernel finds.
@@ -53,6 +53,27 @@ proptest! {
     #[test]
     fn distances_are_the_least_translations((a, b) in pair(), starts in prop::collection::vec(unit(), 4)) {
         is_distance(&a, &b, &contacts(&a, &b), &starts)?;
+    }
+
+    /// A point over a face of a box is over no face before it has moved by the clearance along the face, and is at the border then.
+    #[test]
+    fn a_point_stays_over_a_face_until_it_has_moved_by_the_clearance(b in cuboid(), at in vector(1.0), u in unit(), share in 0.0..1.0f64) {
+        let clearance = face_clearance(at, &b);
+        let x = rotate_back(&b.mat, sub(at, b.centre));
+        let beyond: Vec<usize> = (0..3).filter(|&k| x[k].abs() > b.half[k]).collect();
+        prop_assert_eq!(clearance > 0.0, beyond.len() == 1 && (0..3).all(|k| x[k].abs() != b.half[k]));
+        if clearance <= 0.0 {
+            return Ok(());
+        }
+        let normal = scale(column(&b.mat, beyond[0]), x[beyond[0]].signum());
+        let along = add_scaled(u, normal, -dot(u, normal));
+        if norm(along) < 1e-3 {
+            return Ok(());
+        }
+        let moved = add_scaled(at, along, share * clearance / norm(along));
+        let height = |at: V3<f64>| sphere_box(at, 0.0, &b).distance;
+        // The rounding of coordinates up to 2 m.
+        prop_assert!((height(moved) - height(at)).abs() < 1e-12);
     }
 
     /// The same up to rounding, which turns into distance by the slope of the surfaces, at most one.

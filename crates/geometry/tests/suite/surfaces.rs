@@ -148,6 +148,17 @@ fn triangles(grid: &Grid, other_way: bool) -> (Vec<V>, Vec<[u32; 3]>) {
     (vertices, faces.collect())
 }
 
+/// Height of triangles below or above a point, none beside them.
+fn height_at(vertices: &[V], faces: &[[u32; 3]], p: V) -> Option<f64> {
+    let side = |a: V, b: V| (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]);
+    faces.iter().find_map(|f| {
+        let [a, b, c] = f.map(|v| vertices[v as usize]);
+        let parts = [side(b, c), side(c, a), side(a, b)];
+        let area: f64 = parts.iter().sum();
+        parts.iter().all(|&part| part >= 0.0).then(|| dot(parts, [a[2], b[2], c[2]]) / area)
+    })
+}
+
 /// The point of a triangle that is nearest to `p`: of its plane, or of an edge.
 fn nearest_of_triangle(t: &[V; 3], p: V) -> V {
     let n = cross(sub(t[1], t[0]), sub(t[2], t[0]));
@@ -296,6 +307,32 @@ proptest! {
             (Some(_), None) => prop_assert!(false, "{all:?}\n{found:?}"),
             // At most four points per face are kept, and the two searches may keep different ones.
             (None, own) => prop_assert!(!is_round || own.is_none(), "{all:?}\n{found:?}"),
+        }
+    }
+
+    /// The plane of a triangle that a ball stays over is not above the surface, wherever the ball moves along it.
+    #[test]
+    fn a_ball_that_stays_over_a_face_meets_no_lower_surface(
+        (grid, form) in rough(), radius in 0.01..0.2f64, at in prop::array::uniform2(-1.1..1.1f64), lift in -0.3..0.1f64, way in vector(0.1),
+        u in unit(), share in 0.0..1.0f64,
+    ) {
+        let (vertices, faces) = triangles(&grid, form == 2);
+        let surface = if form == 0 { Surface::Grid(grid.clone()) } else { Surface::Mesh(MeshSurface::new(&vertices, &faces)) };
+        let (b, pose) = (ConvexShape::Sphere { radius }, Pose { pos: [at[0], at[1], grid.highest() + lift], ..STILL });
+        let approach = Approach { way, turn: [0.0; 3], radius: 0.0, slack: 1e-3 };
+        let mut out = Manifold::default();
+        let reach = Reach { approach: Some(approach), ..(2.0 * norm(way) + 1e-3).into() };
+        collide_surface(&surface, &STILL, &b, &pose, reach, &mut out, &mut Room::default());
+        for p in out.points.iter().filter(|p| p.stays_over_face) {
+            let across = |v: V| add_scaled(v, p.normal, -dot(v, p.normal));
+            let (farthest, direction) = (2.0 * norm(across(way)), across(u));
+            if norm(direction) < 1e-3 {
+                return Ok(());
+            }
+            let foot = add_scaled(pose.pos, p.normal, -(p.distance + radius));
+            let moved = add_scaled(foot, direction, share * farthest / norm(direction));
+            // The rounding of coordinates up to 2 m.
+            prop_assert!(height_at(&vertices, &faces, moved).is_some_and(|height| moved[2] <= height + 1e-12), "{moved:?} {p:?}");
         }
     }
 }

@@ -1,0 +1,109 @@
+//! Greatest heights of a mesh over a grid of cells. Most shapes near a concave mesh are above it, and the heights below them show that.
+
+use std::ops::Range;
+
+use crate::linear_algebra::*;
+use crate::vectors::V;
+
+/// Largest number of cells that the bounding boxes of all triangles meet together, per triangle. It bounds the time of the construction.
+const MAX_ENTRIES: usize = 8;
+
+/// Greatest heights of a mesh. Heights are coordinates along the axis of the mesh's frame along which it is shortest.
+#[derive(Clone, Debug)]
+pub(crate) struct MeshHeights {
+    /// Axes that the cells divide.
+    axes: [usize; 2],
+    /// Least coordinates along these axes, m.
+    low: [f64; 2],
+    cells_per_metre: f64,
+    /// Number of cells along these axes.
+    cells: [usize; 2],
+    /// Greatest height in each cell, the first axis fastest, m. Minus infinity where there is no triangle.
+    highest: Vec<f64>,
+}
+
+impl MeshHeights {
+    /// Heights of triangles with these bounding boxes, least and greatest coordinates, m.
+    pub(crate) fn new(boxes: &[[V; 2]]) -> Self {
+        let corner = |pick: fn(f64, f64) -> f64, end: usize| {
+            boxes.iter().map(|b| b[end]).reduce(|p, q| array_of(|k| pick(p[k], q[k]))).unwrap_or_default()
+        };
+        let low = corner(f64::min, 0);
+        let side = sub(corner(f64::max, 1), low);
+        let shortest = (0..3).min_by(|&a, &b| side[a].total_cmp(&side[b])).unwrap_or(2);
+        let axes = [(shortest + 1) % 3, (shortest + 2) % 3];
+        let mut heights = Self { axes, low: axes.map(|k| low[k]), cells_per_metre: 0.0, cells: [1; 2], highest: vec![] };
+        // Two triangles per cell of a level mesh with triangles of one size. Long triangles get larger cells.
+        let [a, b] = axes.map(|k| side[k]);
+        let mut cell = (2.0 * a * b / boxes.len().max(1) as f64).sqrt();
+        while cell > 0.0 {
+            heights.cells_per_metre = 1.0 / cell;
+            heights.cells = [a, b].map(|side| (side * heights.cells_per_metre) as usize + 1);
+            let count = |[low, high]: &[V; 2]| heights.cells_of(low, high).map(|range| range.len()).into_iter().product::<usize>();
+            if boxes.iter().map(count).sum::<usize>() <= MAX_ENTRIES * boxes.len() {
+                break;
+            }
+            cell *= 2.0;
+        }
+        heights.highest = vec![f64::NEG_INFINITY; heights.cells[0] * heights.cells[1]];
+        for [low, high] in boxes {
+            let [columns, rows] = heights.cells_of(low, high);
+            for cell in rows.flat_map(|row| columns.clone().map(move |column| row * heights.cells[0] + column)) {
+                heights.highest[cell] = heights.highest[cell].max(high[shortest]);
+            }
+        }
+        heights
+    }
+
+    /// Axis along which heights are measured.
+    pub(crate) fn up_axis(&self) -> usize {
+        3 - self.axes[0] - self.axes[1]
+    }
+
+    /// Greatest height of the cells that a box meets, m. Minus infinity beside the mesh.
+    pub(crate) fn highest_in(&self, low: &V, high: &V) -> f64 {
+        let [columns, rows] = self.cells_of(low, high);
+        let row = |row: usize| &self.highest[row * self.cells[0] + columns.start..][..columns.len()];
+        rows.filter(|_| !columns.is_empty()).flat_map(row).copied().fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// Cells along both axes that a box meets.
+    fn cells_of(&self, low: &V, high: &V) -> [Range<usize>; 2] {
+        std::array::from_fn(|k| {
+            // Saturating, so that a box beside the mesh has an empty range.
+            let place = |x: &V| ((x[self.axes[k]] - self.low[k]) * self.cells_per_metre).floor();
+            let last = place(high);
+            place(low).max(0.0) as usize..if last < 0.0 { 0 } else { (last as usize).saturating_add(1).min(self.cells[k]) }
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn boxes() -> impl Strategy<Value = Vec<[V; 2]>> {
+        let side = prop_oneof![Just(0.0), 0.0..0.1, 0.0..3.0];
+        let one = (prop::array::uniform3(-1.0..1.0f64), prop::array::uniform3(side));
+        prop::collection::vec(one.prop_map(|(low, side)| [low, add(low, side)]), 0..80)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2000))]
+
+        /// No box that meets the query is higher than the result, also if the query is infinite or beside the mesh.
+        #[test]
+        fn heights_bound_all_boxes_below_a_query(
+            boxes in boxes(), low in prop::array::uniform3(-3.0..3.0f64), side in prop_oneof![0.0..0.3f64, 0.0..9.0, Just(f64::INFINITY)],
+        ) {
+            let (high, heights) = (low.map(|x| x + side), MeshHeights::new(&boxes));
+            let found = heights.highest_in(&low, &high);
+            let meets = |b: &&[V; 2]| heights.axes.iter().all(|&k| b[0][k] <= high[k] && low[k] <= b[1][k]);
+            for b in boxes.iter().filter(meets) {
+                prop_assert!(b[1][heights.up_axis()] <= found);
+            }
+            prop_assert!(found == f64::NEG_INFINITY || boxes.iter().any(|b| b[1][heights.up_axis()] == found));
+        }
+    }
+}

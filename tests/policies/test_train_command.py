@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import gymnasium
 import numpy as np
 import pytest
+from stepper.adapters.native import make_native
 from stepper.cli import evaluate as evaluate_command
 from stepper.cli import main
 from stepper.policies import check_film, make, ppo_settings
@@ -175,3 +176,18 @@ def test_evaluate_gives_values_to_both_environments(monkeypatch, capsys):
 def test_a_file_in_place_of_an_environment_gets_its_remedy(env, remedy):
     with pytest.raises(ValueError, match=f"is a file, must be the id of an environment: {remedy}"):
         make(env)
+
+
+@pytest.mark.parametrize(("env", "hint"), [
+    ("HalfCheetah", "; did you mean stepper/HalfCheetah-v5"),
+    ("Go1velocity-v0", "; did you mean stepper/Go1Velocity-v0"),
+    ("stepper/HalfChetah-v5", "Did you mean: `HalfCheetah`"),
+    ("xyz-v0", "exist"),
+])  # fmt: skip
+def test_an_unknown_environment_gets_one_hint(env, hint):
+    for call in (make, lambda name: make_native(name, 2)):
+        with pytest.raises((ValueError, gymnasium.error.Error)) as error:
+            call(env)
+        told = str(error.value)
+        assert hint in told
+        assert told.lower().count("did you mean") == (env != "xyz-v0")

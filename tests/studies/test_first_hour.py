@@ -275,6 +275,49 @@ def test_a_function_of_an_outcome_a_policy_or_a_comparison_with_other_arguments_
             compare(PENDULUM, **given)
 
 
+@pytest.mark.parametrize(("given", "message"), [
+    ({"seconds": "1.5"}, "seconds is '1.5', must be a number"),
+    ({"control": [0.02, -1.0]}, r"control is \[0.02, -1.0\], must be a number"),
+    ({"qvel_noise": "much"}, "qvel_noise is 'much', must be a number"),
+    ({"episodes": 2.5}, "episodes is 2.5, must be a whole number"),
+    ({"batch": np.array([8, 16])}, r"batch is array\(\[ 8, 16\]\), must be a whole number"),
+    ({"options": {"timestep": 0.01}}, r"options is .*, must be a stepper.Options: write stepper.Options\(timestep=...\)"),
+    ({"sensors": {"hinge": 0.1}}, r"sensors is .*, must be a stepper.SensorModel: write"),
+])  # fmt: skip
+def test_values_of_a_wrong_type_in_a_study_are_named(given, message):
+    with pytest.raises(TypeError, match=message):
+        Study(**{"model": PENDULUM} | given)
+
+
+def test_a_success_that_is_a_number_is_refused():
+    with pytest.raises(ValueError, match=r"outcome 'a': success is 0\.2, must be a comparison such as"):
+        Outcome(name="a", measure="joint hinge", success=0.2)
+
+
+@pytest.mark.parametrize(("start", "message"), [
+    (lambda now, rngs: now.qpos, r"start returned ReadOnly of shape \(1, 1\), must return qpos \(1, 1\) and qvel \(1, 1\), one row per"),
+    (lambda now, rngs: (np.zeros(1), np.zeros(1)), r"start returned \(1,\) and \(1,\), must return qpos \(1, 1\)"),
+    (lambda now, rngs: None, r"start returned NoneType of shape \(\), must return"),
+])  # fmt: skip
+def test_a_wrong_result_of_start_is_named(start, message):
+    with pytest.raises(ValueError, match=message):
+        jerked(start=start, episodes=2).episode()
+
+
+def test_the_error_for_a_period_shorter_than_the_time_step_names_possible_ones():
+    with pytest.raises(
+        ValueError, match=r"period, 0.0003 s: choose a time step of 0.0003, 0.00015 s|of 0.00015, 0.0003 s|of 0.0003 s, or a"
+    ):
+        jerked(control=0.0003).episode()
+
+
+@pytest.mark.parametrize(("shape", "remedy"), [("now.num_envs", "controls[:, None]"), ("(1, now.num_envs)", "controls.T")])
+def test_controls_in_the_wrong_orientation_get_the_remedy(reach, capsys, monkeypatch, shape, remedy):
+    (reach / "control.py").write_text(f"import numpy as np\n\ndef control(now):\n    return np.zeros({shape})\n")
+    (reach / "reach.toml").write_text('controller = "control.py:control"\n' + REACH)
+    assert failed(capsys, monkeypatch, "sweep", "reach.toml", "--no-cliffs").endswith(f"or None; {remedy} has this shape\n")
+
+
 def test_the_command_names_a_controller_with_other_arguments_in_one_line(reach, capsys, monkeypatch):
     (reach / "control.py").write_text("def control(now, dt):\n    return 0.0\n")
     (reach / "reach.toml").write_text('controller = "control.py:control"\n' + REACH)

@@ -643,7 +643,7 @@ def test_a_study_from_a_file_and_its_pages(tmp_path):
     ("nominal = 0.8", "|it has no nominal value"),
     ("high = 0.9", "high = 0.0|low is 0.1, must be below high"),
     ("iterations = 5", "iteration = 5|unknown \\['iteration'\\]; did you mean iterations"),
-    ("seconds = 0.5", "seconds = 0.5\ncontrol = 0.0215|0.005 s, does not divide the control period, 0.0215 s; choose one of 0.0071"),
+    ("seconds = 0.5", "seconds = 0.5\ncontrol = 0.0215|0.005 s, does not divide the control period, 0.0215 s: choose a time step of"),
 ])  # fmt: skip
 def test_wrong_files_say_what_and_where(tmp_path, wrong, message):
     new, _, said = message.partition("|")

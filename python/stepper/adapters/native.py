@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode
 
 from stepper.envs import StepperVectorEnv, Task
 from stepper.envs.making import autoreset
-from stepper.shared.environments import import_env
+from stepper.shared.environments import import_env, unknown_id
 
 Env: TypeAlias = str | Task | type[Task]
 """Id of a registered Gymnasium environment, "stepper/Hopper-v5", with its episode limit; or a `Task`, or the class of one."""
@@ -43,7 +43,10 @@ def make_native(env: Env, num_envs: int, **settings: Any) -> StepperVectorEnv:
     if not isinstance(env, str):
         return StepperVectorEnv(env, num_envs, **settings)
     name = import_env(env)
-    entry: Any = gymnasium.spec(name).vector_entry_point
+    try:
+        entry: Any = gymnasium.spec(name).vector_entry_point
+    except gymnasium.error.Error as error:
+        raise type(error)(unknown_id(error, name, gymnasium.registry)) from error
     kind = load_env_creator(entry) if isinstance(entry, str) else entry
     if not (isinstance(kind, type) and issubclass(kind, StepperVectorEnv)):
         ours = f"stepper/{env.rpartition('/')[2]}"

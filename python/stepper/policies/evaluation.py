@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper._hints import WrongArgumentError
-from stepper.shared.environments import import_env
+from stepper.shared.environments import import_env, unknown_id
 from stepper.shared.functions import check_takes
 from stepper.shared.machine import require, require_all
 from stepper.shared.progress import Tick, silent
@@ -141,10 +141,9 @@ def _made(env: str, num_envs: int | None, *, training: bool, **settings: Any) ->
     try:
         spec = gymnasium.spec(env)
     except gymnasium.error.Error as error:
-        remedy = (
-            "" if has_module else "; for an environment of your own write the module that registers it first, as in my_task:me/Reach-v0"
-        )
-        raise ValueError(f"{str(error).rstrip('.?')}{remedy}") from error
+        told = unknown_id(error, env, gymnasium.registry)
+        own = "; for an environment of your own write the module that registers it first, as in my_task:me/Reach-v0"
+        raise ValueError(told + ("" if has_module else own)) from error
     if str(spec.entry_point).startswith("gymnasium.envs.mujoco"):
         require_all(("mujoco", "glfw", "imageio", "packaging"), f"for {env}, Gymnasium's environment on MuJoCo", "envs")
     if num_envs is None:

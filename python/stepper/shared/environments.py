@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import difflib
 import importlib
 import sys
+from collections.abc import Iterable
 from pathlib import PurePath
 
 
@@ -41,3 +43,17 @@ def import_env(env: str) -> str:
     finally:
         sys.path.remove("")
     return name
+
+
+def unknown_id(error: Exception, env: str, known: Iterable[str]) -> str:
+    """Message of Gymnasium's error for an unknown id, with a similar id of stepper's environments if Gymnasium names none.
+
+    Args:
+        error: Gymnasium's error.
+        env: The unknown id, possibly without namespace or version, as "HalfCheetah".
+        known: Ids in Gymnasium's registry.
+    """
+    ours = {name.rpartition("/")[2].rpartition("-v")[0].lower(): name for name in known if name.startswith("stepper/")}
+    part, text = env.rpartition("/")[2], str(error).rstrip(".?")
+    found = difflib.get_close_matches((part.rpartition("-v")[0] or part).lower(), ours, n=1)
+    return f"{text}; did you mean {ours[found[0]]}?" if found and "id you mean" not in text else text

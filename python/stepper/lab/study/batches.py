@@ -189,7 +189,7 @@ def starts(study: Study, world: World, episodes: Sequence[int]) -> tuple[Array, 
     """Initial positions (num_envs, nq), m and rad, and velocities (num_envs, nv), m/s and rad/s, of episodes with these numbers."""
     model, generators = world.model, study.generators(episodes)
     if study.start is not None:
-        qpos, qvel = (np.array(x, float) for x in study.start(world, generators))
+        qpos, qvel = _started(study.start(world, generators), world)
     elif study.keyframe is not None:
         key = model.keyframe(study.keyframe)
         qpos, qvel = np.tile(key.qpos, (world.num_envs, 1)), np.tile(key.qvel, (world.num_envs, 1))
@@ -202,6 +202,20 @@ def starts(study: Study, world: World, episodes: Sequence[int]) -> tuple[Array, 
     return qpos, qvel
 
 
+def _started(made: Any, world: World) -> tuple[Array, Array]:
+    """Positions and velocities that a study's `start` returned.
+
+    Raises:
+        ValueError: They are not two arrays with one row per environment.
+    """
+    shapes = (world.num_envs, world.model.nq), (world.num_envs, world.model.nv)
+    parts = [np.array(part, float) for part in made] if isinstance(made, tuple | list) and len(made) == 2 else []
+    if [part.shape for part in parts] != list(shapes):
+        found = " and ".join(str(part.shape) for part in parts) or f"{type(made).__name__} of shape {np.shape(made)}"
+        raise ValueError(f"start returned {found}, must return qpos {shapes[0]} and qvel {shapes[1]}, one row per environment")
+    return parts[0], parts[1]
+
+
 def steps_of(study: Study, timestep: float) -> int:
     """Number of time steps (timestep in s) per control period.
 
@@ -210,8 +224,11 @@ def steps_of(study: Study, timestep: float) -> int:
     """
     count = round(study.hold / timestep)
     if count < 1 or abs(count * timestep - study.hold) > 1e-6 * study.hold:
-        near = ", ".join(f"{study.hold / n:g}" for n in (max(1, count - 1), max(1, count), count + 1))
-        raise ValueError(f"the time step, {timestep:g} s, does not divide the control period, {study.hold:g} s; choose one of {near}")
+        near = " or ".join(f"{study.hold / n:g}" for n in sorted({max(1, count - 1), max(1, count), max(1, count + 1)}))
+        raise ValueError(
+            f"the time step, {timestep:g} s, does not divide the control period, {study.hold:g} s: choose a time step of {near} s, or a "
+            f"control period that is a multiple of {timestep:g} s"
+        )
     return count
 
 
@@ -254,10 +271,13 @@ def _check_controls(controller: Any, world: World, ctrl: Any) -> None:
     """Raise ValueError if the controller returns another shape, or controls that are not finite in an episode whose state is finite."""
     if ctrl is None:
         return
-    if np.shape(ctrl) not in ((world.num_envs, world.model.nu), (world.model.nu,)):
+    n, nu = world.num_envs, world.model.nu
+    if np.shape(ctrl) not in ((n, nu), (nu,)):
+        is_column, is_turned = nu == 1 and np.shape(ctrl) == (n,), np.shape(ctrl) == (nu, n)
+        remedy = "; controls[:, None] has this shape" if is_column else "; controls.T has this shape" if is_turned else ""
         raise ValueError(
-            f"the controller {controllers.name_of(controller)} returned the shape {np.shape(ctrl)}, must be (num_envs, nu), which is "
-            f"({world.num_envs}, {world.model.nu}), or (nu,), or None"
+            f"the controller {controllers.name_of(controller)} returned the shape {np.shape(ctrl)}, must be (num_envs, nu), which is ({n}, {nu}), "
+            f"or (nu,), or None{remedy}"
         )
     if np.isfinite(ctrl).all():
         return

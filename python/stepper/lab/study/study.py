@@ -155,6 +155,7 @@ class Study(metaclass=Hinting):
         self._check_kinds()
         object.__setattr__(self, "parameters", dict(self.parameters))
         object.__setattr__(self, "settings", {name: dict(given) for name, given in self.settings.items()})
+        self._check_numbers()
         for name in ("seconds", "episodes", "batch"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} is {getattr(self, name)}, must be above 0")
@@ -178,6 +179,14 @@ class Study(metaclass=Hinting):
         if any(isinstance(o.measure, str) for o in self.all_outcomes) or any(p.kind in OF_MODEL for p in self.parameters.values()):
             _ = self.loaded
 
+    def _check_numbers(self) -> None:
+        """Raise TypeError if a number of the study is of another type, such as a text or an array."""
+        for name in ("seconds", "control", "qpos_noise", "qvel_noise", "episodes", "seed", "batch", "threads"):
+            value, whole = getattr(self, name), name in ("episodes", "seed", "batch", "threads")
+            if (name == "control" and value is None) or isinstance(value, int | np.integer if whole else int | float | np.number):
+                continue
+            raise TypeError(f"{name} is {value!r}, must be a {'whole ' if whole else ''}number")
+
     def _check_kinds(self) -> None:
         """Raise TypeError or ValueError if outcomes or parameters have wrong types."""
         if self.outcomes is not None and not isinstance(self.outcomes, Outcome):
@@ -190,6 +199,11 @@ class Study(metaclass=Hinting):
                 raise TypeError(f"outcomes has {outcome!r}, must be a stepper.lab.Outcome, as Outcome(name=..., measure=...)")
         if not isinstance(self.parameters, Mapping):
             raise TypeError(f"parameters is {self.parameters!r}, must be a dict of stepper.lab.Parameter by name")
+        for name, kind in (("options", Options), ("sensors", SensorModel), ("actuators", ActuatorModel)):
+            value = getattr(self, name)
+            if not isinstance(value, kind) and not (value is None and name != "options"):
+                given = ", ".join(f"{key}=..." for key in value) if isinstance(value, Mapping) and name == "options" else "..."
+                raise TypeError(f"{name} is {value!r}, must be a stepper.{kind.__name__}: write stepper.{kind.__name__}({given})")
         for name, parameter in self.parameters.items():
             if not isinstance(parameter, Parameter):
                 raise TypeError(

@@ -24,7 +24,7 @@ class Row:
         dt: Time step, s.
         outcome: Verdict: "holds", "fails" or "cannot run".
         error: Error in the unit of the scene. Infinite if the run diverged, NaN if the engine cannot run the scene.
-        tolerance: Largest error that counts as holding.
+        tolerance: Largest error at which the scene holds (passes).
         unit: Unit of error and tolerance.
         cost: Processor time per simulated second of one environment, s/s.
         flags: Status flags of the engine, each with the number of calls (of 1 to 1000 steps) that reported it.

@@ -47,7 +47,7 @@ class Scene:
         answer: Right answer.
         source: Source of the answer: a closed form, statics, a conservation law, a textbook.
         unit: Unit of the error.
-        tolerance: Function from the time step (s) to the largest error that counts as holding.
+        tolerance: Function from the time step (s) to the largest error at which the scene holds (passes).
         because: Reason for the tolerance.
         measure: Function from an engine and a time step (s) to the error in `unit`. NaN and infinity are failures.
         dts: Time steps of the long sweep, s.

@@ -28,9 +28,9 @@ const FALL: usize = 200;
 
 const USAGE: &str = "usage: anatomy [--episode FOLDER... [--json FILE]]
 
-Prints where the time of a step goes, its floor, and how it grows: of the humanoid, or
-  --episode FOLDER...  of recordings, as sim.record(FOLDER) makes them. Those of one name (the note, else the folder's name) share a table
-  --json FILE          also writes what was found of them";
+Prints the time of each stage of a step, its lower bound, and its growth with the size of the scene. The scene is the humanoid, or
+  --episode FOLDER...  recordings by sim.record(FOLDER). Recordings with the same name (the note, else the folder's name) share a table
+  --json FILE          also writes the results of the recordings as JSON";
 
 fn main() -> ExitCode {
     exit_code(run().map(|()| ExitCode::SUCCESS))

@@ -8,12 +8,12 @@ use stepper_benches::report::{Report, exit_code};
 
 const USAGE: &str = "usage: ratios [--rounds N] [--save [FILE]] [--against FILE]
 
-Prints microseconds per environment step, and how many times as fast every row is as the first of its group.
-  --rounds N       repeats that the medians are of (default 11)
-  --save [FILE]    also writes them as JSON (default benches/baseline.json)
-  --against FILE   report whose ratios are printed beside (default benches/baseline.json, if it is there); a report of other CPU levels is refused,
-                   the default one left out
-A ratio that fell by more than 10 % is marked with \"<\".";
+Prints microseconds per environment step, and the speed of every row relative to the first row of its group.
+  --rounds N       number of repetitions, of which the medians are printed (default 11)
+  --save [FILE]    also writes the report as JSON (default benches/baseline.json)
+  --against FILE   also prints the ratios of this report (default benches/baseline.json, if it exists). A report of other CPU levels
+                   is an error; the default report is then ignored
+Ratios that fell by more than 10 % are marked with \"<\".";
 
 fn main() -> ExitCode {
     exit_code(run().map(|()| ExitCode::SUCCESS))

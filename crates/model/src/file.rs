@@ -1,13 +1,19 @@
-//! Models as files: the same model bit for bit, or a clear refusal.
+//! Models as files. A read model has the same bits as the written one; every other file is an error.
 //!
 //! | bytes | what |
 //! |---|---|
 //! | 8 | [`MAGIC`] |
 //! | 4 | [`FORMAT_VERSION`], little endian |
 //! | 32 | SHA-256 of the payload |
-//! | rest | payload in postcard's encoding (numbers as their IEEE 754 bits, little endian): the [`Description`], then for every mesh the triangles |
-//! |   | of its convex hull, where the model has it, then its [`NoSlip`], which version 12 does not have, then its `Added` fields, |
-//! |   | which version 13 does not have, then the [`ForceModel`] of every actuator, which version 14 does not have |
+//! | rest | payload in postcard's encoding (numbers as their IEEE 754 bits, little endian) |
+//!
+//! The payload has these parts:
+//!
+//! - the [`Description`],
+//! - for every mesh the triangles of its convex hull, if the model has them,
+//! - the [`NoSlip`], from version 13 on,
+//! - the `Added` fields, from version 14 on,
+//! - the [`ForceModel`] of every actuator, from version 15 on.
 
 use std::borrow::Cow;
 use std::path::Path;

@@ -44,7 +44,7 @@ impl<R: Real> Bounds<R> {
         Self { shift, turn: (shift * R::of(1.0 / CORRECTION_ARM)).min(R::of(MAX_CORRECTION_ROTATION) / h) }
     }
 
-    /// Bounds of the velocity change beyond which Baumgarte's bias counts as its cause, for any time step.
+    /// Bounds of the velocity change for any time step. A larger change is attributed to the bias of Baumgarte's method.
     #[inline(always)]
     fn absurd(options: &StepSettings) -> Self {
         let shift = R::of((BAUMGARTE_LIMIT * MAX_SPEED_RATIO * options.max_correction_speed).max(1e-9));

@@ -103,7 +103,7 @@ def test_calls_that_a_batch_has_no_answer_to_are_named():
     assert envs.envs.label == "hopper"
     qpos = np.tile(envs.envs.sim.model.qpos0, (3, 1))
     assert envs.env_method("set_state", qpos, np.zeros((3, 6)))[2].shape == (3, 11)
-    with pytest.raises(ValueError, match="give no indices"):
+    with pytest.raises(ValueError, match="omit indices"):
         envs.env_method("set_state", qpos, np.zeros((3, 6)), indices=[0])
     with pytest.raises(RuntimeError, match="step_async"):
         envs.step_wait()

@@ -108,13 +108,13 @@ def episode_state_of(task: Any, num_envs: int, carried: Collection[str]) -> Epis
 
 
 def check_rows_of_others(task: Any, before: Mapping[str, Array], after: Mapping[str, Array], others: Array) -> None:
-    """Raise ValueError if `Task.on_reset` removed arrays of `episode_state` or changed rows of other environments.
+    """Raise ValueError if `Task.on_reset` removed arrays of `episode_state`, or changed rows of environments that were not reset.
 
     Args:
         task: The task.
-        before: Arrays of the episode state before the reset.
-        after: Arrays of the episode state after the reset.
-        others: Mask of the environments that were not reset, (num_envs,).
+        before: Arrays (num_envs, ...) by name before the hook, in their units.
+        after: Arrays (num_envs, ...) by name after the hook, in their units.
+        others: Environments that were not reset, (num_envs,) bool.
     """
     for name, own in before.items():
         if name not in after:

@@ -167,7 +167,7 @@ def rewards_of(task: Task, now: Moment, num_envs: int) -> tuple[Array, Terms]:
 
 
 def position_of(task: Task, now: Moment, num_envs: int) -> Array | None:
-    """Position of a task, (num_envs, ...), m, or None; a ValueError if `Task.position` returns something else."""
+    """Position of a task, (num_envs, ...) in its unit, or None; a ValueError if `Task.position` returns something else."""
     found: Any = task.position(now)
     if found is not None and not (isinstance(found, np.ndarray) and found.shape[:1] == (num_envs,)):
         raise ValueError(

@@ -11,7 +11,7 @@ from os import PathLike
 from typing import Any, Final, Literal, TypeAlias, final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from stepper._options import Options, Precision
 from stepper.actuators import ActuatorModel
@@ -801,7 +801,7 @@ class Stepper:
         model: Model of the scene.
         num_envs: Number of environments. None is a single one, with arrays without the leading axis.
         options: Settings of the step. None is `Options()`.
-        precision: Floating-point precision, "f64" or "f32".
+        precision: Floating-point precision, "f64" or "f32", or NumPy's type of it, as `np.float32`.
         threads: Number of threads; 0 is all processors of this process. Results do not depend on it.
         seed: Seed of the random sensor errors.
         sensors: Sensor model. None is ideal sensors.
@@ -957,7 +957,7 @@ class Stepper:
         num_envs: int | None = None,
         *,
         options: Options | None = None,
-        precision: Precision = "f64",
+        precision: Precision | DTypeLike = "f64",
         threads: int = 1,
         seed: int = 0,
         sensors: SensorModel | None = None,

@@ -33,7 +33,7 @@ use crate::derived_arrays::DerivedArrays;
 use crate::device_models::{drives, transfers};
 use crate::error::value_error;
 use crate::model::Model;
-use crate::options::{settings, unknown};
+use crate::options::settings;
 use crate::selection::{Numbers, Selection};
 
 /// Batch of environments of one model. The GIL is released while stepping. A pickle includes the state.
@@ -42,7 +42,7 @@ use crate::selection::{Numbers, Selection};
 ///     model: Model of the scene.
 ///     num_envs: Number of environments. None is a single one, with arrays without the leading axis.
 ///     options: Settings of the step. None is `Options()`.
-///     precision: Floating-point precision, "f64" or "f32".
+///     precision: Floating-point precision, "f64" or "f32", or NumPy's type of it, as `np.float32`.
 ///     threads: Number of threads; 0 is all processors of this process. Results do not depend on it.
 ///     seed: Seed of the random sensor errors.
 ///     sensors: Sensor model. None is ideal sensors.
@@ -178,14 +178,14 @@ const BUSY: &str =
 #[pymethods]
 impl Stepper {
     #[new]
-    #[pyo3(signature = (model, num_envs=None, *, options=None, precision="f64", threads=Whole::Number(1), seed=Whole::Number(0), sensors=None, actuators=None, **others), text_signature = "(model, num_envs=None, *, options=None, precision='f64', threads=1, seed=0, sensors=None, actuators=None)")]
+    #[pyo3(signature = (model, num_envs=None, *, options=None, precision=None, threads=Whole::Number(1), seed=Whole::Number(0), sensors=None, actuators=None, **others), text_signature = "(model, num_envs=None, *, options=None, precision='f64', threads=1, seed=0, sensors=None, actuators=None)")]
     #[expect(clippy::too_many_arguments, reason = "Python's keywords")]
     fn new(
         py: Python<'_>,
         model: Bound<'_, PyAny>,
         num_envs: Option<Bound<'_, PyAny>>,
         options: Option<Bound<'_, PyAny>>,
-        precision: &str,
+        precision: Option<Bound<'_, PyAny>>,
         threads: Whole<'_>,
         seed: Whole<'_>,
         sensors: Option<Bound<'_, PyAny>>,
@@ -201,10 +201,10 @@ impl Stepper {
         let num_envs = num_envs.map(|n| whole(&n, "num_envs", 1)).transpose()?.map(|n| n as usize);
         let (threads, seed) = (threads.from(0, "threads")? as usize, seed.from(0, "seed")?);
         let precision = match precision {
-            "f64" => Precision::F64,
-            "f32" => Precision::F32,
-            other => return Err(unknown("precision", other, "f64, f32")),
+            Some(given) => py.import("stepper._options")?.call_method1("precision_of", (given,))?.extract::<String>()?,
+            None => precision_name(Precision::F64).into(),
         };
+        let precision = if precision == precision_name(Precision::F32) { Precision::F32 } else { Precision::F64 };
         let options = match options {
             Some(given) => given,
             None => py.import("stepper")?.getattr("Options")?.call0()?,

@@ -43,8 +43,6 @@ reported! {
         Kinematics = "kinematics",
         /// Forces of actuators and springs, and applied forces.
         Actuate = "actuate",
-        /// Servos at the bounds of their force.
-        SaturateServos = "saturate servos",
         /// Mass matrix.
         MassMatrix = "mass matrix",
         /// Factors of the mass matrix.

@@ -3,16 +3,13 @@
 use stepper_real::{Mask, Real};
 
 use crate::compile::LaneModel;
-use crate::constraints::ConstraintProblem;
 use crate::integrators::acceptance::{accept, store_joint_impulse};
-use crate::integrators::assemble::assemble_problem;
 use crate::integrators::devices::Devices;
 use crate::integrators::energy_guard::{find_energy_gain, limit_energy};
 use crate::integrators::locate::locate;
 use crate::integrators::mujoco;
 use crate::integrators::observation::{hold_outputs, observe, pass_controls};
 use crate::integrators::positions::{accept_corrections, correct_positions, find_tunnelling, integrate_positions};
-use crate::integrators::predict::{predict, reconsider_servos};
 use crate::integrators::solve_velocities::{bound_velocities, solve_velocities};
 use crate::integrators::step_outcome::{StepOutcome, record};
 use crate::integrators::step_values::{Place, StepInput};
@@ -87,16 +84,10 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     locate(StepInput { compiled, options, state, inputs, alive }, evaluation, free, probe);
     probe.span(Span::WarmStart, || evaluation.match_contacts(compiled, &mut state.contacts));
     probe.count(Counter::Contacts, || evaluation.contacts.count[..R::LANES].iter().sum::<usize>() as f64);
-    // 4 assemble: the problem. Servos at the bounds of their force may change it once.
     let input = StepInput { compiled, options, state, inputs, alive };
     let place = Place { input, evaluation };
-    assemble_problem(place, free, problem, velocity, builder, probe);
-    reconsider_servos(place, free, problem, velocity, builder, probe);
-    // Forces of stages 1 and 2 that depend on the velocity follow from a prediction of the velocity after the step.
-    probe.span(Span::CorrectForces, || predict(place, free, problem, velocity, collisions, probe));
-    count_rows(problem, probe);
-    // 5 solve, 6 integrate velocity. The loop in `solve_velocities` repeats them until the solution agrees with the problem.
-    let (solver, inelastic) = solve_velocities(place, free, problem, velocity, collisions, probe);
+    // 4 assemble, 5 solve, 6 integrate velocity. The loop in `solve_velocities` repeats them until the solution agrees with the problem.
+    let (solver, inelastic) = solve_velocities(place, free, problem, velocity, builder, collisions, probe);
     let mut outcome = bound_velocities(place, free, problem, velocity, position, solver, probe);
     let excluded = if s.rk4.is_some() { problem.constrained.not() } else { R::Mask::splat(false) };
     outcome.gains_energy = probe.span(Span::GuardEnergy, || find_energy_gain(place, free, velocity, guard, excluded)).or(inelastic);
@@ -127,11 +118,4 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     probe.span(Span::GuardEnergy, || limit_energy(Place { input, evaluation }, free, velocity, position, guard, outcome.limited));
     std::mem::swap(&mut state.impulse, &mut free.impulse);
     outcome
-}
-
-/// Counts the rows of the problem.
-#[inline(always)]
-fn count_rows<R: Real>(problem: &ConstraintProblem<R>, probe: impl Probe) {
-    probe.count(Counter::ScalarRows, || problem.owners.len() as f64);
-    probe.count(Counter::ContactSlots, || (problem.slots.len() + problem.rolling_slots.len()) as f64);
 }

@@ -62,21 +62,27 @@ impl<R: Real> AffineForce<R> {
 }
 
 /// Effective inertia that an actuator moves.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct EffectiveInertia<R> {
     /// Inverse of the inertia along the actuator's moment, 1/kg or 1/(kg m^2) over the square of its gear.
     pub(super) mobility: R,
     /// Rate at which joint damping slows the actuator down, 1/s.
     pub(super) slowing: R,
+    /// Velocity that the impulses of constraints in the last step give to the actuator, without coupling of its joints.
+    pub(super) pushed: R,
 }
 
 impl<R: Real> EffectiveInertia<R> {
     /// Sum with another dof. `slowing` is weighted by the mobilities.
     #[inline(always)]
-    pub(super) fn with(self, arm: R, inertia: R, damping: R) -> Self {
+    pub(super) fn with(self, arm: R, [inertia, impulse]: [R; 2], damping: R) -> Self {
         let inverse = inertia.recip();
         let part = arm.square() * inverse;
-        Self { mobility: self.mobility + part, slowing: self.slowing + part * damping * inverse }
+        Self {
+            mobility: self.mobility + part,
+            slowing: self.slowing + part * damping * inverse,
+            pushed: self.pushed + arm * impulse * inverse,
+        }
     }
 
     /// Rate of damping with that of the actuator.

@@ -30,7 +30,7 @@ pub(super) struct Region<R: Real> {
 impl<R: Real> Default for Region<R> {
     fn default() -> Self {
         let never = R::Mask::splat(false);
-        let effective_inertia = EffectiveInertia { mobility: R::zero(), slowing: R::zero() };
+        let effective_inertia = EffectiveInertia::default();
         Self { affine: (R::zero(), R::zero()), before: R::zero(), effective_inertia, held: never, curve: never, upper: never }
     }
 }
@@ -53,8 +53,6 @@ impl<R: Real> Region<R> {
     }
 
     /// Moves each lane to the piece in which the affine force lies at a change of velocity `along` h. Returns the lanes that moved.
-    ///
-    /// `back` allows a lane to leave a bound.
     #[inline(always)]
     pub(super) fn place(
         &mut self,
@@ -62,20 +60,31 @@ impl<R: Real> Region<R> {
         numbers: &ActuatorDynamics<R>,
         weights: ImplicitWeights<R>,
         along: R,
-        back: bool,
     ) -> R::Mask {
-        let [mut held, mut curve, mut upper] =
-            modes(compiled, numbers, self.affine.0 - self.affine.1 * along, self.before + weights.damping * along);
-        if !back {
-            let stays = self.held.or(self.curve).and_not(held.or(curve));
-            held = held.or(self.held.and(stays));
-            curve = curve.or(self.curve.and(stays));
-            upper = upper.or(self.upper.and(stays));
-        }
+        let [held, curve, upper] = modes(compiled, numbers, self.affine.0 - self.affine.1 * along, self.before + weights.damping * along);
         let same = |a: R::Mask, b: R::Mask| a.and(b).or(a.or(b).not());
         let moved = same(held, self.held).and(same(curve, self.curve)).and(same(upper, self.upper)).not();
         (self.held, self.curve, self.upper) = (held, curve, upper);
         moved
+    }
+
+    /// Largest inertia that a piece adds to the mass matrix.
+    #[inline(always)]
+    pub(super) fn most_weight(&self, numbers: &ActuatorDynamics<R>, weights: ImplicitWeights<R>) -> R {
+        self.affine.1.max(self.curve_weight(numbers, weights))
+    }
+
+    /// Inertia that the torque-speed curve adds to the mass matrix.
+    #[inline(always)]
+    fn curve_weight(&self, numbers: &ActuatorDynamics<R>, weights: ImplicitWeights<R>) -> R {
+        numbers.drag * weights.damping * (R::one() + weights.share(self.effective_inertia.rate(numbers.drag)))
+    }
+
+    /// Takes the modes of another region in the lanes `lanes`.
+    #[inline(always)]
+    pub(super) fn replace(&mut self, other: &Self, lanes: R::Mask) {
+        let new = |now: R::Mask, before: R::Mask| now.and(lanes).or(before.and_not(lanes));
+        (self.held, self.curve, self.upper) = (new(other.held, self.held), new(other.curve, self.curve), new(other.upper, self.upper));
     }
 
     /// Lanes at a bound.
@@ -91,8 +100,7 @@ impl<R: Real> Region<R> {
         let curve = R::select(self.upper, numbers.stall, -numbers.stall) - numbers.drag * self.before;
         let force = R::select(self.curve, curve, R::select(self.held, held, self.affine.0));
         let weight = R::select(self.held, R::zero(), self.affine.1);
-        let drag = numbers.drag * weights.damping * (R::one() + weights.share(self.effective_inertia.rate(numbers.drag)));
-        (force, R::select(self.curve, drag, weight))
+        (force, R::select(self.curve, self.curve_weight(numbers, weights), weight))
     }
 }
 

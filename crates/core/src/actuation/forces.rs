@@ -26,17 +26,28 @@
 //! step. That is 1 - z + O(z^2), as in the true motion, exp(-z) (Liouville), and 1/7 at most. The added terms are of the order h^2, and
 //! zero without damping. The rule stays of second order, and keeps the energy of undamped springs.
 //!
-//! A servo at a bound of its force contributes the bound and no stiffness. The expected force at the end of the step decides whether it is
-//! at the bound. The first pass uses the impulses of the last step, the second an estimate of this step's impulses. A motor on its
-//! torque-speed curve contributes the curve: its stall torque, and the drag of its back-EMF as a damper.
+//! A servo at a bound of its force contributes the bound and no stiffness, and leaves the mass matrix. A guess, which neglects the coupling
+//! of joints, places every servo before the matrix is factored. Later velocities may give another place:
+//!
+//! * A stiff servo adds more inertia than it moves. It moves to the place that the solution gives, and the step is solved again
+//!   (`solve_velocities`).
+//! * Another servo keeps its place, and stage 1 bounds its force at the predicted velocity.
+//!
+//! A motor on its torque-speed curve contributes the curve: its stall torque, and the drag of its back-EMF as a damper.
 
 use stepper_real::{Mask, Real};
 
 use crate::actuation::affine_force::{ActuatorDynamics, AffineForce, EffectiveInertia, Motion, outside, reaches, within};
 use crate::actuation::force_limits::Region;
-use crate::compile::{CompiledActuator, CompiledActuatorDynamics, LaneModel, ModelStructure};
+use crate::compile::{CompiledActuator, CompiledActuatorDynamics, CompiledForceRange, LaneModel, ModelStructure};
 use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::math::spatial::*;
+
+/// Added inertia of a servo, relative to the inertia that it moves, from which on it is stiff.
+///
+/// A G1 with a third of its efforts takes 1.7 times as long with 0.3. With infinity, a stiff arm has up to 2.5 times the error
+/// (docs/development/decisions/stiff_servos.md).
+const STIFF_SERVO: f64 = 1.0;
 
 /// Implicit terms of the mass matrix.
 #[derive(Clone, Copy, Debug)]
@@ -64,8 +75,12 @@ impl<R: Real> Implicit<'_, R> {
 pub struct ImplicitServos<R> {
     /// Shares of damping and stiffness.
     pub weights: ImplicitWeights<R>,
+    /// Time step, s.
+    pub h: R,
     /// Whether all servos are implicit, or those of actuator dynamics alone.
     pub all: bool,
+    /// Whether the explicit forces are those at the predicted mean velocity.
+    pub predicted: bool,
 }
 
 /// Evaluation point of the forces.
@@ -105,14 +120,22 @@ pub struct ActuatorForces<R: Real> {
     pub weight: Vec<R>,
     /// Mobility of the joints of each servo, for servos that are implicit in part.
     pub(crate) effective_inertias: Vec<EffectiveInertia<R>>,
-    /// Lanes in which a servo is at a bound of its force.
+    /// Lanes in which a servo was placed at a bound of the actuator's force.
     pub(crate) saturated: Vec<R::Mask>,
+    /// Lanes in which a servo is not in the mass matrix: it was placed at the actuator's bound or at that of a sum.
+    held: Vec<R::Mask>,
+    /// Force of each servo in the lanes in which it is held.
+    held_force: Vec<R>,
+    /// Lanes in which a servo is stiff (see [`STIFF_SERVO`]).
+    stiff: Vec<R::Mask>,
     /// Lanes in which the sum of actuator forces on a dof is at its bound, for every such dof.
     pub(crate) bounded: Vec<R::Mask>,
     /// Force of every actuator with implicit servos, in models with bounded servos.
     pub(crate) implicit_force: Vec<R>,
     /// Force and added inertia of every servo without bounds, if any is bounded.
     pub(crate) unbounded: Vec<[R; 2]>,
+    /// Force of every actuator at the velocity by which servos are placed.
+    candidate: Vec<R>,
     /// Lanes in which an explicit actuator force is outside its bounds.
     pub(crate) beyond: Vec<R::Mask>,
     /// Lanes in which the sum of actuator forces on a dof is cut to its bounds, for every such dof.
@@ -123,6 +146,8 @@ pub struct ActuatorForces<R: Real> {
     pub(crate) lengths: Vec<R>,
     /// Region of the torque-speed curve of each actuator dynamics.
     pub(super) regions: Vec<Region<R>>,
+    /// These regions at the velocity by which servos are placed.
+    candidate_regions: Vec<Region<R>>,
     /// Whether the regions of this step are unknown.
     pub(crate) fresh: bool,
     /// Friction losses of actuator dynamics, see [`crate::constraints::assembler::AssemblyInput::losses`].
@@ -139,16 +164,21 @@ impl<R: Real> ActuatorForces<R> {
             joint: zeros(compiled.nv),
             force: zeros(compiled.actuators.len()),
             weight: zeros(compiled.servos.len()),
-            effective_inertias: vec![EffectiveInertia { mobility: R::zero(), slowing: R::zero() }; compiled.servos.len()],
+            effective_inertias: vec![EffectiveInertia::default(); compiled.servos.len()],
             saturated: never(compiled.servos.len()),
+            held: never(compiled.servos.len()),
+            held_force: zeros(compiled.servos.len()),
+            stiff: never(compiled.servos.len()),
             bounded: never(compiled.actuator_force_ranges.len()),
             implicit_force: zeros(if compiled.servos_are_bounded { compiled.actuators.len() } else { 0 }),
+            candidate: zeros(if compiled.servos_are_bounded { compiled.actuators.len() } else { 0 }),
             unbounded: vec![[R::zero(); 2]; if compiled.servos_are_bounded { compiled.servos.len() } else { 0 }],
             beyond: never(compiled.actuators.len()),
             cut: never(compiled.actuator_force_ranges.len()),
             arms: zeros(compiled.wrench_arms[0]),
             lengths: zeros(compiled.wrench_arms[1]),
             regions: vec![Region::default(); compiled.actuator_dynamics],
+            candidate_regions: vec![Region::default(); compiled.actuator_dynamics],
             fresh: true,
             losses: vec![zero(); if compiled.lossy { compiled.frictions.len() } else { 0 }],
         }
@@ -160,19 +190,21 @@ impl<R: Real> ActuatorForces<R> {
         // Without servos none is at a bound.
         if !self.saturated.is_empty() {
             self.saturated.fill(R::Mask::splat(false));
+            self.held.fill(R::Mask::splat(false));
             self.bounded.fill(R::Mask::splat(false));
         }
         self.fresh = true;
     }
 
-    /// Computes the effective inertias of servos from the mass matrix's diagonal `inertia`.
-    pub fn compute_effective_inertia(&mut self, compiled: &LaneModel<R>, inertia: &[R]) {
+    /// Computes the effective inertias of servos from the mass matrix's diagonal `inertia`, and the velocities that the last `impulse` of
+    /// constraints gives to them.
+    pub fn compute_effective_inertia(&mut self, compiled: &LaneModel<R>, inertia: &[R], impulse: &[R]) {
         R::vectorize(
             #[inline(always)]
             || {
                 for k in 0..compiled.servos.len() {
                     self.effective_inertias[k] =
-                        self.effective_inertia_of(compiled, &compiled.actuators[compiled.servos[k].actuator], inertia);
+                        self.effective_inertia_of(compiled, &compiled.actuators[compiled.servos[k].actuator], [inertia, impulse]);
                 }
             },
         )
@@ -180,20 +212,25 @@ impl<R: Real> ActuatorForces<R> {
 
     /// Effective inertia of several dofs: a mean, weighted by their part in the mobility.
     #[inline(always)]
-    fn effective_inertia_of(&self, compiled: &LaneModel<R>, actuator: &CompiledActuator<R::Scalar>, inertia: &[R]) -> EffectiveInertia<R> {
-        let mut sum = EffectiveInertia { mobility: R::zero(), slowing: R::zero() };
+    fn effective_inertia_of(
+        &self,
+        compiled: &LaneModel<R>,
+        actuator: &CompiledActuator<R::Scalar>,
+        [inertia, impulse]: [&[R]; 2],
+    ) -> EffectiveInertia<R> {
+        let mut sum = EffectiveInertia::default();
         for &(_, dof, arm) in &actuator.moment {
-            sum = sum.with(R::splat(arm), inertia[dof], compiled.params.dof(dof).damping);
+            sum = sum.with(R::splat(arm), [inertia[dof], impulse[dof]], compiled.params.dof(dof).damping);
         }
         if let Some(wrench) = &actuator.wrench {
             for (&(dof, _), &arm) in wrench.dofs.iter().zip(&self.arms[wrench.arms..]) {
-                sum = sum.with(arm, inertia[dof], compiled.params.dof(dof).damping);
+                sum = sum.with(arm, [inertia[dof], impulse[dof]], compiled.params.dof(dof).damping);
             }
         }
-        let EffectiveInertia { mobility, slowing } = sum;
+        let EffectiveInertia { mobility, slowing, .. } = sum;
         let moves = mobility.gt(R::zero());
         let slowing = R::select(moves, slowing / R::select(moves, mobility, R::one()), R::zero());
-        EffectiveInertia { mobility, slowing }
+        EffectiveInertia { slowing, ..sum }
     }
 
     /// Effective inertia that a servo moves.
@@ -202,11 +239,15 @@ impl<R: Real> ActuatorForces<R> {
         self.effective_inertias[servo]
     }
 
-    /// Stores the implicit force of a servo, in the lanes in which it is not at a bound.
+    /// Stores the force of a servo and its added inertia, in the lanes in which it is not held.
     #[inline(always)]
     pub(crate) fn set_servo(&mut self, actuator: usize, servo: usize, force: R, weight: R) {
-        let held = self.saturated[servo];
-        self.force[actuator] = R::select(held, self.force[actuator], force);
+        if let Some(unbounded) = self.unbounded.get_mut(servo) {
+            *unbounded = [force, weight];
+            self.stiff[servo] = (weight * self.effective_inertias[servo].mobility).ge(R::of(STIFF_SERVO));
+        }
+        let held = self.held[servo];
+        self.force[actuator] = R::select(held, self.held_force[servo], force);
         self.weight[servo] = R::select(held, R::zero(), weight);
     }
 
@@ -223,31 +264,62 @@ impl<R: Real> ActuatorForces<R> {
         numbers: &ActuatorDynamics<R>,
         weights: ImplicitWeights<R>,
     ) {
-        let effective_inertia = self.effective_inertias[servo];
-        self.regions[compiled.index].take(law.implicit_force(motion, effective_inertia, weights), motion.before, effective_inertia);
+        let (effective_inertia, region) = (self.effective_inertias[servo], &mut self.regions[compiled.index]);
+        region.take(law.implicit_force(motion, effective_inertia, weights), motion.before, effective_inertia);
         if self.fresh {
-            self.regions[compiled.index].guess(compiled, numbers);
+            region.guess(compiled, numbers);
         }
-        self.follow(servo, actuator, compiled, numbers, weights);
+        let (force, weight) = region.force(numbers, weights);
+        let most = region.most_weight(numbers, weights);
+        self.set_servo(actuator, servo, force, weight);
+        self.stiff[servo] = (most * effective_inertia.mobility).ge(R::of(STIFF_SERVO));
     }
 
-    /// Updates the force of an actuator's dynamics from its region.
+    /// Bounds the force of a servo at the predicted velocity, in the lanes in which it is not stiff. `along` is the predicted change of its
+    /// velocity in the step.
+    ///
+    /// In the mass matrix or not, the servo keeps its place.
     #[inline(always)]
-    fn follow(
+    pub(crate) fn bound_servo(
         &mut self,
-        servo: usize,
-        actuator: usize,
-        compiled: &CompiledActuatorDynamics<R::Scalar>,
-        numbers: &ActuatorDynamics<R>,
-        weights: ImplicitWeights<R>,
+        compiled: &LaneModel<R>,
+        actuator_dynamics: &[ActuatorDynamics<R>],
+        implicit: ImplicitServos<R>,
+        (servo, along): (usize, R),
     ) {
-        let (force, weight) = self.regions[compiled.index].force(numbers, weights);
-        self.set_servo(actuator, servo, force, weight);
+        let a = compiled.servos[servo].actuator;
+        let ServoForce { force, moved, .. } = self.force_by(compiled, actuator_dynamics, implicit, (servo, along));
+        let (bounded, cut) = match compiled.actuators[a].force_range {
+            Some(bounds) => (within(force, Some(bounds)), outside(force, bounds)),
+            None => (force, R::Mask::splat(false)),
+        };
+        self.candidate[a] = bounded;
+        let changes = moved.or(cut).or(self.held[servo]).and_not(self.stiff[servo]);
+        self.force[a] = R::select(changes, bounded + self.weight[servo] / implicit.h * along, self.force[a]);
+    }
+
+    /// Force of a servo if its velocity changes by `along` in the step.
+    #[inline(always)]
+    fn force_by(
+        &self,
+        compiled: &LaneModel<R>,
+        actuator_dynamics: &[ActuatorDynamics<R>],
+        ImplicitServos { weights, h, .. }: ImplicitServos<R>,
+        (servo, along): (usize, R),
+    ) -> ServoForce<R> {
+        let (mut placed, mut moved, mut piece) = (None, R::Mask::splat(false), self.unbounded[servo]);
+        if let Some(dynamics) = &compiled.actuators[compiled.servos[servo].actuator].dynamics {
+            let (mut region, numbers) = (self.regions[dynamics.index], &actuator_dynamics[dynamics.index]);
+            moved = region.place(dynamics, numbers, weights, along / h);
+            piece = region.force(numbers, weights).into();
+            placed = Some((dynamics.index, region));
+        }
+        ServoForce { region: placed, moved, piece, force: piece[0] - piece[1] / h * along }
     }
 
     /// Sums the actuators' forces on every dof, within the bounds of joints.
     #[inline(always)]
-    pub(crate) fn gather(&mut self, compiled: &LaneModel<R>, implicit: bool) {
+    pub(crate) fn gather(&mut self, compiled: &LaneModel<R>, implicit: Option<ImplicitServos<R>>) {
         self.fresh = false;
         self.tau.fill(R::zero());
         for (actuator, &force) in compiled.actuators.iter().zip(&self.force) {
@@ -261,23 +333,41 @@ impl<R: Real> ActuatorForces<R> {
             }
         }
         for (r, range) in compiled.actuator_force_ranges.iter().enumerate() {
-            let tau = &mut self.tau[range.dof];
-            let clamped = within(*tau, Some(range.bounds));
-            let implicit = implicit && range.has_servos;
-            self.cut[r] = if implicit { self.bounded[r] } else { outside(*tau, range.bounds) };
-            *tau = if implicit { R::select(self.bounded[r], clamped, *tau) } else { clamped };
+            let tau = self.tau[range.dof];
+            let clamped = within(tau, Some(range.bounds));
+            self.tau[range.dof] = match implicit {
+                Some(ImplicitServos { all: true, predicted, .. }) if range.has_servos => {
+                    self.cut[r] = self.bounded[r];
+                    let placed = R::select(self.bounded[r], clamped, tau);
+                    if predicted { self.bound_sum(compiled, range, [tau, placed]) } else { placed }
+                }
+                _ => {
+                    self.cut[r] = outside(tau, range.bounds);
+                    clamped
+                }
+            };
         }
+    }
+
+    /// Sum of actuator forces on a dof, bounded at the predicted velocity in the lanes in which none of its servos is stiff.
+    #[inline(always)]
+    fn bound_sum(&self, compiled: &LaneModel<R>, range: &CompiledForceRange<R::Scalar>, [sum, placed]: [R; 2]) -> R {
+        let (mut stiff, mut expected) = (R::Mask::splat(false), R::zero());
+        for &(a, arm) in &range.actuators {
+            let servo = compiled.actuators[a].servo;
+            stiff = servo.map_or(stiff, |k| stiff.or(self.stiff[k]));
+            expected += R::splat(arm) * if servo.is_some() { self.candidate[a] } else { self.force[a] };
+        }
+        let bounded = R::select(outside(expected, range.bounds), within(expected, Some(range.bounds)) + (sum - expected), sum);
+        R::select(stiff, placed, bounded)
     }
 
     /// Lanes in which the effort of an actuator, or a sum on its joint, was cut to its bounds.
     #[inline(always)]
     pub(crate) fn is_cut(&self, compiled: &LaneModel<R>, actuator: usize) -> R::Mask {
         let (of_it, mut cut) = (&compiled.actuators[actuator], self.beyond[actuator]);
-        if let Some(k) = of_it.servo {
-            cut = cut.or(self.saturated[k]);
-            if let Some(dynamics) = &of_it.dynamics {
-                cut = cut.or(self.regions[dynamics.index].is_cut());
-            }
+        if let (Some(_), Some(dynamics)) = (of_it.servo, &of_it.dynamics) {
+            cut = cut.or(self.candidate_regions[dynamics.index].is_cut());
         }
         cut.or(lanes_of_sums(compiled, &self.cut, actuator))
     }
@@ -298,133 +388,135 @@ impl<R: Real> ActuatorForces<R> {
         at
     }
 
-    /// Finds servos whose force at the end of the step would exceed its bounds, if the velocity changed by `dv`. Returns the lanes with a
-    /// new one.
-    ///
-    /// These servos keep to the bound and lose their stiffness. `gather` must follow. Actuator dynamics move to the piece of their curve in
-    /// each `pass`. From the third pass on none returns from a bound, so that the search ends.
-    pub fn saturate(
-        &mut self,
-        compiled: &LaneModel<R>,
-        actuator_dynamics: &[ActuatorDynamics<R>],
-        weights: ImplicitWeights<R>,
-        dv: &[R],
-        h: R,
-        pass: usize,
-    ) -> R::Mask {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let mut new = R::Mask::splat(false);
-                if pass == 0 {
-                    for (k, servo) in compiled.servos.iter().enumerate() {
-                        self.unbounded[k] = [self.force[servo.actuator], self.weight[k]];
-                    }
-                }
-                self.implicit_force.copy_from_slice(&self.force);
-                for (k, servo) in compiled.servos.iter().enumerate() {
-                    let actuator = &compiled.actuators[servo.actuator];
-                    let along = self.along(actuator, dv);
-                    if let Some(dynamics) = actuator.dynamics {
-                        let moved =
-                            self.regions[dynamics.index].place(&dynamics, &actuator_dynamics[dynamics.index], weights, along / h, pass < 2);
-                        let moved = moved.and_not(self.saturated[k]);
-                        self.follow(k, servo.actuator, &dynamics, &actuator_dynamics[dynamics.index], weights);
-                        new = new.or(moved);
-                    }
-                    self.implicit_force[servo.actuator] = self.force[servo.actuator] - self.weight[k] / h * along;
-                }
-                for (k, servo) in compiled.servos.iter().enumerate() {
-                    let Some(bounds) = compiled.actuators[servo.actuator].force_range else { continue };
-                    let beyond = outside(self.implicit_force[servo.actuator], bounds).and_not(self.saturated[k]);
-                    new = new.or(beyond);
-                    self.stop(compiled, k, beyond);
-                }
-                for (r, range) in compiled.actuator_force_ranges.iter().enumerate() {
-                    if !range.has_servos {
-                        continue;
-                    }
-                    let mut sum = R::zero();
-                    for &(actuator, arm) in &range.actuators {
-                        sum += R::splat(arm) * self.implicit_force[actuator];
-                    }
-                    let beyond = outside(sum, range.bounds).and_not(self.bounded[r]);
-                    new = new.or(beyond);
-                    self.bounded[r] = self.bounded[r].or(beyond);
-                    for &(actuator, _) in &range.actuators {
-                        if let Some(k) = compiled.actuators[actuator].servo {
-                            self.stop(compiled, k, beyond.and_not(self.saturated[k]));
-                        }
-                    }
-                }
-                new
-            },
-        )
-    }
-
-    /// Lanes in which the change of velocity `dv` puts a servo on another side of its bounds than [`ActuatorForces::saturate`] assumed.
-    pub fn misjudged(
-        &mut self,
-        compiled: &LaneModel<R>,
-        actuator_dynamics: &[ActuatorDynamics<R>],
-        weights: ImplicitWeights<R>,
-        dv: &[R],
-        h: R,
-    ) -> R::Mask {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let mut wrong = R::Mask::splat(false);
-                let differ = |a: R::Mask, b: R::Mask| a.and_not(b).or(b.and_not(a));
-                self.implicit_force.copy_from_slice(&self.force);
-                for (k, servo) in compiled.servos.iter().enumerate() {
-                    let actuator = &compiled.actuators[servo.actuator];
-                    let along = self.along(actuator, dv);
-                    let [force, weight] = match actuator.dynamics {
-                        Some(dynamics) => {
-                            let mut region = self.regions[dynamics.index];
-                            let moved = region.place(&dynamics, &actuator_dynamics[dynamics.index], weights, along / h, true);
-                            wrong = wrong.or(moved.and_not(self.saturated[k]));
-                            let (force, weight) = region.force(&actuator_dynamics[dynamics.index], weights);
-                            [force, weight]
-                        }
-                        None => self.unbounded[k],
-                    };
-                    self.implicit_force[servo.actuator] = force - weight / h * along;
-                }
-                for r in 0..compiled.actuator_force_ranges.len() {
-                    let range = &compiled.actuator_force_ranges[r];
-                    if !range.has_servos {
-                        continue;
-                    }
-                    let mut sum = R::zero();
-                    for &(actuator, arm) in &range.actuators {
-                        sum += R::splat(arm) * within(self.implicit_force[actuator], compiled.actuators[actuator].force_range);
-                    }
-                    wrong = wrong.or(differ(outside(sum, range.bounds), self.bounded[r]));
-                }
-                for (k, servo) in compiled.servos.iter().enumerate() {
-                    let Some(bounds) = compiled.actuators[servo.actuator].force_range else { continue };
-                    let beyond = outside(self.implicit_force[servo.actuator], bounds);
-                    // A servo that the bound of a sum limits is not at its individual bound.
-                    let held = lanes_of_sums(compiled, &self.bounded, servo.actuator);
-                    wrong = wrong.or(differ(beyond, self.saturated[k]).and_not(held));
-                }
-                wrong
-            },
-        )
-    }
-
-    /// Fixes the force of servo `k` at its implicit force, within its bounds, in `lanes`.
+    /// Whether bounded servos must be placed before the forces are summed.
     #[inline(always)]
-    fn stop(&mut self, compiled: &LaneModel<R>, k: usize, lanes: R::Mask) {
-        let actuator = compiled.servos[k].actuator;
-        let held = within(self.implicit_force[actuator], compiled.actuators[actuator].force_range);
-        self.force[actuator] = R::select(lanes, held, self.force[actuator]);
-        self.implicit_force[actuator] = R::select(lanes, held, self.implicit_force[actuator]);
-        self.weight[k] = R::select(lanes, R::zero(), self.weight[k]);
-        self.saturated[k] = self.saturated[k].or(lanes);
+    pub(crate) fn needs_guess(&self) -> bool {
+        self.fresh && !self.unbounded.is_empty()
     }
+
+    /// Places servos by a guess of the velocity after the step.
+    ///
+    /// The guess neglects the coupling of joints: each servo moves the inertia of its joints, and constraints push as in the last step.
+    #[inline(always)]
+    pub(crate) fn guess_servos(&mut self, compiled: &LaneModel<R>, actuator_dynamics: &[ActuatorDynamics<R>], implicit: ImplicitServos<R>) {
+        self.place(
+            compiled,
+            actuator_dynamics,
+            implicit,
+            #[inline(always)]
+            |forces, servo| {
+                let ([force, weight], EffectiveInertia { mobility, pushed, .. }) =
+                    (forces.unbounded[servo], forces.effective_inertias[servo]);
+                (implicit.h * force * mobility + pushed) / (R::one() + weight * mobility)
+            },
+        );
+    }
+
+    /// Places servos by the change `dv` of the velocity in the step. Returns the lanes in which the place of a servo has changed.
+    ///
+    /// The forces of these lanes must be computed again. Servos that are not stiff do not count if the scheme bounds them at the predicted
+    /// velocity.
+    pub(crate) fn place_servos(
+        &mut self,
+        compiled: &LaneModel<R>,
+        actuator_dynamics: &[ActuatorDynamics<R>],
+        implicit: ImplicitServos<R>,
+        dv: &[R],
+    ) -> R::Mask {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                self.place(
+                    compiled,
+                    actuator_dynamics,
+                    implicit,
+                    #[inline(always)]
+                    |forces, servo| forces.along(&compiled.actuators[compiled.servos[servo].actuator], dv),
+                )
+            },
+        )
+    }
+
+    /// Places each servo on the piece of its force on which it lies at the end of the step. `along` is the change of a servo's velocity.
+    ///
+    /// All lanes are placed at the first call in a step, later the lanes in which a place has changed.
+    #[inline(always)]
+    fn place(
+        &mut self,
+        compiled: &LaneModel<R>,
+        actuator_dynamics: &[ActuatorDynamics<R>],
+        implicit: ImplicitServos<R>,
+        along: impl Fn(&Self, usize) -> R,
+    ) -> R::Mask {
+        let mut moved = R::Mask::splat(self.fresh);
+        let differ = |a: R::Mask, b: R::Mask| a.and_not(b).or(b.and_not(a));
+        self.candidate.copy_from_slice(&self.force);
+        for (k, servo) in compiled.servos.iter().enumerate() {
+            let (actuator, along) = (&compiled.actuators[servo.actuator], along(self, k));
+            let counts = if implicit.all { self.stiff[k] } else { R::Mask::splat(true) };
+            let placed = self.force_by(compiled, actuator_dynamics, implicit, (k, along));
+            let mut force = placed.force;
+            if let Some((index, region)) = placed.region {
+                self.candidate_regions[index] = region;
+                self.unbounded[k] = placed.piece;
+                moved = moved.or(placed.moved.and(counts).and_not(self.held[k]));
+            }
+            if let Some(bounds) = actuator.force_range {
+                let (outside, before) = (outside(force, bounds), self.saturated[k]);
+                force = within(force, Some(bounds));
+                let turned = outside.and(before).and(force.eq(self.held_force[k]).not());
+                moved = moved.or(differ(outside, before).or(turned).and(counts));
+                if implicit.all || actuator.dynamics.is_some() {
+                    self.beyond[servo.actuator] = outside;
+                }
+            }
+            self.candidate[servo.actuator] = force;
+        }
+        for (r, range) in compiled.actuator_force_ranges.iter().enumerate().filter(|(_, range)| range.has_servos) {
+            let (mut counts, mut sum) = (R::Mask::splat(!implicit.all), R::zero());
+            for &(a, arm) in &range.actuators {
+                counts = compiled.actuators[a].servo.map_or(counts, |k| counts.or(self.stiff[k]));
+                sum += R::splat(arm) * self.candidate[a];
+            }
+            self.cut[r] = outside(sum, range.bounds);
+            moved = moved.or(differ(self.cut[r], self.bounded[r]).and(counts));
+        }
+        let new = |now: R::Mask, before: R::Mask| now.and(moved).or(before.and_not(moved));
+        for (bounded, &cut) in self.bounded.iter_mut().zip(&self.cut) {
+            *bounded = new(cut, *bounded);
+        }
+        for (k, servo) in compiled.servos.iter().enumerate() {
+            let (a, [force, weight]) = (servo.actuator, self.unbounded[k]);
+            if let Some(dynamics) = &compiled.actuators[a].dynamics {
+                self.regions[dynamics.index].replace(&self.candidate_regions[dynamics.index], moved);
+            }
+            if compiled.actuators[a].force_range.is_some() {
+                self.saturated[k] = new(self.beyond[a], self.saturated[k]);
+            }
+            let held = self.saturated[k].or(lanes_of_sums(compiled, &self.bounded, a));
+            self.held[k] = new(held, self.held[k]);
+            self.held_force[k] = R::select(moved, self.candidate[a], self.held_force[k]);
+            self.force[a] = R::select(moved, R::select(held, self.held_force[k], force), self.force[a]);
+            self.weight[k] = R::select(moved, R::select(held, R::zero(), weight), self.weight[k]);
+        }
+        for (expected, &candidate) in self.implicit_force.iter_mut().zip(&self.candidate) {
+            *expected = R::select(moved, candidate, *expected);
+        }
+        moved
+    }
+}
+
+/// Force of a servo at the end of a step.
+#[derive(Clone, Copy, Debug)]
+struct ServoForce<R: Real> {
+    /// Index of its dynamics, and the region of their force.
+    region: Option<(usize, Region<R>)>,
+    /// Lanes in which the region has changed.
+    moved: R::Mask,
+    /// Explicit force and added inertia in this region.
+    piece: [R; 2],
+    /// Force without the bounds of the actuator.
+    force: R,
 }
 
 /// Lanes in which a mask is set of any sum that has an actuator. `masks` has a mask per sum.

@@ -1,6 +1,6 @@
 //! Stages 1 and 2: the velocity after the step without constraints.
 
-use stepper_real::{Mask, Real};
+use stepper_real::Real;
 
 use crate::actuation::forces::{ActuatorForces, Implicit};
 use crate::compile::LaneModel;
@@ -8,8 +8,7 @@ use crate::dynamics::kinematics::advance;
 use crate::integrators::scheme::Scheme;
 use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
 use crate::probe::{Counter, Probe, Span};
-use crate::stages::s01_actuate::{actuate, advance_activation, regather};
-use crate::tuning::SATURATION_PASSES;
+use crate::stages::s01_actuate::{actuate, advance_activation};
 
 /// Stages 1 and 2 at the evaluation point, with forces at the velocity before the step.
 #[inline(always)]
@@ -18,7 +17,6 @@ pub(crate) fn compute_free_motion<R: Real>(place: Place<'_, R>, free: &mut FreeM
     probe.count(Counter::Evaluations, || 1.0);
     probe.span(Span::Actuate, || {
         free.smooth.apply(compiled, kinematics, [&inputs.qfrc, &inputs.xfrc], &mut free.applied);
-        free.actuator_forces.release();
     });
     probe.span(Span::MassMatrix, || free.smooth.assemble_mass(compiled, kinematics, scheme.joints(compiled)));
     probe.span(Span::Actuate, || actuate_freely(place, free));
@@ -27,9 +25,6 @@ pub(crate) fn compute_free_motion<R: Real>(place: Place<'_, R>, free: &mut FreeM
         smooth.complete_mass(compiled, kinematics, implicit(compiled, scheme, actuator_forces, &state.v));
     });
     probe.span(Span::Acceleration, || free.accelerate(compiled, kinematics, &state.v, &state.v));
-    if has_bounded_servos(compiled, scheme) {
-        probe.span(Span::SaturateServos, || saturate_servos(place, free));
-    }
     if compiled.lossy {
         probe.span(Span::Actuate, || free.actuator_forces.dissipate(compiled, &inputs.actuator_dynamics, true));
     }
@@ -66,10 +61,10 @@ pub(crate) fn has_bounded_servos<R: Real>(compiled: &LaneModel<R>, scheme: &Sche
 /// Stage 1 at the velocity before the step.
 fn actuate_freely<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R>) {
     let Place { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, .. } } = place;
-    if scheme.in_the_middle && !compiled.servos.is_empty() {
-        free.actuator_forces.compute_effective_inertia(compiled, &free.smooth.inertia);
+    if (scheme.in_the_middle || compiled.servos_are_bounded) && !compiled.servos.is_empty() {
+        free.actuator_forces.compute_effective_inertia(compiled, &free.smooth.inertia, &state.impulse);
     }
-    actuate(compiled, &place.forces_at(&state.v), scheme.servos(), &mut free.actuator_forces);
+    actuate(compiled, &place.forces_at(&state.v), Some(scheme.servos(false)), &mut free.actuator_forces);
 }
 
 /// Implicit terms of the mass matrix.
@@ -81,32 +76,4 @@ pub(crate) fn implicit<'a, R: Real>(
 ) -> Implicit<'a, R> {
     let servos: &[R] = if scheme.corrects || compiled.actuator_dynamics > 0 { &actuator_forces.weight } else { &[] };
     Implicit { weights: scheme.joints(compiled), servos, arms: &actuator_forces.arms, drag_at: scheme.corrects.then_some(v) }
-}
-
-/// Removes the stiffness of servos whose force would exceed its bounds, and their part of the mass matrix.
-fn saturate_servos<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R>) {
-    let Place { input: StepInput { compiled, state, inputs, alive, .. }, evaluation } = place;
-    let Evaluation { scheme, kinematics, .. } = evaluation;
-    for pass in 0..SATURATION_PASSES {
-        // Expected change of velocity: by the forces, and by constraints that push as in the last step.
-        free.scratch.velocity_by_impulses.copy_from_slice(&free.expected_impulse);
-        free.smooth.solve(compiled, &mut free.scratch.velocity_by_impulses);
-        advance(&free.scratch.velocity_by_impulses, &free.smooth.acc, scheme.h, &mut free.scratch.expected_change);
-        // Lanes in which nothing has changed repeat the computation and get the same bits.
-        let changed = free.actuator_forces.saturate(
-            compiled,
-            &inputs.actuator_dynamics,
-            scheme.weights,
-            &free.scratch.expected_change,
-            scheme.h,
-            pass,
-        );
-        if changed.and(alive).none() {
-            return;
-        }
-        let FreeMotion { smooth, actuator_forces, applied, .. } = free;
-        regather(compiled, scheme.springs_at(&evaluation.q, &evaluation.q_ahead), scheme.corrects, actuator_forces);
-        smooth.refactor_mass(compiled, kinematics, implicit(compiled, scheme, actuator_forces, &state.v));
-        smooth.recompute_acceleration(compiled, [&actuator_forces.tau, applied], &state.v);
-    }
 }

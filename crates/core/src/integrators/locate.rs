@@ -22,7 +22,6 @@ pub(crate) fn locate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluati
     evaluation.scheme = scheme(input.options);
     evaluation.at_start = R::Mask::splat(false);
     evaluation.impacts.lanes = R::Mask::splat(false);
-    free.expected_impulse.copy_from_slice(&input.state.impulse);
     let too_fast = evaluate(input, evaluation, free, probe);
     if too_fast.any() {
         evaluation.at_start = too_fast;
@@ -50,6 +49,10 @@ pub(crate) fn locate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluati
 #[inline(always)]
 fn evaluate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>, probe: impl Probe) -> R::Mask {
     place_bodies(input, evaluation, free, probe);
+    // A step that is differentiated keeps its servos on the pieces of the solution.
+    if evaluation.solved_overlaps.is_none() {
+        free.actuator_forces.release();
+    }
     compute_free_motion(Place { input, evaluation }, free, probe);
     let Evaluation { scheme, kinematics, poses, contacts, .. } = evaluation;
     let StepInput { compiled, state, alive, .. } = input;

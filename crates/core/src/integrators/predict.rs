@@ -2,15 +2,11 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::constraints::row_builder::RowBuilder;
 use crate::constraints::{ConstraintProblem, VelocitySolution};
 use crate::dynamics::gyroscopic;
 use crate::dynamics::kinematics::{advance, blend};
-use crate::integrators::acceptance::store_joint_impulse;
-use crate::integrators::assemble::assemble_problem;
 use crate::integrators::collision_search::CollisionSearch;
 use crate::integrators::contact_activation::predict_collisions;
-use crate::integrators::free_motion::{compute_free_motion, has_bounded_servos};
 use crate::integrators::scheme::Scheme;
 use crate::integrators::step_resolution::assess_corrector;
 use crate::integrators::step_values::{Evaluation, FreeMotion, Place, Scratch, StepInput};
@@ -19,73 +15,6 @@ use crate::stages::s01_actuate::actuate;
 use crate::stages::s04_assemble::shift_targets;
 use crate::stages::s05_solve::Estimate;
 use crate::tuning::MAX_IMPACT_ROTATION;
-
-/// Assembles the problem again if servos reach or leave the bounds of their force by the impulses of this step.
-#[inline(always)]
-pub(crate) fn reconsider_servos<R: Real>(
-    place: Place<'_, R>,
-    free: &mut FreeMotion<R>,
-    problem: &mut ConstraintProblem<R>,
-    velocity: &mut VelocitySolution<R>,
-    builder: &mut RowBuilder<R>,
-    probe: impl Probe,
-) {
-    let Place { input: StepInput { compiled, options, state, .. }, evaluation: Evaluation { scheme, .. } } = place;
-    if !has_bounded_servos(compiled, scheme) || problem.constrained.none() {
-        return;
-    }
-    let changed = probe.span(Span::EstimateImpulses, || servos_disagree(place, free, problem, velocity));
-    if changed {
-        compute_free_motion(place, free, probe);
-        assemble_problem(place, free, problem, velocity, builder, probe);
-        // In lanes whose servos agree the repeated estimate has equal bits.
-        probe.span(Span::EstimateImpulses, || {
-            let (estimate, lanes) = (Estimate::new(compiled, options, &state.v, scheme.h, velocity), problem.constrained);
-            estimate.make(options, lanes, problem, velocity);
-            estimate.choose_start(lanes, problem, velocity);
-        });
-    }
-}
-
-/// Compares the servos at their bounds with those that an estimate of the impulses puts there. Returns whether any lane differs.
-///
-/// Lanes that differ use the impulses of the estimate as expected impulses.
-fn servos_disagree<R: Real>(
-    place: Place<'_, R>,
-    free: &mut FreeMotion<R>,
-    problem: &ConstraintProblem<R>,
-    velocity: &mut VelocitySolution<R>,
-) -> bool {
-    let Place { input: StepInput { compiled, options, state, inputs, alive }, evaluation: Evaluation { scheme, .. } } = place;
-    let lanes = problem.constrained;
-    let estimate = Estimate::new(compiled, options, &state.v, scheme.h, velocity);
-    estimate.make(options, lanes, problem, velocity);
-    let FreeMotion { smooth, actuator_forces, v, expected_impulse, scratch: Scratch { expected_change, impulse, .. }, .. } = free;
-    velocity.velocity_by_impulses(compiled, &smooth.mass, expected_change);
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for i in 0..compiled.nv {
-                expected_change[i] = (v[i] - state.v[i]) + expected_change[i];
-            }
-        },
-    );
-    let wrong =
-        actuator_forces.misjudged(compiled, &inputs.actuator_dynamics, scheme.weights, expected_change, scheme.h).and(lanes).and(alive);
-    if wrong.any() {
-        store_joint_impulse(compiled, &smooth.mass, velocity, impulse);
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for (kept, &now) in expected_impulse.iter_mut().zip(&*impulse) {
-                    *kept = R::select(wrong, now, *kept);
-                }
-            },
-        );
-    }
-    estimate.choose_start(lanes, problem, velocity);
-    wrong.any()
-}
 
 /// Predicts the velocity after the step by an estimate of the impulses, and recomputes the forces that depend on it.
 ///
@@ -140,7 +69,7 @@ pub(crate) fn correct_free_velocity<R: Real>(
     blend(&state.v, v_expected, scheme.velocity_weight, v_mean);
     // Without servos no force of stage 1 depends on the velocity. With servos their explicit parts do.
     if !compiled.servos.is_empty() {
-        probe.span(Span::Actuate, || actuate(compiled, &place.forces_at(v_mean), scheme.servos(), actuator_forces));
+        probe.span(Span::Actuate, || actuate(compiled, &place.forces_at(v_mean), Some(scheme.servos(true)), actuator_forces));
     }
     probe.span(Span::Acceleration, || smooth.acceleration(compiled, kinematics, [&actuator_forces.tau, applied], &state.v, v_mean));
     advance(&state.v, &smooth.acc, scheme.h, v_free_corrected);
@@ -197,7 +126,7 @@ fn leave_out_inertial_forces<R: Real>(place: Place<'_, R>, free: &mut FreeMotion
             }
         },
     );
-    actuate(compiled, &place.forces_at(v_forces), scheme.servos(), actuator_forces);
+    actuate(compiled, &place.forces_at(v_forces), Some(scheme.servos(true)), actuator_forces);
     zero_velocity.fill(R::zero());
     smooth.acceleration(compiled, kinematics, [&actuator_forces.tau, applied], &state.v, zero_velocity);
     R::vectorize(

@@ -48,8 +48,9 @@ impl<R: Real> Scheme<R> {
     }
 
     /// Implicit servos of stage 1: all servos if the scheme `corrects`, else those of actuator dynamics alone.
-    pub(crate) fn servos(&self) -> Option<ImplicitServos<R>> {
-        Some(ImplicitServos { weights: self.weights, all: self.corrects })
+    /// `predicted`: the velocity of the explicit forces is the predicted mean velocity.
+    pub(crate) fn servos(&self, predicted: bool) -> ImplicitServos<R> {
+        ImplicitServos { weights: self.weights, h: self.h, all: self.corrects, predicted }
     }
 
     /// Implicit shares of joint damping and stiffness. Without `corrects`, damping is explicit in models that select it.

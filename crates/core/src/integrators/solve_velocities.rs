@@ -3,19 +3,24 @@
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::Outcome;
 
+use crate::constraints::row_builder::RowBuilder;
 use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
+use crate::dynamics::kinematics::advance;
 use crate::integrators::acceptance::{ambiguous, resolve_ambiguous};
+use crate::integrators::assemble::assemble_problem;
 use crate::integrators::collision_search::CollisionSearch;
 use crate::integrators::contact_activation::{SweptMotion, activate_colliding};
+use crate::integrators::free_motion::{compute_free_motion, has_bounded_servos};
 use crate::integrators::impact::{correct_impact_forces, drop_restitution};
+use crate::integrators::predict::predict;
 use crate::integrators::step_outcome::StepOutcome;
 use crate::integrators::step_resolution::{diverging, limit_joint_rates};
-use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
+use crate::integrators::step_values::{Evaluation, FreeMotion, Place, Scratch, StepInput};
 use crate::probe::{Counter, Probe, Span};
 use crate::stages::s05_solve::solve;
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::stages::s08_stabilise::{PositionInput, limit_baumgarte};
-use crate::tuning::{IMPACT_PASSES, MIN_NEWTON_STEPS_FOR_RETRY, ORDERED_PASSES, ROUGH_ITERATIONS};
+use crate::tuning::{IMPACT_PASSES, MIN_NEWTON_STEPS_FOR_RETRY, ORDERED_PASSES, ROUGH_ITERATIONS, SATURATION_PASSES};
 
 /// Solves for the velocity after the step until it agrees with the problem.
 ///
@@ -23,19 +28,25 @@ use crate::tuning::{IMPACT_PASSES, MIN_NEWTON_STEPS_FOR_RETRY, ORDERED_PASSES, R
 /// evaluated. Otherwise colliding contacts become active, or the free velocity is recomputed, and the lanes are solved again. Impacts
 /// repeat the solve at most three times. The last pass evaluates inertial forces at the velocity after the impact. Impacts for which
 /// Newton's law has no plausible solution become inelastic. Their lanes are the second result: a shorter step resolves them.
+///
+/// Servos must be on the side of their bounds that the solution gives. A stiff servo on another side changes the mass matrix, so that the
+/// problem is assembled and solved again, at most four times.
 #[inline(always)]
 pub(crate) fn solve_velocities<R: Real>(
     place: Place<'_, R>,
     free: &mut FreeMotion<R>,
     problem: &mut ConstraintProblem<R>,
     velocity: &mut VelocitySolution<R>,
+    builder: &mut RowBuilder<R>,
     collisions: &mut CollisionSearch<R>,
     probe: impl Probe,
 ) -> (Outcome<R>, R::Mask) {
     let Place { input: StepInput { compiled, .. }, evaluation: Evaluation { scheme, .. } } = place;
+    let none = R::Mask::splat(false);
     let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };
+    assemble_and_predict(place, free, problem, velocity, builder, collisions, probe);
     let (mut lanes, mut first) = (problem.constrained, true);
-    let (mut passes, mut impacts, mut inelastic) = (0, 0, R::Mask::splat(false));
+    let (mut passes, mut impacts, mut inelastic, mut servos) = (0, 0, none, 0);
     loop {
         let solved = probe.span(Span::Solve, || solve_lanes(place, lanes, problem, velocity));
         if first {
@@ -57,13 +68,50 @@ pub(crate) fn solve_velocities<R: Real>(
             (passes, inelastic) = (0, inelastic.or(lanes));
         }
         if lanes.none() {
-            break;
+            if servos == SATURATION_PASSES || !move_servos(place, free, velocity, probe) {
+                break;
+            }
+            // All lanes are solved again. Those in which no servo has moved get the same bits.
+            assemble_and_predict(place, free, problem, velocity, builder, collisions, probe);
+            (lanes, first) = (problem.constrained, true);
+            (passes, impacts, inelastic, servos) = (0, 0, none, servos + 1);
         }
     }
     problem.activate_satisfied(velocity);
     probe.span(Span::Solve, || resolve_ambiguous(place, free, problem, velocity, &mut outcome));
-    count_effort(&outcome, probe);
+    count_effort(&outcome, problem, probe);
     (outcome, inelastic)
+}
+
+/// Stage 4, and the prediction of the velocity after the step.
+#[inline(always)]
+fn assemble_and_predict<R: Real>(
+    place: Place<'_, R>,
+    free: &mut FreeMotion<R>,
+    problem: &mut ConstraintProblem<R>,
+    velocity: &mut VelocitySolution<R>,
+    builder: &mut RowBuilder<R>,
+    collisions: &mut CollisionSearch<R>,
+    probe: impl Probe,
+) {
+    assemble_problem(place, free, problem, velocity, builder, probe);
+    probe.span(Span::CorrectForces, || predict(place, free, problem, velocity, collisions, probe));
+}
+
+/// Places servos on the side of their bounds that the solution gives, and recomputes the free motion. Returns whether a place has changed.
+fn move_servos<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R>, velocity: &VelocitySolution<R>, probe: impl Probe) -> bool {
+    let Place { input: StepInput { compiled, state, inputs, alive, .. }, evaluation: Evaluation { scheme, .. } } = place;
+    if !has_bounded_servos(compiled, scheme) {
+        return false;
+    }
+    let FreeMotion { actuator_forces, scratch: Scratch { velocity_change, .. }, .. } = &mut *free;
+    advance(&velocity.v, &state.v, -R::one(), velocity_change);
+    let moved = actuator_forces.place_servos(compiled, &inputs.actuator_dynamics, scheme.servos(false), velocity_change);
+    if moved.and(alive).none() {
+        return false;
+    }
+    compute_free_motion(place, free, probe);
+    true
 }
 
 /// Solves the lanes `lanes`. Lanes that Newton's method leaves unsolved are solved again without curvature terms.
@@ -135,9 +183,11 @@ fn limit_speed<R: Real>(
     [ambiguous, limited]
 }
 
-/// Counts the effort of the solver.
+/// Counts the rows of the problem and the effort of the solver.
 #[inline(always)]
-fn count_effort<R: Real>(outcome: &Outcome<R>, probe: impl Probe) {
+fn count_effort<R: Real>(outcome: &Outcome<R>, problem: &ConstraintProblem<R>, probe: impl Probe) {
+    probe.count(Counter::ScalarRows, || problem.owners.len() as f64);
+    probe.count(Counter::ContactSlots, || (problem.slots.len() + problem.rolling_slots.len()) as f64);
     let lanes = |x: R| (0..R::LANES).map(move |l| x.lane(l).to_f64());
     probe.count(Counter::Sweeps, || lanes(outcome.sweeps).sum());
     probe.count(Counter::SlowestSweeps, || lanes(outcome.sweeps).fold(0.0, f64::max));

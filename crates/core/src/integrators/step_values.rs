@@ -137,8 +137,6 @@ pub(crate) struct FreeMotion<R: Real> {
     /// Predicted velocity after the step, nv. Velocity-dependent forces are evaluated between the velocity before the step and this one
     /// ([`Scheme::velocity_weight`]).
     pub(crate) v_expected: Vec<R>,
-    /// Impulse of constraints on the joints that servos at their bounds expect, nv.
-    pub(crate) expected_impulse: Vec<R>,
     /// Impulse of the step's constraints on the joints, nv.
     pub(crate) impulse: Vec<R>,
     /// Lanes whose motion the time step does not resolve.
@@ -154,8 +152,8 @@ pub(crate) struct FreeMotion<R: Real> {
 pub(crate) struct Scratch<R: Real> {
     /// Change of the velocity by the impulses of constraints.
     pub(crate) velocity_by_impulses: Vec<R>,
-    /// Change of the velocity that servos expect.
-    pub(crate) expected_change: Vec<R>,
+    /// Change of the velocity in the step.
+    pub(crate) velocity_change: Vec<R>,
     /// Impulses on the joints.
     pub(crate) impulse: Vec<R>,
     /// Velocity at which velocity-dependent forces are evaluated.
@@ -175,9 +173,9 @@ pub(crate) struct Scratch<R: Real> {
 impl<R: Real> Scratch<R> {
     /// Fills all buffers with NaN.
     pub(crate) fn poison(&mut self) {
-        let Self { velocity_by_impulses, expected_change, impulse, v_mean, v_forces, v_free_corrected, free_change, v_half, before_impact } =
+        let Self { velocity_by_impulses, velocity_change, impulse, v_mean, v_forces, v_free_corrected, free_change, v_half, before_impact } =
             self;
-        [velocity_by_impulses, expected_change, impulse, v_mean, v_forces, v_free_corrected, free_change, v_half, before_impact]
+        [velocity_by_impulses, velocity_change, impulse, v_mean, v_forces, v_free_corrected, free_change, v_half, before_impact]
             .into_iter()
             .for_each(|buffer| buffer.fill(R::of(f64::NAN)));
     }
@@ -193,13 +191,12 @@ impl<R: Real> FreeMotion<R> {
             applied: v(),
             v: v(),
             v_expected: v(),
-            expected_impulse: v(),
             impulse: v(),
             unresolved: none,
             may_gain: none,
             scratch: Scratch {
                 velocity_by_impulses: v(),
-                expected_change: v(),
+                velocity_change: v(),
                 impulse: v(),
                 v_mean: v(),
                 v_forces: v(),
@@ -213,8 +210,8 @@ impl<R: Real> FreeMotion<R> {
 
     /// Fills with NaN the vectors that a step computes before it reads them.
     pub(super) fn poison(&mut self) {
-        let Self { applied, v, v_expected, expected_impulse, impulse, scratch, .. } = self;
-        [applied, v, v_expected, expected_impulse, impulse].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
+        let Self { applied, v, v_expected, impulse, scratch, .. } = self;
+        [applied, v, v_expected, impulse].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
         scratch.poison();
     }
 

@@ -59,7 +59,7 @@ pub fn actuate<R: Real>(
                             implicit.weights,
                         );
                     }
-                    (Some(ImplicitServos { weights, all: true }), None) => {
+                    (Some(ImplicitServos { weights, all: true, .. }), None) => {
                         let (force, weight) = affine.implicit_force(&motion, actuator_forces.effective_inertia_at(k), weights);
                         actuator_forces.set_servo(i, k, force, weight);
                     }
@@ -70,11 +70,18 @@ pub fn actuate<R: Real>(
                     (_, None) => {
                         let asked = affine.force(&motion);
                         actuator_forces.beyond[i] = beyond(asked, actuator.force_range);
-                        actuator_forces.force[i] = within(asked, actuator.force_range);
+                        actuator_forces.set_servo(i, k, within(asked, actuator.force_range), R::zero());
                     }
                 }
+                if let Some(implicit) = implicit.filter(|implicit| implicit.predicted && compiled.servos_are_bounded) {
+                    let along = (motion.velocity - motion.before) * (implicit.h / implicit.weights.damping);
+                    actuator_forces.bound_servo(compiled, at.actuator_dynamics, implicit, (k, along));
+                }
             }
-            actuator_forces.gather(compiled, implicit.is_some_and(|i| i.all));
+            if let Some(implicit) = implicit.filter(|_| actuator_forces.needs_guess()) {
+                actuator_forces.guess_servos(compiled, at.actuator_dynamics, implicit);
+            }
+            actuator_forces.gather(compiled, implicit);
             if implicit.is_none() {
                 actuator_forces.joint.copy_from_slice(&actuator_forces.tau);
             }
@@ -142,17 +149,6 @@ fn beyond<R: Real>(asked: R, range: Option<[R::Scalar; 2]>) -> R::Mask {
         Some(range) => outside(asked, range),
         None => R::Mask::splat(false),
     }
-}
-
-/// Sums actuator forces and springs into generalized forces, as [`actuate`] does at its end. Needed after a servo's force has changed.
-pub fn regather<R: Real>(compiled: &LaneModel<R>, q: &[R], all: bool, actuator_forces: &mut ActuatorForces<R>) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            actuator_forces.gather(compiled, all);
-            add_springs(compiled, q, &mut actuator_forces.tau);
-        },
-    )
 }
 
 /// Control clamped to its range. An infinite control becomes NaN, and the step is rejected.

@@ -26,8 +26,6 @@ pub struct Smooth<R: Real> {
     /// Damping of stiff springs beyond that of the joints, in models with joint springs; see [`crate::actuation::forces`].
     drag: Vec<R>,
     composite: Vec<Inertia<R>>,
-    /// Entries of the mass matrix without servos, if servos at their bounds may leave it within a step.
-    entries_without_servos: Vec<R>,
     fluid: Fluid<R>,
 }
 
@@ -41,7 +39,6 @@ impl<R: Real> Smooth<R> {
             inertia: vec![R::zero(); if compiled.servos.is_empty() { 0 } else { compiled.nv }],
             drag: vec![R::zero(); if compiled.joints.iter().any(|j| j.sprung) { compiled.nv } else { 0 }],
             composite: vec![zero(); compiled.links.len()],
-            entries_without_servos: vec![R::zero(); if compiled.servos_are_bounded { compiled.chain.len() } else { 0 }],
             newton_euler: NewtonEuler::new(compiled),
             fluid: Fluid::new(compiled),
         }
@@ -81,19 +78,6 @@ impl<R: Real> Smooth<R> {
             *inertia = self.mass.entries[dof.chain];
         }
         self.mass.add_joints(compiled, weights, &mut self.drag);
-        let n = self.entries_without_servos.len();
-        self.entries_without_servos.copy_from_slice(&self.mass.entries[..n]);
-    }
-
-    /// Mass matrix and its factors at the same configuration, recomputed after the implicit servos have changed.
-    pub fn refactor_mass(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, implicit: Implicit<'_, R>) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                self.mass.entries.copy_from_slice(&self.entries_without_servos);
-                self.factor(compiled, kinematics, implicit);
-            },
-        )
     }
 
     #[inline(always)]
@@ -127,14 +111,6 @@ impl<R: Real> Smooth<R> {
                 project_forces(compiled, kinematics, &mut self.newton_euler.force, &mut self.bias);
                 self.accelerate(compiled, forces, v);
             },
-        )
-    }
-
-    /// Acceleration at the velocity `v`, recomputed with the bias force of the previous call.
-    pub fn recompute_acceleration(&mut self, compiled: &LaneModel<R>, forces: [&[R]; 2], v: &[R]) {
-        R::vectorize(
-            #[inline(always)]
-            || self.accelerate(compiled, forces, v),
         )
     }
 

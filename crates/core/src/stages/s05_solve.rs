@@ -127,11 +127,11 @@ impl<R: Real> Estimate<R> {
     /// Predictor for a step of `h` seconds from the velocity `v`.
     ///
     /// A rough estimate causes an error of up to [`ESTIMATE_ERROR`]. The estimate is solved if a smaller error is required. It is also
-    /// solved where it decides which servos are at their bounds, where loads are shared, and with Newton's method.
+    /// solved where loads are shared, and with Newton's method.
     #[inline(always)]
     pub fn new(compiled: &LaneModel<R>, options: &StepSettings, v: &[R], h: R, velocity: &VelocitySolution<R>) -> Self {
         let error = ESTIMATE_ERROR / options.refinement();
-        let exact = compiled.servos_are_bounded || error < ESTIMATE_ERROR || options.solver == Solver::Newton;
+        let exact = error < ESTIMATE_ERROR || options.solver == Solver::Newton;
         let least = if compiled.ntree > 1 { STRUCTURE_MOTION } else { REST_MOTION };
         R::vectorize(
             #[inline(always)]

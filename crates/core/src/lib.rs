@@ -111,6 +111,7 @@ mod compile;
 mod constraints;
 mod dynamics;
 mod error;
+pub mod group_step;
 mod integrators;
 mod math;
 pub mod model;
@@ -119,7 +120,6 @@ mod probe;
 mod sensing;
 mod stages;
 mod step;
-mod step_derivative;
 mod tuning;
 
 pub use actuation::{ActuatorSpec, Motor, Servo};
@@ -129,7 +129,7 @@ pub use batch::WorstRow;
 pub use batch::inputs::{AppliedInput, Episode, Field, StateRows, StepInputs};
 pub use batch::ray_query::RayCast;
 pub use batch::saved_state::SavedState;
-pub use batch::simulation::{ActuatorNumbers, BodyPose, Certificate, Contact, Kinks, PerturbedCopies, Simulation};
+pub use batch::simulation::{ActuatorNumbers, BodyPose, Certificate, Contact, Simulation};
 pub use error::{Error, StateMisfit};
 pub use math::precision::Precision;
 pub use model::{Model, ModelError, Parameter};
@@ -138,7 +138,6 @@ pub use nalgebra;
 pub use options::{ContactLaw, Integrator, Options, Solver, Stabilization};
 pub use sensing::errors::Transfer;
 pub use stages::s10_record::Status;
-pub use step_derivative::{DerivativeQuery, DerivativeRows, StatePart};
 pub use stepper_real::{Level, LevelError};
 
 /// Recorded quantities of [`Simulation::rollout`], and their output arrays.

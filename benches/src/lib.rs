@@ -5,6 +5,7 @@
 pub mod boxes;
 pub mod clock;
 pub mod counted;
+pub mod derivative;
 pub mod episode;
 pub mod floor;
 pub mod npz;

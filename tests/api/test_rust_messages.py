@@ -8,7 +8,7 @@ import pytest
 import stepper
 
 ROOT = Path(__file__).parents[2]
-SOURCES = sorted(path for crate in ("geometry", "model", "core") for path in (ROOT / "crates" / crate / "src").rglob("*.rs"))
+SOURCES = sorted(path for crate in ("geometry", "model", "core", "derivative") for path in (ROOT / "crates" / crate / "src").rglob("*.rs"))
 PYTHON = re.compile(r"Stepper\(|strict=False|=\.\.\.|contact=\\?\"|method='|\bget_state|Options\.|reset\(qpos")
 
 

@@ -8,6 +8,7 @@ use std::process::{Command, ExitCode};
 
 use serde::{Deserialize, Serialize};
 use stepper_benches::clock::Run;
+use stepper_benches::derivative::Derivatives;
 use stepper_benches::episode::{Episode, single};
 use stepper_benches::recorder::{READINGS, Recorder, Recording, record};
 use stepper_benches::report::{exit_code, rustc};
@@ -18,7 +19,7 @@ use stepper_core::{Level, Precision};
 
 const USAGE: &str = "usage: instructions [--save [FILE]] [--against FILE]
 
-Prints instructions per environment step of whole steps and of the parts of the humanoid's, and their ratio to those that were kept.
+Prints instructions per environment step of whole steps, of derivatives of the ant's, and of the parts of the humanoid's, and their ratio to those that were kept.
 Needs valgrind. The counts belong to a compiler and a CPU level, not to a machine or its load. Counts more than 1 % above those that were kept are
 marked with \"<\", and the exit code is 2 unless they are saved; with kept counts of another compiler or CPU level there is no verdict.
   --save [FILE]    also writes them as JSON (default benches/instructions.json)
@@ -193,6 +194,11 @@ fn work() {
         if Level::available().contains(&Level::Avx2) {
             whole(&format!("{} F64x8 avx2", scene.name), Episode::new(&scene, 0, 8, Precision::F64, Level::Avx2));
         }
+    }
+    let ant = Scene::ant();
+    whole("ant f64, derivative", Derivatives::new(&ant, 1, level));
+    if Level::available().contains(&Level::Avx2) {
+        whole("ant F64x8 avx2, derivative", Derivatives::new(&ant, 8, Level::Avx2));
     }
     parts();
 }

@@ -91,8 +91,8 @@
 
 //! # Build times and debug builds
 //!
-//! The step is compiled once for every lane type and CPU level. A release build of this crate takes about 5 minutes of processor time for
-//! one level (`STEPPER_ONE_LEVEL=native`, for development) and 10 for all. In a debug build a step takes many times as long, unless
+//! The step is compiled once for every lane type and CPU level. A release build of this crate takes about 4 minutes of processor time for
+//! one level (`STEPPER_ONE_LEVEL=native`, for development) and 8 for all. In a debug build a step takes many times as long, unless
 //! dependencies are optimised in the program's Cargo.toml:
 //!
 //! ```toml
@@ -111,6 +111,7 @@ mod compile;
 mod constraints;
 mod dynamics;
 mod error;
+pub mod group_step;
 mod integrators;
 mod math;
 pub mod model;
@@ -119,7 +120,6 @@ mod probe;
 mod sensing;
 mod stages;
 mod step;
-mod step_derivative;
 mod tuning;
 
 pub use actuation::{ActuatorSpec, Motor, Servo};
@@ -129,7 +129,7 @@ pub use batch::WorstRow;
 pub use batch::inputs::{AppliedInput, Episode, Field, StateRows, StepInputs};
 pub use batch::ray_query::RayCast;
 pub use batch::saved_state::SavedState;
-pub use batch::simulation::{ActuatorNumbers, BodyPose, Certificate, Contact, Kinks, PerturbedCopies, Simulation};
+pub use batch::simulation::{ActuatorNumbers, BodyPose, Certificate, Contact, Simulation};
 pub use error::{Error, StateMisfit};
 pub use math::precision::Precision;
 pub use model::{Model, ModelError, Parameter};
@@ -138,7 +138,6 @@ pub use nalgebra;
 pub use options::{ContactLaw, Integrator, Options, Solver, Stabilization};
 pub use sensing::errors::Transfer;
 pub use stages::s10_record::Status;
-pub use step_derivative::{DerivativeQuery, DerivativeRows, StatePart};
 pub use stepper_real::{Level, LevelError};
 
 /// Recorded quantities of [`Simulation::rollout`], and their output arrays.

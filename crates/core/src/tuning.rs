@@ -280,18 +280,3 @@ pub(crate) const MAX_SHARED_CONTACTS: usize = 64;
 ///
 /// In a heap of ten boxes with 45 contacts it would take half of the step.
 pub(crate) const MAX_NEW_CONTACTS: usize = 24;
-
-// Derivatives of the step.
-
-/// Largest residual with which a step counts as solved, m/s, at tolerances below a tenth of it. The modes (open, sticking, slipping)
-/// are then certain, and the error of the response is of this order.
-pub(crate) const SOLVED_RESIDUAL: f64 = 1e-9;
-
-/// Weight of an error of the expected velocity in the test that a step is a solution.
-///
-/// It is per rad or m of motion in the step, at most 1. Inertial forces are quadratic in velocities, so that errors of slow motion have
-/// little effect.
-pub(crate) const EXPECTED_VELOCITY_WEIGHT: f64 = 1e2;
-
-/// Relative distance from the bounds of a correction below which its derivative is undefined.
-pub(crate) const BOUND_DISTANCE: f64 = 1e-3;

@@ -1,14 +1,15 @@
 //! Translation of names of Rust calls to Python in messages of the core.
 
 /// Phrases of the core's messages with Rust calls, and their translations.
-const PHRASES: [(&str, &str); 14] = [
+const PHRASES: [(&str, &str); 15] = [
     ("Options::from_model(&model)", "Options.from_model(model)"),
     ("choose ContactLaw::Mujoco and an integrator", "choose Options(contact=\"mujoco\", integrator=...)"),
     ("by analysis::overlaps::exclude(&model)", "by stepper.load(..., overlaps=\"exclude\")"),
     ("ContactLaw::Mujoco", "contact=\"mujoco\""),
     ("ContactLaw::Hard", "contact=\"hard\""),
     ("or leave them out with finish(false)", "or load with strict=False to leave them out"),
-    ("for Simulation::differentiate", "for method='implicit'"),
+    ("for stepper_derivative::differentiate", "for method='implicit'"),
+    ("for Simulation::visit_groups", "for method='implicit'"),
     ("; finite differences take all", "; method='fd' takes all"),
     ("the bytes of what Simulation::save_state gave", "what get_state returned, or its bytes"),
     ("Simulation::set_actuator_models", "Stepper(..., actuators=)"),

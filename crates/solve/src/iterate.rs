@@ -269,17 +269,22 @@ impl<R: Real> Iterate<R> {
 
     /// Sets the impulses of contacts to zero in the lanes `lanes`, and recomputes w there. `scratch` has the length of w.
     pub fn clear_contacts(&mut self, problem: &Problem<R>, lanes: R::Mask, scratch: &mut [R]) {
-        for impulse in &mut self.contacts {
-            *impulse = impulse.map(|x| R::select(lanes, R::zero(), x));
-        }
-        for impulse in &mut self.rolling_contacts {
-            *impulse = impulse.map(|x| R::select(lanes, R::zero(), x));
-        }
-        scratch.copy_from_slice(&self.w);
-        self.compute_w(problem);
-        for (w, &kept) in self.w.iter_mut().zip(&*scratch) {
-            *w = R::select(lanes, *w, kept);
-        }
+        R::vectorize(
+            #[inline(always)]
+            || {
+                for impulse in self.contacts.as_flattened_mut() {
+                    *impulse = R::select(lanes, R::zero(), *impulse);
+                }
+                for impulse in self.rolling_contacts.as_flattened_mut() {
+                    *impulse = R::select(lanes, R::zero(), *impulse);
+                }
+                scratch.copy_from_slice(&self.w);
+                self.compute_w(problem);
+                for (w, &kept) in self.w.iter_mut().zip(&*scratch) {
+                    *w = R::select(lanes, *w, kept);
+                }
+            },
+        );
     }
 
     /// Whether the impulses change any velocity.

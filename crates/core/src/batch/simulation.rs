@@ -2,10 +2,8 @@
 
 mod calls;
 mod checks;
-mod derivatives;
 #[cfg(feature = "internals")]
 mod internals;
-mod kinks;
 #[cfg(feature = "nalgebra")]
 mod matrices;
 mod models;
@@ -14,9 +12,9 @@ mod quantities;
 mod rays;
 mod read;
 mod saved;
+mod visits;
 mod write;
 
-pub use crate::batch::simulation::kinks::{Kinks, PerturbedCopies};
 pub use crate::batch::simulation::parameters::ActuatorNumbers;
 pub use crate::batch::simulation::read::{BodyPose, Certificate, Contact};
 

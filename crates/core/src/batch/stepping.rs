@@ -1,6 +1,9 @@
 //! Calls of a batch: steps, rollouts and readings, on one thread or several, as a whole or in parts.
 
+use std::any::Any;
 use std::time::Instant;
+
+use stepper_real::Level;
 
 use crate::analysis::derived::DerivedQuantity;
 use crate::batch::call::{Call, Part, Query, Schedule};
@@ -15,10 +18,21 @@ use crate::batch::worker::{GroupPosition, LaneScalar, Worker};
 use crate::error::Error;
 use crate::math::lanes::{Target, each_of};
 use crate::options::StepSettings;
-use crate::step_derivative::{DerivativeQuery, DerivativeRows};
 
 /// Callback of a long call. The calling thread calls it between the parts; false stops the call.
 pub(super) type Watch<'a> = Option<&'a mut dyn FnMut() -> bool>;
+
+/// Step of one group, lent to a visitor.
+pub struct LentStep<'a> {
+    /// First environment of the group.
+    pub first: usize,
+    /// Number of lanes.
+    pub lanes: usize,
+    /// CPU level of the lanes.
+    pub level: Level,
+    /// A [`GroupStep`](crate::group_step::GroupStep) of the lane type of this level.
+    pub step: &'a mut dyn Any,
+}
 
 /// Calls for all environments.
 pub trait BatchCalls {
@@ -47,11 +61,11 @@ pub trait BatchCalls {
     /// # Errors
     /// [`Error::Threads`].
     fn derive(&mut self, inputs: &StepInputs<'_>, quantities: Vec<(DerivedQuantity, Numbers<'_>)>) -> Result<(), Error>;
-    /// Differentiates the step from the present state in all environments, implicitly. The state stays the same.
+    /// Calls `visit` with the step of each group from the present state, solved to `tolerance`, m/s. The state stays the same.
     ///
     /// # Errors
     /// [`Error::Threads`].
-    fn differentiate(&mut self, inputs: &StepInputs<'_>, query: &DerivativeQuery<'_>, rows: DerivativeRows<'_>) -> Result<(), Error>;
+    fn lend_steps(&mut self, inputs: &StepInputs<'_>, tolerance: f64, visit: &(dyn Fn(LentStep<'_>) + Sync)) -> Result<(), Error>;
     /// Problem that a step of one environment from the present state would solve, as bytes: see [`stepper_solve::Problem::from_bytes`].
     fn problem(&self, inputs: &StepInputs<'_>, env: usize) -> Vec<u8>;
     /// Number of threads that step.
@@ -148,16 +162,15 @@ impl<S: LaneScalar> BatchCalls for Batch<S> {
         Ok(())
     }
 
-    fn differentiate(&mut self, inputs: &StepInputs<'_>, query: &DerivativeQuery<'_>, rows: DerivativeRows<'_>) -> Result<(), Error> {
+    fn lend_steps(&mut self, inputs: &StepInputs<'_>, tolerance: f64, visit: &(dyn Fn(LentStep<'_>) + Sync)) -> Result<(), Error> {
         self.workers.start_threads()?;
-        let settings = StepSettings { tolerance: query.tolerance, ..self.settings };
+        let settings = StepSettings { tolerance, ..self.settings };
         let call = Call { settings: &settings, ..self.call(inputs, Schedule { controls: 1, nstep: 1 }, Part::whole(1)) };
+        let (lanes, level) = (self.lanes, self.workers.level());
         // A group at a time: each costs as much as some tens of steps.
-        let (n, lanes) = (self.num_envs, self.lanes);
-        let offsets = query.offsets.chunks(lanes * (query.offsets.len() / n).max(1)).chain(std::iter::repeat(&[][..]));
-        let groups = self.groups.iter().zip(offsets).zip(rows.chunks(n, lanes)).enumerate();
-        self.workers.share_chunks(&self.worker_spec(), groups, |worker, (g, ((group, offsets), mut rows))| {
-            worker.differentiate(&call, &mut group.clone(), g * lanes, &DerivativeQuery { offsets, ..*query }, &mut rows);
+        self.workers.share_chunks(&self.worker_spec(), self.groups.iter().enumerate(), |worker, (g, group)| {
+            let first = g * lanes;
+            worker.lend_step(&call, &mut group.clone(), first, &mut |step| visit(LentStep { first, lanes, level, step }));
         });
         Ok(())
     }

@@ -1,5 +1,7 @@
 //! Worker that steps groups of environments on one thread: one kind per lane type, one instantiation per CPU level.
 
+use std::any::Any;
+
 use serde::{Serialize, de::DeserializeOwned};
 #[cfg(not(test))]
 use stepper_real::at_avx512;
@@ -13,13 +15,13 @@ use crate::batch::rollout::{Numbers, Quantity, Share};
 use crate::batch::sensors::{Reader, remember};
 use crate::batch::state::Group;
 use crate::compile::{CompiledModel, LaneModel};
+use crate::group_step::{GroupFunctions, GroupStep};
 use crate::integrators::devices::{ActuatorDevices, Devices, SensorDevices};
 use crate::integrators::workspace::Workspace;
 use crate::math::lanes::{count, each_of};
 use crate::options::StepSettings;
 use crate::probe::{NoProbe, Probe, Span};
 use crate::step::step;
-use crate::step_derivative::{DerivativeQuery, DerivativeRows, StepDerivative};
 
 /// Workspace of a thread, with the step compiled for its lanes and CPU level.
 pub trait Worker<S: Scalar>: Send {
@@ -33,15 +35,8 @@ pub trait Worker<S: Scalar>: Send {
     fn cast_rays(&mut self, call: &Call<'_, S>, group: &Group<S>, first: usize, query: &RayQuery<'_, S>, rows: (&mut [S], &mut [i32]));
     /// Constraint problem of one lane at the first solve of the steps of `call`, as bytes. Overwrites the group.
     fn problem(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, lane: usize) -> Vec<u8>;
-    /// Differentiates a step of `call` of one group, whose first environment is `first`: `query` and `rows` have its environments alone.
-    fn differentiate(
-        &mut self,
-        call: &Call<'_, S>,
-        group: &mut Group<S>,
-        first: usize,
-        query: &DerivativeQuery<'_>,
-        rows: &mut DerivativeRows<'_>,
-    );
+    /// Calls `visit` with the [`GroupStep`] of one group, whose first environment is `first`, at the beginning of a step of `call`.
+    fn lend_step(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, visit: &mut dyn FnMut(&mut dyn Any));
     /// Discards the worker's copy of the last group's state, because another thread has changed that state.
     fn forget_state(&mut self);
 }
@@ -85,6 +80,8 @@ pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
     /// Function of `makers` for this precision.
     #[cfg(feature = "internals")]
     fn maker(makers: &WorkerMakers) -> MakeWorker<Self>;
+    /// Functions with which a step in the lanes `R` is lent; none for 32 bits, in which no crate evaluates steps.
+    fn group_functions<R: Real<Scalar = Self>>() -> Option<GroupFunctions<R>>;
     /// Array of a recording in this precision.
     ///
     /// # Panics
@@ -157,6 +154,10 @@ impl LaneScalar for f64 {
         makers.f64
     }
 
+    fn group_functions<R: Real<Scalar = f64>>() -> Option<GroupFunctions<R>> {
+        Some(GroupFunctions::new())
+    }
+
     fn numbers(array: Numbers<'_>) -> &mut [f64] {
         match array {
             Numbers::F64(x) => x,
@@ -195,6 +196,10 @@ impl LaneScalar for f32 {
         makers.f32
     }
 
+    fn group_functions<R: Real<Scalar = f32>>() -> Option<GroupFunctions<R>> {
+        None
+    }
+
     fn numbers(array: Numbers<'_>) -> &mut [f32] {
         match array {
             Numbers::F32(x) => x,
@@ -204,32 +209,25 @@ impl LaneScalar for f32 {
 }
 
 /// Worker in the lanes of `R`.
-pub fn lane_worker<R: Real>(spec: &WorkerSpec<'_, R::Scalar>, probe: impl Probe) -> Box<dyn Worker<R::Scalar>> {
-    let compiled = LaneModel::new(spec.compiled);
+pub fn lane_worker<R: Real<Scalar: LaneScalar>>(spec: &WorkerSpec<'_, R::Scalar>, probe: impl Probe) -> Box<dyn Worker<R::Scalar>> {
+    let compiled = LaneModel::<R>::new(spec.compiled);
     Box::new(LaneWorker {
         probe,
-        workspace: Workspace::<R>::new(&compiled, spec.settings, spec.max_contacts),
-        compiled,
+        step: GroupStep::new(compiled, spec.settings, spec.max_contacts, R::Scalar::group_functions()),
         flags: vec![0; R::LANES],
         derivation: Derivation::default(),
-        derivative: None,
-        max_contacts: spec.max_contacts,
     })
 }
 
 /// Worker of one lane type: its compiled model and workspace.
 struct LaneWorker<R: Real, P: Probe> {
     probe: P,
-    workspace: Workspace<R>,
-    /// Compiled model with the parameters of the present group.
-    compiled: LaneModel<R>,
+    /// Compiled model with the parameters of the present group, and the workspace.
+    step: GroupStep<R>,
     /// Flags of the steps of a control, per lane.
     flags: Vec<u32>,
     /// Workspace of derived quantities, allocated at first use.
     derivation: Derivation<R>,
-    /// Workspace of derivatives of the step, allocated at first use.
-    derivative: Option<Box<StepDerivative<R>>>,
-    max_contacts: usize,
 }
 
 impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
@@ -238,20 +236,20 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
         let GroupPosition { first, share_first, mut share } = at;
         let probe = self.probe;
         probe.span(Span::Load, || self.load_overrides(call, first));
-        let reader = Reader { call, compiled: &self.compiled, first, probe };
-        probe.span(Span::Sense, || reader.begin_observations(group, &mut self.workspace));
+        let reader = Reader { call, compiled: &self.step.compiled, first, probe };
+        probe.span(Span::Sense, || reader.begin_observations(group, &mut self.step.workspace));
         probe.span(Span::Load, || self.load(call, group, first));
         for control in call.part.controls(call.schedule) {
-            probe.span(Span::Load, || load_control(call, control, first, &mut self.workspace));
+            probe.span(Span::Load, || load_control(call, control, first, &mut self.step.workspace));
             let steps = call.part.steps_of(control, call.schedule);
             let mut residual = R::zero();
             self.flags[..R::LANES].fill(0);
             if let (Some(share), true) = (&share, steps.start > 0) {
-                residual = share.resume(control, first - share_first, self.workspace.alive, &mut self.flags);
+                residual = share.resume(control, first - share_first, self.step.workspace.alive, &mut self.flags);
             }
             let observed = share.as_ref().is_some_and(|share| share.has(Quantity::Observation));
             let residual = self.run_control(call, group, first, (steps.len(), observed), residual);
-            let Self { workspace: s, compiled, flags, .. } = self;
+            let Self { step: GroupStep { workspace: s, compiled, .. }, flags, .. } = self;
             if let Some(share) = &mut share {
                 if observed {
                     let unread = steps.is_empty();
@@ -267,8 +265,8 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
     fn sense(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, query: Query<'_>) {
         assert_eq!(group.lanes, R::LANES, "a worker reads groups of its own width");
         self.load_overrides(call, first);
-        let reader = Reader { call, compiled: &self.compiled, first, probe: self.probe };
-        reader.read(group, &mut self.workspace, query);
+        let reader = Reader { call, compiled: &self.step.compiled, first, probe: self.probe };
+        reader.read(group, &mut self.step.workspace, query);
     }
 
     fn derive(
@@ -281,17 +279,17 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
     ) {
         assert_eq!(group.lanes, R::LANES, "a worker reads groups of its own width");
         self.load_overrides(call, first);
-        let reader = Reader { call, compiled: &self.compiled, first, probe: self.probe };
+        let reader = Reader { call, compiled: &self.step.compiled, first, probe: self.probe };
         // Reading the last step may make another step, which changes the poses.
         for of_last_step in [false, true] {
             if quantities.iter().all(|q| q.is_of_last_step() != of_last_step) {
                 continue;
             }
             let contacts = quantities.contains(&DerivedQuantity::BodyForce);
-            reader.load_to_derive(group, &mut self.workspace, of_last_step, contacts);
-            self.derivation.begin(&self.compiled, &mut self.workspace);
+            reader.load_to_derive(group, &mut self.step.workspace, of_last_step, contacts);
+            self.derivation.begin(&self.step.compiled, &mut self.step.workspace);
             for (&quantity, out) in quantities.iter().zip(&mut *out).filter(|(q, _)| q.is_of_last_step() == of_last_step) {
-                self.derivation.derive(&self.compiled, call.settings, &mut self.workspace, quantity, out);
+                self.derivation.derive(&self.step.compiled, call.settings, &mut self.step.workspace, quantity, out);
             }
         }
     }
@@ -306,7 +304,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
     ) {
         assert_eq!(group.lanes, R::LANES, "a worker reads groups of its own width");
         self.load_overrides(call, first);
-        let Self { workspace: s, compiled, derivation, probe, .. } = self;
+        let Self { step: GroupStep { workspace: s, compiled, .. }, derivation, probe, .. } = self;
         Reader { call, compiled, first, probe: *probe }.load_to_derive(group, s, false, false);
         derivation.begin(compiled, s);
         s.evaluation.kinematics.update(compiled, &s.state.q);
@@ -314,34 +312,26 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
     }
 
     fn problem(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, lane: usize) -> Vec<u8> {
-        self.workspace.current = false;
-        self.workspace.velocity.capture.lane = Some(lane);
+        self.step.workspace.current = false;
+        self.step.workspace.velocity.capture.lane = Some(lane);
         self.run(call, group, GroupPosition { first, share_first: first, share: None });
-        self.workspace.current = false;
-        std::mem::take(&mut self.workspace.velocity.capture.bytes)
+        self.step.workspace.current = false;
+        std::mem::take(&mut self.step.workspace.velocity.capture.bytes)
     }
 
-    fn differentiate(
-        &mut self,
-        call: &Call<'_, R::Scalar>,
-        group: &mut Group<R::Scalar>,
-        first: usize,
-        query: &DerivativeQuery<'_>,
-        rows: &mut DerivativeRows<'_>,
-    ) {
+    fn lend_step(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, visit: &mut dyn FnMut(&mut dyn Any)) {
         assert_eq!(group.lanes, R::LANES, "a worker reads groups of its own width");
-        self.workspace.current = false;
+        self.step.workspace.current = false;
         self.load_overrides(call, first);
         self.load(call, group, first);
-        load_control(call, 0, first, &mut self.workspace);
-        let Self { workspace: s, compiled, derivative, max_contacts, .. } = self;
-        let derivative = derivative.get_or_insert_with(|| Box::new(StepDerivative::new(compiled, call.settings, *max_contacts)));
-        derivative.differentiate(compiled, call.settings, s, query, rows);
-        s.evaluation.poses.exchange(&mut group.separation_cache);
+        load_control(call, 0, first, &mut self.step.workspace);
+        self.step.settings = *call.settings;
+        visit(&mut self.step);
+        self.step.workspace.evaluation.poses.exchange(&mut group.separation_cache);
     }
 
     fn forget_state(&mut self) {
-        self.workspace.current = false;
+        self.step.workspace.current = false;
     }
 }
 
@@ -349,16 +339,16 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
     /// Loads the parameters of the group whose first environment is `first`.
     fn load_overrides(&mut self, call: &Call<'_, R::Scalar>, first: usize) {
         if let Some(numbers) = call.overrides.numbers.get(first / R::LANES) {
-            self.compiled.params.load_lanes(&call.overrides.places, numbers);
-            if self.compiled.params.has_geoms(&call.overrides.places) {
-                self.workspace.update_static_poses(&self.compiled);
+            self.step.compiled.params.load_lanes(&call.overrides.places, numbers);
+            if self.step.compiled.params.has_geoms(&call.overrides.places) {
+                self.step.workspace.update_static_poses(&self.step.compiled);
             }
         }
     }
 
     /// Loads the state of a group and the inputs of the call into the workspace.
     fn load(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize) {
-        let s = &mut self.workspace;
+        let s = &mut self.step.workspace;
         if !s.current {
             load_state(group, s);
         }
@@ -372,7 +362,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
 
     /// Stores the state of a group.
     fn store(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>) {
-        let s = &mut self.workspace;
+        let s = &mut self.step.workspace;
         s.evaluation.poses.exchange(&mut group.separation_cache);
         if call.part.to > call.part.from {
             remember(group, s);
@@ -396,7 +386,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
         (steps, observed): (usize, bool),
         mut residual: R,
     ) -> R {
-        let Self { workspace: s, compiled, flags, probe, .. } = self;
+        let Self { step: GroupStep { workspace: s, compiled, .. }, flags, probe, .. } = self;
         let (flags, probe) = (&mut flags[..R::LANES], *probe);
         let (mut depth, mut overshoot) = (R::load(&group.depth), R::load(&group.overshoot));
         let mut violation = R::load(&group.equality_violation);

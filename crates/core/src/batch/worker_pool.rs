@@ -36,6 +36,11 @@ impl<S: LaneScalar> WorkerPool<S> {
         self.threads
     }
 
+    /// CPU level of the workers.
+    pub(super) fn level(&self) -> Level {
+        self.level
+    }
+
     pub(super) fn make_worker(&self, spec: &WorkerSpec<'_, S>) -> Box<dyn Worker<S>> {
         (self.make)(spec, self.lanes, self.level)
     }

@@ -200,6 +200,14 @@ impl<R: Real> ConstraintProblem<R> {
     /// The two faces lie on each other and share their load among all of these contacts.
     #[inline(never)]
     pub(crate) fn activate_coplanar(&mut self, velocity: &mut VelocitySolution<R>, contacts: &Contacts<R>) {
+        R::vectorize(
+            #[inline(always)]
+            || self.activate_coplanar_contacts(velocity, contacts),
+        )
+    }
+
+    #[inline(always)]
+    fn activate_coplanar_contacts(&mut self, velocity: &mut VelocitySolution<R>, contacts: &Contacts<R>) {
         for i in 0..self.deferred.len() {
             let deferred = self.deferred[i];
             let mut coplanar = 0;

@@ -219,7 +219,10 @@ impl<R: Real> ConstraintProblem<R> {
         let Self { rows, impacts, rebounding, deferred, resolves_impacts, .. } = self;
         let elastic = |impact: &Impact<R>| impact.lanes.and(impact.normal_factor.gt(R::one()));
         let implausible = |rows: &Problem<R>, i: usize| {
-            impulses.friction_work(rows, i).gt(energy).or(impulses.impulse_rounding(rows, i).gt(max_rounding))
+            R::vectorize(
+                #[inline(always)]
+                || impulses.friction_work(rows, i).gt(energy).or(impulses.impulse_rounding(rows, i).gt(max_rounding)),
+            )
         };
         let mut all_impacts = unsolved;
         for (i, impact) in impacts.iter().enumerate() {

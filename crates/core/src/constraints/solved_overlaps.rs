@@ -18,17 +18,6 @@ pub(crate) struct SolvedOverlaps<R: Real> {
     limits: Vec<R>,
 }
 
-/// Gap that closes or opens between a solution and a displaced state.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Crossing {
-    /// Lane of the gap.
-    pub(crate) lane: usize,
-    /// Whether it is the gap of a limit.
-    pub(crate) is_limit: bool,
-    /// Place of the crossing, as a fraction of the displacement.
-    pub(crate) distance: f64,
-}
-
 impl<R: Real> SolvedOverlaps<R> {
     /// Workspace for a compiled model.
     pub(crate) fn new(compiled: &LaneModel<R>, max_contacts: usize) -> Self {
@@ -73,30 +62,14 @@ impl<R: Real> SolvedOverlaps<R> {
             .fold(0, |found, lane| found | 1 << lane)
     }
 
-    /// Calls `see` for every gap of the lanes `lanes` (bits) that changes its sign between the solution and a displaced state with the
-    /// configuration `q`.
-    pub(crate) fn find_crossings(
-        &self,
-        compiled: &LaneModel<R>,
-        contacts: &Contacts<R>,
-        q: &[R],
-        lanes: u32,
-        see: &mut dyn FnMut(Crossing),
-    ) {
-        let mut compare = |is_limit: bool, before: R, after: R, lanes: u32| {
-            for lane in each_of(lanes) {
-                let [before, after] = [before, after].map(|gap| gap.lane(lane).to_f64());
-                if (before < 0.0) != (after < 0.0) {
-                    let distance = if before.is_finite() { before / (before - after) } else { 1.0 };
-                    see(Crossing { lane, is_limit, distance });
-                }
-            }
-        };
+    /// Calls `see` for every gap of a displaced state with the configuration `q`. The arguments are whether it is the gap of a limit, its
+    /// distance in the solution, its distance now, and the lanes (bits) that have it.
+    pub(crate) fn each_gap(&self, compiled: &LaneModel<R>, contacts: &Contacts<R>, q: &[R], mut see: impl FnMut(bool, R, R, u32)) {
         for k in 0..contacts.slots() {
-            compare(false, self.distance(contacts, k), contacts.data[k].point.distance, lanes & contacts.lanes_of(k));
+            see(false, self.distance(contacts, k), contacts.data[k].point.distance, contacts.lanes_of(k));
         }
-        for (i, &before) in self.limits.iter().enumerate() {
-            compare(true, before, limit_gap(compiled, i, q), lanes);
+        for (i, &solved) in self.limits.iter().enumerate() {
+            see(true, solved, limit_gap(compiled, i, q), u32::MAX);
         }
     }
 }

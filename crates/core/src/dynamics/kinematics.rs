@@ -247,8 +247,16 @@ fn turn_quat<R: Real>(q: &[R], at: usize, w: V3<R>, factor: R, out: &mut [R]) {
 
 /// Sum of the links' kinetic energy, J.
 pub fn kinetic_energy<R: Real>(kinematics: &Kinematics<R>, velocities: &[V6<R>]) -> R {
-    let each = kinematics.inertia.iter().zip(velocities).map(|(i, v)| dot6(apply_inertia(i, v), *v));
-    each.fold(R::zero(), |sum, e| sum + e) * R::of(0.5)
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let mut sum = R::zero();
+            for (inertia, v) in kinematics.inertia.iter().zip(velocities) {
+                sum += dot6(apply_inertia(inertia, v), *v);
+            }
+            sum * R::of(0.5)
+        },
+    )
 }
 
 /// Lanes in which every entry is finite.

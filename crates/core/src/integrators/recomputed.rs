@@ -2,7 +2,7 @@
 
 /// Part of the state that changed, which determines the stages to recompute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Recomputed {
+pub enum Recomputed {
     /// Configuration changed: recompute everything.
     Configuration,
     /// Velocities changed: recompute forces and the velocities of rows.

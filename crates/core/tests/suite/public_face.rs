@@ -4,15 +4,16 @@ use std::fmt::Debug;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
+use stepper_core::group_step::StatePart;
 use stepper_core::model::{
     ActuatorBuilder, BodyBuilder, Description, EqualityBuilder, GeomBuilder, JointBuilder, JointPlace, Keyframe, ModelBuilder, SensorKind,
     SensorPlace, Shape, Site, TendonBuilder, WORLD,
 };
 use stepper_core::rollout::{Numbers, Quantity, Recording};
 use stepper_core::{
-    ActuatorSpec, AppliedInput, BodyPose, Certificate, Contact, ContactLaw, DerivedQuantity, Episode, Error, Field, Integrator, Kinks,
-    Model, ModelError, Motor, Options, Parameter, Precision, SavedState, Servo, Simulation, Snapshot, Solver, Stabilization, StateMisfit,
-    StatePart, StateRows, Status, StepInputs, Transfer, WorstRow,
+    ActuatorSpec, AppliedInput, BodyPose, Certificate, Contact, ContactLaw, DerivedQuantity, Episode, Error, Field, Integrator, Model,
+    ModelError, Motor, Options, Parameter, Precision, SavedState, Servo, Simulation, Snapshot, Solver, Stabilization, StateMisfit,
+    StateRows, Status, StepInputs, Transfer, WorstRow,
 };
 
 const RADIUS: f64 = 0.1;
@@ -327,7 +328,6 @@ fn public_types_are_printed_cloned_and_compared() {
     cloned::<Simulation>();
     cloned::<Snapshot<'_>>();
     cloned::<StepInputs<'_>>();
-    cloned::<Kinks>();
     cloned::<(ModelBuilder, BodyBuilder, GeomBuilder, JointBuilder, ActuatorBuilder, EqualityBuilder, TendonBuilder)>();
     compared::<(Error, ModelError, StateMisfit)>();
     compared::<(Model, Description, JointPlace, SensorPlace, Keyframe, Parameter, SensorKind)>();

@@ -4,7 +4,8 @@ use numpy::{IntoPyArray, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use stepper_core::{DerivativeQuery, DerivativeRows, Precision, StatePart};
+use stepper_core::Precision;
+use stepper_derivative::{DerivativeQuery, DerivativeRows, StatePart, differentiate};
 
 use crate::array::{array, readonly};
 use crate::error::value_error;
@@ -51,7 +52,7 @@ impl Stepper {
             state: [&mut q, &mut v, &mut act],
         };
         let simulation = &mut slf.simulation;
-        py.detach(|| simulation.differentiate(ctrl, &query, answer)).map_err(value_error)?;
+        py.detach(|| differentiate(simulation, ctrl, &query, answer)).map_err(value_error)?;
         let out = PyDict::new(py);
         let numbers = |shape: &[usize], data| array(py, shape, data, Precision::F64);
         out.set_item("slopes", numbers(&[n, rows, columns], slopes)?)?;

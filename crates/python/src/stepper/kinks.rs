@@ -2,7 +2,7 @@
 
 use numpy::{IntoPyArray, PyArray1, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use stepper_core::PerturbedCopies;
+use stepper_derivative::{PerturbedCopies, find_kinks};
 
 use crate::array::readonly;
 use crate::error::value_error;
@@ -43,7 +43,7 @@ impl Stepper {
             smooth_at_rest,
             tolerance,
         };
-        let kinks = slf.simulation.find_kinks(&copies).map_err(value_error)?;
+        let kinks = find_kinks(&slf.simulation, &copies).map_err(value_error)?;
         let environments = kinks.distance.len();
         let causes = PyArray1::from_vec(py, kinks.causes).reshape([environments, columns])?;
         Ok((causes.into_any(), kinks.distance.into_pyarray(py)))

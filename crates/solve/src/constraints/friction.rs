@@ -369,8 +369,12 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     #[inline(always)]
     pub(crate) fn take_impulse(&self, i: usize, lanes: R::Mask, impulses: &mut [[R; N]], w: &mut [R]) -> [R; N] {
         let before = impulses[i];
-        self.add(&self.rows.items[i], before.map(|x| -masked(lanes, x)), w);
-        impulses[i] = before.map(|x| R::select(lanes, R::zero(), x));
+        let mut change = before;
+        for (change, impulse) in change.iter_mut().zip(&mut impulses[i]) {
+            *change = -masked(lanes, *impulse);
+            *impulse = R::select(lanes, R::zero(), *impulse);
+        }
+        self.add(&self.rows.items[i], change, w);
         before
     }
 

@@ -321,13 +321,18 @@ impl<R: Real> NoSlip<R> {
                     self.visit_contacts(problem, visits, a);
                 },
             );
-            let tolerance = R::splat(effort.tolerance);
-            for ((running, improvement), &inertia) in self.running[..self.count].iter_mut().zip(&mut self.improvement).zip(&self.inertia[1])
-            {
-                // This form ends the island at a NaN.
-                *running &= improvement.ge(tolerance * inertia).bits();
-                *improvement = R::zero();
-            }
+            R::vectorize(
+                #[inline(always)]
+                || {
+                    let tolerance = R::splat(effort.tolerance);
+                    let Self { running, improvement, inertia, count, .. } = self;
+                    for ((running, improvement), &inertia) in running[..*count].iter_mut().zip(improvement).zip(&inertia[1]) {
+                        // This form ends the island at a NaN.
+                        *running &= improvement.ge(tolerance * inertia).bits();
+                        *improvement = R::zero();
+                    }
+                },
+            );
         }
         sweeps
     }
@@ -609,10 +614,10 @@ fn minimise_in_ball<R: Real, const N: usize>(matrix: &[[R; N]; N], b: &[R; N], r
     }
     let bound = multiplier.gt(R::zero()).or((square - ball).ge(enough));
     let scale = R::select(bound, (ball / square.max(R::of(LEAST_FORCE))).sqrt(), R::one());
-    x.map(
-        #[inline(always)]
-        |x| R::select(regular, x * scale, R::zero()),
-    )
+    for x in &mut x {
+        *x = R::select(regular, *x * scale, R::zero());
+    }
+    x
 }
 
 /// Lanes in which the matrix can be inverted.

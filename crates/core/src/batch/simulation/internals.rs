@@ -9,7 +9,7 @@ use crate::batch::worker::WorkerMakers;
 use crate::compile::LaneModel;
 use crate::math::precision::Precision;
 use crate::model::Model;
-use crate::options::{Options, StepSettings};
+use crate::options::Options;
 
 impl Simulation {
     /// Simulation on a given CPU level of this machine, whatever the environment variable selects. The ranges of the options are not
@@ -34,12 +34,6 @@ impl Simulation {
     #[doc(hidden)]
     pub fn set_workers(&mut self, makers: &WorkerMakers) {
         self.engine_mut().set_workers(makers);
-    }
-
-    /// Settings in force.
-    #[doc(hidden)]
-    pub fn settings(&self) -> &StepSettings {
-        self.engine.settings()
     }
 
     /// Fills the buffers of each step with NaN, so that the environment diverges if a step reads a number before it has computed it.

@@ -134,7 +134,14 @@ impl<R: Real> ContactLaw<R> {
 
     /// Weights in the matrix of a discrete step. All rows of a contact use that of its first.
     #[inline(always)]
-    fn in_metric<const N: usize>(&self, input: SoftInput<'_, R>, cone: Cone, support: &[u32], column: &[V3<R>], weight: [R; N]) -> [R; N] {
+    fn in_metric<const N: usize>(
+        &self,
+        input: SoftInput<'_, R>,
+        cone: Cone,
+        support: &[u32],
+        column: &[V3<R>],
+        mut weight: [R; N],
+    ) -> [R; N] {
         let Some(effective) = input.effective else { return weight };
         let slope = match cone {
             Cone::Elliptic => R::zero(),
@@ -146,10 +153,10 @@ impl<R: Real> ContactLaw<R> {
             |d| column[d][0] + slope * column[d][1],
         );
         let mobility = R::select(self.spring_weight.gt(R::zero()), R::one(), mobility);
-        weight.map(
-            #[inline(always)]
-            |weight| in_metric(weight, mobility),
-        )
+        for weight in &mut weight {
+            *weight = in_metric(*weight, mobility);
+        }
+        weight
     }
 }
 

@@ -23,10 +23,13 @@ impl<R: Real> Assembler<'_, R> {
     pub(super) fn add_soft_equalities(&mut self, input: SoftInput<'_, R>, system: &mut SoftSystem<R>) {
         for (k, block) in input.row.compiled.equalities.iter().enumerate() {
             if self.problem.active_equalities.has_rows(k) {
-                block.equalities.iter().for_each(
-                    #[inline(always)]
-                    |equality| self.add_soft_equality(input, equality, system),
-                );
+                for equality in &block.equalities {
+                    // A separate kernel, because few models have equalities.
+                    R::vectorize(
+                        #[inline(always)]
+                        || self.add_soft_equality(input, equality, system),
+                    );
+                }
             }
         }
     }

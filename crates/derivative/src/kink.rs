@@ -1,18 +1,18 @@
 //! Flags of kinks near a step, as Python's `stepper.derivatives.Kink` has them.
 
 /// Contacts that push in one step and not in the other.
-pub(crate) const CONTACT: u32 = 1;
+pub const CONTACT: u32 = 1;
 /// Contacts that stick in one step and slip in the other.
-pub(crate) const SLIP: u32 = 2;
+pub const SLIP: u32 = 2;
 /// Contacts or limits that are open in one step and overlap in the other.
-pub(crate) const GAP: u32 = 4;
+pub const GAP: u32 = 4;
 /// Joints that are at a limit in one step only.
-pub(crate) const LIMIT: u32 = 8;
+pub const LIMIT: u32 = 8;
 /// Joints that dry friction holds in one step only.
-pub(crate) const DRY_FRICTION: u32 = 16;
+pub const DRY_FRICTION: u32 = 16;
 /// Actuators at the bound of their effort.
-pub(crate) const SATURATION: u32 = 32;
+pub const SATURATION: u32 = 32;
 /// Slopes that differ between the two sides.
-pub(crate) const SLOPE: u32 = 64;
+pub const SLOPE: u32 = 64;
 /// Step that was not solved, not finite, or too long for its motion.
-pub(crate) const UNSOLVED: u32 = 128;
+pub const UNSOLVED: u32 = 128;

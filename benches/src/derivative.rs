@@ -1,0 +1,73 @@
+//! Derivatives of a step of a scene's environments, by the state and the controls.
+
+use stepper_core::{Level, Precision, Simulation};
+use stepper_derivative::{DerivativeQuery, DerivativeRows, StatePart, differentiate};
+
+use crate::clock::Run;
+use crate::episode::Episode;
+use crate::scenes::Scene;
+
+/// Columns of the derivatives.
+const PARTS: [StatePart; 3] = [StatePart::Qpos, StatePart::Qvel, StatePart::Ctrl];
+/// Displacements of a coordinate, of which central differences are made.
+const OFFSETS: [f64; 2] = [1e-6, -1e-6];
+/// Residual to which the step is solved, m/s: that of Python's `linearize`.
+const TOLERANCE: f64 = 1e-12;
+
+/// Derivatives of one step of some environments.
+pub struct Derivatives {
+    simulation: Simulation,
+    ctrl: Vec<f64>,
+    offsets: Vec<f64>,
+    slopes: Vec<f64>,
+    causes: Vec<u32>,
+    /// Distances to the nearest kinks, and residuals.
+    numbers: [Vec<f64>; 2],
+    sound: Vec<u8>,
+    status: Vec<u32>,
+    state: [Vec<f64>; 3],
+}
+
+impl Derivatives {
+    /// Derivatives at the states that `count` environments of a scene have after its warm-up.
+    pub fn new(scene: &Scene, count: usize, level: Level) -> Self {
+        let simulation = Episode::new(scene, 0, count, Precision::F64, level).into_simulation();
+        let model = simulation.model();
+        let [nq, nv, na, nu] = [model.nq(), model.nv(), model.na(), model.nu()];
+        let columns = 2 * nv + nu;
+        let offsets = (0..count).flat_map(|_| OFFSETS).flat_map(|offset| std::iter::repeat_n(offset, columns)).collect();
+        Self {
+            ctrl: simulation.ctrl().to_vec(),
+            offsets,
+            slopes: vec![0.0; count * (2 * nv + na) * columns],
+            causes: vec![0; count * columns],
+            numbers: [(); 2].map(|()| vec![0.0; count]),
+            sound: vec![0; count],
+            status: vec![0; count],
+            state: [nq, nv, na].map(|width| vec![0.0; count * width]),
+            simulation,
+        }
+    }
+
+    /// Whether all environments have a derivative.
+    pub fn are_sound(&self) -> bool {
+        self.sound.iter().all(|&sound| sound == 1)
+    }
+}
+
+impl Run for Derivatives {
+    /// The simulation keeps its state.
+    fn rewind(&mut self) {}
+
+    fn run(&mut self) {
+        let Self { simulation, ctrl, offsets, slopes, causes, numbers: [distance, residual], sound, status, state } = self;
+        let query = DerivativeQuery { parts: &PARTS, offsets, points: OFFSETS.len(), tolerance: TOLERANCE };
+        let state = state.each_mut().map(|part| &mut part[..]);
+        let rows = DerivativeRows { slopes, causes, distance, sound, residual, status, state };
+        differentiate(simulation, ctrl, &query, rows).expect("arrays of the right lengths");
+    }
+
+    fn environment_steps(&self) -> u64 {
+        self.simulation.num_envs() as u64
+    }
+}

@@ -1,0 +1,48 @@
+//! Visits of the step of every group of environments.
+
+use stepper_real::{Real, at_avx512, at_level};
+
+use crate::batch::inputs::StepInputs;
+use crate::batch::simulation::{Error, Simulation};
+use crate::batch::stepping::LentStep;
+use crate::error::check_length;
+use crate::group_step::{GroupStep, GroupVisitor, StepSettings};
+use crate::math::precision::Precision;
+
+impl Simulation {
+    /// Calls the visitor with the step of every group of environments, from the present state with the controls `ctrl`, (num_envs, nu). The
+    /// step is solved to `tolerance`, m/s. The environments keep their state.
+    ///
+    /// The worker threads call the visitor. Errors of sensors have no part in the step.
+    ///
+    /// # Errors
+    /// [`Error::Option`] in 32 bits and with actuator dynamics, [`Error::Length`] for controls of the wrong length, [`Error::Threads`] when
+    /// threads cannot be started.
+    pub fn visit_groups<V: GroupVisitor>(&mut self, ctrl: &[f64], tolerance: f64, visitor: &V) -> Result<(), Error> {
+        let wrong = |name, found: &str, must| Err(Error::Option { name, found: found.to_owned(), must });
+        if self.precision == Precision::F32 {
+            return wrong("precision", "f32", "f64 for Simulation::visit_groups");
+        }
+        if self.actuator_models.is_some() {
+            return wrong("actuators", "drives with a memory", "none for Simulation::visit_groups; finite differences take all");
+        }
+        check_length("ctrl", ctrl.len(), self.num_envs * self.model.nu())?;
+        let inputs = StepInputs { ctrl, ..self.applied.complete(&StepInputs::default()) };
+        self.engine.lend_steps(&inputs, tolerance, &|lent| match lent.lanes {
+            1 => at_level!(lent.level, F64x1, visit(lent, visitor)),
+            16 => at_avx512!(F64x16, visit(lent, visitor)),
+            _ => at_level!(lent.level, F64Lanes, visit(lent, visitor)),
+        })
+    }
+
+    /// Settings of a step in force.
+    pub fn settings(&self) -> &StepSettings {
+        self.engine.settings()
+    }
+}
+
+fn visit<R: Real<Scalar = f64>>(lent: LentStep<'_>, visitor: &impl GroupVisitor) {
+    let LentStep { first, step, .. } = lent;
+    let step = step.downcast_mut::<GroupStep<R>>().expect("a group has the lanes of its level");
+    visitor.visit(step, first);
+}

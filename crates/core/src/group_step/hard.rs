@@ -1,0 +1,299 @@
+//! Evaluation of stages 1 to 8 with hard contact, with impulses that a rule sets in place of the solver.
+
+use stepper_real::{Mask, Real, Scalar};
+use stepper_solve::Settings;
+use stepper_solve::newton::Newton;
+
+use crate::collision::contact_set::{Contacts, Slot};
+use crate::compile::{ActuatorParams, LaneModel};
+use crate::constraints::restitution::any_elastic;
+use crate::constraints::solved_overlaps::limit_gap;
+use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
+use crate::dynamics::kinematics::{advance, displace};
+use crate::group_step::rule::{ConstraintNames, ImpulseProblem, ImpulseRule, NominalEvaluation, Prediction, Solve};
+use crate::integrators::assemble::assemble_problem;
+use crate::integrators::free_motion::recompute_free_motion;
+use crate::integrators::locate::locate;
+use crate::integrators::positions::integrate_positions;
+use crate::integrators::predict::correct_free_velocity;
+use crate::integrators::recomputed::Recomputed;
+use crate::integrators::scheme;
+use crate::integrators::scheme::Scheme;
+use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
+use crate::integrators::workspace::Workspace;
+use crate::math::lanes::each_of;
+use crate::options::{Stabilization, StepSettings};
+use crate::probe::NoProbe;
+use crate::stages::s04_assemble::shift_targets;
+use crate::stages::s05_solve::{fastest, is_estimated};
+use crate::stages::s06_integrate_velocity::integrate_velocity;
+use crate::stages::s08_stabilise::{PositionInput, damp_rows, find_correction};
+
+/// Nominal step with hard contact.
+#[derive(Clone, Debug)]
+pub(super) struct HardNominal<R: Real> {
+    /// Contacts of the step.
+    contacts: Contacts<R>,
+    /// Gaps of the step's joint limits, negative beyond the end of a range, rad or m; NaN for limits that do not push.
+    limits: Vec<R>,
+    /// Velocity that the step expected.
+    v_expected: Vec<R>,
+    /// Lanes (bits) with a position correction.
+    corrected: u32,
+    /// Whether a second solution corrects the positions.
+    split: bool,
+    /// Largest ratio of the position correction to its bounds in the last evaluation; 0 in lanes without a correction.
+    correction: R,
+    /// Free velocity of the present rows.
+    v_free: Vec<R>,
+    change: Vec<R>,
+    /// Scheme of the step, with the evaluation time of each lane.
+    scheme: Scheme<R>,
+}
+
+/// Treatment of the problems of an evaluation.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Pass {
+    /// The step's solver solves them.
+    Nominal,
+    /// The rule sets their impulses.
+    Displaced,
+}
+
+impl<R: Real> HardNominal<R> {
+    pub(super) fn new(compiled: &LaneModel<R>, options: &StepSettings, max_contacts: usize) -> Self {
+        let zeros = || vec![R::zero(); compiled.nv];
+        Self {
+            contacts: Contacts::new(max_contacts).with_torques(compiled.has_rolling_friction),
+            limits: vec![R::of(f64::NAN); compiled.limits.len()],
+            v_expected: zeros(),
+            corrected: 0,
+            split: options.stabilization == Stabilization::Split,
+            correction: R::zero(),
+            v_free: zeros(),
+            change: zeros(),
+            scheme: scheme(options),
+        }
+    }
+
+    /// Stores the solution of the step that was just made.
+    pub(super) fn keep(&mut self, compiled: &LaneModel<R>, s: &Workspace<R>) {
+        // The step has moved its contacts to the state.
+        self.contacts.clone_from(&s.state.contacts);
+        self.v_expected.copy_from_slice(&s.free_motion.v_expected);
+        for (i, (gap, impulse)) in self.limits.iter_mut().zip(&s.velocity.scalar_impulse).enumerate() {
+            *gap = R::select(impulse.gt(R::zero()), limit_gap(compiled, i, &s.evaluation.q), R::of(f64::NAN));
+        }
+    }
+
+    /// Compares the evaluation at the nominal state with the nominal step.
+    pub(super) fn compare(&self, compiled: &LaneModel<R>, s: &Workspace<R>) -> NominalEvaluation<R> {
+        // A bouncing contact has other impulses in the position solve, or none.
+        let mut bouncing = s.problem.rebounding.or(s.problem.bouncing()).bits();
+        let prediction = self.scheme.corrects.then(|| {
+            // The time of an impact is found by iteration, to a fraction of the step.
+            bouncing |= s.evaluation.impacts.lanes.bits();
+            Prediction {
+                drives_forces: depends_on_prediction(compiled),
+                solved: is_estimated(&s.state.v, self.scheme.h).bits(),
+                difference: self.prediction_difference(&s.free_motion.v_expected),
+                motion: self.scheme.h * fastest(&s.state.v),
+            }
+        });
+        NominalEvaluation { bouncing, correction: self.correction, prediction }
+    }
+
+    /// Largest difference of an expected velocity from that of the nominal step; NaN if any is NaN.
+    fn prediction_difference(&self, v_expected: &[R]) -> R {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                let mut apart = R::zero();
+                for (&kept, &now) in self.v_expected.iter().zip(v_expected) {
+                    // This form propagates a NaN.
+                    apart = R::select((kept - now).abs().le(apart), apart, (kept - now).abs());
+                }
+                apart
+            },
+        )
+    }
+
+    /// Calls `see` with the gaps of contacts and limits that push in the nominal step, in the lanes `lanes` (bits).
+    pub(super) fn each_gap(&self, compiled: &LaneModel<R>, s: &Workspace<R>, lanes: u32, see: &mut impl FnMut(bool, R, R, u32)) {
+        let there = &s.evaluation.contacts;
+        for lane in each_of(lanes) {
+            for k in 0..self.contacts.count[lane] {
+                let Slot { point, impulse, .. } = &self.contacts.data[k];
+                let found = there.find(lane, k, self.contacts.ids[k][lane]);
+                if let Some(j) = found.filter(|_| impulse[0].lane(lane).to_f64() > 0.0) {
+                    see(false, point.distance, there.data[j].point.distance, 1 << lane);
+                }
+            }
+        }
+        for (i, &gap) in self.limits.iter().enumerate() {
+            let pushing = R::vectorize(
+                #[inline(always)]
+                || gap.eq(gap).bits(),
+            );
+            // Few limits push.
+            if lanes & pushing != 0 {
+                see(true, gap, limit_gap(compiled, i, &s.evaluation.q), lanes & pushing);
+            }
+        }
+    }
+
+    /// Stages 1 to 8 from the present state.
+    pub(super) fn evaluate(
+        &mut self,
+        compiled: &LaneModel<R>,
+        options: &StepSettings,
+        s: &mut Workspace<R>,
+        recomputed: Recomputed,
+        pass: Pass,
+        rule: &mut dyn ImpulseRule<R>,
+    ) {
+        let Workspace { state, inputs, evaluation, free_motion: free, problem, builder, velocity, position, alive, .. } = s;
+        let input = StepInput { compiled, options, state, inputs, alive: *alive };
+        match recomputed {
+            Recomputed::Configuration => {
+                evaluation.poses.begin();
+                locate(input, evaluation, free, NoProbe);
+                self.scheme = evaluation.scheme;
+                evaluation.match_contacts(compiled, &mut state.contacts);
+                evaluation.contacts.follow_tangents(&self.contacts);
+            }
+            Recomputed::Velocity | Recomputed::Forces => recompute_free_motion(input, evaluation, free),
+        }
+        let place = Place { input: StepInput { compiled, options, state, inputs, alive: *alive }, evaluation };
+        if recomputed == Recomputed::Forces {
+            advance(&free.v, &self.v_free, -R::one(), &mut self.change);
+            shift_targets(compiled, &free.smooth.mass, problem, &mut self.change, None, R::Mask::splat(true));
+        } else {
+            // Stage 4 with the contacts of the step.
+            assemble_problem(place, free, problem, velocity, builder, NoProbe);
+            problem.activate_matching(velocity, &evaluation.contacts, &self.contacts);
+        }
+        if self.scheme.corrects {
+            pass.find_step_impulses(Solve::Prediction, options, problem, velocity, &evaluation.contacts, rule);
+            correct_free_velocity(place, free, problem, velocity, NoProbe);
+        }
+        self.v_free.copy_from_slice(&free.v);
+        pass.find_step_impulses(Solve::Velocity, options, problem, velocity, &evaluation.contacts, rule);
+        integrate_velocity(compiled, &free.smooth.mass, &free.v, velocity);
+        integrate_positions(place, velocity, position, NoProbe);
+        if self.split {
+            self.correct_positions(place, free, problem, velocity, position, pass, rule);
+        }
+    }
+
+    /// Stage 8 with the impulses of `pass`.
+    #[expect(clippy::too_many_arguments, reason = "the values of a step, one by one")]
+    fn correct_positions(
+        &mut self,
+        place: Place<'_, R>,
+        free: &FreeMotion<R>,
+        problem: &ConstraintProblem<R>,
+        velocity: &mut VelocitySolution<R>,
+        position: &mut PositionSolution<R>,
+        pass: Pass,
+        rule: &mut dyn ImpulseRule<R>,
+    ) {
+        let Place { input: StepInput { compiled, options, .. }, evaluation: Evaluation { contacts, .. } } = place;
+        if pass == Pass::Nominal {
+            // Zero equality errors, which the step does not correct, are no longer zero at a displaced state.
+            let ConstraintProblem { needs_position_solve, constrained, .. } = problem;
+            self.corrected = if compiled.equalities.is_empty() { needs_position_solve.bits() } else { constrained.bits() };
+            self.correction = R::zero();
+        }
+        if self.corrected == 0 {
+            return;
+        }
+        position.copy_rows(problem);
+        position.v_free.copy_from_slice(&free.v);
+        let corrected = R::Mask::from_bits(self.corrected);
+        let (mass, h) = (&free.smooth.mass, self.scheme.h);
+        let rows = PositionInput { problem, mass, contacts, lanes: corrected, rebounding: problem.rebounding, h };
+        damp_rows(compiled, &rows, &velocity.impulses, position);
+        let VelocitySolution { impulses, newton, .. } = velocity;
+        let system = position.rows.system(&problem.rows);
+        let names = ConstraintNames { problem, contacts };
+        let one = ImpulseProblem { solve: Solve::Position, system, impulses, lanes: self.corrected, names };
+        pass.find_impulses(options, one, newton, corrected, rule);
+        let ratio = find_correction(compiled, options, &rows, velocity, position);
+        self.correction = R::select(corrected, ratio, R::zero());
+        displace(compiled, &position.q, &position.correction, h, &mut position.q_corrected);
+        R::vectorize(
+            #[inline(always)]
+            || {
+                for (q, &new) in position.q.iter_mut().zip(&position.q_corrected) {
+                    *q = R::select(corrected, new, *q);
+                }
+            },
+        );
+    }
+
+    /// Parts of the rows that must be recomputed for this displacement.
+    ///
+    /// All rows, if forces change the mass matrix, as implicit servos or drag do. Otherwise a change of velocities changes the free
+    /// velocity alone, unless targets depend on the velocity before the step.
+    pub(super) fn rows_by(&self, compiled: &LaneModel<R>, recomputed: Recomputed) -> Recomputed {
+        let plain = compiled.equalities.is_empty() && compiled.tendons.iter().all(|tendon| tendon.spring.is_none());
+        match recomputed {
+            _ if compiled.actuator_dynamics > 0 || compiled.lossy => Recomputed::Configuration,
+            Recomputed::Velocity if self.scheme.corrects => Recomputed::Configuration,
+            Recomputed::Forces if self.scheme.corrects && !compiled.servos.is_empty() => Recomputed::Configuration,
+            Recomputed::Velocity if plain && !compiled.has_contact_springs && !any_elastic(&self.contacts) => Recomputed::Forces,
+            Recomputed::Forces if any_elastic(&self.contacts) => Recomputed::Configuration,
+            recomputed => recomputed,
+        }
+    }
+}
+
+impl Pass {
+    /// Stage 5: impulses of the step, or of its prediction.
+    fn find_step_impulses<R: Real>(
+        self,
+        solve: Solve,
+        options: &StepSettings,
+        problem: &ConstraintProblem<R>,
+        velocity: &mut VelocitySolution<R>,
+        contacts: &Contacts<R>,
+        rule: &mut dyn ImpulseRule<R>,
+    ) {
+        let VelocitySolution { impulses, newton, .. } = velocity;
+        let (system, names) = ((&problem.rows).into(), ConstraintNames { problem, contacts });
+        let one = ImpulseProblem { solve, system, impulses, lanes: R::Mask::splat(true).bits(), names };
+        self.find_impulses(options, one, newton, problem.constrained, rule);
+    }
+
+    /// Impulses of a problem, with rows in the lanes `constrained`.
+    fn find_impulses<R: Real>(
+        self,
+        options: &StepSettings,
+        problem: ImpulseProblem<'_, R>,
+        newton: &mut Newton,
+        constrained: R::Mask,
+        rule: &mut dyn ImpulseRule<R>,
+    ) {
+        match self {
+            Self::Nominal => {
+                let [sweeps, newton_steps] = options.effort();
+                let tolerance = R::of(options.tolerance);
+                let settings = Settings { sweeps, newton_steps, tolerance, newton_threshold: tolerance };
+                let outcome = stepper_solve::solve(problem.system, problem.impulses, settings, constrained, newton);
+                rule.keep(problem, outcome.residual);
+            }
+            Self::Displaced => rule.set(problem),
+        }
+    }
+}
+
+/// Whether the predicted velocity matters even at rest. Inertial forces are quadratic in it, but drag and driving forces are not. Dampers
+/// are implicit.
+fn depends_on_prediction<R: Real>(compiled: &LaneModel<R>) -> bool {
+    let pushes = |k: usize| {
+        let ActuatorParams { gain, bias } = compiled.params.actuator(k);
+        gain[2].eq(R::zero()).and(bias[2].le(R::zero())).not().any()
+    };
+    !compiled.fluid.is_empty() || compiled.servos.iter().any(|servo| pushes(servo.actuator))
+}

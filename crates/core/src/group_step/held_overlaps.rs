@@ -1,0 +1,32 @@
+//! Overlaps of a solution, which displaced states keep while the step is evaluated near it.
+
+use stepper_real::Real;
+
+use crate::compile::LaneModel;
+use crate::constraints::solved_overlaps::SolvedOverlaps;
+use crate::integrators::workspace::Workspace;
+
+/// Overlaps of a solution; empty while rows follow them.
+#[derive(Clone, Debug)]
+pub(super) struct HeldOverlaps<R: Real>(Option<Box<SolvedOverlaps<R>>>);
+
+impl<R: Real> HeldOverlaps<R> {
+    /// Workspace for a compiled model.
+    pub(super) fn new(compiled: &LaneModel<R>, max_contacts: usize) -> Self {
+        Self(Some(Box::new(SolvedOverlaps::new(compiled, max_contacts))))
+    }
+
+    /// Makes rows follow the overlaps of the step that was just made, until they are released.
+    pub(super) fn hold(&mut self, compiled: &LaneModel<R>, s: &mut Workspace<R>) {
+        if let Some(mut overlaps) = self.0.take() {
+            // The step has moved its contacts to the state.
+            overlaps.keep(compiled, &s.state.contacts, &s.evaluation.q);
+            s.evaluation.solved_overlaps = Some(overlaps);
+        }
+    }
+
+    /// Makes rows follow the present overlaps again.
+    pub(super) fn release(&mut self, s: &mut Workspace<R>) {
+        self.0 = s.evaluation.solved_overlaps.take().or_else(|| self.0.take());
+    }
+}

@@ -1,0 +1,29 @@
+//! Step of a group of environments, lent to crates that evaluate it again near its solution, as derivatives do.
+//!
+//! [`Simulation::visit_groups`](crate::Simulation::visit_groups) calls a [`GroupVisitor`] on the worker threads, once for every group of
+//! environments that share the lanes of a SIMD type. The visitor uses the group's [`GroupStep`] in this order:
+//!
+//! 1. [`GroupStep::solve`] makes the step. The state before it is the nominal state from then on.
+//! 2. [`GroupStep::evaluate_nominal`] runs stages 1 to 8 again at the nominal state, and shows every problem with its solution to an
+//!    [`ImpulseRule`].
+//! 3. [`GroupStep::displace`] changes one coordinate of the state. [`GroupStep::evaluate`] runs stages 1 to 8 there, with impulses that the
+//!    rule sets in place of the solver, and [`GroupStep::change`] returns the difference of the outcome.
+//! 4. [`GroupStep::finish`] ends the evaluations.
+//!
+//! The loops of the step run in `solve` alone. Contacts are active in an evaluation if they are contacts of the solved step. Contacts and
+//! limits stay on the side of zero on which the solution has them, so that their target velocities have no corner at zero.
+//!
+//! The crate `stepper-derivative` differentiates steps with this module.
+
+mod group;
+mod hard;
+mod held_overlaps;
+mod nominal;
+mod rule;
+
+pub(crate) use group::GroupFunctions;
+pub use group::{GroupStep, GroupVisitor};
+pub use rule::{ConstraintNames, Gap, ImpulseProblem, ImpulseRule, NominalEvaluation, Prediction, Solve, SolvedStep, StatePart};
+
+pub use crate::integrators::recomputed::Recomputed;
+pub use crate::options::StepSettings;

@@ -1,0 +1,218 @@
+//! Nominal step of a group, and evaluations near it.
+
+use stepper_real::{Mask, Real, Scalar};
+
+use crate::compile::LaneModel;
+use crate::dynamics::kinematics::{displace, quat_at};
+use crate::group_step::hard::{HardNominal, Pass};
+use crate::group_step::held_overlaps::HeldOverlaps;
+use crate::group_step::rule::{Gap, ImpulseRule, NominalEvaluation, SolvedStep, StatePart};
+use crate::integrators::devices::Devices;
+use crate::integrators::mujoco;
+use crate::integrators::recomputed::Recomputed;
+use crate::integrators::step_values::{Evaluation, State};
+use crate::integrators::workspace::Workspace;
+use crate::math::lanes::{MAX_LANES, each_of};
+use crate::math::spatial::*;
+use crate::model::JointKind;
+use crate::options::{ContactLaw, StepSettings};
+use crate::probe::NoProbe;
+use crate::step::step;
+
+/// State before and after the nominal step, with the parts of its solution that evaluations keep.
+#[derive(Clone, Debug)]
+pub(super) struct Nominal<R: Real> {
+    /// Configuration, velocity, activations and controls before the step.
+    before: [Vec<R>; 4],
+    /// Configuration, velocity and activations after the step.
+    pub(super) after: [Vec<R>; 3],
+    pub(super) overlaps: HeldOverlaps<R>,
+    direction: Vec<R>,
+    law: Law<R>,
+}
+
+/// Solution, by contact law.
+#[derive(Clone, Debug)]
+enum Law<R: Real> {
+    Hard(Box<HardNominal<R>>),
+    /// Acceleration of the solution of MuJoCo's law.
+    Mujoco(Vec<R>),
+}
+
+impl<R: Real> Nominal<R> {
+    pub(super) fn new(compiled: &LaneModel<R>, options: &StepSettings, max_contacts: usize) -> Self {
+        let zeros = |n: usize| vec![R::zero(); n];
+        let [nq, nv, na] = [compiled.nq, compiled.nv, compiled.na];
+        Self {
+            before: [nq, nv, na, compiled.actuators.len()].map(zeros),
+            after: [nq, nv, na].map(zeros),
+            overlaps: HeldOverlaps::new(compiled, max_contacts),
+            direction: zeros(nv),
+            law: match options.contact {
+                ContactLaw::Hard => Law::Hard(Box::new(HardNominal::new(compiled, options, max_contacts))),
+                ContactLaw::Mujoco => Law::Mujoco(zeros(nv)),
+            },
+        }
+    }
+
+    /// Stores the state and the controls before the step.
+    fn store_beginning(&mut self, s: &Workspace<R>) {
+        for (kept, now) in self.before.iter_mut().zip([&s.state.q, &s.state.v, &s.state.act, &s.inputs.ctrl]) {
+            kept.copy_from_slice(now);
+        }
+    }
+
+    /// Restores the state and the controls before the step.
+    fn return_to_beginning(&self, s: &mut Workspace<R>) {
+        let State { q, v, act, .. } = &mut s.state;
+        for (to, kept) in [q, v, act, &mut s.inputs.ctrl].into_iter().zip(&self.before) {
+            to.copy_from_slice(kept);
+        }
+    }
+
+    /// Stores the solution of the step that was just made, and prepares the workspace for evaluations.
+    fn keep(&mut self, compiled: &LaneModel<R>, s: &mut Workspace<R>) {
+        for (kept, now) in self.after.iter_mut().zip([&s.state.q, &s.state.v, &s.state.act]) {
+            kept.copy_from_slice(now);
+        }
+        match &mut self.law {
+            Law::Hard(hard) => hard.keep(compiled, s),
+            Law::Mujoco(solution) => {
+                if let Some(system) = &mut s.problem.soft {
+                    solution.copy_from_slice(&system.acceleration);
+                    system.settle(compiled, &s.free_motion.smooth.mass, &s.free_motion.smooth.acc);
+                }
+            }
+        }
+        self.return_to_beginning(s);
+        self.overlaps.hold(compiled, s);
+    }
+
+    /// Makes the step and stores its solution.
+    pub(super) fn solve(&mut self, compiled: &LaneModel<R>, settings: &StepSettings, s: &mut Workspace<R>) -> SolvedStep<R> {
+        self.store_beginning(s);
+        let elapsed = s.state.elapsed;
+        let mut devices = Devices { group: 0, actuators: None, sensors: None };
+        let record = step(compiled, settings, s, &mut devices, NoProbe);
+        s.state.elapsed = elapsed;
+        self.keep(compiled, s);
+        let mut statuses = [0; MAX_LANES];
+        record.add_flags(&mut statuses);
+        let broken = record.non_finite.or(record.infeasible).or(record.unresolved).bits() | record.contacts_full;
+        SolvedStep { residual: record.residual, statuses, complete: s.alive.bits() & !broken }
+    }
+
+    /// Evaluates the nominal step again, with its problems solved.
+    pub(super) fn evaluate_nominal(
+        &mut self,
+        compiled: &LaneModel<R>,
+        settings: &StepSettings,
+        s: &mut Workspace<R>,
+        rule: &mut dyn ImpulseRule<R>,
+    ) -> NominalEvaluation<R> {
+        match &mut self.law {
+            Law::Hard(hard) => {
+                hard.evaluate(compiled, settings, s, Recomputed::Configuration, Pass::Nominal, rule);
+                hard.compare(compiled, s)
+            }
+            Law::Mujoco(_) => NominalEvaluation { bouncing: 0, correction: R::zero(), prediction: None },
+        }
+    }
+
+    /// Evaluates the step at the present state. Returns whether contacts and rows were recomputed.
+    pub(super) fn evaluate(
+        &mut self,
+        compiled: &LaneModel<R>,
+        settings: &StepSettings,
+        s: &mut Workspace<R>,
+        recomputed: Recomputed,
+        rule: &mut dyn ImpulseRule<R>,
+    ) -> bool {
+        let recomputed = match &mut self.law {
+            Law::Hard(hard) => {
+                let recomputed = hard.rows_by(compiled, recomputed);
+                hard.evaluate(compiled, settings, s, recomputed, Pass::Displaced, rule);
+                recomputed
+            }
+            Law::Mujoco(solution) => {
+                if recomputed == Recomputed::Configuration {
+                    s.evaluation.poses.begin();
+                }
+                mujoco::respond_step(compiled, settings, s, solution, recomputed);
+                recomputed
+            }
+        };
+        self.return_to_beginning(s);
+        recomputed == Recomputed::Configuration
+    }
+
+    /// Displaces one coordinate of the state.
+    pub(super) fn displace(&mut self, compiled: &LaneModel<R>, s: &mut Workspace<R>, part: StatePart, i: usize, offset: R) {
+        let Self { before, direction, .. } = self;
+        match part {
+            StatePart::Qpos => {
+                direction[i] = R::one();
+                displace(compiled, &before[0], direction, offset, &mut s.state.q);
+                direction[i] = R::zero();
+            }
+            StatePart::Qvel => s.state.v[i] = before[1][i] + offset,
+            StatePart::Act => s.state.act[i] = before[2][i] + offset,
+            StatePart::Ctrl => s.inputs.ctrl[i] = before[3][i] + offset,
+        }
+    }
+
+    /// Computes the displacement from the nominal outcome to that of the last evaluation.
+    pub(super) fn change(&self, compiled: &LaneModel<R>, s: &Workspace<R>, out: &mut [R]) {
+        let after = &self.after;
+        assert_eq!(out.len(), 2 * compiled.nv + compiled.na, "a change has the coordinates of the state");
+        R::vectorize(
+            #[inline(always)]
+            || {
+                let (moved, rates) = out.split_at_mut(compiled.nv);
+                for joint in &compiled.joints {
+                    let turn = match joint.kind {
+                        JointKind::Free => Some(3),
+                        JointKind::Ball => Some(0),
+                        JointKind::Slide | JointKind::Hinge => None,
+                    };
+                    for k in 0..turn.unwrap_or(1) {
+                        moved[joint.v + k] = s.position.q[joint.q + k] - after[0][joint.q + k];
+                    }
+                    if let Some(k) = turn {
+                        let [w, x, y, z] = quat_at(&after[0], joint.q + k);
+                        let turned = quat_log(quat_mul([w, -x, -y, -z], quat_at(&s.position.q, joint.q + k)));
+                        moved[joint.v + k..joint.v + k + 3].copy_from_slice(&turned);
+                    }
+                }
+                let pairs = s.velocity.v.iter().chain(&s.position.act).zip(after[1].iter().chain(&after[2]));
+                for (rate, (&next, &after)) in rates.iter_mut().zip(pairs) {
+                    *rate = next - after;
+                }
+            },
+        )
+    }
+
+    /// Calls `see` with the gaps at the last evaluation. Returns the lanes of `lanes` (bits) that have all overlaps of the solution.
+    pub(super) fn gaps(&self, compiled: &LaneModel<R>, s: &Workspace<R>, lanes: u32, see: &mut dyn FnMut(Gap)) -> u32 {
+        let mut pair = |is_limit: bool, nominal: R, displaced: R, lanes: u32| {
+            for lane in each_of(lanes) {
+                let [nominal, displaced] = [nominal, displaced].map(|gap| gap.lane(lane).to_f64());
+                see(Gap { lane, is_limit, nominal, displaced });
+            }
+        };
+        match &self.law {
+            Law::Hard(hard) => {
+                hard.each_gap(compiled, s, lanes, &mut pair);
+                lanes
+            }
+            Law::Mujoco(_) => {
+                let Some(overlaps) = &s.evaluation.solved_overlaps else { return lanes };
+                let Evaluation { contacts, q, .. } = &s.evaluation;
+                overlaps.each_gap(compiled, contacts, q, |is_limit, nominal, displaced, there| {
+                    pair(is_limit, nominal, displaced, lanes & there)
+                });
+                overlaps.found(contacts, lanes)
+            }
+        }
+    }
+}

@@ -1,0 +1,81 @@
+//! Derivatives of a step at the modes of its solution, of all environments at once.
+
+use std::sync::{Mutex, PoisonError};
+
+use stepper_core::group_step::{GroupStep, GroupVisitor, StatePart, StepSettings};
+use stepper_core::{ContactLaw, Error, Integrator, Simulation};
+use stepper_real::Real;
+
+use crate::rows::{DerivativeQuery, DerivativeRows, check_length};
+use crate::step_derivative::StepDerivative;
+
+/// Differentiates the step from the present state with the controls `ctrl`, (num_envs, nu), by the implicit function theorem. The state
+/// stays the same.
+///
+/// # Errors
+/// [`Error::Option`] for settings without implicit derivatives, [`Error::Length`] for arrays of the wrong length, [`Error::Threads`]
+/// when threads cannot be started.
+pub fn differentiate(sim: &mut Simulation, ctrl: &[f64], query: &DerivativeQuery<'_>, rows: DerivativeRows<'_>) -> Result<(), Error> {
+    check_settings(sim)?;
+    let (n, model) = (sim.num_envs(), sim.model());
+    let [nq, nv, na, nu] = [model.nq(), model.nv(), model.na(), model.nu()];
+    let width = |part: &StatePart| match part {
+        StatePart::Qpos | StatePart::Qvel => nv,
+        StatePart::Act => na,
+        StatePart::Ctrl => nu,
+    };
+    let columns: usize = query.parts.iter().map(width).sum();
+    check_length("points of a column", query.points.clamp(1, 2), query.points)?;
+    check_length("ctrl", ctrl.len(), n * nu)?;
+    check_length("offsets", query.offsets.len(), n * query.points * columns)?;
+    check_length("slopes", rows.slopes.len(), n * (2 * nv + na) * columns)?;
+    check_length("causes", rows.causes.len(), n * columns)?;
+    for (name, found) in [("distance", rows.distance.len()), ("sound", rows.sound.len()), ("residual", rows.residual.len())] {
+        check_length(name, found, n)?;
+    }
+    check_length("status", rows.status.len(), n)?;
+    for (state, width) in rows.state.iter().zip([nq, nv, na]) {
+        check_length("state", state.len(), n * width)?;
+    }
+    let visitor = Differentiation { query: *query, rows: rows.environments(n).map(Mutex::new).collect() };
+    sim.visit_groups(ctrl, query.tolerance, &visitor)
+}
+
+/// Visitor that differentiates the step of each group.
+struct Differentiation<'a> {
+    query: DerivativeQuery<'a>,
+    /// Results of each environment. One group alone has an environment, so that no thread waits.
+    rows: Vec<Mutex<DerivativeRows<'a>>>,
+}
+
+impl GroupVisitor for Differentiation<'_> {
+    fn visit<R: Real<Scalar = f64>>(&self, step: &mut GroupStep<R>, first: usize) {
+        let own = self.rows.iter().skip(first).take(R::LANES);
+        let mut rows: Vec<_> = own.map(|rows| rows.lock().unwrap_or_else(PoisonError::into_inner)).collect();
+        let offsets = &self.query.offsets[first * (self.query.offsets.len() / self.rows.len())..];
+        let mut derivative = step.take_memory().unwrap_or_else(|| Box::new(StepDerivative::new(step)));
+        derivative.differentiate(step, &DerivativeQuery { offsets, ..self.query }, &mut rows);
+        step.store_memory(derivative);
+    }
+}
+
+/// Checks that the settings have implicit derivatives: the step must have one solution that determines all else.
+fn check_settings(sim: &Simulation) -> Result<(), Error> {
+    let StepSettings { contact, integrator, .. } = *sim.settings();
+    let wrong = |name, found: &str, must| Err(Error::Option { name, found: found.to_owned(), must });
+    let must = match (contact, integrator) {
+        (ContactLaw::Hard, Integrator::Euler | Integrator::Implicit | Integrator::Midpoint)
+        | (ContactLaw::Mujoco, Integrator::Euler | Integrator::ImplicitFast | Integrator::Implicit) => "",
+        (ContactLaw::Hard, _) => "midpoint, euler or implicit for stepper_derivative::differentiate; finite differences take all",
+        _ => "euler, implicitfast or implicit for stepper_derivative::differentiate; finite differences take all",
+    };
+    if !must.is_empty() {
+        return wrong("integrator", integrator.name(), must);
+    }
+    let noslip = sim.model().soft.noslip.iterations;
+    if contact == ContactLaw::Mujoco && noslip > 0 {
+        let must = "0 for stepper_derivative::differentiate, since the sweeps after the solution have no derivative here; finite differences take all";
+        return wrong("noslip_iterations", &noslip.to_string(), must);
+    }
+    Ok(())
+}

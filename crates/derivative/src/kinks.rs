@@ -1,0 +1,298 @@
+//! Kinks of a step, from the active sets of an environment and its perturbed copies.
+//!
+//! A step with contact is differentiable if all copies have the same active set. These are the contacts that push, stick and slip, the
+//! joints at their limits or held by dry friction, and the saturated actuators. Copies that differ have a kink between them. Its distance,
+//! in widths of the difference, follows to first order from numbers that are zero at a switch. Examples are a normal force, the margin to a
+//! bound of friction, and a gap.
+
+use std::cmp::Ordering;
+
+use stepper_core::model::Pair;
+use stepper_core::{Contact, ContactLaw, Error, Model, Parameter, Simulation, Status};
+
+use crate::kink::*;
+use crate::rows::check_length;
+
+/// Kinds of kinks with a list to compare.
+const LISTED: [u32; 6] = [CONTACT, SLIP, GAP, LIMIT, DRY_FRICTION, SATURATION];
+
+/// Normal force above which a contact counts as pushing, relative to the largest of the environment.
+const PUSHES: f64 = 1e-9;
+/// Distance of friction from its bound below which a contact counts as slipping, as a fraction of the bound. Solutions are on the bound to
+/// 1e-12.
+const SLIPS: f64 = 1e-6;
+/// Distance from the end of its range at which a joint counts as being at its limit, rad or m. The position solve of a step ends within
+/// 1e-7.
+const AT_LIMIT: f64 = 1e-6;
+/// Speed below which dry friction holds a joint, m/s or rad/s.
+const HELD: f64 = 1e-9;
+
+/// Perturbed copies of environments in a batch, and the inputs of their comparison besides the state.
+///
+/// Environment row e * count + k is copy k of environment e. Copy 0 is the environment. Copy 1 + side * columns + column is perturbed along
+/// a column, on one of at most two sides. Copies behind those are only compared.
+#[derive(Clone, Copy, Debug)]
+pub struct PerturbedCopies<'a> {
+    /// Copies of each environment.
+    pub count: usize,
+    /// Number of columns.
+    pub columns: usize,
+    /// Sides on which a column has a copy: 2, or 1.
+    pub sides: usize,
+    /// Whether both copies of a column are on one side, at one and two widths, (environments, columns).
+    pub one_sided: &'a [bool],
+    /// Places in qpos and qvel of the joints whose limits are read.
+    pub limited: &'a [[usize; 2]],
+    /// Ranges of these joints, (num_envs, joints, 2) or (joints, 2) for all.
+    pub ranges: &'a [f64],
+    /// Positions of these joints at which the step evaluated their limits, (num_envs, joints).
+    pub limit_positions: &'a [f64],
+    /// Degrees of freedom whose dry friction is read.
+    pub rubbing: &'a [usize],
+    /// Whether gaps and overlaps have the same target velocity.
+    pub smooth_at_rest: bool,
+    /// Residual above which a step counts as not solved, m/s.
+    pub tolerance: f64,
+}
+
+/// Kinks between the copies of environments.
+#[derive(Clone, Debug)]
+pub struct Kinks {
+    /// Flags of every column, (environments, columns), as Python's `stepper.derivatives.Kink` has them.
+    pub causes: Vec<u32>,
+    /// Distance to the nearest kink with a known distance, as a multiple of the finite difference's step; infinite without any.
+    pub distance: Vec<f64>,
+}
+
+/// Active set of one environment.
+#[derive(Clone, Debug, Default)]
+struct ActiveSet {
+    /// Indices of the active constraints, for each of [`LISTED`].
+    lists: [Vec<usize>; 6],
+    /// Numbers that are zero at a switch, NaN where there are none: three for every contact that pushes, then those of the joints.
+    contacts: Vec<[f64; 3]>,
+    joints: Vec<f64>,
+    unsolved: bool,
+}
+
+/// Compares copies of environments after a step.
+///
+/// # Errors
+/// [`Error::Length`] for an array of the wrong length; [`Error::Element`] for a degree of freedom that does not exist.
+pub fn find_kinks(sim: &Simulation, copies: &PerturbedCopies<'_>) -> Result<Kinks, Error> {
+    check_copies(sim, copies)?;
+    let PerturbedCopies { count, columns, sides, .. } = *copies;
+    let environments = sim.num_envs() / count;
+    let mut kinks = Kinks { causes: vec![0; environments * columns], distance: vec![f64::INFINITY; environments] };
+    let (mut nominal, mut copy) = (ActiveSet::default(), ActiveSet::default());
+    // Changes of the numbers from the nominal environment, of the copies at one or both sides of each column.
+    let mut first = vec![Vec::new(); columns];
+    for e in 0..environments {
+        read_active_set(sim, copies, e * count, &mut nominal);
+        let (causes, distance) = (&mut kinks.causes[e * columns..(e + 1) * columns], &mut kinks.distance[e]);
+        if nominal.unsolved {
+            causes.iter_mut().for_each(|cause| *cause |= UNSOLVED);
+        }
+        for k in 1..count {
+            let column = (k - 1) % columns;
+            read_active_set(sim, copies, e * count + k, &mut copy);
+            let differs = nominal.difference(&copy);
+            causes[column] |= differs | if copy.unsolved { UNSOLVED } else { 0 };
+            if differs != 0 {
+                // A switch between the copies is within their reach, whatever the first-order estimate from the nominal copy is.
+                *distance = distance.min(1.0);
+            }
+            let side = (k - 1) / columns;
+            if side + 1 < sides {
+                nominal.changes(&copy, &mut first[column]);
+            } else if side + 1 == sides {
+                let weights = match (sides, copies.one_sided[e * columns + column]) {
+                    (1, _) => [0.0, 1.0],
+                    (_, true) => [2.0, -0.5],
+                    (_, false) => [0.5, -0.5],
+                };
+                *distance = distance.min(nominal.widths(&first[column], &copy, weights));
+            }
+        }
+    }
+    Ok(kinks)
+}
+
+fn check_copies(sim: &Simulation, copies: &PerturbedCopies<'_>) -> Result<(), Error> {
+    let PerturbedCopies { count, columns, sides, one_sided, limited, ranges, limit_positions, rubbing, .. } = *copies;
+    let environments = sim.num_envs() / count.max(1);
+    check_length("copies", environments.saturating_mul(count), sim.num_envs())?;
+    let perturbed = sides.saturating_mul(columns);
+    if count > 1 && (perturbed == 0 || !(count - 1).is_multiple_of(perturbed)) {
+        let detail = format!(" for copies of {columns} columns on {sides} sides, a multiple of both");
+        return Err(Error::Length { name: "copies beside the nominal one", found: count - 1, must: perturbed, detail });
+    }
+    check_length("one_sided", one_sided.len(), environments * columns)?;
+    let shared = |found: usize, row: usize| if found == row { row } else { sim.num_envs() * row };
+    let row = 2 * limited.len();
+    check_length("ranges", ranges.len(), shared(ranges.len(), row))?;
+    check_length("limit_positions", limit_positions.len(), sim.num_envs() * limited.len())?;
+    let (nq, nv) = (sim.model().nq(), sim.model().nv());
+    let places = limited.iter().map(|&[q, _]| (q, nq)).chain(limited.iter().map(|&[_, v]| (v, nv)));
+    let beyond = places.chain(rubbing.iter().map(|&v| (v, nv))).find(|(found, count)| found >= count);
+    beyond.map_or(Ok(()), |(found, count)| Err(Error::Element { element: "degree of freedom", found, count }))
+}
+
+fn read_active_set(sim: &Simulation, copies: &PerturbedCopies<'_>, env: usize, out: &mut ActiveSet) {
+    out.clear();
+    let hard = sim.options().contact == ContactLaw::Hard;
+    let status = sim.status(env);
+    let harmful = Status::NON_FINITE | Status::CONTACTS_FULL | Status::UNRESOLVED | Status::INFEASIBLE;
+    let loose = sim.certificate(env).residual > copies.tolerance;
+    // The differences are made for steps with this residual, so that it does no harm, however small the tolerance was.
+    out.unsolved = status.intersects(harmful) || (loose && status.intersects(Status::NOT_CONVERGED));
+    read_contacts(sim, copies, env, hard, out);
+    read_joints(sim, copies, env, hard, out);
+    let [.., saturated] = &mut out.lists;
+    saturated.extend(sim.actuator_saturation(env).iter().enumerate().filter(|(_, n)| **n > 0).map(|(i, _)| i));
+}
+
+fn read_contacts(sim: &Simulation, copies: &PerturbedCopies<'_>, env: usize, hard: bool, out: &mut ActiveSet) {
+    let ActiveSet { lists: [pushes, slipping, gaps, ..], contacts: numbers, .. } = out;
+    let contacts = sim.contacts(env);
+    let largest = contacts.iter().map(|c| c.force[0]).fold(0.0, f64::max);
+    let friction = hard.then(|| contact_friction(sim, env));
+    for (i, c) in contacts.iter().filter(|c| c.force[0] > PUSHES * largest).enumerate() {
+        pushes.extend(c.geoms);
+        let Some(friction) = &friction else {
+            numbers.push([c.force[0], f64::NAN, f64::NAN]);
+            continue;
+        };
+        let slack = friction.slack(c);
+        let slips = slack < SLIPS * c.force[0];
+        slipping.extend(slips.then_some(i));
+        gaps.extend((!copies.smooth_at_rest && c.distance < 0.0).then_some(i));
+        let gap = if copies.smooth_at_rest { f64::NAN } else { c.distance };
+        numbers.push([c.force[0], if slips { f64::NAN } else { slack }, gap]);
+    }
+}
+
+fn read_joints(sim: &Simulation, copies: &PerturbedCopies<'_>, env: usize, hard: bool, out: &mut ActiveSet) {
+    let ActiveSet { lists: [_, _, gaps, limits, rubbing, _], joints: numbers, .. } = out;
+    let joints = copies.limited.len();
+    if joints > 0 {
+        let (q, ranges) = (sim.qpos(env), row_of(copies.ranges, env, 2 * joints));
+        for (i, (&[place, _], limit_position)) in copies.limited.iter().zip(&copies.limit_positions[env * joints..]).enumerate() {
+            for (side, sign) in [(0, 1.0), (1, -1.0)] {
+                let end = ranges[2 * i + side];
+                let (after, gap) = (sign * (q[place] - end), sign * (limit_position - end));
+                let held = if hard { after < AT_LIMIT } else { gap < 0.0 };
+                limits.extend(held.then_some(2 * i + side));
+                numbers.push(match (hard, copies.smooth_at_rest, held) {
+                    (false, ..) | (true, false, true) => gap,
+                    (true, true, true) => f64::NAN,
+                    (true, _, false) => after,
+                });
+                gaps.extend((hard && !copies.smooth_at_rest && held && gap < 0.0).then_some(usize::MAX - 2 * i - side));
+            }
+        }
+    }
+    if hard && !copies.rubbing.is_empty() {
+        let v = sim.qvel(env);
+        for &dof in copies.rubbing {
+            let held = v[dof].abs() < HELD;
+            rubbing.extend(held.then_some(dof));
+            numbers.push(if held { f64::NAN } else { v[dof] });
+        }
+    }
+}
+
+/// Friction of the contacts of one environment.
+struct ContactFriction<'a> {
+    model: &'a Model,
+    /// Per-environment numbers of geoms (ngeom, 3) and of pairs (npair, 3).
+    geoms: Option<&'a [f64]>,
+    pairs: Option<&'a [f64]>,
+}
+
+fn contact_friction(sim: &Simulation, env: usize) -> ContactFriction<'_> {
+    let own = |wanted: Parameter, width: usize| {
+        let values = sim.own_parameters().find(|(parameter, _)| *parameter == wanted)?.1;
+        Some(&values[env * width..(env + 1) * width])
+    };
+    let model = sim.model();
+    ContactFriction {
+        model,
+        geoms: own(Parameter::GeomFriction, 3 * model.geoms.len()),
+        pairs: own(Parameter::PairFriction, 3 * model.pairs.len()),
+    }
+}
+
+impl ContactFriction<'_> {
+    /// Rows of a contact of two geoms and its friction: sliding, torsional, rolling.
+    fn of(&self, geoms: [usize; 2]) -> (u8, [f64; 3]) {
+        let explicit = |pair: &Pair| pair.geoms == geoms || pair.geoms == [geoms[1], geoms[0]];
+        let row = |own: &[f64], i: usize| [own[3 * i], own[3 * i + 1], own[3 * i + 2]];
+        if let Some(k) = self.model.pairs.iter().position(explicit) {
+            let pair = &self.model.pairs[k];
+            return (pair.condim, self.pairs.map_or(pair.friction, |own| row(own, k)));
+        }
+        let [a, b] = geoms.map(|g| &self.model.geoms[g]);
+        let [mu, nu] = geoms.map(|g| self.geoms.map_or(self.model.geoms[g].friction, |own| row(own, g)));
+        match a.priority.cmp(&b.priority) {
+            Ordering::Greater => (a.condim, mu),
+            Ordering::Less => (b.condim, nu),
+            Ordering::Equal => (a.condim.max(b.condim), std::array::from_fn(|k| mu[k].max(nu[k]))),
+        }
+    }
+
+    /// Force between friction and its bound, N; infinite without friction.
+    fn slack(&self, Contact { geoms, force, torque, .. }: &Contact) -> f64 {
+        let (condim, mu) = self.of(*geoms);
+        if condim == 1 {
+            return f64::INFINITY;
+        }
+        let loads = [force[1] / mu[0], force[2] / mu[0], torque[0] / mu[1], torque[1] / mu[2], torque[2] / mu[2]];
+        force[0] - loads.iter().filter(|x| x.is_finite()).map(|x| x * x).sum::<f64>().sqrt()
+    }
+}
+
+/// Row of one environment in an array with a row for each, or with one row for all.
+fn row_of(all: &[f64], env: usize, width: usize) -> &[f64] {
+    if all.len() == width { all } else { &all[env * width..(env + 1) * width] }
+}
+
+impl ActiveSet {
+    fn clear(&mut self) {
+        self.lists.iter_mut().for_each(Vec::clear);
+        self.contacts.clear();
+        self.joints.clear();
+        self.unsolved = false;
+    }
+
+    /// Flags of the constraints that are active in one set only.
+    fn difference(&self, other: &Self) -> u32 {
+        let pairs = self.lists.iter().zip(&other.lists).zip(LISTED);
+        pairs.fold(0, |flags, ((own, other), flag)| if own == other { flags } else { flags | flag })
+    }
+
+    /// Numbers of the set `of`, for the contacts of this set and then for the joints; NaN for contacts that `of` does not have.
+    fn numbers<'a>(&self, of: &'a Self) -> impl Iterator<Item = f64> + 'a {
+        let contacts = (0..self.contacts.len()).flat_map(|i| of.contacts.get(i).copied().unwrap_or([f64::NAN; 3]));
+        contacts.chain(of.joints.iter().copied())
+    }
+
+    /// Changes of the numbers from this set to another.
+    fn changes(&self, other: &Self, out: &mut Vec<f64>) {
+        out.clear();
+        out.extend(self.numbers(self).zip(self.numbers(other)).map(|(now, there)| there - now));
+    }
+
+    /// Distance to the nearest switch along a column, as a multiple of its finite difference's step, to first order.
+    ///
+    /// The slope is the sum of the changes at the first place (of `first`, if there are two) and at the last, times their weights.
+    fn widths(&self, first: &[f64], last: &Self, weights: [f64; 2]) -> f64 {
+        let first = first.iter().copied().chain(std::iter::repeat(0.0));
+        let widths = self.numbers(self).zip(self.numbers(last)).zip(first).map(|((now, there), first)| {
+            let slope = (there - now) * weights[1] + if weights[0] == 0.0 { 0.0 } else { first * weights[0] };
+            (now / slope).abs()
+        });
+        // A NaN gives no distance.
+        widths.fold(f64::INFINITY, f64::min)
+    }
+}

@@ -1,0 +1,70 @@
+//! Derivatives of a step with contact, and the kinks where it has none.
+//!
+//! [`differentiate`] computes the derivatives of a step of a [`Simulation`](stepper_core::Simulation) by the state and the controls, in all
+//! environments. It solves the step once. The contacts that push, stick and slip then keep their modes, and the implicit function theorem
+//! gives the linear response of their impulses. Each coordinate is displaced in turn, and stages 1 to 8 of the step run there with this
+//! response in place of the solver ([`stepper_core::group_step`]). Differences of these evaluations differentiate geometry, forces and
+//! inertia without kinks.
+//!
+//! ```
+//! use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, WORLD};
+//! use stepper_core::{Model, Simulation};
+//! use stepper_derivative::{DerivativeQuery, DerivativeRows, StatePart, differentiate};
+//!
+//! // A cart of 2 kg on a rail with a damper.
+//! let mut scene = Model::builder("cart");
+//! scene.timestep(0.01);
+//! let cart = BodyBuilder::new("cart").joint(JointBuilder::slide("rail", [1.0, 0.0, 0.0]).damping(3.0));
+//! scene.body(WORLD, cart.geom(GeomBuilder::sphere("cart", 0.1).mass(2.0)));
+//! let mut sim = Simulation::single(scene.finish()?)?;
+//!
+//! // Columns are the position and the velocity, each displaced by 1e-6.
+//! let query = DerivativeQuery { parts: &[StatePart::Qpos, StatePart::Qvel], offsets: &[1e-6; 2], points: 1, tolerance: 1e-9 };
+//! let (mut slopes, mut causes, mut state) = ([0.0; 4], [0; 2], [[0.0]; 2]);
+//! let (mut distance, mut sound, mut residual, mut status) = ([0.0], [0], [0.0], [0]);
+//! let [qpos, qvel] = &mut state;
+//! let rows = DerivativeRows {
+//!     slopes: &mut slopes,
+//!     causes: &mut causes,
+//!     distance: &mut distance,
+//!     sound: &mut sound,
+//!     residual: &mut residual,
+//!     status: &mut status,
+//!     state: [qpos, qvel, &mut []],
+//! };
+//! differentiate(&mut sim, &[], &query, rows)?;
+//!
+//! // The rows are the position and the velocity after the step. The damper is implicit, by Radau's method; x = h b / m.
+//! let x: f64 = 0.01 * 3.0 / 2.0;
+//! let decay = (1.0 - x / 3.0) / (1.0 + 2.0 * x / 3.0 + x * x / 6.0);
+//! assert!((slopes[0] - 1.0).abs() < 1e-9 && (slopes[3] - decay).abs() < 1e-9); // rounding of differences of 1e-6
+//! assert_eq!((sound, causes), ([1], [0; 2]));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! [`find_kinks`] is for finite differences. It compares perturbed copies of environments after a step. Contacts, limits and actuators may
+//! change their mode between the copies, and the result has these changes and the distance to the nearest one.
+//!
+//! | to do | see |
+//! |---|---|
+//! | differentiate a step | [`differentiate`], [`DerivativeQuery`], [`DerivativeRows`] |
+//! | know where a derivative is valid | [`DerivativeRows::sound`], [`DerivativeRows::distance`], [`kink`] |
+//! | find kinks between copies of environments | [`find_kinks`], [`PerturbedCopies`], [`Kinks`] |
+//!
+//! Steps in 32 bits, with the integrator rk4 or with actuator dynamics have no implicit derivatives: [`differentiate`] returns an error.
+//!
+//! # Features
+//!
+//! `avx2` and `avx512` (on by default) compile the kernels for these CPU levels, in addition to the baseline.
+
+mod differentiate;
+pub mod kink;
+mod kinks;
+mod response;
+mod rows;
+mod step_derivative;
+
+pub use differentiate::differentiate;
+pub use kinks::{Kinks, PerturbedCopies, find_kinks};
+pub use rows::{DerivativeQuery, DerivativeRows};
+pub use stepper_core::group_step::StatePart;

@@ -1,0 +1,156 @@
+//! Response of a step with hard contact close to a solved one: impulses follow those of the solution to first order.
+
+use stepper_core::Stabilization;
+use stepper_core::group_step::{
+    Gap, GroupStep, ImpulseProblem, ImpulseRule, NominalEvaluation, Prediction, Recomputed, Solve, StepSettings,
+};
+use stepper_real::{Mask, Real};
+use stepper_solve::newton::{Followed, Response, Switch};
+
+/// Largest residual with which a step counts as solved, m/s, at tolerances below a tenth of it. The modes (open, sticking, slipping)
+/// are then certain, and the error of the response is of this order.
+const SOLVED_RESIDUAL: f64 = 1e-9;
+
+/// Weight of an error of the expected velocity in the test that a step is a solution.
+///
+/// It is per rad or m of motion in the step, at most 1. Inertial forces are quadratic in velocities, so that errors of slow motion have
+/// little effect.
+const EXPECTED_VELOCITY_WEIGHT: f64 = 1e2;
+
+/// Relative distance from the bounds of a correction below which its derivative is undefined.
+const BOUND_DISTANCE: f64 = 1e-3;
+
+/// Lanes whose residual is that of a solved step.
+pub(crate) fn is_solved<R: Real>(settings: &StepSettings, residual: R) -> R::Mask {
+    residual.le(R::of(SOLVED_RESIDUAL.max(10.0 * settings.tolerance)))
+}
+
+/// Response of the impulses of a step to its rows.
+#[derive(Clone, Debug)]
+pub(crate) struct HardResponse<R: Real> {
+    impulses: Impulses<R>,
+    /// Distances at which the target velocity of a contact or a limit has a corner, m or rad.
+    edges: Vec<f64>,
+}
+
+/// Responses of the impulses of all solves of a step.
+#[derive(Clone, Debug, Default)]
+struct Impulses<R: Real> {
+    /// Response of the predicted impulses, which solve the same rows before velocity-dependent forces are evaluated.
+    prediction: Response<R>,
+    /// Response of the impulses of the step.
+    velocity: Response<R>,
+    /// Response of the impulses of stage 8, which correct the positions.
+    position: Response<R>,
+}
+
+/// Rule of an evaluation: impulses follow the rows by their response.
+pub(crate) struct Rule<'a, R: Real> {
+    impulses: &'a mut Impulses<R>,
+    /// Settings of the step, with which solutions are judged.
+    settings: StepSettings,
+    /// Lanes (bits) that still have a response and all constraints.
+    lanes: u32,
+    /// Callback for constraints that have come closer to another mode.
+    near: &'a mut dyn FnMut(Followed),
+}
+
+impl<R: Real> Impulses<R> {
+    /// Response of a solve, and that of the velocities for a position solve, from which it counts.
+    fn of(&mut self, solve: Solve) -> (&mut Response<R>, Option<&Response<R>>) {
+        match solve {
+            Solve::Prediction => (&mut self.prediction, None),
+            Solve::Velocity => (&mut self.velocity, None),
+            Solve::Position => (&mut self.position, Some(&self.velocity)),
+        }
+    }
+}
+
+impl<R: Real> ImpulseRule<R> for Rule<'_, R> {
+    /// Stores the response of a solution. Lanes without a response are removed.
+    fn keep(&mut self, problem: ImpulseProblem<'_, R>, residual: R) {
+        let ImpulseProblem { solve, system, impulses, lanes, names } = problem;
+        let (response, before) = self.impulses.of(solve);
+        self.lanes &= !lanes | is_solved(&self.settings, residual).bits();
+        let name = |kind: usize, i: usize, lane: usize| names.of(kind, i, lane);
+        self.lanes &= !lanes | response.settle(system, impulses, self.lanes & lanes, name, before);
+    }
+
+    /// Sets the impulses that follow from the rows. Lanes that have lost a constraint are removed.
+    fn set(&mut self, problem: ImpulseProblem<'_, R>) {
+        let ImpulseProblem { solve, system, impulses, lanes, names } = problem;
+        let (response, before) = self.impulses.of(solve);
+        let name = |kind: usize, i: usize, lane: usize| names.of(kind, i, lane);
+        self.lanes &= !response.respond(system, impulses, self.lanes & lanes, name, before);
+        response.compare(system, impulses, self.lanes & lanes, &mut *self.near);
+    }
+}
+
+impl<R: Real> HardResponse<R> {
+    /// Workspace for these settings.
+    pub(crate) fn new(settings: &StepSettings) -> Self {
+        Self { impulses: Impulses::default(), edges: edges(settings) }
+    }
+
+    /// Rule of an evaluation in the lanes `lanes` (bits).
+    pub(crate) fn rule<'a>(&'a mut self, settings: &StepSettings, lanes: u32, near: &'a mut dyn FnMut(Followed)) -> Rule<'a, R> {
+        Rule { impulses: &mut self.impulses, settings: *settings, lanes, near }
+    }
+
+    /// Computes the responses of the nominal step's solutions in the lanes `lanes` (bits). Returns the lanes with a response.
+    ///
+    /// In these lanes the impulses follow from the rows, and velocities and positions follow from the impulses.
+    pub(crate) fn settle(&mut self, step: &mut GroupStep<R>, lanes: u32) -> u32 {
+        let settings = *step.settings();
+        let mut ignore = |_| {};
+        let mut rule = self.rule(&settings, lanes, &mut ignore);
+        let NominalEvaluation { bouncing, correction, prediction } = step.evaluate_nominal(&mut rule);
+        // A bounded correction depends on its fastest joint alone.
+        let lanes = rule.lanes & !bouncing & correction.lt(R::of(1.0 - BOUND_DISTANCE)).bits();
+        let Some(Prediction { drives_forces, solved, difference, motion }) = prediction else { return lanes };
+        // If the step expected another velocity, the prediction is not a solution and does not respond to its rows as one.
+        let has_expected = |weight: R| is_solved(&settings, difference * weight.min(R::one())).bits();
+        // At rest the expected velocity is that by the impulses of the last step.
+        if drives_forces {
+            return lanes & solved & has_expected(R::one());
+        }
+        lanes & (!solved | has_expected(motion * R::of(EXPECTED_VELOCITY_WEIGHT)))
+    }
+
+    /// Evaluates the step at a displaced state, in the lanes `lanes` (bits). Returns the lanes in which all constraints that pushed still
+    /// exist.
+    ///
+    /// Calls `near` with the constraints that have come closer to another mode.
+    pub(crate) fn follow(&mut self, step: &mut GroupStep<R>, recomputed: Recomputed, lanes: u32, near: &mut dyn FnMut(Followed)) -> u32 {
+        let settings = *step.settings();
+        let mut rule = self.rule(&settings, lanes, near);
+        let moved = step.evaluate(recomputed, &mut rule);
+        let left = rule.lanes;
+        if !moved {
+            return left;
+        }
+        step.gaps(left, &mut |Gap { lane, nominal, displaced, .. }| {
+            for edge in &self.edges {
+                let [from, to] = [nominal - edge, displaced - edge];
+                // A distance that does not change gives no kink.
+                if from * to <= 0.0 || to.abs() < from.abs() {
+                    near(Followed { lane, switch: Switch::Gap, distance: from / (from - to) });
+                }
+            }
+        })
+    }
+}
+
+/// Distances at which the target velocity of a contact or a limit has a corner: where it closes, and where the correction of an overlap
+/// begins.
+///
+/// None with Baumgarte's method if gaps and overlaps have the same target.
+fn edges(options: &StepSettings) -> Vec<f64> {
+    let StepSettings { stabilization, baumgarte, slop, .. } = *options;
+    match stabilization {
+        Stabilization::Baumgarte if baumgarte == 1.0 && slop == 0.0 => vec![],
+        Stabilization::None => vec![0.0],
+        _ if slop == 0.0 => vec![0.0],
+        _ => vec![0.0, -slop],
+    }
+}

@@ -177,12 +177,4 @@ impl<R: Real> Smooth<R> {
             },
         )
     }
-
-    /// x <- A^-1 x
-    pub fn solve(&self, compiled: &LaneModel<R>, x: &mut [R]) {
-        R::vectorize(
-            #[inline(always)]
-            || self.mass.solve(compiled, x),
-        )
-    }
 }

@@ -316,8 +316,9 @@ impl<R: Real> Scene<'_, R> {
         self.offer_over_face(index, feature, pair, near, R::Mask::splat(false), point, contacts);
     }
 
-    /// Adds the point in the lanes where it can touch within the step. In the lanes `over_face`, a ball stays over a face of the other geom.
-    /// A kernel of its own, as [`Scene::test_pair`].
+    /// Adds the point in the lanes where it can touch within the step.
+    ///
+    /// In the lanes `over_face`, a ball stays over a face of the other geom. A kernel of its own, as [`Scene::test_pair`].
     #[expect(clippy::too_many_arguments, reason = "a contact, and where it goes")]
     #[inline(never)]
     pub(crate) fn offer_over_face(

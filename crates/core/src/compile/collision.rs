@@ -167,8 +167,9 @@ impl<S: Scalar> DynamicPairs<S> {
 
 /// Number of contacts that a geom among many similar ones adds: half of twelve neighbours (the kissing number), up to eight points each.
 const NEIGHBOUR_POINTS: usize = 48;
-/// Number of pairs of ordinary-sized geoms above which detection finds these pairs in every step. If those of the geoms that move are
-/// fewer, these are listed, and only pairs with geoms that are fixed to the world are found in every step.
+/// Number of pairs of ordinary-sized geoms above which detection finds these pairs in every step.
+///
+/// If the pairs of moving geoms are fewer, they are listed. Detection then finds only the pairs with geoms that are fixed to the world.
 const LISTED_PAIRS: usize = 3000;
 /// Ratio of a geom's size to the median above which its pairs are listed. A grid with cells of its size would have all geoms in one cell.
 const LARGE: f64 = 8.0;
@@ -267,7 +268,8 @@ fn number_of_pairs(n: usize) -> usize {
 
 /// Pairs that can collide, without the dynamic ones: those with torsional or rolling friction first, ascending by their geoms.
 ///
-/// The pairs of the geoms `listed_moving` are among them. Contacts are in the order of their pairs, so that those with six rows have the same slots in all lanes.
+/// The pairs of the geoms `listed_moving` are among them. Contacts are in the order of their pairs, so that those with six rows have the
+/// same slots in all lanes.
 fn listed_pairs(model: &Model, filter: &Filter, among: &[bool], listed_moving: &[usize]) -> Vec<GeomPair> {
     let all = 0..model.geoms.len();
     let one_outside = all.clone().filter(|&a| !among[a]).flat_map(|a| all.clone().filter(move |&b| among[b] || b > a).map(move |b| [a, b]));

@@ -71,6 +71,7 @@ fn run_stages<R: Real>(
     probe.span(Span::Sense, || observe(input, velocity, &mut evaluation.kinematics, sensors, devices));
     // 10 record
     let record = probe.span(Span::Record, || record(input, free_motion, problem, &outcome, finite));
+    // Their surfaces have passed each other: the next step does not start from these contacts.
     problem.remove_deferred(&mut state.contacts);
     record
 }
@@ -86,9 +87,11 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     probe.count(Counter::Contacts, || evaluation.contacts.count[..R::LANES].iter().sum::<usize>() as f64);
     let input = StepInput { compiled, options, state, inputs, alive };
     let place = Place { input, evaluation };
-    // 4 assemble, 5 solve, 6 integrate velocity. The loop in `solve_velocities` repeats them until the solution agrees with the problem.
+    // 4 assemble, 5 solve, 6 integrate velocity. The loop in `solve_velocities` repeats them until the solution agrees with the problem. Before
+    // each solve after an assembly, stages 1 and 2 recompute the forces that depend on the predicted velocity.
     let (solver, inelastic) = solve_velocities(place, free, problem, velocity, builder, collisions, probe);
     let mut outcome = bound_velocities(place, free, problem, velocity, position, solver, probe);
+    // With the Runge-Kutta method, lanes without constraints replace this solution below.
     let excluded = if s.rk4.is_some() { problem.constrained.not() } else { R::Mask::splat(false) };
     outcome.gains_energy = probe.span(Span::GuardEnergy, || find_energy_gain(place, free, velocity, guard, excluded)).or(inelastic);
     if options.poison {

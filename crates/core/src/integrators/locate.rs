@@ -49,7 +49,7 @@ pub(crate) fn locate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluati
 #[inline(always)]
 fn evaluate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>, probe: impl Probe) -> R::Mask {
     place_bodies(input, evaluation, free, probe);
-    // A step that is differentiated keeps its servos on the pieces of the solution.
+    // Only steps for derivatives have solved overlaps. These keep each servo at the bound, or off it, at which the solution has it.
     if evaluation.solved_overlaps.is_none() {
         free.actuator_forces.release();
     }

@@ -90,7 +90,8 @@ pub(crate) fn find_tunnelling<R: Real>(
     };
     let step = TakenStep { velocity: v, is_free, h: scheme.h, contacts_at_end: false };
     let passed = may_have_passed(input.compiled, kinematics, step, input.alive, poses);
-    // The last step tested the path up to the expected evaluation point. The search for an impact may have moved this point later.
+    // Each time step tests the path from its evaluation point to the expected one of the next step. The search for an impact may have moved
+    // this step's point later, so the path from the beginning of the step to it is tested here.
     let moved = impacts.lanes.and(input.alive).and(scheme.time_before.gt(R::zero()));
     if moved.none() {
         return passed;

@@ -25,9 +25,9 @@ use crate::tuning::{IMPACT_PASSES, MIN_NEWTON_STEPS_FOR_RETRY, ORDERED_PASSES, R
 /// Solves for the velocity after the step until it agrees with the problem.
 ///
 /// In the motion of a solution no deferred contact may collide. After an impact, its velocity must be that at which inertial forces were
-/// evaluated. Otherwise colliding contacts become active, or the free velocity is recomputed, and the lanes are solved again. Impacts
-/// repeat the solve at most three times. The last pass evaluates inertial forces at the velocity after the impact. Impacts for which
-/// Newton's law has no plausible solution become inelastic. Their lanes are the second result: a shorter step resolves them.
+/// evaluated: half of them at the velocity before the step, half at that after the impact. Otherwise colliding contacts become active, or
+/// the free velocity is recomputed, and the lanes are solved again, for impacts at most three times. Impacts for which Newton's law has no
+/// plausible solution become inelastic. Their lanes are the second result: a shorter step resolves them.
 ///
 /// Servos must be on the side of their bounds that the solution gives. A stiff servo on another side changes the mass matrix, so that the
 /// problem is assembled and solved again, at most four times.

@@ -113,8 +113,8 @@ fn share_loads<R: Real>(
 /// Predictor of this step's contact impulses, before velocity-dependent forces are evaluated.
 #[derive(Clone, Copy, Debug)]
 pub struct Estimate<R: Real> {
-    /// Lanes that are predicted from this step's contacts alone, and not from the previous impulses. Lanes at rest keep the previous
-    /// impulses as their prediction.
+    /// Lanes whose estimate does not depend on the previous impulses, except within its tolerance. Lanes at rest keep the previous impulses as
+    /// their estimate.
     moving: R::Mask,
     /// Predicted lanes in which a few Gauss-Seidel iterations from zero are accurate enough. The other predicted lanes are solved to the
     /// tolerance.
@@ -210,7 +210,7 @@ pub(crate) fn fastest<R: Real>(v: &[R]) -> R {
 /// Residual at which each lane stops, m/s: a fraction of its speed, above the rounding of velocities and at most the tolerance.
 ///
 /// In 32 bits velocities of 1 m/s round at 1e-3 m/s, above the default tolerance. Heavy boxes would creep into light ones at that residual,
-/// so lanes with contact groups stop at a smaller one.
+/// so lanes with redundant supports stop at a smaller one.
 fn tolerance<R: Real>(options: &StepSettings, v: &[R], groups: R::Mask) -> R {
     R::vectorize(
         #[inline(always)]

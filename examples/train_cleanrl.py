@@ -165,7 +165,7 @@ def train(wrapped: Wrapped, seed: int, iterations: int, settings: Settings, curv
                 b_obs, b_actions, b_logprobs, b_advantages, b_returns = (part[rows] for part in flat)
                 _, logprob, entropy, value = agent.act(b_obs, b_actions)
                 ratio = (logprob - b_logprobs).exp()
-                b_advantages = (b_advantages - b_advantages.mean()) / (b_advantages.std() + 1e-8)
+                b_advantages = (b_advantages - b_advantages.mean()) / (b_advantages.std(correction=0) + 1e-8)
                 actor_loss = -torch.min(b_advantages * ratio, b_advantages * ratio.clamp(1.0 - s.clip, 1.0 + s.clip)).mean()
                 loss = actor_loss + s.value * (value - b_returns).square().mean() - s.entropy * entropy.mean()
                 optimizer.zero_grad()

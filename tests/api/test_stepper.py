@@ -66,7 +66,7 @@ def test_f32_arrays_are_float32():
 @pytest.mark.parametrize("precision", [np.float32, np.dtype("f4"), "float32", "f32"])
 def test_a_precision_is_given_as_numpy_names_it(precision):
     assert stepper.Stepper(stepper_model(scenes.PILE), precision=precision).precision == "f32"
-    with pytest.raises(ValueError, match="precision is <class 'numpy.float16'>, must be"):
+    with pytest.raises(ValueError, match=r"precision is <class 'numpy\.float16'>, must be"):
         stepper.Stepper(stepper_model(scenes.PILE), precision=np.float16)
 
 

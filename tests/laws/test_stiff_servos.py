@@ -2,7 +2,7 @@
 
 They settle without oscillation that grows. Explicit springs need h^2 k/m < 4. Both implicit rules are unconditionally stable (Hairer &
 Wanner, Solving Ordinary Differential Equations II, section IV.3): the midpoint rule conserves the energy of a spring without damper,
-backward Euler's removes it. What is damped and not resolved dies out with either (crates/core/src/drive.rs).
+backward Euler's removes it. What is damped and not resolved dies out with either (crates/core/src/actuation/forces.rs).
 """
 
 import numpy as np

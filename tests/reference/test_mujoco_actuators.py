@@ -89,7 +89,8 @@ def test_trajectories_of_actuators_on_sites(kind, integrator):
         sim = stepper.Stepper(stepper.load(model), options=stepper.Options(timestep=h, integrator=integrator))
         sim.step(ctrl, nstep=round(until / h))
         errors.append(relative_error(sim.qvel, data.qvel))
-    # A stiffness or damping across branches is an added inertia in the mass matrix (crates/core/src/drive.rs), which is of first order.
+    # A stiffness or damping across branches is an added inertia in the mass matrix, which is of first order
+    # (crates/core/src/actuation/forces.rs).
     order = 4 if integrator == "rk4" else 2 if integrator == "midpoint" and kind == "motor" else 1
     # Half the step, that part of the error, or both are at the reference's own.
     assert errors[1] < max(1.1 * errors[0] / 2**order, 1e-9)

@@ -5,8 +5,11 @@ use std::ops::Range;
 use crate::linear_algebra::*;
 use crate::vectors::V;
 
-/// Largest number of cells that the bounding boxes of all triangles meet together, per triangle. It bounds the time of the construction.
-const MAX_ENTRIES: usize = 8;
+/// Largest mean number of cells that the bounding box of a triangle meets. It bounds the time of the construction.
+const MAX_CELLS_MET: usize = 8;
+
+/// Largest number of cells per triangle. It bounds the memory of narrow meshes.
+const MAX_CELLS: usize = 2;
 
 /// Greatest heights of a mesh. Heights are coordinates along the axis of the mesh's frame along which it is shortest.
 #[derive(Clone, Debug)]
@@ -33,14 +36,15 @@ impl MeshHeights {
         let shortest = (0..3).min_by(|&a, &b| side[a].total_cmp(&side[b])).unwrap_or(2);
         let axes = [(shortest + 1) % 3, (shortest + 2) % 3];
         let mut heights = Self { axes, low: axes.map(|k| low[k]), cells_per_metre: 0.0, cells: [1; 2], highest: vec![] };
-        // Two triangles per cell of a level mesh with triangles of one size. Long triangles get larger cells.
+        // A level mesh with triangles of one size has two in each cell. Long triangles get larger cells.
         let [a, b] = axes.map(|k| side[k]);
         let mut cell = (2.0 * a * b / boxes.len().max(1) as f64).sqrt();
         while cell > 0.0 {
             heights.cells_per_metre = 1.0 / cell;
             heights.cells = [a, b].map(|side| (side * heights.cells_per_metre) as usize + 1);
             let count = |[low, high]: &[V; 2]| heights.cells_of(low, high).map(|range| range.len()).into_iter().product::<usize>();
-            if boxes.iter().map(count).sum::<usize>() <= MAX_ENTRIES * boxes.len() {
+            let number = heights.cells[0].saturating_mul(heights.cells[1]);
+            if number <= MAX_CELLS * boxes.len() + 1 && boxes.iter().map(count).sum::<usize>() <= MAX_CELLS_MET * boxes.len() {
                 break;
             }
             cell *= 2.0;

@@ -378,7 +378,7 @@ impl Surface {
             if inside > 0.0 && inside * inside > sideways * sideways * dot(edge, edge) {
                 return true;
             }
-            // Beyond the neighbour's other edges there may be any triangle. A neighbour that turns back is over this one.
+            // Beyond the neighbour's other edges there may be lower triangles. A neighbour that leans back covers this triangle.
             let facet = facet.get_or_insert_with(|| self.facet(t as usize));
             let is_far_from_others = |third: V| {
                 let third = add_scaled(third, normal, -dot(normal, sub(third, a)));

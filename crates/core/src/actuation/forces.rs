@@ -130,8 +130,8 @@ pub struct ActuatorForces<R: Real> {
     stiff: Vec<R::Mask>,
     /// Lanes in which the sum of actuator forces on a dof is at its bound, for every such dof.
     pub(crate) bounded: Vec<R::Mask>,
-    /// Force of every actuator with implicit servos, in models with bounded servos.
-    pub(crate) implicit_force: Vec<R>,
+    /// Expected force of every actuator at the end of the step, in models with bounded servos and friction losses.
+    pub(crate) expected_force: Vec<R>,
     /// Force and added inertia of every servo without bounds, if any is bounded.
     pub(crate) unbounded: Vec<[R; 2]>,
     /// Force of every actuator at the velocity by which servos are placed.
@@ -170,7 +170,7 @@ impl<R: Real> ActuatorForces<R> {
             held_force: zeros(compiled.servos.len()),
             stiff: never(compiled.servos.len()),
             bounded: never(compiled.actuator_force_ranges.len()),
-            implicit_force: zeros(if compiled.servos_are_bounded { compiled.actuators.len() } else { 0 }),
+            expected_force: zeros(if compiled.servos_are_bounded && compiled.lossy { compiled.actuators.len() } else { 0 }),
             candidate: zeros(if compiled.servos_are_bounded { compiled.actuators.len() } else { 0 }),
             unbounded: vec![[R::zero(); 2]; if compiled.servos_are_bounded { compiled.servos.len() } else { 0 }],
             beyond: never(compiled.actuators.len()),
@@ -403,6 +403,7 @@ impl<R: Real> ActuatorForces<R> {
             compiled,
             actuator_dynamics,
             implicit,
+            true,
             #[inline(always)]
             |forces, servo| {
                 let ([force, weight], EffectiveInertia { mobility, pushed, .. }) =
@@ -415,13 +416,14 @@ impl<R: Real> ActuatorForces<R> {
     /// Places servos by the change `dv` of the velocity in the step. Returns the lanes in which the place of a servo has changed.
     ///
     /// The forces of these lanes must be computed again. Servos that are not stiff do not count if the scheme bounds them at the predicted
-    /// velocity.
+    /// velocity. Without `may_move` places stay, and only the flags of forces outside of their bounds are updated.
     pub(crate) fn place_servos(
         &mut self,
         compiled: &LaneModel<R>,
         actuator_dynamics: &[ActuatorDynamics<R>],
         implicit: ImplicitServos<R>,
         dv: &[R],
+        may_move: bool,
     ) -> R::Mask {
         R::vectorize(
             #[inline(always)]
@@ -430,6 +432,7 @@ impl<R: Real> ActuatorForces<R> {
                     compiled,
                     actuator_dynamics,
                     implicit,
+                    may_move,
                     #[inline(always)]
                     |forces, servo| forces.along(&compiled.actuators[compiled.servos[servo].actuator], dv),
                 )
@@ -446,6 +449,7 @@ impl<R: Real> ActuatorForces<R> {
         compiled: &LaneModel<R>,
         actuator_dynamics: &[ActuatorDynamics<R>],
         implicit: ImplicitServos<R>,
+        may_move: bool,
         along: impl Fn(&Self, usize) -> R,
     ) -> R::Mask {
         let mut moved = R::Mask::splat(self.fresh);
@@ -473,13 +477,19 @@ impl<R: Real> ActuatorForces<R> {
             self.candidate[servo.actuator] = force;
         }
         for (r, range) in compiled.actuator_force_ranges.iter().enumerate().filter(|(_, range)| range.has_servos) {
-            let (mut counts, mut sum) = (R::Mask::splat(!implicit.all), R::zero());
+            let (mut counts, mut sum, mut sum_before) = (R::Mask::splat(!implicit.all), R::zero(), R::zero());
             for &(a, arm) in &range.actuators {
                 counts = compiled.actuators[a].servo.map_or(counts, |k| counts.or(self.stiff[k]));
                 sum += R::splat(arm) * self.candidate[a];
+                sum_before += R::splat(arm) * self.force[a];
             }
             self.cut[r] = outside(sum, range.bounds);
-            moved = moved.or(differ(self.cut[r], self.bounded[r]).and(counts));
+            let is_above = |sum: R| sum.gt(R::splat(range.bounds[1]));
+            let turned = self.cut[r].and(self.bounded[r]).and(differ(is_above(sum), is_above(sum_before)));
+            moved = moved.or(differ(self.cut[r], self.bounded[r]).or(turned).and(counts));
+        }
+        if !may_move {
+            return moved;
         }
         let new = |now: R::Mask, before: R::Mask| now.and(moved).or(before.and_not(moved));
         for (bounded, &cut) in self.bounded.iter_mut().zip(&self.cut) {
@@ -499,10 +509,33 @@ impl<R: Real> ActuatorForces<R> {
             self.force[a] = R::select(moved, R::select(held, self.held_force[k], force), self.force[a]);
             self.weight[k] = R::select(moved, R::select(held, R::zero(), weight), self.weight[k]);
         }
-        for (expected, &candidate) in self.implicit_force.iter_mut().zip(&self.candidate) {
-            *expected = R::select(moved, candidate, *expected);
-        }
         moved
+    }
+
+    /// Computes the expected force of every actuator at the end of the step.
+    ///
+    /// Servos change their velocity by the free acceleration `acc`, and by the impulses of constraints in the last step.
+    pub(crate) fn expect_forces(
+        &mut self,
+        compiled: &LaneModel<R>,
+        actuator_dynamics: &[ActuatorDynamics<R>],
+        implicit: ImplicitServos<R>,
+        acc: &[R],
+    ) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                self.expected_force.copy_from_slice(&self.force);
+                for (k, servo) in compiled.servos.iter().enumerate() {
+                    let (actuator, EffectiveInertia { mobility, pushed, .. }) =
+                        (&compiled.actuators[servo.actuator], self.effective_inertias[k]);
+                    let by_constraints = pushed / (R::one() + self.weight[k] * mobility);
+                    let change = implicit.h * self.along(actuator, acc) + by_constraints;
+                    let force = self.force_by(compiled, actuator_dynamics, implicit, (k, change)).force;
+                    self.expected_force[servo.actuator] = within(force, actuator.force_range);
+                }
+            },
+        )
     }
 }
 

@@ -20,7 +20,7 @@ impl<R: Real> ActuatorForces<R> {
                 for (a, actuator) in compiled.actuators.iter().enumerate() {
                     let Some(dynamics) = &actuator.dynamics else { continue };
                     let Some((row, arm)) = dynamics.losses else { continue };
-                    let force = if expected && compiled.servos_are_bounded { self.implicit_force[a] } else { self.force[a] };
+                    let force = if expected && compiled.servos_are_bounded { self.expected_force[a] } else { self.force[a] };
                     let loss = losses(&actuator_dynamics[dynamics.index], R::splat(arm), force);
                     self.losses[row] = add(self.losses[row], loss);
                 }

@@ -327,6 +327,8 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
         load_control(call, 0, first, &mut self.step.workspace);
         self.step.settings = *call.settings;
         visit(&mut self.step);
+        // Whatever the visitor left, later steps do not see it.
+        self.step.finish();
         self.step.workspace.evaluation.poses.exchange(&mut group.separation_cache);
     }
 

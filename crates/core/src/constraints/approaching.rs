@@ -5,8 +5,8 @@
 //! contact and defers them: the solver leaves them out. The solution without them gives the motion of the step. Stage 5 activates the rows
 //! of the pairs that collide in this motion and solves their lanes again ([`crate::integrators::contact_activation`]).
 //!
-//! Contacts that rest, slide or roll are never deferred. Nor are contacts with a half space, which has one normal everywhere. A ball that
-//! stays over one face of a box or one triangle has such a contact.
+//! Contacts that rest, slide or roll are never deferred. Nor are contacts with a half space, which has one normal everywhere, or of a ball
+//! that stays over one face of a box. A face of a surface is a triangle, with the neighbours that do not fall away from it.
 
 use stepper_real::{Mask, Real, Scalar};
 

@@ -111,6 +111,7 @@ impl<R: Real> GroupStep<R> {
     /// Makes the step from the state and the controls of the group, which are the nominal ones from now on.
     pub fn solve(&mut self) -> SolvedStep<R> {
         let functions = self.functions();
+        self.finish();
         let Self { compiled, workspace, settings, max_contacts, nominal, .. } = self;
         let nominal = nominal.get_or_insert_with(|| Box::new(Nominal::new(compiled, settings, *max_contacts)));
         (functions.solve)(nominal, compiled, settings, workspace)

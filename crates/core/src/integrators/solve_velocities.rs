@@ -29,8 +29,8 @@ use crate::tuning::{IMPACT_PASSES, MIN_NEWTON_STEPS_FOR_RETRY, ORDERED_PASSES, R
 /// the free velocity is recomputed, and the lanes are solved again, for impacts at most three times. Impacts for which Newton's law has no
 /// plausible solution become inelastic. Their lanes are the second result: a shorter step resolves them.
 ///
-/// Servos must be on the side of their bounds that the solution gives. A stiff servo on another side changes the mass matrix, so that the
-/// problem is assembled and solved again, at most four times.
+/// Stiff servos must be on the side of their bounds that the solution gives. One on another side changes the mass matrix, so that the
+/// problem is assembled and solved again, at most four times. Lanes that still disagree then are in the second result too.
 #[inline(always)]
 pub(crate) fn solve_velocities<R: Real>(
     place: Place<'_, R>,
@@ -68,9 +68,12 @@ pub(crate) fn solve_velocities<R: Real>(
             (passes, inelastic) = (0, inelastic.or(lanes));
         }
         if lanes.none() {
-            if servos == SATURATION_PASSES || !move_servos(place, free, velocity, probe) {
+            let moved = move_servos(place, free, velocity, servos < SATURATION_PASSES);
+            if moved.none() || servos == SATURATION_PASSES {
+                inelastic = inelastic.or(moved);
                 break;
             }
+            compute_free_motion(place, free, probe);
             // All lanes are solved again. Those in which no servo has moved get the same bits.
             assemble_and_predict(place, free, problem, velocity, builder, collisions, probe);
             (lanes, first) = (problem.constrained, true);
@@ -98,20 +101,17 @@ fn assemble_and_predict<R: Real>(
     probe.span(Span::CorrectForces, || predict(place, free, problem, velocity, collisions, probe));
 }
 
-/// Places servos on the side of their bounds that the solution gives, and recomputes the free motion. Returns whether a place has changed.
-fn move_servos<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R>, velocity: &VelocitySolution<R>, probe: impl Probe) -> bool {
+/// Places servos on the side of their bounds that the solution gives. Returns the lanes in which a place has changed, or would change
+/// without `may_move`. Then only the flags of saturated actuators are updated.
+fn move_servos<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R>, velocity: &VelocitySolution<R>, may_move: bool) -> R::Mask {
     let Place { input: StepInput { compiled, state, inputs, alive, .. }, evaluation: Evaluation { scheme, .. } } = place;
     if !has_bounded_servos(compiled, scheme) {
-        return false;
+        return R::Mask::splat(false);
     }
     let FreeMotion { actuator_forces, scratch: Scratch { velocity_change, .. }, .. } = &mut *free;
     advance(&velocity.v, &state.v, -R::one(), velocity_change);
-    let moved = actuator_forces.place_servos(compiled, &inputs.actuator_dynamics, scheme.servos(false), velocity_change);
-    if moved.and(alive).none() {
-        return false;
-    }
-    compute_free_motion(place, free, probe);
-    true
+    let moved = actuator_forces.place_servos(compiled, &inputs.actuator_dynamics, scheme.servos(false), velocity_change, may_move);
+    moved.and(alive)
 }
 
 /// Solves the lanes `lanes`. Lanes that Newton's method leaves unsolved are solved again without curvature terms.

@@ -29,7 +29,7 @@ use crate::tuning::{IMPACT_PASSES, MIN_NEWTON_STEPS_FOR_RETRY, ORDERED_PASSES, R
 /// repeat the solve at most three times. The last pass evaluates inertial forces at the velocity after the impact. Impacts for which
 /// Newton's law has no plausible solution become inelastic. Their lanes are the second result: a shorter step resolves them.
 ///
-/// Servos must be on the side of their bounds that the solution gives. A stiff servo on another side changes the mass matrix, so that the
+/// The assumed active bounds of stiff servos must be those of the solution. Another active bound changes the mass matrix, so that the
 /// problem is assembled and solved again, at most four times.
 #[inline(always)]
 pub(crate) fn solve_velocities<R: Real>(
@@ -68,10 +68,10 @@ pub(crate) fn solve_velocities<R: Real>(
             (passes, inelastic) = (0, inelastic.or(lanes));
         }
         if lanes.none() {
-            if servos == SATURATION_PASSES || !move_servos(place, free, velocity, probe) {
+            if servos == SATURATION_PASSES || !update_active_bounds(place, free, velocity, probe) {
                 break;
             }
-            // All lanes are solved again. Those in which no servo has moved get the same bits.
+            // All lanes are solved again. Those in which no active bound changed get the same bits.
             assemble_and_predict(place, free, problem, velocity, builder, collisions, probe);
             (lanes, first) = (problem.constrained, true);
             (passes, impacts, inelastic, servos) = (0, 0, none, servos + 1);
@@ -98,16 +98,16 @@ fn assemble_and_predict<R: Real>(
     probe.span(Span::CorrectForces, || predict(place, free, problem, velocity, collisions, probe));
 }
 
-/// Places servos on the side of their bounds that the solution gives, and recomputes the free motion. Returns whether a place has changed.
-fn move_servos<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R>, velocity: &VelocitySolution<R>, probe: impl Probe) -> bool {
+/// Updates the active bounds of servos to those of the solution, and recomputes the free motion. Returns whether any changed.
+fn update_active_bounds<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R>, velocity: &VelocitySolution<R>, probe: impl Probe) -> bool {
     let Place { input: StepInput { compiled, state, inputs, alive, .. }, evaluation: Evaluation { scheme, .. } } = place;
     if !has_bounded_servos(compiled, scheme) {
         return false;
     }
     let FreeMotion { actuator_forces, scratch: Scratch { velocity_change, .. }, .. } = &mut *free;
     advance(&velocity.v, &state.v, -R::one(), velocity_change);
-    let moved = actuator_forces.place_servos(compiled, &inputs.actuator_dynamics, scheme.servos(false), velocity_change);
-    if moved.and(alive).none() {
+    let changed = actuator_forces.update_active_bounds(compiled, &inputs.actuator_dynamics, scheme.servos(false), velocity_change);
+    if changed.and(alive).none() {
         return false;
     }
     compute_free_motion(place, free, probe);
@@ -173,7 +173,7 @@ fn limit_speed<R: Real>(
 ) -> [R::Mask; 2] {
     let Place { input: StepInput { compiled, state, alive, .. }, evaluation: Evaluation { scheme, .. } } = place;
     let ambiguous = ambiguous(place, free, problem, velocity, residual);
-    if scheme.corrects && problem.constrained.any() {
+    if scheme.predicts() && problem.constrained.any() {
         free.unresolved = free.unresolved.or(alive.and(diverging(compiled, [&state.v, &free.v], &velocity.v, scheme.h)));
     }
     let limited = free.unresolved.or(ambiguous);

@@ -51,7 +51,7 @@ pub(crate) const LOOK_AHEAD: f64 = 1e-3;
 
 // Servos on the bounds of their force.
 
-/// Largest number of repeated solutions because a servo changed its place.
+/// Largest number of repeated solutions because the active bound of a servo changed.
 pub(crate) const SATURATION_PASSES: usize = 4;
 
 // Contacts that approach each other within the step.

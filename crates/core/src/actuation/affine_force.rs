@@ -1,4 +1,4 @@
-//! Affine forces of the motion, as a step evaluates them: with weights of damping and stiffness at its end, and the inertia that they move.
+//! Affine forces of actuators, f = level + slope length + rate velocity, and their split into an explicit part and added inertia.
 
 use stepper_real::{Mask, Real};
 
@@ -47,21 +47,27 @@ impl<R: Real> AffineForce<R> {
         self.level + self.slope * motion.length + self.rate * motion.velocity
     }
 
-    /// Explicit part of the force, and the inertia that its implicit part adds to the mass matrix.
+    /// Explicit part of the force, N or N m, and the added inertia w that supplies the implicit part, kg or kg m^2.
     ///
-    /// Stiffness and damping against the motion are implicit, all else is explicit.
+    /// The whole force in the step is the explicit part minus w/h times the change of velocity. Stiffness and damping that oppose the
+    /// motion are implicit, all else is explicit (see [`crate::actuation::forces`]).
     #[inline(always)]
-    pub(crate) fn implicit_force(&self, motion: &Motion<R>, effective_inertia: EffectiveInertia<R>, weights: ImplicitWeights<R>) -> (R, R) {
+    pub(crate) fn explicit_part_and_added_inertia(
+        &self,
+        motion: &Motion<R>,
+        effective_inertia: EffectiveInertia<R>,
+        weights: ImplicitWeights<R>,
+    ) -> (R, R) {
         let (stiffness, damping) = ((-self.slope).max(R::zero()), (-self.rate).max(R::zero()));
-        let share = weights.share(effective_inertia.rate(damping));
-        let drag = weights.drag(share, stiffness);
-        let velocity = self.rate * motion.velocity + damping * (motion.velocity - motion.before) - drag * motion.before;
-        let weight = damping * weights.damping * (R::one() + share) + stiffness * weights.stiffness + drag * weights.step;
-        (self.level + self.slope * motion.length + velocity, weight)
+        let share = weights.extra_share(effective_inertia.rate(damping));
+        let spring_damping = weights.spring_damping(share, stiffness);
+        let velocity = self.rate * motion.velocity + damping * (motion.velocity - motion.before) - spring_damping * motion.before;
+        let added_inertia = damping * weights.damping * (R::one() + share) + stiffness * weights.stiffness + spring_damping * weights.step;
+        (self.level + self.slope * motion.length + velocity, added_inertia)
     }
 }
 
-/// Effective inertia that an actuator moves.
+/// Effective inertia of an actuator: the inertia that it moves.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct EffectiveInertia<R> {
     /// Inverse of the inertia along the actuator's moment, 1/kg or 1/(kg m^2) over the square of its gear.
@@ -92,7 +98,7 @@ impl<R: Real> EffectiveInertia<R> {
     }
 }
 
-/// Number `x` clamped to a range. A NaN stays NaN, so that stage 6 rejects the step.
+/// Number `x` clamped to a range. A NaN stays NaN, so that the acceptance of the step rejects it (`integrators/acceptance.rs`).
 #[inline(always)]
 pub(crate) fn within<R: Real>(x: R, range: Option<[R::Scalar; 2]>) -> R {
     match range {
@@ -104,6 +110,7 @@ pub(crate) fn within<R: Real>(x: R, range: Option<[R::Scalar; 2]>) -> R {
     }
 }
 
+/// Lanes in which `x` is outside a range.
 #[inline(always)]
 pub(crate) fn outside<R: Real>(x: R, range: [R::Scalar; 2]) -> R::Mask {
     let [lo, hi] = splat(range);

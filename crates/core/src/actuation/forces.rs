@@ -26,19 +26,24 @@
 //! step. That is 1 - z + O(z^2), as in the true motion, exp(-z) (Liouville), and 1/7 at most. The added terms are of the order h^2, and
 //! zero without damping. The rule stays of second order, and keeps the energy of undamped springs.
 //!
-//! A servo at a bound of its force contributes the bound and no stiffness, and leaves the mass matrix. A guess, which neglects the coupling
-//! of joints, places every servo before the matrix is factored. Later velocities may give another place:
+//! In all these forms the whole force in the step is `f = e - (w/h) a.dv`. Here e is the explicit part, which stage 1 passes to stage
+//! 2, and w is the added inertia, kg or kg m^2. The mass matrix with w a a^T supplies the second term.
 //!
-//! * A stiff servo adds more inertia than it moves. It moves to the place that the solution gives, and the step is solved again
-//!   (`solve_velocities`).
-//! * Another servo keeps its place, and stage 1 bounds its force at the predicted velocity.
+//! The active bound of a servo is none, the lower or upper bound of its force, or the torque-speed curve of its motor. With none, the servo
+//! contributes e and w. At a bound of its force it contributes that bound, without added inertia. On its curve a motor contributes its
+//! stall torque, and its back-EMF as a damper.
 //!
-//! A motor on its torque-speed curve contributes the curve: its stall torque, and the drag of its back-EMF as a damper.
+//! The mass matrix depends on the active bounds, so that a step assumes them before it factors the matrix. It then guesses the velocity
+//! after the step, and neglects the coupling of joints. Later velocities may give other active bounds:
+//!
+//! * A servo is stiff if its added inertia is at least the inertia that it moves. If the solution gives a stiff servo another active bound,
+//!   the step assumes that one and solves again (`solve_velocities`).
+//! * For any other servo the step keeps the assumed active bound, and stage 1 clamps the force at the predicted velocity.
 
 use stepper_real::{Mask, Real};
 
 use crate::actuation::affine_force::{ActuatorDynamics, AffineForce, EffectiveInertia, Motion, outside, reaches, within};
-use crate::actuation::force_limits::Region;
+use crate::actuation::force_limits::BoundedForce;
 use crate::compile::{CompiledActuator, CompiledActuatorDynamics, CompiledForceRange, LaneModel, ModelStructure};
 use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::math::spatial::*;
@@ -52,9 +57,9 @@ const STIFF_SERVO: f64 = 1.0;
 /// Implicit terms of the mass matrix.
 #[derive(Clone, Copy, Debug)]
 pub struct Implicit<'a, R: Real> {
-    /// Shares of damping and stiffness.
+    /// Weights of joint damping and stiffness.
     pub weights: ImplicitWeights<R>,
-    /// Inertia that each servo adds along its moment. Empty: servos are explicit.
+    /// Added inertia of each servo along its moment, kg m^2 or kg. Empty: servos are explicit.
     pub servos: &'a [R],
     /// Arms of actuators on sites.
     pub arms: &'a [R],
@@ -73,7 +78,7 @@ impl<R: Real> Implicit<'_, R> {
 /// Implicit treatment of servos in stage 1.
 #[derive(Clone, Copy, Debug)]
 pub struct ImplicitServos<R> {
-    /// Shares of damping and stiffness.
+    /// Weights of the damping and stiffness of servos.
     pub weights: ImplicitWeights<R>,
     /// Time step, s.
     pub h: R,
@@ -110,46 +115,49 @@ impl<'a, R: Real> ForceState<'a, R> {
 /// Forces of one group of lanes.
 #[derive(Clone, Debug)]
 pub struct ActuatorForces<R: Real> {
-    /// Generalized forces of actuators and springs, N or N m. Joint damping is not included: stage 2 evaluates it implicitly.
+    /// Generalized forces of actuators and springs, N or N m: the explicit parts alone. Stage 2 adds joint damping.
     pub tau: Vec<R>,
-    /// Explicit forces of actuators alone, within the bounds of joints.
+    /// Generalized forces of actuators alone, clamped to the bounds of joints. Computed with explicit servos only.
     pub joint: Vec<R>,
-    /// Force of every actuator with explicit servos.
+    /// Force of every actuator, N or N m: the explicit part of an implicit force, the whole of any other force.
     pub force: Vec<R>,
-    /// Inertia that each servo adds to the mass matrix by its implicit terms, kg m^2 or kg.
-    pub weight: Vec<R>,
-    /// Mobility of the joints of each servo, for servos that are implicit in part.
+    /// Added inertia of each servo, kg m^2 or kg; zero for explicit and fixed forces.
+    pub added_inertia: Vec<R>,
+    /// Effective inertia of each servo. Only the midpoint rule and models with bounded servos compute it; elsewhere its mobility is zero.
     pub(crate) effective_inertias: Vec<EffectiveInertia<R>>,
-    /// Lanes in which a servo was placed at a bound of the actuator's force.
-    pub(crate) saturated: Vec<R::Mask>,
-    /// Lanes in which a servo is not in the mass matrix: it was placed at the actuator's bound or at that of a sum.
-    held: Vec<R::Mask>,
-    /// Force of each servo in the lanes in which it is held.
-    held_force: Vec<R>,
+    /// Lanes in which the step assumes a servo at a bound of the actuator's `force_range`.
+    assumed_saturated: Vec<R::Mask>,
+    /// Lanes in which the step assumes a fixed force of a servo, without added inertia. There the servo, or a sum that contains it, is at a
+    /// bound.
+    fixed: Vec<R::Mask>,
+    /// Force of each servo in these lanes, N or N m.
+    fixed_force: Vec<R>,
     /// Lanes in which a servo is stiff (see [`STIFF_SERVO`]).
     stiff: Vec<R::Mask>,
-    /// Lanes in which the sum of actuator forces on a dof is at its bound, for every such dof.
-    pub(crate) bounded: Vec<R::Mask>,
-    /// Expected force of every actuator at the end of the step, in models with bounded servos and friction losses.
+    /// Lanes in which the step assumes the sum of actuator forces on a dof at its bound, for every bounded dof.
+    assumed_sum_saturated: Vec<R::Mask>,
+    /// Expected whole force of every actuator at the end of the step, N or N m. Empty without bounded servos or friction losses.
     pub(crate) expected_force: Vec<R>,
-    /// Force and added inertia of every servo without bounds, if any is bounded.
-    pub(crate) unbounded: Vec<[R; 2]>,
-    /// Force of every actuator at the velocity by which servos are placed.
-    candidate: Vec<R>,
-    /// Lanes in which an explicit actuator force is outside its bounds.
-    pub(crate) beyond: Vec<R::Mask>,
-    /// Lanes in which the sum of actuator forces on a dof is cut to its bounds, for every such dof.
-    pub(crate) cut: Vec<R::Mask>,
+    /// Explicit part and added inertia of every servo before clamping to `force_range`. Empty in models without bounded servos.
+    pub(crate) unclamped: Vec<[R; 2]>,
+    /// Whole force of every actuator at the last trial velocity, clamped to `force_range`, N or N m.
+    trial_force: Vec<R>,
+    /// Lanes in which the last evaluation found an actuator force outside its bounds: an explicit force at its motion, or an implicit one
+    /// at the trial velocity.
+    pub(crate) found_saturated: Vec<R::Mask>,
+    /// Lanes in which the last evaluation found the sum of actuator forces on a dof outside its bounds, for every bounded dof. If stage 1
+    /// evaluates a sum with implicit servos, it keeps the assumed lanes.
+    found_sum_saturated: Vec<R::Mask>,
     /// Arms of all actuators on sites.
     pub arms: Vec<R>,
     /// Lengths of actuators on sites.
     pub(crate) lengths: Vec<R>,
-    /// Region of the torque-speed curve of each actuator dynamics.
-    pub(super) regions: Vec<Region<R>>,
-    /// These regions at the velocity by which servos are placed.
-    candidate_regions: Vec<Region<R>>,
-    /// Whether the regions of this step are unknown.
-    pub(crate) fresh: bool,
+    /// Force of each actuator dynamics with the assumed active bound.
+    pub(super) bounded_forces: Vec<BoundedForce<R>>,
+    /// Force of each actuator dynamics with the active bound at the last trial velocity.
+    trial_bounded_forces: Vec<BoundedForce<R>>,
+    /// Whether this step has not yet assumed active bounds.
+    pub(crate) active_bounds_unknown: bool,
     /// Friction losses of actuator dynamics, see [`crate::constraints::assembler::AssemblyInput::losses`].
     pub losses: Vec<[R; 2]>,
 }
@@ -163,37 +171,36 @@ impl<R: Real> ActuatorForces<R> {
             tau: zeros(compiled.nv),
             joint: zeros(compiled.nv),
             force: zeros(compiled.actuators.len()),
-            weight: zeros(compiled.servos.len()),
+            added_inertia: zeros(compiled.servos.len()),
             effective_inertias: vec![EffectiveInertia::default(); compiled.servos.len()],
-            saturated: never(compiled.servos.len()),
-            held: never(compiled.servos.len()),
-            held_force: zeros(compiled.servos.len()),
+            assumed_saturated: never(compiled.servos.len()),
+            fixed: never(compiled.servos.len()),
+            fixed_force: zeros(compiled.servos.len()),
             stiff: never(compiled.servos.len()),
-            bounded: never(compiled.actuator_force_ranges.len()),
+            assumed_sum_saturated: never(compiled.actuator_force_ranges.len()),
             expected_force: zeros(if compiled.servos_are_bounded && compiled.lossy { compiled.actuators.len() } else { 0 }),
-            candidate: zeros(if compiled.servos_are_bounded { compiled.actuators.len() } else { 0 }),
-            unbounded: vec![[R::zero(); 2]; if compiled.servos_are_bounded { compiled.servos.len() } else { 0 }],
-            beyond: never(compiled.actuators.len()),
-            cut: never(compiled.actuator_force_ranges.len()),
+            trial_force: zeros(if compiled.servos_are_bounded { compiled.actuators.len() } else { 0 }),
+            unclamped: vec![[R::zero(); 2]; if compiled.servos_are_bounded { compiled.servos.len() } else { 0 }],
+            found_saturated: never(compiled.actuators.len()),
+            found_sum_saturated: never(compiled.actuator_force_ranges.len()),
             arms: zeros(compiled.wrench_arms[0]),
             lengths: zeros(compiled.wrench_arms[1]),
-            regions: vec![Region::default(); compiled.actuator_dynamics],
-            candidate_regions: vec![Region::default(); compiled.actuator_dynamics],
-            fresh: true,
+            bounded_forces: vec![BoundedForce::default(); compiled.actuator_dynamics],
+            trial_bounded_forces: vec![BoundedForce::default(); compiled.actuator_dynamics],
+            active_bounds_unknown: true,
             losses: vec![zero(); if compiled.lossy { compiled.frictions.len() } else { 0 }],
         }
     }
 
-    /// Resets the servos at their bounds.
+    /// Resets the active bounds of servos, so that the next call of stage 1 guesses them.
     #[inline(always)]
-    pub fn release(&mut self) {
-        // Without servos none is at a bound.
-        if !self.saturated.is_empty() {
-            self.saturated.fill(R::Mask::splat(false));
-            self.held.fill(R::Mask::splat(false));
-            self.bounded.fill(R::Mask::splat(false));
+    pub fn reset_active_bounds(&mut self) {
+        if !self.assumed_saturated.is_empty() {
+            self.assumed_saturated.fill(R::Mask::splat(false));
+            self.fixed.fill(R::Mask::splat(false));
+            self.assumed_sum_saturated.fill(R::Mask::splat(false));
         }
-        self.fresh = true;
+        self.active_bounds_unknown = true;
     }
 
     /// Computes the effective inertias of servos from the mass matrix's diagonal `inertia`, and the velocities that the last `impulse` of
@@ -239,88 +246,95 @@ impl<R: Real> ActuatorForces<R> {
         self.effective_inertias[servo]
     }
 
-    /// Stores the force of a servo and its added inertia, in the lanes in which it is not held.
+    /// Stores the explicit part `force` of a servo's force and its added inertia. Lanes with a fixed force store that one, without inertia.
     #[inline(always)]
-    pub(crate) fn set_servo(&mut self, actuator: usize, servo: usize, force: R, weight: R) {
-        if let Some(unbounded) = self.unbounded.get_mut(servo) {
-            *unbounded = [force, weight];
-            self.stiff[servo] = (weight * self.effective_inertias[servo].mobility).ge(R::of(STIFF_SERVO));
+    pub(crate) fn set_servo(&mut self, actuator: usize, servo: usize, force: R, added_inertia: R) {
+        if let Some(unclamped) = self.unclamped.get_mut(servo) {
+            *unclamped = [force, added_inertia];
+            self.stiff[servo] = (added_inertia * self.effective_inertias[servo].mobility).ge(R::of(STIFF_SERVO));
         }
-        let held = self.held[servo];
-        self.force[actuator] = R::select(held, self.held_force[servo], force);
-        self.weight[servo] = R::select(held, R::zero(), weight);
+        let fixed = self.fixed[servo];
+        self.force[actuator] = R::select(fixed, self.fixed_force[servo], force);
+        self.added_inertia[servo] = R::select(fixed, R::zero(), added_inertia);
     }
 
-    /// Stores the law of an actuator's dynamics, and finds its region.
+    /// Stores the affine force of an actuator's dynamics, and the explicit part and added inertia with its active bound.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "one actuator, every part of it named at the call")]
     pub(crate) fn set_actuator_dynamics(
         &mut self,
         actuator: usize,
         servo: usize,
-        law: &AffineForce<R>,
+        affine: &AffineForce<R>,
         motion: &Motion<R>,
         compiled: &CompiledActuatorDynamics<R::Scalar>,
         numbers: &ActuatorDynamics<R>,
         weights: ImplicitWeights<R>,
     ) {
-        let (effective_inertia, region) = (self.effective_inertias[servo], &mut self.regions[compiled.index]);
-        region.take(law.implicit_force(motion, effective_inertia, weights), motion.before, effective_inertia);
-        if self.fresh {
-            region.guess(compiled, numbers);
+        let (effective_inertia, bounded_force) = (self.effective_inertias[servo], &mut self.bounded_forces[compiled.index]);
+        bounded_force.set_affine_force(
+            affine.explicit_part_and_added_inertia(motion, effective_inertia, weights),
+            motion.before,
+            effective_inertia,
+        );
+        if self.active_bounds_unknown {
+            bounded_force.guess_active_bound(compiled, numbers);
         }
-        let (force, weight) = region.force(numbers, weights);
-        let most = region.most_weight(numbers, weights);
-        self.set_servo(actuator, servo, force, weight);
-        self.stiff[servo] = (most * effective_inertia.mobility).ge(R::of(STIFF_SERVO));
+        let (force, added_inertia) = bounded_force.force(numbers, weights);
+        let max_added_inertia = bounded_force.max_added_inertia(numbers, weights);
+        self.set_servo(actuator, servo, force, added_inertia);
+        self.stiff[servo] = (max_added_inertia * effective_inertia.mobility).ge(R::of(STIFF_SERVO));
     }
 
-    /// Bounds the force of a servo at the predicted velocity, in the lanes in which it is not stiff. `along` is the predicted change of its
-    /// velocity in the step.
+    /// Clamps the force of a servo at the predicted velocity, in the lanes in which it is not stiff. `dv` is the predicted change of the
+    /// actuator's velocity in the step.
     ///
-    /// In the mass matrix or not, the servo keeps its place.
+    /// The added inertia stays, because the mass matrix is factored.
     #[inline(always)]
-    pub(crate) fn bound_servo(
+    pub(crate) fn clamp_at_predicted_velocity(
         &mut self,
         compiled: &LaneModel<R>,
         actuator_dynamics: &[ActuatorDynamics<R>],
         implicit: ImplicitServos<R>,
-        (servo, along): (usize, R),
+        (servo, dv): (usize, R),
     ) {
         let a = compiled.servos[servo].actuator;
-        let ServoForce { force, moved, .. } = self.force_by(compiled, actuator_dynamics, implicit, (servo, along));
-        let (bounded, cut) = match compiled.actuators[a].force_range {
+        let ServoForce { force, changed, .. } = self.trial_servo_force(compiled, actuator_dynamics, implicit, (servo, dv));
+        let (clamped, is_outside) = match compiled.actuators[a].force_range {
             Some(bounds) => (within(force, Some(bounds)), outside(force, bounds)),
             None => (force, R::Mask::splat(false)),
         };
-        self.candidate[a] = bounded;
-        let changes = moved.or(cut).or(self.held[servo]).and_not(self.stiff[servo]);
-        self.force[a] = R::select(changes, bounded + self.weight[servo] / implicit.h * along, self.force[a]);
+        self.trial_force[a] = clamped;
+        let changes = changed.or(is_outside).or(self.fixed[servo]).and_not(self.stiff[servo]);
+        // The mass matrix subtracts w/h dv from the explicit part, so that the whole force is the clamped one.
+        self.force[a] = R::select(changes, clamped + self.added_inertia[servo] / implicit.h * dv, self.force[a]);
     }
 
-    /// Force of a servo if its velocity changes by `along` in the step.
+    /// Whole force of a servo if the actuator's velocity changes by `dv`, with the active bound at that velocity.
     #[inline(always)]
-    fn force_by(
+    fn trial_servo_force(
         &self,
         compiled: &LaneModel<R>,
         actuator_dynamics: &[ActuatorDynamics<R>],
         ImplicitServos { weights, h, .. }: ImplicitServos<R>,
-        (servo, along): (usize, R),
+        (servo, dv): (usize, R),
     ) -> ServoForce<R> {
-        let (mut placed, mut moved, mut piece) = (None, R::Mask::splat(false), self.unbounded[servo]);
+        let (mut updated, mut changed, mut split) = (None, R::Mask::splat(false), self.unclamped[servo]);
         if let Some(dynamics) = &compiled.actuators[compiled.servos[servo].actuator].dynamics {
-            let (mut region, numbers) = (self.regions[dynamics.index], &actuator_dynamics[dynamics.index]);
-            moved = region.place(dynamics, numbers, weights, along / h);
-            piece = region.force(numbers, weights).into();
-            placed = Some((dynamics.index, region));
+            let (mut bounded_force, numbers) = (self.bounded_forces[dynamics.index], &actuator_dynamics[dynamics.index]);
+            changed = bounded_force.update_active_bound(dynamics, numbers, weights, dv / h);
+            split = bounded_force.force(numbers, weights).into();
+            updated = Some((dynamics.index, bounded_force));
         }
-        ServoForce { region: placed, moved, piece, force: piece[0] - piece[1] / h * along }
+        let [explicit_part, added_inertia] = split;
+        // The velocity changes by dv, so that the implicit part is -w/h dv.
+        ServoForce { bounded_force: updated, changed, split, force: explicit_part - added_inertia / h * dv }
     }
 
     /// Sums the actuators' forces on every dof, within the bounds of joints.
     #[inline(always)]
     pub(crate) fn gather(&mut self, compiled: &LaneModel<R>, implicit: Option<ImplicitServos<R>>) {
-        self.fresh = false;
+        self.active_bounds_unknown = false;
         self.tau.fill(R::zero());
         for (actuator, &force) in compiled.actuators.iter().zip(&self.force) {
             for &(_, dof, arm) in &actuator.moment {
@@ -337,39 +351,41 @@ impl<R: Real> ActuatorForces<R> {
             let clamped = within(tau, Some(range.bounds));
             self.tau[range.dof] = match implicit {
                 Some(ImplicitServos { all: true, predicted, .. }) if range.has_servos => {
-                    self.cut[r] = self.bounded[r];
-                    let placed = R::select(self.bounded[r], clamped, tau);
-                    if predicted { self.bound_sum(compiled, range, [tau, placed]) } else { placed }
+                    self.found_sum_saturated[r] = self.assumed_sum_saturated[r];
+                    let assumed = R::select(self.assumed_sum_saturated[r], clamped, tau);
+                    if predicted { self.clamp_sum_at_predicted_velocity(compiled, range, [tau, assumed]) } else { assumed }
                 }
                 _ => {
-                    self.cut[r] = outside(tau, range.bounds);
+                    self.found_sum_saturated[r] = outside(tau, range.bounds);
                     clamped
                 }
             };
         }
     }
 
-    /// Sum of actuator forces on a dof, bounded at the predicted velocity in the lanes in which none of its servos is stiff.
+    /// Explicit part of the sum of actuator forces on a dof, clamped at the predicted velocity in the lanes in which none of its servos is
+    /// stiff. The other lanes have `assumed`, the sum with the assumed active bound.
     #[inline(always)]
-    fn bound_sum(&self, compiled: &LaneModel<R>, range: &CompiledForceRange<R::Scalar>, [sum, placed]: [R; 2]) -> R {
+    fn clamp_sum_at_predicted_velocity(&self, compiled: &LaneModel<R>, range: &CompiledForceRange<R::Scalar>, [sum, assumed]: [R; 2]) -> R {
         let (mut stiff, mut expected) = (R::Mask::splat(false), R::zero());
         for &(a, arm) in &range.actuators {
             let servo = compiled.actuators[a].servo;
             stiff = servo.map_or(stiff, |k| stiff.or(self.stiff[k]));
-            expected += R::splat(arm) * if servo.is_some() { self.candidate[a] } else { self.force[a] };
+            expected += R::splat(arm) * if servo.is_some() { self.trial_force[a] } else { self.force[a] };
         }
-        let bounded = R::select(outside(expected, range.bounds), within(expected, Some(range.bounds)) + (sum - expected), sum);
-        R::select(stiff, placed, bounded)
+        // `sum - expected` is the w/h dv of the servos, which the mass matrix subtracts.
+        let clamped = R::select(outside(expected, range.bounds), within(expected, Some(range.bounds)) + (sum - expected), sum);
+        R::select(stiff, assumed, clamped)
     }
 
-    /// Lanes in which the effort of an actuator, or a sum on its joint, was cut to its bounds.
+    /// Lanes in which the last evaluation found the effort of an actuator, or a sum on its joint, outside its bounds.
     #[inline(always)]
-    pub(crate) fn is_cut(&self, compiled: &LaneModel<R>, actuator: usize) -> R::Mask {
-        let (of_it, mut cut) = (&compiled.actuators[actuator], self.beyond[actuator]);
+    pub(crate) fn is_saturated(&self, compiled: &LaneModel<R>, actuator: usize) -> R::Mask {
+        let (of_it, mut saturated) = (&compiled.actuators[actuator], self.found_saturated[actuator]);
         if let (Some(_), Some(dynamics)) = (of_it.servo, &of_it.dynamics) {
-            cut = cut.or(self.candidate_regions[dynamics.index].is_cut());
+            saturated = saturated.or(self.trial_bounded_forces[dynamics.index].is_saturated());
         }
-        cut.or(lanes_of_sums(compiled, &self.cut, actuator))
+        saturated.or(lanes_of_sums(compiled, &self.found_sum_saturated, actuator))
     }
 
     /// Lanes in which the force of an actuator, or of the joint that it drives, is at a bound or beyond.
@@ -378,7 +394,7 @@ impl<R: Real> ActuatorForces<R> {
     #[inline(always)]
     pub(crate) fn is_at_bound(&self, compiled: &LaneModel<R>, actuator: usize) -> R::Mask {
         let of_it = &compiled.actuators[actuator];
-        let mut at = self.beyond[actuator];
+        let mut at = self.found_saturated[actuator];
         if let Some(range) = of_it.force_range {
             at = at.or(reaches(self.force[actuator], range));
         }
@@ -388,128 +404,136 @@ impl<R: Real> ActuatorForces<R> {
         at
     }
 
-    /// Whether bounded servos must be placed before the forces are summed.
+    /// Whether the step must guess the active bounds of servos before it sums the forces.
     #[inline(always)]
     pub(crate) fn needs_guess(&self) -> bool {
-        self.fresh && !self.unbounded.is_empty()
+        self.active_bounds_unknown && !self.unclamped.is_empty()
     }
 
-    /// Places servos by a guess of the velocity after the step.
+    /// Sets the active bounds of servos by a guess of the velocity after the step.
     ///
-    /// The guess neglects the coupling of joints: each servo moves the inertia of its joints, and constraints push as in the last step.
+    /// The guess neglects the coupling of joints: each servo moves its effective inertia, and constraints have the impulses of the last
+    /// step.
     #[inline(always)]
-    pub(crate) fn guess_servos(&mut self, compiled: &LaneModel<R>, actuator_dynamics: &[ActuatorDynamics<R>], implicit: ImplicitServos<R>) {
-        self.place(
+    pub(crate) fn guess_active_bounds(
+        &mut self,
+        compiled: &LaneModel<R>,
+        actuator_dynamics: &[ActuatorDynamics<R>],
+        implicit: ImplicitServos<R>,
+    ) {
+        self.set_active_bounds(
             compiled,
             actuator_dynamics,
             implicit,
             true,
             #[inline(always)]
             |forces, servo| {
-                let ([force, weight], EffectiveInertia { mobility, pushed, .. }) =
-                    (forces.unbounded[servo], forces.effective_inertias[servo]);
-                (implicit.h * force * mobility + pushed) / (R::one() + weight * mobility)
+                let ([force, added_inertia], EffectiveInertia { mobility, pushed, .. }) =
+                    (forces.unclamped[servo], forces.effective_inertias[servo]);
+                (implicit.h * force * mobility + pushed) / (R::one() + added_inertia * mobility)
             },
         );
     }
 
-    /// Places servos by the change `dv` of the velocity in the step. Returns the lanes in which the place of a servo has changed.
+    /// Updates the active bounds of servos to those at the change `dv` of the generalized velocity in the step. Returns the lanes in which
+    /// an active bound changed: their forces must be recomputed.
     ///
-    /// The forces of these lanes must be computed again. Servos that are not stiff do not count if the scheme bounds them at the predicted
-    /// velocity. Without `may_move` places stay, and only the flags of forces outside of their bounds are updated.
-    pub(crate) fn place_servos(
+    /// If all servos are implicit, the function counts stiff servos alone. Stage 1 clamps the others at the predicted velocity. Without
+    /// `may_change` the active bounds stay, and the function only finds the saturated actuators.
+    pub(crate) fn update_active_bounds(
         &mut self,
         compiled: &LaneModel<R>,
         actuator_dynamics: &[ActuatorDynamics<R>],
         implicit: ImplicitServos<R>,
         dv: &[R],
-        may_move: bool,
+        may_change: bool,
     ) -> R::Mask {
         R::vectorize(
             #[inline(always)]
             || {
-                self.place(
+                self.set_active_bounds(
                     compiled,
                     actuator_dynamics,
                     implicit,
-                    may_move,
+                    may_change,
                     #[inline(always)]
-                    |forces, servo| forces.along(&compiled.actuators[compiled.servos[servo].actuator], dv),
+                    |forces, servo| forces.project(&compiled.actuators[compiled.servos[servo].actuator], dv),
                 )
             },
         )
     }
 
-    /// Places each servo on the piece of its force on which it lies at the end of the step. `along` is the change of a servo's velocity.
+    /// Sets the active bound of each servo to that in the step. `dv_of` returns the change of an actuator's velocity.
     ///
-    /// All lanes are placed at the first call in a step, later the lanes in which a place has changed.
+    /// The first call in a step sets all lanes. Later calls set, and all calls return, the lanes in which an active bound changed.
     #[inline(always)]
-    fn place(
+    fn set_active_bounds(
         &mut self,
         compiled: &LaneModel<R>,
         actuator_dynamics: &[ActuatorDynamics<R>],
         implicit: ImplicitServos<R>,
-        may_move: bool,
-        along: impl Fn(&Self, usize) -> R,
+        may_change: bool,
+        dv_of: impl Fn(&Self, usize) -> R,
     ) -> R::Mask {
-        let mut moved = R::Mask::splat(self.fresh);
+        let mut changed = R::Mask::splat(self.active_bounds_unknown);
         let differ = |a: R::Mask, b: R::Mask| a.and_not(b).or(b.and_not(a));
-        self.candidate.copy_from_slice(&self.force);
+        self.trial_force.copy_from_slice(&self.force);
         for (k, servo) in compiled.servos.iter().enumerate() {
-            let (actuator, along) = (&compiled.actuators[servo.actuator], along(self, k));
+            let (actuator, dv) = (&compiled.actuators[servo.actuator], dv_of(self, k));
             let counts = if implicit.all { self.stiff[k] } else { R::Mask::splat(true) };
-            let placed = self.force_by(compiled, actuator_dynamics, implicit, (k, along));
-            let mut force = placed.force;
-            if let Some((index, region)) = placed.region {
-                self.candidate_regions[index] = region;
-                self.unbounded[k] = placed.piece;
-                moved = moved.or(placed.moved.and(counts).and_not(self.held[k]));
+            let trial = self.trial_servo_force(compiled, actuator_dynamics, implicit, (k, dv));
+            let mut force = trial.force;
+            if let Some((index, bounded_force)) = trial.bounded_force {
+                self.trial_bounded_forces[index] = bounded_force;
+                self.unclamped[k] = trial.split;
+                changed = changed.or(trial.changed.and(counts).and_not(self.fixed[k]));
             }
             if let Some(bounds) = actuator.force_range {
-                let (outside, before) = (outside(force, bounds), self.saturated[k]);
+                let (outside, before) = (outside(force, bounds), self.assumed_saturated[k]);
                 force = within(force, Some(bounds));
-                let turned = outside.and(before).and(force.eq(self.held_force[k]).not());
-                moved = moved.or(differ(outside, before).or(turned).and(counts));
+                let turned = outside.and(before).and(force.eq(self.fixed_force[k]).not());
+                changed = changed.or(differ(outside, before).or(turned).and(counts));
                 if implicit.all || actuator.dynamics.is_some() {
-                    self.beyond[servo.actuator] = outside;
+                    self.found_saturated[servo.actuator] = outside;
                 }
             }
-            self.candidate[servo.actuator] = force;
+            self.trial_force[servo.actuator] = force;
         }
         for (r, range) in compiled.actuator_force_ranges.iter().enumerate().filter(|(_, range)| range.has_servos) {
-            let (mut counts, mut sum, mut sum_before) = (R::Mask::splat(!implicit.all), R::zero(), R::zero());
+            let (mut counts, mut sum, mut assumed_sum) = (R::Mask::splat(!implicit.all), R::zero(), R::zero());
             for &(a, arm) in &range.actuators {
                 counts = compiled.actuators[a].servo.map_or(counts, |k| counts.or(self.stiff[k]));
-                sum += R::splat(arm) * self.candidate[a];
-                sum_before += R::splat(arm) * self.force[a];
+                sum += R::splat(arm) * self.trial_force[a];
+                assumed_sum += R::splat(arm) * self.force[a];
             }
-            self.cut[r] = outside(sum, range.bounds);
+            let (found, assumed) = (outside(sum, range.bounds), self.assumed_sum_saturated[r]);
             let is_above = |sum: R| sum.gt(R::splat(range.bounds[1]));
-            let turned = self.cut[r].and(self.bounded[r]).and(differ(is_above(sum), is_above(sum_before)));
-            moved = moved.or(differ(self.cut[r], self.bounded[r]).or(turned).and(counts));
+            let turned = found.and(assumed).and(differ(is_above(sum), is_above(assumed_sum)));
+            self.found_sum_saturated[r] = found;
+            changed = changed.or(differ(found, assumed).or(turned).and(counts));
         }
-        if !may_move {
-            return moved;
+        if !may_change {
+            return changed;
         }
-        let new = |now: R::Mask, before: R::Mask| now.and(moved).or(before.and_not(moved));
-        for (bounded, &cut) in self.bounded.iter_mut().zip(&self.cut) {
-            *bounded = new(cut, *bounded);
+        let new = |now: R::Mask, before: R::Mask| now.and(changed).or(before.and_not(changed));
+        for (assumed, &found) in self.assumed_sum_saturated.iter_mut().zip(&self.found_sum_saturated) {
+            *assumed = new(found, *assumed);
         }
         for (k, servo) in compiled.servos.iter().enumerate() {
-            let (a, [force, weight]) = (servo.actuator, self.unbounded[k]);
+            let (a, [force, added_inertia]) = (servo.actuator, self.unclamped[k]);
             if let Some(dynamics) = &compiled.actuators[a].dynamics {
-                self.regions[dynamics.index].replace(&self.candidate_regions[dynamics.index], moved);
+                self.bounded_forces[dynamics.index].copy_active_bounds(&self.trial_bounded_forces[dynamics.index], changed);
             }
             if compiled.actuators[a].force_range.is_some() {
-                self.saturated[k] = new(self.beyond[a], self.saturated[k]);
+                self.assumed_saturated[k] = new(self.found_saturated[a], self.assumed_saturated[k]);
             }
-            let held = self.saturated[k].or(lanes_of_sums(compiled, &self.bounded, a));
-            self.held[k] = new(held, self.held[k]);
-            self.held_force[k] = R::select(moved, self.candidate[a], self.held_force[k]);
-            self.force[a] = R::select(moved, R::select(held, self.held_force[k], force), self.force[a]);
-            self.weight[k] = R::select(moved, R::select(held, R::zero(), weight), self.weight[k]);
+            let fixed = self.assumed_saturated[k].or(lanes_of_sums(compiled, &self.assumed_sum_saturated, a));
+            self.fixed[k] = new(fixed, self.fixed[k]);
+            self.fixed_force[k] = R::select(changed, self.trial_force[a], self.fixed_force[k]);
+            self.force[a] = R::select(changed, R::select(fixed, self.fixed_force[k], force), self.force[a]);
+            self.added_inertia[k] = R::select(changed, R::select(fixed, R::zero(), added_inertia), self.added_inertia[k]);
         }
-        moved
+        changed
     }
 
     /// Computes the expected force of every actuator at the end of the step.
@@ -529,9 +553,9 @@ impl<R: Real> ActuatorForces<R> {
                 for (k, servo) in compiled.servos.iter().enumerate() {
                     let (actuator, EffectiveInertia { mobility, pushed, .. }) =
                         (&compiled.actuators[servo.actuator], self.effective_inertias[k]);
-                    let by_constraints = pushed / (R::one() + self.weight[k] * mobility);
-                    let change = implicit.h * self.along(actuator, acc) + by_constraints;
-                    let force = self.force_by(compiled, actuator_dynamics, implicit, (k, change)).force;
+                    let by_constraints = pushed / (R::one() + self.added_inertia[k] * mobility);
+                    let dv = implicit.h * self.project(actuator, acc) + by_constraints;
+                    let force = self.trial_servo_force(compiled, actuator_dynamics, implicit, (k, dv)).force;
                     self.expected_force[servo.actuator] = within(force, actuator.force_range);
                 }
             },
@@ -539,16 +563,16 @@ impl<R: Real> ActuatorForces<R> {
     }
 }
 
-/// Force of a servo at the end of a step.
+/// Whole force of a servo at a trial velocity, with its active bound.
 #[derive(Clone, Copy, Debug)]
 struct ServoForce<R: Real> {
-    /// Index of its dynamics, and the region of their force.
-    region: Option<(usize, Region<R>)>,
-    /// Lanes in which the region has changed.
-    moved: R::Mask,
-    /// Explicit force and added inertia in this region.
-    piece: [R; 2],
-    /// Force without the bounds of the actuator.
+    /// Index of its actuator dynamics, and their force with the updated active bound.
+    bounded_force: Option<(usize, BoundedForce<R>)>,
+    /// Lanes in which the active bound of the dynamics changed.
+    changed: R::Mask,
+    /// Explicit part and added inertia with that active bound.
+    split: [R; 2],
+    /// Whole force before clamping to the actuator's `force_range`.
     force: R,
 }
 

@@ -8,7 +8,7 @@ use crate::compile::LaneModel;
 use crate::math::spatial::*;
 
 impl<R: Real> ActuatorForces<R> {
-    /// Computes the friction losses of actuator dynamics into `losses`, at their forces or at the expected forces at the end of the step.
+    /// Computes the friction losses of actuator dynamics into `losses`: at their whole forces if `expected`, else at `force`.
     ///
     /// A gear with efficiency e delivers e f to the load, and needs f / e when the load drives it. Against a motion along f it loses (1 -
     /// e) |f|, against one the other way (1/e - 1) |f|. At rest its friction is anything in between.

@@ -136,8 +136,8 @@ impl<S: Scalar> ActuatorPipelines<S> {
         self.pipelines.is_empty()
     }
 
-    /// Loads the numbers that act within a step, as they are at the end of the step.
-    pub fn load<R: Real<Scalar = S>>(&self, compiled: &ModelStructure<S>, group: usize, specs: &mut [ActuatorDynamics<R>]) {
+    /// Loads the numbers of actuator dynamics that act within a step, as they are at the end of the step.
+    pub fn load<R: Real<Scalar = S>>(&self, compiled: &ModelStructure<S>, group: usize, actuator_dynamics: &mut [ActuatorDynamics<R>]) {
         R::vectorize(
             #[inline(always)]
             || {
@@ -145,7 +145,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
                     let Some(dynamics) = compiled.actuators[pipeline.actuator].dynamics else { continue };
                     let table = &self.tables[group][pipeline.table * R::LANES..];
                     let number = |n: Number| get::<R>(table, n as usize);
-                    specs[dynamics.index] = ActuatorDynamics {
+                    actuator_dynamics[dynamics.index] = ActuatorDynamics {
                         slope: R::zero(),
                         rate: R::zero(),
                         limits: [number(Number::Low), number(Number::High)],
@@ -155,21 +155,21 @@ impl<S: Scalar> ActuatorPipelines<S> {
                         friction: number(Number::Friction),
                     };
                     if dynamics.servo {
-                        pipeline.set_gains(table, Number::Decay, &mut specs[dynamics.index]);
+                        pipeline.set_gains(table, Number::Decay, &mut actuator_dynamics[dynamics.index]);
                     }
                 }
             },
         )
     }
 
-    /// Numbers of all actuators in one lane.
+    /// Numbers of the actuator dynamics of all actuators in one lane.
     pub fn read(&self, compiled: &ModelStructure<S>, group: usize, lane: usize) -> Vec<ActuatorDynamics<f64>> {
-        let mut specs = vec![ActuatorDynamics::default(); compiled.actuator_dynamics];
+        let mut actuator_dynamics = vec![ActuatorDynamics::default(); compiled.actuator_dynamics];
         for pipeline in &self.pipelines {
             let Some(dynamics) = compiled.actuators[pipeline.actuator].dynamics else { continue };
             let number = |n: Number| self.tables[group][(pipeline.table + n as usize) * self.lanes + lane].to_f64();
             let share = if dynamics.servo { 1.0 - number(Number::Decay) } else { 0.0 };
-            specs[dynamics.index] = ActuatorDynamics {
+            actuator_dynamics[dynamics.index] = ActuatorDynamics {
                 slope: -share * number(Number::Kp),
                 rate: -share * number(Number::Kd),
                 limits: [number(Number::Low), number(Number::High)],
@@ -179,7 +179,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
                 friction: number(Number::Friction),
             };
         }
-        specs
+        actuator_dynamics
     }
 
     /// Advances the pipelines before a step from the state (q, v): converts the controls `given` to those of the step.
@@ -195,7 +195,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
         alive: R::Mask,
         h: f64,
         memory: &mut Memory<S>,
-        (ctrl, specs): (&mut [R], &mut [ActuatorDynamics<R>]),
+        (ctrl, actuator_dynamics): (&mut [R], &mut [ActuatorDynamics<R>]),
     ) {
         R::vectorize(
             #[inline(always)]
@@ -221,7 +221,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
                     if pipeline.lagged {
                         u = pipeline.lag(table, actuator, u, [q, v], [taken, start], &mut memory.numbers);
                         if let (Servo::Continuous, Some(dynamics)) = (pipeline.servo, actuator.dynamics) {
-                            pipeline.set_gains(table, Number::Mean, &mut specs[dynamics.index]);
+                            pipeline.set_gains(table, Number::Mean, &mut actuator_dynamics[dynamics.index]);
                         }
                     }
                     ctrl[pipeline.actuator] = R::select(taken, u, R::of(f64::NAN));
@@ -236,7 +236,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
         compiled: &ModelStructure<S>,
         group: usize,
         memory: &mut Memory<S>,
-        (ctrl, specs): (&mut [R], &mut [ActuatorDynamics<R>]),
+        (ctrl, actuator_dynamics): (&mut [R], &mut [ActuatorDynamics<R>]),
     ) {
         R::vectorize(
             #[inline(always)]
@@ -248,7 +248,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
                     if let (Servo::Continuous, Some(dynamics)) = (pipeline.servo, compiled.actuators[pipeline.actuator].dynamics) {
                         let (goal, decay): (R, R) = (get(&memory.numbers, pipeline.lag_at() + 1), get(table, Number::Decay as usize));
                         ctrl[pipeline.actuator] = goal + (effort - goal) * decay;
-                        pipeline.set_gains(table, Number::Decay, &mut specs[dynamics.index]);
+                        pipeline.set_gains(table, Number::Decay, &mut actuator_dynamics[dynamics.index]);
                     }
                 }
                 for (i, u) in ctrl.iter().enumerate() {

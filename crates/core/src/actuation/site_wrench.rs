@@ -22,7 +22,7 @@ impl<R: Real> ActuatorForces<R> {
                     let Some(wrench) = &actuator.wrench else { continue };
                     self.lengths[wrench.index] = place(compiled, kinematics, wrench, &mut self.arms[wrench.arms..]);
                     if wrench.reference.is_some() {
-                        let ahead = self.along(actuator, v) * time;
+                        let ahead = self.project(actuator, v) * time;
                         self.lengths[wrench.index] += ahead;
                     }
                 }
@@ -30,9 +30,9 @@ impl<R: Real> ActuatorForces<R> {
         )
     }
 
-    /// Product a . x along an actuator's moment.
+    /// Projection a . x of a generalized vector onto an actuator's moment a.
     #[inline(always)]
-    pub(crate) fn along(&self, actuator: &CompiledActuator<R::Scalar>, x: &[R]) -> R {
+    pub(crate) fn project(&self, actuator: &CompiledActuator<R::Scalar>, x: &[R]) -> R {
         let mut sum = R::zero();
         for &(_, dof, arm) in &actuator.moment {
             sum += R::splat(arm) * x[dof];
@@ -45,6 +45,7 @@ impl<R: Real> ActuatorForces<R> {
         sum
     }
 
+    /// Length of an actuator at the configuration `q`.
     #[inline(always)]
     pub(crate) fn length_of(&self, actuator: &CompiledActuator<R::Scalar>, q: &[R]) -> R {
         if let Some(wrench) = &actuator.wrench {
@@ -57,9 +58,10 @@ impl<R: Real> ActuatorForces<R> {
         sum
     }
 
+    /// Motion of an actuator at the configuration `q`, the velocity `v_at` of explicit forces, and the velocity `v` before the step.
     #[inline(always)]
     pub(crate) fn motion(&self, actuator: &CompiledActuator<R::Scalar>, q: &[R], v_at: &[R], v: &[R]) -> Motion<R> {
-        Motion { length: self.length_of(actuator, q), velocity: self.along(actuator, v_at), before: self.along(actuator, v) }
+        Motion { length: self.length_of(actuator, q), velocity: self.project(actuator, v_at), before: self.project(actuator, v) }
     }
 
     /// Length of an actuator, gear included.
@@ -74,7 +76,7 @@ impl<R: Real> ActuatorForces<R> {
     pub fn rate(&self, compiled: &LaneModel<R>, actuator: usize, v: &[R]) -> R {
         R::vectorize(
             #[inline(always)]
-            || self.along(&compiled.actuators[actuator], v),
+            || self.project(&compiled.actuators[actuator], v),
         )
     }
 }

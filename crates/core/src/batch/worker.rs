@@ -426,13 +426,13 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
     }
 }
 
-/// Adds one for every actuator whose effort a step has cut to its bounds.
+/// Adds one for every actuator whose effort a step has clamped to its bounds.
 fn count_saturated<R: Real>(compiled: &LaneModel<R>, s: &Workspace<R>, counts: &mut [u32]) {
     R::vectorize(
         #[inline(always)]
         || {
             for (actuator, counts) in counts.chunks_exact_mut(R::LANES).enumerate() {
-                count(s.free_motion.actuator_forces.is_cut(compiled, actuator).and(s.alive).bits(), counts);
+                count(s.free_motion.actuator_forces.is_saturated(compiled, actuator).and(s.alive).bits(), counts);
             }
         },
     )

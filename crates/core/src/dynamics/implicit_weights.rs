@@ -1,35 +1,37 @@
-//! Weights of damping and stiffness in the mass matrix.
+//! Weights of implicit damping and stiffness in the mass matrix.
 
 use stepper_real::{Mask, Real};
 
-/// Shares of damping and stiffness in the mass matrix.
+/// Weights that convert damping and stiffness to added inertia: `damping * d + stiffness * k`, kg or kg m^2.
+///
+/// They are h/2 and h^2/4 for the midpoint rule, h and h^2 for the implicit rule (see [`crate::actuation::forces`]).
 #[derive(Clone, Copy, Debug)]
 pub struct ImplicitWeights<R> {
-    /// Time factor of the implicit damping, s.
+    /// Weight of damping, s; zero makes damping explicit.
     pub damping: R,
-    /// Squared time factor of the implicit stiffness, s^2; zero makes springs and servos explicit.
+    /// Weight of stiffness, s^2; zero makes springs explicit.
     pub stiffness: R,
-    /// Time step for the additional share of unresolved damping, s; zero for no additional share.
+    /// Time step for the extra share s of damping that the step does not resolve, s; zero disables it (see [`crate::actuation::forces`]).
     pub step: R,
 }
 
 impl<R: Real> ImplicitWeights<R> {
-    /// Whether damping has an additional share, so that it must be computed.
+    /// Whether a damping has an extra share in any lane, so that [`Self::extra_share`] must be computed.
     #[inline(always)]
-    pub(crate) fn fits(self, damping: R) -> bool {
+    pub(crate) fn has_extra_share(self, damping: R) -> bool {
         (self.step * damping).gt(R::zero()).any()
     }
 
-    /// Additional share of a damping at the end of the step, from 0 to 1, for a rate of damping d / m, 1/s.
+    /// Extra share s = z / (6 + z) of a damping at the end of the step, from 0 to 1. z is the time step times `rate` = d / m, 1/s.
     #[inline(always)]
-    pub(crate) fn share(self, rate: R) -> R {
+    pub(crate) fn extra_share(self, rate: R) -> R {
         let z = self.step * rate;
         z / (R::of(6.0) + z)
     }
 
-    /// Damping that a spring receives with that share.
+    /// Damping 3/2 s h k that a spring of stiffness k receives for the extra share s of its damper.
     #[inline(always)]
-    pub(crate) fn drag(self, share: R, stiffness: R) -> R {
+    pub(crate) fn spring_damping(self, share: R, stiffness: R) -> R {
         R::of(1.5) * share * self.step * stiffness
     }
 }

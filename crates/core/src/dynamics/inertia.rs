@@ -55,39 +55,39 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// Adds the shares `weights` of joint damping and stiffness to the diagonal of M.
+    /// Adds the implicit terms of joint damping and stiffness to the diagonal of M.
     ///
-    /// The damping that stiff springs receive (see [`crate::actuation::forces`]) goes to `drag`, which may be empty if no joint has a
+    /// `spring_damping` gets the damping that stiff springs receive (see [`crate::actuation::forces`]). It may be empty if no joint has a
     /// spring.
     #[inline(always)]
-    pub fn add_joints(&mut self, compiled: &LaneModel<R>, implicit: ImplicitWeights<R>, drag: &mut [R]) {
+    pub fn add_joints(&mut self, compiled: &LaneModel<R>, weights: ImplicitWeights<R>, spring_damping: &mut [R]) {
         for (d, dof) in compiled.dofs.iter().enumerate() {
             let DofParams { damping, stiffness, .. } = compiled.params.dof(d);
             let entry = &mut self.entries[dof.chain];
-            // Undamped dofs, most of those of robots, have a share of zero.
-            let share = match implicit.fits(damping) {
-                true => implicit.share(damping / *entry),
+            // Undamped dofs, most of those of robots, have an extra share of zero.
+            let share = match weights.has_extra_share(damping) {
+                true => weights.extra_share(damping / *entry),
                 false => R::zero(),
             };
-            *entry += implicit.damping * (R::one() + share) * damping + implicit.stiffness * stiffness;
-            if let Some(drag) = drag.get_mut(d) {
-                *drag = implicit.drag(share, stiffness);
-                *entry += implicit.step * *drag;
+            *entry += weights.damping * (R::one() + share) * damping + weights.stiffness * stiffness;
+            if let Some(spring_damping) = spring_damping.get_mut(d) {
+                *spring_damping = weights.spring_damping(share, stiffness);
+                *entry += weights.step * *spring_damping;
             }
         }
     }
 
     /// Adds the added inertia of servos along their moments. For a moment across branches it adds a diagonal matrix that is not smaller.
     #[inline(always)]
-    pub fn add_servos(&mut self, compiled: &LaneModel<R>, weights: &[R], arms: &[R]) {
-        for (servo, &weight) in compiled.servos.iter().zip(weights) {
+    pub fn add_servos(&mut self, compiled: &LaneModel<R>, added_inertias: &[R], arms: &[R]) {
+        for (servo, &added_inertia) in compiled.servos.iter().zip(added_inertias) {
             let entries = if servo.bound.is_empty() { &servo.entries } else { &servo.bound };
             for &(entry, coefficient) in entries {
-                self.entries[entry] += R::splat(coefficient) * weight;
+                self.entries[entry] += R::splat(coefficient) * added_inertia;
             }
             if servo.spread.is_empty() {
                 for &(entry, [a, b]) in &servo.products {
-                    self.entries[entry] += arms[a] * arms[b] * weight;
+                    self.entries[entry] += arms[a] * arms[b] * added_inertia;
                 }
             } else {
                 let total = servo.spread.iter().fold(
@@ -96,7 +96,7 @@ impl<R: Real> MassMatrix<R> {
                     |sum, &(_, arm)| sum + arms[arm].abs(),
                 );
                 for &(entry, arm) in &servo.spread {
-                    self.entries[entry] += arms[arm].abs() * total * weight;
+                    self.entries[entry] += arms[arm].abs() * total * added_inertia;
                 }
             }
         }
@@ -104,13 +104,13 @@ impl<R: Real> MassMatrix<R> {
 
     /// Adds the added inertia of servos along their moments, between dofs on one branch alone.
     #[inline(always)]
-    pub fn add_servos_within_branches(&mut self, compiled: &LaneModel<R>, weights: &[R], arms: &[R]) {
-        for (servo, &weight) in compiled.servos.iter().zip(weights) {
+    pub fn add_servos_within_branches(&mut self, compiled: &LaneModel<R>, added_inertias: &[R], arms: &[R]) {
+        for (servo, &added_inertia) in compiled.servos.iter().zip(added_inertias) {
             for &(entry, coefficient) in &servo.entries {
-                self.entries[entry] += R::splat(coefficient) * weight;
+                self.entries[entry] += R::splat(coefficient) * added_inertia;
             }
             for &(entry, [a, b]) in &servo.products {
-                self.entries[entry] += arms[a] * arms[b] * weight;
+                self.entries[entry] += arms[a] * arms[b] * added_inertia;
             }
         }
     }

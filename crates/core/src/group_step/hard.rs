@@ -90,7 +90,7 @@ impl<R: Real> HardNominal<R> {
     pub(super) fn compare(&self, compiled: &LaneModel<R>, s: &Workspace<R>) -> NominalEvaluation<R> {
         // A bouncing contact has other impulses in the position solve, or none.
         let mut bouncing = s.problem.rebounding.or(s.problem.bouncing()).bits();
-        let prediction = self.scheme.corrects.then(|| {
+        let prediction = self.scheme.predicts().then(|| {
             // The time of an impact is found by iteration, to a fraction of the step.
             bouncing |= s.evaluation.impacts.lanes.bits();
             Prediction {
@@ -173,7 +173,7 @@ impl<R: Real> HardNominal<R> {
             assemble_problem(place, free, problem, velocity, builder, NoProbe);
             problem.activate_matching(velocity, &evaluation.contacts, &self.contacts);
         }
-        if self.scheme.corrects {
+        if self.scheme.predicts() {
             pass.find_step_impulses(Solve::Prediction, options, problem, velocity, &evaluation.contacts, rule);
             correct_free_velocity(place, free, problem, velocity, NoProbe);
         }
@@ -240,8 +240,8 @@ impl<R: Real> HardNominal<R> {
         let plain = compiled.equalities.is_empty() && compiled.tendons.iter().all(|tendon| tendon.spring.is_none());
         match recomputed {
             _ if compiled.actuator_dynamics > 0 || compiled.lossy => Recomputed::Configuration,
-            Recomputed::Velocity if self.scheme.corrects => Recomputed::Configuration,
-            Recomputed::Forces if self.scheme.corrects && !compiled.servos.is_empty() => Recomputed::Configuration,
+            Recomputed::Velocity if self.scheme.implicit_forces => Recomputed::Configuration,
+            Recomputed::Forces if self.scheme.implicit_forces && !compiled.servos.is_empty() => Recomputed::Configuration,
             Recomputed::Velocity if plain && !compiled.has_contact_springs && !any_elastic(&self.contacts) => Recomputed::Forces,
             Recomputed::Forces if any_elastic(&self.contacts) => Recomputed::Configuration,
             recomputed => recomputed,

@@ -19,7 +19,7 @@ pub(crate) fn find_energy_gain<R: Real>(
     excluded: R::Mask,
 ) -> R::Mask {
     let Place { input: StepInput { compiled, options, state, .. }, evaluation: Evaluation { scheme, q, kinematics, .. } } = place;
-    if !scheme.corrects || !scheme.in_the_middle {
+    if !scheme.predicts() || !scheme.in_the_middle {
         return R::Mask::splat(false);
     }
     // A step that is not evaluated in its middle has an energy error of first order in its rotation.

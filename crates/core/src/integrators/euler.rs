@@ -21,6 +21,6 @@ pub(crate) fn scheme<R: Real>(h: R) -> Scheme<R> {
         velocity_weight: none,
         in_the_middle: false,
         looks_ahead: false,
-        corrects: false,
+        implicit_forces: false,
     }
 }

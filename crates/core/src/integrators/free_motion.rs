@@ -19,7 +19,7 @@ pub(crate) fn compute_free_motion<R: Real>(place: Place<'_, R>, free: &mut FreeM
         free.smooth.apply(compiled, kinematics, [&inputs.qfrc, &inputs.xfrc], &mut free.applied);
     });
     probe.span(Span::MassMatrix, || free.smooth.assemble_mass(compiled, kinematics, scheme.joints(compiled)));
-    probe.span(Span::Actuate, || actuate_freely(place, free));
+    probe.span(Span::Actuate, || actuate_at_velocity_before(place, free));
     probe.span(Span::MassFactors, || {
         let FreeMotion { smooth, actuator_forces, .. } = free;
         smooth.complete_mass(compiled, kinematics, implicit(compiled, scheme, actuator_forces, &state.v));
@@ -42,7 +42,7 @@ pub(crate) fn recompute_free_motion<R: Real>(input: StepInput<'_, R>, evaluation
     advance_activations(input, evaluation);
     let scheme = evaluation.scheme;
     free.actuator_forces.transmit(compiled, &evaluation.kinematics, &state.v, scheme.time_ahead);
-    actuate_freely(Place { input, evaluation }, free);
+    actuate_at_velocity_before(Place { input, evaluation }, free);
     free.accelerate(compiled, &evaluation.kinematics, &state.v, &state.v);
     advance(&state.v, &free.smooth.acc, scheme.h, &mut free.v);
 }
@@ -58,13 +58,13 @@ pub(crate) fn advance_activations<R: Real>(input: StepInput<'_, R>, evaluation: 
     }
 }
 
-/// Whether servos with bounds are implicit, so that one at a bound changes the mass matrix.
+/// Whether servos with bounds are implicit, so that their active bounds change the mass matrix.
 pub(crate) fn has_bounded_servos<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>) -> bool {
-    compiled.servos_are_bounded && (scheme.corrects || compiled.actuator_dynamics > 0)
+    compiled.servos_are_bounded && (scheme.implicit_forces || compiled.actuator_dynamics > 0)
 }
 
-/// Stage 1 at the velocity before the step.
-fn actuate_freely<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R>) {
+/// Stage 1 with all velocity-dependent forces at the velocity before the step.
+fn actuate_at_velocity_before<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R>) {
     let Place { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, .. } } = place;
     if (scheme.in_the_middle || compiled.servos_are_bounded) && !compiled.servos.is_empty() {
         free.actuator_forces.compute_effective_inertia(compiled, &free.smooth.inertia, &state.impulse);
@@ -72,13 +72,13 @@ fn actuate_freely<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R>) {
     actuate(compiled, &place.forces_at(&state.v), Some(scheme.servos(false)), &mut free.actuator_forces);
 }
 
-/// Implicit terms of the mass matrix.
+/// Implicit terms of the mass matrix: joints, implicit servos and, with `implicit_forces`, the drag of the medium.
 pub(crate) fn implicit<'a, R: Real>(
     compiled: &LaneModel<R>,
     scheme: &Scheme<R>,
     actuator_forces: &'a ActuatorForces<R>,
     v: &'a [R],
 ) -> Implicit<'a, R> {
-    let servos: &[R] = if scheme.corrects || compiled.actuator_dynamics > 0 { &actuator_forces.weight } else { &[] };
-    Implicit { weights: scheme.joints(compiled), servos, arms: &actuator_forces.arms, drag_at: scheme.corrects.then_some(v) }
+    let servos: &[R] = if scheme.implicit_forces || compiled.actuator_dynamics > 0 { &actuator_forces.added_inertia } else { &[] };
+    Implicit { weights: scheme.joints(compiled), servos, arms: &actuator_forces.arms, drag_at: scheme.implicit_forces.then_some(v) }
 }

@@ -20,6 +20,6 @@ pub(crate) fn scheme<R: Real>(h: R) -> Scheme<R> {
         velocity_weight: R::one(),
         in_the_middle: false,
         looks_ahead: true,
-        corrects: true,
+        implicit_forces: true,
     }
 }

@@ -49,9 +49,9 @@ pub(crate) fn locate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluati
 #[inline(always)]
 fn evaluate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>, probe: impl Probe) -> R::Mask {
     place_bodies(input, evaluation, free, probe);
-    // Only steps for derivatives have solved overlaps. These keep each servo at the bound, or off it, at which the solution has it.
+    // Only steps for derivatives have solved overlaps. They keep the active bounds of servos in the solution.
     if evaluation.solved_overlaps.is_none() {
-        free.actuator_forces.release();
+        free.actuator_forces.reset_active_bounds();
     }
     compute_free_motion(Place { input, evaluation }, free, probe);
     let Evaluation { scheme, kinematics, poses, contacts, .. } = evaluation;

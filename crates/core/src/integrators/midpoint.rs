@@ -22,6 +22,6 @@ pub(crate) fn scheme<R: Real>(h: R) -> Scheme<R> {
         velocity_weight,
         in_the_middle: true,
         looks_ahead: false,
-        corrects: true,
+        implicit_forces: true,
     }
 }

@@ -77,7 +77,7 @@ pub(crate) fn find_tunnelling<R: Real>(
 ) -> R::Mask {
     let Evaluation { scheme, kinematics, poses, impacts, .. } = evaluation;
     let PositionSolution { impact_displacement: motion, correction, .. } = position;
-    let is_free = !outcome.impulses_act && !scheme.corrects;
+    let is_free = !outcome.impulses_act && !scheme.predicts();
     let rebounding = corrected.all.and(corrected.rebounding);
     let v = if rebounding.none() {
         &velocity.v

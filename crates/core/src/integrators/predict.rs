@@ -29,7 +29,7 @@ pub(crate) fn predict<R: Real>(
     probe: impl Probe,
 ) {
     let Place { input: StepInput { compiled, options, state, alive, .. }, evaluation: Evaluation { scheme, .. } } = place;
-    if !scheme.corrects {
+    if !scheme.predicts() {
         return;
     }
     let constrained = problem.constrained.or(problem.deferred_lanes(alive));

@@ -17,7 +17,7 @@ pub(crate) struct Scheme<R> {
     pub(crate) time_after: R,
     /// Time from the evaluation point to that of springs and servos, s. Their change with the velocity is implicit, in the mass matrix.
     pub(crate) time_ahead: R,
-    /// Shares of damping and stiffness in the mass matrix.
+    /// Weights of implicit damping and stiffness in the mass matrix.
     pub(crate) weights: ImplicitWeights<R>,
     /// Point at which velocity-dependent forces are evaluated: 0 is the velocity before the step, 1 the velocity after it.
     pub(crate) velocity_weight: R,
@@ -25,11 +25,19 @@ pub(crate) struct Scheme<R> {
     pub(crate) in_the_middle: bool,
     /// Whether springs and servos are evaluated later than the other forces.
     pub(crate) looks_ahead: bool,
-    /// Whether springs and servos are implicit, and velocity-dependent forces are recomputed at the expected velocity.
-    pub(crate) corrects: bool,
+    /// Whether the mass matrix has implicit terms of joint springs, all servos and the drag of the medium. Otherwise it has those of joint
+    /// damping and the servos of actuator dynamics alone.
+    pub(crate) implicit_forces: bool,
 }
 
 impl<R: Real> Scheme<R> {
+    /// Whether the step predicts the velocity after it, and recomputes velocity-dependent forces at that prediction.
+    ///
+    /// All schemes with `implicit_forces` do, and no others.
+    pub(crate) fn predicts(&self) -> bool {
+        self.implicit_forces
+    }
+
     /// Fraction of a gap that may close in a step: the time step over the time to the evaluation point of the next step. A body then meets
     /// the surface at that point and not before.
     ///
@@ -47,15 +55,15 @@ impl<R: Real> Scheme<R> {
         )
     }
 
-    /// Implicit servos of stage 1: all servos if the scheme `corrects`, else those of actuator dynamics alone.
-    /// `predicted`: the velocity of the explicit forces is the predicted mean velocity.
+    /// Implicit servos of stage 1: all servos with `implicit_forces`, else those of actuator dynamics alone. `predicted`: explicit forces
+    /// use the predicted velocity at [`Scheme::velocity_weight`].
     pub(crate) fn servos(&self, predicted: bool) -> ImplicitServos<R> {
-        ImplicitServos { weights: self.weights, h: self.h, all: self.corrects, predicted }
+        ImplicitServos { weights: self.weights, h: self.h, all: self.implicit_forces, predicted }
     }
 
-    /// Implicit shares of joint damping and stiffness. Without `corrects`, damping is explicit in models that select it.
+    /// Weights of joint damping and stiffness. Without `implicit_forces`, damping is explicit in models that select it.
     pub(crate) fn joints(&self, compiled: &LaneModel<R>) -> ImplicitWeights<R> {
-        let explicit = compiled.explicit_damping && !self.corrects;
+        let explicit = compiled.explicit_damping && !self.implicit_forces;
         ImplicitWeights { damping: if explicit { R::zero() } else { self.weights.damping }, ..self.weights }
     }
 

@@ -29,8 +29,8 @@ use crate::tuning::{IMPACT_PASSES, MIN_NEWTON_STEPS_FOR_RETRY, ORDERED_PASSES, R
 /// the free velocity is recomputed, and the lanes are solved again, for impacts at most three times. Impacts for which Newton's law has no
 /// plausible solution become inelastic. Their lanes are the second result: a shorter step resolves them.
 ///
-/// Stiff servos must be on the side of their bounds that the solution gives. One on another side changes the mass matrix, so that the
-/// problem is assembled and solved again, at most four times. Lanes that still disagree then are in the second result too.
+/// The assumed active bounds of stiff servos must be those of the solution. Another active bound changes the mass matrix, so that the
+/// problem is assembled and solved again, at most four times. Lanes that still disagree are in the second result too.
 #[inline(always)]
 pub(crate) fn solve_velocities<R: Real>(
     place: Place<'_, R>,
@@ -47,6 +47,7 @@ pub(crate) fn solve_velocities<R: Real>(
     assemble_and_predict(place, free, problem, velocity, builder, collisions, probe);
     let (mut lanes, mut first) = (problem.constrained, true);
     let (mut passes, mut impacts, mut inelastic, mut servos) = (0, 0, none, 0);
+    let disagrees;
     loop {
         let solved = probe.span(Span::Solve, || solve_lanes(place, lanes, problem, velocity));
         if first {
@@ -68,13 +69,13 @@ pub(crate) fn solve_velocities<R: Real>(
             (passes, inelastic) = (0, inelastic.or(lanes));
         }
         if lanes.none() {
-            let moved = move_servos(place, free, velocity, servos < SATURATION_PASSES);
-            if moved.none() || servos == SATURATION_PASSES {
-                inelastic = inelastic.or(moved);
+            let changed = update_active_bounds(place, free, velocity, servos < SATURATION_PASSES);
+            if changed.none() || servos == SATURATION_PASSES {
+                disagrees = changed;
                 break;
             }
             compute_free_motion(place, free, probe);
-            // All lanes are solved again. Those in which no servo has moved get the same bits.
+            // All lanes are solved again. Those in which no active bound changed get the same bits.
             assemble_and_predict(place, free, problem, velocity, builder, collisions, probe);
             (lanes, first) = (problem.constrained, true);
             (passes, impacts, inelastic, servos) = (0, 0, none, servos + 1);
@@ -83,7 +84,7 @@ pub(crate) fn solve_velocities<R: Real>(
     problem.activate_satisfied(velocity);
     probe.span(Span::Solve, || resolve_ambiguous(place, free, problem, velocity, &mut outcome));
     count_effort(&outcome, problem, probe);
-    (outcome, inelastic)
+    (outcome, inelastic.or(disagrees))
 }
 
 /// Stage 4, and the prediction of the velocity after the step.
@@ -101,17 +102,23 @@ fn assemble_and_predict<R: Real>(
     probe.span(Span::CorrectForces, || predict(place, free, problem, velocity, collisions, probe));
 }
 
-/// Places servos on the side of their bounds that the solution gives. Returns the lanes in which a place has changed, or would change
-/// without `may_move`. Then only the flags of saturated actuators are updated.
-fn move_servos<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R>, velocity: &VelocitySolution<R>, may_move: bool) -> R::Mask {
+/// Updates the active bounds of servos to those of the solution. Returns the lanes in which any changed.
+///
+/// Without `may_change` they stay, and the result has the lanes in which any would change.
+fn update_active_bounds<R: Real>(
+    place: Place<'_, R>,
+    free: &mut FreeMotion<R>,
+    velocity: &VelocitySolution<R>,
+    may_change: bool,
+) -> R::Mask {
     let Place { input: StepInput { compiled, state, inputs, alive, .. }, evaluation: Evaluation { scheme, .. } } = place;
     if !has_bounded_servos(compiled, scheme) {
         return R::Mask::splat(false);
     }
     let FreeMotion { actuator_forces, scratch: Scratch { velocity_change, .. }, .. } = &mut *free;
     advance(&velocity.v, &state.v, -R::one(), velocity_change);
-    let moved = actuator_forces.place_servos(compiled, &inputs.actuator_dynamics, scheme.servos(false), velocity_change, may_move);
-    moved.and(alive)
+    let bounds_at = scheme.servos(false);
+    actuator_forces.update_active_bounds(compiled, &inputs.actuator_dynamics, bounds_at, velocity_change, may_change).and(alive)
 }
 
 /// Solves the lanes `lanes`. Lanes that Newton's method leaves unsolved are solved again without curvature terms.
@@ -173,7 +180,7 @@ fn limit_speed<R: Real>(
 ) -> [R::Mask; 2] {
     let Place { input: StepInput { compiled, state, alive, .. }, evaluation: Evaluation { scheme, .. } } = place;
     let ambiguous = ambiguous(place, free, problem, velocity, residual);
-    if scheme.corrects && problem.constrained.any() {
+    if scheme.predicts() && problem.constrained.any() {
         free.unresolved = free.unresolved.or(alive.and(diverging(compiled, [&state.v, &free.v], &velocity.v, scheme.h)));
     }
     let limited = free.unresolved.or(ambiguous);

@@ -3,7 +3,7 @@
 use stepper_real::{Mask, Real};
 
 use crate::actuation::affine_force::{AffineForce, outside, within};
-use crate::actuation::force_limits::{bounded, exceeds};
+use crate::actuation::force_limits::{clamp_to_limits, exceeds_limits};
 use crate::actuation::forces::{ActuatorForces, ForceState, ImplicitServos};
 use crate::compile::{ActuatorParams, CompiledActuator, LaneModel};
 use crate::dynamics::kinematics::quat_at;
@@ -13,7 +13,7 @@ use crate::model::{Activation, JointKind};
 /// Computes the forces of actuators and springs, N or N m, and the added inertia of servos. Stage 2 adds joint damping, and the
 /// implicit terms of both to the mass matrix.
 ///
-/// Servos at a bound of their force stay there until [`ActuatorForces::release`]. Without `implicit` all terms are explicit.
+/// The assumed active bounds of servos stay until [`ActuatorForces::reset_active_bounds`]. Without `implicit` all terms are explicit.
 pub fn actuate<R: Real>(
     compiled: &LaneModel<R>,
     at: &ForceState<'_, R>,
@@ -24,20 +24,25 @@ pub fn actuate<R: Real>(
         #[inline(always)]
         || {
             for (i, (actuator, &u)) in compiled.actuators.iter().zip(at.ctrl).enumerate() {
+                // `at.act` is already at the evaluation point (`advance_activations`): the control acts through it alone.
                 let input = match actuator.act {
                     Some(a) => at.act[a],
                     None => control(u, actuator.ctrl_range),
                 };
                 let Some(k) = actuator.servo else {
                     let ActuatorParams { gain, bias } = compiled.params.actuator(i);
-                    let asked = gain[0] * input + bias[0];
-                    let force = within(asked, actuator.force_range);
-                    actuator_forces.beyond[i] = beyond(asked, actuator.force_range);
+                    let requested = gain[0] * input + bias[0];
+                    let force = within(requested, actuator.force_range);
+                    actuator_forces.found_saturated[i] = exceeds_range(requested, actuator.force_range);
                     actuator_forces.force[i] = match &actuator.dynamics {
                         Some(dynamics) => {
-                            actuator_forces.beyond[i] =
-                                actuator_forces.beyond[i].or(exceeds(dynamics, &at.actuator_dynamics[dynamics.index], force, R::zero()));
-                            bounded(dynamics, &at.actuator_dynamics[dynamics.index], force, R::zero())
+                            actuator_forces.found_saturated[i] = actuator_forces.found_saturated[i].or(exceeds_limits(
+                                dynamics,
+                                &at.actuator_dynamics[dynamics.index],
+                                force,
+                                R::zero(),
+                            ));
+                            clamp_to_limits(dynamics, &at.actuator_dynamics[dynamics.index], force, R::zero())
                         }
                         None => force,
                     };
@@ -46,7 +51,7 @@ pub fn actuate<R: Real>(
                 let motion = actuator_forces.motion(actuator, at.q, at.v_at, at.v);
                 let parameters = compiled.params.actuator(i);
                 let affine = affine_force(actuator, parameters, at, nearest_equivalent_angle(actuator, parameters, input, motion.length));
-                actuator_forces.beyond[i] = R::Mask::splat(false);
+                actuator_forces.found_saturated[i] = R::Mask::splat(false);
                 match (implicit, &actuator.dynamics) {
                     (Some(implicit), Some(dynamics)) => {
                         actuator_forces.set_actuator_dynamics(
@@ -60,26 +65,28 @@ pub fn actuate<R: Real>(
                         );
                     }
                     (Some(ImplicitServos { weights, all: true, .. }), None) => {
-                        let (force, weight) = affine.implicit_force(&motion, actuator_forces.effective_inertia_at(k), weights);
-                        actuator_forces.set_servo(i, k, force, weight);
+                        let (force, added_inertia) =
+                            affine.explicit_part_and_added_inertia(&motion, actuator_forces.effective_inertia_at(k), weights);
+                        actuator_forces.set_servo(i, k, force, added_inertia);
                     }
                     (None, Some(dynamics)) => {
                         actuator_forces.force[i] =
-                            bounded(dynamics, &at.actuator_dynamics[dynamics.index], affine.force(&motion), motion.velocity);
+                            clamp_to_limits(dynamics, &at.actuator_dynamics[dynamics.index], affine.force(&motion), motion.velocity);
                     }
                     (_, None) => {
-                        let asked = affine.force(&motion);
-                        actuator_forces.beyond[i] = beyond(asked, actuator.force_range);
-                        actuator_forces.set_servo(i, k, within(asked, actuator.force_range), R::zero());
+                        let requested = affine.force(&motion);
+                        actuator_forces.found_saturated[i] = exceeds_range(requested, actuator.force_range);
+                        actuator_forces.set_servo(i, k, within(requested, actuator.force_range), R::zero());
                     }
                 }
                 if let Some(implicit) = implicit.filter(|implicit| implicit.predicted && compiled.servos_are_bounded) {
-                    let along = (motion.velocity - motion.before) * (implicit.h / implicit.weights.damping);
-                    actuator_forces.bound_servo(compiled, at.actuator_dynamics, implicit, (k, along));
+                    // `motion.velocity` is v + (weights.damping / h) (v+ - v), so that this is the predicted change v+ - v.
+                    let dv = (motion.velocity - motion.before) * (implicit.h / implicit.weights.damping);
+                    actuator_forces.clamp_at_predicted_velocity(compiled, at.actuator_dynamics, implicit, (k, dv));
                 }
             }
             if let Some(implicit) = implicit.filter(|_| actuator_forces.needs_guess()) {
-                actuator_forces.guess_servos(compiled, at.actuator_dynamics, implicit);
+                actuator_forces.guess_active_bounds(compiled, at.actuator_dynamics, implicit);
             }
             actuator_forces.gather(compiled, implicit);
             if implicit.is_none() {
@@ -99,7 +106,7 @@ pub(crate) fn servo_damping<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_
         || {
             for (k, servo) in compiled.servos.iter().enumerate() {
                 let [_, rate] = slopes(compiled, at, servo.actuator, forces);
-                forces.weight[k] = -(h * rate);
+                forces.added_inertia[k] = -(h * rate);
             }
         },
     )
@@ -130,23 +137,23 @@ fn slopes<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, actuator: us
         None => control(at.ctrl[actuator], own.ctrl_range),
     };
     let AffineForce { level, slope, rate } = affine_force(own, compiled.params.actuator(actuator), at, input);
-    let mut cut = forces.is_at_bound(compiled, actuator);
+    let mut at_bound = forces.is_at_bound(compiled, actuator);
     if let Some(dynamics) = &own.dynamics {
-        let velocity = forces.along(own, at.v);
-        let asked = AffineForce { level, slope, rate }.force(&forces.motion(own, at.q, at.v, at.v));
-        cut = cut.or(exceeds(dynamics, &at.actuator_dynamics[dynamics.index], asked, velocity));
+        let velocity = forces.project(own, at.v);
+        let requested = AffineForce { level, slope, rate }.force(&forces.motion(own, at.q, at.v, at.v));
+        at_bound = at_bound.or(exceeds_limits(dynamics, &at.actuator_dynamics[dynamics.index], requested, velocity));
     }
     [slope, rate].map(
         #[inline(always)]
-        |x| R::select(cut, R::zero(), x),
+        |x| R::select(at_bound, R::zero(), x),
     )
 }
 
 /// Lanes in which a requested force is outside its range.
 #[inline(always)]
-fn beyond<R: Real>(asked: R, range: Option<[R::Scalar; 2]>) -> R::Mask {
+fn exceeds_range<R: Real>(requested: R, range: Option<[R::Scalar; 2]>) -> R::Mask {
     match range {
-        Some(range) => outside(asked, range),
+        Some(range) => outside(requested, range),
         None => R::Mask::splat(false),
     }
 }
@@ -210,6 +217,7 @@ fn affine_force<R: Real>(
     }
 }
 
+/// Adds the forces of joint springs at the configuration `q` to `tau`.
 #[inline(always)]
 fn add_springs<R: Real>(compiled: &LaneModel<R>, q: &[R], tau: &mut [R]) {
     for (j, joint) in compiled.joints.iter().enumerate().filter(|(_, joint)| joint.sprung) {
@@ -233,7 +241,11 @@ fn add_springs<R: Real>(compiled: &LaneModel<R>, q: &[R], tau: &mut [R]) {
     }
 }
 
-/// Activations after `h` seconds at the rates at `rate_at`: `out = act + h rate(rate_at)`, clamped. Exact lags use `act`.
+/// Advances the activations `act` by `h` seconds, clamped to their ranges, into `out`.
+///
+/// `rate_at` holds the activations at which the function evaluates the rate: `act` for Euler's rule, those in the middle of the step for
+/// the midpoint rule. MuJoCo's `filterexact` needs no rate: its solution from `act`, with decay exp(-h/tau), is exact for a constant
+/// setpoint.
 pub fn advance_activation<R: Real>(compiled: &LaneModel<R>, act: &[R], rate_at: &[R], ctrl: &[R], h: R, out: &mut [R]) {
     if out.is_empty() {
         return;

@@ -23,8 +23,9 @@ pub struct Smooth<R: Real> {
     pub newton_euler: NewtonEuler<R>,
     /// Diagonal of M without implicit terms, in models with servos.
     pub inertia: Vec<R>,
-    /// Damping of stiff springs beyond that of the joints, in models with joint springs; see [`crate::actuation::forces`].
-    drag: Vec<R>,
+    /// Damping that stiff joint springs receive in addition to joint damping, nv; empty in models without joint springs. See
+    /// [`crate::actuation::forces`].
+    spring_damping: Vec<R>,
     composite: Vec<Inertia<R>>,
     fluid: Fluid<R>,
 }
@@ -37,7 +38,7 @@ impl<R: Real> Smooth<R> {
             bias: vec![R::zero(); compiled.nv],
             acc: vec![R::zero(); compiled.nv],
             inertia: vec![R::zero(); if compiled.servos.is_empty() { 0 } else { compiled.nv }],
-            drag: vec![R::zero(); if compiled.joints.iter().any(|j| j.sprung) { compiled.nv } else { 0 }],
+            spring_damping: vec![R::zero(); if compiled.joints.iter().any(|j| j.sprung) { compiled.nv } else { 0 }],
             composite: vec![zero(); compiled.links.len()],
             newton_euler: NewtonEuler::new(compiled),
             fluid: Fluid::new(compiled),
@@ -77,7 +78,7 @@ impl<R: Real> Smooth<R> {
         for (inertia, dof) in self.inertia.iter_mut().zip(&compiled.dofs) {
             *inertia = self.mass.entries[dof.chain];
         }
-        self.mass.add_joints(compiled, weights, &mut self.drag);
+        self.mass.add_joints(compiled, weights, &mut self.spring_damping);
     }
 
     #[inline(always)]
@@ -120,18 +121,18 @@ impl<R: Real> Smooth<R> {
         for (((acc, ((&tau, &applied), &bias)), &[damping, ..]), &v) in self.acc.iter_mut().zip(forces).zip(compiled.params.dofs()).zip(v) {
             *acc = (tau + applied) - bias - damping * v;
         }
-        for ((acc, &drag), &v) in self.acc.iter_mut().zip(&self.drag).zip(v) {
-            *acc -= drag * v;
+        for ((acc, &damping), &v) in self.acc.iter_mut().zip(&self.spring_damping).zip(v) {
+            *acc -= damping * v;
         }
         self.mass.solve(compiled, &mut self.acc);
     }
 
     /// Adds the added inertia of servos within branches and `h` times the drag of the medium to the entries of the mass matrix.
-    pub fn damp(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, [weights, arms]: [&[R]; 2], v: &[R], h: R) {
+    pub fn damp(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, [added_inertias, arms]: [&[R]; 2], v: &[R], h: R) {
         R::vectorize(
             #[inline(always)]
             || {
-                self.mass.add_servos_within_branches(compiled, weights, arms);
+                self.mass.add_servos_within_branches(compiled, added_inertias, arms);
                 if !compiled.fluid.is_empty() {
                     self.fluid.linearise(compiled, kinematics, v, h, &mut self.mass.entries);
                     self.fluid.forget();

@@ -111,7 +111,7 @@ impl<R: Real> Acceleration<'_, R> {
     fn compute_forces(&mut self, input: StepInput<'_, R>, stage: &StageState<R>) {
         let StepInput { compiled, inputs, .. } = input;
         let (free, kinematics) = (&mut *self.free, &self.evaluation.kinematics);
-        free.actuator_forces.release();
+        free.actuator_forces.reset_active_bounds();
         free.actuator_forces.transmit(compiled, kinematics, &stage.v, R::zero());
         actuate(compiled, &stage.forces(inputs), None, &mut free.actuator_forces);
         if compiled.lossy {

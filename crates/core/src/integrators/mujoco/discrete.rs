@@ -58,15 +58,15 @@ pub(super) fn assemble_effective_mass<R: Real>(
             for (k, servo) in compiled.servos.iter().enumerate() {
                 let actuator = &compiled.actuators[servo.actuator];
                 let [stiffness, damping] = servo_slopes(compiled, &at, servo.actuator, forces);
-                let push = h * stiffness * forces.along(actuator, v);
+                let push = h * stiffness * forces.project(actuator, v);
                 let on_site =
                     actuator.wrench.iter().flat_map(|w| w.dofs.iter().zip(&forces.arms[w.arms..]).map(|(&(dof, _), &arm)| (dof, arm)));
                 let parts = || actuator.moment.iter().map(|&(_, dof, arm)| (dof, R::splat(arm))).chain(on_site.clone());
                 for (dof, arm) in parts() {
                     applied[dof] -= push * arm;
                 }
-                forces.weight[k] = h * (damping + h * stiffness);
-                effective.add(compiled, parts(), forces.weight[k], entries);
+                forces.added_inertia[k] = h * (damping + h * stiffness);
+                effective.add(compiled, parts(), forces.added_inertia[k], entries);
             }
         },
     );

@@ -51,7 +51,7 @@ pub(super) fn integrate_velocity<R: Real>(
     if all {
         let at = ForceState::state(&state.q, v, &state.act, &inputs.ctrl, &inputs.actuator_dynamics);
         servo_damping(compiled, &at, h, actuator_forces);
-        smooth.damp(compiled, kinematics, [&actuator_forces.weight, &actuator_forces.arms], v, h);
+        smooth.damp(compiled, kinematics, [&actuator_forces.added_inertia, &actuator_forces.arms], v, h);
         R::vectorize(
             #[inline(always)]
             || add_tendon_damping(compiled, h, &mut smooth.mass.entries),

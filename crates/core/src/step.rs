@@ -93,7 +93,7 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     let mut outcome = bound_velocities(place, free, problem, velocity, position, solver, probe);
     // With the Runge-Kutta method, lanes without constraints replace this solution below.
     let excluded = if s.rk4.is_some() { problem.constrained.not() } else { R::Mask::splat(false) };
-    outcome.gains_energy = probe.span(Span::GuardEnergy, || find_energy_gain(place, free, velocity, guard, excluded)).or(inelastic);
+    outcome.energy_unresolved = probe.span(Span::GuardEnergy, || find_energy_gain(place, free, velocity, guard, excluded)).or(inelastic);
     if options.poison {
         free.scratch.poison();
         collisions.poison();

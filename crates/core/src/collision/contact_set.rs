@@ -1,4 +1,4 @@
-//! The contacts of one step, packed per lane: slot k of lane l is that lane's k-th contact, whichever geoms it joins.
+//! Contacts of one step, packed per lane: slot k of lane l is that lane's k-th contact. The lanes of a slot may join different geoms.
 
 use stepper_geometry::pairs::{ContactPoint, DISTANCE_ROUNDINGS};
 use stepper_real::{Mask, Real, Scalar};
@@ -6,14 +6,15 @@ use stepper_real::{Mask, Real, Scalar};
 use crate::math::lanes::MAX_LANES;
 use crate::math::spatial::*;
 
-/// Change of a tangent from which on it is a jump of its choice: far more than contacts turn within a difference.
+/// Least change of a unit tangent that counts as a jump between two choices of [`contact_frame`]. Within a finite difference contacts turn
+/// far less.
 const TANGENT_JUMP: f64 = 1e-2;
 
-/// Share of the weight above which an error of a normal force matters.
+/// Error of a normal force, as a fraction of the weight, above which gaps are closed.
 const FORCE_ERROR: f64 = 0.01;
 
-/// Identity of a contact from step to step: which pair of the compiled model (high 32 bits), which feature of the pair (low 32 bits).
-/// Ascending within an environment.
+/// Identity of a contact from step to step: its pair of the compiled model (high 32 bits) and feature of the pair (low 32 bits). Contacts
+/// ascend by it within an environment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct ContactId(pub u64);
 
@@ -30,14 +31,14 @@ impl ContactId {
         (self.0 >> 32) as usize
     }
 
-    /// Which feature of the pair: what it means is the narrow-phase function's own affair.
+    /// Feature of the pair, such as a corner. Its meaning depends on the function of the narrow phase.
     #[cfg(test)]
     const fn feature(self) -> u32 {
         self.0 as u32
     }
 }
 
-/// One slot: a contact in each lane that has so many.
+/// Slot of contacts: the k-th contact of each lane that has one.
 #[derive(Clone, Copy, Debug)]
 pub struct Slot<R> {
     /// Point, normal and distance of the contact. The distance is the gap of the shapes minus the pair's margin, m.
@@ -55,7 +56,7 @@ pub struct Slot<R> {
 }
 
 impl<R: Real> Slot<R> {
-    /// Takes over one lane of another slot.
+    /// Copies one lane of another slot, except the tangent and the impulse.
     #[inline(always)]
     fn copy_lane(&mut self, from: &Self, l: usize) {
         self.point.distance.set_lane(l, from.point.distance.lane(l));
@@ -68,13 +69,13 @@ impl<R: Real> Slot<R> {
         self.set_over_face(l, from.over_face);
     }
 
-    /// Takes over the bit of lane `l` of `over_face`.
+    /// Copies the bit of lane `l` of `over_face`.
     #[inline(always)]
     fn set_over_face(&mut self, l: usize, over_face: u32) {
         self.over_face = self.over_face & !(1 << l) | over_face & 1 << l;
     }
 
-    /// Takes over the tangent and the impulse of one lane of another slot.
+    /// Copies the tangent and the impulse of one lane of another slot.
     #[inline(always)]
     fn copy_solution(&mut self, from: &Self, l: usize) {
         for i in 0..3 {
@@ -91,7 +92,7 @@ pub struct Contacts<R: Real> {
     pub count: Box<[usize; MAX_LANES]>,
     /// Identity of every lane's contact in every slot.
     pub ids: Vec<[ContactId; MAX_LANES]>,
-    /// The slots in use are the first `slots()`.
+    /// Slots. The first `slots()` are in use.
     pub data: Vec<Slot<R>>,
     /// Angular impulse of torsional and rolling friction about normal, first and second tangent, N m s; empty when the scene has none.
     pub torque: Vec<V3<R>>,
@@ -115,13 +116,13 @@ impl<R: Real> Contacts<R> {
         }
     }
 
-    /// With buffers for torques, if the scene has any.
+    /// Adds buffers for torques, if the scene has any.
     pub fn with_torques(mut self, any: bool) -> Self {
         self.torque = vec![zero(); if any { self.data.len() } else { 0 }];
         self
     }
 
-    /// Forgets all contacts.
+    /// Removes all contacts.
     #[inline(always)]
     pub fn clear(&mut self) {
         self.count[..R::LANES].fill(0);
@@ -146,15 +147,15 @@ impl<R: Real> Contacts<R> {
         self.data[k].restitution.gt(R::zero()).and(R::Mask::from_bits(self.lanes_of(k)))
     }
 
-    /// The pairs that slot `k` holds in the lanes `lanes`, each once with its lanes (bits): there are fewer of them than lanes.
+    /// Pairs of slot `k` in the lanes `lanes` (bits), each once with its lanes (bits).
     #[inline(always)]
     pub fn pairs(&self, k: usize, lanes: u32) -> SlotPairs<'_> {
         SlotPairs { ids: &self.ids[k][..R::LANES], rest: lanes }
     }
 
-    /// Adds the contact to the lanes in `bits`; lanes that are full are marked in `full`. See [`Slot::over_face`].
+    /// Adds a contact to the lanes in `bits`, and marks lanes without a free slot in `full`. See [`Slot::over_face`].
     ///
-    /// Pairs come in ascending order; the features of a pair may come in any, and are sorted here.
+    /// The caller adds pairs in ascending order. The features of a pair may have any order; this function sorts them.
     #[inline(always)]
     pub fn push(&mut self, [bits, over_face]: [u32; 2], id: ContactId, point: &ContactPoint<R>, mu: R, restitution: R) {
         let mut rest = bits;
@@ -165,7 +166,7 @@ impl<R: Real> Contacts<R> {
                 self.full |= 1 << l;
                 continue;
             }
-            let k = self.make_room(l, id);
+            let k = self.open_slot(l, id);
             self.ids[k][l] = id;
             let slot = &mut self.data[k];
             slot.point.distance.set_lane(l, point.distance.lane(l));
@@ -179,9 +180,9 @@ impl<R: Real> Contacts<R> {
         }
     }
 
-    /// The slot of lane `l` where a contact `id` belongs, emptied: those after it move up.
+    /// Opens the slot of lane `l` for a contact `id`: contacts with a larger identity move up by one slot. Returns the index of the slot.
     #[inline(always)]
-    fn make_room(&mut self, l: usize, id: ContactId) -> usize {
+    fn open_slot(&mut self, l: usize, id: ContactId) -> usize {
         let mut k = self.count[l];
         self.count[l] = k + 1;
         while k > 0 && self.ids[k - 1][l] > id {
@@ -212,11 +213,11 @@ impl<R: Real> Contacts<R> {
         self.count[l] = to;
     }
 
-    /// In single precision: sets gaps below the rounding of their distance to zero.
+    /// Sets gaps below the rounding error of their distance to zero, in single precision.
     ///
     /// A body at rest jumps by one unit in the last place of its coordinates. The gap that this opens would let it fall in the next step.
     /// Joint angles round the positions of links up to a metre away. Gaps below that rounding are closed if closing them within the step
-    /// would change the normal force noticeably. `drop` is what gravity covers in the step, g h^2, m.
+    /// would change the normal force noticeably. `drop` is the distance that gravity covers in the step, g h^2, m.
     pub(crate) fn close_rounded_gaps(&mut self, drop: R) {
         if !R::Scalar::IS_SINGLE {
             return;
@@ -236,7 +237,7 @@ impl<R: Real> Contacts<R> {
         )
     }
 
-    /// Chooses the tangents of every slot from its normal; impulses are 0.
+    /// Chooses the tangents of every slot from its normal, and sets all impulses to 0.
     pub fn choose_tangents(&mut self) {
         R::vectorize(
             #[inline(always)]
@@ -250,9 +251,9 @@ impl<R: Real> Contacts<R> {
         )
     }
 
-    /// Chooses the tangents of every slot from its normal, and takes over the impulses of the same contacts in `last`, which is used up.
+    /// Chooses the tangents of every slot from its normal, and copies the impulses of the same contacts in `last`. Overwrites `last`.
     ///
-    /// An impulse is carried over as a vector of the world, so that the choice of tangents does not matter.
+    /// Impulses are copied as vectors in world coordinates, so that the choice of tangents does not matter.
     pub fn prepare(&mut self, last: &mut Self) {
         if self.slots() == 0 {
             return;
@@ -290,8 +291,10 @@ impl<R: Real> Contacts<R> {
         )
     }
 
-    /// Turns the tangents that are far from those of the same contacts in `solved`, near which these are, so that they are as near as the
-    /// normals let them: the choice of [`Contacts::prepare`] jumps at some normals. Elsewhere it stays, since demands may depend on it.
+    /// Removes jumps of the tangents relative to the same contacts in `solved`, the contacts of a nearby state.
+    ///
+    /// [`Contacts::prepare`] chooses tangents from normals, and its choice jumps at some normals. A tangent that jumped becomes the tangent
+    /// in `solved`, projected on the present tangent plane. The others stay, because target velocities may depend on them.
     pub(crate) fn follow_tangents(&mut self, solved: &Self) {
         R::vectorize(
             #[inline(always)]
@@ -315,14 +318,14 @@ impl<R: Real> Contacts<R> {
         )
     }
 
-    /// Slot of the contact `id` of lane `l`, which is in slot `k` most likely.
+    /// Slot of the contact `id` of lane `l`. The search begins at slot `k`, the most likely one.
     #[inline(always)]
     pub(crate) fn find(&self, l: usize, k: usize, id: ContactId) -> Option<usize> {
         let is_it = |&k: &usize| self.ids[k][l] == id;
         Some(k).filter(|&k| k < self.count[l]).filter(is_it).or_else(|| (0..self.count[l]).find(is_it))
     }
 
-    /// Copies the impulses of the contacts of one lane that were there before. Both lists ascend.
+    /// Copies the impulses of the contacts of one lane that are also in `last`. Both lists ascend.
     #[inline(always)]
     fn match_lane(&mut self, last: &Self, l: usize) {
         let mut old = 0;
@@ -345,7 +348,7 @@ impl<R: Real> Contacts<R> {
     }
 }
 
-/// See [`Contacts::pairs`].
+/// Iterator over the pairs of a slot and their lanes, made by [`Contacts::pairs`].
 #[derive(Clone, Debug)]
 pub struct SlotPairs<'a> {
     ids: &'a [ContactId],

@@ -7,9 +7,9 @@ use stepper_geometry::pairs::segments;
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::collision::broad_phase::Broad;
+use crate::collision::contact_reduction::ContactReduction;
 use crate::collision::contact_set::Contacts;
 use crate::collision::packed_pairs::PackedPairs;
-use crate::collision::patch_reduction::PatchReduction;
 use crate::collision::separation_cache::SeparationCache;
 use crate::collision::static_search::{StaticSearch, merge};
 use crate::compile::{CompiledPair, Kernel, LaneModel, ModelStructure};
@@ -30,13 +30,13 @@ pub struct GeomPoses<R: Real> {
     pub(crate) near_count: usize,
     pub(crate) broad: Broad,
     pub(crate) statics: StaticSearch<R>,
-    /// Whether each geom has moved far from the beginning of the step in any lane.
-    fast: Vec<bool>,
+    /// Whether each geom may have passed through the thinnest static geom since the beginning of the step, in any lane.
+    may_tunnel: Vec<bool>,
     /// Dynamic pairs that can touch, with their numbers and lanes.
     pub(crate) dynamic: Vec<(usize, R::Mask, CompiledPair<R::Scalar>)>,
     pub(crate) packed: PackedPairs<R::Scalar>,
     pub(crate) search: Search,
-    pub(crate) reduction: PatchReduction,
+    pub(crate) reduction: ContactReduction,
 }
 
 fn runs<S: Scalar>(compiled: &ModelStructure<S>) -> Vec<Range<usize>> {
@@ -59,14 +59,15 @@ pub(crate) struct Placed<R: Real> {
     pub(crate) mat: Vec<M3<R>>,
     /// Upper bound of the displacement of any point of the geom in two free steps, m.
     pub(crate) travel: Vec<R>,
-    /// Upper bound of the displacement of any point of the geom from the beginning of the step to its evaluated pose, m.
+    /// Upper bound of the displacement of any point of the geom in [`Scene::displacement_time`], m.
     pub(crate) displacement: Vec<R>,
-    /// Whether each geom moved by half its thickness in any lane.
-    pub(crate) fast: Vec<bool>,
-    /// Velocities of the links for `displacement`.
+    /// Whether the displacement of each geom exceeds half its inscribed radius in any lane. Set by the tunnelling check.
+    pub(crate) moved_far: Vec<bool>,
+    /// Velocities of the links that cause `displacement`.
     pub(crate) displacing_velocity: Vec<V6<R>>,
     /// Bounding ball of the geom over two free steps: centre and radius, m. For a plane the radius is the bound of its displacement.
     pub(crate) balls: Vec<[R; 4]>,
+    /// Velocities of the links that cause `travel`: the free velocity of the step.
     pub(crate) velocity: Vec<V6<R>>,
 }
 
@@ -105,7 +106,7 @@ impl<R: Real> GeomPoses<R> {
         let mut poses = Self {
             placed,
             statics: StaticSearch::new(compiled),
-            fast: vec![false; compiled.geoms.len()],
+            may_tunnel: vec![false; compiled.geoms.len()],
             slack: R::zero(),
             runs: runs(compiled),
             near: vec![(0, 0); compiled.pairs.len() + 1],
@@ -113,7 +114,7 @@ impl<R: Real> GeomPoses<R> {
             broad: Broad::default(),
             dynamic: vec![],
             packed: PackedPairs::default(),
-            reduction: PatchReduction::default(),
+            reduction: ContactReduction::default(),
             search: Search::new(compiled, R::LANES),
         };
         poses.update_static_poses(compiled);
@@ -142,26 +143,32 @@ impl<R: Real> GeomPoses<R> {
 
     /// Finds the pairs with static geoms whose boxes overlap in any of the lanes `alive`.
     ///
-    /// `travel` bounds the displacement of every geom, m. With `looks_back`, all pairs whose bounding balls overlap are found for geoms
-    /// that have moved far from the beginning of the step.
-    pub(crate) fn find_static(&mut self, compiled: &LaneModel<R>, alive: R::Mask, looks_back: bool, travel: impl Fn(&Placed<R>) -> &[R]) {
+    /// `travel` bounds the displacement of every geom, m. With `checks_passing`, a geom that may have passed through a static one gets all
+    /// pairs whose bounding balls overlap.
+    pub(crate) fn find_static(
+        &mut self,
+        compiled: &LaneModel<R>,
+        alive: R::Mask,
+        checks_passing: bool,
+        travel: impl Fn(&Placed<R>) -> &[R],
+    ) {
         if !compiled.static_pairs.is_empty() {
-            let Self { placed, statics, slack, fast, .. } = self;
-            fast.fill(false);
-            if looks_back {
+            let Self { placed, statics, slack, may_tunnel, .. } = self;
+            may_tunnel.fill(false);
+            if checks_passing {
                 R::vectorize(
                     #[inline(always)]
                     || {
                         for m in &compiled.static_pairs.moving {
-                            fast[m.geom] = statics.may_tunnel(compiled, m.geom, placed.displacement[m.geom]).and(alive).any();
+                            may_tunnel[m.geom] = statics.may_tunnel(compiled, m.geom, placed.displacement[m.geom]).and(alive).any();
                         }
                     },
                 );
             }
-            statics.find(compiled, alive.bits(), (&placed.pos, &placed.mat), |g| (travel(placed)[g] + *slack, fast[g]));
-            if looks_back {
+            statics.find(compiled, alive.bits(), (&placed.pos, &placed.mat), |g| (travel(placed)[g] + *slack, may_tunnel[g]));
+            if checks_passing {
                 statics.pairs.retain_mut(|(number, lanes)| {
-                    let pair = compiled.pairs.get(*number as usize).filter(|pair| pair.geoms.iter().any(|&g| fast[g]));
+                    let pair = compiled.pairs.get(*number as usize).filter(|pair| pair.geoms.iter().any(|&g| may_tunnel[g]));
                     *lanes &= pair.map_or(u32::MAX, |pair| placed.balls_touch(pair, *slack).bits());
                     *lanes != 0
                 });
@@ -219,7 +226,7 @@ impl<R: Real> Placed<R> {
             mat: compiled.geoms.iter().map(|g| splat(g.mat)).collect(),
             travel: zeros(),
             displacement: zeros(),
-            fast: vec![false; compiled.geoms.len()],
+            moved_far: vec![false; compiled.geoms.len()],
             displacing_velocity: vec![zero(); compiled.links.len()],
             balls: vec![zero(); compiled.geoms.len()],
             velocity: vec![zero(); compiled.links.len()],
@@ -244,12 +251,12 @@ impl<R: Real> Placed<R> {
         }
     }
 
-    /// Updates the bounds of the displacements of all geoms from their poses in `time`, s, at the generalized velocity `v`. It also updates
-    /// the velocities of the links.
+    /// Updates `travel` and the bounding balls: all geoms move at the generalized velocity `v` for `time` seconds after their poses. Also
+    /// updates the velocities of the links.
     #[inline(always)]
     pub(crate) fn update_travel(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
         kinematics.velocities(compiled, v, &mut self.velocity);
-        ways(compiled, kinematics, &self.pos, &self.velocity, time, &mut self.travel);
+        displacement_bounds(compiled, kinematics, &self.pos, &self.velocity, time, &mut self.travel);
         for &i in &compiled.moving_geoms {
             self.update_ball(compiled, i);
         }
@@ -258,8 +265,8 @@ impl<R: Real> Placed<R> {
     /// Updates the bounding ball of a geom from its position and the bound of its displacement.
     #[inline(always)]
     fn update_ball(&mut self, compiled: &LaneModel<R>, i: usize) {
-        let way = self.travel[i];
-        let radius = if compiled.geoms[i].is_plane { way } else { way + compiled.params.bounding_radius(i) };
+        let travel = self.travel[i];
+        let radius = if compiled.geoms[i].is_plane { travel } else { travel + compiled.params.bounding_radius(i) };
         let [x, y, z] = self.pos[i];
         self.balls[i] = [x, y, z, radius];
     }
@@ -278,19 +285,26 @@ impl<R: Real> Placed<R> {
         self.update_ball(compiled, i);
     }
 
-    /// Updates the bounds of the displacements of all geoms from the beginning of the step, `time` seconds ago. It also updates the
-    /// velocities of the links for them.
+    /// Updates `displacement` and its velocities: all geoms move at the generalized velocity `v` for `time` seconds, before or after their
+    /// poses.
     #[inline(always)]
-    pub(crate) fn update_lead(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
+    pub(crate) fn update_displacement(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
         kinematics.velocities(compiled, v, &mut self.displacing_velocity);
-        ways(compiled, kinematics, &self.pos, &self.displacing_velocity, time, &mut self.displacement);
+        displacement_bounds(compiled, kinematics, &self.pos, &self.displacing_velocity, time, &mut self.displacement);
     }
 }
 
 /// Upper bound of the displacement of any point of each geom in `time` seconds at the velocities of the links. Geoms that are fixed to the
 /// world are left out.
 #[inline(always)]
-fn ways<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, pos: &[V3<R>], velocity: &[V6<R>], time: R, out: &mut [R]) {
+fn displacement_bounds<R: Real>(
+    compiled: &LaneModel<R>,
+    kinematics: &Kinematics<R>,
+    pos: &[V3<R>],
+    velocity: &[V6<R>],
+    time: R,
+    out: &mut [R],
+) {
     for &i in &compiled.moving_geoms {
         let g = &compiled.geoms[i];
         if g.frame <= compiled.links.len() {
@@ -313,19 +327,26 @@ pub(crate) fn slack<R: Real>(compiled: &LaneModel<R>, h: R) -> R {
     norm(compiled.params.gravity()) * h * h + R::of(1e-6)
 }
 
+/// Geoms at one time of the step, as input of the narrow phase.
 pub(crate) struct Scene<'a, R: Real> {
     pub(crate) compiled: &'a LaneModel<R>,
     pub(crate) kinematics: &'a Kinematics<R>,
     pub(crate) poses: &'a Placed<R>,
+    /// Time step, s.
     pub(crate) h: R,
+    /// Distance that gravity covers in a step, m.
     pub(crate) slack: R,
-    pub(crate) look_ahead: R,
-    pub(crate) looks_ahead: bool,
+    /// Duration of the motion that `poses.displacement` bounds, s. Stage 3 uses the time since the beginning of the step, the tunnelling
+    /// check the whole step.
+    pub(crate) displacement_time: R,
+    /// Whether to find the lanes in which geoms may have passed each other within `displacement_time`.
+    pub(crate) checks_passing: bool,
 }
 
 impl<R: Real> Scene<'_, R> {
-    /// Adds the contacts of a pair in the lanes `near`. Contacts of pairs in `packed` were found before. Returns the lanes in which the
-    /// contacts are unreliable, because the geoms have moved too far since the beginning of the step.
+    /// Adds the contacts of a pair in the lanes `near`. Contacts of pairs in `packed` were found before.
+    ///
+    /// Returns the lanes in which the contacts are unreliable, because the geoms have moved too far since the beginning of the step.
     #[inline(always)]
     pub(crate) fn collide(
         &self,
@@ -339,7 +360,7 @@ impl<R: Real> Scene<'_, R> {
         if !self.take_packed(index, pair, near, packed, contacts) {
             self.test_pair(index, pair, near, search, contacts);
         }
-        if self.looks_ahead { self.may_have_tunnelled(index, pair, near, &mut search.narrow, contacts) } else { R::Mask::splat(false) }
+        if self.checks_passing { self.may_have_tunnelled(index, pair, near, &mut search.narrow, contacts) } else { R::Mask::splat(false) }
     }
 
     /// Lanes in which the bounding balls of a dynamic pair can meet within the step.
@@ -371,11 +392,11 @@ impl<R: Real> Scene<'_, R> {
             return far;
         }
         // Limbs that fly in the same direction have a small relative displacement.
-        let way = self.way_past(a, b).min(self.way_past(b, a));
-        let far = far.and(way.gt(distance));
+        let displacement = self.relative_displacement(a, b).min(self.relative_displacement(b, a));
+        let far = far.and(displacement.gt(distance));
         // Geoms that are apart again have passed completely. A grazing hit is missed if the path inside the other geom is shorter than
         // twice the tunnelling distance.
-        let most = (way - (distance + distance)).max(R::zero());
+        let most = (displacement - (distance + distance)).max(R::zero());
         let passed = self.gap(pair, far, most, narrow).lt(most);
         far.and(passed.or(self.hits_surface(index, pair, far, contacts)))
     }
@@ -391,16 +412,16 @@ impl<R: Real> Scene<'_, R> {
         }
     }
 
-    /// Upper bound of the displacement of any point of the geom `b` relative to `a` from the beginning of the step, m. Neither is a plane,
+    /// Upper bound of the displacement of any point of the geom `b` relative to `a` in `displacement_time`, m. Neither geom may be a plane,
     /// which has no bound.
     #[inline(always)]
-    pub(crate) fn way_past(&self, a: usize, b: usize) -> R {
+    pub(crate) fn relative_displacement(&self, a: usize, b: usize) -> R {
         let (there, here) = (
             self.motion_at(&self.poses.displacing_velocity, b, self.poses.pos[b]),
             self.motion_at(&self.poses.displacing_velocity, a, self.poses.pos[b]),
         );
         let spin = norm(sub(there[0], here[0]));
-        (norm(sub(there[1], here[1])) + spin * self.compiled.params.bounding_radius(b)) * self.look_ahead
+        (norm(sub(there[1], here[1])) + spin * self.compiled.params.bounding_radius(b)) * self.displacement_time
     }
 
     /// Velocity of the second geom relative to the first: angular, and linear at the point `p`.

@@ -1,13 +1,13 @@
 //! Collision detection: broad phase, narrow phase (with the kernels of stepper-geometry), and the contacts of a step.
 
 pub mod broad_phase;
+pub(crate) mod contact_reduction;
 pub mod contact_set;
 pub mod detection;
 pub mod narrow_phase;
 pub(crate) mod packed_pairs;
 mod packed_phase;
 pub(crate) mod packed_sweep;
-pub(crate) mod patch_reduction;
 pub mod separation_cache;
 pub(crate) mod static_search;
 pub mod surface_velocity;

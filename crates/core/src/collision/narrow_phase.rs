@@ -1,4 +1,4 @@
-//! The narrow phase over lanes: which kernel a pair has, and what becomes of the points that it finds.
+//! Narrow phase over lanes: runs the kernel of a pair, and adds the points that it finds to the contacts.
 
 use std::borrow::Cow;
 
@@ -16,8 +16,9 @@ use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 
 impl<R: Real> Scene<'_, R> {
-    /// Takes up the contacts of a pair in the lanes `near`. A kernel of its own: inlined where it is called, it and what it offers would
-    /// take most of the time of a build.
+    /// Finds the contacts of a pair in the lanes `near`.
+    ///
+    /// The function is a separate kernel. Inlined at each call, its many cases would take most of the build time.
     #[inline(never)]
     pub(crate) fn test_pair(
         &self,
@@ -167,7 +168,7 @@ impl<R: Real> Scene<'_, R> {
         }
     }
 
-    /// Lane by lane, in f64: what one lane does no other sees.
+    /// Finds the contacts of two solids lane by lane, in f64. Lanes do not affect each other.
     #[inline(always)]
     fn convex(&self, index: usize, pair: &CompiledPair<R::Scalar>, mut near: R::Mask, search: &mut Search, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
@@ -186,7 +187,7 @@ impl<R: Real> Scene<'_, R> {
         );
         if let Some(size) = Solid::size_of_hulls([self.solid(a), self.solid(b)]) {
             let moving = self.approach(pair, reach);
-            near = near.and_not(self.are_parted(index, pair, near, &moving, size, search));
+            near = near.and_not(self.are_separated(index, pair, near, &moving, size, search));
             approach = Some(moving);
         }
         for lane in each_of(near.bits()) {
@@ -212,25 +213,27 @@ impl<R: Real> Scene<'_, R> {
         }
     }
 
+    /// Solid of a geom.
     #[inline(always)]
     fn solid(&self, geom: usize) -> &Solid {
         self.compiled.geoms[geom].solid.as_ref().expect("made for every geom of this kernel")
     }
 
-    /// Of the size that it has in a lane.
+    /// Solid of a geom, with its size in lane `lane`.
     #[inline(always)]
     pub(crate) fn solid_in(&self, geom: usize, lane: usize) -> Cow<'_, Solid> {
         let solid = self.solid(geom);
         solid.sized(of_lane(&self.compiled.params.geom_size(geom), lane)).map_or(Cow::Borrowed(solid), Cow::Owned)
     }
 
+    /// Pose of a geom in lane `lane`.
     #[inline(always)]
     pub(crate) fn pose(&self, geom: usize, lane: usize) -> Pose {
         let (pos, mat) = (of_lane(&self.poses.pos[geom], lane), of_lane(&self.poses.mat[geom], lane));
         if size_of::<R::Scalar>() < size_of::<f64>() { Pose::widened(pos, mat) } else { Pose { pos, mat } }
     }
 
-    /// Lanes in which the boxes about two geoms show that they are further than `reach` from each other.
+    /// Lanes in which the bounding boxes of two geoms are farther than `reach` from each other.
     #[inline(always)]
     fn boxes_are_beyond(&self, pair: &CompiledPair<R::Scalar>, reach: R) -> R::Mask {
         let [a, b] = pair.geoms;
@@ -241,9 +244,11 @@ impl<R: Real> Scene<'_, R> {
         first.is_beyond(&second, apart, [&self.poses.mat[a], &self.poses.mat[b]], reach)
     }
 
-    /// Those of the lanes `near` in which what is known of two hulls says that no contact of theirs can count.
+    /// Lanes of `near` in which the separating plane of the last step proves that two hulls cannot touch within the step.
+    ///
+    /// `size` is the size of both hulls, m. These lanes keep their separating plane for the next step.
     #[inline(always)]
-    fn are_parted(
+    fn are_separated(
         &self,
         index: usize,
         pair: &CompiledPair<R::Scalar>,
@@ -254,27 +259,28 @@ impl<R: Real> Scene<'_, R> {
     ) -> R::Mask {
         let [a, b] = pair.geoms;
         let Search { known, found, .. } = search;
-        let mut partings = SeparatingPlanes::none();
+        let mut planes = SeparatingPlanes::none();
         for lane in each_of(near.bits()) {
             if let Some(separating_plane) = known.of(lane, index) {
-                partings.set_lane(lane, separating_plane);
+                planes.set_lane(lane, separating_plane);
             }
         }
         let apart = sub(self.poses.pos[b], self.poses.pos[a]);
-        let parted = near.and(partings.keep(apart, [&self.poses.mat[a], &self.poses.mat[b]], approach, size));
-        for lane in each_of(parted.bits()) {
+        let separated = near.and(planes.keep(apart, [&self.poses.mat[a], &self.poses.mat[b]], approach, size));
+        for lane in each_of(separated.bits()) {
             if let Some(separating_plane) = known.of(lane, index) {
                 found.keep(lane, index, separating_plane);
             }
         }
-        parted
+        separated
     }
 
-    /// Way and turn of the second geom as seen from the first, in its frame, over lanes.
+    /// Displacement and rotation in a step of the second geom relative to the first, in the first's frame.
     #[inline(always)]
     fn approach(&self, pair: &CompiledPair<R::Scalar>, reach: R) -> Approach<R> {
         let [a, b] = pair.geoms;
-        // Contacts are halfway between the two, no further than half the reach from either: the ball about the lens that their balls share.
+        // A contact is halfway between the two geoms, at most half of `reach` from either. It is thus in both bounding balls, enlarged by
+        // half of `reach`. The ball below contains the intersection of these two balls.
         let half = R::of(0.5) * reach;
         let (ra, rb) = (self.compiled.params.bounding_radius(a) + half, self.compiled.params.bounding_radius(b) + half);
         let apart = sub(self.poses.pos[b], self.poses.pos[a]);
@@ -286,13 +292,13 @@ impl<R: Real> Scene<'_, R> {
         self.approach_at(pair.geoms, centre, radius, R::splat(pair.margin))
     }
 
-    /// Displacement in a step of the second geom relative to the first, in the first's frame, for points in a ball.
+    /// Displacement and rotation in a step of the second geom relative to the first, for contacts in the ball about `centre`.
     #[inline(always)]
     pub(crate) fn approach_at(&self, geoms: [usize; 2], centre: V3<R>, radius: R, margin: R) -> Approach<R> {
         let mat = &self.poses.mat[geoms[0]];
         // `map` of an array would be a function call.
-        let [turn, way] = self.relative_motion(geoms, centre);
-        let [turn, way] = [scale(rotate_back(mat, turn), self.h), scale(rotate_back(mat, way), self.h)];
+        let [turn, velocity] = self.relative_motion(geoms, centre);
+        let [turn, way] = [scale(rotate_back(mat, turn), self.h), scale(rotate_back(mat, velocity), self.h)];
         Approach { way, turn, radius, slack: margin.max(R::zero()) + self.slack }
     }
 
@@ -318,8 +324,8 @@ impl<R: Real> Scene<'_, R> {
 
     /// Adds the point in the lanes where it can touch within the step.
     ///
-    /// In the lanes `over_face`, a ball stays over a face of the other geom. A kernel of its own, as [`Scene::test_pair`].
-    #[expect(clippy::too_many_arguments, reason = "a contact, and where it goes")]
+    /// In the lanes `over_face`, a ball stays over a face of the other geom. The function is a separate kernel, as [`Scene::test_pair`] is.
+    #[expect(clippy::too_many_arguments, reason = "contact, pair and lanes are separate")]
     #[inline(never)]
     pub(crate) fn offer_over_face(
         &self,

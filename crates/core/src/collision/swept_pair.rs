@@ -113,7 +113,7 @@ impl<R: Real> SweptPair<R> {
         }
         let Self { placed, search, contacts, .. } = self;
         contacts.clear();
-        let scene = Scene { compiled, kinematics, poses: placed, h: path.time, slack, look_ahead: R::zero(), looks_ahead: false };
+        let scene = Scene { compiled, kinematics, poses: placed, h: path.time, slack, displacement_time: R::zero(), checks_passing: false };
         scene.test_pair(index, &pair, lanes, search, contacts);
         search.found.clear();
         let mut least = Gap { distance: R::of(f64::INFINITY), rate: R::zero() };

@@ -47,7 +47,7 @@ pub fn may_have_passed<R: Real>(
     }
     let [moved, beyond_search] = R::vectorize(
         #[inline(always)]
-        || poses.placed.update_displacements(compiled, kinematics, step.velocity, step.h, slack),
+        || poses.placed.find_large_displacements(compiled, kinematics, step.velocity, step.h, slack),
     );
     if moved.and(alive).none() {
         return R::Mask::splat(false);
@@ -123,8 +123,9 @@ impl<R: Real> Path<'_, R> {
     #[inline(always)]
     fn exceed_gap(&self, pair: &CompiledPair<R::Scalar>, lanes: R::Mask, narrow: &mut Narrow) -> R::Mask {
         let (Self { compiled, kinematics, placed, step, slack }, [a, b]) = (self, pair.geoms);
-        let scene = Scene { compiled, kinematics, poses: placed, h: step.h, slack: *slack, look_ahead: step.h, looks_ahead: false };
-        let displacement = scene.way_past(a, b).min(scene.way_past(b, a))
+        let scene =
+            Scene { compiled, kinematics, poses: placed, h: step.h, slack: *slack, displacement_time: step.h, checks_passing: false };
+        let displacement = scene.relative_displacement(a, b).min(scene.relative_displacement(b, a))
             + placed.arc_deviation(compiled, a, step.h)
             + placed.arc_deviation(compiled, b, step.h);
         displacement.gt(min_displacement(compiled, pair).max(scene.gap(pair, lanes, displacement, narrow)))
@@ -194,7 +195,7 @@ impl<R: Real> Path<'_, R> {
 }
 
 impl<R: Real> Placed<R> {
-    /// Whether no geom moves by more than half its thickness in a free step.
+    /// Whether no geom moves by more than half its inscribed radius in a free step.
     ///
     /// Stage 3 has the displacement over two free steps, exactly twice as large.
     fn moved_little(&self, compiled: &LaneModel<R>, alive: R::Mask) -> bool {
@@ -210,19 +211,26 @@ impl<R: Real> Placed<R> {
         )
     }
 
-    /// Updates the bounds on the displacements of the solved step, in `displacement`. Returns two sets of lanes.
+    /// Updates `displacement` for the solved step, and finds the geoms that move far. Returns two sets of lanes.
     ///
-    /// In the first, some geom moves by more than half its thickness; without one, no pair can pass. In the second, some geom moves farther
-    /// than stage 3 assumed.
+    /// In the first, some geom moves by more than half its inscribed radius; without one, no pair can pass. In the second, some geom moves
+    /// farther than stage 3 assumed.
     #[inline(always)]
-    fn update_displacements(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v_next: &[R], h: R, slack: R) -> [R::Mask; 2] {
-        self.update_lead(compiled, kinematics, v_next, h);
+    fn find_large_displacements(
+        &mut self,
+        compiled: &LaneModel<R>,
+        kinematics: &Kinematics<R>,
+        v_next: &[R],
+        h: R,
+        slack: R,
+    ) -> [R::Mask; 2] {
+        self.update_displacement(compiled, kinematics, v_next, h);
         let [mut any, mut beyond_search] = [R::Mask::splat(false); 2];
         let half = R::of(0.5);
         for &g in &compiled.moving_geoms {
             let displacement = self.displacement[g];
             let moved = displacement.gt(compiled.params.inscribed_radius(g) * half);
-            self.fast[g] = moved.any();
+            self.moved_far[g] = moved.any();
             any = any.or(moved);
             beyond_search = beyond_search.or(displacement.gt(self.travel[g] + slack * half));
         }
@@ -233,7 +241,7 @@ impl<R: Real> Placed<R> {
     #[inline(always)]
     fn may_get_past(&self, compiled: &LaneModel<R>, pair: &CompiledPair<R::Scalar>) -> R::Mask {
         let [a, b] = pair.geoms;
-        if !(self.fast[a] || self.fast[b]) {
+        if !(self.moved_far[a] || self.moved_far[b]) {
             return R::Mask::splat(false);
         }
         let displacement = self.displacement[a] + self.displacement[b];

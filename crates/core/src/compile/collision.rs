@@ -67,12 +67,12 @@ impl<S> CompiledPair<S> {
     }
 }
 
-/// Geoms that all may collide with each other, too many for a list of pairs. Detection finds their pairs in every step.
+/// Dynamic pairs: pairs of members, geoms that are too many for a list of their pairs. Detection finds the pairs in every step.
 #[derive(Clone, Debug)]
 pub struct DynamicPairs<S> {
-    /// Geoms of the group, ascending.
+    /// Geoms with dynamic pairs, ascending. Any two may collide.
     pub members: Vec<Member>,
-    /// Indices of the members that are not fixed to the world. Empty if the pairs of these are listed.
+    /// Indices of the members that are not fixed to the world. Empty if the pairs among them are listed.
     pub moving: Vec<u32>,
     /// Largest bounding radius of a member plus its margin, m.
     pub widest: f64,
@@ -85,7 +85,7 @@ pub struct DynamicPairs<S> {
     scalar: PhantomData<S>,
 }
 
-/// Geom with dynamic pairs.
+/// Member: geom with dynamic pairs.
 #[derive(Clone, Copy, Debug)]
 pub struct Member {
     /// Index of the geom in the compiled model.
@@ -230,23 +230,23 @@ pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S>
     (geoms, pairs, dynamic_pairs)
 }
 
-/// Contact group of a pair without one.
-pub const NO_PATCH: u32 = u32::MAX;
+/// Number that marks a pair without a contact group.
+pub const NO_CONTACT_GROUP: u32 = u32::MAX;
 
-/// Contact group of every listed pair: pairs of the same two frames share one, and a single pair has none.
+/// Contact group of every listed pair: pairs that join the same two frames share a group, and a single pair has none.
 ///
-/// Contacts with torsional or rolling friction have none. Empty if no pair has a group.
-pub(super) fn patches<S>(geoms: &[CompiledGeom<S>], pairs: &[CompiledPair<S>]) -> Vec<u32> {
+/// Pairs with torsional or rolling friction or with contact springs have none. Empty if no pair has a group.
+pub(super) fn contact_groups<S>(geoms: &[CompiledGeom<S>], pairs: &[CompiledPair<S>]) -> Vec<u32> {
     let mut of_frames: BTreeMap<_, Vec<usize>> = BTreeMap::new();
     for (i, pair) in pairs.iter().enumerate().filter(|(_, pair)| pair.condim <= 3 && pair.spring.is_none()) {
         of_frames.entry(pair.geoms.map(|g| geoms[g].frame)).or_default().push(i);
     }
-    let mut patches = vec![];
-    for (members, number) in of_frames.values().filter(|members| members.len() > 1).zip(0..) {
-        patches.resize(pairs.len(), NO_PATCH);
-        members.iter().for_each(|&i| patches[i] = number);
+    let mut contact_groups = vec![];
+    for (pairs_of_group, number) in of_frames.values().filter(|pairs| pairs.len() > 1).zip(0..) {
+        contact_groups.resize(pairs.len(), NO_CONTACT_GROUP);
+        pairs_of_group.iter().for_each(|&i| contact_groups[i] = number);
     }
-    patches
+    contact_groups
 }
 
 /// Whether the pairs of each geom are dynamic. None are if the list of pairs is short.

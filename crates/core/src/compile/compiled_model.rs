@@ -80,15 +80,15 @@ pub struct ModelStructure<S: Scalar> {
     pub geoms: Vec<CompiledGeom<S>>,
     /// Indices of the geoms that are not fixed to the world.
     pub moving_geoms: Vec<usize>,
-    /// Pairs that can collide and for which there is a kernel, in a fixed order; all of them, if none are dynamic.
+    /// Listed pairs: those that can collide, have a kernel and are not dynamic, in a fixed order.
     pub pairs: Vec<CompiledPair<S>>,
     /// Contact group of every listed pair: pairs with the same number join the same two frames. Empty if no pair has a group.
-    pub patches: Vec<u32>,
+    pub contact_groups: Vec<u32>,
     /// Whether the contacts of any pair are springs.
     pub has_contact_springs: bool,
-    /// Geoms whose pairs are too many to list.
+    /// Dynamic pairs: pairs of geoms that are too many to list.
     pub dynamic_pairs: Option<DynamicPairs<S>>,
-    /// Pairs of a moving geom and one that is fixed to the world.
+    /// Static pairs: a moving geom and one that is fixed to the world.
     pub static_pairs: StaticPairs,
     /// Whether each link floats freely; empty if none does.
     pub floating: Vec<bool>,

@@ -1,4 +1,4 @@
-//! Pairs of a moving geom and one that is fixed to the world, both convex. The broad phase finds them with a tree of boxes.
+//! Static pairs: a moving geom and one that is fixed to the world, both convex. The broad phase finds them with a tree of boxes.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -8,7 +8,7 @@ use stepper_real::Scalar;
 
 use crate::compile::collision::{CompiledGeom, CompiledPair, DynamicPairs};
 
-/// Index of a geom that is not a member.
+/// Index that marks a geom that is not a member.
 const NONE: u32 = u32::MAX;
 
 /// Geom that is fixed to the world.
@@ -49,7 +49,7 @@ impl TreeNode {
     }
 }
 
-/// Pairs of a moving geom and one that is fixed to the world.
+/// Static pairs: a moving geom and one that is fixed to the world. Each is a listed pair or a dynamic pair.
 #[derive(Clone, Debug, Default)]
 pub struct StaticPairs {
     /// Static geoms.
@@ -60,7 +60,7 @@ pub struct StaticPairs {
     pub groups: Vec<Range<usize>>,
     /// Nodes of the tree over the static geoms.
     pub nodes: Vec<TreeNode>,
-    /// For every listed pair whether it is one of these.
+    /// Whether each listed pair is a static pair.
     listed: Vec<bool>,
     /// Numbers of listed pairs: a row of all moving geoms for each static geom that has any.
     numbers: Vec<u32>,
@@ -151,7 +151,7 @@ impl StaticPairs {
         self.fixed.is_empty()
     }
 
-    /// Whether a listed pair is one of these.
+    /// Whether a listed pair is a static pair.
     pub fn is_listed(&self, pair: usize) -> bool {
         self.listed[pair]
     }

@@ -135,7 +135,7 @@ impl<R: Real> ConstraintProblem<R> {
                 }
             },
         );
-        let new = velocity.groups.new_lanes(contacts, &self.slots, &self.rows, &velocity.impulses);
+        let new = velocity.contact_groups.new_lanes(contacts, &self.slots, &self.rows, &velocity.impulses);
         self.rows.redundant = self.rows.redundant.and_not(lanes).or(new.and(lanes));
     }
 
@@ -227,7 +227,7 @@ impl<R: Real> ConstraintProblem<R> {
 
     /// Activates deferred contact `i` in the lanes `lanes` with the initial impulse `impulse`.
     ///
-    /// The saved impulses get the same value, so that restoring them keeps it.
+    /// [`VelocitySolution::saved_impulses`] gets the same value, so that restoring the impulses keeps it.
     #[inline(always)]
     fn activate_contact(&mut self, velocity: &mut VelocitySolution<R>, i: usize, lanes: R::Mask, impulse: [R; 6]) {
         if lanes.any() {
@@ -235,7 +235,7 @@ impl<R: Real> ConstraintProblem<R> {
             let deferred = &mut deferred[i];
             let lanes = rows.activate_contact(deferred.contact, lanes);
             velocity.impulses.set_first_impulse(rows, deferred.contact, lanes, impulse);
-            velocity.shared.set_first_impulse(rows, deferred.contact, lanes, impulse);
+            velocity.saved_impulses.set_first_impulse(rows, deferred.contact, lanes, impulse);
             deferred.lanes = deferred.lanes.and_not(lanes);
             // Contacts in doubt are deferred again before the solve.
             self.constrained = self.constrained.or(lanes.and_not(deferred.doubtful));

@@ -47,7 +47,7 @@ pub(crate) struct AssemblyInput<'a, R: Real> {
     pub very_fast: R::Mask,
     /// Overlaps of the nominal step, if the step is differentiated: rows follow them instead of the present overlaps.
     pub solved_overlaps: Option<&'a SolvedOverlaps<R>>,
-    /// Lanes that are environments and step.
+    /// Lanes that hold an environment.
     pub alive: R::Mask,
 }
 
@@ -60,8 +60,9 @@ impl<R: Real> AssemblyInput<'_, R> {
 
     /// Part of the distance of slot `k` that may close in the step, m: [`AssemblyInput::gap`], or the whole gap if it is wide.
     ///
-    /// A body that closes a wide gap in this step is too fast for the middle of the next step, which is also evaluated at its beginning.
-    /// Otherwise a body would close two thirds of the gap in each step, and slow down long before it touches.
+    /// A very fast body may close a wide gap ([`WIDE_GAP_RATIO`]) within this step. It is then still very fast, so that the next step is
+    /// evaluated at its beginning too, where the body touches. With [`AssemblyInput::gap`] it would close two thirds of its gap in each
+    /// step, and slow down long before it touches.
     #[inline(always)]
     pub(crate) fn gap_of_slot(&self, compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> R {
         let slot = &contacts.data[k];

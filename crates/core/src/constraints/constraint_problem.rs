@@ -31,11 +31,11 @@ pub struct ConstraintProblem<R: Real> {
     pub needs_position_solve: R::Mask,
     /// Lanes in which Baumgarte's bias is part of the velocities.
     pub biased: R::Mask,
-    /// Lanes in which a contact bounces by Euler's rule; [`Self::bouncing`] gives those of the midpoint rule. Only the speeds of the step
-    /// bound their correction in stage 8.
-    pub rebounding: R::Mask,
-    /// Whether the problem may have immovable rows.
-    pub(crate) may_be_held: bool,
+    /// Lanes in which a contact bounces by Euler's rule; [`Self::midpoint_impact_lanes`] returns those of the midpoint rule. In stage 8,
+    /// only the speeds of the step bound their correction.
+    pub euler_impact_lanes: R::Mask,
+    /// Whether the problem may have immovable rows: rows without mobility.
+    pub(crate) may_have_immovable_rows: bool,
     /// Impacts of the contacts, in their order: contacts of three rows first. Empty if no contact is elastic.
     pub(crate) impacts: Vec<Impact<R>>,
     /// Whether some contact is elastic.
@@ -44,7 +44,7 @@ pub struct ConstraintProblem<R: Real> {
     pub(crate) resolves_impacts: bool,
     /// Approaching contacts, whose rows are deferred until the solved motion closes their gap.
     pub(crate) deferred: Vec<DeferredContact<R>>,
-    /// Curvature terms in the targets of friction rows.
+    /// Curvature terms in the offsets of friction rows.
     pub(crate) curvature_terms: Vec<CurvatureTerms<R>>,
     /// Time to the evaluation point of the next step, within which a row lets its gap close, s.
     pub(crate) closing_time: R,
@@ -87,12 +87,12 @@ pub(crate) struct DeferredContact<R: Real> {
     pub(crate) impulse: [R; 6],
 }
 
-/// Curvature terms in the targets of one contact.
+/// Curvature terms in the offsets of one contact.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CurvatureTerms<R: Real> {
     /// Index of the contact in the problem: those of three rows come first, then those of six.
     pub(crate) contact: usize,
-    /// Term in the target of each tangent, m/s. 0 where it is removed.
+    /// Term in the offset of each tangent, m/s. 0 where it is removed.
     pub(crate) terms: [R; 2],
 }
 
@@ -114,8 +114,8 @@ impl<R: Real> ConstraintProblem<R> {
             constrained: none,
             needs_position_solve: none,
             biased: none,
-            rebounding: none,
-            may_be_held: false,
+            euler_impact_lanes: none,
+            may_have_immovable_rows: false,
             impacts: Vec::with_capacity(max_contacts + rolling_contacts),
             elastic: false,
             resolves_impacts: false,

@@ -20,7 +20,7 @@ pub(crate) fn least_mobility<R: Real>() -> f64 {
     1e-14_f64.max((256.0 * <R::Scalar as Scalar>::EPSILON.to_f64()).powi(2))
 }
 
-/// Least lever arm of a degree of freedom along a contact's normal, as a fraction of the two arms whose difference it is.
+/// Least lever arm of a degree of freedom along a contact's normal, as a fraction of the length of the terms that cancel in it.
 ///
 /// With a smaller lever arm, holding a body takes 1e5 times the force that turns it, or the result is rounding error.
 fn least_lever<R: Real>() -> f64 {
@@ -29,9 +29,12 @@ fn least_lever<R: Real>() -> f64 {
 
 /// Approach speed that is negligible for an immovable contact with the offsets g in the velocity and position solves, m/s.
 ///
-/// A touching contact at the resting speed stays within the slop for about a second. Lever arms below [`least_lever`] exist where a face is
-/// normal to a hinge or along a slide, up to the rounding of the model file. An overlap beyond the slop has a position target. Above
-/// [`MIN_UNMET_TARGET`] stage 8 reports it. Below that target only the residual can report that the overlap grows.
+/// An immovable contact has no rows. Its approach speed counts as residual unless it is negligible. Up to the rounding of the model file,
+/// such contacts exist where a face is normal to a hinge axis or parallel to a slide.
+///
+/// The resting speed is negligible: at that speed a touching contact stays within the slop for about a second. The result is 0 if nothing
+/// else reports that an overlap grows. Stage 8 reports position targets above [`MIN_UNMET_TARGET`]; an overlap with a smaller target needs
+/// the residual.
 #[inline(always)]
 fn negligible_approach<R: Real>(options: &StepSettings, [velocity, position]: [R; 2]) -> R {
     let (resting, correction) = (R::of(resting_speed(options)), (velocity - position).abs());
@@ -42,13 +45,13 @@ fn negligible_approach<R: Real>(options: &StepSettings, [velocity, position]: [R
 /// Rows of a slot along the normal and the tangents. Their entries are in the column of the row builder.
 pub(crate) struct SlidingRows<R: Real> {
     /// Offset g of each row in the velocity solve and in the position solve, m/s: its velocity without impulses, plus its bias.
-    pub(crate) targets: [[R; 2]; 3],
-    /// Curvature terms in the targets of the tangents, m/s, if they were computed.
+    pub(crate) offsets: [[R; 2]; 3],
+    /// Curvature terms in the offsets of the tangents, m/s, if computed.
     pub(crate) curve: Option<[R; 2]>,
     /// Squared lengths of the rows, if equalities are eliminated from them.
     pub(crate) lengths: Option<SquaredLengths<R, 3>>,
-    /// Lanes with a row, active or deferred.
-    pub(crate) active: R::Mask,
+    /// Lanes in which the contact has rows, active or deferred.
+    pub(crate) exists: R::Mask,
     /// Lanes in which the rows are deferred. The caller sets the contact, slot and impulse.
     pub(crate) deferred: DeferredContact<R>,
     /// Compliance of the normal row, 1/kg, where the model has soft surfaces.
@@ -60,19 +63,19 @@ impl<R: Real> Assembler<'_, R> {
     #[inline(always)]
     pub(crate) fn add_contact(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         let (slot, mass) = (&contacts.data[k], input.mass);
-        let SlidingRows { targets: g, curve, lengths, active, deferred, compliance } = self.sliding_rows(input, contacts, k, lanes);
+        let SlidingRows { offsets: g, curve, lengths, exists, deferred, compliance } = self.sliding_rows(input, contacts, k, lanes);
         let (column, contact) = (&self.builder.column, self.problem.rows.contacts.len());
         self.problem.rows.push_contact(
             &self.builder.support,
             #[inline(always)]
             |d| scale(column[d], mass.sqrt_inv_d[d]),
-            active,
+            exists,
             slot.mu,
             [g[0][0], g[1][0], g[2][0]],
         );
         if self.problem.rows.contacts.held().any() {
-            let (released, negligible) = self.reconsider(input, contacts, k, lanes, g[0]);
-            self.problem.rows.contacts.make_movable(released);
+            let (movable, negligible) = self.find_movable(input, contacts, k, lanes, g[0]);
+            self.problem.rows.contacts.make_movable(movable);
             self.problem.rows.contacts.clear_negligible_approach(negligible);
         }
         if let Some(curve) = curve {
@@ -88,11 +91,12 @@ impl<R: Real> Assembler<'_, R> {
         if let Some(compliance) = compliance {
             self.problem.rows.contacts.set_compliance(compliance);
         }
+        // The position solve replaces g of the normal row. It adds to g of the tangents, so that later changes of g count in both solves.
         self.problem.rows.contacts.set_position_target([g[0][1], g[1][1] - g[1][0], g[2][1] - g[2][0]]);
         // An immovable contact has no rows that the solve could activate.
-        let held = self.problem.rows.contacts.held();
-        let waiting = deferred.lanes.and_not(held);
-        let solved = active.and_not(waiting);
+        let immovable = self.problem.rows.contacts.held();
+        let waiting = deferred.lanes.and_not(immovable);
+        let solved = exists.and_not(waiting);
         if waiting.any() {
             self.problem.rows.contacts.defer(waiting);
             let [n, a, b] = slot.impulse;
@@ -100,28 +104,29 @@ impl<R: Real> Assembler<'_, R> {
             self.problem.deferred.push(DeferredContact { contact, slot: k, lanes: waiting, impulse, ..deferred });
         }
         // An immovable contact starts without impulse: no row of the solve could remove that of the last step.
-        self.velocity.impulses.contacts.push(select(solved.and_not(held), slot.impulse, zero()));
+        self.velocity.impulses.contacts.push(select(solved.and_not(immovable), slot.impulse, zero()));
         self.problem.slots.push((k, R::Mask::from_bits(lanes)));
         self.problem.constrained = self.problem.constrained.or(solved);
     }
 
-    /// Lanes in which slot `k` can move along its normal although its normal mobility is small. The second result is the approach speed
-    /// that is negligible in the other lanes, m/s.
+    /// Lanes in which the contact of slot `k` can move along its normal, although the solver counts it as immovable. The second result is
+    /// the approach speed that is negligible in the other lanes, m/s.
     ///
-    /// The mobility counts as small compared with that of its tangents, or of a body with the whole moving mass. The contact can move if
-    /// some degree of freedom has a lever arm. `targets` are the offsets g of the normal row. Overwrites `column`.
+    /// The solver compares the normal mobility with the mobilities along the tangents, and with that of a body of the whole moving mass.
+    /// Below these the mobility may still be real: some degree of freedom then has a lever arm above [`least_lever`]. `offsets` are the
+    /// offsets g of the normal row in the two solves. Overwrites `column`.
     #[cold]
     #[inline(never)]
-    pub(crate) fn reconsider(
+    pub(crate) fn find_movable(
         &mut self,
         input: RowInput<'_, R>,
         contacts: &Contacts<R>,
         k: usize,
         lanes: u32,
-        targets: [R; 2],
+        offsets: [R; 2],
     ) -> (R::Mask, R) {
         let RowInput { compiled, options, kinematics, mass, assembly, .. } = input;
-        self.problem.may_be_held = true;
+        self.problem.may_have_immovable_rows = true;
         R::vectorize(
             #[inline(always)]
             || {
@@ -149,7 +154,7 @@ impl<R: Real> Assembler<'_, R> {
                     movable = movable.or(x.square().gt(scale * least));
                 }
                 let rounding = speed.sqrt() * R::of(velocity_rounding::<R>());
-                (movable, rounding.max(negligible_approach(options, targets)))
+                (movable, rounding.max(negligible_approach(options, offsets)))
             },
         )
     }
@@ -158,34 +163,36 @@ impl<R: Real> Assembler<'_, R> {
     #[inline(always)]
     pub(crate) fn sliding_rows(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> SlidingRows<R> {
         let RowInput { compiled, options, mass, assembly, .. } = input;
-        let (slot, active) = (&contacts.data[k], R::Mask::from_bits(lanes));
+        let (slot, exists) = (&contacts.data[k], R::Mask::from_bits(lanes));
         let [free, before] = self.builder.contact_columns(input, contacts, k, lanes);
         let curves = assembly.in_the_middle && self.builder.moving != 0;
         let change = if self.problem.resolves_impacts || curves { self.builder.free_change(assembly) } else { zero() };
         self.builder.half_solve::<3>(compiled, mass);
         let springs = compiled.has_contact_springs.then(|| self.builder.comply(input, contacts, k, lanes, [free[0], before[0]]));
-        let rigid = springs.as_ref().map_or(active, |row| active.and_not(row.lanes));
+        let rigid = springs.as_ref().map_or(exists, |row| exists.and_not(row.lanes));
         let solved = assembly.solved_overlaps.map(|solved| solved.distance(contacts, k));
         let (mut bias, mut position) = self.biases(options, assembly.gap_of_slot(compiled, contacts, k, lanes), solved, assembly.h, rigid);
         if let Some(row) = &springs {
             // The spring determines the position, and no correction is added.
             [bias, position] = [bias, position].map(|x| R::select(row.lanes, row.bias, x));
         }
-        let (bias, mut active) = self.bounce(compiled, options, slot, assembly, active, [free[0], before[0]], bias);
-        let mut targets = [[free[0] + bias, free[0] + position], [free[1]; 2], [free[2]; 2]];
-        let lengths = self.builder.eliminate(&self.problem.rows, mass, &mut targets);
-        let bias = if lengths.is_some() { self.bounce_from_held(slot, assembly, free[0], bias, &mut targets[0][0]) } else { bias };
-        let free_eliminated = [targets[0][0] - bias, targets[1][0], targets[2][0]];
+        // Restitution: `bounce_euler` and its correction after the elimination are for Euler's rule. `bounce_midpoint` is for the midpoint
+        // rule. With the other rule each changes nothing.
+        let (bias, mut exists) = self.bounce_euler(compiled, options, slot, assembly, exists, [free[0], before[0]], bias);
+        let mut offsets = [[free[0] + bias, free[0] + position], [free[1]; 2], [free[2]; 2]];
+        let lengths = self.builder.eliminate(&self.problem.rows, mass, &mut offsets);
+        let bias = if lengths.is_some() { self.bounce_euler_eliminated(slot, assembly, free[0], bias, &mut offsets[0][0]) } else { bias };
+        let free_eliminated = [offsets[0][0] - bias, offsets[1][0], offsets[2][0]];
         let mut bounces = R::Mask::splat(false);
         if self.problem.resolves_impacts {
-            active = self.bounce_within(input, slot, active, [free, change], bias, &mut targets);
+            exists = self.bounce_midpoint(input, slot, exists, [free, change], bias, &mut offsets);
             bounces = self.problem.impacts.last().map_or(bounces, |impact| impact.lanes);
         }
-        let lanes = self.approaching_lanes(input, contacts, k, active.and(rigid), before[0], free_eliminated);
+        let lanes = self.approaching_lanes(input, contacts, k, exists.and(rigid), before[0], free_eliminated);
         let impulse = [R::zero(); 6];
         let doubtful = R::Mask::splat(false);
-        let deferred = DeferredContact { contact: 0, slot: k, lanes, doubtful, bounces, bias: targets[0][0] - free_eliminated[0], impulse };
-        let curve = curves.then(|| self.add_curve(input, contacts, k, active, [free, change], &mut targets));
-        SlidingRows { targets, curve, lengths, active, deferred, compliance: springs.map(|row| row.compliance) }
+        let deferred = DeferredContact { contact: 0, slot: k, lanes, doubtful, bounces, bias: offsets[0][0] - free_eliminated[0], impulse };
+        let curve = curves.then(|| self.add_curve(input, contacts, k, exists, [free, change], &mut offsets));
+        SlidingRows { offsets, curve, lengths, exists, deferred, compliance: springs.map(|row| row.compliance) }
     }
 }

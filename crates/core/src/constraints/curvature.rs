@@ -8,11 +8,12 @@
 //! ```
 //!
 //! to second order. A are the accelerations of the two bodies' velocity fields at the contact while no joint accelerates. c' is the
-//! velocity of the contact's place. For example, a ball that rolls on a turntable is at a place of another velocity at the end of the step.
+//! velocity of the contact point. For example, a ball that rolls on a turntable is at a point of another velocity at the end of the step.
 //! Without kappa its velocity would always lag by half a step. Its circle would follow Euler's explicit rule and gain energy.
 //!
-//! The place moves with the centre of a sphere or of a capsule's end, turned back as the other surface turns the normal. Where a corner
-//! touches, it moves with the second body.
+//! A sphere or a capsule's end touches at the point one radius from its centre, along the normal. The point moves with the centre, and
+//! swings about it as the normal turns. The normal turns with the surface of the other body. Between two round geoms it turns with the line
+//! between their centres. Between two other geoms a corner touches, and the point moves with the second body.
 
 use stepper_real::{Mask, Real};
 
@@ -35,20 +36,20 @@ struct Field<R> {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds the curvature term to the targets of a contact's friction rows, except at impacts. Returns the terms, m/s.
+    /// Adds the curvature term to the offsets of a contact's friction rows, except at impacts. Returns the terms, m/s.
     ///
     /// `free` are their velocities without constraints, `change` the change of these by the free motion. The work of such a row's impulse
-    /// is (t^2 - (J v)^2) / 2 G for the target J v+ = t. A target of at most the present speed therefore adds no energy. A separate kernel:
-    /// few contacts need it, and inlined it would slow down all.
+    /// is (t^2 - (J v)^2) / 2 G for the target J v+ = t. A target of at most the present speed therefore adds no energy. The function
+    /// is a separate kernel, because few contacts need it, and inlined it would slow down all.
     #[inline(never)]
     pub(crate) fn add_curve(
         &self,
         input: RowInput<'_, R>,
         contacts: &Contacts<R>,
         k: usize,
-        active: R::Mask,
+        lanes: R::Mask,
         [free, change]: [V3<R>; 2],
-        targets: &mut [[R; 2]; 3],
+        offsets: &mut [[R; 2]; 3],
     ) -> [R; 2] {
         R::vectorize(
             #[inline(always)]
@@ -58,7 +59,7 @@ impl<R: Real> Assembler<'_, R> {
                 let n = slot.point.normal;
                 let axes = [n, slot.tangent, cross(n, slot.tangent)];
                 let deep = slot.point.distance.lt(-R::of(MAX_CURVED_OVERLAP));
-                let lanes = active.and(R::Mask::from_bits(self.builder.moving)).and_not(deep);
+                let lanes = lanes.and(R::Mask::from_bits(self.builder.moving)).and_not(deep);
                 let lanes = match self.problem.impacts.last() {
                     Some(impact) => lanes.and_not(impact.lanes),
                     None => lanes,
@@ -68,8 +69,8 @@ impl<R: Real> Assembler<'_, R> {
                 for i in 1..3 {
                     let most = (free[i] - change[i]).abs();
                     let curve = (dot(axes[i], rate) * (h - time_before)).clamp(-most, most);
-                    for target in &mut targets[i] {
-                        *target = R::select(lanes, *target + curve, *target);
+                    for offset in &mut offsets[i] {
+                        *offset = R::select(lanes, *offset + curve, *offset);
                     }
                     curves[i - 1] = R::select(lanes, curve, R::zero());
                 }

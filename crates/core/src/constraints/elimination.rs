@@ -79,18 +79,18 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// Subtracts the coupled equalities from the first `N` components of `column` on `support`, and from the target velocities `targets`.
+    /// Subtracts the coupled equalities from the first `N` components of `column` on `support`, and from the offsets g in `offsets`.
     ///
-    /// `targets` has two velocities per row, m/s: of the velocity solve and of the position solve. A row that depends on the equalities
+    /// `offsets` has two offsets per row, m/s: of the velocity solve and of the position solve. A row that depends on the equalities
     /// becomes zero. Returns the squared lengths of the rows before and after; `None` without coupled equalities.
     #[inline(always)]
     pub(crate) fn eliminate<const N: usize>(
         &mut self,
         rows: &Problem<R>,
         mass: &MassMatrix<R>,
-        targets: &mut [[R; 2]; N],
+        offsets: &mut [[R; 2]; N],
     ) -> Option<SquaredLengths<R, N>> {
-        if self.coupled.is_empty() { None } else { Some(self.eliminate_coupled(rows, mass, targets)) }
+        if self.coupled.is_empty() { None } else { Some(self.eliminate_coupled(rows, mass, offsets)) }
     }
 
     /// Elimination as a separate kernel. Inlined it would dominate the row assembly, and few scenes need it.
@@ -99,11 +99,11 @@ impl<R: Real> RowBuilder<R> {
         &mut self,
         rows: &Problem<R>,
         mass: &MassMatrix<R>,
-        targets: &mut [[R; 2]; N],
+        offsets: &mut [[R; 2]; N],
     ) -> SquaredLengths<R, N> {
         R::vectorize(
             #[inline(always)]
-            || self.eliminate_blocks(rows, mass, targets),
+            || self.eliminate_blocks(rows, mass, offsets),
         )
     }
 
@@ -113,7 +113,7 @@ impl<R: Real> RowBuilder<R> {
         &mut self,
         rows: &Problem<R>,
         mass: &MassMatrix<R>,
-        targets: &mut [[R; 2]; N],
+        offsets: &mut [[R; 2]; N],
     ) -> SquaredLengths<R, N> {
         let mut before = [R::zero(); N];
         for &d in &self.support {
@@ -127,10 +127,10 @@ impl<R: Real> RowBuilder<R> {
             let range = self.coupled[block].clone();
             for first in range.clone().step_by(4) {
                 match range.end - first {
-                    1 => self.eliminate_rows::<N, 1>(rows, first, targets, &mut after),
-                    2 => self.eliminate_rows::<N, 2>(rows, first, targets, &mut after),
-                    3 => self.eliminate_rows::<N, 3>(rows, first, targets, &mut after),
-                    _ => self.eliminate_rows::<N, 4>(rows, first, targets, &mut after),
+                    1 => self.eliminate_rows::<N, 1>(rows, first, offsets, &mut after),
+                    2 => self.eliminate_rows::<N, 2>(rows, first, offsets, &mut after),
+                    3 => self.eliminate_rows::<N, 3>(rows, first, offsets, &mut after),
+                    _ => self.eliminate_rows::<N, 4>(rows, first, offsets, &mut after),
                 }
             }
         }
@@ -142,7 +142,7 @@ impl<R: Real> RowBuilder<R> {
             any = any.or(short[n]);
         }
         if any.any() {
-            self.repeat_elimination(rows, mass, targets, &mut lengths, short);
+            self.repeat_elimination(rows, mass, offsets, &mut lengths, short);
         }
         lengths
     }
@@ -150,15 +150,15 @@ impl<R: Real> RowBuilder<R> {
     /// Projects the remaining rows a second time, in the lanes `short`.
     ///
     /// They are then orthogonal to the equalities relative to the length that remains, and the entries give that length without
-    /// cancellation. A row becomes zero if none of its entries exceeds a thousandth of the terms that were summed in it. Its target
-    /// velocity becomes zero if it is rounding error.
+    /// cancellation. A row becomes zero if none of its entries exceeds a thousandth of the terms that were summed in it. Its
+    /// offset becomes zero if it is rounding error.
     #[cold]
     #[inline(never)]
     fn repeat_elimination<const N: usize>(
         &mut self,
         rows: &Problem<R>,
         mass: &MassMatrix<R>,
-        targets: &mut [[R; 2]; N],
+        offsets: &mut [[R; 2]; N],
         lengths: &mut SquaredLengths<R, N>,
         short: [R::Mask; N],
     ) {
@@ -184,7 +184,7 @@ impl<R: Real> RowBuilder<R> {
                     for n in 0..N {
                         product[n] = R::select(short[n], row.projection(product[n]), R::zero());
                         let g = [row.g, row.position_g];
-                        targets[n] = sub(targets[n], scale(g, product[n]));
+                        offsets[n] = sub(offsets[n], scale(g, product[n]));
                         let other = coefficient[n].square() * velocity_scales[k];
                         for (speed, g) in speed[n].iter_mut().zip(g) {
                             *speed += (coefficient[n] * g).square() + other;
@@ -238,7 +238,7 @@ impl<R: Real> RowBuilder<R> {
                         *x = R::select(depends, R::zero(), *x);
                     }
                     lengths.after[n] = R::select(short[n], R::select(depends, R::zero(), after), lengths.after[n]);
-                    for (g, speed) in targets[n].iter_mut().zip(speed[n]) {
+                    for (g, speed) in offsets[n].iter_mut().zip(speed[n]) {
                         let none = depends.and(g.square().le(speed * R::of(velocity_rounding::<R>().powi(2))));
                         *g = R::select(none, R::zero(), *g);
                     }
@@ -277,7 +277,7 @@ impl<R: Real> RowBuilder<R> {
         &mut self,
         rows: &Problem<R>,
         first: usize,
-        targets: &mut [[R; 2]; N],
+        offsets: &mut [[R; 2]; N],
         after: &mut [R; N],
     ) {
         let Self { column, eliminated_entries, projections, .. } = self;
@@ -304,7 +304,7 @@ impl<R: Real> RowBuilder<R> {
                 let coefficient = chunk[k].projection(product[n][k]);
                 kept[n] = coefficient;
                 after[n] -= coefficient * product[n][k];
-                targets[n] = sub(targets[n], scale(g, coefficient));
+                offsets[n] = sub(offsets[n], scale(g, coefficient));
                 product[n][k] = coefficient;
             }
         }

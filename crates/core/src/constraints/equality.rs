@@ -255,7 +255,7 @@ impl<R: Real> Assembler<'_, R> {
         let start = self.problem.rows.scalars.len();
         self.builder.sizes.clear();
         self.builder.entry_scales.clear();
-        self.builder.targets.clear();
+        self.builder.velocity_terms.clear();
         let scales = self.builder.velocity_scales.len();
         for equality in &block.equalities {
             self.add_equality(input, block, equality, with_scales);
@@ -265,7 +265,7 @@ impl<R: Real> Assembler<'_, R> {
         }
         // The largest correction of the block, as a distance, adds compliance to all its rows. A long correction turns the directions of
         // the other rows. A linearised solve neglects that, and would miss their targets at the end of the step.
-        let displacement = self.builder.targets.iter().fold(R::zero(), |most, target| most.max(target[2].abs())) * input.assembly.h;
+        let displacement = self.builder.velocity_terms.iter().fold(R::zero(), |most, terms| most.max(terms[2].abs())) * input.assembly.h;
         let split = input.options.stabilization == Stabilization::Split;
         let damping = if split { R::of(DAMPING) + displacement * R::of(1.0 / CORRECTION_ARM) } else { R::zero() };
         let entries = EntryScales { squares: &mut self.builder.entry_scales, coefficients: &mut self.builder.coefficient_scales };
@@ -276,7 +276,7 @@ impl<R: Real> Assembler<'_, R> {
                 velocities: &mut self.builder.velocity_scales[scales..],
                 entries: with_scales.then_some(entries),
             },
-            &mut self.builder.targets,
+            &mut self.builder.velocity_terms,
             #[inline(always)]
             |row, [_, _, correction]| {
                 // Baumgarte's bias stays undamped: see `limit_baumgarte` of stage 8.
@@ -284,7 +284,7 @@ impl<R: Real> Assembler<'_, R> {
             },
         );
         if decided {
-            self.set_equality_targets(input.options, start, scales);
+            self.set_equality_offsets(input.options, start, scales);
         } else {
             self.problem.rows.scalars.truncate(start);
             self.velocity.impulses.scalars.truncate(start);
@@ -294,15 +294,15 @@ impl<R: Real> Assembler<'_, R> {
         decided
     }
 
-    /// Adds the position targets and curvature terms to the orthogonal rows from `start` on, which have J v_free so far.
+    /// Adds the position corrections and curvature terms to the offsets of the orthogonal rows from `start` on, which are J v_free so far.
     ///
     /// The work of such a row's impulse is (t^2 - (J v)^2) / 2 G for the target J v+ = t. A target of at most the present speed adds no
-    /// energy, even where a loop straightens and its curvature is unbounded. A dependent row keeps a target above the rounding error of its
-    /// velocity, so that the residual contains it. `scales` is the index of the first row's velocity scale.
+    /// energy, even where a loop straightens and its curvature is unbounded. A dependent row keeps an offset above the rounding error of
+    /// its velocity, so that the residual contains it. `scales` is the index of the first row's velocity scale.
     #[inline(always)]
-    fn set_equality_targets(&mut self, options: &StepSettings, start: usize, scales: usize) {
+    fn set_equality_offsets(&mut self, options: &StepSettings, start: usize, scales: usize) {
         let rounding = R::of(velocity_rounding::<R>().powi(2));
-        for (k, &[curve, before, correction]) in self.builder.targets.iter().enumerate() {
+        for (k, &[curve, before, correction]) in self.builder.velocity_terms.iter().enumerate() {
             let row = &mut self.problem.rows.scalars[start + k];
             let most = before.abs();
             let kept = row.g + curve.clamp(-most, most);
@@ -415,8 +415,8 @@ impl<R: Real> Assembler<'_, R> {
                     |&d| scales[d as usize][k] * inv_d[d as usize],
                 ));
             }
-            let target = [rows.kappa[k] * h * R::of(0.5), before[k], correction[k]];
-            self.builder.targets.push(target.map(
+            let terms = [rows.kappa[k] * h * R::of(0.5), before[k], correction[k]];
+            self.builder.velocity_terms.push(terms.map(
                 #[inline(always)]
                 |x| R::select(acts, x, R::zero()),
             ));

@@ -18,8 +18,8 @@ pub struct PositionSolution<R: Real> {
     pub act: Vec<R>,
     /// Rows of the position solve.
     pub(crate) rows: PositionRows<R>,
-    /// Mobility of the bodies of every contact without other constraints, 1/kg; 0 for scalar rows.
-    pub(crate) floors: Vec<R>,
+    /// Mobility that the two bodies of every contact would have without constraints, 1/kg; 0 for scalar rows.
+    pub(crate) unconstrained_mobility: Vec<R>,
     /// Reference solution: the impulses of the velocity solution, from which a correction is counted.
     pub(crate) reference: Reference<R>,
     /// Islands: sets of kinematic trees that rows connect.
@@ -47,7 +47,7 @@ impl<R: Real> PositionSolution<R> {
             q: q(),
             act: act(),
             rows: PositionRows::new(&capacity),
-            floors: Vec::with_capacity(capacity.scalars + capacity.contacts + capacity.rolling_contacts),
+            unconstrained_mobility: Vec::with_capacity(capacity.scalars + capacity.contacts + capacity.rolling_contacts),
             reference: Reference::new(&capacity),
             islands: Islands::new(compiled.ntree),
             v_free: v(),

@@ -28,8 +28,8 @@ use crate::math::spatial::*;
 use crate::options::StepSettings;
 use crate::tuning::MAX_REBOUND_SPEED_RATIO;
 
-/// Targets of a contact's rows: g of the velocity solve and of the position solve, m/s.
-type Targets<R> = [[R; 2]; 3];
+/// Offsets of a contact's rows: g of the velocity solve and of the position solve, m/s.
+type Offsets<R> = [[R; 2]; 3];
 
 impl<R: Real> RowBuilder<R> {
     /// Change of the velocities of the rows in `column` by the free motion.
@@ -45,26 +45,27 @@ impl<R: Real> RowBuilder<R> {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Velocity that Euler's rule adds to the free velocity of a normal row, m/s, and the lanes that have the row.
+    /// Bias of a normal row with Euler's rule, m/s, and the lanes of `exists` that keep the row. The midpoint rule changes neither.
     ///
-    /// All closed contacts share an impact: 0 <= lambda, complementary to v+ + e v- >= 0, also where v- separates. A contact slower than
+    /// In contacts that bounce, the bias is the rebound velocity e v-; in the others it is `bias`. All closed contacts share an impact:
+    /// 0 <= lambda, complementary to v+ + e v- >= 0, also where v- separates. A contact slower than
     /// the threshold before the step rests. The velocity that gravity adds within the step does not make it bounce.
     #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "one contact, every part of it named at the call")]
-    pub(crate) fn bounce(
+    #[expect(clippy::too_many_arguments, reason = "one contact in many parts")]
+    pub(crate) fn bounce_euler(
         &mut self,
         compiled: &LaneModel<R>,
         options: &StepSettings,
         slot: &Slot<R>,
         assembly: &AssemblyInput<'_, R>,
-        active: R::Mask,
+        exists: R::Mask,
         [free, before]: [R; 2],
         bias: R,
     ) -> (R, R::Mask) {
         let e = slot.restitution;
-        let elastic = active.and(e.gt(R::zero()));
+        let elastic = exists.and(e.gt(R::zero()));
         if assembly.in_the_middle || !self.problem.elastic {
-            return (bias, active);
+            return (bias, exists);
         }
         let (h, phi, threshold) = (assembly.h, slot.point.distance, R::of(options.restitution_threshold));
         // Gaps that a slow contact and gravity close within the step.
@@ -73,77 +74,86 @@ impl<R: Real> Assembler<'_, R> {
         let closed = phi.le(R::of(options.slop)).or((phi + h * free).lt(R::zero()));
         let bounces = elastic.and(closed).and(free.abs().gt(threshold)).and_not(rests);
         self.problem.needs_position_solve = self.problem.needs_position_solve.or(bounces);
-        self.problem.rebounding = self.problem.rebounding.or(bounces);
+        self.problem.euler_impact_lanes = self.problem.euler_impact_lanes.or(bounces);
         let impact = Impact { lanes: bounces, time_fraction: R::one(), normal_factor: e + R::one(), rebound: e * free };
         self.problem.impacts.push(impact);
-        let stays = active.and_not(elastic).or(bounces).or(elastic.and(rests));
+        let stays = exists.and_not(elastic).or(bounces).or(elastic.and(rests));
         (R::select(bounces, e * free, bias), stays)
     }
 
-    /// Applies Newton's law of [`Assembler::bounce`] to the velocity that eliminated equalities leave, instead of `free`.
+    /// Corrects the rebound velocity of [`Assembler::bounce_euler`] after equalities are eliminated. The midpoint rule does not need it.
     ///
-    /// `target` is the offset of the normal row after the elimination. Returns the bias that it contains.
+    /// Newton's law then uses the velocity that the equalities leave, instead of `free`. `offset` is g of the normal row after the
+    /// elimination. Returns the bias that it contains.
     #[inline(always)]
-    pub(crate) fn bounce_from_held(&mut self, slot: &Slot<R>, assembly: &AssemblyInput<'_, R>, free: R, bias: R, target: &mut R) -> R {
+    pub(crate) fn bounce_euler_eliminated(
+        &mut self,
+        slot: &Slot<R>,
+        assembly: &AssemblyInput<'_, R>,
+        free: R,
+        bias: R,
+        offset: &mut R,
+    ) -> R {
         if assembly.in_the_middle || !self.problem.elastic {
             return bias;
         }
         let Some(impact) = self.problem.impacts.last_mut() else { return bias };
-        let held = *target - bias;
-        let change = R::select(impact.lanes, slot.restitution * (held - free), R::zero());
+        let free_eliminated = *offset - bias;
+        let change = R::select(impact.lanes, slot.restitution * (free_eliminated - free), R::zero());
         impact.rebound += change;
-        *target += change;
+        *offset += change;
         bias + change
     }
 
-    /// Replaces the `targets` of a bouncing contact with those of the midpoint rule. Returns the lanes that have the rows.
+    /// Replaces the `offsets` of a contact that bounces within the step of the midpoint rule. Returns the lanes of `exists` that keep the
+    /// rows.
     ///
-    /// `free` are the velocities of the rows without constraints, before equalities are eliminated. `change` is their change by the free
-    /// motion in the step. After the elimination the free velocity is `targets` minus the normal's `bias`. A separate kernel, as
-    /// [`Assembler::add_curve`].
+    /// The caller skips it with Euler's rule. `free` are the velocities of the rows without constraints, before equalities are eliminated.
+    /// `change` is their change by the free motion in the step. After the elimination the free velocity is `offsets` minus the normal's
+    /// `bias`. The function is a separate kernel, as [`Assembler::add_curve`] is.
     #[inline(never)]
-    pub(crate) fn bounce_within(
+    pub(crate) fn bounce_midpoint(
         &mut self,
         input: RowInput<'_, R>,
         slot: &Slot<R>,
-        active: R::Mask,
+        exists: R::Mask,
         [free, change]: [V3<R>; 2],
         bias: R,
-        targets: &mut Targets<R>,
+        offsets: &mut Offsets<R>,
     ) -> R::Mask {
         R::vectorize(
             #[inline(always)]
             || {
                 let RowInput { compiled, options, assembly, .. } = input;
                 let e = slot.restitution;
-                let elastic = active.and(e.gt(R::zero()));
+                let elastic = exists.and(e.gt(R::zero()));
                 if elastic.none() {
                     let none = R::zero();
                     self.problem.impacts.push(Impact { lanes: elastic, time_fraction: none, normal_factor: none, rebound: none });
-                    return active;
+                    return exists;
                 }
                 let before = sub(free, change);
-                let held = [targets[0][0] - bias, targets[1][0], targets[2][0]];
-                let flight =
-                    Flight { gap: slot.point.distance, before: before[0], free: held[0], time_before: assembly.time_before, h: assembly.h };
+                let free_eliminated = [offsets[0][0] - bias, offsets[1][0], offsets[2][0]];
+                let (gap, time_before, h) = (slot.point.distance, assembly.time_before, assembly.h);
+                let flight = Flight { gap, before: before[0], free: free_eliminated[0], time_before, h };
                 let meeting = flight.predict(options, norm(compiled.params.gravity()), e, elastic);
                 let bounces = meeting.collides.or(meeting.parts);
                 let (time_fraction, normal_factor) = (meeting.time / assembly.h, e + R::one());
-                let at = add_scaled(before, sub(held, before), time_fraction);
-                for (k, target) in targets.iter_mut().enumerate() {
+                let at = add_scaled(before, sub(free_eliminated, before), time_fraction);
+                for (k, offset) in offsets.iter_mut().enumerate() {
                     let at_impact = if k == 0 { at[0] * normal_factor } else { at[k] };
-                    target[0] = R::select(bounces, at_impact, target[0]);
+                    offset[0] = R::select(bounces, at_impact, offset[0]);
                 }
                 self.problem.impacts.push(Impact { lanes: bounces, time_fraction, normal_factor, rebound: R::zero() });
-                active.and_not(elastic).or(bounces).or(meeting.rests)
+                exists.and_not(elastic).or(bounces).or(meeting.rests)
             },
         )
     }
 
-    /// Changes the targets `turns` of torsional and rolling rows to the time of the impact that was added last, where it bounces. `change`
-    /// is the change of their velocities by the free motion.
+    /// Changes the offsets `turns` of torsional and rolling rows to those at the time of the last impact added. `change` is the change of
+    /// their velocities by the free motion.
     #[inline(always)]
-    pub(crate) fn turn_at_impact(&self, change: V3<R>, turns: &mut Targets<R>) {
+    pub(crate) fn turn_at_impact(&self, change: V3<R>, turns: &mut Offsets<R>) {
         if let Some(impact) = self.problem.impacts.last() {
             for (turn, change) in turns.iter_mut().zip(change) {
                 turn[0] = R::select(impact.lanes, turn[0] - change * (R::one() - impact.time_fraction), turn[0]);
@@ -169,7 +179,7 @@ impl<R: Real> ConstraintProblem<R> {
         );
     }
 
-    /// Updates the targets after a change of the velocity before the impacts.
+    /// Updates the offsets after a change of the velocity before the impacts.
     ///
     /// `change` is the corresponding change of the velocity after the step without impacts. It is overwritten.
     pub fn shift_before_impacts(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, change: &mut [R], lanes: R::Mask) {
@@ -216,7 +226,7 @@ impl<R: Real> ConstraintProblem<R> {
     /// [`ConstraintProblem::drop_restitution`] as a part of a kernel.
     #[inline(always)]
     fn make_inelastic(&mut self, impulses: &Iterate<R>, [energy, max_rounding]: [R; 2], [unsolved, all_or_none]: [R::Mask; 2]) -> R::Mask {
-        let Self { rows, impacts, rebounding, deferred, resolves_impacts, .. } = self;
+        let Self { rows, impacts, euler_impact_lanes, deferred, resolves_impacts, .. } = self;
         let elastic = |impact: &Impact<R>| impact.lanes.and(impact.normal_factor.gt(R::one()));
         let implausible = |rows: &Problem<R>, i: usize| {
             R::vectorize(
@@ -238,22 +248,22 @@ impl<R: Real> ConstraintProblem<R> {
                 continue;
             }
             let lanes = elastic_lanes.and(all_impacts.or(implausible(rows, i)));
-            let target = rows.normal_target_mut(i);
-            let inelastic = if *resolves_impacts { *target * (R::one() / impact.normal_factor) } else { *target - impact.rebound };
+            let offset = rows.normal_target_mut(i);
+            let inelastic = if *resolves_impacts { *offset * (R::one() / impact.normal_factor) } else { *offset - impact.rebound };
             if let Some(contact) = deferred.iter_mut().find(|contact| contact.contact == i) {
-                contact.bias = R::select(lanes, contact.bias + (inelastic - *target), contact.bias);
+                contact.bias = R::select(lanes, contact.bias + (inelastic - *offset), contact.bias);
             }
-            *target = R::select(lanes, inelastic, *target);
+            *offset = R::select(lanes, inelastic, *offset);
             impact.normal_factor = R::select(lanes, R::one(), impact.normal_factor);
             (changed, still_elastic) = (changed.or(lanes), still_elastic.or(elastic_lanes.and_not(lanes)));
         }
-        *rebounding = rebounding.and_not(changed.and_not(still_elastic));
+        *euler_impact_lanes = euler_impact_lanes.and_not(changed.and_not(still_elastic));
         changed
     }
 
-    /// Lanes with an impact at a time within the step, also if it became inelastic.
+    /// Lanes in which the midpoint rule resolves an impact at its time within the step, also if it became inelastic.
     #[inline(always)]
-    pub fn bouncing(&self) -> R::Mask {
+    pub fn midpoint_impact_lanes(&self) -> R::Mask {
         let mut lanes = R::Mask::splat(false);
         if !self.resolves_impacts {
             return lanes;
@@ -288,12 +298,12 @@ pub(crate) struct ImpactStep<'a, R: Real> {
 }
 
 impl<R: Real> ImpactStep<'_, R> {
-    /// Sets the position target of contact `i`, in the lanes `lanes`, to (gap at the end of the step) / h.
+    /// Sets the normal offset of contact `i` in the position solve, in the lanes `lanes`, to (gap at the end of the step) / h.
     ///
     /// Positions move by time_after v+ + h correction after the evaluation point. The end gap is therefore gap + h v_position -
-    /// (h - time_after) v_n+. A contact that overlaps keeps its target. `impulses` are those of the velocity solution.
+    /// (h - time_after) v_n+. A contact that overlaps keeps its offset. `impulses` are those of the velocity solution.
     #[inline(always)]
-    fn target_end_gap(&self, i: usize, lanes: R::Mask, impulses: &Iterate<R>, positions: &mut PositionRows<R>) {
+    fn set_end_gap_offset(&self, i: usize, lanes: R::Mask, impulses: &Iterate<R>, positions: &mut PositionRows<R>) {
         let Self { problem, contacts, slop, h, time_after, .. } = *self;
         let rows = &problem.rows;
         let slot = problem.slot_of(i);
@@ -305,8 +315,8 @@ impl<R: Real> ImpactStep<'_, R> {
             i,
             lanes.and(distance.ge(-R::of(slop))),
             #[inline(always)]
-            |target| {
-                let free_normal = target - gap / problem.closing_time;
+            |offset| {
+                let free_normal = offset - gap / problem.closing_time;
                 free_normal + (gap - (free_normal + change) * (h - time_after)) / h
             },
         );
@@ -350,7 +360,7 @@ impl<R: Real> PositionSolution<R> {
             || {
                 let ImpactStep { problem, mass, free, h, time_before, lanes, .. } = *step;
                 let (Self { rows: positions, impact_displacement: moved, correction: removed, .. }, rows) = (self, &problem.rows);
-                let narrow = rows.contacts.len();
+                let sliding_contacts = rows.contacts.len();
                 let twice_energy = max_twice_energy(compiled, mass, free, impulses, moved);
                 moved.fill(R::zero());
                 removed.fill(R::zero());
@@ -359,15 +369,15 @@ impl<R: Real> PositionSolution<R> {
                     if there.none() {
                         continue;
                     }
-                    step.target_end_gap(i, there, impulses, positions);
+                    step.set_end_gap_offset(i, there, impulses, positions);
                     let weight = R::one() + (time_before / h - impact.time_fraction);
-                    if i < narrow {
+                    if i < sliding_contacts {
                         let lambda = select(there, impulses.contacts[i], zero());
                         rows.contacts.add(&rows.contacts[i], lambda, removed);
                         rows.contacts.add(&rows.contacts[i], scale(lambda, weight), moved);
                         impulses.contacts[i] = select(there, zero(), impulses.contacts[i]);
                     } else {
-                        let k = i - narrow;
+                        let k = i - sliding_contacts;
                         let lambda = select(there, impulses.rolling_contacts[k], zero());
                         rows.rolling_contacts.add(&rows.rolling_contacts[k], lambda, removed);
                         rows.rolling_contacts.add(&rows.rolling_contacts[k], scale(lambda, weight), moved);

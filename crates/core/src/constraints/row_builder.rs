@@ -48,7 +48,7 @@ pub(crate) struct RowBuilder<R: Real> {
     /// Squared scales of the projection coefficients of the rows of a block.
     pub(crate) coefficient_scales: Vec<R>,
     /// Velocity terms of the rows of a block: h/2 J' v, J v before the step, and the bias that corrects the position error.
-    pub(crate) targets: Vec<[R; 3]>,
+    pub(crate) velocity_terms: Vec<[R; 3]>,
 }
 
 impl<R: Real> RowBuilder<R> {
@@ -76,7 +76,7 @@ impl<R: Real> RowBuilder<R> {
             needs_scales: vec![false; compiled.equalities.len()],
             entry_scales: Vec::with_capacity(entries().max().unwrap_or(0)),
             coefficient_scales: vec![R::zero(); block],
-            targets: Vec::with_capacity(block),
+            velocity_terms: Vec::with_capacity(block),
         }
     }
 }

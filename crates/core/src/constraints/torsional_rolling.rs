@@ -59,7 +59,7 @@ impl<R: Real> Assembler<'_, R> {
         let slot = &contacts.data[k];
         let mut friction = Friction::of(compiled, contacts, k, lanes);
         friction.scale_to(slot.mu);
-        let SlidingRows { targets: mut slides, curve, lengths: sliding, active, deferred, compliance } =
+        let SlidingRows { offsets: mut slides, curve, lengths: sliding, exists, deferred, compliance } =
             self.sliding_rows(input, contacts, k, lanes);
         for &d in &self.builder.support {
             self.builder.linear[d as usize] = self.builder.column[d as usize];
@@ -82,13 +82,13 @@ impl<R: Real> Assembler<'_, R> {
                 let t = s * rub;
                 [a[0] * s, a[1] * t, a[2] * t, b[0] * s, b[1] * s, b[2] * s]
             },
-            active,
+            exists,
             friction.mu,
             [slides[0][0], slides[1][0], slides[2][0], turns[0][0], turns[1][0], turns[2][0]],
         );
         if self.problem.rows.rolling_contacts.held().any() {
-            let (released, negligible) = self.reconsider(input, contacts, k, lanes, slides[0]);
-            self.problem.rows.rolling_contacts.make_movable(released);
+            let (movable, negligible) = self.find_movable(input, contacts, k, lanes, slides[0]);
+            self.problem.rows.rolling_contacts.make_movable(movable);
             self.problem.rows.rolling_contacts.clear_negligible_approach(negligible);
         }
         if let Some(curve) = curve {
@@ -102,21 +102,22 @@ impl<R: Real> Assembler<'_, R> {
         if let Some(compliance) = compliance {
             self.problem.rows.rolling_contacts.set_compliance(compliance);
         }
+        // As in `add_contact`: the terms of all rows but the normal one are added to g.
         let change = |[velocity, position]: [R; 2]| position - velocity;
         let [spin, roll, other] = turns.map(change);
         self.problem.rows.rolling_contacts.set_position_target([slides[0][1], change(slides[1]), change(slides[2]), spin, roll, other]);
         let (push, torque) = (slot.impulse, friction.unscale(contacts.torque[k]));
         let warm = [push[0], push[1] * rub, push[2] * rub, torque[0], torque[1], torque[2]];
         // An immovable contact has no rows that the solve could activate.
-        let held = self.problem.rows.rolling_contacts.held();
-        let waiting = deferred.lanes.and_not(held);
-        let solved = active.and_not(waiting);
+        let immovable = self.problem.rows.rolling_contacts.held();
+        let waiting = deferred.lanes.and_not(immovable);
+        let solved = exists.and_not(waiting);
         if waiting.any() {
             self.problem.rows.rolling_contacts.defer(waiting);
             self.problem.deferred.push(DeferredContact { contact, slot: k, lanes: waiting, impulse: warm, ..deferred });
         }
         // An immovable contact starts without impulse: no row of the solve could remove that of the last step.
-        self.velocity.impulses.rolling_contacts.push(select(solved.and_not(held), warm, zero()));
+        self.velocity.impulses.rolling_contacts.push(select(solved.and_not(immovable), warm, zero()));
         self.problem.rolling_slots.push((k, R::Mask::from_bits(lanes), friction.scale));
         self.problem.constrained = self.problem.constrained.or(solved);
     }

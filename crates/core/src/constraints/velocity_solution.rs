@@ -20,9 +20,9 @@ pub struct VelocitySolution<R: Real> {
     /// Impulses of all scalar constraints: limits, dry friction, then equalities and tendons. They start the next step's solve.
     pub scalar_impulse: Vec<R>,
     /// Contact groups with redundant supports. Their contacts share the load evenly.
-    pub(crate) groups: ContactGroups<R>,
-    /// Impulses before an estimate or before sharing loads, for lanes that may restore them.
-    pub(crate) shared: Snapshot<R>,
+    pub(crate) contact_groups: ContactGroups<R>,
+    /// Copy of the impulses before an estimate, before loads are shared, or before stage 8 limits Baumgarte's bias.
+    pub(crate) saved_impulses: Snapshot<R>,
     /// Newton's method with its workspace, which stage 8 uses too.
     pub newton: Newton,
     /// Worst rows of unsolved lanes.
@@ -48,8 +48,8 @@ impl<R: Real> VelocitySolution<R> {
             impulses: Iterate::new(&capacity),
             v: vec![R::zero(); compiled.nv],
             scalar_impulse: vec![R::zero(); compiled.scalar_impulses],
-            groups: ContactGroups::new(max_contacts),
-            shared: Snapshot::new(&capacity),
+            contact_groups: ContactGroups::new(max_contacts),
+            saved_impulses: Snapshot::new(&capacity),
             newton: Newton::default(),
             worst: WorstRows::new(),
             capture: Capture::default(),

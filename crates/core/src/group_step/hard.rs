@@ -24,7 +24,7 @@ use crate::integrators::workspace::Workspace;
 use crate::math::lanes::each_of;
 use crate::options::{Stabilization, StepSettings};
 use crate::probe::NoProbe;
-use crate::stages::s04_assemble::shift_targets;
+use crate::stages::s04_assemble::shift_offsets;
 use crate::stages::s05_solve::{fastest, is_estimated};
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::stages::s08_stabilise::{PositionInput, damp_rows, find_correction};
@@ -89,7 +89,7 @@ impl<R: Real> HardNominal<R> {
     /// Compares the evaluation at the nominal state with the nominal step.
     pub(super) fn compare(&self, compiled: &LaneModel<R>, s: &Workspace<R>) -> NominalEvaluation<R> {
         // A bouncing contact has other impulses in the position solve, or none.
-        let mut bouncing = s.problem.rebounding.or(s.problem.bouncing()).bits();
+        let mut bouncing = s.problem.euler_impact_lanes.or(s.problem.midpoint_impact_lanes()).bits();
         let prediction = self.scheme.predicts().then(|| {
             // The time of an impact is found by iteration, to a fraction of the step.
             bouncing |= s.evaluation.impacts.lanes.bits();
@@ -167,7 +167,7 @@ impl<R: Real> HardNominal<R> {
         let place = Place { input: StepInput { compiled, options, state, inputs, alive: *alive }, evaluation };
         if recomputed == Recomputed::Forces {
             advance(&free.v, &self.v_free, -R::one(), &mut self.change);
-            shift_targets(compiled, &free.smooth.mass, problem, &mut self.change, None, R::Mask::splat(true));
+            shift_offsets(compiled, &free.smooth.mass, problem, &mut self.change, None, R::Mask::splat(true));
         } else {
             // Stage 4 with the contacts of the step.
             assemble_problem(place, free, problem, velocity, builder, NoProbe);
@@ -212,7 +212,7 @@ impl<R: Real> HardNominal<R> {
         position.v_free.copy_from_slice(&free.v);
         let corrected = R::Mask::from_bits(self.corrected);
         let (mass, h) = (&free.smooth.mass, self.scheme.h);
-        let rows = PositionInput { problem, mass, contacts, lanes: corrected, rebounding: problem.rebounding, h };
+        let rows = PositionInput { problem, mass, contacts, lanes: corrected, rebounding: problem.euler_impact_lanes, h };
         damp_rows(compiled, &rows, &velocity.impulses, position);
         let VelocitySolution { impulses, newton, .. } = velocity;
         let system = position.rows.system(&problem.rows);

@@ -1,4 +1,4 @@
-//! Acceptance of a solution: whether it determines the energy, and whether the next state is finite.
+//! Acceptance of a solution: whether its residual may change the energy, and whether the next state is finite.
 
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::Outcome;
@@ -15,10 +15,10 @@ use crate::stages::s05_solve::solve_to;
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::tuning::{MAX_TRUSTED_RESIDUAL, TARGET_RATIO};
 
-/// Lanes whose impulses do not determine the kinetic energy.
+/// Lanes in which the effect of the residual on the kinetic energy is not small.
 ///
-/// Either the residual is above [`MAX_TRUSTED_RESIDUAL`]. Or it is small compared with the velocities but not with their energy, because
-/// enormous impulses cancel.
+/// Either the residual is above [`MAX_TRUSTED_RESIDUAL`], or enormous impulses cancel. The work of such impulses at a small residual
+/// exceeds the kinetic energy ([`stepper_solve::energy_is_ambiguous`]).
 pub(crate) fn ambiguous<R: Real>(
     place: Place<'_, R>,
     free: &FreeMotion<R>,
@@ -38,7 +38,7 @@ pub(crate) fn ambiguous<R: Real>(
     )
 }
 
-/// Solves lanes again whose residual meets the tolerance but leaves the energy ambiguous.
+/// Solves [`ambiguous`] lanes again if their residual meets the tolerance.
 ///
 /// In a jam, impulses a million times the load cancel, and the residual must be smaller by that factor.
 #[inline(always)]
@@ -56,10 +56,10 @@ pub(crate) fn resolve_ambiguous<R: Real>(
     }
 }
 
-/// Solves the lanes `lanes` to the residual at which the impulses determine the energy, as far as rounding permits.
+/// Solves the lanes `lanes` to a residual with a small effect on the kinetic energy, as far as rounding permits.
 ///
-/// Many impulses may give the same motion: a wedge holds itself at any load. The lanes therefore first get those of least norm. Lanes that
-/// stay ambiguous are solved to a smaller residual.
+/// Many impulses may give the same motion: a wedge holds itself at any load. The lanes therefore first get the impulses of least norm.
+/// Lanes that stay ambiguous are solved to a smaller residual.
 #[cold]
 #[inline(never)]
 fn solve_further<R: Real>(
@@ -84,7 +84,7 @@ fn solve_further<R: Real>(
     integrate_velocity(compiled, &free.smooth.mass, &free.v, velocity);
 }
 
-/// Residual at which the impulses determine the energy, m/s: above the rounding of velocities, and at most the tolerance.
+/// Residual with a small effect on the kinetic energy, m/s: above the rounding of velocities, and at most the tolerance.
 fn residual_for_energy<R: Real>(
     place: Place<'_, R>,
     free: &FreeMotion<R>,

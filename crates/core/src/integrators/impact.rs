@@ -18,7 +18,7 @@ use crate::integrators::acceptance::ambiguous;
 use crate::integrators::impact_set::Impacts;
 use crate::integrators::step_values::{Evaluation, FreeMotion, Place, Scratch, StepInput};
 use crate::math::spatial::*;
-use crate::stages::s04_assemble::shift_targets;
+use crate::stages::s04_assemble::shift_offsets;
 use crate::tuning::{
     MAX_IMPACT_RESIDUAL, MAX_RESOLVED_ROTATION, MAX_TRUSTED_RESIDUAL, MIN_IMPACT_RATIO, MIN_VELOCITY_ERROR, PLACEMENT_TOLERANCE,
 };
@@ -142,7 +142,7 @@ pub(crate) fn prepare_position_solve<R: Real>(
 ) -> R::Mask {
     let Place { input: StepInput { compiled, options, state, alive, .. }, evaluation: Evaluation { scheme, contacts, impacts, .. } } =
         place;
-    let lanes = impacts.lanes.or(problem.bouncing()).and(alive);
+    let lanes = impacts.lanes.or(problem.midpoint_impact_lanes()).and(alive);
     if problem.needs_position_solve.or(lanes).none() {
         return lanes;
     }
@@ -290,5 +290,5 @@ fn update_free_velocity<R: Real>(
         },
     );
     let before_impacts = problem.resolves_impacts.then_some(&mut before_impact[..]);
-    shift_targets(compiled, &smooth.mass, problem, free_change, before_impacts, lanes);
+    shift_offsets(compiled, &smooth.mass, problem, free_change, before_impacts, lanes);
 }

@@ -52,7 +52,7 @@ pub(crate) fn correct_positions<R: Real>(
 ) -> CorrectedLanes<R> {
     let Place { input, evaluation } = place;
     let impacts = prepare_position_solve(place, free, problem, &mut velocity.impulses, position);
-    let (lanes, rebounding) = (problem.needs_position_solve.or(impacts), problem.rebounding.or(impacts));
+    let (lanes, rebounding) = (problem.needs_position_solve.or(impacts), problem.euler_impact_lanes.or(impacts));
     if lanes.none() {
         return CorrectedLanes { all: lanes, rebounding, infeasible: lanes };
     }

@@ -12,7 +12,7 @@ use crate::integrators::step_resolution::assess_corrector;
 use crate::integrators::step_values::{Evaluation, FreeMotion, Place, Scratch, StepInput};
 use crate::probe::{Probe, Span};
 use crate::stages::s01_actuate::actuate;
-use crate::stages::s04_assemble::shift_targets;
+use crate::stages::s04_assemble::shift_offsets;
 use crate::stages::s05_solve::Estimate;
 use crate::tuning::MAX_IMPACT_ROTATION;
 
@@ -85,7 +85,7 @@ pub(crate) fn correct_free_velocity<R: Real>(
     }
     std::mem::swap(&mut free.v, &mut free.scratch.v_free_corrected);
     let everywhere = R::Mask::splat(true);
-    shift_targets(compiled, &free.smooth.mass, problem, &mut free.scratch.free_change, None, everywhere);
+    shift_offsets(compiled, &free.smooth.mass, problem, &mut free.scratch.free_change, None, everywhere);
 }
 
 /// Removes the `change` by impulses from the prediction in lanes in which it makes the motion faster than the step resolves.

@@ -157,12 +157,12 @@ pub(crate) fn bound_velocities<R: Real>(
 ) -> StepOutcome<R> {
     let Place { input: StepInput { compiled, options, .. }, evaluation: Evaluation { scheme, contacts, .. } } = place;
     let impulses_act = velocity.impulses.changes_velocity();
-    let (lanes, rebounding) = (problem.needs_position_solve, problem.rebounding);
+    let (lanes, rebounding) = (problem.needs_position_solve, problem.euler_impact_lanes);
     let rows = PositionInput { problem, mass: &free.smooth.mass, contacts, lanes, rebounding, h: scheme.h };
     let infeasible = probe.span(Span::Stabilise, || limit_baumgarte(compiled, options, &rows, &free.v, velocity, position, &mut outcome));
     let [ambiguous, limited] = probe.span(Span::GuardEnergy, || limit_speed(place, free, problem, velocity, outcome.residual));
     let none = R::Mask::splat(false);
-    StepOutcome { solver: outcome, impulses_act, ambiguous, limited, infeasible, tunnelled: none, gains_energy: none }
+    StepOutcome { solver: outcome, impulses_act, ambiguous, limited, infeasible, tunnelled: none, energy_unresolved: none }
 }
 
 /// Limits joint speeds in lanes whose motion is too fast for the step or whose energy is ambiguous.

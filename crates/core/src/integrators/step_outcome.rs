@@ -15,7 +15,7 @@ pub(crate) struct StepOutcome<R: Real> {
     pub(crate) solver: Outcome<R>,
     /// Whether constraint impulses changed any velocity.
     pub(crate) impulses_act: bool,
-    /// Lanes whose impulses do not determine the kinetic energy.
+    /// Lanes in which the effect of the residual on the kinetic energy is not small.
     pub(crate) ambiguous: R::Mask,
     /// Lanes whose speed and energy are limited: the ambiguous ones, and those whose motion is too fast for the step.
     pub(crate) limited: R::Mask,
@@ -23,8 +23,8 @@ pub(crate) struct StepOutcome<R: Real> {
     pub(crate) infeasible: R::Mask,
     /// Lanes in which a geom may have passed through a thin one.
     pub(crate) tunnelled: R::Mask,
-    /// Lanes in which the error of the time step adds energy, or in which impacts became inelastic.
-    pub(crate) gains_energy: R::Mask,
+    /// Lanes in which the time step does not resolve the energy: its error adds energy, or implausible elastic impacts became inelastic.
+    pub(crate) energy_unresolved: R::Mask,
 }
 
 /// Residual, or the largest unmet target velocity of a row that cannot move, whichever is larger.
@@ -32,7 +32,7 @@ pub(crate) struct StepOutcome<R: Real> {
 /// Rows without mobility and dependent rows are not part of the solve.
 #[inline(always)]
 fn with_blocked_rows<R: Real>(problem: &ConstraintProblem<R>, residual: R) -> R {
-    if !problem.may_be_held {
+    if !problem.may_have_immovable_rows {
         return residual;
     }
     R::vectorize(
@@ -75,7 +75,7 @@ pub(crate) fn record<R: Real>(
         infeasible: alive.and(finite).and(outcome.infeasible),
         non_finite: alive.and_not(finite),
         contacts_full: state.contacts.full,
-        unresolved: free.unresolved.or(outcome.gains_energy),
+        unresolved: free.unresolved.or(outcome.energy_unresolved),
         tunnelled: outcome.tunnelled,
     }
 }

@@ -45,7 +45,7 @@ pub(crate) struct StepInput<'a, R: Real> {
     pub(crate) options: &'a StepSettings,
     pub(crate) state: &'a State<R>,
     pub(crate) inputs: &'a Inputs<R>,
-    /// Lanes that are environments.
+    /// Lanes that hold an environment.
     pub(crate) alive: R::Mask,
 }
 

@@ -39,7 +39,7 @@ pub struct Workspace<R: Real> {
     pub(crate) inputs: Inputs<R>,
     /// Controls before the actuator pipelines, nu. Without pipelines the controls are in `inputs` alone.
     pub(crate) user_controls: Vec<R>,
-    /// Lanes that are environments.
+    /// Lanes that hold an environment.
     pub(crate) alive: R::Mask,
     /// Whether the workspace already holds the state of the group that is stepped.
     pub(crate) current: bool,

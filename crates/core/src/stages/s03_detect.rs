@@ -1,7 +1,10 @@
 //! Stage 3: detects contacts from poses.
 //!
-//! Detection lists a contact if it can touch within the step. Its distance must be below twice the distance that the free velocity covers
-//! in a step, plus the distance that gravity covers. Geoms need not overlap first.
+//! Detection lists a contact if it can touch before the next evaluation point. Its distance must be below the distance that the free
+//! velocity covers in two steps, plus the distance that gravity covers in one. Geoms need not overlap first.
+//!
+//! Two steps, because a row lets its gap close until the evaluation point of the next step, up to 1.5 steps later
+//! (`ConstraintProblem::closing_time`). The rest is a margin for impulses that make a body faster than its free velocity.
 //!
 //! A gap at the beginning of a step is a row, however fast it closes, so a fast body stops before a thin wall. In the middle of the step
 //! the body may be beyond the wall. [`detect`] returns the lanes in which a fast pair overlaps, may have passed, or hits a surface of
@@ -17,9 +20,9 @@ use crate::compile::LaneModel;
 use crate::dynamics::kinematics::Kinematics;
 use crate::probe::{Counter, Probe, Span};
 
-/// Finds the contacts of the lanes `alive` at poses that are `time_before` seconds from the beginning of the step. Returns the lanes whose
+/// Finds the contacts of the lanes `alive` at poses `time_before` seconds after the beginning of the step. Returns the lanes whose
 /// contacts are unreliable at this time.
-#[expect(clippy::too_many_arguments, reason = "where all is, what is found, and who measures it")]
+#[expect(clippy::too_many_arguments, reason = "poses, contacts and probe are separate buffers")]
 #[inline(always)]
 pub fn detect<R: Real>(
     compiled: &LaneModel<R>,
@@ -36,72 +39,76 @@ pub fn detect<R: Real>(
     if compiled.geoms.is_empty() {
         return R::Mask::splat(false);
     }
-    let looks_ahead = compiled.can_tunnel && time_before.gt(R::zero()).any();
-    probe.span(Span::BroadPhase, || find_pairs(compiled, kinematics, [v, v_free], [h, time_before], looks_ahead, alive, poses));
+    let checks_passing = compiled.can_tunnel && time_before.gt(R::zero()).any();
+    probe.span(Span::BroadPhase, || find_pairs(compiled, kinematics, [v, v_free], [h, time_before], checks_passing, alive, poses));
     if poses.near_count == 0 && compiled.dynamic_pairs.is_none() {
         return R::Mask::splat(false);
     }
     probe.count(Counter::NearPairs, || (poses.near_count + poses.broad.pairs.len()) as f64);
     probe.span(Span::NarrowPhase, || {
-        let too_far = find_contacts(compiled, kinematics, v, [h, time_before], looks_ahead, poses, contacts);
+        let too_far = find_contacts(compiled, kinematics, v, [h, time_before], checks_passing, poses, contacts);
         poses.reduction.reduce(compiled, contacts);
         too_far
     })
 }
 
-/// Broad phase: poses of the geoms, and the pairs that can touch within the step with the free velocity `v_free`. With `looks_ahead` also
-/// the pairs of fast and static geoms that may have passed each other since the beginning of the step.
+/// Broad phase: poses of the geoms, and the pairs that can touch within two steps at the free velocity `v_free`.
+///
+/// With `checks_passing`, it also finds the static pairs whose geoms may have passed each other since the beginning of the step.
 fn find_pairs<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     [v, v_free]: [&[R]; 2],
     [h, time_before]: [R; 2],
-    looks_ahead: bool,
+    checks_passing: bool,
     alive: R::Mask,
     poses: &mut GeomPoses<R>,
 ) {
-    let looks_back = looks_ahead && !compiled.static_pairs.is_empty();
+    let checks_static = checks_passing && !compiled.static_pairs.is_empty();
     R::vectorize(
         #[inline(always)]
         || {
             poses.slack = slack(compiled, h);
             poses.placed.update_poses(compiled, kinematics);
             poses.placed.update_travel(compiled, kinematics, v_free, h + h);
-            if looks_back {
-                poses.placed.update_lead(compiled, kinematics, v, time_before);
+            if checks_static {
+                poses.placed.update_displacement(compiled, kinematics, v, time_before);
             }
             poses.find_near(compiled, alive);
         },
     );
-    poses.find_static(compiled, alive, looks_back, |placed| &placed.travel);
+    poses.find_static(compiled, alive, checks_static, |placed| &placed.travel);
     poses.add_static(compiled);
     poses.find_dynamic(compiled, alive, |placed| &placed.travel);
 }
 
-/// Narrow phase: contacts of those pairs. With `looks_ahead`, returns the lanes whose contacts are unreliable at this time of the step.
+/// Narrow phase: contacts of the pairs from [`find_pairs`].
+///
+/// With `checks_passing`, returns the lanes whose contacts are unreliable, because geoms may have passed each other since the beginning of
+/// the step.
 fn find_contacts<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     v: &[R],
     [h, time_before]: [R; 2],
-    looks_ahead: bool,
+    checks_passing: bool,
     poses: &mut GeomPoses<R>,
     contacts: &mut Contacts<R>,
 ) -> R::Mask {
     let GeomPoses { placed, slack, near, near_count, broad, dynamic, packed, search, .. } = poses;
     let (near, slack) = (&near[..*near_count], *slack);
     let is_thin = |&(index, _): &(u32, u32)| !compiled.geoms[compiled.pairs[index as usize].geoms[0]].is_plane;
-    let looks_ahead = looks_ahead && (compiled.dynamic_pairs.is_some() || near.iter().any(is_thin));
-    if looks_ahead && compiled.static_pairs.is_empty() {
+    let checks_passing = checks_passing && (compiled.dynamic_pairs.is_some() || near.iter().any(is_thin));
+    if checks_passing && compiled.static_pairs.is_empty() {
         R::vectorize(
             #[inline(always)]
-            || placed.update_lead(compiled, kinematics, v, time_before),
+            || placed.update_displacement(compiled, kinematics, v, time_before),
         );
     }
     R::vectorize(
         #[inline(always)]
         || {
-            let scene = Scene { compiled, kinematics, poses: placed, h, slack, look_ahead: time_before, looks_ahead };
+            let scene = Scene { compiled, kinematics, poses: placed, h, slack, displacement_time: time_before, checks_passing };
             packed.clear();
             for &(index, lanes) in near {
                 packed.add::<R>(index as usize, &compiled.pairs[index as usize], lanes);

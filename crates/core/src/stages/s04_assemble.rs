@@ -52,10 +52,10 @@ pub(crate) fn assemble<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, 
             assembler.problem.resolves_impacts = assembler.problem.elastic && input.assembly.in_the_middle;
             for k in 0..contacts.slots() {
                 let lanes = contacts.lanes_of(k);
-                let narrow = lanes & !rolling_lanes(compiled, contacts, k, lanes);
-                if narrow != 0 {
-                    assembler.builder.gather_support(assembler.problem, compiled, contacts, k, narrow);
-                    assembler.add_contact(input, contacts, k, narrow);
+                let sliding = lanes & !rolling_lanes(compiled, contacts, k, lanes);
+                if sliding != 0 {
+                    assembler.builder.gather_support(assembler.problem, compiled, contacts, k, sliding);
+                    assembler.add_contact(input, contacts, k, sliding);
                 }
             }
             if compiled.has_rolling_friction {
@@ -87,8 +87,8 @@ impl<R: Real> Assembler<'_, R> {
         problem.deferred.clear();
         problem.impacts.clear();
         problem.closing_time = assembly.h / assembly.closing_fraction;
-        [problem.constrained, problem.needs_position_solve, problem.biased, problem.rebounding] = [none; 4];
-        problem.may_be_held = !compiled.equalities.is_empty() || !compiled.tendons.is_empty();
+        [problem.constrained, problem.needs_position_solve, problem.biased, problem.euler_impact_lanes] = [none; 4];
+        problem.may_have_immovable_rows = !compiled.equalities.is_empty() || !compiled.tendons.is_empty();
         problem.rows.least_mobility = R::of(least_mobility::<R>()) / compiled.moving_mass();
     }
 
@@ -99,16 +99,16 @@ impl<R: Real> Assembler<'_, R> {
         if !problem.deferred.is_empty() {
             problem.activate_coplanar(velocity, contacts);
         }
-        velocity.groups.find(compiled, contacts, problem.constrained.bits());
+        velocity.contact_groups.find(compiled, contacts, problem.constrained.bits());
         velocity.impulses.compute_w(&problem.rows);
-        problem.rows.redundant = velocity.groups.new_lanes(contacts, &problem.slots, &problem.rows, &velocity.impulses);
+        problem.rows.redundant = velocity.contact_groups.new_lanes(contacts, &problem.slots, &problem.rows, &velocity.impulses);
     }
 }
 
 /// Adds a change of the free velocity, in the lanes `lanes`, to the offsets g of the rows.
 ///
 /// `before_impacts` is the change of the velocity before impacts, if a contact bounces within the step. Overwrites both changes.
-pub(crate) fn shift_targets<R: Real>(
+pub(crate) fn shift_offsets<R: Real>(
     compiled: &LaneModel<R>,
     mass: &MassMatrix<R>,
     problem: &mut ConstraintProblem<R>,

@@ -25,7 +25,7 @@ pub fn solve<R: Real>(
     velocity: &mut VelocitySolution<R>,
     contacts: &Contacts<R>,
 ) -> Outcome<R> {
-    let tolerance = tolerance(options, v, velocity.groups.lanes());
+    let tolerance = tolerance(options, v, velocity.contact_groups.lanes());
     solve_to(options, tolerance, lanes, problem, velocity, contacts)
 }
 
@@ -89,14 +89,14 @@ fn share_loads<R: Real>(
     solved: R::Mask,
     outcome: &mut Outcome<R>,
 ) {
-    let VelocitySolution { impulses, newton, groups, shared, .. } = velocity;
-    let slipping = groups.find_slips(problem, impulses, solved.and(groups.lanes()));
+    let VelocitySolution { impulses, newton, contact_groups, saved_impulses, .. } = velocity;
+    let slipping = contact_groups.find_slips(problem, impulses, solved.and(contact_groups.lanes()));
     if slipping.none() {
         return;
     }
-    shared.save(impulses, slipping);
-    let redistributed = groups.share(problem, impulses, slipping);
-    shared.restore(impulses, redistributed.not());
+    saved_impulses.save(impulses, slipping);
+    let redistributed = contact_groups.share(problem, impulses, slipping);
+    saved_impulses.restore(impulses, redistributed.not());
     let left = R::vectorize(
         #[inline(always)]
         || residual(&problem.rows, impulses),
@@ -140,7 +140,7 @@ impl<R: Real> Estimate<R> {
                 let slow = (turn * R::of(MAX_ESTIMATE_TOLERANCE)).le(R::of(error));
                 let tolerance = R::select(slow, R::of(MAX_ESTIMATE_TOLERANCE), R::of(error) / R::select(slow, R::one(), turn));
                 let moving = is_moving(turn);
-                let rough = turn.gt(R::of(least)).and(turn.lt(R::of(ROUGH_MOTION))).and_not(velocity.groups.lanes());
+                let rough = turn.gt(R::of(least)).and(turn.lt(R::of(ROUGH_MOTION))).and_not(velocity.contact_groups.lanes());
                 Self { moving, rough: if exact { R::Mask::splat(false) } else { rough }, tolerance }
             },
         )
@@ -149,8 +149,8 @@ impl<R: Real> Estimate<R> {
     /// Estimates the impulses in the lanes `lanes`.
     #[inline(always)]
     pub fn make(&self, options: &StepSettings, lanes: R::Mask, problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>) {
-        let VelocitySolution { impulses, shared, groups, .. } = &mut *velocity;
-        shared.save(impulses, lanes.and(self.rough.or(groups.lanes())));
+        let VelocitySolution { impulses, saved_impulses, contact_groups, .. } = &mut *velocity;
+        saved_impulses.save(impulses, lanes.and(self.rough.or(contact_groups.lanes())));
         self.repeat(options, lanes, problem, velocity);
     }
 
@@ -177,10 +177,10 @@ impl<R: Real> Estimate<R> {
     /// these impulses are as close to the solution as the rough estimate.
     #[inline(always)]
     pub fn choose_start(&self, lanes: R::Mask, problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>) {
-        let VelocitySolution { impulses, shared, groups, .. } = velocity;
+        let VelocitySolution { impulses, saved_impulses, contact_groups, .. } = velocity;
         let rough = lanes.and(self.rough);
-        let as_good = if rough.any() { rough.and(shared.is_as_good(&problem.rows, impulses)) } else { rough };
-        shared.restore(impulses, lanes.and(groups.lanes()).or(as_good));
+        let as_good = if rough.any() { rough.and(saved_impulses.is_as_good(&problem.rows, impulses)) } else { rough };
+        saved_impulses.restore(impulses, lanes.and(contact_groups.lanes()).or(as_good));
     }
 }
 
@@ -211,12 +211,12 @@ pub(crate) fn fastest<R: Real>(v: &[R]) -> R {
 ///
 /// In 32 bits velocities of 1 m/s round at 1e-3 m/s, above the default tolerance. Heavy boxes would creep into light ones at that residual,
 /// so lanes with redundant supports stop at a smaller one.
-fn tolerance<R: Real>(options: &StepSettings, v: &[R], groups: R::Mask) -> R {
+fn tolerance<R: Real>(options: &StepSettings, v: &[R], has_groups: R::Mask) -> R {
     R::vectorize(
         #[inline(always)]
         || {
             let epsilon = <R::Scalar as Scalar>::EPSILON.to_f64();
-            let least = R::select(groups, R::of((10.0 * epsilon).max(MIN_TOLERANCE)), R::of(1e4 * epsilon));
+            let least = R::select(has_groups, R::of((10.0 * epsilon).max(MIN_TOLERANCE)), R::of(1e4 * epsilon));
             (fastest(v) * R::of(RELATIVE_TOLERANCE)).max(least).min(R::of(options.tolerance))
         },
     )

@@ -141,7 +141,7 @@ pub fn limit_baumgarte<R: Real>(
             position.rows.exchange_targets();
         },
     );
-    let VelocitySolution { impulses, v, newton, worst, shared, .. } = &mut *velocity;
+    let VelocitySolution { impulses, v, newton, worst, saved_impulses, .. } = &mut *velocity;
     let system = position.rows.system(rows);
     let repeated = stepper_solve::solve(system, impulses, settings, lanes, newton);
     let unsolved = lanes.and_not(repeated.residual.le(tolerance));
@@ -158,7 +158,7 @@ pub fn limit_baumgarte<R: Real>(
             }
         },
     );
-    shared.save(impulses, lanes);
+    saved_impulses.save(impulses, lanes);
     let infeasible = correct(compiled, options, &PositionInput { lanes, ..*input }, velocity, position);
     R::vectorize(
         #[inline(always)]
@@ -200,7 +200,7 @@ fn correct<R: Real>(
     let newton = if options.solver == Solver::Newton { options.iterations } else { newton };
     let threshold = if options.solver == Solver::Newton { tolerance } else { tolerance.max(rough) };
     let settings = Settings { sweeps, newton_steps: newton, tolerance: R::of(tolerance), newton_threshold: R::of(threshold) };
-    let VelocitySolution { impulses, v: v_next, newton, shared, .. } = velocity;
+    let VelocitySolution { impulses, v: v_next, newton, saved_impulses, .. } = velocity;
     let PositionSolution { rows, reference, islands, v_free, correction: out, impact_displacement: scratch, .. } = position;
     let system = rows.system(&input.problem.rows);
     // The residual of a correction is not reported. Only a smaller tolerance needs its certificate.
@@ -225,7 +225,7 @@ fn correct<R: Real>(
         if lacking.any() { prove_infeasible(compiled, input.mass, system, impulses, reference, lacking, bounds) } else { lacking };
     if fast.any() {
         // With Baumgarte's method the impulses, which users read, slow down with the motion.
-        let blended = (options.stabilization == Stabilization::Baumgarte).then_some(&*shared);
+        let blended = (options.stabilization == Stabilization::Baumgarte).then_some(&*saved_impulses);
         bound_islands(compiled, system, islands, (impulses, blended), fast, bounds, out);
     }
     infeasible
@@ -242,13 +242,13 @@ pub(crate) fn damp_rows<R: Real>(
 ) {
     let damping =
         Damping { ratio: R::of(DAMPING), bending: input.h * R::of(1.0 / CORRECTION_ARM), negligible: R::of(NEGLIGIBLE_CORRECTION) };
-    let PositionSolution { rows, floors, reference, .. } = position;
+    let PositionSolution { rows, unconstrained_mobility, reference, .. } = position;
     R::vectorize(
         #[inline(always)]
         || {
             rows.exchange_targets();
-            find_floors(compiled, input, floors);
-            rows.damp(&input.problem.rows, impulses, damping, floors, reference);
+            find_unconstrained_mobility(compiled, input, unconstrained_mobility);
+            rows.damp(&input.problem.rows, impulses, damping, unconstrained_mobility, reference);
         },
     );
 }
@@ -390,13 +390,13 @@ fn prove_infeasible<R: Real>(
     )
 }
 
-/// Computes the mobility of the bodies of every contact without other constraints, 1/kg: the lower bound of the mobility that scales its
-/// damping. 0 for scalar rows.
+/// Computes the mobility that the two bodies of every contact would have without constraints, 1/kg; 0 for scalar rows. It is the lower
+/// bound of the mobility that scales the damping of the contact.
 #[inline(always)]
-fn find_floors<R: Real>(compiled: &LaneModel<R>, input: &PositionInput<'_, R>, floors: &mut Vec<R>) {
+fn find_unconstrained_mobility<R: Real>(compiled: &LaneModel<R>, input: &PositionInput<'_, R>, unconstrained_mobility: &mut Vec<R>) {
     let ConstraintProblem { rows, slots, rolling_slots, .. } = input.problem;
-    floors.clear();
-    floors.resize(rows.scalars.len(), R::zero());
+    unconstrained_mobility.clear();
+    unconstrained_mobility.resize(rows.scalars.len(), R::zero());
     let all = slots.iter().map(|slot| (slot.0, slot.1)).chain(rolling_slots.iter().map(|slot| (slot.0, slot.1)));
     for (k, lanes) in all {
         let mut floor = R::zero();
@@ -405,6 +405,6 @@ fn find_floors<R: Real>(compiled: &LaneModel<R>, input: &PositionInput<'_, R>, f
             let free = compiled.mobility(compiled.geoms[geoms[0]].frame) + compiled.mobility(compiled.geoms[geoms[1]].frame);
             floor = R::select(R::Mask::from_bits(lanes), free, floor);
         }
-        floors.push(floor);
+        unconstrained_mobility.push(floor);
     }
 }

@@ -64,7 +64,7 @@ pub(crate) fn solve_step<R: Real>(
     let tunnelled = probe.span(Span::Tunnelling, || may_have_passed(compiled, kinematics, step, *alive, poses));
     probe.count(Counter::NewtonSteps, || (0..R::LANES).map(|l| solver.newton_steps.lane(l).to_f64()).sum());
     std::mem::swap(&mut state.impulse, &mut free.impulse);
-    StepOutcome { solver, impulses_act: true, ambiguous: none, limited: none, infeasible: none, tunnelled, gains_energy: none }
+    StepOutcome { solver, impulses_act: true, ambiguous: none, limited: none, infeasible: none, tunnelled, energy_unresolved: none }
 }
 
 /// Stages 6 and 7 with the constrained acceleration.

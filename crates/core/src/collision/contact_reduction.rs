@@ -1,10 +1,11 @@
-//! Removal of redundant contacts: in a flat contact area, the contacts at the corners can carry every load.
+//! Reduction of contacts: in a flat contact area, the contacts at the corners can carry every load, and the others are redundant.
 //!
-//! Two bodies may touch by several geoms (a foot of seven capsules). Their contacts with the same normal and coefficient of friction form a
-//! contact area. Let the gap of a contact be at least the gap that is interpolated from other contacts at its position. The contact is then
-//! redundant for two reasons. Its normal velocity is the same interpolation of theirs, so it does not close while they stay closed. And a
-//! force at it, within its friction cone, equals the same combination of forces at the others, within their cones, with the same moment. A
-//! flat contact area therefore keeps the corners of its convex hull. Contacts off the plane of the corners stay.
+//! Two bodies may touch by several geoms (a foot of seven capsules). Their contacts form a contact group. The contacts of a group with the
+//! same normal and coefficient of friction form a contact area. Let the gap of a contact be at least the gap that is interpolated from
+//! other contacts at its position. The contact is then redundant for two reasons. Its normal velocity is the same interpolation of theirs,
+//! so it does not close while they stay closed. And a force at it, within its friction cone, equals the same combination of forces at the
+//! others, within their cones, with the same moment. A flat contact area therefore keeps the corners of its convex hull. Contacts off the
+//! plane of the corners stay.
 //!
 //! Rigid-body mechanics does not determine how friction is shared in an area that rotates while it slips, with or without the redundant
 //! contacts.
@@ -12,7 +13,7 @@
 use stepper_real::{Real, Scalar};
 
 use crate::collision::contact_set::Contacts;
-use crate::compile::{ModelStructure, NO_PATCH};
+use crate::compile::{ModelStructure, NO_CONTACT_GROUP};
 use crate::math::spatial::*;
 
 /// Smallest number of contacts of an area in which redundant ones are searched for. Four contacts are usually all corners.
@@ -27,9 +28,9 @@ const FLAT: f64 = 1e-5;
 
 /// Workspace of the search for redundant contacts.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct PatchReduction {
-    /// Number of the contact area of every contact of a lane.
-    patches: Vec<u32>,
+pub(crate) struct ContactReduction {
+    /// Contact group of every contact of a lane; [`NO_CONTACT_GROUP`] once its contact area is gathered.
+    groups: Vec<u32>,
     points: Vec<Point>,
     hull: Vec<Point>,
     kept: Vec<bool>,
@@ -45,10 +46,10 @@ struct Point {
     gap: f64,
 }
 
-impl PatchReduction {
+impl ContactReduction {
     /// Removes the redundant contacts of all lanes.
     pub(crate) fn reduce<R: Real>(&mut self, compiled: &ModelStructure<R::Scalar>, contacts: &mut Contacts<R>) {
-        if compiled.patches.is_empty() {
+        if compiled.contact_groups.is_empty() {
             return;
         }
         for l in 0..R::LANES {
@@ -60,12 +61,12 @@ impl PatchReduction {
 
     /// Clears the workspace, and reserves memory for `contacts` contacts, so that later calls do not allocate.
     fn clear(&mut self, contacts: usize) {
-        let Self { patches, points, hull, kept } = self;
-        patches.clear();
+        let Self { groups, points, hull, kept } = self;
+        groups.clear();
         points.clear();
         hull.clear();
         kept.clear();
-        patches.reserve(contacts);
+        groups.reserve(contacts);
         points.reserve(contacts);
         // Both chains of the hull, and the point that they repeat.
         hull.reserve(2 * contacts + 1);
@@ -75,15 +76,15 @@ impl PatchReduction {
     fn reduce_lane<R: Real>(&mut self, compiled: &ModelStructure<R::Scalar>, contacts: &mut Contacts<R>, l: usize) {
         let n = contacts.count[l];
         self.clear(contacts.data.len());
-        self.patches.extend((0..n).map(|k| compiled.patches.get(contacts.ids[k][l].pair()).copied().unwrap_or(NO_PATCH)));
+        self.groups.extend((0..n).map(|k| compiled.contact_groups.get(contacts.ids[k][l].pair()).copied().unwrap_or(NO_CONTACT_GROUP)));
         self.kept.resize(n, true);
         let mut redundant = false;
         for first in 0..n {
-            let patch = self.patches[first];
-            if patch == NO_PATCH || n - first < MIN_CONTACTS {
+            let group = self.groups[first];
+            if group == NO_CONTACT_GROUP || n - first < MIN_CONTACTS {
                 continue;
             }
-            let size = self.gather(contacts, l, first, patch);
+            let size = self.gather(contacts, l, first, group);
             if self.points.len() >= MIN_CONTACTS {
                 redundant |= self.mark(size);
             }
@@ -93,9 +94,9 @@ impl PatchReduction {
         }
     }
 
-    /// Gathers the contacts of the area number `patch` that have the normal and the friction of its contact `first`, and removes them from
-    /// the area. Returns the size of the gathered area, m.
-    fn gather<R: Real>(&mut self, contacts: &Contacts<R>, l: usize, first: usize, patch: u32) -> f64 {
+    /// Gathers the contact area of the contact `first`: the contacts of the group `group` with its normal and friction. Removes them from
+    /// the group, and returns the size of the area, m.
+    fn gather<R: Real>(&mut self, contacts: &Contacts<R>, l: usize, first: usize, group: u32) -> f64 {
         let (origin, normal) = (of_lane(&contacts.data[first].point.pos, l), of_lane(&contacts.data[first].point.normal, l));
         let [_, a, b] = contact_frame(normal);
         let mu = contacts.data[first].mu.lane(l);
@@ -104,14 +105,14 @@ impl PatchReduction {
         let mut size = 0.0_f64;
         for k in first..contacts.count[l] {
             let slot = &contacts.data[k];
-            if self.patches[k] != patch || slot.mu.lane(l) != mu || slot.restitution.lane(l) != R::Scalar::default() {
+            if self.groups[k] != group || slot.mu.lane(l) != mu || slot.restitution.lane(l) != R::Scalar::default() {
                 continue;
             }
             let (own, arm) = (of_lane(&slot.point.normal, l), sub(of_lane(&slot.point.pos, l), origin));
             if norm(cross(own, normal)) > parallel || dot(own, normal) < 0.0 {
                 continue;
             }
-            self.patches[k] = NO_PATCH;
+            self.groups[k] = NO_CONTACT_GROUP;
             let x = [dot(arm, a), dot(arm, b)];
             size = size.max(x[0].abs()).max(x[1].abs());
             self.points.push(Point { slot: k, x, gap: slot.point.distance.lane(l).to_f64() });
@@ -213,7 +214,7 @@ mod tests {
     }
 
     /// Positions on a coarse grid, so that some coincide and many are on a line. The gaps are on a plane, except for some that are larger.
-    fn patch() -> impl Strategy<Value = (Vec<Point>, [f64; 2])> {
+    fn area() -> impl Strategy<Value = (Vec<Point>, [f64; 2])> {
         let place = (0..6i32, 0..6i32, prop_oneof![3 => Just(0.0), 1 => 0.0..1e-3f64]);
         (prop::collection::vec(place, 5..16), prop::array::uniform2(-0.1..0.1f64)).prop_map(|(places, slope)| {
             let point = |(slot, (i, j, above)): (usize, (i32, i32, f64))| {
@@ -226,8 +227,8 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_removed_is_a_mean_of_what_stays((points, _) in patch()) {
-            let mut reduction = PatchReduction { points: points.clone(), kept: vec![true; points.len()], ..PatchReduction::default() };
+        fn what_is_removed_is_a_mean_of_what_stays((points, _) in area()) {
+            let mut reduction = ContactReduction { points: points.clone(), kept: vec![true; points.len()], ..ContactReduction::default() };
             let any = reduction.mark(0.2);
             prop_assert_eq!(any, reduction.kept.iter().any(|kept| !kept));
             let stay: Vec<&Point> = points.iter().filter(|p| reduction.kept[p.slot]).collect();
@@ -245,9 +246,9 @@ mod tests {
         }
 
         #[test]
-        fn a_flat_patch_keeps_its_corners_alone((points, slope) in patch()) {
+        fn a_flat_area_keeps_its_corners_alone((points, slope) in area()) {
             let flat: Vec<Point> = points.iter().map(|p| Point { gap: slope[0] * p.x[0] + slope[1] * p.x[1], ..*p }).collect();
-            let mut reduction = PatchReduction { points: flat.clone(), kept: vec![true; flat.len()], ..PatchReduction::default() };
+            let mut reduction = ContactReduction { points: flat.clone(), kept: vec![true; flat.len()], ..ContactReduction::default() };
             reduction.mark(0.2);
             let stay: Vec<&Point> = flat.iter().filter(|p| reduction.kept[p.slot]).collect();
             // If all points are on a line, the hull has no area and all contacts stay.

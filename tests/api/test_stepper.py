@@ -65,9 +65,9 @@ def test_f32_arrays_are_float32():
 
 @pytest.mark.parametrize("precision", [np.float32, np.dtype("f4"), "float32", "f32"])
 def test_a_precision_is_given_as_numpy_names_it(precision):
-    assert stepper.Stepper(stepper_model(scenes.PILE), precision=precision).precision == "f32"
+    assert stepper.Stepper(stepper.load(scenes.PILE), precision=precision).precision == "f32"
     with pytest.raises(ValueError, match=r"precision is <class 'numpy\.float16'>, must be"):
-        stepper.Stepper(stepper_model(scenes.PILE), precision=np.float16)
+        stepper.Stepper(stepper.load(scenes.PILE), precision=np.float16)
 
 
 @pytest.mark.parametrize(("call", "found", "must"), [

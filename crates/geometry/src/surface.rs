@@ -54,6 +54,7 @@ const TURNED: Range<f64> = -0.5..0.99;
 
 /// A surface of triangles in its own frame, m.
 #[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "a model has a few, behind pointers")]
 pub enum Surface {
     /// A mesh.
     Mesh(MeshSurface),

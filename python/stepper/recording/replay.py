@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from stepper._options import Options
+from stepper._options import Options, precision_of
 from stepper._stepper import Model, State, Stepper, __version__
 from stepper.actuators import ActuatorModel
 from stepper.recording.format import COMPARED, HEADER, MODEL, Arrays, Header, RecordingError, read_header, read_rows, reading
@@ -128,7 +128,7 @@ def recorded_stepper(folder: Path, head: Header, model: Model | None, threads: i
         own,
         head["num_envs"],
         options=Options(**head["options"]),
-        precision=head["precision"],
+        precision=precision_of(head["precision"]),
         threads=head["threads"] if threads is None else threads,
         seed=head["seed"],
         actuators=None if head["actuators"] is None else ActuatorModel.from_dict(head["actuators"], str(folder)),

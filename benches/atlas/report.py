@@ -116,7 +116,7 @@ def _reasons(scenes: Sequence[Scene], by: Mapping[tuple[str, str, float, str], R
                 )
     text = "\n## Failures of stepper and their reasons\n\n"
     for why, where in found.items():
-        text += f"* {why}\n" + "".join(f"  * {line}\n" for line in _grouped(where))
+        text += f"* {why}\n" + "".join(f"    * {line}\n" for line in _grouped(where))
     return text
 
 

@@ -87,8 +87,8 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     probe.count(Counter::Contacts, || evaluation.contacts.count[..R::LANES].iter().sum::<usize>() as f64);
     let input = StepInput { compiled, options, state, inputs, alive };
     let place = Place { input, evaluation };
-    // 4 assemble, 5 solve, 6 integrate velocity. The loop in `solve_velocities` repeats them until the solution agrees with the problem. Before
-    // each solve after an assembly, stages 1 and 2 recompute the forces that depend on the predicted velocity.
+    // 4 assemble, 5 solve, 6 integrate velocity. The loop in `solve_velocities` repeats them until the solution agrees with the problem.
+    // After an assembly, stages 1 and 2 recompute the forces that depend on the predicted velocity.
     let (solver, inelastic) = solve_velocities(place, free, problem, velocity, builder, collisions, probe);
     let mut outcome = bound_velocities(place, free, problem, velocity, position, solver, probe);
     // With the Runge-Kutta method, lanes without constraints replace this solution below.

@@ -142,8 +142,8 @@ pub struct ActuatorForces<R: Real> {
     pub(crate) unclamped: Vec<[R; 2]>,
     /// Whole force of every actuator at the last trial velocity, clamped to `force_range`, N or N m.
     trial_force: Vec<R>,
-    /// Lanes in which the last evaluation found an actuator force outside its bounds: an explicit force at its motion, or an implicit one
-    /// at the trial velocity.
+    /// Lanes in which the last evaluation found an actuator force outside its bounds. Explicit forces are evaluated at their motion, implicit
+    /// ones at the trial velocity.
     pub(crate) found_saturated: Vec<R::Mask>,
     /// Lanes in which the last evaluation found the sum of actuator forces on a dof outside its bounds, for every bounded dof. If stage 1
     /// evaluates a sum with implicit servos, it keeps the assumed lanes.

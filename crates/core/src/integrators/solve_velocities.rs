@@ -24,10 +24,10 @@ use crate::tuning::{IMPACT_PASSES, MIN_NEWTON_STEPS_FOR_RETRY, ORDERED_PASSES, R
 
 /// Solves for the velocity after the step until it agrees with the problem.
 ///
-/// In the motion of a solution no deferred contact may collide. After an impact, its velocity must be that at which inertial forces were
-/// evaluated: half of them at the velocity before the step, half at that after the impact. Otherwise colliding contacts become active, or
-/// the free velocity is recomputed, and the lanes are solved again, for impacts at most three times. Impacts for which Newton's law has no
-/// plausible solution become inelastic. Their lanes are the second result: a shorter step resolves them.
+/// In the motion of a solution no deferred contact may collide. After an impact, half of the inertial forces act at the velocity before the
+/// step, half at that of the solution. Otherwise colliding contacts become active, or the free velocity is recomputed, and the lanes are
+/// solved again, for impacts at most three times. Impacts for which Newton's law has no plausible solution become inelastic. Their lanes
+/// are the second result: a shorter step resolves them.
 ///
 /// The assumed active bounds of stiff servos must be those of the solution. Another active bound changes the mass matrix, so that the
 /// problem is assembled and solved again, at most four times. Lanes that still disagree are in the second result too.

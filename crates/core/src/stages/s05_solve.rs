@@ -113,8 +113,8 @@ fn share_loads<R: Real>(
 /// Predictor of this step's contact impulses, before velocity-dependent forces are evaluated.
 #[derive(Clone, Copy, Debug)]
 pub struct Estimate<R: Real> {
-    /// Lanes whose estimate does not depend on the previous impulses, except within its tolerance. Lanes at rest keep the previous impulses as
-    /// their estimate.
+    /// Lanes whose estimate does not depend on the previous impulses, except within its tolerance. Lanes at rest keep the previous impulses
+    /// as their estimate.
     moving: R::Mask,
     /// Predicted lanes in which a few Gauss-Seidel iterations from zero are accurate enough. The other predicted lanes are solved to the
     /// tolerance.

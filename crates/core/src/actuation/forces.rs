@@ -142,8 +142,9 @@ pub struct ActuatorForces<R: Real> {
     pub(crate) unclamped: Vec<[R; 2]>,
     /// Whole force of every actuator at the last trial velocity, clamped to `force_range`, N or N m.
     trial_force: Vec<R>,
-    /// Lanes in which the last evaluation found an actuator force outside its bounds. Explicit forces are evaluated at their motion, implicit
-    /// ones at the trial velocity.
+    /// Lanes in which the last evaluation found an actuator force outside its bounds.
+    ///
+    /// Explicit forces are evaluated at their motion, implicit ones at the trial velocity.
     pub(crate) found_saturated: Vec<R::Mask>,
     /// Lanes in which the last evaluation found the sum of actuator forces on a dof outside its bounds, for every bounded dof. If stage 1
     /// evaluates a sum with implicit servos, it keeps the assumed lanes.
@@ -363,8 +364,10 @@ impl<R: Real> ActuatorForces<R> {
         }
     }
 
-    /// Explicit part of the sum of actuator forces on a dof, clamped at the predicted velocity in the lanes in which none of its servos is
-    /// stiff. The other lanes have `assumed`, the sum with the assumed active bound.
+    /// Explicit part of the sum of actuator forces on a dof.
+    ///
+    /// Lanes without a stiff servo have the sum clamped at the predicted velocity. The others have `assumed`, the sum with the assumed
+    /// active bound.
     #[inline(always)]
     fn clamp_sum_at_predicted_velocity(&self, compiled: &LaneModel<R>, range: &CompiledForceRange<R::Scalar>, [sum, assumed]: [R; 2]) -> R {
         let (mut stiff, mut expected) = (R::Mask::splat(false), R::zero());

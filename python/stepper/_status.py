@@ -20,7 +20,7 @@ class Status(IntFlag):
     CONTACTS_FULL = 4
     """More contacts were found than `Options.max_contacts` allows; the last ones were dropped."""
     UNRESOLVED = 8
-    """The time step is too long for the motion; use a shorter one. There are two cases:
+    """The time step is too long for the motion; use a shorter one. There are four cases:
 
     First, a joint turns too far in one step: by half a radian while inertial forces accelerate it further, or by half a revolution from
     impulses. (Levers in a jam do this.) The step then leaves out centrifugal and gyroscopic forces and limits joint velocities to one
@@ -29,7 +29,11 @@ class Status(IntFlag):
 
     Second, the error of integrator="midpoint" creates energy. The bound is a tenth of the kinetic energy per step, or a rate that doubles
     it within 0.1 s. Both bounds are twice as high where constraints change the velocity much. The flag does not change the motion.
-    Whipping chains have such steps."""
+    Whipping chains have such steps.
+
+    Third, elastic impacts became inelastic, because Newton's law of impact has no plausible solution, as in a corner with much friction.
+
+    Fourth, stiff servos kept changing between their bounds, so that some of their forces may be outside of their range."""
     TUNNELLED = 16
     """A fast geom may have passed through a thin one in a step. Use a shorter time step."""
     INFEASIBLE = 32

@@ -52,7 +52,7 @@ bitflags! {
         /// In two cases speed and kinetic energy were bounded: velocity-dependent inertial forces were left out, or impulses turned a joint
         /// by more than half a turn. In the third case nothing was bounded: the error of the step added so much energy that the kinetic
         /// energy would double within 0.1 s. In the fourth case elastic impacts became inelastic, because Newton's law has no plausible
-        /// solution.
+        /// solution. In the fifth case the active bounds of stiff servos still changed after the last solve.
         const UNRESOLVED = 8;
         /// A geom moved so fast that it may have passed through a thin one.
         const TUNNELLED = 16;

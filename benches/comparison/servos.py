@@ -14,6 +14,7 @@ import argparse
 import time
 import warnings
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -56,7 +57,8 @@ def robot(walker: unitree.Walker, assets: Assets, share: float) -> Any:
 
 def run(sim: Stepper, script: tuple[Any, Any], steps: int) -> tuple[Any, float]:
     """Configurations after a number of steps, and the processor time, s."""
-    (start, targets), n, h = script, sim.num_envs, sim.options.timestep
+    (start, targets), n, h = script, len(sim.qpos), sim.options.timestep
+    assert h is not None
     sim.reset()
     sim.set_state(qpos=start[:n])
     begin = time.process_time()
@@ -77,7 +79,7 @@ def main() -> None:
         "arm, stiff servos": lambda: arm(1e5, 1e3, 0.3),
         "arm, unbounded": lambda: arm(600, 50, 1e6),
         **{
-            f"{n}, {e:g} of its efforts": lambda w=w, e=e: robot(w, assets, e)
+            f"{n}, {e:g} of its efforts": partial(robot, w, assets, e)
             for n, w in (("go1", unitree.GO1), ("g1", unitree.G1))
             for e in (1, 0.3)
         },

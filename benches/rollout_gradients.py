@@ -240,7 +240,7 @@ def task_models() -> dict[str, stepper.Model]:
 
 
 def main() -> None:
-    """Print the table and the derivatives that disagree."""
+    """Compare gradients of rollouts with finite differences, and print a table and the derivatives that disagree."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("parts", nargs="*", default=["scenes", "tasks"])
     parser.add_argument("--count", type=int, default=100, help="number of random scenes [100]")

@@ -23,7 +23,7 @@ MARKS = (0.9, 2.4, 4.0)
 
 
 def controls() -> np.ndarray[Any, Any]:
-    """Controls (T, 3): lift position, and squeeze forces of both fingers."""
+    """Controls of all T periods, (T, 3): target height of the hand (m), and squeeze forces of the left and right finger (N)."""
     t = np.arange(round((STILL + SHAKEN) / PERIOD)) * PERIOD
     ramp = np.clip((t - STILL) / 0.4, 0, 1)
     lift = 0.03 * (np.sin(2 * np.pi * 1.0 * t) + 0.5 * np.sin(2 * np.pi * 2.6 * t)) * ramp

@@ -62,7 +62,7 @@ HEAD = "mass error | interval | coverage | friction error | interval | coverage 
 
 
 def noisy(clean: Readings, scene: Scene, seed: int, colour: float = 0.0) -> Readings:
-    """Readings with Gaussian noise, white or with first-order autocorrelation `colour`."""
+    """Ideal readings with added Gaussian noise. `colour` is the correlation of consecutive noise values; 0 is white noise."""
     rng = np.random.default_rng(seed)
     out = {}
     for name, rows in clean.items():
@@ -91,7 +91,17 @@ class Trial:
     threads: int
 
     def identified(self, start: tuple[float, float], readings: Readings, seed: int, starts: int = 4) -> Answer:
-        """Answer of one identification by stepper, which estimates the noise."""
+        """Identify both parameters with stepper, which also estimates the noise.
+
+        Args:
+            start: Initial values of both parameters.
+            readings: Noisy sensor readings by channel.
+            seed: Seed of `stepper.sysid.identify`.
+            starts: Number of initial values of the search: `start`, and random ones.
+
+        Returns:
+            Estimated values and their 95 % intervals.
+        """
         scene = self.scene
         episode = stepper.sysid.Episode(scene.ctrl, readings, scene.period)
         settings: dict[str, Any] = {"options": self.options, "seed": seed, "threads": self.threads, "starts": starts}
@@ -100,7 +110,18 @@ class Trial:
         return found.values, ends[:, 0], ends[:, 1]
 
     def once(self, start: tuple[float, float], seed: int, peer: Peer | None = None, *, colour: float = 0.0, starts: int = 4) -> Answer:
-        """Answer of one identification with the noise of a seed, by stepper or a peer."""
+        """Identify both parameters once from readings with random noise, with stepper or another library.
+
+        Args:
+            start: Initial values of both parameters.
+            seed: Seed of the noise.
+            peer: Function of another library that identifies; None is stepper.
+            colour: Autocorrelation of consecutive noise values; 0 is white noise.
+            starts: Number of initial values of stepper's search: `start`, and random ones.
+
+        Returns:
+            Estimated values and their 95 % intervals.
+        """
         readings = noisy(self.clean, self.scene, seed, colour)
         return self.identified(start, readings, seed, starts) if peer is None else peer(self.scene, start, readings)
 

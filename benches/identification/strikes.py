@@ -56,7 +56,7 @@ STOPPED = """<mujoco model="pendulum against a stop"><option timestep="0.002"/><
 
 @dataclass(frozen=True)
 class Strike:
-    """Scene in which contacts begin and end.
+    """Scene of an identification with two unknown parameters, in which contacts begin and end (a strike).
 
     Attributes:
         name: Name of the scene.
@@ -114,7 +114,7 @@ class Strike:
 
 
 def struck() -> Strike:
-    """Scene in which a finger on a spring hits a box, releases it, and hits it again."""
+    """Create the scene of a box that a finger on a spring hits, releases, and hits again. Unknown: mass and friction."""
     t = np.arange(75) * PERIOD
     ctrl = 0.04 + 0.06 * t - 0.05 * np.cos(4 * np.pi * t)
     noise = {"wrist_force": 0.3, "box_x": 5e-4}
@@ -134,7 +134,7 @@ def struck() -> Strike:
 
 
 def thrown() -> Strike:
-    """Scene in which a box with a sideways velocity bounces on a plate on a spring. Sensors: positions."""
+    """Create the scene of a box with a sideways velocity that bounces on a plate on a spring. Unknown: mass and friction."""
     noise = {"x": 1e-3, "z": 1e-3, "plate": 5e-4}
     marks = {
         9: "falls on the plate",
@@ -161,7 +161,7 @@ def thrown() -> Strike:
 
 
 def grasped() -> Strike:
-    """Scene in which two fingers grasp a box, lift it, shake it until it slips, and release it."""
+    """Create the scene of a box that two fingers grasp, lift, shake until it slips, and release. Unknown: mass and friction."""
     t = np.arange(90) * PERIOD
     ramp = np.clip((t - 0.5) / 0.3, 0, 1)
     lift = 0.05 * ramp + 0.02 * np.sin(2 * np.pi * 3.0 * (t - 0.8)) * (t > 0.8)
@@ -183,7 +183,7 @@ def grasped() -> Strike:
 
 
 def stopped() -> Strike:
-    """Scene in which a motorised pendulum hits a stop on a spring and bounces."""
+    """Create the scene of a motorised pendulum that hits a stop on a spring. Unknown: mass and stiffness of the spring."""
     t = np.arange(75) * PERIOD
     noise = {"swing": 2e-3, "stop": 2e-4}
     marks = {5: "swings", 7: "swings", 9: "hits the stop", 12: "bounces", 18: "bounces", 30: "hits again", 50: "rests", 75: "rests"}

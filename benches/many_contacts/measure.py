@@ -116,7 +116,7 @@ def measure(scene: Scene, path: Path, plan: Plan) -> list[dict[str, Any]]:
     """
     model, note = read(path)
     compiled = mujoco.MjModel.from_xml_path(str(path))
-    script = _led(scene, scene.script(compiled, plan.num_envs, np.random.default_rng(plan.seed)), model, path)
+    script = _warmed_up(scene, scene.script(compiled, plan.num_envs, np.random.default_rng(plan.seed)), model, path)
     peers = min(plan.num_envs, plan.peers)
     with one_core():
         ours = {
@@ -171,7 +171,7 @@ def save_episodes(scene: Scene, path: Path, plan: Plan, folder: Path) -> None:
     """
     model, _ = read(path)
     compiled = mujoco.MjModel.from_xml_path(str(path))
-    script = _led(scene, scene.script(compiled, plan.num_envs, np.random.default_rng(plan.seed)), model, path)
+    script = _warmed_up(scene, scene.script(compiled, plan.num_envs, np.random.default_rng(plan.seed)), model, path)
     for precision in plan.precisions:
         batch = Ours(model, plan.num_envs, precision=precision, options=None, setting="default")
         restarts = np.zeros(plan.num_envs, np.intp)
@@ -185,8 +185,11 @@ def save_episodes(scene: Scene, path: Path, plan: Plan, folder: Path) -> None:
             first += phase.steps
 
 
-def _led(scene: Scene, script: Script, model: Model, path: Path) -> Script:
-    """Script with initial states after `scene.lead` steps of stepper in f64. These states are cached in a file next to the model."""
+def _warmed_up(scene: Scene, script: Script, model: Model, path: Path) -> Script:
+    """Script whose initial states have settled for `scene.lead` steps, made by stepper in f64 for all engines.
+
+    A file next to the model's file `path` caches these states.
+    """
     if not scene.lead:
         return script
     digest = hashlib.sha256(path.read_bytes() + repr(LEAD).encode())

@@ -49,7 +49,7 @@ impl Derivatives {
         }
     }
 
-    /// Whether all environments have a derivative.
+    /// Whether the last run found a valid derivative in every environment ([`DerivativeRows::sound`]).
     pub fn are_sound(&self) -> bool {
         self.sound.iter().all(|&sound| sound == 1)
     }

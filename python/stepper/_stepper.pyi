@@ -90,17 +90,17 @@ class Body:
     mocapid: Final[int]
     """Row in `mocap_pos` and `mocap_quat`; -1 for bodies that are not mocap bodies."""
     jntadr: Final[int]
-    """Index of its first joint; -1 without one."""
+    """Index of the body's first joint; -1 without joints."""
     jntnum: Final[int]
-    """Number of its joints."""
+    """Number of the body's joints."""
     dofadr: Final[int]
-    """Address of its first degree of freedom in qvel; -1 without one."""
+    """Address of the body's first degree of freedom in qvel; -1 without degrees of freedom."""
     dofnum: Final[int]
-    """Number of its degrees of freedom."""
+    """Number of the body's degrees of freedom."""
     geomadr: Final[int]
-    """Index of its first geom; -1 without one."""
+    """Index of the body's first geom; -1 without geoms."""
     geomnum: Final[int]
-    """Number of its geoms."""
+    """Number of the body's geoms."""
 
 @final
 class Joint:

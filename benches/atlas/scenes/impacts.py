@@ -80,7 +80,7 @@ def cradle(gap: float) -> str:
 
 
 def _strike(engine: Engine, dt: float, gap: float) -> np.ndarray:
-    """Speeds along the line after all impacts, m/s."""
+    """Velocities of the balls along their line after all impacts, (BALLS,) m/s. `gap` is the distance between neighbours, m."""
     world = engine.start(cradle(gap), dt, restitution=1.0)
     qvel = np.zeros((1, 6 * BALLS))
     qvel[0, 0] = V
@@ -89,14 +89,17 @@ def _strike(engine: Engine, dt: float, gap: float) -> np.ndarray:
     return world.qvel[0, ::6]
 
 
-def conserved(engine: Engine, dt: float) -> float:
-    """Relative error of momentum or energy of touching balls, the larger of the two."""
+def conservation_error(engine: Engine, dt: float) -> float:
+    """Relative error of the total momentum or kinetic energy of a row of touching balls after an impact, the larger of the two."""
     v = _strike(engine, dt, 0.0)
     return float(max(abs(v.sum() / V - 1.0), abs((v**2).sum() / V**2 - 1.0)))
 
 
-def sequential(engine: Engine, dt: float) -> float:
-    """Largest error of a speed after sequential impacts, m/s. The gaps are longer than the motion of two steps."""
+def sequential_impact_error(engine: Engine, dt: float) -> float:
+    """Largest error of a ball's velocity, m/s, after a row of separated balls has passed on an impact one by one.
+
+    The first ball has speed V, and only the last one must move in the end, with the same speed.
+    """
     v = _strike(engine, dt, 0.03)
     return float(np.abs(v - [0, 0, 0, 0, V]).max())
 
@@ -148,7 +151,7 @@ SCENES = (
         "1",
         flat(2e-5),
         "twice the solver's tolerance of 1e-6 m/s in each of five speeds, relative to the speed of the first ball",
-        conserved,
+        conservation_error,
     ),
     Scene(
         "26",
@@ -158,6 +161,6 @@ SCENES = (
         "m/s",
         flat(1e-6),
         "the solver's tolerance",
-        sequential,
+        sequential_impact_error,
     ),
 )

@@ -22,8 +22,8 @@ def _tilted(tilt: float) -> tuple[float, tuple[float, ...]]:
     return DISC_RADIUS * math.sin(tilt) + DISC_HALF * math.cos(tilt), (math.cos(tilt / 2), math.sin(tilt / 2), 0.0, 0.0)
 
 
-def _growth(world: World, seconds: float) -> float:
-    """Largest rise of the energy above any earlier value, relative to the initial energy."""
+def _energy_growth(world: World, seconds: float) -> float:
+    """Simulate `seconds`, and return the largest rise of the total energy above an earlier value, as a fraction of the initial energy."""
     least = start = float(world.energy()[0])
     worst = 0.0
     for _ in range(round(seconds / max(world.dt, 5e-3))):
@@ -33,8 +33,10 @@ def _growth(world: World, seconds: float) -> float:
     return worst / start
 
 
-def eulers_disc(engine: Engine, dt: float) -> float:
-    """Growth of the energy in three seconds from a tilt of 0.5 rad, with the spin of steady rolling about a fixed centre.
+def disc_energy_growth(engine: Engine, dt: float) -> float:
+    """Growth of the energy of Euler's disc in three seconds, as a fraction of the initial energy.
+
+    The disc starts at a tilt of 0.5 rad from the horizontal, with the spin of steady rolling about a fixed centre.
 
     A thin disc that rolls with its centre at rest turns about the vertical with W^2 = 4 g / (r sin tilt) (Moffatt 2000), and does not spin
     about its axis.
@@ -45,16 +47,16 @@ def eulers_disc(engine: Engine, dt: float) -> float:
     rate = math.sqrt(4 * G / (DISC_RADIUS * math.sin(tilt)))
     # The angular velocity lies along the diameter through the contact: W sin tilt about the body's y axis.
     world.set(qvel=[0, 0, 0, 0, rate * math.sin(tilt), 0])
-    return _growth(world, 3.0)
+    return _energy_growth(world, 3.0)
 
 
-def coin(engine: Engine, dt: float) -> float:
-    """Growth of the energy in three seconds of rolling at 0.5 m/s, leaning by 0.1 rad."""
+def coin_energy_growth(engine: Engine, dt: float) -> float:
+    """Growth of the energy of a coin that rolls for three seconds at 0.5 m/s, leaning by 0.1 rad, as a fraction of the initial energy."""
     height, turn = _tilted(math.pi / 2 - 0.1)
     world = engine.start(document(FLOOR + free("coin", DISC, (0, 0, height), turn), friction=0.8), dt)
     # The axis is about -y: rolling towards +x is a spin about +y, so against the axis.
     world.set(qvel=[0.5, 0, 0, 0, 0, -0.5 / DISC_RADIUS])
-    return _growth(world, 3.0)
+    return _energy_growth(world, 3.0)
 
 
 # Scene 30: a rolling wheel with a lateral force; a caster; a rope of beads around a bollard.
@@ -150,7 +152,7 @@ def _pulled(engine: Engine, dt: float, factor: float) -> float:
 
 
 def capstan_holds(engine: Engine, dt: float) -> float:
-    """Creep speed at 0.95 of the threshold, m/s."""
+    """Creep speed of a rope around a bollard that is pulled with 0.95 of the force at which it slips, m/s."""
     return abs(_pulled(engine, dt, 0.95)) / SECONDS
 
 
@@ -163,8 +165,8 @@ def capstan_slips(engine: Engine, dt: float) -> float:
 THOUSANDTH = "0.1 % of the initial energy"
 
 SCENES = (
-    Scene("29", "Euler's disc", "no growth of the energy", "friction only dissipates", "1", flat(1e-3), THOUSANDTH, eulers_disc),
-    Scene("29", "rolling coin", "no growth of the energy", "friction only dissipates", "1", flat(1e-3), THOUSANDTH, coin),
+    Scene("29", "Euler's disc", "no growth of the energy", "friction only dissipates", "1", flat(1e-3), THOUSANDTH, disc_energy_growth),
+    Scene("29", "rolling coin", "no growth of the energy", "friction only dissipates", "1", flat(1e-3), THOUSANDTH, coin_energy_growth),
     Scene("30", "wheel, 0.9 mu N sideways", "no lateral slip", COULOMB, "m/s", flat(CREEP), NO_CREEP, lateral),
     Scene(
         "30",

@@ -86,8 +86,8 @@ def arch() -> str:
     return document(FLOOR + bodies, friction=0.6, before=f"<asset>{assets}</asset>")
 
 
-def stands(engine: Engine, dt: float) -> float:
-    """Largest displacement of a block in five seconds, m."""
+def arch_displacement(engine: Engine, dt: float) -> float:
+    """Largest displacement of a block of the arch in five seconds at rest, m."""
     return _moved(engine.start(arch(), dt), 5.0)
 
 
@@ -124,7 +124,18 @@ FEW = (1e-3, 2e-3, 5e-3, 2e-2)
 
 SCENES = (
     Scene("16", "house of cards", "stands", STATICS, "m", flat(1e-4), LEVER, cards, FEW, (2e-3, 2e-2)),
-    Scene("16", "arch of 17 blocks", "stands", "catenary, Hooke 1675", "m", flat(1e-4), "ten joints of 1e-5 m", stands, FEW, (2e-3, 2e-2)),
+    Scene(
+        "16",
+        "arch of 17 blocks",
+        "stands",
+        "catenary, Hooke 1675",
+        "m",
+        flat(1e-4),
+        "ten joints of 1e-5 m",
+        arch_displacement,
+        FEW,
+        (2e-3, 2e-2),
+    ),
     Scene(
         "16",
         "15 dominoes",

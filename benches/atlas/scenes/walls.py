@@ -88,8 +88,11 @@ def rounding_far_away(dt: float) -> float:
     return math.ulp(FAR) * FAR_SECONDS / dt
 
 
-def _thrown(engine: Engine, dt: float, shift: float) -> np.ndarray:
-    """Final positions of a rolling ball and of a box that slides to rest, relative to the shift, after a second, m."""
+def _final_positions(engine: Engine, dt: float, shift: float) -> np.ndarray:
+    """Positions of a rolling ball and of a box that slides to rest, after a second, (6,) m.
+
+    The scene, with its floor, lies `shift` (m) from the origin along every axis. The result is relative to this shift.
+    """
     at = np.full(3, shift)
     floor = f'<geom type="plane" size="0 0 1" pos="{shift!r} {shift!r} {shift!r}"/>'
     bodies = free("ball", ball(0.1, 1.0), np.add(at, (0, 1, 0.1))) + free("cube", box((0.1, 0.1, 0.05), 1.0), np.add(at, (0, 0, 0.05)))
@@ -104,7 +107,7 @@ def _thrown(engine: Engine, dt: float, shift: float) -> np.ndarray:
 
 def far_away(engine: Engine, dt: float) -> float:
     """Largest difference of a coordinate between the shifted and the original motion, m."""
-    return float(np.abs(_thrown(engine, dt, FAR) - _thrown(engine, dt, 0.0)).max())
+    return float(np.abs(_final_positions(engine, dt, FAR) - _final_positions(engine, dt, 0.0)).max())
 
 
 # Scene 28: the smallest and the largest time step. tests/failure has the errors of wrong models and states.

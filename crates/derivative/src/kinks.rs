@@ -224,7 +224,7 @@ fn contact_friction(sim: &Simulation, env: usize) -> ContactFriction<'_> {
 }
 
 impl ContactFriction<'_> {
-    /// Rows of a contact of two geoms and its friction: sliding, torsional, rolling.
+    /// Contact dimension (condim) of two geoms, and their friction coefficients: sliding, torsional, rolling.
     fn of(&self, geoms: [usize; 2]) -> (u8, [f64; 3]) {
         let explicit = |pair: &Pair| pair.geoms == geoms || pair.geoms == [geoms[1], geoms[0]];
         let row = |own: &[f64], i: usize| [own[3 * i], own[3 * i + 1], own[3 * i + 2]];
@@ -241,7 +241,9 @@ impl ContactFriction<'_> {
         }
     }
 
-    /// Force between friction and its bound, N; infinite without friction.
+    /// Margin of a contact to slipping, N: its normal force minus the least one at which its friction loads cause no slip.
+    ///
+    /// It is zero (up to rounding) while the contact slips, and infinite for a contact without friction.
     fn slack(&self, Contact { geoms, force, torque, .. }: &Contact) -> f64 {
         let (condim, mu) = self.of(*geoms);
         if condim == 1 {
@@ -265,7 +267,7 @@ impl ActiveSet {
         self.unsolved = false;
     }
 
-    /// Flags of the constraints that are active in one set only.
+    /// Flags of the kinds of constraints ([`LISTED`], combined by OR) whose active ones differ between the two sets.
     fn difference(&self, other: &Self) -> u32 {
         let pairs = self.lists.iter().zip(&other.lists).zip(LISTED);
         pairs.fold(0, |flags, ((own, other), flag)| if own == other { flags } else { flags | flag })

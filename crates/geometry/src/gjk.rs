@@ -195,6 +195,7 @@ impl Best {
     }
 }
 
+/// Point of the segment from `w[i]` to `w[j]` that is nearest to the origin.
 #[inline(always)]
 fn segment(w: &[V; 4], [i, j]: [usize; 2]) -> Best {
     let d = sub(w[j], w[i]);
@@ -208,6 +209,7 @@ fn segment(w: &[V; 4], [i, j]: [usize; 2]) -> Best {
     Best { weight, point, square: dot(point, point) }
 }
 
+/// Point of the triangle with the vertices `w[i]`, `w[j]` and `w[k]` that is nearest to the origin.
 #[inline(always)]
 fn triangle(w: &[V; 4], [i, j, k]: [usize; 3]) -> Best {
     let (u, v) = (sub(w[j], w[i]), sub(w[k], w[i]));
@@ -244,7 +246,7 @@ fn triangle(w: &[V; 4], [i, j, k]: [usize; 3]) -> Best {
     best
 }
 
-/// Nearest point of a tetrahedron; `None` if the origin is inside.
+/// Point of the tetrahedron with the vertices `w` that is nearest to the origin; `None` if the origin is inside.
 #[inline(always)]
 fn tetrahedron(w: &[V; 4]) -> Option<Best> {
     let (ab, ac, ad) = (sub(w[1], w[0]), sub(w[2], w[0]), sub(w[3], w[0]));

@@ -50,7 +50,7 @@ pub(super) struct Patch {
     pub(super) radius: f64,
 }
 
-/// Pose of a shape, and the axes of the projection.
+/// View of a shape for the projection of its surface along a contact normal: its pose, and the axes of the projection plane.
 #[derive(Clone, Copy)]
 pub(super) struct View<'a> {
     pub(super) pos: V,

@@ -70,10 +70,11 @@ pub(super) fn facet(pair: &Pair<'_>, normal: V, reach: &Reach) -> Option<Facing>
     facet_along(pair, [a, b], normal, pair.corners(normal), reach)
 }
 
-/// Direction between the closest points of the hulls, or a direction along which they are beyond `reach`.
+/// Unit normal from the first to the second hull between their closest points, by a GJK search.
 ///
-/// The search starts from the corners `start` of the difference. Hulls that overlap along the normal `known`, with the farthest corners
-/// `corners`, are first moved apart to a small gap.
+/// `known` is the normal of the last step. `corners` are the first hull's farthest corner along it, and the second hull's in the opposite
+/// direction. If the hulls overlap there, the search first moves them apart along `known` to a small gap. It starts from the triangle
+/// `start`, whose vertices are pairs of corners. It stops early at a normal along which the hulls are farther apart than `reach`.
 fn beside(pair: &Pair<'_>, known: V, corners: [u32; 2], start: [[u32; 2]; 3], reach: &Reach) -> Option<V> {
     let pushed = (GAP * pair.least() - pair.apart_at(known, corners)).max(0.0);
     let shift = scale(known, pushed);

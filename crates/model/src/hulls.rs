@@ -51,7 +51,7 @@ impl Hulls {
         Ok(())
     }
 
-    /// Surfaces for a file.
+    /// Triangles of all convex hulls by mesh, which a model file stores. `None` for meshes without a hull.
     pub(super) fn surfaces(&self) -> Surfaces {
         self.0.iter().map(|hull| hull.as_ref().map(|hull| hull.surface())).collect()
     }

@@ -61,17 +61,17 @@ elements! {
         iquat,
         /// Row in `mocap_pos` and `mocap_quat`; -1 for bodies that are not mocap bodies.
         mocapid,
-        /// Index of its first joint; -1 without one.
+        /// Index of the body's first joint; -1 without joints.
         jntadr,
-        /// Number of its joints.
+        /// Number of the body's joints.
         jntnum,
-        /// Address of its first degree of freedom in qvel; -1 without one.
+        /// Address of the body's first degree of freedom in qvel; -1 without degrees of freedom.
         dofadr,
-        /// Number of its degrees of freedom.
+        /// Number of the body's degrees of freedom.
         dofnum,
-        /// Index of its first geom; -1 without one.
+        /// Index of the body's first geom; -1 without geoms.
         geomadr,
-        /// Number of its geoms.
+        /// Number of the body's geoms.
         geomnum,
     }
 

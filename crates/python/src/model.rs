@@ -46,7 +46,7 @@ pub(crate) fn fields() -> Vec<(&'static str, String, &'static str, &'static str,
     REPLACEABLE.iter().map(row).collect()
 }
 
-/// Adds an attribute to the class for each field of `replace`.
+/// Adds read-only attributes to the Python class `Model`: one for each field that `Model.replace` accepts, such as `body_mass`.
 pub(crate) fn add_fields(class: &Bound<'_, PyType>) -> PyResult<()> {
     let py = class.py();
     let property = py.import("builtins")?.getattr("property")?;

@@ -32,7 +32,7 @@ impl<T: Copy> Entries<T> {
         self.len = 0;
     }
 
-    /// Removes the entries from index `len` on.
+    /// Shortens the list to its first `len` entries, like `Vec::truncate`. `len` must not exceed the length.
     pub(crate) fn truncate(&mut self, len: usize) {
         self.len = len;
     }

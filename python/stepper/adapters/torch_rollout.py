@@ -97,7 +97,13 @@ class _Plan(NamedTuple):
     settings: dict[str, Any]
 
     def make(self, ctrl: Any, state: Sequence[Any], parameters: Sequence[Any]) -> Rollout:
-        """Rollout of the stepper with given arrays; a part of the state that is None is that of the stepper."""
+        """Differentiable rollout of a copy of the stepper.
+
+        Args:
+            ctrl: Controls in the actuators' units: (T, nu), or (T, num_envs, nu) for a batch.
+            state: Initial qpos, qvel and act, each (num_envs, ...); None keeps the stepper's value.
+            parameters: Values of the selectors in `self.parameters`, each (num_envs, ...).
+        """
         plant = copy.deepcopy(self.sim)
         if parameters:
             plant.randomize(dict(zip(self.parameters, parameters, strict=True)))

@@ -136,13 +136,16 @@ class KinkDetector:
         return positions
 
     def compare_slopes(self, changes: Array, slopes: Array, groups: Sequence[RowGroup], noise: float) -> None:
-        """Compares the slopes at the stencil's two points at the end of all steps. Does nothing with one point.
+        """Sets the flag `Kink.SLOPE` in the last step's causes for columns whose two one-sided slopes differ too much.
+
+        Such a column has a kink, whatever its cause. With one stencil point per column, this does nothing.
 
         Args:
-            changes: Results minus the nominal result, (num_envs, levels, points, columns, n), as in `Stencil.slopes`.
-            slopes: Slopes of the finest level, (num_envs, columns, n).
-            groups: Rows of the derivatives with the same unit. Differences are relative to their largest slope, at least `least_slope`.
-            noise: Noise of a result, in SI units.
+            changes: Results after all steps minus the nominal results, (num_envs, levels, points, columns, n). Levels, points and columns
+                are those of `Stencil.offsets`; n is the number of results (rows of the derivative matrix).
+            slopes: Derivatives from the finest level, (num_envs, columns, n).
+            groups: Groups of results with the same unit. Differences are relative to the largest slope of a group, at least `least_slope`.
+            noise: Error of a result due to the solver's tolerance, in SI units.
         """
         if self.sides == 1:
             return

@@ -79,6 +79,9 @@ class Block:
 class Stencil:
     """Displacements (stencil points) of all columns in all environments, and difference formulas for the results.
 
+    A column is a perturbed coordinate: a component of the state, the controls or a parameter. Levels are differences with different half
+    widths.
+
     Attributes:
         offsets: Displacements of the stencil's points, (num_envs, levels, points, columns); level 0 is the finest, points are 2 or 1.
         step: Half widths, (num_envs, levels, columns); 0 for columns that cannot be perturbed.
@@ -93,13 +96,14 @@ class Stencil:
     bounded: NDArray[np.bool_]
 
     def slopes(self, changes: Array) -> Array:
-        """Finite differences: accurate to second order from two points, to first order from one point.
+        """Derivatives of n results by finite differences: of second order from two points, of first order from one point.
 
         Args:
-            changes: Results minus the nominal result, (num_envs, levels, points, columns, n), in the units of the rows.
+            changes: Results at the displaced points minus the nominal results, (num_envs, levels, points, columns, n). The axes are those
+                of `offsets`, then the n results (rows of the derivative matrix), in their units.
 
         Returns:
-            Derivatives, (num_envs, levels, columns, n); 0 for columns that cannot be perturbed.
+            Derivatives of each result by each column, (num_envs, levels, columns, n); 0 for columns that cannot be perturbed.
         """
         first, sign = changes[:, :, 0], np.sign(self.offsets[:, :, 0])[..., None]
         if changes.shape[2] == 1:
@@ -111,7 +115,7 @@ class Stencil:
         return np.where(self.central[:, None, :, None], both, one) * (sign / self._divisor(2.0))
 
     def bends(self, changes: Array) -> Array:
-        """Absolute differences of the slopes of the two points, (num_envs, levels, columns, n), in units of a slope."""
+        """Absolute differences of the one-sided slopes at the two points, (num_envs, levels, columns, n); `changes` as in `slopes`."""
         first, second = changes[:, :, 0], changes[:, :, 1]
         bend: Array = np.abs(np.where(self.central[:, None, :, None], first + second, second - 2.0 * first)) / self._divisor(1.0)
         return bend

@@ -256,7 +256,7 @@ class Engine(Protocol):
         """Name of the settings."""
 
     def start(self, mjcf: str, dt: float) -> EngineBatch:
-        """Batch of a scene from MJCF text, with the time step `dt`, s."""
+        """Create a batch of environments of a scene from its MJCF text, with the time step dt, s."""
 
 
 @dataclass(frozen=True)
@@ -277,7 +277,7 @@ class StepperEngine:
     engine: str = "stepper"
 
     def start(self, mjcf: str, dt: float) -> EngineBatch:
-        """Batch of a scene from MJCF text, with the time step `dt`, s."""
+        """Create a batch of environments of a scene from its MJCF text, with the time step dt, s."""
         options = dataclasses.replace(self.options, timestep=dt)
         return StepperBatch(_load(mjcf), self.batch, precision=self.precision, options=options)
 
@@ -307,7 +307,7 @@ class MujocoEngine:
     engine: str = "MuJoCo"
 
     def start(self, mjcf: str, dt: float) -> EngineBatch:
-        """Batch of a scene from MJCF text, with the time step `dt`, s."""
+        """Create a batch of environments of a scene from its MJCF text, with the time step dt, s."""
         model = require("mujoco", "to compare stepper with MuJoCo").MjModel.from_xml_string(mjcf)
         model.opt.timestep = dt
         configure(model, self)

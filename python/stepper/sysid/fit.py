@@ -296,7 +296,7 @@ def _concluded(
     roughness = np.where(size > 0, np.linalg.norm(here - there, axis=0) / np.where(size > 0, size, 1.0), 0.0)
     span = (residuals.high - residuals.low)[:n] / 2
     reach = np.where(np.isfinite(span), span, 100.0)
-    sure = uncertainty(best.at.jacobian, best.at.residual, residuals.times(), reach, loss=loss, f_scale=f_scale)
+    sure = uncertainty(best.at.jacobian, best.at.residual, residuals.reading_indices(), reach, loss=loss, f_scale=f_scale)
     weights = weights_of(loss, (best.at.residual[data] / f_scale) ** 2)
     found = Identification(
         model=model,

@@ -132,7 +132,11 @@ class Horizon:
         return other
 
     def branch(self, x: Array) -> Horizon:
-        """Copy whose estimate starts at another vector x, (n + states,), and converges in the same window."""
+        """Copy of this hypothesis, with Gauss-Newton steps from another initial estimate on the samples of the same window.
+
+        Args:
+            x: Initial estimate, (n + states,): n parameters theta, then displacements and changes of velocity at the start of the window.
+        """
         other = self.copy()
         other.x = x.copy()
         other._settle()

@@ -34,9 +34,11 @@ class Linearized:
 
 
 class Residuals:
-    """Residuals as a function of x.
+    """Weighted residuals of predicted sensor readings and of priors, as a function of the unknowns x.
 
-    The vector x is theta divided by its scales, then the displacements of uncertain initial states divided by their standard deviations.
+    A residual is (prediction - reading) / noise. The vector x, (n + starts,), is dimensionless. It begins with the n numbers of the
+    parameter vector theta, divided by their scales (`Block.scale`). Then come the uncertain coordinates of all initial states, `starts` in
+    total: each is a displacement or a change of velocity, divided by its standard deviation.
 
     Args:
         simulator: Simulator of the readings.
@@ -45,7 +47,8 @@ class Residuals:
     Attributes:
         sigma: Noise of each column of the readings, (width,), in the units of the channels.
         n: Number of parameters, which are the first numbers of x.
-        low, high, start: Bounds of x and start of the search, (n + starts,).
+        low, high: Bounds of x, (n + starts,).
+        start: Initial value of x for the search, (n + starts,).
     """
 
     def __init__(self, simulator: Simulator, step: float):
@@ -65,7 +68,11 @@ class Residuals:
         self.count = sum(int(mask.sum()) for mask in self.masks)
 
     def shifted(self, shift: int) -> Residuals:
-        """Residuals of the same episodes with readings shifted by one row, and the same noise."""
+        """Residuals of the same episodes and noise, with the readings shifted in time by one row relative to the controls.
+
+        Args:
+            shift: `LATE` (1) compares the reading of row k + 1 with the prediction of row k; `EARLY` (-1) compares that of row k - 1.
+        """
         out = Residuals(self.simulator.with_episodes([shifted(episode, shift) for episode in self.simulator.episodes]), self.step)
         out.sigma = self.sigma
         return out
@@ -102,7 +109,7 @@ class Residuals:
         return [self._assemble(x, [y[k * each : (k + 1) * each] for y in made], asked[k][1], width) for k, x in enumerate(points)]
 
     def residuals(self, points: Array) -> Array:
-        """Residuals, (count, m), at points x, (count, n + starts), without Jacobians."""
+        """Residual vectors, (count, m), at `count` points x, (count, n + starts), without Jacobians."""
         compact = np.zeros((len(points), self.n + self._wide()))
         compact[:, : self.n] = points[:, : self.n]
         made = self._predict(compact, points)
@@ -118,12 +125,12 @@ class Residuals:
             out.append(rows)
         return out
 
-    def times(self) -> np.ndarray[Any, np.dtype[np.int64]]:
-        """Episode, row and column of every reading, (count, 3)."""
+    def reading_indices(self) -> np.ndarray[Any, np.dtype[np.int64]]:
+        """Indices of all measured readings, (count, 3): of the episode, of the row (control period), and of the column of the readings."""
         return np.concatenate([np.insert(np.argwhere(mask), 0, e, axis=1) for e, mask in enumerate(self.masks)])
 
     def _wide(self) -> int:
-        """Largest number of uncertain coordinates of an initial state in any episode."""
+        """Largest number of uncertain coordinates of the initial state in an episode, 0 if all initial states are exact."""
         return max((len(s) for s in self._starts if s is not None), default=0)
 
     def _around(self, x: Array, step: float, width: int) -> tuple[Array, Array]:
@@ -204,10 +211,16 @@ def slopes(y: Array, spans: Array) -> Array:
 
 
 def _unknown_starts(episodes: Sequence[Episode], n: int) -> tuple[list[Array | None], list[slice]]:
-    """Uncertain coordinates of the initial state of each episode.
+    """Uncertain coordinates of the initial state of each episode, and their places in the vector x of unknowns (see `Residuals`).
+
+    Args:
+        episodes: The episodes.
+        n: Number of parameters, which precede these coordinates in x.
 
     Returns:
-        By episode: index of each coordinate and its standard deviation, (k, 2), or None; and the slice of x with these coordinates.
+        Two lists with an entry for each episode. The first has an array (k, 2) with a row for each of its k uncertain coordinates, or None
+        if k is 0. A row is the index among the 2 nv displacements (m, rad) and velocities (m/s, rad/s), and the standard deviation. The
+        second has the slice of x with these k coordinates.
     """
     starts: list[Array | None] = []
     places = []

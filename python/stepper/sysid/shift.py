@@ -94,7 +94,7 @@ def _percent(ratio: float) -> str:
 
 
 def shifted(episode: Episode, shift: int) -> Episode:
-    """Episode with the readings of the next row (`LATE`) or the previous row (`EARLY`) in each row; NaN where there is no such row."""
+    """Copy of an episode whose row k has the readings of row k + 1 (shift `LATE`) or of row k - 1 (`EARLY`); NaN without such a row."""
     moved = {}
     for name, given in episode.readings.items():
         rows = np.full(np.shape(given), np.nan)

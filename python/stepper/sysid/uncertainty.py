@@ -72,7 +72,7 @@ def uncertainty(J: Array, r: Array, times: np.ndarray[Any, np.dtype[np.int64]], 
     Args:
         J: Jacobian of the residuals, (m, n + others). Columns beyond n (initial states) are eliminated.
         r: Residuals, (m,): readings first, then priors.
-        times: Episode, row and column of each reading, (k, 3).
+        times: Indices of the episode, row and column of each of the k readings, (k, 3).
         reach: Half widths of the bounds, (n,), which are the standard deviations of undetermined parameters.
         loss: Loss function of `least_squares`.
         f_scale: Residual beyond which a robust loss begins.

@@ -63,7 +63,7 @@ impl Field {
     }
 }
 
-/// Arrays that the user applies besides controls. Every step reads them until they are changed.
+/// Kind of input besides controls: applied forces, poses of mocap bodies, or active equalities. Values persist until the user changes them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum AppliedInput {

@@ -13,7 +13,7 @@ use crate::stages::s01_actuate::advance_activation;
 use crate::stages::s07_integrate_position::integrate_position;
 use crate::stages::s08_stabilise::{PositionInput, stabilise};
 
-/// Stage 7, with actuator activations.
+/// Stage 7: integrates positions with the new velocity, and actuator activations, over the step.
 #[inline(always)]
 pub(crate) fn integrate_positions<R: Real>(
     place: Place<'_, R>,

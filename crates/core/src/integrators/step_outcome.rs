@@ -23,7 +23,10 @@ pub(crate) struct StepOutcome<R: Real> {
     pub(crate) infeasible: R::Mask,
     /// Lanes in which a geom may have passed through a thin one.
     pub(crate) tunnelled: R::Mask,
-    /// Lanes in which the time step does not resolve the energy: its error adds energy, or implausible elastic impacts became inelastic.
+    /// Lanes with an untrustworthy kinetic energy after the step.
+    ///
+    /// Either the integration error adds energy because the time step is too large, or the engine replaced impacts without a plausible
+    /// elastic solution by inelastic ones.
     pub(crate) energy_unresolved: R::Mask,
 }
 

@@ -15,12 +15,12 @@ pub(crate) fn columns<T: Copy>(rows: &[T], lanes: usize, first: usize, n: usize)
     out
 }
 
-/// Destination of the lanes of a part: lanes of another group.
+/// Destination lanes in a group of lanes, to which the columns (numbers of one lane each) of another group are copied.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Target {
-    /// All that the part has, from this index on.
+    /// Consecutive lanes from this index on, one for each copied column.
     From(usize),
-    /// Each lane of a set receives the same lane of a part.
+    /// All lanes of this set (bits), each with a copy of the first column.
     Each(u32),
 }
 

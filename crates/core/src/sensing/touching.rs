@@ -47,7 +47,7 @@ impl Contact {
     }
 }
 
-/// Volume of a site, with its pose in the world.
+/// Volume of a site in all lanes: position (m) and orientation in the world, and size (m).
 struct Volume<R: Real> {
     origin: V3<R>,
     axes: M3<R>,
@@ -66,14 +66,14 @@ impl<R: Real> Volume<R> {
         )
     }
 
-    /// Zone in one lane.
+    /// Position, orientation and size of this volume in one lane.
     #[inline(always)]
     fn zone(&self, lane: usize) -> Zone {
         Zone { origin: of_lane(&self.origin, lane), axes: of_lane(&self.axes, lane), size: of_lane(&self.size, lane) }
     }
 }
 
-/// Volume in one lane.
+/// Volume of a site in one lane: position (m) and orientation in the world, and size (m).
 struct Zone {
     origin: [f64; 3],
     axes: [f64; 9],
@@ -104,7 +104,7 @@ impl Felt {
         }
     }
 
-    /// Contacts of one lane.
+    /// Contacts of one lane, as [`Felt::load_contacts`] stored them.
     fn lane(&self, lane: usize) -> &[Contact] {
         &self.contacts[self.ends[lane]..self.ends[lane + 1]]
     }

@@ -95,11 +95,15 @@ pub fn stabilise<R: Real>(
     infeasible
 }
 
-/// Limits the velocities of Baumgarte's method, and returns the lanes in which the position errors cannot be removed.
+/// Limits the velocity that Baumgarte's stabilisation adds to remove position errors. Returns the lanes that are proven infeasible.
 ///
-/// A lane with a bias is limited in two cases. Constraints change a velocity by more than four times the bound of a correction, or an
-/// immovable row has a target above 1 cm/s. There `velocity.v` becomes the velocity of the rows without their bias, plus the bounded
-/// correction of the split form. `v_free` is the free velocity.
+/// Baumgarte's bias is a target velocity proportional to the position error. A lane with a bias is limited in two cases:
+///
+/// * constraints change a velocity by more than four times the bound of a position correction;
+/// * a row that no motion can change has a target above 1 cm/s.
+///
+/// In these lanes the step is solved again without bias. `velocity.v` becomes this solution plus a bounded correction, as in split
+/// stabilisation. `v_free` is the velocity without constraint impulses.
 #[inline(always)]
 pub fn limit_baumgarte<R: Real>(
     compiled: &LaneModel<R>,

@@ -10,10 +10,10 @@ type User = (String, String);
 /// Function that finds the elements with a missing feature.
 type Users = fn(&Description, &[GeomPair]) -> Vec<User>;
 
-/// Missing features, each with the function that finds their elements.
+/// Features that stepper does not simulate: kind of the omission, and function that finds the affected elements of a model.
 const MISSING: [(&str, Users); 1] = [("collision", pairs_without_kernel)];
 
-/// All elements with a missing feature.
+/// Omissions for all elements of a model with a feature that stepper does not simulate.
 pub(super) fn not_simulated(model: &Description) -> Vec<Omission> {
     let pairs = model.collision_pairs();
     let rows = MISSING.iter().flat_map(|(kind, users)| users(model, &pairs).into_iter().map(move |user| (kind, user)));

@@ -14,7 +14,7 @@ use crate::array::shape_text;
 use crate::error::value_error;
 use crate::stepper::{Stepper, Writing};
 
-/// Writable array of numbers, or of booleans for active equalities.
+/// NumPy array of one applied input for all environments: f64 numbers, or booleans for `eq_active`.
 enum Applied<'py> {
     Numbers(Bound<'py, PyArrayDyn<f64>>),
     Truths(Bound<'py, PyArrayDyn<bool>>),

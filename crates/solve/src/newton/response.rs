@@ -81,20 +81,20 @@ pub struct Response<R: Real> {
     system: Linear,
 }
 
-/// Solution of one lane, and the response of its impulses.
+/// Solution of one lane, and the derivative of its impulses with respect to the rows' velocities while no constraint changes its mode.
 #[derive(Clone, Debug, Default)]
 struct LaneResponse {
     blocks: Vec<Block>,
-    /// Impulse of every row at the solution, and velocity there.
+    /// Impulses and velocities of all rows at the solution.
     lambda: Vec<f64>,
     velocity: Vec<f64>,
     /// Indices of the rows that are not open.
     active: Vec<usize>,
     /// Derivative of the impulses with respect to the velocities, row by row, each filled up to whole tiles.
     matrix: Vec<f64>,
-    /// Changes of their impulses that the rows leave open, one after the other. They cause no motion.
+    /// Changes of the active rows' impulses that cause no motion, so that the rows do not determine them. They are concatenated.
     open: Vec<f64>,
-    /// First row of every block in the present problem, `None` if it is not there.
+    /// First row of every block in the current problem, `None` if the problem does not have its constraint.
     found: Vec<Option<usize>>,
     change: Vec<f64>,
 }

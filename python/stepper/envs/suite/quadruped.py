@@ -129,14 +129,14 @@ def _ball(now: Moment) -> Array:
 
 
 def _target(now: Moment) -> Array:
-    """Vector from the torso to the target in the middle, in the torso's frame, m: (num_envs, 3)."""
+    """Position of the site `target`, at the middle of the floor, relative to the torso and in its frame, (num_envs, 3), m."""
     offset = now.site_xpos[:, now.sim.model.site("target").id] - _body_position(now, "torso")
     local: Array = np.einsum("ni,nij->nj", offset, rotation(now, "torso"))
     return local
 
 
 def _body_position(now: Moment, body: str) -> Array:
-    """Position of a body, (num_envs, 3), m."""
+    """Position of a body by name, in world axes, (num_envs, 3), m."""
     place: Array = now.xpos[:, now.sim.model.body(body).id]
     return place
 

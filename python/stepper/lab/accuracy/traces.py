@@ -198,16 +198,25 @@ def runs(
         tick: Progress callback with the fraction done.
     """
     made: dict[int, Trace] = {}
-    for number, trace in each(study, list(zip(settings, patience, strict=True)), functools.partial(_trace_of, episodes)):
+    for number, trace in each(study, list(zip(settings, patience, strict=True)), functools.partial(_run_limited, episodes)):
         made[number] = trace
         if tick:
             tick(len(made) / len(settings))
     return [made[number] for number in range(len(settings))]
 
 
-def _trace_of(episodes: Sequence[int], study: Study, own: tuple[Mapping[str, Any], float]) -> Trace:
-    """Trace with some settings and the time after which the run is stopped, s. `own` has both."""
-    settings, patience = own
+def _run_limited(episodes: Sequence[int], study: Study, task: tuple[Mapping[str, Any], float]) -> Trace:
+    """Run episodes of a study with changed settings, and stop after a limit of wall-clock time.
+
+    Args:
+        episodes: Numbers of the episodes.
+        study: The study.
+        task: Changed settings, as for `world_of`, and the limit, s.
+
+    Returns:
+        Recorded motion of the episodes.
+    """
+    settings, patience = task
     return run(study, episodes, stage=Stage().within(patience), **settings)
 
 

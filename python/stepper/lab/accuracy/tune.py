@@ -338,12 +338,25 @@ def _candidates(
 
 
 def _removable(
-    study: Study, episodes: Sequence[int], seen: Candidate, distance: Distance, *, budget: float, report_progress: Tick
+    study: Study, episodes: Sequence[int], candidate: Candidate, distance: Distance, *, budget: float, report_progress: Tick
 ) -> tuple[list[Spare], Model | None]:
-    """Removable parts of the scene with the settings of a candidate, and the smaller model; nothing if an episode diverges."""
+    """Find parts of the scene, such as pairs of bodies that never touch, whose removal saves time and hardly changes the motion.
+
+    Args:
+        study: The study.
+        episodes: Numbers of the episodes.
+        candidate: Candidate with whose settings the episodes run.
+        distance: Measure of a change of the motion.
+        budget: Largest allowed change of the motion, m or rad (`distance.unit`).
+        report_progress: Progress callback.
+
+    Returns:
+        Examined parts with the effects of their removal, and the model without the removable ones (None if there are none). Empty list and
+        None if the candidate's error is not finite.
+    """
     found: tuple[list[Spare], Model | None] = ([], None)
-    if math.isfinite(seen.error):
-        bench = Bench(study, episodes, seen.settings, distance, run(study, episodes, **seen.settings))
+    if math.isfinite(candidate.error):
+        bench = Bench(study, episodes, candidate.settings, distance, run(study, episodes, **candidate.settings))
         found = spares(bench, budget, lambda done: report_progress("removable parts", done))
     report_progress("removable parts", 1.0)
     return found

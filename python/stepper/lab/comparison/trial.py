@@ -54,7 +54,11 @@ class Course:
 
 
 class Slip:
-    """Measurement of the sliding speed of touching surfaces, in states of any engine, from MuJoCo's contact points and velocities."""
+    """Measurement of the sliding speed of touching surfaces, m/s, with MuJoCo's contact points and velocities for a state of any engine.
+
+    Args:
+        compiled: `mujoco.MjModel` of the scene.
+    """
 
     def __init__(self, compiled: Any) -> None:
         self._mujoco = require("mujoco", "to measure how surfaces slide")

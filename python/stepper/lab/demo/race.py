@@ -137,19 +137,21 @@ def race(
     what: str,
     referee: Referee | None,
 ) -> dict[str, Track]:
-    """Step all batches through the plan. They take turns of one chunk, so that other load of the machine affects all engines equally.
+    """Time all engines on the steps of the plan, with random controls first and zero controls after them.
+
+    The engines take turns of `plan.chunk` steps, so that other load of the machine affects all of them equally.
 
     Args:
         batches: Batches of the engines.
-        control: Controls from `random_control`, (k, num_envs, nu), in the actuators' units.
+        control: Random controls, (k, num_envs, nu), in the actuators' units; each of the k is held for `plan.hold` steps.
         plan: Settings of the race.
         clock: Clock, s: processor time on one core, wall time on many.
         tick: Progress callback.
         what: Text for the progress callback.
-        referee: Referee that measures at the end of every chunk; None does not measure.
+        referee: Measurement of contacts and penetration by MuJoCo, for all engines, after every chunk; None does not measure.
 
     Returns:
-        Measurements of each engine by its name.
+        Times and measurements of each engine, by its name.
     """
     tracks = {batch.name: Track() for batch in batches}
     phases = [("control", 0, plan.steps), ("rest", plan.steps, plan.steps + plan.rest)]

@@ -64,7 +64,17 @@ class Row:
 
 @dataclass
 class _Case(Timed):
-    """Engine at one time step, with the error of its run."""
+    """Run of an engine on a scene with one time step: timed by `measure`, with its error.
+
+    Attributes:
+        engine: The engine with its settings.
+        dt: Time step, s.
+        run: Batch of the engine.
+        qpos, qvel: Initial positions (m, rad) and velocities (m/s, rad/s).
+        nstep: Number of steps in the run.
+        error: Error of the final positions, in the unit of the scene's `error_label`; infinite if the run diverged.
+        times: Processor time of the run in each round, s.
+    """
 
     engine: Engine
     dt: float
@@ -84,7 +94,7 @@ class _Case(Timed):
 
 
 def _prepare(scene: Scene, engine: Engine, dt: float) -> _Case:
-    """Run an engine once at a time step dt (s), and compute its error."""
+    """Run a scene once with an engine and a time step, dt in s, for its error. Returns the case, which is not timed yet."""
     run = engine.start(scene.mjcf, dt)
     qpos, qvel = scene.start(run, dt)
     nstep = round(scene.duration / dt)

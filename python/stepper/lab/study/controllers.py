@@ -451,7 +451,7 @@ def _study_folders() -> set[Path]:
 
 @functools.cache
 def _imported_neighbours(file: Path) -> frozenset[Path]:
-    """Modules in the folder of a file that it imports, directly or indirectly, without the file itself."""
+    """Paths of the Python files in the same folder that a Python file imports, directly or through one another, without itself."""
     found: set[Path] = set()
     waiting = [file]
     while waiting:

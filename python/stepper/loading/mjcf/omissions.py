@@ -115,7 +115,7 @@ def list_omissions(source: Source) -> None:
 
 
 def _scene(source: Source) -> None:
-    """Adds flags, options, deformable bodies and plugins that are left out."""
+    """Appends to `source.omitted` the flags, options, deformable bodies and plugins that stepper does not simulate."""
     m = source.m
     for kind, flags in (("disable", int(m.opt.disableflags)), ("enable", int(m.opt.enableflags))):
         for name, (bit, reason, changes_motion) in FLAGS[kind].items():
@@ -141,7 +141,7 @@ def _matters(source: Source, flag: str) -> bool:
 
 
 def _joints(source: Source) -> None:
-    """Adds properties of joints that are left out."""
+    """Appends to `source.omitted` the properties of joints that stepper does not simulate."""
     m = source.m
     for i in range(m.njnt):
         name, dofs = source.label("JOINT", i), source.dofs(i)
@@ -168,7 +168,7 @@ def _joints(source: Source) -> None:
 
 
 def _contacts(source: Source) -> None:
-    """Adds properties of geoms and pairs that are left out."""
+    """Appends to `source.omitted` the properties of geoms and of explicit contact pairs that stepper does not simulate."""
     m = source.m
     if not source.collides:
         return
@@ -186,7 +186,7 @@ def _contacts(source: Source) -> None:
 
 
 def _equalities(source: Source) -> None:
-    """Adds equalities that are left out."""
+    """Appends to `source.omitted` the equality constraints that stepper does not simulate."""
     m = source.m
     if source.off("equality"):
         return
@@ -197,7 +197,7 @@ def _equalities(source: Source) -> None:
 
 
 def _tendons(source: Source) -> None:
-    """Adds properties of tendons that are left out."""
+    """Appends to `source.omitted` the properties of tendons that stepper does not simulate."""
     m = source.m
     for i in range(m.ntendon):
         fixed = source.is_fixed(i)
@@ -222,7 +222,7 @@ def _tendons(source: Source) -> None:
 
 
 def _actuators(source: Source) -> None:
-    """Adds actuators, and properties of actuators, that are left out."""
+    """Appends to `source.omitted` the actuators, and properties of actuators, that stepper does not simulate."""
     m = source.m
     for a in range(m.nactuator):
         name, unsupported = source.label("ACTUATOR", a), reasons_to_omit(source, a)
@@ -245,7 +245,7 @@ def _actuators(source: Source) -> None:
 
 
 def _keyframes(source: Source) -> None:
-    """Adds keyframes whose poses of mocap bodies are left out."""
+    """Appends to `source.omitted` the keyframes whose poses of mocap bodies stepper does not load."""
     m = source.m
     mocap_bodies = np.flatnonzero(m.body_mocapid >= 0)
     for i in range(m.nkey):

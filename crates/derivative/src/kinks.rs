@@ -243,7 +243,7 @@ impl ContactFriction<'_> {
 
     /// Margin of a contact to slipping, N: its normal force minus the least one at which its friction loads cause no slip.
     ///
-    /// It is zero (up to rounding) while the contact slips, and infinite for a contact without friction.
+    /// The margin is zero (up to rounding) while the contact slips, and infinite for a contact without friction.
     fn slack(&self, Contact { geoms, force, torque, .. }: &Contact) -> f64 {
         let (condim, mu) = self.of(*geoms);
         if condim == 1 {

@@ -13,8 +13,8 @@ const SOLVED_RESIDUAL: f64 = 1e-9;
 
 /// Weight of an error of the expected velocity in the test that a step is a solution.
 ///
-/// It is per rad or m of motion in the step, at most 1. Inertial forces are quadratic in velocities, so that errors of slow motion have
-/// little effect.
+/// The weight is per rad or m of motion in the step, at most 1. Inertial forces are quadratic in velocities, so that errors of slow motion
+/// have little effect.
 const EXPECTED_VELOCITY_WEIGHT: f64 = 1e2;
 
 /// Relative distance from the bounds of a correction below which its derivative is undefined.

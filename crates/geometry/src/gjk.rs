@@ -42,7 +42,7 @@ pub(super) fn nearest(pair: &Pair<'_>, shift: V, start: V, beyond: f64) -> Neare
 
 /// Closest points of A and B + shift, see [`nearest`]. The search starts from three corners of the difference.
 ///
-/// It stops at a separating plane for which `enough` returns true. The arguments are the unit normal, from A to B, and the gap, m.
+/// The search stops at a separating plane for which `enough` returns true. The arguments are the unit normal, from A to B, and the gap, m.
 pub(super) fn nearest_from(pair: &Pair<'_>, shift: V, corners: [Vertex; 3], enough: impl Fn(V, f64) -> bool) -> Nearest {
     let [a, b, c] = corners;
     let mut simplex = Simplex { vertex: [a, b, c, c], weight: [0.0; 4], count: 3 };

@@ -74,12 +74,17 @@ impl MeshHeights {
     /// Cells along both axes that a box meets.
     fn cells_of(&self, low: &V, high: &V) -> [Range<usize>; 2] {
         std::array::from_fn(|k| {
-            // Saturating, so that a box beside the mesh has an empty range.
-            let place = |x: &V| ((x[self.axes[k]] - self.low[k]) * self.cells_per_metre).floor();
-            let last = place(high);
-            place(low).max(0.0) as usize..if last < 0.0 { 0 } else { (last as usize).saturating_add(1).min(self.cells[k]) }
+            let places = [low, high].map(|x| (x[self.axes[k]] - self.low[k]) * self.cells_per_metre);
+            cells_between(places, self.cells[k])
         })
     }
+}
+
+/// Cells among `count` in a row between two places, which are in cells from the first one. Empty beside the row.
+pub(crate) fn cells_between([low, high]: [f64; 2], count: usize) -> Range<usize> {
+    // The casts saturate.
+    let last = high.floor();
+    low.floor().max(0.0) as usize..if last < 0.0 { 0 } else { (last as usize).saturating_add(1).min(count) }
 }
 
 #[cfg(test)]

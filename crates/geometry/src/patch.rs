@@ -82,7 +82,7 @@ const UPRIGHT: f64 = 0.7;
 impl Patch {
     /// Sets the part of the surface of `shape` that faces the other shape, around its farthest corner `corner`.
     ///
-    /// It is a whole face even where only an edge touches, because each point has a separate height.
+    /// The part is a whole face even where only an edge touches, because each point has a separate height.
     pub(super) fn fill(&mut self, shape: &ConvexShape, view: &View<'_>, corner: u32) {
         let d = view.towards();
         self.corners.clear();

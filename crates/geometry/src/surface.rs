@@ -26,7 +26,7 @@ use crate::facet::{FLAT, Facet, Outline, PARALLEL};
 use crate::facing::{Facing, Separation};
 use crate::linear_algebra::*;
 use crate::manifold::{LEVEL, Manifold, Point, VERTICES, reduce_points};
-use crate::mesh_heights::MeshHeights;
+use crate::mesh_heights::{MeshHeights, cells_between};
 use crate::pair::Pair;
 use crate::reach::Reach;
 use crate::room::Room;
@@ -242,12 +242,9 @@ impl Grid {
 
     /// Columns (k = 0) or rows (k = 1) of cells between two places along x or y.
     fn cells(&self, k: usize, low: f64, high: f64) -> Range<usize> {
-        let n = self.shape[1 - k];
-        let cell = 2.0 * self.half[k] / (n - 1) as f64;
-        // Saturating: what is off the grid has an empty range.
-        let first = ((low + self.half[k]) / cell).floor().max(0.0) as usize;
-        let last = ((high + self.half[k]) / cell).floor();
-        first..if last < 0.0 { 0 } else { (last as usize).saturating_add(1).min(n - 1) }
+        let count = self.shape[1 - k] - 1;
+        let cell = 2.0 * self.half[k] / count as f64;
+        cells_between([low, high].map(|x| (x + self.half[k]) / cell), count)
     }
 
     /// Whether a point is below the surface; beside the grid, below the point of its border that is nearest.
@@ -711,8 +708,7 @@ fn drop_nearer_elsewhere(surface: &Surface, triangles: &[u32], size: f64, room: 
 
 /// Distance of a point from a triangle.
 fn distance(corners: &[V; 3], normal: V, x: V) -> f64 {
-    let is_inside = |k: usize| dot(cross(normal, sub(corners[(k + 1) % 3], corners[k])), sub(x, corners[k])) >= 0.0;
-    if (0..3).all(is_inside) {
+    if is_over(corners, normal, x) {
         return dot(normal, sub(x, corners[0])).abs();
     }
     (0..3).map(|k| from_segment(x, corners[k], corners[(k + 1) % 3])).fold(f64::INFINITY, f64::min)

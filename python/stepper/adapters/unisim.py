@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper._options import Options, Precision, precision_of
+from stepper._options import Options, Precision
 from stepper._stepper import Joint, Model, Stepper
 from stepper.shared.machine import require
 
@@ -54,7 +54,7 @@ class StepperBackend(SimBackend):  # type: ignore[misc]
     backend_type = "stepper"
 
     def __init__(self, model: Model, num_envs: int, *, options: Options | None = None, precision: Precision = "f32", threads: int = 1):
-        self.sim = Stepper(model, num_envs, options=options or Options(), precision=precision_of(precision), threads=threads)
+        self.sim = Stepper(model, num_envs, options=options or Options(), precision=precision, threads=threads)
         self._num_envs = num_envs
         self._free = {name: joint for joint in _free_joints(model) if (name := model.body_names[joint.bodyid])}
         self._base = 6 * len(_free_joints(model))

@@ -110,6 +110,12 @@ pub(crate) fn within<R: Real>(x: R, range: Option<[R::Scalar; 2]>) -> R {
     }
 }
 
+/// Lanes in which `x` is outside its range, if it has one.
+#[inline(always)]
+pub(crate) fn exceeds_range<R: Real>(x: R, range: Option<[R::Scalar; 2]>) -> R::Mask {
+    range.map_or(R::Mask::splat(false), |range| outside(x, range))
+}
+
 /// Lanes in which `x` is outside a range.
 #[inline(always)]
 pub(crate) fn outside<R: Real>(x: R, range: [R::Scalar; 2]) -> R::Mask {

@@ -42,7 +42,7 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::actuation::affine_force::{ActuatorDynamics, AffineForce, EffectiveInertia, Motion, outside, reaches, within};
+use crate::actuation::affine_force::{ActuatorDynamics, AffineForce, EffectiveInertia, Motion, exceeds_range, outside, reaches, within};
 use crate::actuation::force_limits::BoundedForce;
 use crate::compile::{CompiledActuator, CompiledActuatorDynamics, CompiledForceRange, LaneModel, ModelStructure};
 use crate::dynamics::implicit_weights::ImplicitWeights;
@@ -136,8 +136,6 @@ pub struct ActuatorForces<R: Real> {
     stiff: Vec<R::Mask>,
     /// Lanes in which the step assumes the sum of actuator forces on a dof at its bound, for every bounded dof.
     assumed_sum_saturated: Vec<R::Mask>,
-    /// Expected whole force of every actuator at the end of the step, N or N m. Empty without bounded servos or friction losses.
-    pub(crate) expected_force: Vec<R>,
     /// Explicit part and added inertia of every servo before clamping to `force_range`. Empty in models without bounded servos.
     pub(crate) unclamped: Vec<[R; 2]>,
     /// Whole force of every actuator at the last trial velocity, clamped to `force_range`, N or N m.
@@ -179,7 +177,6 @@ impl<R: Real> ActuatorForces<R> {
             fixed_force: zeros(compiled.servos.len()),
             stiff: never(compiled.servos.len()),
             assumed_sum_saturated: never(compiled.actuator_force_ranges.len()),
-            expected_force: zeros(if compiled.servos_are_bounded && compiled.lossy { compiled.actuators.len() } else { 0 }),
             trial_force: zeros(if compiled.servos_are_bounded { compiled.actuators.len() } else { 0 }),
             unclamped: vec![[R::zero(); 2]; if compiled.servos_are_bounded { compiled.servos.len() } else { 0 }],
             found_saturated: never(compiled.actuators.len()),
@@ -301,10 +298,8 @@ impl<R: Real> ActuatorForces<R> {
     ) {
         let a = compiled.servos[servo].actuator;
         let ServoForce { force, changed, .. } = self.trial_servo_force(compiled, actuator_dynamics, implicit, (servo, dv));
-        let (clamped, is_outside) = match compiled.actuators[a].force_range {
-            Some(bounds) => (within(force, Some(bounds)), outside(force, bounds)),
-            None => (force, R::Mask::splat(false)),
-        };
+        let range = compiled.actuators[a].force_range;
+        let (clamped, is_outside) = (within(force, range), exceeds_range(force, range));
         self.trial_force[a] = clamped;
         let changes = changed.or(is_outside).or(self.fixed[servo]).and_not(self.stiff[servo]);
         // The mass matrix subtracts w/h dv from the explicit part, so that the whole force is the clamped one.
@@ -531,7 +526,7 @@ impl<R: Real> ActuatorForces<R> {
                 self.assumed_saturated[k] = new(self.found_saturated[a], self.assumed_saturated[k]);
             }
             let fixed = self.assumed_saturated[k].or(lanes_of_sums(compiled, &self.assumed_sum_saturated, a));
-            self.fixed[k] = new(fixed, self.fixed[k]);
+            self.fixed[k] = fixed;
             self.fixed_force[k] = R::select(changed, self.trial_force[a], self.fixed_force[k]);
             self.force[a] = R::select(changed, R::select(fixed, self.fixed_force[k], force), self.force[a]);
             self.added_inertia[k] = R::select(changed, R::select(fixed, R::zero(), added_inertia), self.added_inertia[k]);
@@ -539,30 +534,23 @@ impl<R: Real> ActuatorForces<R> {
         changed
     }
 
-    /// Computes the expected force of every actuator at the end of the step.
+    /// Expected force of a servo at the end of the step, N or N m.
     ///
-    /// Servos change their velocity by the free acceleration `acc`, and by the impulses of constraints in the last step.
-    pub(crate) fn expect_forces(
-        &mut self,
+    /// The free acceleration `acc` and the impulses of constraints in the last step change its velocity.
+    #[inline(always)]
+    pub(super) fn expected_servo_force(
+        &self,
         compiled: &LaneModel<R>,
         actuator_dynamics: &[ActuatorDynamics<R>],
         implicit: ImplicitServos<R>,
+        servo: usize,
         acc: &[R],
-    ) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                self.expected_force.copy_from_slice(&self.force);
-                for (k, servo) in compiled.servos.iter().enumerate() {
-                    let (actuator, EffectiveInertia { mobility, pushed, .. }) =
-                        (&compiled.actuators[servo.actuator], self.effective_inertias[k]);
-                    let by_constraints = pushed / (R::one() + self.added_inertia[k] * mobility);
-                    let dv = implicit.h * self.project(actuator, acc) + by_constraints;
-                    let force = self.trial_servo_force(compiled, actuator_dynamics, implicit, (k, dv)).force;
-                    self.expected_force[servo.actuator] = within(force, actuator.force_range);
-                }
-            },
-        )
+    ) -> R {
+        let actuator = &compiled.actuators[compiled.servos[servo].actuator];
+        let EffectiveInertia { mobility, pushed, .. } = self.effective_inertias[servo];
+        let by_constraints = pushed / (R::one() + self.added_inertia[servo] * mobility);
+        let dv = implicit.h * self.project(actuator, acc) + by_constraints;
+        within(self.trial_servo_force(compiled, actuator_dynamics, implicit, (servo, dv)).force, actuator.force_range)
     }
 }
 

@@ -3,16 +3,23 @@
 use stepper_real::Real;
 
 use crate::actuation::affine_force::ActuatorDynamics;
-use crate::actuation::forces::ActuatorForces;
+use crate::actuation::forces::{ActuatorForces, ImplicitServos};
 use crate::compile::LaneModel;
 use crate::math::spatial::*;
 
 impl<R: Real> ActuatorForces<R> {
-    /// Computes the friction losses of actuator dynamics into `losses`: at their whole forces if `expected`, else at `force`.
+    /// Computes the friction losses of actuator dynamics into `losses`, at their forces.
+    ///
+    /// With `expected`, the free acceleration, bounded servos have their expected forces at the end of the step.
     ///
     /// A gear with efficiency e delivers e f to the load, and needs f / e when the load drives it. Against a motion along f it loses (1 -
     /// e) |f|, against one the other way (1/e - 1) |f|. At rest its friction is anything in between.
-    pub fn dissipate(&mut self, compiled: &LaneModel<R>, actuator_dynamics: &[ActuatorDynamics<R>], expected: bool) {
+    pub(crate) fn dissipate(
+        &mut self,
+        compiled: &LaneModel<R>,
+        actuator_dynamics: &[ActuatorDynamics<R>],
+        expected: Option<(ImplicitServos<R>, &[R])>,
+    ) {
         R::vectorize(
             #[inline(always)]
             || {
@@ -20,7 +27,12 @@ impl<R: Real> ActuatorForces<R> {
                 for (a, actuator) in compiled.actuators.iter().enumerate() {
                     let Some(dynamics) = &actuator.dynamics else { continue };
                     let Some((row, arm)) = dynamics.losses else { continue };
-                    let force = if expected && compiled.servos_are_bounded { self.expected_force[a] } else { self.force[a] };
+                    let force = match (expected, actuator.servo) {
+                        (Some((implicit, acc)), Some(servo)) if compiled.servos_are_bounded => {
+                            self.expected_servo_force(compiled, actuator_dynamics, implicit, servo, acc)
+                        }
+                        _ => self.force[a],
+                    };
                     let loss = losses(&actuator_dynamics[dynamics.index], R::splat(arm), force);
                     self.losses[row] = add(self.losses[row], loss);
                 }

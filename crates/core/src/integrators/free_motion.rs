@@ -26,12 +26,9 @@ pub(crate) fn compute_free_motion<R: Real>(place: Place<'_, R>, free: &mut FreeM
     });
     probe.span(Span::Acceleration, || free.accelerate(compiled, kinematics, &state.v, &state.v));
     if compiled.lossy {
-        probe.span(Span::Actuate, || {
-            if compiled.servos_are_bounded {
-                free.actuator_forces.expect_forces(compiled, &inputs.actuator_dynamics, scheme.servos(false), &free.smooth.acc);
-            }
-            free.actuator_forces.dissipate(compiled, &inputs.actuator_dynamics, true);
-        });
+        let FreeMotion { smooth, actuator_forces, .. } = free;
+        let expected = Some((scheme.servos(false), &smooth.acc[..]));
+        probe.span(Span::Actuate, || actuator_forces.dissipate(compiled, &inputs.actuator_dynamics, expected));
     }
     probe.span(Span::Acceleration, || advance(&state.v, &free.smooth.acc, scheme.h, &mut free.v));
 }

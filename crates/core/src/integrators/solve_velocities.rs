@@ -44,18 +44,22 @@ pub(crate) fn solve_velocities<R: Real>(
     let Place { input: StepInput { compiled, .. }, evaluation: Evaluation { scheme, .. } } = place;
     let none = R::Mask::splat(false);
     let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };
-    assemble_and_predict(place, free, problem, velocity, builder, collisions, probe);
-    let (mut lanes, mut first) = (problem.constrained, true);
-    let (mut passes, mut impacts, mut inelastic, mut servos) = (0, 0, none, 0);
-    let disagrees;
-    loop {
+    let (mut passes, mut impacts, mut servos) = (0, 0, 0);
+    let (mut lanes, mut inelastic) = (none, none);
+    let mut is_assembled = false;
+    let disagrees = loop {
+        let begins = !is_assembled;
+        if begins {
+            assemble_problem(place, free, problem, velocity, builder, probe);
+            probe.span(Span::CorrectForces, || predict(place, free, problem, velocity, collisions, probe));
+            (lanes, inelastic, passes, impacts, is_assembled) = (problem.constrained, none, 0, 0, true);
+        }
         let solved = probe.span(Span::Solve, || solve_lanes(place, lanes, problem, velocity));
-        if first {
+        if begins {
             outcome = solved;
         } else {
             outcome.replace(&solved, lanes);
         }
-        first = false;
         probe.span(Span::IntegrateVelocity, || integrate_velocity(compiled, &free.smooth.mass, &free.v, velocity));
         let motion = SweptMotion::Solved { ignores_order: passes >= ORDERED_PASSES };
         lanes = probe.span(Span::Solve, || activate_colliding(place, free, problem, velocity, collisions, motion));
@@ -71,35 +75,17 @@ pub(crate) fn solve_velocities<R: Real>(
         if lanes.none() {
             let changed = update_active_bounds(place, free, velocity, servos < SATURATION_PASSES);
             if changed.none() || servos == SATURATION_PASSES {
-                disagrees = changed;
-                break;
+                break changed;
             }
             compute_free_motion(place, free, probe);
             // All lanes are solved again. Those in which no active bound changed get the same bits.
-            assemble_and_predict(place, free, problem, velocity, builder, collisions, probe);
-            (lanes, first) = (problem.constrained, true);
-            (passes, impacts, inelastic, servos) = (0, 0, none, servos + 1);
+            (is_assembled, servos) = (false, servos + 1);
         }
-    }
+    };
     problem.activate_satisfied(velocity);
     probe.span(Span::Solve, || resolve_ambiguous(place, free, problem, velocity, &mut outcome));
     count_effort(&outcome, problem, probe);
     (outcome, inelastic.or(disagrees))
-}
-
-/// Stage 4, and the prediction of the velocity after the step.
-#[inline(always)]
-fn assemble_and_predict<R: Real>(
-    place: Place<'_, R>,
-    free: &mut FreeMotion<R>,
-    problem: &mut ConstraintProblem<R>,
-    velocity: &mut VelocitySolution<R>,
-    builder: &mut RowBuilder<R>,
-    collisions: &mut CollisionSearch<R>,
-    probe: impl Probe,
-) {
-    assemble_problem(place, free, problem, velocity, builder, probe);
-    probe.span(Span::CorrectForces, || predict(place, free, problem, velocity, collisions, probe));
 }
 
 /// Updates the active bounds of servos to those of the solution. Returns the lanes in which any changed.

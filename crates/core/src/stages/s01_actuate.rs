@@ -2,7 +2,7 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::actuation::affine_force::{AffineForce, outside, within};
+use crate::actuation::affine_force::{AffineForce, exceeds_range, within};
 use crate::actuation::force_limits::{clamp_to_limits, exceeds_limits};
 use crate::actuation::forces::{ActuatorForces, ForceState, ImplicitServos};
 use crate::compile::{ActuatorParams, CompiledActuator, LaneModel};
@@ -147,15 +147,6 @@ fn slopes<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, actuator: us
         #[inline(always)]
         |x| R::select(at_bound, R::zero(), x),
     )
-}
-
-/// Lanes in which a requested force is outside its range.
-#[inline(always)]
-fn exceeds_range<R: Real>(requested: R, range: Option<[R::Scalar; 2]>) -> R::Mask {
-    match range {
-        Some(range) => outside(requested, range),
-        None => R::Mask::splat(false),
-    }
 }
 
 /// Control clamped to its range. An infinite control becomes NaN, and the step is rejected.

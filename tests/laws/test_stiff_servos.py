@@ -12,6 +12,7 @@ from golden import scenes
 from models import simulate
 from numerics import slope
 from scipy.linalg import expm
+from stepper.actuators import PID, ActuatorModel, Drive
 
 H, MASS = 2e-3, 0.7
 RATIOS = [0.5, 1.9, 2.1, 10.0, 100.0]
@@ -316,3 +317,17 @@ def test_saturation_does_not_depend_on_other_environments():
         for env, own in enumerate(alone):
             for batch, single in zip(together, next(own), strict=True):
                 assert np.array_equal(batch[env], single[0])
+
+
+@pytest.mark.parametrize("integrator", ["midpoint", "euler", "implicit"])
+def test_a_saturated_servo_beside_a_drive_is_resolved(integrator):
+    """Euler's rule has implicit drives and explicit position servos: one that rests at its bound does not change."""
+    link = '<body pos="0 {y} 0"><joint name="{name}" axis="0 1 0"/><geom type="capsule" size=".03" fromto="0 0 0 .3 0 0"/></body>'
+    model = stepper.load(f"""<mujoco><worldbody>{link.format(y=0, name="a")}{link.format(y=1, name="b")}</worldbody>
+      <actuator><motor name="a" joint="a"/><position name="b" joint="b" kp="50" kv="1" forcerange="-.1 .1"/></actuator></mujoco>""")
+    drive = ActuatorModel({"a": Drive(servo=PID(kp=5, kd=0.1), limits=(-1, 1))})
+    sim = stepper.Stepper(model, options=stepper.Options(integrator=integrator), actuators=drive)
+    for _ in range(50):
+        sim.step([0.1, 1.0])
+        assert sim.status == stepper.Status.OK
+        assert sim.actuator_saturation[1] == 1

@@ -64,7 +64,7 @@ impl MeshHeights {
         3 - self.axes[0] - self.axes[1]
     }
 
-    /// Greatest height of the cells that a box meets, m. Minus infinity beside the mesh.
+    /// Greatest height of the cells that a box meets, m. Minus infinity if it meets none.
     pub(crate) fn highest_in(&self, low: &V, high: &V) -> f64 {
         let [columns, rows] = self.cells_of(low, high);
         let row = |row: usize| &self.highest[row * self.cells[0] + columns.start..][..columns.len()];
@@ -80,9 +80,11 @@ impl MeshHeights {
     }
 }
 
-/// Cells among `count` in a row between two places, which are in cells from the first one. Empty beside the row.
+/// Indices, among `count` cells along an axis, of those between two coordinates. The unit of the coordinates is a cell.
+///
+/// Cell 0 begins at 0. The range is empty beside the cells.
 pub(crate) fn cells_between([low, high]: [f64; 2], count: usize) -> Range<usize> {
-    // The casts saturate.
+    // The casts saturate, so that a coordinate may be negative or infinite.
     let last = high.floor();
     low.floor().max(0.0) as usize..if last < 0.0 { 0 } else { (last as usize).saturating_add(1).min(count) }
 }

@@ -376,7 +376,7 @@ impl Surface {
             if inside > 0.0 && inside * inside > sideways * sideways * dot(edge, edge) {
                 return true;
             }
-            // Beyond the neighbour's other edges there may be lower triangles. A neighbour that leans back covers this triangle.
+            // Beyond the neighbour's other edges there may be lower triangles. A neighbour that overhangs is not beyond the edge.
             let facet = facet.get_or_insert_with(|| self.facet(t as usize));
             let is_far_from_others = |third: V| {
                 let third = add_scaled(third, normal, -dot(normal, sub(third, a)));

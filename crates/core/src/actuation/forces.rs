@@ -88,6 +88,14 @@ pub struct ImplicitServos<R> {
     pub predicted: bool,
 }
 
+impl<R: Real> ImplicitServos<R> {
+    /// Whether the servo of an actuator is implicit.
+    #[inline(always)]
+    fn has(&self, actuator: &CompiledActuator<R::Scalar>) -> bool {
+        self.all || actuator.dynamics.is_some()
+    }
+}
+
 /// Evaluation point of the forces.
 #[derive(Clone, Copy, Debug)]
 pub struct ForceState<'a, R: Real> {
@@ -478,54 +486,54 @@ impl<R: Real> ActuatorForces<R> {
         self.trial_force.copy_from_slice(&self.force);
         for (k, servo) in compiled.servos.iter().enumerate() {
             let (actuator, dv) = (&compiled.actuators[servo.actuator], dv_of(self, k));
-            let counts = if implicit.all { self.stiff[k] } else { R::Mask::splat(true) };
+            let decides = if implicit.all { self.stiff[k] } else { R::Mask::splat(true) };
             let trial = self.trial_servo_force(compiled, actuator_dynamics, implicit, (k, dv));
             let mut force = trial.force;
             if let Some((index, bounded_force)) = trial.bounded_force {
                 self.trial_bounded_forces[index] = bounded_force;
                 self.unclamped[k] = trial.split;
-                changed = changed.or(trial.changed.and(counts).and_not(self.fixed[k]));
+                changed = changed.or(trial.changed.and(decides).and_not(self.fixed[k]));
             }
-            if let Some(bounds) = actuator.force_range {
-                let (outside, before) = (outside(force, bounds), self.assumed_saturated[k]);
+            // Stage 1 has clamped an explicit force, which adds no inertia at any velocity.
+            if let Some(bounds) = actuator.force_range.filter(|_| implicit.has(actuator)) {
+                let (found, assumed) = (outside(force, bounds), self.assumed_saturated[k]);
                 force = within(force, Some(bounds));
-                let turned = outside.and(before).and(force.eq(self.fixed_force[k]).not());
-                changed = changed.or(differ(outside, before).or(turned).and(counts));
-                if implicit.all || actuator.dynamics.is_some() {
-                    self.found_saturated[servo.actuator] = outside;
-                }
+                let at_other_bound = found.and(assumed).and(force.eq(self.fixed_force[k]).not());
+                changed = changed.or(differ(found, assumed).or(at_other_bound).and(decides));
+                self.found_saturated[servo.actuator] = found;
             }
             self.trial_force[servo.actuator] = force;
         }
         for (r, range) in compiled.actuator_force_ranges.iter().enumerate().filter(|(_, range)| range.has_servos) {
-            let (mut counts, mut sum, mut assumed_sum) = (R::Mask::splat(!implicit.all), R::zero(), R::zero());
+            let (mut decides, mut sum, mut assumed_sum) = (R::Mask::splat(!implicit.all), R::zero(), R::zero());
             for &(a, arm) in &range.actuators {
-                counts = compiled.actuators[a].servo.map_or(counts, |k| counts.or(self.stiff[k]));
+                decides = compiled.actuators[a].servo.map_or(decides, |k| decides.or(self.stiff[k]));
                 sum += R::splat(arm) * self.trial_force[a];
                 assumed_sum += R::splat(arm) * self.force[a];
             }
             let (found, assumed) = (outside(sum, range.bounds), self.assumed_sum_saturated[r]);
             let is_above = |sum: R| sum.gt(R::splat(range.bounds[1]));
-            let turned = found.and(assumed).and(differ(is_above(sum), is_above(assumed_sum)));
+            let at_other_bound = found.and(assumed).and(differ(is_above(sum), is_above(assumed_sum)));
             self.found_sum_saturated[r] = found;
-            changed = changed.or(differ(found, assumed).or(turned).and(counts));
+            changed = changed.or(differ(found, assumed).or(at_other_bound).and(decides));
         }
         if !may_change {
             return changed;
         }
-        let new = |now: R::Mask, before: R::Mask| now.and(changed).or(before.and_not(changed));
+        let update = |assumed: R::Mask, found: R::Mask| found.and(changed).or(assumed.and_not(changed));
         for (assumed, &found) in self.assumed_sum_saturated.iter_mut().zip(&self.found_sum_saturated) {
-            *assumed = new(found, *assumed);
+            *assumed = update(*assumed, found);
         }
         for (k, servo) in compiled.servos.iter().enumerate() {
             let (a, [force, added_inertia]) = (servo.actuator, self.unclamped[k]);
             if let Some(dynamics) = &compiled.actuators[a].dynamics {
                 self.bounded_forces[dynamics.index].copy_active_bounds(&self.trial_bounded_forces[dynamics.index], changed);
             }
-            if compiled.actuators[a].force_range.is_some() {
-                self.assumed_saturated[k] = new(self.found_saturated[a], self.assumed_saturated[k]);
+            if compiled.actuators[a].force_range.is_some() && implicit.has(&compiled.actuators[a]) {
+                self.assumed_saturated[k] = update(self.assumed_saturated[k], self.found_saturated[a]);
             }
             let fixed = self.assumed_saturated[k].or(lanes_of_sums(compiled, &self.assumed_sum_saturated, a));
+            // Lanes without a change keep what `fixed` depends on.
             self.fixed[k] = fixed;
             self.fixed_force[k] = R::select(changed, self.trial_force[a], self.fixed_force[k]);
             self.force[a] = R::select(changed, R::select(fixed, self.fixed_force[k], force), self.force[a]);

@@ -8,9 +8,10 @@ use crate::compile::LaneModel;
 use crate::math::spatial::*;
 
 impl<R: Real> ActuatorForces<R> {
-    /// Computes the friction losses of actuator dynamics into `losses`, at their forces.
+    /// Computes the friction losses of actuator dynamics into `losses`, at the forces `self.force`.
     ///
-    /// With `expected`, the free acceleration, bounded servos have their expected forces at the end of the step.
+    /// With `expected`, a model with bounded servos has the expected forces of its servos at the end of the step instead. The pair is the
+    /// implicit treatment of servos, and the free acceleration.
     ///
     /// A gear with efficiency e delivers e f to the load, and needs f / e when the load drives it. Against a motion along f it loses (1 -
     /// e) |f|, against one the other way (1/e - 1) |f|. At rest its friction is anything in between.

@@ -25,9 +25,9 @@ use crate::tuning::{IMPACT_PASSES, MIN_NEWTON_STEPS_FOR_RETRY, ORDERED_PASSES, R
 /// Solves for the velocity after the step until it agrees with the problem.
 ///
 /// In the motion of a solution no deferred contact may collide. After an impact, half of the inertial forces act at the velocity before the
-/// step, half at that of the solution. Otherwise colliding contacts become active, or the free velocity is recomputed, and the lanes are
-/// solved again, for impacts at most three times. Impacts for which Newton's law has no plausible solution become inelastic. Their lanes
-/// are the second result: a shorter step resolves them.
+/// step, half at that of the solution. If either fails, colliding contacts become active or the free velocity is recomputed. The lanes
+/// are then solved again, for impacts at most three times. Impacts for which Newton's law of restitution has no plausible solution become
+/// inelastic. Their lanes are the second result: a shorter step resolves them.
 ///
 /// The assumed active bounds of stiff servos must be those of the solution. Another active bound changes the mass matrix, so that the
 /// problem is assembled and solved again, at most four times. Lanes that still disagree are in the second result too.
@@ -44,22 +44,23 @@ pub(crate) fn solve_velocities<R: Real>(
     let Place { input: StepInput { compiled, .. }, evaluation: Evaluation { scheme, .. } } = place;
     let none = R::Mask::splat(false);
     let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };
-    let (mut passes, mut impacts, mut servos) = (0, 0, 0);
-    let (mut lanes, mut inelastic) = (none, none);
-    let mut is_assembled = false;
+    // An assembly sets the lanes to solve and all of these but the number of reassemblies.
+    let (mut lanes, mut inelastic, mut passes, mut impacts) = (none, none, 0, 0);
+    let (mut begins, mut reassemblies) = (true, 0);
     let disagrees = loop {
-        let begins = !is_assembled;
         if begins {
             assemble_problem(place, free, problem, velocity, builder, probe);
             probe.span(Span::CorrectForces, || predict(place, free, problem, velocity, collisions, probe));
-            (lanes, inelastic, passes, impacts, is_assembled) = (problem.constrained, none, 0, 0, true);
+            (lanes, inelastic, passes, impacts) = (problem.constrained, none, 0, 0);
         }
         let solved = probe.span(Span::Solve, || solve_lanes(place, lanes, problem, velocity));
+        // The effort of earlier assemblies does not count: another lane may have caused them.
         if begins {
             outcome = solved;
         } else {
             outcome.replace(&solved, lanes);
         }
+        begins = false;
         probe.span(Span::IntegrateVelocity, || integrate_velocity(compiled, &free.smooth.mass, &free.v, velocity));
         let motion = SweptMotion::Solved { ignores_order: passes >= ORDERED_PASSES };
         lanes = probe.span(Span::Solve, || activate_colliding(place, free, problem, velocity, collisions, motion));
@@ -73,13 +74,13 @@ pub(crate) fn solve_velocities<R: Real>(
             (passes, inelastic) = (0, inelastic.or(lanes));
         }
         if lanes.none() {
-            let changed = update_active_bounds(place, free, velocity, servos < SATURATION_PASSES);
-            if changed.none() || servos == SATURATION_PASSES {
+            let changed = update_active_bounds(place, free, velocity, reassemblies < SATURATION_PASSES);
+            if changed.none() || reassemblies == SATURATION_PASSES {
                 break changed;
             }
             compute_free_motion(place, free, probe);
             // All lanes are solved again. Those in which no active bound changed get the same bits.
-            (is_assembled, servos) = (false, servos + 1);
+            (begins, reassemblies) = (true, reassemblies + 1);
         }
     };
     problem.activate_satisfied(velocity);

@@ -20,6 +20,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 from stepper import Model
 from stepper.envs import StepperVectorEnv, Task
+from stepper.envs.locomotion.rough import RoughTask
 from stepper.lab.engines import MujocoFields
 from stepper.loading import compile_source, origin_of
 
@@ -80,14 +81,19 @@ class MujocoSim(MujocoFields):
         engine: "mujoco.batch" or "mjbatch".
         threads: Number of threads.
         m: MuJoCo's model. None compiles the source of `model`.
+        reads_contacts: Whether `contacts` works, which `mujoco.batch` alone supports.
     """
 
-    def __init__(self, model: Model, num_envs: int, *, engine: str = "mujoco.batch", threads: int = 1, m: Any = None):
+    def __init__(
+        self, model: Model, num_envs: int, *, engine: str = "mujoco.batch", threads: int = 1, m: Any = None, reads_contacts: bool = False
+    ):
         if engine not in ("mujoco.batch", "mjbatch"):
             raise ValueError(f"engine is {engine!r}, must be 'mujoco.batch' or 'mjbatch': give one of these")
         m = mujoco_model(model, with_contact_forces=False) if m is None else m
-        super().__init__(importlib.import_module(engine).Batch(m, num_envs, threads), num_envs)
-        self.model = model
+        # The last argument of `mujoco.batch` keeps an MjData per environment, whose contacts `contacts` reads.
+        kept = [True] if reads_contacts else []
+        super().__init__(importlib.import_module(engine).Batch(m, num_envs, threads, *kept), num_envs)
+        self.model, self._m = model, m
         self.timestep = float(m.opt.timestep)
         self.status = np.zeros(num_envs, dtype=np.uint32)
         self.randomized: dict[str, Array] = {}
@@ -103,10 +109,33 @@ class MujocoSim(MujocoFields):
             self._batch.forward()
         return np.array(values)
 
+    @property
+    def body_angvel(self) -> Array:
+        """Angular velocities of the bodies in world axes, (num_envs, nbody, 3) rad/s."""
+        return np.array(self.bind("cvel")[..., :3])
+
+    @property
+    def body_linvel(self) -> Array:
+        """Velocities of the origins of the bodies in world axes, (num_envs, nbody, 3) m/s."""
+        # MuJoCo has the velocity of the point of each body that is at the centre of mass of its tree.
+        arms = self.bind("xpos") - self.bind("subtree_com")[:, self._m.body_rootid]
+        return np.array(self.bind("cvel")[..., 3:]) + np.cross(self.body_angvel, arms)
+
+    def contacts(self) -> Array:
+        """Contacts of the last step: a structured array (ncontact,) with env, geom (2,) and force (3,) N, normal force first."""
+        mujoco: Any = importlib.import_module("mujoco")
+        rows, wrench = [], np.zeros(6)
+        for env in range(self.num_envs):
+            data = self._batch.get_data(env)
+            for k, geoms in enumerate(data.contact.geom):
+                mujoco.mj_contactForce(self._m, data, k, wrench)
+                rows.append((env, geoms, wrench[:3]))
+        return np.array(rows, [("env", np.int64), ("geom", np.int64, 2), ("force", np.float64, 3)])
+
     # Signature of `Stepper.reset` as tasks call it.
     def reset(self, envs: Array | None = None, *, qpos: Array | None = None, qvel: Array | None = None, seed: Any = None) -> None:
         """Reset the environments of a mask. The seed is ignored: MuJoCo's physics has no random numbers."""
-        ids = np.arange(self.num_envs) if envs is None else np.flatnonzero(envs)
+        ids = self._indices(envs)
         self._batch.reset(ids)
         self.set_state(qpos, qvel, None if envs is None else np.asarray(envs))
 
@@ -120,22 +149,28 @@ class MujocoSim(MujocoFields):
         keep_warmstart: bool = False,
     ) -> None:
         """Set positions, velocities and activations. Recomputes derived quantities, as Gymnasium does, unless `keep_warmstart`."""
-        ids = np.arange(self.num_envs) if envs is None else np.flatnonzero(envs)
+        ids = self._indices(envs)
         for name, given in (("qpos", qpos), ("qvel", qvel), ("act", act)):
             if given is not None:
                 target = self.bind(name)
-                target[ids] = np.broadcast_to(given, target.shape)[ids]
+                target[ids] = given if np.ndim(given) == 1 or len(given) == len(ids) else given[ids]
         if not keep_warmstart:
             self._batch.forward(ids)
 
     def randomize(self, envs: Array | None = None, **fields: Array) -> None:
         """Set parameters of each environment, as `Stepper.randomize`."""
-        ids = np.arange(self.num_envs) if envs is None else np.flatnonzero(envs)
+        ids = self._indices(envs)
         for name, values in fields.items():
             self._batch.expand(name)[ids] = values[ids]
             self.randomized.setdefault(name, np.array(values))[ids] = values[ids]
         if _DERIVED & set(fields):
             self._batch.set_const(ids)
+
+
+    def _indices(self, envs: Array | None) -> Array:
+        """Indices of environments, (n,), from a mask (num_envs,), from indices, or from None, which is all environments."""
+        ids: Array = np.arange(self.num_envs)[slice(None) if envs is None else envs]
+        return ids
 
 
 class MujocoVectorEnv(VectorEnv[Array, Array, Array]):
@@ -164,7 +199,10 @@ class MujocoVectorEnv(VectorEnv[Array, Array, Array]):
         batch = envs._batch
         if m is None:
             m = mujoco_model(batch.sim.model, with_contact_forces=reads_contact_forces(envs.task))
-        batch.sim = MujocoSim(batch.sim.model, num_envs, engine=engine, threads=threads, m=m)  # type: ignore[assignment]
+        reads_contacts = isinstance(envs.task, RoughTask)
+        batch.sim = MujocoSim(  # type: ignore[assignment]
+            batch.sim.model, num_envs, engine=engine, threads=threads, m=m, reads_contacts=reads_contacts
+        )
         batch.clear_last_step()
         self.num_envs, self.metadata = num_envs, envs.metadata
         self.single_observation_space, self.single_action_space = envs.single_observation_space, envs.single_action_space

@@ -15,7 +15,7 @@ from stepper.envs.locomotion.rough.state import SCAN, action_scale, foot_heights
 
 pytestmark = pytest.mark.skipif(find_spec("mjlab") is None, reason="mjlab, whose robots these are, is not installed: make training")
 
-GROUND = Go1Rough.TERRAIN
+GROUND = Go1Rough().terrain
 
 
 def made(num_envs=8, *, kind=Go1Rough, limit=1000, **given):
@@ -278,7 +278,7 @@ def test_it_goes_on_from_a_state_and_pickles():
     for _ in range(20):
         envs.step(0.5 * envs.action_space.sample())
     state, copied = envs.get_state(), pickle.loads(pickle.dumps(envs))
-    assert len(pickle.dumps(envs.task)) < 2000  # Without the terrain, which is the class's.
+    assert len(pickle.dumps(envs.task)) < 4000  # Without the heights of the terrain, which are megabytes.
     other = StepperVectorEnv(Go1Rough(), 4, max_episode_steps=15, autoreset_mode="SameStep")
     other.set_state(state)
     for _ in range(20):

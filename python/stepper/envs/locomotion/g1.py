@@ -14,6 +14,7 @@ from stepper.envs.locomotion.mjlab import Ground, Servo, Visuals, plain_ground, 
 from stepper.envs.locomotion.rough import RoughTask
 from stepper.envs.locomotion.velocity import VelocityTask
 from stepper.envs.task import Camera
+from stepper.envs.terrain import Terrain
 
 _FILE = "asset_zoo/robots/unitree_g1/xmls/g1.xml"
 _HEIGHT = 0.77
@@ -115,7 +116,7 @@ class G1Rough(RoughTask):
 
     def model(self) -> Model:
         """Model of the robot with servos on the terrain."""
-        return _rough_scene()
+        return _rough_scene(self.terrain)
 
 
 def _named(name: str, table: Mapping[str, float]) -> float:
@@ -141,8 +142,8 @@ def _scene(roughness: float) -> Model:
 
 
 @cache_model
-def _rough_scene() -> Model:
-    return _on(tiled_ground(G1Rough.TERRAIN))
+def _rough_scene(terrain: Terrain) -> Model:
+    return _on(tiled_ground(terrain))
 
 
 def _on(ground: Ground) -> Model:

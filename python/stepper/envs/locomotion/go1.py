@@ -15,6 +15,7 @@ from stepper.envs.locomotion.mjlab import Ground, Servo, Visuals, plain_ground, 
 from stepper.envs.locomotion.rough import RoughTask
 from stepper.envs.locomotion.velocity import VelocityTask, command
 from stepper.envs.task import Array, Camera, Moment, Terms, square_sum
+from stepper.envs.terrain import Terrain
 from stepper.shared.streams import Rng
 
 _FILE = "asset_zoo/robots/unitree_go1/xmls/go1.xml"
@@ -105,7 +106,7 @@ class Go1Rough(RoughTask):
 
     def model(self) -> Model:
         """Model of the robot with servos on the terrain."""
-        return _rough_scene()
+        return _rough_scene(self.terrain)
 
 
 @cache_per_model
@@ -140,8 +141,8 @@ def _scene(roughness: float) -> Model:
 
 
 @cache_model
-def _rough_scene() -> Model:
-    return _on(tiled_ground(Go1Rough.TERRAIN), lambda name: _touching(name, "hip" not in name), _ROUGH_HEIGHT)
+def _rough_scene(terrain: Terrain) -> Model:
+    return _on(tiled_ground(terrain), lambda name: _touching(name, "hip" not in name), _ROUGH_HEIGHT)
 
 
 def _on(ground: Ground, geom: Callable[[str], Mapping[str, str]], height: float) -> Model:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 from xml.etree.ElementTree import Element, tostring
 
@@ -25,7 +25,7 @@ _BASE_THICKNESS = 0.5
 """Thickness of the ground below its lowest point, m."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True)
 class Terrain:
     """Terrain of square tiles. Difficulty increases from row to row along x; each column along y has one kind. The middle is at the origin.
 
@@ -67,6 +67,14 @@ class Terrain:
                 raise ValueError(f"{name} is {getattr(self, name)} m, must be a whole number of cells of {self.horizontal_scale} m")
         if not 0.0 <= self.difficulty_range[0] <= self.difficulty_range[1] <= 1.0:
             raise ValueError(f"difficulty_range is {self.difficulty_range}, must be two numbers from 0 to 1, the easier one first")
+
+    def __hash__(self) -> int:
+        # A mapping has no hash.
+        return hash((*self.sub_terrains.items(), self.num_rows, self.size, self.horizontal_scale, self.difficulty_range, self.seed))
+
+    def __getstate__(self) -> dict[str, Any]:
+        # A pickle has no heights: its reader computes them from the arguments.
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @property
     def difficulties(self) -> Array:

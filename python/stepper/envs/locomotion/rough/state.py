@@ -28,7 +28,7 @@ def heading(now: Moment) -> Array:
 @per_moment
 def ground_scan(now: Moment) -> Array:
     """Heights of the ground at the points of the scan, which turns with the heading of the base: (num_envs, 187) m."""
-    scan: Array = now.task.TERRAIN.ground.around(now.qpos[:, :2], heading(now), SCAN, beyond=0.0)
+    scan: Array = now.task.terrain.ground.around(now.qpos[:, :2], heading(now), SCAN, beyond=0.0)
     return scan
 
 
@@ -45,7 +45,7 @@ def ground_normal(now: Moment) -> Array:
 def foot_heights(now: Moment) -> Array:
     """Heights of the feet's sites above the ground: (num_envs, nfeet) m."""
     places = now.site_xpos[:, _sites(now.sim.model, tuple(now.task.FEET))]
-    heights: Array = places[..., 2] - now.task.TERRAIN.height(places[..., :2])
+    heights: Array = places[..., 2] - now.task.terrain.height(places[..., :2])
     return heights
 
 

@@ -30,8 +30,8 @@ from stepper.shared.streams import Rng
 ROUGH = Terrain(
     sub_terrains={
         "flat": Flat(proportion=0.2),
-        "stairs": PyramidStairs(proportion=0.2, step_height_range=(0.0, 0.1)),
-        "stairs_inv": PyramidStairs(proportion=0.2, step_height_range=(0.0, 0.1), inverted=True),
+        "stairs": PyramidStairs(proportion=0.2),
+        "stairs_inv": PyramidStairs(proportion=0.2, inverted=True),
         "slope": PyramidSlope(proportion=0.1, slope_range=(0.0, 1.0)),
         "slope_inv": PyramidSlope(proportion=0.1, slope_range=(0.0, 1.0), inverted=True),
         "rough": RandomRough(proportion=0.1, height_range=(0.02, 0.1)),
@@ -39,7 +39,10 @@ ROUGH = Terrain(
     },
     border_width=4.0,
 )
-"""Terrain of mjlab's rough velocity tasks, as a height field. Its steps of stairs are ramps of 0.1 m between treads of 0.2 m."""
+"""Terrain of mjlab's rough velocity tasks, as a height field, with steps of up to 0.2 m instead of 0.1 m.
+
+Each step of the stairs is a ramp of 0.1 m and a tread of 0.2 m.
+"""
 _MAX_ACTION = 2.0
 """Largest action. In the stance it gives half the largest torque of the servo."""
 _INITIAL_LIFT = (0.01, 0.05)
@@ -64,6 +67,7 @@ class RoughTask(Task):
     of the commanded distance, the next row is easier. Commands become faster after 120,000 and 240,000 actions of an environment.
 
     Attributes:
+        terrain: Terrain, which becomes the geom "terrain" of the model.
         frame_skip: Time steps per action.
         episode_steps: Number of actions per episode, from which the curriculum computes the commanded distance.
         noise: Factor of mjlab's observation noise and encoder errors; 0 is none.
@@ -94,8 +98,6 @@ class RoughTask(Task):
         "trunk_collision": 0.0,
     }
     """Weights of the terms of the reward, per s."""
-    TERRAIN: ClassVar[Terrain] = ROUGH
-    """The terrain, which is the geom "terrain" of the model."""
     FEET: ClassVar[Mapping[str, tuple[str, ...]]]
     """Names of the geoms of each foot, by the name of the foot's site."""
     THIGHS: ClassVar[tuple[str, ...]] = ()
@@ -114,6 +116,7 @@ class RoughTask(Task):
     """Cosine of the tilt of the base beyond which an episode terminates; None is no bound."""
     carried = (*TerrainCurriculum.carried, "steps")
 
+    terrain: Terrain = ROUGH
     frame_skip: int = 4
     episode_steps: int = 1000
     noise: float = 1.0
@@ -133,7 +136,7 @@ class RoughTask(Task):
     @property
     def levels(self) -> TerrainCurriculum:
         """Curriculum that selects the row of the terrain (the difficulty) for each episode of an environment."""
-        return TerrainCurriculum(terrain=self.TERRAIN, max_init_level=self.max_init_level)
+        return TerrainCurriculum(terrain=self.terrain, max_init_level=self.max_init_level)
 
     def action_bounds(self, model: Model) -> tuple[Array, Array]:
         """Bounds of the actions, -2 and 2. In the stance they give half the largest torque of a servo."""
@@ -172,7 +175,7 @@ class RoughTask(Task):
 
     def truncated(self, now: Moment) -> Array:
         """Whether the base is outside the terrain or too close to its edge, (num_envs,)."""
-        return self.TERRAIN.leaves(now.qpos[:, :2])
+        return self.terrain.leaves(now.qpos[:, :2])
 
     def info(self, now: Moment) -> Terms:
         """Info: the command, and the level of the terrain."""
@@ -229,7 +232,7 @@ class RoughTask(Task):
         state = now.episode_state
         distance = self.levels.distance(state, envs, now.qpos[envs])
         commanded = np.hypot(*command(now)[envs, :2].T) * self.episode_steps * now.dt
-        self.levels.move(state, envs, up=distance > self.TERRAIN.size / 2, down=distance < _LEAST_PROGRESS * commanded)
+        self.levels.move(state, envs, up=distance > self.terrain.size / 2, down=distance < _LEAST_PROGRESS * commanded)
 
 
 def _joint_pos(now: Moment) -> Array:

@@ -1,0 +1,142 @@
+"""Success of a policy of `stepper/Go1Rough-v0` on stairs, and its return at a quarter of the time step and in MuJoCo.
+
+    stepper train stepper/Go1Rough-v0
+    python benches/climbing.py out/train/stepper_Go1Rough-v0/seed1/policy.npz --update-docs
+
+The tables belong to docs/benchmarks/training.md; without --update-docs a copy in out/training gets them. The first has the fraction of
+episodes in which the robot climbs five steps out of a pit within 20 s. The second has returns of the task itself, with all its randomisation.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import mujoco_vector
+import numpy as np
+from sections import write_section
+from stepper import Options, Stepper
+from stepper.envs.locomotion import Go1Rough
+from stepper.envs.locomotion.rough.state import heading
+from stepper.envs.task import Array, Moment, Terms
+from stepper.envs.terrain import PyramidStairs, Terrain
+from stepper.policies import Evaluation, evaluate, load
+from stepper.shared.streams import Rng
+
+PAGE = Path(__file__).parents[1] / "docs/benchmarks/training.md"
+HEIGHTS = (0.05, 0.1, 0.15, 0.2)
+"""Heights of the steps, m."""
+SPEED = 0.7
+"""Commanded velocity, straight ahead, m/s."""
+OUTSIDE = 3.3
+"""Distance from the middle of the pit in x or y, m, at which a robot has climbed all steps: the edge is at 3 m, and half a robot is 0.3 m."""
+
+
+def simulators() -> dict[str, tuple[str, dict[str, Any]]]:
+    """Simulators of the tables: namespace of the environment, and its arguments.
+
+    A quarter of the task's time step of 5 ms is 1.25 ms, with four times the steps per action.
+    """
+    law = Options.from_model(Go1Rough().model())
+    hard, soft = ({"options": dataclasses.replace(options, timestep=0.00125), "frame_skip": 16} for options in (Options(), law))
+    return {
+        "hard contact, 5 ms": ("stepper", {}),
+        "hard contact, 1.25 ms": ("stepper", hard),
+        "MuJoCo's law, 5 ms": ("stepper", {"contact": "mujoco"}),
+        "MuJoCo's law, 1.25 ms": ("stepper", soft),
+        "`mujoco.batch`, 5 ms": ("mujoco_batch", {}),
+    }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Go1Climb(Go1Rough):
+    """Task in which the quadruped starts in a pit and walks straight ahead. An episode is truncated when the robot has left the pit."""
+
+    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
+        """Draw the parameters of `Go1Rough`, and command all robots to walk along x for the whole episode."""
+        super().on_reset(sim, episode_state, mask, rng)
+        episode_state["velocity_command"][mask] = [SPEED, 0.0, 0.0]
+        episode_state["stands"][mask], episode_state["turns_to_heading"][mask] = False, True
+        episode_state["heading_command"][mask] = 0.0
+        episode_state["command_left"][mask] = self.episode_steps + 1
+
+    def outside(self, now: Moment) -> Array:
+        """Whether a robot has climbed all steps, (num_envs,)."""
+        return np.asarray(np.abs(now.qpos[:, :2]).max(axis=1) > OUTSIDE)
+
+    def truncated(self, now: Moment) -> Array:
+        """Whether a robot has climbed all steps, (num_envs,)."""
+        return self.outside(now)
+
+    def info(self, now: Moment) -> Terms:
+        """Info of `Go1Rough`, with "climbed" and the heading, rad."""
+        return super().info(now) | {"climbed": self.outside(now).astype(np.float64), "heading": heading(now)}
+
+
+def pit(height: float) -> Terrain:
+    """Terrain of one tile: a pit of 3 m with five steps of a height, m, and 0.3 m deep, on each side."""
+    stairs = PyramidStairs(step_height_range=(height, height), inverted=True)
+    return Terrain(sub_terrains={"stairs": stairs}, num_rows=1, border_width=4.0)
+
+
+def table_of_climbs(policy: Any, episodes: int) -> str:
+    """Table of the fraction of episodes in which the robot leaves the pit: a row per simulator, a column per height of a step."""
+    gymnasium.register(
+        "stepper/Go1Climb-v0",
+        vector_entry_point="stepper.envs:StepperVectorEnv",
+        max_episode_steps=Go1Climb.episode_steps,
+        kwargs={"task": Go1Climb},
+    )
+    mujoco_vector.register("Go1Climb-v0")
+    rows = ["| simulator | " + " | ".join(f"steps of {100 * height:.0f} cm" for height in HEIGHTS) + " |", "|---" * (1 + len(HEIGHTS)) + "|"]
+    for name, (space, given) in simulators().items():
+        cells = []
+        for height in HEIGHTS:
+            found = evaluate(
+                policy, f"{space}/Go1Climb-v0", episodes=episodes, seed=2**32, infos=("climbed",), terrain=pit(height), noise=0.0, push=0.0, **given
+            )
+            cells.append(f"{100 * np.mean(found.infos['climbed'] > 0.0):.0f} %")
+        rows.append(f"| {name} | " + " | ".join(cells) + " |")
+        print(rows[-1], flush=True)
+    return "\n".join(rows)
+
+
+def table_of_returns(policy: Any, episodes: int) -> str:
+    """Table of the returns in `stepper/Go1Rough-v0` from all rows of its terrain: a row per simulator."""
+    mujoco_vector.register("Go1Rough-v0")
+    rows = ["| simulator | mean return | 95 % confidence | velocity error, m/s | falls |", "|---" * 5 + "|"]
+    for name, (space, given) in simulators().items():
+        levels = {"max_init_level": Go1Rough().terrain.num_rows - 1}
+        found: Evaluation = evaluate(policy, f"{space}/Go1Rough-v0", episodes=episodes, seed=2**32, infos=("tracking_error",), **levels, **given)
+        low, high = found.interval()
+        falls = f"{np.sum(found.lengths < Go1Rough.episode_steps)} of {episodes}"
+        error = found.infos["tracking_error"].mean()
+        rows.append(f"| {name} | {found.mean:.1f} | {low:.1f} to {high:.1f} | {error:.3f} | {falls} |")
+        print(rows[-1], flush=True)
+    return "\n".join(rows)
+
+
+def main() -> None:
+    """Evaluate a policy and write both tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("policy", type=Path, help="file of the policy")
+    parser.add_argument("--episodes", type=int, default=200, help="number of episodes per cell [200]")
+    parser.add_argument("--update-docs", action="store_true", help="write into the documentation instead of a copy in out/training")
+    given = parser.parse_args()
+    page = PAGE
+    if not given.update_docs:
+        Path("out/training").mkdir(parents=True, exist_ok=True)
+        page = Path(shutil.copy(PAGE, "out/training"))
+    policy = load(given.policy)
+    write_section(page, "climbs", table_of_climbs(policy, given.episodes))
+    write_section(page, "rough returns", table_of_returns(policy, given.episodes))
+    print(f"wrote {page}")
+
+
+if __name__ == "__main__":
+    main()

@@ -12,14 +12,14 @@ _WORDS = {"true": True, "false": False, "none": None}
 
 
 def literal(text: str) -> object:
-    """Value of a text: a number, bool, None, tuple, list or string, as Python writes it. Other texts are strings."""
+    """Value of a text: a number, bool, None, tuple, list, dict or string, as Python writes it. Other texts are strings."""
     if text.lower() in _WORDS:
         return _WORDS[text.lower()]
     try:
         value: object = ast.literal_eval(text)
     except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError):
         return text
-    return value if isinstance(value, bool | int | float | str | tuple | list | None) else text
+    return value if isinstance(value, bool | int | float | str | tuple | list | dict | None) else text
 
 
 def name_values(texts: Sequence[str], option: str, convert: Callable[[str], T]) -> dict[str, T]:

@@ -115,7 +115,7 @@ def test_wrong_values_are_refused(values, message):
         ppo_settings.settings_of(REACHER, {"values": values})
 
 
-def test_values_are_numbers_words_tuples_and_texts():
+def test_values_are_numbers_words_tuples_mappings_and_texts():
     texts = {
         "3": 3,
         "0.5": 0.5,
@@ -125,6 +125,7 @@ def test_values_are_numbers_words_tuples_and_texts():
         "(1, 2)": (1, 2),
         "hard": "hard",
         "a.xml": "a.xml",
+        '{"pose": 0.5}': {"pose": 0.5},
         "{1}": "{1}",
     }
     assert {text: literal(text) for text in texts} == texts

@@ -1,17 +1,20 @@
-//! Which gap two moving hulls cannot close within a step.
+//! Bound on the relative motion of two bodies within a step. It excludes contacts that cannot push.
 //!
-//! A contact joins a point x of the first and a point y of the second with y - x = d n', n' being the direction between the nearest points
-//! of both. Where a plane with the normal n parts the hulls by g > 0, the nearest points are so too: d cos(a) >= g for the angle a between
-//! n and n'. Stage 3 takes the contact up only if d < 2 h c + slack, where c = -n' . u and u is the velocity of the second as seen from the
-//! first. For every n', 2 c cos(a) <= |u| - n . u, and so there is none where
+//! A contact joins a point x of the first body and a point y of the second with y - x = d n'. Here d is the distance, and n' the unit
+//! vector between the nearest points of both. Let a plane with the unit normal n separate the bodies by g > 0. Then d cos(a) >= g, where a
+//! is the angle between n and n'.
+//!
+//! Detection (stage 3) adds a contact only if d < 2 h c + slack. Here h is the time step, c = -n' . u the closing speed, and u the velocity
+//! of the second body relative to the first. For every n', 2 c cos(a) <= |u| - n . u. No contact is therefore added if
 //!
 //! ```text
 //! g >= h (|u| - n . u) + slack
 //! ```
 //!
-//! for all u that the contact may see: u = v + w x r, where r reaches to points halfway between the hulls, all of them in a ball. The
-//! normal that is reported may be one that separates worse by e, see `prefer_face`: it is then at most (2 e / g)^(1/2) away from n', and 2
-//! c h greater by 2 h |u| times this. Once n' is known there is none where
+//! for all u = v + w x r that a contact may have. All vectors r are in a ball, because contacts are halfway between the bodies.
+//!
+//! The contact normal may be that of a face whose separation is smaller by up to e (`prefer_face` in `separation.rs`). Such a normal
+//! differs from n' by at most (2 e / g)^(1/2), so that 2 c h grows by at most 2 h |u| times this. Once n' is known, no contact is added if
 //!
 //! ```text
 //! g >= 2 h (-n' . u) + slack
@@ -19,88 +22,101 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::facing::ALIKE;
+use crate::facing::EQUAL_SEPARATION;
 use crate::linear_algebra::*;
 
-/// What coordinates and ways may be off by, as a share of the size: they may be in single precision, and faces of a hull this uneven.
-pub(super) const HAIR: f64 = 4e-6;
+/// Error of coordinates, displacements and face planes, relative to the size of the bodies. Coordinates may have single precision.
+pub(super) const COORDINATE_ROUNDING: f64 = 4e-6;
 
-/// How two bodies move as seen from the first, in its frame, in a step.
+/// Motion of a second body relative to a first one within a step, in the frame of the first body; one pair of bodies in each lane.
+///
+/// All contacts of the pair are inside a ball. The displacement is measured at its centre.
 #[derive(Clone, Copy, Debug)]
 pub struct Approach<R = f64> {
-    /// Way of the second where it is at the centre of the ball that all contacts are in, m.
-    pub way: V3<R>,
-    /// Angle that the second turns by, rad.
-    pub turn: V3<R>,
-    /// Radius of that ball, m.
+    /// Displacement of the second body at the centre of the ball, m.
+    pub displacement: V3<R>,
+    /// Rotation vector of the second body, rad.
+    pub rotation: V3<R>,
+    /// Radius of the ball, m.
     pub radius: R,
-    /// Distance below which a contact counts however slow it is, m.
+    /// Distance below which a contact is added at any closing speed, m.
     pub slack: R,
 }
 
 impl<R: Real> Approach<R> {
-    /// What hulls that a plane with the normal `n` (unit, from the first to the second) parts by `gap` have to spare: where it is not
-    /// negative, no contact can count within the step; `size` is that of both, m.
-    #[inline(always)]
-    pub(super) fn spare(&self, n: V3<R>, gap: R, size: f64) -> R {
-        let fastest = self.fastest();
-        let along = dot(n, self.way) - self.swing(n);
-        let tilt = (R::of(2.0 * ALIKE * size) / gap).sqrt();
-        gap - (fastest * (R::one() + R::of(2.0) * tilt) - along + self.slack + self.hair(size, fastest))
-    }
-
-    /// Whether none can.
-    #[inline(always)]
-    pub(super) fn keeps(&self, n: V3<R>, gap: R, size: f64) -> R::Mask {
-        gap.gt(self.slack).and(self.spare(n, gap, size).ge(R::zero()))
-    }
-
-    /// Whether no contact with the normal `n`, `gap` long or longer, can count within the step.
-    #[inline(always)]
-    pub(super) fn keeps_along(&self, n: V3<R>, gap: R, size: f64) -> R::Mask {
-        let closing = (self.swing(n) - dot(n, self.way)).max(R::zero());
-        gap.ge(R::of(2.0) * closing + self.slack + self.hair(size, self.fastest()))
-    }
-
-    /// Greatest components of y - x against each axis and along it, m, over the contacts (x, y) that can count.
+    /// Part of the gap between two bodies that their motion within the step cannot close, m. If it is not negative, no contact can push
+    /// within the step.
     ///
-    /// With the displacement u, a contact along the unit vector n is shorter than -2 n . u + slack. For every unit vector d,
-    /// (-2 n . u) n . d <= |u| - u . d.
-    pub(super) fn max_components(&self, size: f64) -> [V3<R>; 2] {
-        let (fastest, turn) = (self.fastest(), self.turn.map(|x| x * x));
-        let least = self.slack + self.hair(size, fastest);
-        let swing: V3<R> = array_of(|k| (turn[(k + 1) % 3] + turn[(k + 2) % 3]).sqrt() * self.radius);
-        [array_of(|k| fastest + self.way[k] + swing[k] + least), array_of(|k| fastest - self.way[k] + swing[k] + least)]
+    /// `n` is the unit normal of a separating plane, from the first body to the second. `gap` is the separation along it, m. `size` is the
+    /// sum of the bounding radii, m.
+    #[inline(always)]
+    pub(super) fn spare_gap(&self, n: V3<R>, gap: R, size: f64) -> R {
+        let most = self.max_displacement();
+        let along = dot(n, self.displacement) - self.rotation_along(n);
+        let tilt = (R::of(2.0 * EQUAL_SEPARATION * size) / gap).sqrt();
+        gap - (most * (R::one() + R::of(2.0) * tilt) - along + self.slack + self.rounding(size, most))
     }
 
-    /// Bound on the displacement of the second in two steps, perpendicular to the unit vector `n`, m.
+    /// Lanes in which no contact can push within the step, because a plane separates the bodies.
+    ///
+    /// `n` is the unit normal of the plane, from the first body to the second. `gap` is the separation along it, m. `size` is the sum of
+    /// the bounding radii, m.
+    #[inline(always)]
+    pub(super) fn is_separated(&self, n: V3<R>, gap: R, size: f64) -> R::Mask {
+        gap.gt(self.slack).and(self.spare_gap(n, gap, size).ge(R::zero()))
+    }
+
+    /// Lanes in which a contact with the unit normal `n` and a distance of at least `gap`, m, cannot push within the step.
+    ///
+    /// The normal points from the first body to the second. `size` is the sum of the bounding radii, m.
+    #[inline(always)]
+    pub(super) fn excludes_normal(&self, n: V3<R>, gap: R, size: f64) -> R::Mask {
+        let closing = (self.rotation_along(n) - dot(n, self.displacement)).max(R::zero());
+        gap.ge(R::of(2.0) * closing + self.slack + self.rounding(size, self.max_displacement()))
+    }
+
+    /// Bounds of y - x over all contacts that can push within the step, m, with x on the first body and y on the second.
+    ///
+    /// The first vector bounds the components opposite to the three axes, the second the components along them. `size` is the sum of the
+    /// bounding radii, m. A contact along the unit vector n is shorter than -2 n . u + slack, where u is the displacement. For every unit
+    /// vector d, (-2 n . u) n . d <= |u| - u . d.
+    pub(super) fn max_components(&self, size: f64) -> [V3<R>; 2] {
+        let (most, turn) = (self.max_displacement(), self.rotation.map(|x| x * x));
+        let least = self.slack + self.rounding(size, most);
+        let swing: V3<R> = array_of(|k| (turn[(k + 1) % 3] + turn[(k + 2) % 3]).sqrt() * self.radius);
+        [array_of(|k| most + self.displacement[k] + swing[k] + least), array_of(|k| most - self.displacement[k] + swing[k] + least)]
+    }
+
+    /// Upper bound on the displacement of the second body within two steps, perpendicular to the unit vector `n`, m.
     pub(super) fn sideways(&self, n: V3<R>) -> R {
-        let along = dot(n, self.way);
-        let displacement = (dot(self.way, self.way) - along * along).max(R::zero()).sqrt() + norm(self.turn) * self.radius;
+        let along = dot(n, self.displacement);
+        let displacement =
+            (dot(self.displacement, self.displacement) - along * along).max(R::zero()).sqrt() + norm(self.rotation) * self.radius;
         displacement + displacement
     }
 
-    /// Bound on the way of the second in the ball, m.
+    /// Upper bound on the displacement within the step of the second body's points in the ball, m.
     #[inline(always)]
-    fn fastest(&self) -> R {
-        norm(self.way) + norm(self.turn) * self.radius
+    fn max_displacement(&self) -> R {
+        norm(self.displacement) + norm(self.rotation) * self.radius
     }
 
-    /// Bound on what the turn adds to the way along the unit vector `n`, m.
+    /// Upper bound on the displacement along the unit vector `n` that the rotation adds in the ball, m.
     #[inline(always)]
-    fn swing(&self, n: V3<R>) -> R {
-        norm(cross(n, self.turn)) * self.radius
+    fn rotation_along(&self, n: V3<R>) -> R {
+        norm(cross(n, self.rotation)) * self.radius
     }
 
+    /// Error of distances, m, see [`COORDINATE_ROUNDING`]. `most` is the largest displacement and `size` the sum of the bounding radii, m.
     #[inline(always)]
-    fn hair(&self, size: f64, fastest: R) -> R {
-        R::of(HAIR) * (R::of(size) + fastest)
+    fn rounding(&self, size: f64, most: R) -> R {
+        R::of(COORDINATE_ROUNDING) * (R::of(size) + most)
     }
 
-    /// Approach of one lane.
+    /// Motion in the lane `lane`.
     #[inline(always)]
     pub fn lane(&self, lane: usize) -> Approach {
         let [radius, slack] = of_lane(&[self.radius, self.slack], lane);
-        Approach { way: of_lane(&self.way, lane), turn: of_lane(&self.turn, lane), radius, slack }
+        Approach { displacement: of_lane(&self.displacement, lane), rotation: of_lane(&self.rotation, lane), radius, slack }
     }
 }

@@ -1,37 +1,42 @@
-//! A ball on a triangle of a surface, in closed form: the points that the search of other shapes finds.
+//! Contact of a ball and a triangle of a surface, in closed form. The general search finds the same contacts and takes longer.
 
 use crate::facet::{Facet, Outline, PARALLEL};
-use crate::facing::{ALIKE, Facing, Separation};
+use crate::facing::{EQUAL_SEPARATION, Facing, Separation};
 use crate::linear_algebra::*;
-use crate::manifold::{LONE, Manifold, Point};
+use crate::manifold::{Manifold, Point, UNNAMED};
 use crate::pair::Pair;
 use crate::round::{CLOSE, nearest_of_triangle};
-use crate::separation::{BESIDE, NEAR_FACE};
+use crate::separation::{NEAR_FACE, SIDEWAYS};
 use crate::vectors::V;
 
-/// A ball over a triangle.
+/// Ball and a triangle of a surface. All positions are in the frame of the surface, m.
 pub(super) struct Ball<'a> {
+    /// Triangle, with its neighbours.
     pub(super) facet: &'a Facet,
-    /// The triangle and the ball.
+    /// Triangle as the first shape and ball as the second.
     pub(super) pair: &'a Pair<'a>,
-    /// Distance of the ball's centre from the plane of the triangle, m.
+    /// Signed distance of the ball's centre above the plane of the triangle, m.
     pub(super) height: f64,
+    /// Radius of the ball, m.
     pub(super) radius: f64,
-    /// Distance beyond which nothing is a contact, m.
+    /// Largest distance of a contact, m.
     pub(super) prediction: f64,
 }
 
-/// Result of the test of a shape with a triangle.
-pub(super) enum Touch {
-    /// Its points, or none.
-    Found,
-    /// No point: the nearest one is left to a neighbour.
-    Left(Facing),
-    /// Unclear.
-    Unknown,
+/// Result of the test of a ball against one triangle of a surface.
+pub(super) enum TriangleTest {
+    /// The test is complete, with or without a contact.
+    Complete,
+    /// No contact, because the closest point of the triangle belongs to a neighbour. The separation of triangle and ball is attached.
+    LeftToNeighbour(Facing),
+    /// The centre of the ball is too close to the triangle for the closed form. The general search must decide.
+    Unclear,
 }
 
-/// Point of a ball that is over a triangle, at a height of its centre, m.
+/// Contact of a ball with the plane of a triangle.
+///
+/// `normal` is the unit normal of the triangle, `centre` the centre of the ball, m, and `height` the distance of the centre above the
+/// plane, m.
 pub(super) fn ball_over(normal: V, centre: V, height: f64, radius: f64) -> Point {
     Point {
         pos: add_scaled(centre, normal, -0.5 * (height + radius)),
@@ -43,47 +48,51 @@ pub(super) fn ball_over(normal: V, centre: V, height: f64, radius: f64) -> Point
 }
 
 impl Ball<'_> {
-    /// Adds the point of the ball and the triangle to `out`. `holds` tells of a height field whether a point is below it; `is_nearest`
-    /// whether no neighbour at a part of the triangle, which has a point, is nearer in a direction.
+    /// Adds the contact of the ball and the triangle to `out`, if there is one.
+    ///
+    /// `is_below` is given for a height field, and returns whether a point is below it. `is_nearest` gets a part of the triangle, a corner
+    /// of this part and a unit direction. It returns whether no neighbouring triangle is closer to a shape in that direction.
     pub(super) fn touch(
         &self,
-        holds: Option<impl Fn(V) -> bool>,
+        is_below: Option<impl Fn(V) -> bool>,
         is_nearest: impl FnOnce(&Outline, V, V) -> bool,
         out: &mut Manifold,
-    ) -> Touch {
+    ) -> TriangleTest {
         let Self { facet, pair, height, radius, prediction } = *self;
         let (normal, centre) = (facet.normal, pair.pos);
         let beyond = self.beyond_edges();
         let behind = dot(normal, pair.apart) <= 0.0;
         if behind {
-            let Some(holds) = holds else { return if height <= 0.0 { Touch::Found } else { Touch::Unknown } };
+            let Some(is_below) = is_below else { return if height <= 0.0 { TriangleTest::Complete } else { TriangleTest::Unclear } };
             self.add_over(&beyond, out);
-            if !holds(centre) {
-                out.points.retain(|p| p.distance >= 0.0 || holds(add_scaled(p.pos, p.normal, 0.5 * p.distance)));
+            if !is_below(centre) {
+                out.points.retain(|p| p.distance >= 0.0 || is_below(add_scaled(p.pos, p.normal, 0.5 * p.distance)));
             }
-            return Touch::Found;
+            return TriangleTest::Complete;
         }
         if facet.bulges == [false; 3] || beyond.iter().all(|&x| x <= 0.0) {
             self.add_over(&beyond, out);
-            return Touch::Found;
+            return TriangleTest::Complete;
         }
         let nearest = nearest_of_triangle(&facet.corners, centre);
         let apart = sub(centre, nearest);
         let separation = norm(apart);
         if separation - radius > prediction {
-            return Touch::Found;
+            return TriangleTest::Complete;
         }
         if separation <= CLOSE * pair.size {
-            return Touch::Unknown;
+            return TriangleTest::Unclear;
         }
         let own = scale(apart, 1.0 / separation);
         let cos = dot(own, normal);
         let beside = norm(add_scaled(apart, normal, -dot(apart, normal)));
-        let is_face =
-            cos > 0.0 && 1.0 - cos < NEAR_FACE * NEAR_FACE && height >= separation - ALIKE * pair.size && beside <= BESIDE * pair.size;
+        let is_face = cos > 0.0
+            && 1.0 - cos < NEAR_FACE * NEAR_FACE
+            && height >= separation - EQUAL_SEPARATION * pair.size
+            && beside <= SIDEWAYS * pair.size;
         if is_face || 1.0 - cos <= PARALLEL {
             self.add_over(&beyond, out);
-            return Touch::Found;
+            return TriangleTest::Complete;
         }
         let own = own.map(|x| x + 0.0);
         let (at, corner) = facet.furthest(own);
@@ -93,19 +102,19 @@ impl Ball<'_> {
                 pos: add_scaled(nearest, own, 0.5 * distance),
                 normal: own,
                 distance,
-                feature: LONE,
+                feature: UNNAMED,
                 stays_over_face: false,
             });
-            return Touch::Found;
+            return TriangleTest::Complete;
         }
         self.add_over(&beyond, out);
         if out.points.is_empty() && cos > 0.0 {
-            return Touch::Left(Facing::new(pair, Separation { normal: own, separation, points: [nearest, centre] }));
+            return TriangleTest::LeftToNeighbour(Facing::new(pair, Separation { normal: own, separation, points: [nearest, centre] }));
         }
-        Touch::Found
+        TriangleTest::Complete
     }
 
-    /// Distance of the centre beyond each edge, along the plane of the triangle, m.
+    /// Distance of the ball's centre outside each edge, in the plane of the triangle, m; negative inside.
     fn beyond_edges(&self) -> V {
         let Facet { corners, normal, .. } = self.facet;
         std::array::from_fn(|k| {
@@ -114,10 +123,10 @@ impl Ball<'_> {
         })
     }
 
-    /// Adds the point along the normal of the triangle if the centre is over the triangle.
+    /// Adds the contact along the normal of the triangle, if the ball's centre is above or below the triangle.
     ///
-    /// A centre behind the plane of the triangle may also be outside an edge, by at most its depth times the edge's number in
-    /// [`Facet::rises`].
+    /// `beyond` has the distance of the centre outside each edge, m. If the centre is behind the plane, it may be outside an edge by up to
+    /// its depth times the edge's number in [`Facet::rises`].
     fn add_over(&self, beyond: &V, out: &mut Manifold) {
         let Self { facet, pair, height, radius, prediction, .. } = *self;
         let (depth, tolerance) = (-height, pair.tolerance);

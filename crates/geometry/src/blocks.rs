@@ -1,36 +1,38 @@
-//! Vertices of a hull in blocks of eight, in arrays by coordinate, for SIMD.
+//! Vertices of a convex hull in blocks of eight, stored by coordinate for SIMD.
 
 use crate::linear_algebra::*;
 use crate::vectors::V;
 
-/// Number of points in a block or ring. It suffices for most rings, and the compiler vectorises loops of this length.
+/// Number of points in a [`Block`], and of edges in a [`Ring`]. Most vertices have fewer edges, and the compiler vectorises loops of this
+/// length.
 pub(super) const SIDE: usize = 8;
 
-/// Up to eight neighbours of a vertex along edges.
+/// Up to eight edges of a hull that start at the same vertex.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Ring {
-    /// Vectors from the vertex to its neighbours, m, by coordinate; zeros in empty places.
+    /// Vectors along the edges, m, by coordinate: `edge[i][k]` is coordinate i of edge k. Unused entries are 0.
     edge: [[f64; SIDE]; 3],
-    /// Squared lengths of the edges, m^2.
+    /// Squared lengths of the edges, m^2; 0 in unused entries.
     pub(super) square: [f64; SIDE],
+    /// Vertex at the other end of each edge.
     pub(super) to: [u32; SIDE],
 }
 
 impl Ring {
-    /// Component of each edge along `d`.
+    /// Component of each edge along the vector `d`, times the length of `d`; 0 in unused entries.
     #[inline(always)]
     pub(super) fn along(&self, d: V) -> [f64; SIDE] {
         along(&self.edge, d)
     }
 }
 
-/// Components along `d` of vectors that are stored by coordinate.
+/// Dot products of `d` and eight vectors that are stored by coordinate.
 #[inline(always)]
 fn along([x, y, z]: &[[f64; SIDE]; 3], d: V) -> [f64; SIDE] {
     std::array::from_fn(|k| x[k] * d[0] + y[k] * d[1] + z[k] * d[2])
 }
 
-/// Eight points. The last one is repeated if there are fewer.
+/// Eight vertices of a hull. The last one is repeated if there are fewer.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Block {
     /// Positions by coordinate, m.
@@ -40,12 +42,13 @@ pub(super) struct Block {
 }
 
 impl Block {
+    /// Block of one to eight points, m.
     pub(super) fn new(points: &[V]) -> Self {
         let point = |i: usize| points[i.min(points.len() - 1)];
         Self { at: std::array::from_fn(|k| std::array::from_fn(|i| point(i)[k])), square: std::array::from_fn(|i| dot(point(i), point(i))) }
     }
 
-    /// Maximum of w . w + k . w over the points w.
+    /// Maximum of w . w + k . w over the points w, m^2. `k` is in m.
     pub(super) fn highest(&self, k: V) -> f64 {
         let [x, y, z] = &self.at;
         let height: [f64; SIDE] = std::array::from_fn(|i| self.square[i] + (x[i] * k[0] + y[i] * k[1] + z[i] * k[2]));
@@ -66,7 +69,7 @@ pub(super) fn highest(x: [f64; SIDE]) -> f64 {
     higher(higher(four[0], four[2]), higher(four[1], four[3]))
 }
 
-/// Index of the point that is farthest along `d`; the first one of several.
+/// Index of the point that is farthest along `d`, counted over all blocks. Of several equally far points it is the first.
 pub(super) fn furthest(blocks: &[Block], d: V) -> usize {
     let mut best = (f64::NEG_INFINITY, 0);
     for (i, block) in blocks.iter().enumerate() {
@@ -79,15 +82,17 @@ pub(super) fn furthest(blocks: &[Block], d: V) -> usize {
     SIDE * best.1 + (0..SIDE).rev().fold(0, |first, k| if x[k] == best.0 { k } else { first })
 }
 
-/// Rings of all points in one list, and the index of each point's first ring.
+/// Edges of all vertices of a closed surface, as a list of rings, and the position of each vertex's first ring in this list.
+///
+/// The rings of vertex v are `rings[first[v]..first[v + 1]]`. `triangles` are counter-clockwise seen from outside.
 pub(super) fn rings(points: &[V], triangles: &[[u32; 3]]) -> (Vec<Ring>, Vec<u32>) {
-    let mut beside: Vec<Vec<u32>> = vec![vec![]; points.len()];
+    let mut neighbours: Vec<Vec<u32>> = vec![vec![]; points.len()];
     for t in triangles {
-        (0..3).for_each(|k| beside[t[k] as usize].push(t[(k + 1) % 3]));
+        (0..3).for_each(|k| neighbours[t[k] as usize].push(t[(k + 1) % 3]));
     }
     let (mut rings, mut first) = (vec![], vec![0]);
-    for (p, beside) in points.iter().zip(&beside) {
-        for some in beside.chunks(SIDE) {
+    for (p, neighbours) in points.iter().zip(&neighbours) {
+        for some in neighbours.chunks(SIDE) {
             let mut ring = Ring { edge: [[0.0; SIDE]; 3], square: [0.0; SIDE], to: [0; SIDE] };
             for (k, &v) in some.iter().enumerate() {
                 let e = sub(points[v as usize], *p);

@@ -1,26 +1,27 @@
-//! Bounding boxes of solids, over lanes. A face of a box may separate two solids, which then need no further test.
+//! Bounding boxes of solids, over lanes. Two solids are apart if a face of a bounding box separates the boxes.
 
 use stepper_real::Real;
 
-use crate::approach::HAIR;
+use crate::approach::COORDINATE_ROUNDING;
 use crate::linear_algebra::*;
 use crate::shape::ConvexShape;
 use crate::solid::Solid;
 use crate::surface::Surface;
 
-/// Bounding box of a solid along the axes of its frame.
+/// Bounding box of a solid along the axes of the solid's frame, one in each lane.
 #[derive(Clone, Copy, Debug)]
 pub struct BoundingBox<R> {
-    /// Centre, m.
+    /// Centre in the solid's frame, m.
     centre: V3<R>,
-    /// Half sizes, m.
+    /// Half of the extent along each axis, m.
     half: V3<R>,
 }
 
 impl<R: Real> BoundingBox<R> {
-    /// Bounding box of a solid. `size` is its size in every lane, m, in MuJoCo's order: radius and half length, semi-axes, or half sizes.
+    /// Bounding box of a solid, which may have another size in every lane.
     ///
-    /// `None` for half spaces, height fields and triangles.
+    /// `size` is the size in MuJoCo's order, m: radius and half length, semi-axes, or half sizes. Meshes and hulls have their own extent
+    /// instead. `None` for half spaces, height fields and triangles.
     #[inline(always)]
     pub fn new(solid: &Solid, size: V3<R>) -> Option<Self> {
         let [radius, half_length, _] = size;
@@ -35,7 +36,7 @@ impl<R: Real> BoundingBox<R> {
                     let (centre, half) = between(mesh.extent());
                     return Some(Self { centre, half });
                 }
-                // A height field is solid down to its base.
+                // A height field has no box, because it is solid down to its base.
                 Surface::Grid(_) => return None,
             },
             Solid::HalfSpace => return None,
@@ -51,10 +52,10 @@ impl<R: Real> BoundingBox<R> {
         Some(Self { centre, half })
     }
 
-    /// Centre and half sizes, m, of the bounding box of a convex solid along the axes of the world.
+    /// Bounding box of a convex solid along the axes of the world: centre relative to the origin of the solid's frame, and half sizes, m.
     ///
-    /// The centre is relative to the origin of the solid's frame, whose orientation is `mat`. For balls and capsules, only the last axis is
-    /// read. `None` for solids without bounds. `size` is as in [`Self::new`].
+    /// `mat` is the orientation of the solid. Only its last axis is used for capsules, and none for balls. `size` is as in [`Self::new`].
+    /// `None` for solids without bounds.
     #[inline(always)]
     pub fn along_world(solid: &Solid, size: V3<R>, mat: &M3<R>) -> Option<[V3<R>; 2]> {
         let Solid::Convex(shape) = solid else { return None };
@@ -84,10 +85,10 @@ impl<R: Real> BoundingBox<R> {
         }
     }
 
-    /// Lanes in which a face of either box separates the two by more than `reach`, m. These are the separating axes of Gottschalk, Lin &
-    /// Manocha (1996) without the nine that are perpendicular to two edges.
+    /// Lanes in which a face of one of two boxes separates them by more than `reach`, m.
     ///
-    /// `apart` is the position of the other frame relative to the frame of this box, m. `mats` are the orientations of both frames.
+    /// `apart` is the vector from the origin of this box's frame to that of the other, in the world, m. `mats` are the orientations of both
+    /// frames. The test uses the separating axes of Gottschalk, Lin & Manocha (1996) without the nine that are perpendicular to two edges.
     #[inline(always)]
     pub fn is_beyond(&self, other: &Self, apart: V3<R>, mats: [&M3<R>; 2], reach: R) -> R::Mask {
         let d = sub(rotate_back(mats[0], add(apart, rotate(mats[1], other.centre))), self.centre);
@@ -106,7 +107,7 @@ impl<R: Real> BoundingBox<R> {
             gap = gap.max(d[i].abs() - across[i]);
             length += d[i].abs() + across[i];
         }
-        gap.gt(reach + R::of(HAIR) * length)
+        gap.gt(reach + R::of(COORDINATE_ROUNDING) * length)
     }
 }
 
@@ -115,7 +116,7 @@ mod tests {
     use super::*;
     use crate::hull::Hull;
     use crate::narrow::Narrow;
-    use crate::reach::Reach;
+    use crate::search_limits::SearchLimits;
     use crate::vectors::Pose;
     use proptest::prelude::*;
 
@@ -157,7 +158,7 @@ mod tests {
             let boxes = [&a, &b].map(|solid| BoundingBox::<f64>::new(solid, size_of(solid)).unwrap());
             let beyond = boxes[0].is_beyond(&boxes[1], sub(bt.pos, at.pos), [&at.mat, &bt.mat], reach);
             let mut narrow = Narrow::default();
-            let (points, _) = narrow.collide([&a, &b], [at, bt], Reach::from(reach));
+            let (points, _) = narrow.collide([&a, &b], [at, bt], SearchLimits::from(reach));
             prop_assert!(!beyond || points.is_empty());
         }
     }

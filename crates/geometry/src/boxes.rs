@@ -5,36 +5,42 @@ use crate::linear_algebra::*;
 use crate::pair::Pair;
 use crate::vectors::{V, neg};
 
-/// Sine of the angle between two edges below which they count as parallel. The axes of the adjacent faces then suffice.
+/// Sine of the angle between edges of two boxes below which their cross product is not tested as a separating axis. Face normals then
+/// suffice.
 const PARALLEL: f64 = 1e-6;
 
-/// Overlap along two axes at once up to which two boxes have no contact, m.
+/// Largest overlap of two boxes along each of two axes at which they have no contact, m.
 ///
 /// Example: a box slides from one tile to the next. Its lower face is in the plane of the upper faces of the tiles, up to the gap or
 /// overlap of a contact at rest. The side of the next tile must not stop it.
 const SLIVER: f64 = 1e-5;
 
-/// Largest difference (1 - cos of the angle) between the normals of coplanar faces. Over 10 cm, their planes are then [`SLIVER`] apart.
+/// Largest value of 1 - cos(angle) between the normals of coplanar faces. Over 10 cm, their planes are then [`SLIVER`] apart.
 const COPLANAR: f64 = 5e-9;
 
-/// Whether two boxes with coplanar faces are separated, up to [`SLIVER`], along the normal of another face.
+/// Whether two boxes touch in a sliver: a face of each is in the same plane, and another face separates the boxes up to [`SLIVER`].
+///
+/// `faces` has the separation, m, and the normal of the three axes of the first box, then of the second.
 fn graze(faces: &[(f64, V); 6]) -> bool {
     let parallel = |f: &V, g: &V| 1.0 - dot(*f, *g).abs() <= COPLANAR;
     let touching = faces[..3].iter().filter(|f| f.0.abs() <= SLIVER && faces[3..].iter().any(|g| parallel(&f.1, &g.1)));
     touching.into_iter().any(|f| faces.iter().any(|g| g.0 >= -SLIVER && !parallel(&f.1, &g.1)))
 }
 
-/// Overlap of crossing edges, relative to that of the faces, below which the edges determine the normal (the rule of ODE and MuJoCo 4).
+/// Ratio of the overlap along a common perpendicular of two edges to the overlap along a face normal. Below it, the contact normal is that
+/// of the edges, as in ODE and MuJoCo 4.
 ///
-/// Next to an edge of the other box, the largest overlap of a face is at a place where nothing is below it. The overlap of edges therefore
-/// appears smaller wherever faces are inclined.
+/// The overlap along a face normal is measured at a corner. Near an edge of the other box, this corner may have nothing below it. The
+/// overlap of edges is therefore smaller wherever faces are inclined.
 const CLEARLY_LESS: f64 = 0.95;
 
-/// Largest separation of two boxes along their 15 axes.
+/// Largest separation of two boxes along their 15 separating axes, for a contact at a distance of at most `prediction`, m.
 ///
-/// The result is `None` if it is beyond `prediction`, m, or if the boxes only touch in a sliver (see [`SLIVER`]). It is `Some(None)` if no
-/// axis has the distance. Faces are preferred to edges (see [`CLEARLY_LESS`]), and faces of the first box to those of the second, unless
-/// the difference exceeds rounding. The choice for boxes at rest therefore stays the same.
+/// `ha` and `hb` are the half sizes, m. The result is `None` if the boxes are farther apart, or if they only touch in a sliver (see
+/// [`SLIVER`]). It is `Some(None)` if two edges or corners are closest: no axis then has the exact distance.
+///
+/// Faces are preferred to edges (see [`CLEARLY_LESS`]), and faces of the first box to those of the second, unless the difference exceeds
+/// rounding. The choice for boxes at rest therefore stays the same.
 pub(super) fn separation(pair: &Pair<'_>, ha: V, hb: V, prediction: f64) -> Option<Option<Separation>> {
     let r = &pair.mat;
     let p = pair.pos;
@@ -79,7 +85,8 @@ pub(super) fn separation(pair: &Pair<'_>, ha: V, hb: V, prediction: f64) -> Opti
     Some(Some(Separation { normal: face.1, separation: face.0, points }))
 }
 
-/// Largest separation along an axis perpendicular to an edge of each box: separation, axis, and the indices of the edges' directions.
+/// Largest separation of two boxes along an axis that is perpendicular to an edge of each: separation, m, unit axis, and indices of the
+/// edge directions.
 fn edges(pair: &Pair<'_>, ha: V, hb: V) -> (f64, V, [usize; 2]) {
     let mut best = (f64::NEG_INFINITY, [0.0; 3], [0; 2]);
     for i in 0..3 {
@@ -105,7 +112,9 @@ fn edges(pair: &Pair<'_>, ha: V, hb: V) -> (f64, V, [usize; 2]) {
     best
 }
 
-/// Closest points of the two edges that face each other along `n`.
+/// Closest points of the two edges that face each other along the unit normal `n`, in the frame of the first box, m.
+///
+/// `[i, j]` are the indices of the edge directions. `ha` and `hb` are the half sizes, m.
 fn edge_points(pair: &Pair<'_>, ha: V, hb: V, n: V, [i, j]: [usize; 2]) -> [V; 2] {
     let mut x = pair.a.support(n);
     x[i] = 0.0;

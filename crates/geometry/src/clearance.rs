@@ -1,18 +1,18 @@
-//! Distance of a convex shape and a surface of triangles.
+//! Distance of a convex shape from a surface of triangles.
 
 use crate::narrow::Narrow;
 use crate::pair::Pair;
-use crate::room::Room;
 use crate::round::ends;
 use crate::separation;
 use crate::shape::ConvexShape;
 use crate::surface::{Surface, search_box};
 use crate::vectors::Pose;
+use crate::workspace::Workspace;
 
 impl Narrow {
-    /// Distance of a surface and a convex shape on either side of it, m, at most `most`. Negative if they overlap.
+    /// Distance of a convex shape from a surface, on either side of it, m. The result is at most `most`, and negative if they overlap.
     pub fn clearance(&mut self, surface: &Surface, shape: &ConvexShape, [ground, body]: [Pose; 2], most: f64) -> f64 {
-        let Room { triangles, polytope, .. } = &mut self.room;
+        let Workspace { triangles, polytope, .. } = &mut self.workspace;
         let nothing = ConvexShape::Sphere { radius: 0.0 };
         let whole = Pair::new(&nothing, &ground, shape, &body);
         let [low, high] = search_box(&whole, ends(&whole).as_deref(), most + shape.radius(), None);

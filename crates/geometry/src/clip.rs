@@ -1,42 +1,46 @@
-//! Intersection of two flat features (polygons, discs, segments) that are projected along the contact normal.
+//! Intersection of two flat features (polygons, discs, segments, points) that are projected along the contact normal.
 //!
-//! Each corner of the intersection has the height of both features above the projection plane.
+//! One feature is called the reference. Each corner of the intersection has the height of both features above the projection plane.
 
-use crate::patch::{Corner, EDGES, Kind, Patch};
+use crate::projected_feature::{Corner, EDGES, Kind, ProjectedFeature};
 
-/// Corner of the intersection of two projected features.
+/// Corner of the intersection of two projected features. It becomes a contact point.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shared {
+    /// Position along the first axis of the projection plane, m.
     pub(super) x: f64,
+    /// Position along the second axis of the projection plane, m.
     pub(super) y: f64,
-    /// Height of the reference feature and of the other feature at (x, y), m.
+    /// Heights of the reference feature and of the other feature at (x, y), m.
     pub(super) h: [f64; 2],
+    /// Number that identifies the corner from step to step, see [`crossing`].
     pub(super) id: u32,
 }
 
-/// Number that identifies the crossing of two edges. Edges of the reference are numbered from [`EDGES`] on.
+/// Identifier of the crossing of two edges, from the numbers of the edges. Edges of the reference are numbered from [`EDGES`] on.
 fn crossing(a: u32, b: u32) -> u32 {
     1 << 31 | a.min(b) << 15 | a.max(b)
 }
 
-/// The two edges (0 to 2) of the reference, a triangle, that meet at the place with the number `id` from [`overlay`]. `None` if the place
-/// is a corner of the other feature.
-pub(super) fn edges_of_triangle(other: &Patch, id: u32) -> Option<[usize; 2]> {
+/// The two edges (0 to 2) of a triangle, the reference of [`overlay`], that meet at the corner `id` of the intersection. If an edge of the
+/// triangle crosses the other feature there, both are this edge. `None` if the corner is one of the other feature.
+pub(super) fn edges_of_triangle(other: &ProjectedFeature, id: u32) -> Option<[usize; 2]> {
     let disc = other.kind == Kind::Disc;
     if id >> 31 == 0 {
-        // In the intersection of a polygon and a disc, corners keep their numbers.
+        // In the intersection of a polygon and a disc, corners of the polygon keep their identifiers.
         return (disc && id & REFERENCE == 0).then(|| [id as usize, (id as usize + 2) % 3]);
     }
     let [a, b] = [id >> 15 & 0xffff, id & 0x7fff];
     let own = |name: u32| (name >= EDGES).then(|| (name - EDGES) as usize);
-    // Numbers of crossings with a disc's rim have the triangle's edge first. Those with a line have it as an edge of the reference, from
-    // [`EDGES`] on.
+    // A crossing with a disc's rim has the triangle's edge first. A crossing with a polygon or segment has it among the edges of the
+    // reference, from [`EDGES`] on.
     if disc { Some([a as usize; 2]) } else { own(b).map(|edge| [own(a).unwrap_or(edge), edge]) }
 }
 
-/// Adds corners of `other` that are behind the plane of the reference, a triangle. A corner may be outside an edge by at most its depth
-/// times the number of that edge in `rises`.
-pub(super) fn behind(reference: &Patch, other: &Patch, rises: &[f64; 3], out: &mut Vec<Shared>) {
+/// Adds corners of `other` that are behind the plane of the reference, which is a triangle.
+///
+/// A corner may be outside an edge of the triangle by at most its depth times the entry of that edge in `rises`.
+pub(super) fn behind(reference: &ProjectedFeature, other: &ProjectedFeature, rises: &[f64; 3], out: &mut Vec<Shared>) {
     for c in &other.corners {
         let depth = reference.height(c.x, c.y) - c.h;
         if depth > 0.0 && half_planes(reference).zip(rises).all(|((outside, _), rise)| outside(c.x, c.y) <= rise * depth) {
@@ -46,10 +50,10 @@ pub(super) fn behind(reference: &Patch, other: &Patch, rises: &[f64; 3], out: &m
     }
 }
 
-/// Bit that distinguishes corners of the reference from corners of the other feature.
+/// Bit in an identifier that distinguishes corners of the reference from corners of the other feature.
 const REFERENCE: u32 = 1 << 30;
 
-/// Workspace of [`overlay`] for the polygon between two clips.
+/// Buffers of [`overlay`] for the polygon before and after it is clipped by one edge.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Work {
     polygon: Vec<Corner>,
@@ -57,14 +61,16 @@ pub(super) struct Work {
 }
 
 impl Work {
+    /// Reserves memory for polygons with this number of corners.
     pub(super) fn reserve(&mut self, corners: usize) {
         self.polygon.reserve(corners);
         self.next.reserve(corners);
     }
 }
 
-/// Corners of the intersection of `reference` (a polygon or disc) and `other`. Points outside by up to `tolerance`, m, count as inside.
-pub(super) fn overlay(reference: &Patch, other: &Patch, tolerance: f64, work: &mut Work, out: &mut Vec<Shared>) {
+/// Computes the corners of the intersection of `reference` (a polygon or disc) and `other`. Points outside by up to `tolerance`, m, count
+/// as inside.
+pub(super) fn overlay(reference: &ProjectedFeature, other: &ProjectedFeature, tolerance: f64, work: &mut Work, out: &mut Vec<Shared>) {
     out.clear();
     match (reference.kind, other.kind) {
         (Kind::Polygon, Kind::Polygon | Kind::Segment) => clip(reference, other, tolerance, work, out),
@@ -81,19 +87,20 @@ pub(super) fn overlay(reference: &Patch, other: &Patch, tolerance: f64, work: &m
     }
 }
 
-fn on_both(reference: &Patch, c: &Corner) -> Shared {
+/// Corner `c` of the other feature with the height of the reference at its place.
+fn on_both(reference: &ProjectedFeature, c: &Corner) -> Shared {
     Shared { x: c.x, y: c.y, h: [reference.height(c.x, c.y), c.h], id: c.id }
 }
 
-/// Twice the area of a polygon; positive if its corners are counter-clockwise.
+/// Twice the area of a polygon, m^2; positive if its corners are counter-clockwise.
 fn area(corners: &[Corner]) -> f64 {
     let n = corners.len();
     let o = corners[0];
     (1..n - 1).map(|k| (corners[k].x - o.x) * (corners[k + 1].y - o.y) - (corners[k].y - o.y) * (corners[k + 1].x - o.x)).sum()
 }
 
-/// Half plane of each edge of a polygon: a function that returns the signed distance outside the edge, m, and the edge's number.
-fn half_planes(polygon: &Patch) -> impl Iterator<Item = (impl Fn(f64, f64) -> f64, u32)> + '_ {
+/// Edges of a polygon: a function that returns the signed distance of (x, y) outside the edge, m, and the number of the edge.
+fn half_planes(polygon: &ProjectedFeature) -> impl Iterator<Item = (impl Fn(f64, f64) -> f64, u32)> + '_ {
     let c = &polygon.corners;
     let turn = if area(c) < 0.0 { -1.0 } else { 1.0 };
     (0..c.len()).map(move |k| {
@@ -106,18 +113,20 @@ fn half_planes(polygon: &Patch) -> impl Iterator<Item = (impl Fn(f64, f64) -> f6
     })
 }
 
-fn in_polygon(polygon: &Patch, c: &Corner, tolerance: f64) -> bool {
+/// Whether a corner is inside a polygon or outside by at most `tolerance`, m, in the projection plane.
+fn in_polygon(polygon: &ProjectedFeature, c: &Corner, tolerance: f64) -> bool {
     half_planes(polygon).all(|(outside, _)| outside(c.x, c.y) <= tolerance)
 }
 
-fn in_disc(disc: &Patch, c: &Corner, tolerance: f64) -> bool {
+/// Whether a corner is inside a disc or outside by at most `tolerance`, m, in the projection plane.
+fn in_disc(disc: &ProjectedFeature, c: &Corner, tolerance: f64) -> bool {
     let (x, y) = (c.x - disc.centre[0], c.y - disc.centre[1]);
     let reach = disc.radius + tolerance;
     x * x + y * y <= reach * reach
 }
 
-/// Part of a polygon or segment that is over the reference polygon (Sutherland & Hodgman, 1974).
-fn clip(reference: &Patch, other: &Patch, tolerance: f64, work: &mut Work, out: &mut Vec<Shared>) {
+/// Corners of the part of a polygon or segment that is inside the reference polygon (Sutherland & Hodgman, 1974).
+fn clip(reference: &ProjectedFeature, other: &ProjectedFeature, tolerance: f64, work: &mut Work, out: &mut Vec<Shared>) {
     let closed = other.kind == Kind::Polygon;
     work.polygon.clear();
     work.polygon.extend(&other.corners);
@@ -154,9 +163,11 @@ fn clip(reference: &Patch, other: &Patch, tolerance: f64, work: &mut Work, out: 
     out.extend(work.polygon.iter().map(|c| on_both(reference, c)));
 }
 
-/// Corners of a polygon inside a disc, points of the rim inside the polygon, and crossings of rim and edges. If `swapped`, the disc is the
-/// reference.
-fn polygon_disc(polygon: &Patch, disc: &Patch, tolerance: f64, swapped: bool, out: &mut Vec<Shared>) {
+/// Corners of the intersection of a polygon and a disc: corners of the polygon inside the disc, rim points inside the polygon, and
+/// crossings.
+///
+/// If `swapped`, the disc is the reference, else the polygon.
+fn polygon_disc(polygon: &ProjectedFeature, disc: &ProjectedFeature, tolerance: f64, swapped: bool, out: &mut Vec<Shared>) {
     let order = |on_polygon: f64, on_disc: f64| if swapped { [on_disc, on_polygon] } else { [on_polygon, on_disc] };
     for c in disc.corners.iter().filter(|c| in_polygon(polygon, c, tolerance)) {
         out.push(Shared { x: c.x, y: c.y, h: order(polygon.height(c.x, c.y), c.h), id: c.id | REFERENCE });
@@ -178,7 +189,7 @@ fn polygon_disc(polygon: &Patch, disc: &Patch, tolerance: f64, swapped: bool, ou
 }
 
 /// Places at which the line from `p` to `q` enters and leaves a disc, as fractions of the distance from `p` to `q`; NaN without a crossing.
-fn crossings(p: &Corner, q: &Corner, disc: &Patch) -> [f64; 2] {
+fn crossings(p: &Corner, q: &Corner, disc: &ProjectedFeature) -> [f64; 2] {
     let (dx, dy) = (q.x - p.x, q.y - p.y);
     let (x, y) = (p.x - disc.centre[0], p.y - disc.centre[1]);
     let (a, b, c) = (dx * dx + dy * dy, x * dx + y * dy, x * x + y * y - disc.radius * disc.radius);
@@ -186,8 +197,8 @@ fn crossings(p: &Corner, q: &Corner, disc: &Patch) -> [f64; 2] {
     [(-b - root) / a, (-b + root) / a]
 }
 
-/// Ends of the part of a segment that is over a disc.
-fn chord(disc: &Patch, segment: &Patch, tolerance: f64, out: &mut Vec<Shared>) {
+/// Ends of the part of a segment that is inside a disc, the reference.
+fn chord(disc: &ProjectedFeature, segment: &ProjectedFeature, tolerance: f64, out: &mut Vec<Shared>) {
     let [p, q] = [segment.corners[0], segment.corners[1]];
     out.extend(segment.corners.iter().filter(|c| in_disc(disc, c, tolerance)).map(|c| on_both(disc, c)));
     for (end, t) in crossings(&p, &q, disc).into_iter().enumerate() {
@@ -199,9 +210,11 @@ fn chord(disc: &Patch, segment: &Patch, tolerance: f64, out: &mut Vec<Shared>) {
     }
 }
 
-/// Intersection of two discs. If one is inside the other, it consists of the inner disc's rim points. Else it has the two crossings of the
-/// rims and, on each rim, the point that is deepest inside the other disc.
-fn discs(reference: &Patch, other: &Patch, tolerance: f64, out: &mut Vec<Shared>) {
+/// Corners of the intersection of two discs.
+///
+/// If one disc is inside the other, they are the rim points of the inner disc. Otherwise they are the two crossings of the rims and, on
+/// each rim, the point that is deepest inside the other disc.
+fn discs(reference: &ProjectedFeature, other: &ProjectedFeature, tolerance: f64, out: &mut Vec<Shared>) {
     let mut add = |x: f64, y: f64, id: u32| out.push(Shared { x, y, h: [reference.height(x, y), other.height(x, y)], id });
     let d = [other.centre[0] - reference.centre[0], other.centre[1] - reference.centre[1]];
     let apart = (d[0] * d[0] + d[1] * d[1]).sqrt();

@@ -1,4 +1,4 @@
-//! Distance of two convex shapes, with which tests compare contacts.
+//! Signed distance of two convex shapes. Tests compare it with contacts.
 
 use crate::expand::Polytope;
 use crate::linear_algebra::*;
@@ -8,7 +8,7 @@ use crate::shape::ConvexShape;
 use crate::vectors::{Pose, V};
 
 /// Signed distance of two convex shapes, m, and the unit normal from the first to the second in the world frame. The distance of
-/// overlapping shapes is minus the depth.
+/// overlapping shapes is minus the penetration depth.
 pub fn distance(a: &ConvexShape, pose_a: &Pose, b: &ConvexShape, pose_b: &Pose) -> (f64, V) {
     let pair = Pair::new(a, pose_a, b, pose_b);
     let found = separation::nearest(&pair, &f64::INFINITY.into(), &mut Polytope::default()).found;

@@ -1,41 +1,47 @@
-//! Depth of overlapping polytopes: the facet of their difference that is nearest to the origin.
+//! Penetration depth of overlapping shapes: the distance of the origin from the boundary of their Minkowski difference A - B.
 //!
-//! The expanding polytope algorithm (van den Bergen, 2001) grows a polytope inside the difference. In each iteration it grows at its face
-//! nearest to the origin, until that face is also a face of the difference. All other faces are then farther away, so the depth is minimal.
+//! The expanding polytope algorithm (van den Bergen, 2001) grows a polytope inside the difference. Each iteration adds the point of the
+//! difference that is farthest along the normal of the polytope's nearest face. If this point is on the face, the face is also a facet of
+//! the difference. No other facet is closer to the origin.
 //!
-//! The difference of round shapes has few or no flat faces. The search then starts from a known depth. It ends when all faces of the
-//! polytope are farther away than that.
+//! The difference of round shapes has few or no flat facets. The search then starts from an upper bound of the depth. It ends when all
+//! faces of the polytope are farther away than that.
 
 use crate::facing::Separation;
 use crate::linear_algebra::*;
 use crate::pair::{Pair, Vertex};
 use crate::vectors::V;
 
-/// Largest number of growth steps.
+/// Largest number of vertices that are added.
 const GROWTHS: usize = 160;
 /// Growth of the nearest face below which the search ends, relative to the size of the pair.
 const ENOUGH: f64 = 1e-13;
-/// Rounding error of a corner relative to the longest edge of a face: a few units in the last place.
+/// Rounding error of a vertex's position, relative to the longest edge of a face: a few units in the last place.
 const ROUNDING: f64 = 1e-15;
 
+/// Triangle of the polytope.
 #[derive(Clone, Copy, Debug)]
 struct Face {
+    /// Indices of its vertices in [`Polytope::vertices`], counter-clockwise seen from outside.
     corners: [u16; 3],
     /// Outward unit normal.
     normal: V,
-    /// Distance from the origin, m; infinite if the face has no area.
+    /// Distance of the plane from the origin, m; infinite if the face has no area.
     distance: f64,
-    /// Rounding error of the distance of other corners from the plane, m: large for a narrow triangle.
+    /// Rounding error of the distance of a vertex from the plane, m. It is large for a narrow triangle.
     rounding: f64,
-    /// Whether the corner that is being added is outside the face's plane.
+    /// Whether the vertex that is being added is on the outer side of the plane. The face is then removed.
     seen: bool,
 }
 
-/// Workspace of a polytope: vertices, faces and the rim of removed faces.
+/// Workspace of the expanding polytope algorithm: the polytope in the difference A - B of two shapes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Polytope {
+    /// Vertices of the polytope.
     vertices: Vec<Vertex>,
+    /// Triangles of its surface.
     faces: Vec<Face>,
+    /// Edges, as vertex indices, of the hole that remains after faces are removed.
     horizon: Vec<[u16; 2]>,
 }
 
@@ -49,8 +55,10 @@ impl Polytope {
         self.horizon.reserve(3 * v);
     }
 
-    /// Separation along the facet of A - B that is nearest to the origin. `start` is a tetrahedron that contains the origin. The result is
-    /// `None` if `start` is not a tetrahedron, or if rounding hides the facet.
+    /// Separation of two overlapping polytopes along the facet of A - B that is nearest to the origin.
+    ///
+    /// `start` is a tetrahedron that contains the origin. The result is `None` if `start` has fewer vertices, or if rounding hides the
+    /// facet.
     pub(super) fn nearest_facet(&mut self, pair: &Pair<'_>, start: &[Vertex]) -> Option<Separation> {
         if start.len() < 4 {
             return None;
@@ -73,7 +81,7 @@ impl Polytope {
         None
     }
 
-    /// Starts from a tetrahedron.
+    /// Sets the polytope to a tetrahedron with these vertices.
     fn start(&mut self, corners: &[Vertex]) {
         self.vertices.clear();
         self.vertices.extend(corners);
@@ -85,8 +93,9 @@ impl Polytope {
         }
     }
 
-    /// Starts the search of [`Polytope::shallower`] with corners of A - B: the given `tetrahedron` if it has four corners, else another
-    /// one, and the corners `more`.
+    /// Sets the polytope from which [`Polytope::shallower`] starts.
+    ///
+    /// It has the vertices of `tetrahedron` if there are four, else four other vertices of A - B. The vertices `more` are then added.
     pub(super) fn enclose(&mut self, pair: &Pair<'_>, tetrahedron: &[Vertex], more: &[Vertex]) {
         if tetrahedron.len() == 4 {
             self.start(tetrahedron);
@@ -99,8 +108,8 @@ impl Polytope {
         }
     }
 
-    /// Direction along which the overlap is shallower than `depth` by more than `least`, m. `None` if there is none, or if the polytope has
-    /// its largest size.
+    /// Unit normal along which the overlap is shallower than `depth` by more than `least`, both in m. `None` if there is none, or if the
+    /// polytope has its largest size.
     ///
     /// A further call continues with the same polytope.
     pub(super) fn shallower(&mut self, pair: &Pair<'_>, depth: f64, least: f64) -> Option<V> {
@@ -123,9 +132,9 @@ impl Polytope {
         None
     }
 
-    /// Separation along the normal of a facet, with the closest points where the normal through the origin meets the facet.
+    /// Separation along the normal of a facet of A - B. The closest points are where the normal through the origin meets the facet.
     ///
-    /// `furthest` is the corner of the difference that is farthest along the normal.
+    /// `furthest` is the vertex of A - B that is farthest along the normal.
     fn separation(&self, facet: &Face, furthest: Vertex) -> Separation {
         let corners = facet.corners.map(|c| &self.vertices[c as usize]);
         let [a, b, c] = corners.map(|c| c.w);
@@ -136,10 +145,10 @@ impl Polytope {
         Separation { normal: n, separation: -dot(n, furthest.w), points: [mix(|c| c.x), mix(|c| c.y)] }
     }
 
-    /// Adds a corner outside the polytope. Faces whose planes it is outside of by more than `rounding`, m, are replaced by faces between
-    /// the corner and their rim.
+    /// Adds a vertex outside the polytope.
     ///
-    /// Returns false, without any change, if rounding prevents a single closed rim.
+    /// Faces are removed if the vertex is on the outer side of their plane by more than `rounding`, m. New faces connect the vertex with
+    /// the edges of the hole. The result is false, without any change, if rounding prevents a single closed hole.
     fn grow(&mut self, vertex: Vertex, rounding: impl Fn(&Face) -> f64) -> bool {
         let new = self.vertices.len() as u16;
         self.horizon.clear();
@@ -152,14 +161,14 @@ impl Polytope {
             seen += 1;
             let [a, b, c] = face.corners;
             for [i, j] in [[a, b], [b, c], [c, a]] {
-                // An edge between two removed faces is not on the rim.
+                // An edge between two removed faces is not an edge of the hole.
                 match self.horizon.iter().position(|e| *e == [j, i]) {
                     Some(known) => drop(self.horizon.swap_remove(known)),
                     None => self.horizon.push([i, j]),
                 }
             }
         }
-        // The removed triangles form a disc without an inner corner exactly if the rim has two edges more than there are triangles.
+        // The removed triangles form a disc without an inner vertex exactly if the hole has two edges more than there are triangles.
         if self.horizon.len() != seen + 2 {
             return false;
         }
@@ -179,6 +188,7 @@ impl Polytope {
         true
     }
 
+    /// Adds a face with these vertices, counter-clockwise seen from outside.
     fn add(&mut self, corners: [u16; 3]) {
         let [a, b, c] = corners.map(|i| self.vertices[i as usize].w);
         let (u, v) = (sub(b, a), sub(c, a));

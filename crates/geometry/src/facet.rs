@@ -1,37 +1,41 @@
-//! Triangle of a surface with the shape of the surface around it: the neighbouring triangles and the convex edges.
+//! Triangle of a surface, with its neighbouring triangles and its convex edges.
 
 use crate::linear_algebra::*;
 use crate::pair::Pair;
 use crate::round::ends;
 use crate::vectors::{V, furthest};
 
-/// Relative height by which the corner of a neighbouring triangle must be below the plane for a convex edge. Vertices of mesh files have
-/// single precision.
+/// Slope below which a neighbouring triangle counts as coplanar: height of its third corner below the plane, relative to the corner's
+/// distance. Vertices of mesh files have single precision.
 pub(super) const FLAT: f64 = 1e-6;
 
-/// Difference of directions (1 - cos of the angle) below which a direction equals a triangle's normal up to rounding.
+/// Value of 1 - cos(angle) between a direction and a triangle's normal below which the two are equal up to rounding.
 pub(super) const PARALLEL: f64 = 1e-12;
 
-/// Triangle of a surface with its neighbours. Entry k of a list belongs to the edge that starts at corner k.
+/// Triangle of a surface, with its neighbours, in the frame of the surface. Edge k starts at corner k.
 pub(super) struct Facet {
+    /// Corners, m, counter-clockwise seen from outside.
     pub(super) corners: [V; 3],
+    /// Outward unit normal.
     pub(super) normal: V,
-    /// Corner of each neighbouring triangle that is not on the shared edge, if there is a neighbour.
+    /// Third corner of the neighbouring triangle across each edge, m; `None` without a neighbour.
     pub(super) across: [Option<V>; 3],
-    /// Whether each edge is convex. Edges without a neighbour count as convex.
+    /// Whether each edge is convex: the neighbour falls away from the plane. Edges without a neighbour count as convex.
     pub(super) bulges: [bool; 3],
 }
 
-/// Part of a triangle: inside, an edge or a corner.
+/// Part of a triangle: the inside, an edge or a corner.
 pub(super) enum Outline {
+    /// All of the triangle.
     Inside,
-    /// On the edge that starts at this corner.
+    /// Edge, by the index of the corner at which it starts.
     Edge(usize),
+    /// Corner, by its index.
     Corner(usize),
 }
 
 impl Facet {
-    /// A triangle with its unit normal and the third corners of its neighbours.
+    /// Triangle with its unit normal and the third corners of its neighbours, in m.
     pub(super) fn new(corners: [V; 3], normal: V, across: [Option<V>; 3]) -> Self {
         let falls = |d: V| {
             let fall = -dot(normal, d);
@@ -41,10 +45,11 @@ impl Facet {
         Self { corners, normal, across, bulges }
     }
 
-    /// Tangent of the angle by which each neighbouring triangle rises above this plane, at most 1, and 0 if it falls.
+    /// Tangent of the angle by which the neighbour across each edge rises above the triangle's plane. It is at most 1, and 0 for a
+    /// neighbour that falls.
     ///
-    /// In the valley between two triangles, a point behind both planes can be over neither triangle. Its distance from the edge is then at
-    /// most this tangent times its depth.
+    /// In the valley between two triangles, a point behind both planes can be below neither triangle. Its distance outside the edge is then
+    /// at most this tangent times its depth.
     pub(super) fn rises(&self) -> [f64; 3] {
         let Self { corners, normal, across, .. } = self;
         std::array::from_fn(|k| {
@@ -63,7 +68,7 @@ impl Facet {
         })
     }
 
-    /// Part of the triangle that is farthest along `d`, and one of its corners that is farthest.
+    /// Part of the triangle that is farthest along `d`, and a corner of this part, m. `d` is a unit vector.
     pub(super) fn furthest(&self, d: V) -> (Outline, V) {
         let k = furthest(&self.corners, d);
         let p = self.corners[k];
@@ -81,9 +86,10 @@ impl Facet {
         (outline, p)
     }
 
-    /// Whether any part of the second shape of a pair may be over the triangle, or in the gap behind a valley with these [`Facet::rises`].
+    /// Whether part of a shape may be below or above the triangle, or behind the planes of the triangle and of a neighbour that rises.
     ///
-    /// The answer is no for a ball or capsule whose core is outside one edge.
+    /// The shape is the second one of `pair`, and `rises` is from [`Facet::rises`]. The result is true except for a ball or capsule whose
+    /// core is outside one edge.
     pub(super) fn may_be_under(&self, pair: &Pair<'_>, rises: &[f64; 3]) -> bool {
         let Some(ends) = ends(pair) else { return true };
         let Self { corners, normal, .. } = self;

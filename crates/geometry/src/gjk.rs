@@ -1,36 +1,40 @@
-//! Distance of two convex sets: the point of their difference that is nearest to the origin.
+//! Distance of two convex sets: the distance of the origin from their Minkowski difference A - B.
 //!
 //! The method is that of Gilbert, Johnson & Keerthi (1988). The nearest point of a simplex follows from barycentric coordinates. Every face
-//! with the origin on its outer side is tried, and all faces of a degenerate simplex, which therefore needs no special case.
+//! with the origin on its outer side is tried. All faces of a degenerate simplex are tried, which therefore needs no special case.
 
 use crate::facing::Separation;
 use crate::linear_algebra::*;
 use crate::pair::{Pair, Vertex};
 use crate::vectors::{V, neg};
 
-/// Corners of the difference around its point nearest to the origin, with the weights of that point.
+/// Simplex of up to four vertices of A - B, which contains the point of A - B that is nearest to the origin.
 #[derive(Clone, Copy, Debug, Default)]
 struct Simplex {
+    /// Vertices. Only the first `count` are used.
     vertex: [Vertex; 4],
+    /// Barycentric coordinates of the nearest point.
     weight: [f64; 4],
+    /// Number of vertices.
     count: usize,
 }
 
-/// Result of the search: the nearest point and its simplex.
+/// Result of a GJK search: the point of A - B that is nearest to the origin, and its simplex.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Nearest {
-    /// Vector x - y from the closest point of the second set to that of the first; 0 if the sets overlap.
+    /// Nearest point, m: the vector from the closest point of B to that of A. It is 0 if the sets overlap.
     v: V,
     simplex: Simplex,
 }
 
+/// Largest number of iterations.
 const ITERATIONS: usize = 200;
-/// Sine of a corner of a triangle below which its normal is computed from the shortest edge, because of rounding.
+/// Sine of an angle of a triangle below which the normal is computed from the shortest edge, because the rounding error is smaller.
 const NARROW: f64 = 0.01;
 
-/// Closest points of A and B + shift. The search starts in the direction `start` (from B to A).
+/// Closest points of A and of B moved by `shift`, m. The search starts in the direction `start`, from B to A.
 ///
-/// If the sets are certainly farther apart than `beyond`, m, the search may stop early.
+/// The search may stop early once the distance certainly exceeds `beyond`, m.
 pub(super) fn nearest(pair: &Pair<'_>, shift: V, start: V, beyond: f64) -> Nearest {
     let mut simplex = Simplex { count: 1, ..Simplex::default() };
     simplex.vertex[0] = pair.support([-start[0], -start[1], -start[2]], shift);
@@ -40,9 +44,10 @@ pub(super) fn nearest(pair: &Pair<'_>, shift: V, start: V, beyond: f64) -> Neare
     search(pair, shift, simplex, v, |_, length, along| along > beyond * length)
 }
 
-/// Closest points of A and B + shift, see [`nearest`]. The search starts from three corners of the difference.
+/// Closest points of A and of B moved by `shift`, m. The search starts from the triangle `corners` of A - B.
 ///
-/// The search stops at a separating plane for which `enough` returns true. The arguments are the unit normal, from A to B, and the gap, m.
+/// `enough` is called with the unit normal of a separating plane, from A to B, and the separation along it, m. The search stops if it
+/// returns true.
 pub(super) fn nearest_from(pair: &Pair<'_>, shift: V, corners: [Vertex; 3], enough: impl Fn(V, f64) -> bool) -> Nearest {
     let [a, b, c] = corners;
     let mut simplex = Simplex { vertex: [a, b, c, c], weight: [0.0; 4], count: 3 };
@@ -50,9 +55,10 @@ pub(super) fn nearest_from(pair: &Pair<'_>, shift: V, corners: [Vertex; 3], enou
     search(pair, shift, simplex, v, |v, length, along| along > 0.0 && enough(scale(v, -1.0 / length), along / length))
 }
 
-/// Searches from a simplex and its nearest point `v`, until only rounding is left or until `enough` accepts a separating plane.
+/// Runs GJK from a simplex whose nearest point is `v`, until only rounding is left or until `enough` returns true.
 ///
-/// The arguments of `enough` are v, |v| and v . w for the new corner w.
+/// `enough` is called with v, the length of v, and the dot product of v and w. Here w is the vertex of A - B that is farthest along -v. A
+/// plane perpendicular to v separates the sets by the dot product divided by the length.
 #[inline(always)]
 fn search(pair: &Pair<'_>, shift: V, mut simplex: Simplex, mut v: V, enough: impl Fn(V, f64, f64) -> bool) -> Nearest {
     let named = pair.is_polytope();
@@ -84,7 +90,7 @@ fn search(pair: &Pair<'_>, shift: V, mut simplex: Simplex, mut v: V, enough: imp
 }
 
 impl Nearest {
-    /// Result that consists of the corner of the difference that is farthest along `normal`.
+    /// Simplex of a single vertex: the vertex of A - B that is farthest along `normal`.
     pub(super) fn corner(pair: &Pair<'_>, normal: V) -> Self {
         let vertex = pair.support(normal, [0.0; 3]);
         let mut simplex = Simplex { count: 1, ..Simplex::default() };
@@ -92,7 +98,7 @@ impl Nearest {
         Self { v: vertex.w, simplex }
     }
 
-    /// Result with the shift of the second set undone.
+    /// Result for B without the `shift`, m, with which the search was made.
     pub(super) fn moved_back(mut self, shift: V) -> Self {
         self.v = add(self.v, shift);
         for vertex in &mut self.simplex.vertex[..self.simplex.count] {
@@ -102,10 +108,11 @@ impl Nearest {
         self
     }
 
-    /// Distance of the nearest point from the outline of the triangle around it, m.
+    /// Distance of the nearest point from the outline of the triangle that contains it, m.
     ///
-    /// The result is 0 without a triangle, or if it is inclined to the plane perpendicular to `normal` by more than `flat`, m.
-    pub(super) fn room_on_facet(&self, normal: V, flat: f64) -> f64 {
+    /// The result is 0 if the simplex is not a triangle, or if an edge has a component of more than `flat`, m, along the unit vector
+    /// `normal`.
+    pub(super) fn distance_from_outline(&self, normal: V, flat: f64) -> f64 {
         let [a, b, c] = [0, 1, 2].map(|k| self.simplex.vertex[k].w);
         let edges = [sub(c, b), sub(a, c), sub(b, a)];
         if self.simplex.count != 3 || edges.iter().any(|e| dot(*e, normal).abs() > flat) {
@@ -115,7 +122,7 @@ impl Nearest {
         (0..3).map(|k| self.simplex.weight[k] * twice / norm(edges[k])).fold(f64::INFINITY, f64::min)
     }
 
-    /// Corners of the smallest simplex that holds the nearest point; a tetrahedron holds the origin.
+    /// Vertices of the smallest simplex that contains the nearest point. If the origin is inside A - B, they are a tetrahedron around it.
     pub(super) fn vertices(&self) -> &[Vertex] {
         self.simplex.vertices()
     }
@@ -125,18 +132,18 @@ impl Nearest {
         norm(self.v)
     }
 
-    /// Direction from the first set to the second, if their distance is more than `clear`, m.
+    /// Unit vector from A to B, if their distance is more than `clear`, m.
     pub(super) fn normal(&self, clear: f64) -> Option<V> {
         let length = self.length();
         (length > clear).then(|| scale(self.v, -1.0 / length))
     }
 
-    /// Separation along `normal`, with the closest points.
+    /// Distance and closest points of the sets as a [`Separation`] with this normal.
     pub(super) fn separation(&self, normal: V) -> Separation {
         Separation { normal, separation: self.length(), points: self.points() }
     }
 
-    /// Closest points of the first and second set.
+    /// Closest points of A and B, m.
     pub(super) fn points(&self) -> [V; 2] {
         let mix = |get: fn(&Vertex) -> V| {
             self.simplex.vertices().iter().zip(self.simplex.weight).fold([0.0; 3], |sum, (p, k)| add_scaled(sum, get(p), k))
@@ -146,17 +153,19 @@ impl Nearest {
 }
 
 impl Simplex {
+    /// Vertices in use.
     fn vertices(&self) -> &[Vertex] {
         &self.vertex[..self.count]
     }
 
+    /// Whether the simplex has a vertex with the same corner numbers.
     #[inline(always)]
     fn has(&self, vertex: &Vertex) -> bool {
         self.vertices().iter().any(|known| known.names == vertex.names)
     }
 
-    /// Reduces the simplex to the smallest face that contains the point nearest to the origin, and returns the point. The result is
-    /// `None` if the origin is inside the simplex.
+    /// Reduces the simplex to the smallest face that contains the point nearest to the origin, and returns the point, m. `None` if the
+    /// origin is inside the simplex.
     #[inline(always)]
     fn reduce(&mut self) -> Option<V> {
         let w: [V; 4] = std::array::from_fn(|i| self.vertex[i].w);
@@ -178,17 +187,22 @@ impl Simplex {
     }
 }
 
-/// Point of a simplex: barycentric coordinates, position, and squared distance from the origin.
+/// Point of a simplex that is nearest to the origin.
 #[derive(Clone, Copy)]
 struct Best {
+    /// Barycentric coordinates for all four vertices.
     weight: [f64; 4],
+    /// Position, m.
     point: V,
+    /// Squared distance from the origin, m^2.
     square: f64,
 }
 
 impl Best {
+    /// No point yet: its distance is infinite.
     const NONE: Self = Self { weight: [0.0; 4], point: [0.0; 3], square: f64::INFINITY };
 
+    /// Point that is closer to the origin; `self` if both are equally close.
     #[inline(always)]
     fn or(self, other: Self) -> Self {
         if other.square < self.square { other } else { self }

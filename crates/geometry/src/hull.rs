@@ -4,24 +4,25 @@ use thiserror::Error;
 
 use crate::blocks::{self, Block, Ring, SIDE, rings};
 use crate::linear_algebra::*;
-use crate::proof::Suspect;
 use crate::quickhull;
+use crate::surface_check::SurfaceCheck;
 use crate::vectors::{V, furthest, unit_or};
 
-/// Distance from a plane within which points are coplanar, relative to the size of the hull. Vertices of mesh files have single precision.
+/// Largest distance of a face's vertices from its plane, relative to the size of the hull. Vertices of mesh files have single precision.
 /// [`COPLANAR_THICKNESS`] is a second bound.
 const COPLANAR: f64 = 1e-6;
-/// Distance from a plane within which points are coplanar, relative to the thickness of the hull. It limits how much the faces of a thin
-/// hull are bent.
+/// Largest distance of a face's vertices from its plane, relative to the thickness of the hull. It limits how much the faces of a thin hull
+/// are bent.
 const COPLANAR_THICKNESS: f64 = 1e-3;
-/// Rounding error of a dot product, relative to the size of the hull and the sum of the direction's absolute values.
+/// Rounding error of the dot product of a vertex and a direction, relative to the size of the hull and the sum of the direction's absolute
+/// values.
 const ROUNDING: f64 = 2e-15;
-/// Distance from its plane within which a face is exactly flat, relative to the size of the hull.
+/// Largest distance of a face's vertices from its plane at which the face counts as exactly flat, relative to the size of the hull.
 const EXACT: f64 = 1e-12;
-/// Largest number of points for which the support point is found by testing all of them. In larger hulls the search climbs along edges.
+/// Largest number of vertices for which the support point is found by testing all of them. In larger hulls the search climbs along edges.
 const FEW: usize = 40;
 
-/// Reason why points have no hull.
+/// Reason why a convex hull of points cannot be made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum HullError {
     /// Fewer than four points.
@@ -36,40 +37,49 @@ pub enum HullError {
     /// The volume is not finite.
     #[error("its volume is not finite")]
     TooLarge,
-    /// The given surface is not that of the hull of the points.
+    /// The given surface is not that of the convex hull of the points.
     #[error("the surface kept as its convex hull is not that of its vertices")]
     OtherSurface,
 }
 
-/// Flat face of a hull.
+/// Flat face of a convex hull.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Face {
     /// Outward unit normal.
     pub normal: V,
-    /// Indices of its vertices, counter-clockwise seen from outside.
+    /// Indices of its vertices in [`Hull::points`], counter-clockwise seen from outside.
     pub vertices: Vec<u32>,
 }
 
-/// Convex hull of points, in their frame.
+/// Convex hull of points, in the frame of the points.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Hull {
-    /// Indices of its vertices in the list of given points, ascending.
+    /// Index of each vertex in the list of points from which the hull was made, ascending.
     corners: Vec<u32>,
+    /// Vertices, m.
     points: Vec<V>,
+    /// Triangles of the surface as indices of vertices, counter-clockwise seen from outside.
     triangles: Vec<[u32; 3]>,
+    /// Flat faces. Coplanar triangles are merged.
     faces: Vec<Face>,
-    /// Indices of the faces around every vertex.
+    /// Indices of the faces that meet at each vertex.
     around: Vec<Vec<u32>>,
-    /// Neighbours of every vertex along edges. Those of vertex v are in `rings[first[v]..first[v + 1]]`.
+    /// Edges of all vertices. Those of vertex v are in `rings[first[v]..first[v + 1]]`.
     rings: Vec<Ring>,
+    /// Index of the first ring of each vertex, and the number of rings.
     first: Vec<u32>,
+    /// Vertices in blocks of eight.
     blocks: Vec<Block>,
-    /// Vertex that is farthest along the direction through each cell of a cube's surface. Searches for support points start there.
+    /// Vertex at which the search for a support point starts: for each cell of a cube's surface, the vertex that is farthest along the
+    /// direction through the cell. Empty for hulls of up to [`FEW`] vertices.
     start: Vec<u32>,
     /// Vertices that are farthest along +x, -x, +y, -y, +z and -z.
     extreme: [usize; 6],
+    /// Centre of the volume, m.
     centre: V,
+    /// Radius of the smallest ball around the centre that contains the hull, m.
     bound: f64,
+    /// Smallest distance of the centre from a face, m.
     least: f64,
 }
 
@@ -90,36 +100,41 @@ impl Hull {
         let none = if extent.powi(4).is_finite() { HullError::Flat } else { HullError::TooLarge };
         let triangles = quickhull::triangles(points).ok_or(none)?;
         let (corners, triangles) = corners(points.len(), &triangles);
-        let beside = beside(corners.len(), &triangles).expect("the surface of a hull is closed");
-        Self::of_surface(points, corners, triangles, &beside)
+        let neighbours = edge_neighbours(corners.len(), &triangles).expect("the surface of a hull is closed");
+        Self::from_triangles(points, corners, triangles, &neighbours)
     }
 
-    /// Convex hull of points, m, from its [`Hull::surface`]. It has the same bits as [`Hull::new`] and takes less time.
+    /// Convex hull of points, m, whose [`Hull::surface`] is known. The result has the same bits as that of [`Hull::new`] and takes less
+    /// time.
     ///
     /// If the check of the surface fails, the hull is computed from the points and compared.
     ///
     /// # Errors
     /// [`HullError::OtherSurface`] if the triangles are not the surface of a convex body that contains the points.
-    pub fn of_known(points: &[V], surface: &[[u32; 3]]) -> Result<Self, HullError> {
-        Self::shown(points, surface)
+    pub fn from_surface(points: &[V], surface: &[[u32; 3]]) -> Result<Self, HullError> {
+        Self::from_convex_surface(points, surface)
             .or_else(|| Self::new(points).ok().filter(|hull| hull.surface() == surface))
             .ok_or(HullError::OtherSurface)
     }
 
-    /// Hull with the given surface, if that is certainly convex and contains the points within the tolerance of the faces.
-    fn shown(points: &[V], surface: &[[u32; 3]]) -> Option<Self> {
+    /// Hull with the given surface. `None` if rounding leaves doubt that the surface is convex and contains all points within the tolerance
+    /// of the faces.
+    fn from_convex_surface(points: &[V], surface: &[[u32; 3]]) -> Option<Self> {
         if surface.iter().flatten().any(|&v| v as usize >= points.len()) || points.iter().flatten().any(|x| !x.is_finite()) {
             return None;
         }
         let (corners, triangles) = corners(points.len(), surface);
-        let beside = beside(corners.len(), &triangles)?;
-        let hull = Self::of_surface(points, corners, triangles, &beside).ok()?;
-        let suspect = Suspect { points: &hull.points, triangles: &hull.triangles, beside: &beside, centre: hull.centre };
-        (suspect.is_convex() && suspect.holds(points, COPLANAR * hull.bound)).then_some(hull)
+        let neighbours = edge_neighbours(corners.len(), &triangles)?;
+        let hull = Self::from_triangles(points, corners, triangles, &neighbours).ok()?;
+        let check = SurfaceCheck { points: &hull.points, triangles: &hull.triangles, neighbours: &neighbours, centre: hull.centre };
+        (check.is_convex() && check.contains(points, COPLANAR * hull.bound)).then_some(hull)
     }
 
-    /// Hull with some of the points, m, as vertices. `triangles` are its surface, and `beside` the triangles across their edges.
-    fn of_surface(points: &[V], corners: Vec<u32>, triangles: Vec<[u32; 3]>, beside: &[[u32; 3]]) -> Result<Self, HullError> {
+    /// Hull from its vertices and triangles.
+    ///
+    /// `points` are all given points, m, and `corners` the indices of those that are vertices. `triangles` have indices into `corners`.
+    /// `neighbours` are the triangles across the edges that start at each corner of a triangle.
+    fn from_triangles(points: &[V], corners: Vec<u32>, triangles: Vec<[u32; 3]>, neighbours: &[[u32; 3]]) -> Result<Self, HullError> {
         if corners.is_empty() {
             return Err(HullError::TooFew);
         }
@@ -134,7 +149,7 @@ impl Hull {
         }
         // An inscribed ball has at most the radius 3 volume / area.
         let thickness = 3.0 * volume / area;
-        let faces = merge(&points, &triangles, beside, (COPLANAR * bound).min(COPLANAR_THICKNESS * thickness));
+        let faces = merge(&points, &triangles, neighbours, (COPLANAR * bound).min(COPLANAR_THICKNESS * thickness));
         if faces.len() < 4 {
             return Err(HullError::Flat);
         }
@@ -165,7 +180,7 @@ impl Hull {
         &self.triangles
     }
 
-    /// Triangles of the surface as indices of the given points, counter-clockwise seen from outside.
+    /// Triangles of the surface as indices of the points from which the hull was made, counter-clockwise seen from outside.
     pub fn surface(&self) -> Vec<[u32; 3]> {
         self.triangles.iter().map(|t| t.map(|v| self.corners[v as usize])).collect()
     }
@@ -175,6 +190,7 @@ impl Hull {
         &self.faces
     }
 
+    /// Flat face with the index `f`.
     pub(super) fn face(&self, f: usize) -> &Face {
         &self.faces[f]
     }
@@ -190,7 +206,7 @@ impl Hull {
         self.faces.iter().map(height).fold(f64::INFINITY, f64::min).max(0.0)
     }
 
-    /// Smallest and largest coordinates along each axis, m.
+    /// Smallest and largest coordinates of the vertices along each axis, m.
     pub(super) fn extent(&self) -> [V; 2] {
         let along = |k: usize, side: usize| self.points[self.extreme[2 * k + side]][k];
         [std::array::from_fn(|k| along(k, 1)), std::array::from_fn(|k| along(k, 0))]
@@ -201,12 +217,14 @@ impl Hull {
         self.bound
     }
 
-    /// Distance of the centre from the nearest face, m.
+    /// Smallest distance of the centre from a face, m.
     pub(super) fn least(&self) -> f64 {
         self.least
     }
 
-    /// Smallest q, m, for which the ball of radius q + e around p - q m contains all vertices. `m` is a unit vector.
+    /// Smallest q >= 0, m, for which the ball of radius q + e around p - q m contains all vertices.
+    ///
+    /// `p` is a point and `m` a unit vector. The length `e`, m, is how far the ball bulges beyond p along m.
     pub(super) fn curve(&self, p: V, m: V, e: f64) -> f64 {
         let mut q = 0.0;
         for block in &self.blocks {
@@ -223,7 +241,7 @@ impl Hull {
         q
     }
 
-    /// Vertex that is farthest along `d`. On a convex surface, a vertex without a farther neighbour is the farthest.
+    /// Index of the vertex that is farthest along `d`.
     pub(super) fn support(&self, d: V) -> usize {
         if self.points.len() <= FEW {
             return furthest(&self.points, d);
@@ -231,7 +249,9 @@ impl Hull {
         self.climb(self.start[cell(d)] as usize, d)
     }
 
-    /// Vertex that is farthest along `d`. The search starts at the vertex `from`.
+    /// Index of the vertex that is farthest along `d`. The search starts at the vertex `from` and follows edges.
+    ///
+    /// On a convex surface, a vertex without a farther neighbour is the farthest of all.
     pub(super) fn climb(&self, from: usize, d: V) -> usize {
         // Differences up to rounding do not count, because the search could go around a flat face.
         let level = ROUNDING * self.bound * (d[0].abs() + d[1].abs() + d[2].abs());
@@ -255,16 +275,17 @@ impl Hull {
         at
     }
 
+    /// Edges that start at a vertex.
     fn rings(&self, vertex: usize) -> &[Ring] {
         &self.rings[self.first[vertex] as usize..self.first[vertex + 1] as usize]
     }
 
-    /// Indices of the faces around a vertex.
+    /// Indices of the faces that meet at a vertex.
     pub(super) fn faces_around(&self, vertex: usize) -> &[u32] {
         &self.around[vertex]
     }
 
-    /// Index of the face whose normal is closest to `d`, among the faces around a vertex.
+    /// Index of the face whose normal is closest to `d`, among the faces that meet at a vertex.
     pub(super) fn facing_at(&self, vertex: usize, d: V) -> usize {
         let mut best = (f64::NEG_INFINITY, 0);
         for &f in &self.around[vertex] {
@@ -276,7 +297,7 @@ impl Hull {
         best.1
     }
 
-    /// Neighbour of a vertex along the edge that is closest to perpendicular to `d`; the first one of several.
+    /// Other end of the edge of a vertex that is closest to perpendicular to `d`. Of several equal edges it is the first.
     pub(super) fn level(&self, vertex: usize, d: V) -> usize {
         let mut best = (f64::INFINITY, vertex);
         for ring in self.rings(vertex) {
@@ -292,13 +313,15 @@ impl Hull {
         best.1
     }
 
-    /// Distance of a point over a face from the outline of the face, m. Negative outside the outline, and if the face is not exactly flat.
-    pub(super) fn room_over(&self, face: usize, p: V) -> f64 {
+    /// Distance of a point above a face from the outline of the face, m.
+    ///
+    /// The point `p` is in the frame of the hull, m. The result is negative outside the outline, and if the face is not exactly flat.
+    pub(super) fn distance_from_outline(&self, face: usize, p: V) -> f64 {
         let Face { normal, vertices } = &self.faces[face];
         let n = vertices.len();
         let corner = |k: usize| self.points[vertices[k % n] as usize];
         let o = corner(0);
-        let mut room = f64::INFINITY;
+        let mut least = f64::INFINITY;
         for k in 0..n {
             let (q, r) = (corner(k), corner(k + 1));
             if n > 3 && dot(*normal, sub(q, o)).abs() > EXACT * self.bound {
@@ -309,15 +332,15 @@ impl Hull {
             if x <= 0.0 {
                 return x;
             }
-            room = room.min(x);
+            least = least.min(x);
         }
-        room
+        least
     }
 
-    /// Visits normals of faces that may separate the hull from a shape at `towards`.
+    /// Calls `visit` with normals of faces that may separate the hull from a shape at the point `towards`.
     ///
-    /// These are all faces of a small hull. Of a larger one, they are the faces around the vertex that is farthest in this direction, and
-    /// around the farthest vertices along the axes.
+    /// For a hull of few faces these are all normals. For a larger hull they are those at the vertex farthest along `towards`, and at the
+    /// vertices farthest along the axes.
     pub(super) fn directions(&self, towards: V, mut visit: impl FnMut(V)) {
         if self.faces.len() <= FEW {
             self.faces.iter().for_each(|f| visit(f.normal));
@@ -330,10 +353,10 @@ impl Hull {
     }
 }
 
-/// Number of cells along an edge of the cube of [`Hull::start`].
+/// Number of cells along an edge of the cube whose cells are the entries of [`Hull::start`].
 const CELLS: usize = 16;
 
-/// Index of the cell of the cube's surface that a direction points to.
+/// Index of the cell of a cube's surface that contains the direction `d`, see [`Hull::start`].
 fn cell(d: V) -> usize {
     let k = crate::vectors::widest(d);
     let side = 2 * k + usize::from(d[k] < 0.0);
@@ -343,7 +366,7 @@ fn cell(d: V) -> usize {
     (side * CELLS + at(d[(k + 1) % 3])) * CELLS + at(d[(k + 2) % 3])
 }
 
-/// Indices of the points that are farthest along the directions through the centres of all cells.
+/// For each cell of the cube's surface, index of the point that is farthest along the direction through its centre, see [`Hull::start`].
 fn starts(points: &[Block]) -> Vec<u32> {
     let middle = |i: usize| (2 * i + 1) as f64 / CELLS as f64 - 1.0;
     let through = |c: usize| {
@@ -357,7 +380,7 @@ fn starts(points: &[Block]) -> Vec<u32> {
     (0..6 * CELLS * CELLS).map(|c| blocks::furthest(points, through(c)) as u32).collect()
 }
 
-/// Indices of the points that are corners of triangles, ascending, and the triangles as indices of this list. `points` is the number of all
+/// Points that are corners of triangles, as ascending indices, and the triangles as indices of this list. `points` is the number of all
 /// points.
 fn corners(points: usize, triangles: &[[u32; 3]]) -> (Vec<u32>, Vec<[u32; 3]>) {
     let mut place = vec![u32::MAX; points];
@@ -368,10 +391,11 @@ fn corners(points: usize, triangles: &[[u32; 3]]) -> (Vec<u32>, Vec<[u32; 3]>) {
     (corners, triangles)
 }
 
-/// Neighbours of each triangle across the edges that start at its corners. `None` if an edge does not have one triangle on each side.
-/// `points` is the number of points.
-fn beside(points: usize, triangles: &[[u32; 3]]) -> Option<Vec<[u32; 3]>> {
-    // leaving[first[v]..first[v + 1]] has the edges that start at point v: end point and triangle of each.
+/// For each triangle, the neighbouring triangle across the edge that starts at each of its corners.
+///
+/// `None` if an edge does not have one triangle on each side. `points` is the number of points.
+fn edge_neighbours(points: usize, triangles: &[[u32; 3]]) -> Option<Vec<[u32; 3]>> {
+    // leaving[first[v]..first[v + 1]] has the edges that start at point v, each as its end point and its triangle.
     let mut first = vec![0; points + 1];
     triangles.iter().flatten().for_each(|&v| first[v as usize + 1] += 1);
     (0..points).for_each(|v| first[v + 1] += first[v]);
@@ -394,7 +418,9 @@ fn beside(points: usize, triangles: &[[u32; 3]]) -> Option<Vec<[u32; 3]>> {
     triangles.iter().map(|&[a, b, c]| Some([across(b, a)?, across(c, b)?, across(a, c)?])).collect()
 }
 
-/// Volume, area and centre of the volume, from the tetrahedra between a vertex and the triangles. None of their volumes is negative.
+/// Volume, m^3, surface area, m^2, and centre of the volume, m, of a convex hull with these triangles.
+///
+/// The volume is the sum of tetrahedra between a vertex and the triangles. None of them has a negative volume.
 fn volume(points: &[V], triangles: &[[u32; 3]]) -> (f64, f64, V) {
     let origin = points[0];
     let (mut sum, mut area, mut moment) = (0.0, 0.0, [0.0; 3]);
@@ -408,8 +434,9 @@ fn volume(points: &[V], triangles: &[[u32; 3]]) -> (f64, f64, V) {
     (sum / 6.0, area, add_scaled(origin, moment, 1.0 / sum))
 }
 
-/// Vector along the normal of a triangle whose length is twice the area. It is computed from the two shorter edges, because two long edges
-/// of a narrow triangle have a large rounding error.
+/// Vector along the normal of a triangle whose length is twice the area, m^2.
+///
+/// It is computed from the two shorter edges, because two long edges of a narrow triangle have a large rounding error.
 fn area_of(corners: [V; 3]) -> V {
     let edges: [V; 3] = std::array::from_fn(|k| sub(corners[(k + 1) % 3], corners[k]));
     let square = edges.map(|e| dot(e, e));
@@ -417,8 +444,11 @@ fn area_of(corners: [V; 3]) -> V {
     cross(edges[(longest + 1) % 3], edges[(longest + 2) % 3])
 }
 
-/// Merges coplanar triangles to faces. The largest triangle of a face determines its plane.
-fn merge(points: &[V], triangles: &[[u32; 3]], beside: &[[u32; 3]], tolerance: f64) -> Vec<Face> {
+/// Merges coplanar triangles to faces. The largest triangle of a face determines its plane, from which vertices may be `tolerance`, m,
+/// away.
+///
+/// `neighbours` has the triangles across the edges that start at each corner.
+fn merge(points: &[V], triangles: &[[u32; 3]], neighbours: &[[u32; 3]], tolerance: f64) -> Vec<Face> {
     let corner = |t: usize, k: usize| points[triangles[t][k] as usize];
     let areas: Vec<V> = (0..triangles.len()).map(|t| area_of([corner(t, 0), corner(t, 1), corner(t, 2)])).collect();
     let mut order: Vec<(f64, usize)> = areas.iter().map(|a| norm(*a)).zip(0..).collect();
@@ -432,29 +462,29 @@ fn merge(points: &[V], triangles: &[[u32; 3]], beside: &[[u32; 3]], tolerance: f
         }
         let normal = unit_or(areas[seed], [0.0; 3]);
         let on_plane = |t: usize| (0..3).all(|k| dot(normal, sub(corner(t, k), corner(seed, 0))).abs() <= tolerance);
-        let (mut patch, mut next) = (vec![], vec![seed]);
+        let (mut group, mut next) = (vec![], vec![seed]);
         owner[seed] = seed;
         while let Some(t) = next.pop() {
-            patch.push(t);
-            for n in beside[t].map(|n| n as usize) {
+            group.push(t);
+            for n in neighbours[t].map(|n| n as usize) {
                 if owner[n] == usize::MAX && on_plane(n) && dot(normal, areas[n]) >= 0.0 {
                     owner[n] = seed;
                     next.push(n);
                 }
             }
         }
-        let edges = patch.iter().flat_map(|&t| (0..3).map(move |k| (t, k)));
-        let outer = edges.filter(|&(t, k)| owner[beside[t][k] as usize] != seed);
+        let edges = group.iter().flat_map(|&t| (0..3).map(move |k| (t, k)));
+        let outer = edges.filter(|&(t, k)| owner[neighbours[t][k] as usize] != seed);
         let vertices = outline(outer.map(|(t, k)| (triangles[t][k], triangles[t][(k + 1) % 3])).collect());
-        let area = patch.iter().fold([0.0; 3], |sum, &t| add(sum, areas[t]));
+        let area = group.iter().fold([0.0; 3], |sum, &t| add(sum, areas[t]));
         faces.push(Face { normal: unit_or(area, normal), vertices });
     }
     faces.retain(|f: &Face| f.vertices.len() >= 3);
     faces
 }
 
-/// Vertices along a boundary that is given by its edges, from the first vertex on. If the boundary touches itself, it follows the last
-/// edge.
+/// Vertices along the closed boundary that consists of directed `edges`, starting from the lowest index. Where the boundary touches itself,
+/// it follows the last edge.
 fn outline(mut edges: Vec<(u32, u32)>) -> Vec<u32> {
     edges.sort_unstable();
     let mut left = vec![true; edges.len()];

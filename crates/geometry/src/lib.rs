@@ -9,7 +9,7 @@
 //! let cube = Solid::Convex(ConvexShape::Hull(Arc::new(Hull::new(&corners)?)));
 //! let table = Solid::Convex(ConvexShape::Box { half: [1.0, 1.0, 0.5] });
 //!
-//! // The cube floats 1 mm above the table; contacts are wanted up to 1 cm.
+//! // The cube floats 1 mm above the table. Contacts are found up to a distance of 1 cm.
 //! let poses = [[0.0; 3], [0.2, 0.0, 0.601]].map(|pos| Pose { pos, mat: upright });
 //! let mut narrow = Narrow::default();
 //! let (points, _) = narrow.collide([&table, &cube], poses, 0.01.into());
@@ -71,13 +71,14 @@
 //! of the intersection of the features that face each other along n* (`manifold.rs`).
 //!
 //! All computations are in the frame of the first shape, so that the position of a scene in the world changes only rounding. The same poses
-//! always have the same contacts. A known normal (`recall.rs`) or separating plane (`separating_plane.rs`) only saves time.
+//! always have the same contacts. A cached normal (`warm_start.rs`) or separating plane (`separating_plane.rs`) only saves time.
 
 mod approach;
 mod ball;
 mod blocks;
 mod bounding_box;
 mod boxes;
+mod cached_normal;
 mod clearance;
 mod clip;
 mod distance;
@@ -86,7 +87,6 @@ mod facet;
 mod facing;
 mod gjk;
 mod hull;
-mod known;
 pub mod linear_algebra;
 mod manifold;
 mod mesh_heights;
@@ -94,34 +94,34 @@ mod narrow;
 mod pair;
 pub mod pairs;
 mod passing;
-mod patch;
-mod proof;
+mod projected_feature;
 mod quickhull;
 mod ray;
-mod reach;
-mod recall;
-mod room;
 mod round;
+mod search_limits;
 mod separating_plane;
 mod separation;
 mod shape;
 mod solid;
 mod surface;
+mod surface_check;
 mod vectors;
+mod warm_start;
+mod workspace;
 
 pub use approach::Approach;
 pub use bounding_box::BoundingBox;
+pub use cached_normal::CachedNormal;
 pub use distance::distance;
 pub use hull::{Face, Hull, HullError};
-pub use known::Known;
 pub use manifold::{MAX_POINTS, Manifold, Point};
 pub use narrow::{Narrow, collide, collide_plane};
 pub use passing::SolidMotion;
 pub use ray::RaySurface;
-pub use reach::Reach;
-pub use room::Room;
+pub use search_limits::SearchLimits;
 pub use separating_plane::{SeparatingPlane, SeparatingPlanes};
 pub use shape::ConvexShape;
 pub use solid::Solid;
-pub use surface::{Grid, MAX_SURFACE_POINTS, MeshSurface, Surface, Under, collide_surface};
+pub use surface::{DiscHeights, Grid, MAX_SURFACE_POINTS, MeshSurface, Surface, collide_surface};
 pub use vectors::Pose;
+pub use workspace::Workspace;

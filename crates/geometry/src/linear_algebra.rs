@@ -1,14 +1,16 @@
-//! Vectors and rotations over lanes: one vector, or one in each lane of a SIMD type.
+//! Vectors, rotation matrices and quaternions over lanes: a single one, or one in each lane of a SIMD type.
 
 use stepper_real::{Mask, Real, Scalar};
 
-/// Vector.
+/// Vector (x, y, z).
 pub type V3<R> = [R; 3];
-/// Rotation matrix, row by row. Its columns are the axes of the frame in the world.
+/// Rotation matrix, row by row. Its columns are the axes of a frame in the world.
 pub type M3<R> = [R; 9];
 
-/// Array of `f` of every index. It equals `std::array::from_fn`, but is always inlined. A function that is not inlined into a kernel would
-/// not have the kernel's SIMD instructions, and would be called for each element.
+/// Array with the entries f(0), f(1) and so on.
+///
+/// It equals `std::array::from_fn`, but is always inlined. A function that is not inlined into a kernel would not have the kernel's SIMD
+/// instructions, and would be called for each entry.
 #[inline(always)]
 pub fn array_of<T: Copy, const N: usize>(f: impl Fn(usize) -> T) -> [T; N] {
     let mut array = [f(0); N];
@@ -18,7 +20,7 @@ pub fn array_of<T: Copy, const N: usize>(f: impl Fn(usize) -> T) -> [T; N] {
     array
 }
 
-/// a + b
+/// Sum a + b of two vectors.
 #[inline(always)]
 pub fn add<R: Real, const N: usize>(a: [R; N], b: [R; N]) -> [R; N] {
     let mut out = [R::zero(); N];
@@ -28,7 +30,7 @@ pub fn add<R: Real, const N: usize>(a: [R; N], b: [R; N]) -> [R; N] {
     out
 }
 
-/// a - b
+/// Difference a - b of two vectors.
 #[inline(always)]
 pub fn sub<R: Real, const N: usize>(a: [R; N], b: [R; N]) -> [R; N] {
     let mut out = [R::zero(); N];
@@ -38,7 +40,7 @@ pub fn sub<R: Real, const N: usize>(a: [R; N], b: [R; N]) -> [R; N] {
     out
 }
 
-/// a s
+/// Vector a times the number s.
 #[inline(always)]
 pub fn scale<R: Real, const N: usize>(a: [R; N], s: R) -> [R; N] {
     let mut out = [R::zero(); N];
@@ -48,7 +50,7 @@ pub fn scale<R: Real, const N: usize>(a: [R; N], s: R) -> [R; N] {
     out
 }
 
-/// Product of a and b, entry by entry.
+/// Product of two vectors, entry by entry.
 #[inline(always)]
 pub fn times<R: Real, const N: usize>(a: [R; N], b: [R; N]) -> [R; N] {
     let mut out = [R::zero(); N];
@@ -58,7 +60,7 @@ pub fn times<R: Real, const N: usize>(a: [R; N], b: [R; N]) -> [R; N] {
     out
 }
 
-/// a + b s
+/// Sum a + b s of two vectors, the second one times the number s.
 #[inline(always)]
 pub fn add_scaled<R: Real, const N: usize>(a: [R; N], b: [R; N], s: R) -> [R; N] {
     let mut out = [R::zero(); N];
@@ -78,7 +80,7 @@ pub fn select<R: Real, const N: usize>(m: R::Mask, a: [R; N], b: [R; N]) -> [R; 
     out
 }
 
-/// Constant vector, the same in every lane.
+/// Vector with the same numbers in every lane.
 #[inline(always)]
 pub fn splat<R: Real, const N: usize>(a: [R::Scalar; N]) -> [R; N] {
     let mut out = [R::zero(); N];
@@ -88,7 +90,7 @@ pub fn splat<R: Real, const N: usize>(a: [R::Scalar; N]) -> [R; N] {
     out
 }
 
-/// Numbers of one lane.
+/// Entries of one lane, in f64.
 #[inline(always)]
 pub fn of_lane<R: Real, const N: usize>(x: &[R; N], lane: usize) -> [f64; N] {
     let mut out = [0.0; N];
@@ -104,37 +106,37 @@ pub fn zero<R: Real, const N: usize>() -> [R; N] {
     [R::zero(); N]
 }
 
-/// a . b
+/// Dot product a . b.
 #[inline(always)]
 pub fn dot<R: Real>(a: V3<R>, b: V3<R>) -> R {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// a x b
+/// Cross product a x b.
 #[inline(always)]
 pub fn cross<R: Real>(a: V3<R>, b: V3<R>) -> V3<R> {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// |a|
+/// Length |a| of a vector.
 #[inline(always)]
 pub fn norm<R: Real>(a: V3<R>) -> R {
     dot(a, a).sqrt()
 }
 
-/// M a
+/// Product M a: the vector `a` of a frame, in world axes, if the columns of M are the frame's axes in the world.
 #[inline(always)]
 pub fn rotate<R: Real>(m: &M3<R>, a: V3<R>) -> V3<R> {
     [m[0] * a[0] + m[1] * a[1] + m[2] * a[2], m[3] * a[0] + m[4] * a[1] + m[5] * a[2], m[6] * a[0] + m[7] * a[1] + m[8] * a[2]]
 }
 
-/// M^T a
+/// Product M^T a: the vector `a` of the world, in the axes of a frame, if the columns of M are the frame's axes in the world.
 #[inline(always)]
 pub fn rotate_back<R: Real>(m: &M3<R>, a: V3<R>) -> V3<R> {
     [m[0] * a[0] + m[3] * a[1] + m[6] * a[2], m[1] * a[0] + m[4] * a[1] + m[7] * a[2], m[2] * a[0] + m[5] * a[1] + m[8] * a[2]]
 }
 
-/// M N^T
+/// Product M N^T of two matrices.
 #[inline(always)]
 pub fn mat_mul_transposed<R: Real>(m: &M3<R>, n: &M3<R>) -> M3<R> {
     let mut out = [R::zero(); 9];
@@ -146,7 +148,7 @@ pub fn mat_mul_transposed<R: Real>(m: &M3<R>, n: &M3<R>) -> M3<R> {
     out
 }
 
-/// M N
+/// Product M N of two matrices.
 #[inline(always)]
 pub fn mat_mul<R: Real>(m: &M3<R>, n: &M3<R>) -> M3<R> {
     let mut out = [R::zero(); 9];
@@ -158,13 +160,13 @@ pub fn mat_mul<R: Real>(m: &M3<R>, n: &M3<R>) -> M3<R> {
     out
 }
 
-/// Axis k of the frame.
+/// Column k of a matrix: axis k of the frame, in the world.
 #[inline(always)]
 pub fn column<R: Real>(m: &M3<R>, k: usize) -> V3<R> {
     [m[k], m[3 + k], m[6 + k]]
 }
 
-/// Entry (i, j) of T X^T, see [`mat_mul_transposed`].
+/// Entry (i, j) of the matrix product T X^T.
 #[inline(always)]
 pub fn entry_of_mat_mul_transposed<R: Real>(t: &M3<R>, x: &M3<R>, i: usize, j: usize) -> R {
     t[3 * i] * x[3 * j] + t[3 * i + 1] * x[3 * j + 1] + t[3 * i + 2] * x[3 * j + 2]
@@ -214,7 +216,7 @@ pub fn mat_to_quat<R: Real>(m: &M3<R>) -> [R; 4] {
     quat_normalize(best)
 }
 
-/// p q
+/// Product p q of two quaternions (w, x, y, z).
 #[inline(always)]
 pub fn quat_mul<R: Real>(p: [R; 4], q: [R; 4]) -> [R; 4] {
     [
@@ -225,7 +227,7 @@ pub fn quat_mul<R: Real>(p: [R; 4], q: [R; 4]) -> [R; 4] {
     ]
 }
 
-/// q / |q|
+/// Unit quaternion q / |q|.
 #[inline(always)]
 pub fn quat_normalize<R: Real>(q: [R; 4]) -> [R; 4] {
     let n = (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]).sqrt();
@@ -259,8 +261,9 @@ pub fn quat_log<R: Real>(q: [R; 4]) -> V3<R> {
     scale(v, k)
 }
 
-/// Rate of the rotation vector `a` of an orientation exp(a) (dexpinv). `omega` is the angular velocity in the rotating frame. Small angles
-/// use the Bernoulli series of (1 - a/2 cot(a/2)) / a^2.
+/// Time derivative of the rotation vector `a` of a frame with the orientation exp(a), rad/s (dexpinv).
+///
+/// `omega` is the angular velocity of the frame in its axes, rad/s. Small angles use the Bernoulli series of (1 - a/2 cot(a/2)) / a^2.
 #[inline(always)]
 pub fn rotation_rate<R: Real>(a: V3<R>, omega: V3<R>) -> V3<R> {
     const SERIES: [f64; 6] = [1.0 / 12.0, 1.0 / 720.0, 1.0 / 30240.0, 1.0 / 1_209_600.0, 1.0 / 47_900_160.0, 691.0 / 1_307_674_368_000.0];
@@ -306,8 +309,9 @@ pub fn contact_frame<R: Real>(n: V3<R>) -> [V3<R>; 3] {
     [n, t, cross(n, t)]
 }
 
-/// Unit vector perpendicular to the unit normal `n`: the world's y axis, or z if the normal is near y, made orthogonal to n. This is the
-/// rule of MuJoCo's `mju_makeFrame`.
+/// Unit vector perpendicular to the unit normal `n`: the world's y axis, or z if the normal is near y, made orthogonal to n.
+///
+/// This is the rule of MuJoCo's `mju_makeFrame`.
 #[inline(always)]
 fn tangent<R: Real>(n: V3<R>) -> V3<R> {
     let (z, one) = (R::zero(), R::one());

@@ -1,68 +1,73 @@
-//! Contact points from a normal: the facing features are laid on one another, and few points keep their area and depth.
+//! Contact points of two shapes along a given normal.
+//!
+//! The features that face each other are projected along the normal. Contacts are at the corners of their intersection. At most a few of
+//! them are kept, which span nearly the same area and include the deepest one.
 
 use crate::clip::{Shared, Work, behind, edges_of_triangle, overlay};
 use crate::facing::Facing;
 use crate::linear_algebra::*;
 use crate::pair::Pair;
-use crate::patch::{Kind, Patch, View, edge};
+use crate::projected_feature::{Kind, ProjectedFeature, View, edge};
 use crate::separating_plane::SeparatingPlane;
 use crate::shape::ConvexShape;
 use crate::vectors::{Pose, V};
 
-/// Points that two convex shapes can have: four, and the lowest of a rim.
+/// Largest number of contact points of two convex shapes: four, and the lowest point of a cylinder's rim.
 pub const MAX_POINTS: usize = 5;
 
-/// Largest number of contact points from two facing polygons. Further points are dropped.
+/// Largest number of contact points of two facing polygons. Further points are dropped.
 const KEPT: usize = 4;
 
-/// A contact point.
+/// Contact point of two shapes.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Point {
-    /// Halfway between the surfaces, m.
+    /// Position halfway between the surfaces, m.
     pub pos: V,
-    /// Unit, from the first shape to the second.
+    /// Unit normal from the first shape to the second.
     pub normal: V,
-    /// Signed distance along the normal, m.
+    /// Signed distance of the surfaces along the normal, m; negative if they overlap.
     pub distance: f64,
-    /// Which vertices, edges and faces meet: the same from step to step.
+    /// Identifier of the vertices, edges and faces that meet. It is the same from step to step.
     pub feature: u32,
-    /// Whether the second shape is a ball that stays over one triangle of a surface within the step.
+    /// Whether the second shape is a ball whose centre stays above one triangle of a surface, or above neighbours that do not fall away,
+    /// within the step.
     pub stays_over_face: bool,
 }
 
-/// The contact points of two shapes.
+/// Contact points of two shapes.
 #[derive(Clone, Debug, Default)]
 pub struct Manifold {
-    /// Ascending by feature.
+    /// Contact points, ascending by [`Point::feature`].
     pub points: Vec<Point>,
-    /// What two hulls know of one another: the normal, or that of a plane that parts those that are further apart.
+    /// Normal and features of two hulls, from which the next step's search starts, and their separating plane if they are apart. `None` for
+    /// other shapes.
     pub separating_plane: Option<SeparatingPlane>,
 }
 
 impl Manifold {
-    /// Forgets all points.
+    /// Removes all points and the separating plane.
     pub fn clear(&mut self) {
         self.points.clear();
         self.separating_plane = None;
     }
 
-    /// The least distance, m; infinite where there is no point.
+    /// Smallest distance of a point, m; infinite without points.
     pub fn deepest(&self) -> f64 {
         self.points.iter().map(|p| p.distance).fold(f64::INFINITY, f64::min)
     }
 
-    /// Whether there is a single point that no feature named.
-    pub(super) fn is_lone(&self) -> bool {
-        self.points.len() == 1 && self.points[0].feature == LONE
+    /// Whether there is exactly one point, and its identifier is [`UNNAMED`].
+    pub(super) fn is_single_unnamed(&self) -> bool {
+        self.points.len() == 1 && self.points[0].feature == UNNAMED
     }
 
-    /// As seen from the other shape.
-    pub(super) fn turn(&mut self) {
+    /// Reverses all normals, so that the two shapes change places.
+    pub(super) fn flip_normals(&mut self) {
         self.points.iter_mut().for_each(|p| p.normal = p.normal.map(|x| -x));
     }
 
-    /// From the frame of the first shape to the world.
-    pub(super) fn place(&mut self, pose: &Pose) {
+    /// Transforms all points from the frame of the first shape, which has this pose, to the world frame.
+    pub(super) fn to_world(&mut self, pose: &Pose) {
         for p in &mut self.points {
             p.pos = add(pose.pos, rotate(&pose.mat, p.pos));
             p.normal = rotate(&pose.mat, p.normal);
@@ -70,37 +75,44 @@ impl Manifold {
     }
 }
 
-/// Room to work.
+/// Workspace for the computation of contact points along a normal.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Clipper {
-    patches: [Patch; 2],
+    /// Projected features of the first and second shape.
+    features: [ProjectedFeature; 2],
+    /// Corners of the intersection of both features.
     shared: Vec<Shared>,
+    /// Buffers of the clipping.
     work: Work,
 }
 
-/// A face whose normal is the contact's: 1 - cos of what rounding leaves.
+/// Largest value of 1 - cos(angle) between the normal of a face and that of the contact at which the two are equal up to rounding.
 const FLAT: f64 = 1e-12;
-/// A face that is level, see [`ALONG`]: 1 - cos of its normal to the contact's.
+/// Largest value of 1 - cos(angle) between the normal of a face and that of the contact at which the face counts as level, see [`ALONG`].
 pub(super) const LEVEL: f64 = 0.5 * ALONG * ALONG;
-/// Edges are at right angles to the normal below this cosine, and parallel below this sine.
+/// Largest sine of an angle between two directions that count as parallel, and cosine of an angle between directions that count as
+/// perpendicular.
 const ALONG: f64 = 1e-2;
-/// Difference of depths, relative to the size of a pair, below which two points are alike: the first of them is kept.
-const ALIKE_DEPTH: f64 = 1e-6;
-/// The feature of a lone point between edges, corners or curved surfaces.
-pub(super) const LONE: u32 = 0x7fff_ffff;
+/// Difference of depths below which two points count as equally deep, relative to the size of the pair. The first of them is kept.
+const EQUAL_DEPTH: f64 = 1e-6;
+/// Identifier of a single contact point that is not at a corner of an intersection, such as one between edges, corners or curved surfaces.
+pub(super) const UNNAMED: u32 = 0x7fff_ffff;
+/// Identity matrix.
 const IDENTITY: M3<f64> = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
 
 impl Clipper {
-    /// Room for features of so many corners.
+    /// Reserves memory for features with this number of corners.
     pub(super) fn reserve(&mut self, corners: usize) {
-        self.patches.iter_mut().for_each(|p| p.corners.reserve(corners));
-        // Two polygons clipped, or a polygon and a rim: its corners and two crossings on each edge.
+        self.features.iter_mut().for_each(|p| p.corners.reserve(corners));
+        // The largest intersections are those of two polygons, and of a polygon and a disc: corners, and two crossings on each edge.
         self.shared.reserve(4 * corners);
         self.work.reserve(2 * corners);
     }
 
-    /// The points of two cores along a normal, in the frame of the first, those beyond `prediction` dropped. At least one if the shapes are
-    /// within it.
+    /// Adds the contact points of two shapes along the normal of `facing` whose distance is at most `prediction`, m, in the frame of the
+    /// first shape.
+    ///
+    /// There is at least one point if the shapes are that close.
     pub(super) fn manifold(&mut self, pair: &Pair<'_>, facing: &Facing, prediction: f64, out: &mut Manifold) {
         let Facing { found, corners, .. } = *facing;
         let n = found.normal;
@@ -115,17 +127,19 @@ impl Clipper {
             self.lines(pair, &views, &axes, corners, prediction, out);
         }
         if out.points.is_empty() && distance <= prediction {
-            // Beside the nearest points, at the height halfway between the surfaces.
+            // Halfway between the surfaces, on the line through the middle of the closest points.
             let [x, y] = found.points;
             let middle = scale(add(x, y), 0.5);
             let pos = add_scaled(middle, n, dot(n, pair.a.support_at(corners[0], n)) + pair.a.radius() + 0.5 * distance - dot(n, middle));
-            out.points.push(Point { pos, normal: n, distance, feature: LONE, stays_over_face: false });
+            out.points.push(Point { pos, normal: n, distance, feature: UNNAMED, stays_over_face: false });
         }
     }
 
-    /// The points of the patches that were taken up, of which the reference is nearly level, at their distances along the normal.
+    /// Adds the corners of the intersection of the projected features, with their distances along the normal.
+    ///
+    /// `reference` is the index of the feature that is perpendicular to the normal, or nearly so.
     fn faces(&mut self, pair: &Pair<'_>, axes: &[V; 3], reference: usize, prediction: f64, out: &mut Manifold) {
-        let (r, o) = (&self.patches[reference], &self.patches[1 - reference]);
+        let (r, o) = (&self.features[reference], &self.features[1 - reference]);
         overlay(r, o, pair.tolerance, &mut self.work, &mut self.shared);
         if reference == 1 {
             self.shared.iter_mut().for_each(|s| s.h.swap(0, 1));
@@ -133,8 +147,11 @@ impl Clipper {
         self.emit(pair, axes, prediction, out);
     }
 
-    /// The points where two edges cross and a face beside them is nearly level: the faces are as near at more places than the crossing, or
-    /// will be soon. Whether there are any; beside a triangle of a surface its neighbours have them.
+    /// Adds the contact points of two edges that cross, if a face at one of the edges is nearly perpendicular to the normal.
+    ///
+    /// Such a face is as close at other points as at the crossing, or will be soon. Points of the whole face are therefore added. `tilts`
+    /// is 1 - cos(angle) between each shape's face and the normal. Returns whether points were added. For a triangle of a surface there are
+    /// none, because its neighbours have them.
     fn level_faces(
         &mut self,
         pair: &Pair<'_>,
@@ -149,29 +166,29 @@ impl Clipper {
             return false;
         }
         self.fill(pair, &views(pair, axes), facing.corners);
-        let [r, o] = [reference, 1 - reference].map(|k| &self.patches[k]);
+        let [r, o] = [reference, 1 - reference].map(|k| &self.features[k]);
         if !matches!(r.kind, Kind::Polygon | Kind::Disc) || o.corners.len() == 1 || !o.is_level(ALONG) {
             return false;
         }
         self.faces(pair, axes, reference, prediction, out);
-        // The nearest points are among them, or points alike, unless an edge is beside a face that is not its own.
-        if out.deepest() > facing.found.separation - pair.thickness() + ALIKE_DEPTH * pair.size {
+        // The closest points, or points of equal depth, must be among them. They are not if the edge does not belong to the face.
+        if out.deepest() > facing.found.separation - pair.thickness() + EQUAL_DEPTH * pair.size {
             out.points.clear();
         }
         !out.points.is_empty()
     }
 
-    /// Takes up the patches that face each other around the furthest corners.
+    /// Projects the features of both shapes that face each other, around their farthest corners along the normal.
     fn fill(&mut self, pair: &Pair<'_>, views: &[View<'_>; 2], corners: [u32; 2]) {
-        self.patches[0].fill(pair.a, &views[0], corners[0]);
-        self.patches[1].fill(pair.b, &views[1], corners[1]);
+        self.features[0].fill(pair.a, &views[0], corners[0]);
+        self.features[1].fill(pair.b, &views[1], corners[1]);
     }
 
-    /// The points over a triangle of a surface, the first shape, whose normal is given: none where the second is beside it.
+    /// Adds the contact points above or below a triangle of a surface, which is the first shape, along the triangle's normal.
     ///
-    /// Corners of the second count where they are over it, and behind a valley where they are over neither of the two there (`rises` of
-    /// every edge is the tangent of its angle). Where edges of the two cross, only what an edge that bulges carries counts, and of
-    /// something that lies flat on it: else a corner of the second is deeper, or another triangle is nearer.
+    /// Corners of the second shape count if they are above or below the triangle. In the valley between two triangles they also count if
+    /// they are behind both planes; `rises` is from `Facet::rises`. Crossings of edges count only at convex edges (`bulges`), and if the
+    /// feature of the second shape is parallel to the triangle. Otherwise a corner is deeper, or another triangle is closer.
     pub(super) fn over_facet(
         &mut self,
         pair: &Pair<'_>,
@@ -184,7 +201,7 @@ impl Clipper {
         let axes = contact_frame(face.found.normal);
         let views = views(pair, &axes);
         self.fill(pair, &views, face.corners);
-        let [facet, other] = &self.patches;
+        let [facet, other] = &self.features;
         overlay(facet, other, pair.tolerance, &mut self.work, &mut self.shared);
         let is_level = other.is_level(ALONG);
         self.shared.retain(|s| edges_of_triangle(other, s.id).is_none_or(|edges| is_level && edges.into_iter().any(|k| bulges[k])));
@@ -194,11 +211,12 @@ impl Clipper {
         self.emit(pair, &axes, prediction, out);
     }
 
-    /// The points of the second shape over a half space whose normal is the first's z axis.
+    /// Adds the contact points of the second shape of `pair` with a half space. The half space is below the xy plane of the first shape's
+    /// frame.
     pub(super) fn half_space(&mut self, pair: &Pair<'_>, prediction: f64, out: &mut Manifold) {
         let axes = contact_frame([0.0, 0.0, 1.0]);
         let view = views(pair, &axes)[1];
-        let patch = &mut self.patches[1];
+        let patch = &mut self.features[1];
         let corner = pair.b.corner(view.towards()).1;
         patch.fill(pair.b, &view, corner);
         patch.add_neighbours(pair.b, &view, corner);
@@ -207,19 +225,21 @@ impl Clipper {
         self.emit(pair, &axes, prediction, out);
     }
 
-    /// The lowest of some points over a half space, as [`Clipper::half_space`].
+    /// Adds the contact points of a half space with the lowest of some `points`, which are in the frame of the second shape, m.
+    ///
+    /// The half space is below the xy plane of the first shape's frame.
     pub(super) fn cloud(&mut self, pair: &Pair<'_>, points: &[V], prediction: f64, out: &mut Manifold) {
         let axes = contact_frame([0.0, 0.0, 1.0]);
         let view = views(pair, &axes)[1];
-        self.patches[1].corners.clear();
+        self.features[1].corners.clear();
         self.shared.clear();
-        let seen = points.iter().map(|p| view.see(*p)).enumerate();
+        let seen = points.iter().map(|p| view.project(*p)).enumerate();
         let shared = seen.map(|(i, [x, y, h])| Shared { x, y, h: [0.0, h], id: i as u32 });
         self.shared.extend(shared.filter(|s| s.h[1] <= prediction));
         self.emit(pair, &axes, prediction, out);
     }
 
-    /// Both ends of what two parallel lines share.
+    /// Adds the contact points of two parallel edges or straight lines: both ends of the part in which they overlap.
     fn lines(&mut self, pair: &Pair<'_>, views: &[View<'_>; 2], axes: &[V; 3], corners: [u32; 2], prediction: f64, out: &mut Manifold) {
         let edges = [edge(pair.a, views[0].towards(), corners[0], ALONG), edge(pair.b, views[1].towards(), corners[1], ALONG)];
         let [Some(p), Some(q)] = edges else { return };
@@ -228,20 +248,20 @@ impl Clipper {
         if sine > ALONG * norm(u) * norm(v) {
             return;
         }
-        let [p, q] = [p.map(|x| views[0].see(x)), q.map(|x| views[1].see(x))];
+        let [p, q] = [p.map(|x| views[0].project(x)), q.map(|x| views[1].project(x))];
         let (u, v) = ([p[1][0] - p[0][0], p[1][1] - p[0][1]], [q[1][0] - q[0][0], q[1][1] - q[0][1]]);
         let (uu, vv) = (u[0] * u[0] + u[1] * u[1], v[0] * v[0] + v[1] * v[1]);
         if uu == 0.0 || vv == 0.0 {
             return;
         }
-        // Along the first line, in shares of it: the ends of the second.
+        // Ends of the second line as fractions along the first line.
         let share = |e: [f64; 3]| ((e[0] - p[0][0]) * u[0] + (e[1] - p[0][1]) * u[1]) / uu;
         let (s, t) = (share(q[0]), share(q[1]));
         if s == t || s.max(t) <= 0.0 || s.min(t) >= 1.0 {
             return;
         }
         self.shared.clear();
-        // Each end is named by whose end it is.
+        // Identifiers: 0 and 1 for ends of the first line, 2 and 3 for ends of the second.
         let ends = [(0.0, 0), (1.0, 1), (s, 2), (t, 3)];
         for (x, id) in ends {
             let within = if id < 2 { (x - s) * (x - t) <= 0.0 } else { x > 0.0 && x < 1.0 };
@@ -250,7 +270,7 @@ impl Clipper {
                 let at = |e: &[[f64; 3]; 2], w: f64, k: usize| e[0][k] + (e[1][k] - e[0][k]) * w;
                 let (a, b) = (std::array::from_fn::<f64, 3, _>(|k| at(&p, x, k)), std::array::from_fn::<f64, 3, _>(|k| at(&q, y, k)));
                 if (a[0] - b[0]).hypot(a[1] - b[1]) > ALONG * uu.max(vv).sqrt() {
-                    // The lines pass beside one another: others are nearest.
+                    // The lines are too far apart sideways. Other points are closest.
                     return;
                 }
                 self.shared.push(Shared { x: 0.5 * (a[0] + b[0]), y: 0.5 * (a[1] + b[1]), h: [a[2], b[2]], id });
@@ -259,14 +279,15 @@ impl Clipper {
         self.emit(pair, axes, prediction, out);
     }
 
-    /// Takes up what is within the prediction, at most [`KEPT`] points and the lowest of a rim.
+    /// Adds the corners in `shared` as contact points, if their distance is at most `prediction`, m. At most [`KEPT`] points are added, and
+    /// the lowest point of a rim.
     fn emit(&mut self, pair: &Pair<'_>, axes: &[V; 3], prediction: f64, out: &mut Manifold) {
         let (ra, rb) = (pair.a.radius(), pair.b.radius());
         let distance = |s: &Shared| (s.h[1] - rb) - (s.h[0] + ra);
         self.shared.retain(|s| distance(s) <= prediction);
         self.shared.sort_unstable_by_key(|s| s.id);
         self.shared.dedup_by_key(|s| s.id);
-        let rim = self.patches.iter().any(|p| p.kind == Kind::Disc);
+        let rim = self.features.iter().any(|p| p.kind == Kind::Disc);
         if self.shared.len() > KEPT + usize::from(rim) {
             reduce(&mut self.shared, ra, rb, pair.size);
         }
@@ -278,27 +299,31 @@ impl Clipper {
     }
 }
 
+/// Views of both shapes for projection along `axes[0]`, the contact normal.
 fn views<'a>(pair: &'a Pair<'_>, axes: &'a [V; 3]) -> [View<'a>; 2] {
     [View { pos: [0.0; 3], mat: &IDENTITY, axes, side: 1.0 }, View { pos: pair.pos, mat: &pair.mat, axes, side: -1.0 }]
 }
 
-/// Upper bound of the identifiers of single vertices.
+/// Upper bound of the identifiers of contacts at a vertex.
 pub(super) const VERTICES: u32 = 1 << 30;
 
-/// Identifier of a feature (vertex, edge or face) of a part of a shape, such as a triangle of a mesh.
+/// Identifier of a contact with a part of a shape, such as a triangle of a mesh. It is a hash of the part and of the feature's identifier
+/// there.
 pub(super) fn mix(part: u32, feature: u32) -> u32 {
     1 << 31 | (part.wrapping_mul(0x9E37_79B1) ^ feature.wrapping_mul(0x85EB_CA6B)) >> 1
 }
 
-/// Joins the points of many parts: those at one place with one normal are one, those with one normal are reduced to four, and at most
-/// `most` are kept, the deepest.
+/// Moves contact points of several triangles from `all` to `out`, and reduces their number.
+///
+/// Points at the same place with the same normal are merged. Points with the same normal are reduced to four. At most `most` points remain,
+/// the deepest. `size` is the size of the pair, m.
 pub(super) fn reduce_points(all: &mut Vec<Point>, size: f64, most: usize, out: &mut Manifold) {
     let alike = |a: &Point, b: &Point| dot(a.normal, b.normal) > 1.0 - 1e-6;
     all.sort_unstable_by(|a, b| a.feature.cmp(&b.feature).then(a.distance.total_cmp(&b.distance)));
     while let Some(&first) = all.first() {
         let start = out.points.len();
         let axes = contact_frame(first.normal);
-        // A normal that is no unit vector is not even like itself: the first goes whatever it is, so that the list ends.
+        // A normal that is not a unit vector is not parallel to itself. The first point is therefore always removed, so that the loop ends.
         let mut is_first = true;
         all.retain(|p| {
             let same = std::mem::take(&mut is_first) || alike(&first, p);
@@ -332,9 +357,9 @@ pub(super) fn reduce_points(all: &mut Vec<Point>, size: f64, most: usize, out: &
     out.points.sort_unstable_by_key(|p| p.feature);
 }
 
-/// Keeps at most four points, see [`spanning`].
+/// Keeps at most four of the points, see [`spanning`]. `ra` and `rb` are the radii around the cores and `size` the size of the pair, m.
 fn reduce(points: &mut Vec<Shared>, ra: f64, rb: f64, size: f64) {
-    // The height of the first does not matter here, only how far the second is from it.
+    // Only the distance of the surfaces matters here. It becomes the second height, and the first is 0.
     let see = |s: &Shared| Shared { h: [0.0, (s.h[1] - rb) - (s.h[0] + ra)], ..*s };
     let (kept, count) = spanning(&|k| see(&points[k]), points.len(), size);
     for (k, &i) in kept[..count].iter().enumerate() {
@@ -343,11 +368,13 @@ fn reduce(points: &mut Vec<Shared>, ra: f64, rb: f64, size: f64) {
     points.truncate(count);
 }
 
-/// The indices, ascending, and the number of points that span nearly the area of all: the deepest of `count` points (the least h[1]), the
-/// furthest from it, and the two that add most area on either side, where they add any. Of points that are equal up to rounding the first
-/// is kept, so the choice does not change from step to step.
+/// Indices, ascending, and number of points that span nearly the area of all points.
+///
+/// They are the deepest of `count` points (smallest h[1]), the point farthest from it, and the two that add most area on either side. Of
+/// points that are equal up to rounding the first is chosen, so that the choice does not change from step to step. `size` is the size of
+/// the pair, m.
 fn spanning(point: &dyn Fn(usize) -> Shared, count: usize, size: f64) -> ([usize; KEPT], usize) {
-    let (tie, tie_area) = (ALIKE_DEPTH * size, 1e-6 * size * size);
+    let (tie, tie_area) = (EQUAL_DEPTH * size, 1e-6 * size * size);
     let mut kept = [0; KEPT];
     kept[0] = pick(point, count, &[], tie, |p| -p.h[1]);
     let a = point(kept[0]);
@@ -357,7 +384,7 @@ fn spanning(point: &dyn Fn(usize) -> Shared, count: usize, size: f64) -> ([usize
     kept[2] = pick(point, count, &kept[..2], tie_area, |p| side(p).abs());
     let c = point(kept[2]);
     let sign = if side(&c) < 0.0 { 1.0 } else { -1.0 };
-    // Outside of the triangle: by how much the area grows.
+    // Twice the area that the point adds to the triangle; negative inside.
     let beyond = |p: &Shared| {
         let across = |u: &Shared, v: &Shared| ((v.x - u.x) * (p.y - u.y) - (v.y - u.y) * (p.x - u.x)) * sign;
         across(&a, &b).max(across(&b, &c)).max(across(&c, &a))
@@ -374,7 +401,8 @@ fn spanning(point: &dyn Fn(usize) -> Shared, count: usize, size: f64) -> ([usize
     (kept, number)
 }
 
-/// The first of the points with the largest value, up to `tie`.
+/// Index of the point with the largest `value`, among `count` points without those in `but`. Of points that are equal up to `tie` it is the
+/// first.
 fn pick(point: &dyn Fn(usize) -> Shared, count: usize, but: &[usize], tie: f64, value: impl Fn(&Shared) -> f64) -> usize {
     let (mut best, mut most) = (usize::MAX, f64::NEG_INFINITY);
     for i in (0..count).filter(|i| !but.contains(i)) {

@@ -1,32 +1,34 @@
-//! Greatest heights of a mesh over a grid of cells. Most shapes near a concave mesh are above it, and the heights below them show that.
+//! Largest heights of a mesh over a grid of cells. They show that most shapes near a concave mesh are above it.
 
 use std::ops::Range;
 
 use crate::linear_algebra::*;
 use crate::vectors::V;
 
-/// Largest mean number of cells that the bounding box of a triangle meets. It bounds the time of the construction.
+/// Largest mean number of cells that the bounding box of a triangle overlaps. It bounds the time of the construction.
 const MAX_CELLS_MET: usize = 8;
 
 /// Largest number of cells per triangle. It bounds the memory of narrow meshes.
 const MAX_CELLS: usize = 2;
 
-/// Greatest heights of a mesh. Heights are coordinates along the axis of the mesh's frame along which it is shortest.
+/// Largest height of a mesh in each cell of a grid. Heights are coordinates along the axis of the mesh's frame along which the mesh is
+/// shortest.
 #[derive(Clone, Debug)]
 pub(crate) struct MeshHeights {
-    /// Axes that the cells divide.
+    /// Axes of the mesh's frame along which the grid has cells.
     axes: [usize; 2],
-    /// Least coordinates along these axes, m.
+    /// Smallest coordinates of the mesh along these axes, m.
     low: [f64; 2],
+    /// Number of cells per metre, the same along both axes.
     cells_per_metre: f64,
-    /// Number of cells along these axes.
+    /// Number of cells along the two axes.
     cells: [usize; 2],
-    /// Greatest height in each cell, the first axis fastest, m. Minus infinity where there is no triangle.
+    /// Largest height in each cell, m, with the first axis fastest. It is minus infinity in cells without a triangle.
     highest: Vec<f64>,
 }
 
 impl MeshHeights {
-    /// Heights of triangles with these bounding boxes, least and greatest coordinates, m.
+    /// Heights of a mesh from the bounding boxes of its triangles: smallest and largest coordinates, m.
     pub(crate) fn new(boxes: &[[V; 2]]) -> Self {
         let corner = |pick: fn(f64, f64) -> f64, end: usize| {
             boxes.iter().map(|b| b[end]).reduce(|p, q| array_of(|k| pick(p[k], q[k]))).unwrap_or_default()
@@ -59,19 +61,20 @@ impl MeshHeights {
         heights
     }
 
-    /// Axis along which heights are measured.
+    /// Axis of the mesh's frame along which heights are measured.
     pub(crate) fn up_axis(&self) -> usize {
         3 - self.axes[0] - self.axes[1]
     }
 
-    /// Greatest height of the cells that a box meets, m. Minus infinity if it meets none.
+    /// Largest height of the cells below or above a box, m; minus infinity if there are none. `low` and `high` are the corners of the box,
+    /// m.
     pub(crate) fn highest_in(&self, low: &V, high: &V) -> f64 {
         let [columns, rows] = self.cells_of(low, high);
         let row = |row: usize| &self.highest[row * self.cells[0] + columns.start..][..columns.len()];
         rows.filter(|_| !columns.is_empty()).flat_map(row).copied().fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// Cells along both axes that a box meets.
+    /// Ranges of cells along both axes that a box overlaps.
     fn cells_of(&self, low: &V, high: &V) -> [Range<usize>; 2] {
         std::array::from_fn(|k| {
             let places = [low, high].map(|x| (x[self.axes[k]] - self.low[k]) * self.cells_per_metre);
@@ -80,9 +83,9 @@ impl MeshHeights {
     }
 }
 
-/// Indices, among `count` cells along an axis, of those between two coordinates. The unit of the coordinates is a cell.
+/// Range of cells, among `count` cells along an axis, between two coordinates. The coordinates are in cells, and cell 0 begins at 0.
 ///
-/// Cell 0 begins at 0. The range is empty beside the cells.
+/// The range is empty if both coordinates are on the same side of all cells.
 pub(crate) fn cells_between([low, high]: [f64; 2], count: usize) -> Range<usize> {
     // The casts saturate, so that a coordinate may be negative or infinite.
     let last = high.floor();
@@ -103,7 +106,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(2000))]
 
-        /// No box that meets the query is higher than the result, also if the query is infinite or beside the mesh.
+        /// No box that overlaps the query is higher than the result, even if the query is infinite or outside the mesh.
         #[test]
         fn heights_bound_all_boxes_below_a_query(
             boxes in boxes(), low in prop::array::uniform3(-3.0..3.0f64), side in prop_oneof![0.0..0.3f64, 0.0..9.0, Just(f64::INFINITY)],

@@ -1,43 +1,49 @@
-//! Pair of shapes in the frame of the first one.
+//! Pair of convex shapes in the frame of the first one.
 
 use crate::linear_algebra::*;
 use crate::shape::ConvexShape;
 use crate::vectors::{Pose, V, neg};
 
-/// Distance below which two features are equal in double precision, as a fraction of the size of a pair.
+/// Distance below which two features count as equal in double precision, relative to the size of a pair.
 const EQUAL: f64 = 1e-9;
 
-/// Rounding error of a relative pose, in units in the last place of the coordinates of both shapes. A tower of ten boxes keeps the order
-/// of its contacts, at the origin and 3 m away from it.
+/// Rounding error of a relative pose, in units in the last place of the coordinates of both shapes. Evidence: with 8, a tower of ten boxes
+/// keeps the order of its contacts, at the origin and 3 m away from it.
 const POSE_ROUNDINGS: f64 = 8.0;
 
-/// Pair of shapes. All quantities are in the frame of the first shape.
+/// Pair of convex shapes. All quantities are in the frame of the first shape.
 pub(super) struct Pair<'a> {
+    /// First shape.
     pub(super) a: &'a ConvexShape,
+    /// Second shape.
     pub(super) b: &'a ConvexShape,
-    /// Origin of the second shape, m.
+    /// Position of the second shape's frame, m.
     pub(super) pos: V,
-    /// Orientation of the second shape.
+    /// Orientation of the second shape's frame.
     pub(super) mat: M3<f64>,
     /// Vector from the centre of the first shape to that of the second, m.
     pub(super) apart: V,
-    /// Sum of the bounding radii, m.
+    /// Size of the pair: sum of the bounding radii, m.
     pub(super) size: f64,
-    /// Distance below which two features are equal, m: rounding does not exchange the contact points of bodies at rest.
+    /// Distance below which two features count as equal, m. Rounding then does not exchange the contact points of bodies at rest.
     pub(super) tolerance: f64,
 }
 
-/// Vertex of the difference of the cores: w = x - y with x in the first core and y in the second.
+/// Vertex of the Minkowski difference of two cores: w = x - y with x in the first core and y in the second.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Vertex {
+    /// Position w in the difference, m.
     pub(super) w: V,
+    /// Point of the first core, m.
     pub(super) x: V,
+    /// Point of the second core, m.
     pub(super) y: V,
-    /// Corner numbers of x and y.
+    /// Corner numbers of x and y, see [`ConvexShape::corner`].
     pub(super) names: [u32; 2],
 }
 
 impl<'a> Pair<'a> {
+    /// Pair of two shapes with poses in the world.
     pub(super) fn new(a: &'a ConvexShape, pose_a: &Pose, b: &'a ConvexShape, pose_b: &Pose) -> Self {
         let pos = rotate_back(&pose_a.mat, sub(pose_b.pos, pose_a.pos));
         let m: [V; 3] = std::array::from_fn(|k| rotate_back(&pose_a.mat, column(&pose_b.mat, k)));
@@ -45,20 +51,20 @@ impl<'a> Pair<'a> {
         Self::between(a, b, pos, mat)
     }
 
-    /// Pair whose second shape has the given pose in the frame of the first.
+    /// Pair whose second shape has the pose `pos`, `mat` in the frame of the first.
     pub(super) fn between(a: &'a ConvexShape, b: &'a ConvexShape, pos: V, mat: M3<f64>) -> Self {
         let apart = sub(add(pos, rotate(&mat, b.centre())), a.centre());
         Self { a, b, pos, mat, apart, size: a.bound() + b.bound(), tolerance: EQUAL * (a.bound() + b.bound()) }
     }
 
-    /// Pair with the tolerance of poses whose relative rounding error is `epsilon`.
+    /// Pair with the tolerance of poses in the world whose relative rounding error is `epsilon`.
     pub(super) fn rounded(mut self, epsilon: f64, pose_a: &Pose, pose_b: &Pose) -> Self {
         let coordinates: f64 = pose_a.pos.iter().chain(&pose_b.pos).map(|x| x.abs()).sum();
         self.tolerance = self.tolerance.max(POSE_ROUNDINGS * epsilon * (coordinates + self.size));
         self
     }
 
-    /// Smallest extent of the two shapes, m, see [`ConvexShape::least`]. Shapes without extent are left out.
+    /// Smaller scale of the two shapes, m, see [`ConvexShape::least`]. Shapes of scale 0 are ignored.
     pub(super) fn least(&self) -> f64 {
         match (self.a.least(), self.b.least()) {
             (0.0, x) | (x, 0.0) => x,
@@ -66,12 +72,13 @@ impl<'a> Pair<'a> {
         }
     }
 
-    /// Whether the bounding balls are within `prediction`; false where a pose is not finite.
+    /// Whether the bounding balls are at most `prediction`, m, apart. False if a pose is not finite.
     pub(super) fn is_near(&self, prediction: f64) -> bool {
         let reach = self.size + prediction;
         reach >= 0.0 && dot(self.apart, self.apart) <= reach * reach && self.is_finite()
     }
 
+    /// Whether all numbers of the relative pose are finite.
     pub(super) fn is_finite(&self) -> bool {
         self.pos.iter().chain(&self.mat).all(|x| x.is_finite())
     }
@@ -86,13 +93,14 @@ impl<'a> Pair<'a> {
         self.a.radius() + self.b.radius()
     }
 
-    /// Support point of the second core along `d`, both in the frame of the first shape.
+    /// Point of the second core that is farthest along `d`. Both are in the frame of the first shape.
     pub(super) fn support_b(&self, d: V) -> V {
         add(self.pos, rotate(&self.mat, self.b.support(rotate_back(&self.mat, d))))
     }
 
-    /// Smallest and largest coordinates of the second core in the frame of the first shape. `ends` are the ends of the core of a ball or
-    /// capsule.
+    /// Smallest and largest coordinates of the second core in the frame of the first shape, m.
+    ///
+    /// `ends` are the end points of the core, if the second shape is a ball or capsule.
     pub(super) fn extent_b(&self, ends: Option<&[V]>) -> [V; 2] {
         if let Some(ends) = ends {
             return [f64::min, f64::max].map(|pick| array_of(|k| ends.iter().map(|end| end[k]).reduce(pick).unwrap_or_default()));
@@ -106,7 +114,7 @@ impl<'a> Pair<'a> {
         })
     }
 
-    /// Vertex of A - (B + shift) that is farthest along `d`.
+    /// Vertex of A - (B + shift) that is farthest along `d`, where A and B are the cores. The shift is in m.
     pub(super) fn support(&self, d: V, shift: V) -> Vertex {
         let (x, i) = self.a.corner(d);
         let (y, j) = self.b.corner(rotate_back(&self.mat, neg(d)));
@@ -114,44 +122,47 @@ impl<'a> Pair<'a> {
         Vertex { w: sub(x, y), x, y, names: [i, j] }
     }
 
-    /// Vertex of A - (B + shift) of the two corners `names` of hulls.
+    /// Vertex of A - (B + shift) at the corners `names` of two hulls A and B. The shift is in m.
     pub(super) fn vertex(&self, names: [u32; 2], shift: V) -> Vertex {
         let (x, y) = (self.a.support_at(names[0], shift), self.place(self.b.support_at(names[1], shift)));
         let y = add(y, shift);
         Vertex { w: sub(x, y), x, y, names }
     }
 
-    /// Separation of the cores along the unit vector `n`, m.
+    /// Separation of the cores along the unit vector `n` from the first to the second, m; negative if they overlap.
     pub(super) fn separation(&self, n: V) -> f64 {
         dot(n, self.support_b(neg(n))) - dot(n, self.a.support(n))
     }
 
-    /// Separation of the cores along the unit vector `n`, m, and the corners where it is. The search starts at the given corners.
+    /// Separation of the cores along the unit vector `n`, m, and the corner of each core where it is measured. The search starts at the
+    /// given corners.
     pub(super) fn separation_near(&self, n: V, [i, j]: [u32; 2]) -> (f64, [u32; 2]) {
         let ((x, i), (y, j)) = (self.a.climb(i, n), self.b.climb(j, rotate_back(&self.mat, neg(n))));
         (dot(n, self.place(y)) - dot(n, x), [i, j])
     }
 
-    /// Point `p` of the second shape in the frame of the first.
+    /// Point `p` of the second shape's frame, in the frame of the first, m.
     pub(super) fn place(&self, p: V) -> V {
         add(self.pos, rotate(&self.mat, p))
     }
 
-    /// Corner of the first core that is farthest along `n`, and of the second core in the opposite direction; 0 for shapes other than
-    /// hulls.
+    /// Corner of the first core that is farthest along `n`, and of the second core in the opposite direction. The numbers are 0 for shapes
+    /// other than hulls.
     pub(super) fn corners(&self, n: V) -> [u32; 2] {
         let first = if self.a.is_hull() { self.a.corner(n).1 } else { 0 };
         [first, if self.b.is_hull() { self.b.corner(rotate_back(&self.mat, neg(n))).1 } else { 0 }]
     }
 
-    /// Distance of two corners along `n`, m. Shapes other than hulls have their support point instead.
+    /// Component along `n` of the vector from corner i of the first core to corner j of the second, m. Shapes other than hulls have their
+    /// support point instead.
     pub(super) fn apart_at(&self, n: V, [i, j]: [u32; 2]) -> f64 {
         let y = self.place(self.b.support_at(j, rotate_back(&self.mat, neg(n))));
         dot(n, sub(y, self.a.support_at(i, n)))
     }
 
-    /// Normal of the face of each shape that is closest to facing the other along `n`, among the faces at `corners`. Both normals point
-    /// from the first shape to the second. `None` for a shape without flat faces.
+    /// Normal of the face of each shape that is closest to `n` or its opposite, among the faces at `corners`.
+    ///
+    /// Both normals point from the first shape to the second. `None` for a shape without flat faces.
     pub(super) fn flats(&self, n: V, corners: [u32; 2]) -> [Option<V>; 2] {
         let b = self.b.flat(rotate_back(&self.mat, neg(n)), corners[1]);
         [self.a.flat(n, corners[0]), b.map(|m| neg(rotate(&self.mat, m)))]

@@ -1,17 +1,19 @@
-//! Test whether two moving solids pass through each other. Each solid has a constant twist in a frame that moves along a straight line.
+//! Test whether two moving solids pass through each other within a step. Each solid has a constant twist in a frame that moves along a
+//! straight line.
 //!
 //! Two convex shapes pass if they are apart at both ends of the path and collide in between. If they overlap at an end, they pass if the
 //! direction between them reverses, because contact forces would then push them on instead of back. They also pass if they overlap at the
 //! end of the path and the depth in the direction of motion is smaller than in the opposite direction. Contact forces would push them
-//! sideways, around the edge of a plate. They collide if they overlap by an eighth of their thickness, because resting contacts overlap by
-//! rounding and slop.
+//! sideways, around the edge of a plate.
+//!
+//! A collision is an overlap of an eighth of the thickness, because resting contacts overlap by rounding and slop.
 //!
 //! The search is conservative advancement (Mirtich, 1996). With a bound c on the relative speed of their points, the distance falls by at
 //! most c t in a time t. A step of distance / c therefore misses no collision. Steps are at least a quarter of the thickness long.
 //!
 //! A shape passes a triangle surface if a point inside the shape enters it and leaves it again. A shape that ends behind the surface does
-//! not pass if the next step pushes it back. A height field always does, since it is solid down to its base. A mesh does if the normal of
-//! its deepest contact opposes the displacement.
+//! not pass if contact forces push it back in the next step. They always do for a height field, which is solid down to its base. For a mesh
+//! they do if the normal of the deepest contact opposes the displacement.
 
 use crate::expand::Polytope;
 use crate::linear_algebra::*;
@@ -19,17 +21,18 @@ use crate::manifold::Manifold;
 use crate::narrow::Narrow;
 use crate::pair::Pair;
 use crate::ray::crossings;
-use crate::room::Room;
 use crate::separation;
 use crate::shape::ConvexShape;
 use crate::solid::Solid;
 use crate::surface::{Surface, collide_surface};
 use crate::vectors::{Pose, V, neg};
+use crate::workspace::Workspace;
 
-/// Smallest advance of the collision search, relative to the thickness.
+/// Smallest displacement between two tests of the collision search, relative to the thickness.
 const MIN_ADVANCE: f64 = 0.25;
 
-/// Largest number of advances; beyond it the test reports a collision. Four advances per thickness cover a path of 250 thicknesses.
+/// Largest number of tests along a path. If it is reached, the result is a collision. Four tests per thickness cover a path of 250
+/// thicknesses.
 const MAX_ADVANCES: usize = 1000;
 
 /// Overlap above which two shapes collide, relative to their thickness.
@@ -41,20 +44,22 @@ const MAX_PART_ANGLE: f64 = 0.5;
 /// Largest number of parts of a path.
 const MAX_PARTS: usize = 64;
 
-/// Path length, relative to the thickness, above which points at half the depth of the shape are tested too. The path of a ball at half its
-/// radius above a point crosses its surface over a chord of 2 sqrt(1 - 1/4) radii. That is twice the thickness.
+/// Path length above which points at a distance of one thickness from the inner points are tested too, relative to the thickness.
+///
+/// The path of a ball at half its radius above a point crosses its surface over a chord of 2 sqrt(1 - 1/4) radii. That is twice the
+/// thickness.
 const PASS_THROUGH_RATIO: f64 = 3.0;
 
-/// Motion of a solid: its pose at time 0 and its constant twist in a frame that moves along a straight line.
+/// Motion of a solid in the world: its pose at time 0 and its constant twist in a frame that moves along a straight line.
 #[derive(Clone, Copy, Debug)]
 pub struct SolidMotion {
     /// Pose at time 0.
     pub pose: Pose,
-    /// Angular velocity, rad/s.
+    /// Angular velocity in world axes, rad/s.
     pub angular: V,
-    /// Velocity of the frame, m/s: that of the root of a floating tree.
+    /// Velocity of the moving frame, m/s: that of the root of a floating tree.
     pub root_velocity: V,
-    /// Velocity of the origin of the solid in that frame at time 0, m/s. It rotates with the solid.
+    /// Velocity of the origin of the solid in the moving frame at time 0, m/s. It rotates with the solid.
     pub linear: V,
 }
 
@@ -86,12 +91,12 @@ impl SolidMotion {
 }
 
 impl Narrow {
-    /// Whether two solids may pass through each other between the times `from` and `to`, s.
+    /// Whether two solids may pass through each other between the times `from` and `to`, s. The result is always false for a half space.
     ///
-    /// `thickness` is the relative displacement below which neither can pass the other, m. Nothing passes a half space.
+    /// `thickness` is the relative displacement below which neither can pass the other, m.
     pub fn may_pass(&mut self, solids: [&Solid; 2], motions: [SolidMotion; 2], [from, to]: [f64; 2], thickness: f64) -> bool {
         match solids {
-            [Solid::Convex(a), Solid::Convex(b)] => convex_pass([a, b], &motions, [from, to], thickness, &mut self.room.polytope),
+            [Solid::Convex(a), Solid::Convex(b)] => convex_pass([a, b], &motions, [from, to], thickness, &mut self.workspace.polytope),
             [Solid::Surface(surface), Solid::Convex(shape)] => self.may_pass_surface(surface, shape, &motions, [from, to], thickness),
             [Solid::Convex(shape), Solid::Surface(surface)] => {
                 self.may_pass_surface(surface, shape, &[motions[1], motions[0]], [from, to], thickness)
@@ -101,7 +106,7 @@ impl Narrow {
     }
 }
 
-/// Whether two convex shapes pass through each other.
+/// Whether two convex shapes pass through each other between the times `from` and `to`, s. `thickness` is as in [`Narrow::may_pass`].
 fn convex_pass(
     [a, b]: [&ConvexShape; 2],
     motions: &[SolidMotion; 2],
@@ -149,9 +154,10 @@ fn convex_pass(
     true
 }
 
-/// Whether the way out of an overlap against a direction is shorter than along it. `towards` is in the frame of the larger shape.
+/// Whether two overlapping shapes are separated by a shorter translation against a direction than along it.
 ///
-/// At the edge of a plate the shortest way out leads sideways, whichever side of the plate the shape came from.
+/// `towards` is the direction from the first shape to the second, in the frame of the larger shape. At the edge of a plate the shortest
+/// translation is sideways, no matter on which side the shape was before.
 fn is_past_middle([a, b]: [&ConvexShape; 2], [first, second]: [Pose; 2], towards: V) -> bool {
     let pair = Pair::new(a, &first, b, &second);
     let normal = rotate(if a.bound() > b.bound() { &first.mat } else { &second.mat }, towards);
@@ -175,13 +181,16 @@ enum Crossing {
     PassesThrough,
 }
 
-/// Path of a shape in the frame of a surface, cut into straight parts.
+/// Path of a shape in the frame of a surface, divided into straight parts.
 struct RelativePath {
+    /// Poses of the shape at the ends of the parts. The first `parts` + 1 are used.
     poses: [Pose; MAX_PARTS + 1],
+    /// Number of parts.
     parts: usize,
 }
 
 impl RelativePath {
+    /// Path between the times `from` and `to`, s. The motion of the surface comes first. `angle` is a bound on the relative rotation, rad.
     fn new(motions: &[SolidMotion; 2], [from, to]: [f64; 2], angle: f64) -> Self {
         let parts = ((angle / MAX_PART_ANGLE).ceil().max(1.0) as usize).min(MAX_PARTS);
         let mut poses = [motions[1].pose; MAX_PARTS + 1];
@@ -221,7 +230,9 @@ impl RelativePath {
 }
 
 impl Narrow {
-    /// Whether a convex shape passes a surface. The motion of the surface comes first.
+    /// Whether a convex shape passes through a surface between the times `from` and `to`, s.
+    ///
+    /// The motion of the surface comes first. `thickness` is as in [`Narrow::may_pass`].
     fn may_pass_surface(
         &mut self,
         surface: &Surface,
@@ -239,8 +250,8 @@ impl Narrow {
             match path.crossing(surface, point) {
                 (Crossing::PassesThrough, _) => return true,
                 (Crossing::Enters, displacement) if matches!(surface, Surface::Mesh(_)) => {
-                    let Self { room, found } = self;
-                    if !is_pushed_back(surface, shape, motions.map(|s| s.at(to)), displacement, found, room) {
+                    let Self { workspace, found } = self;
+                    if !is_pushed_back(surface, shape, motions.map(|s| s.at(to)), displacement, found, workspace) {
                         return true;
                     }
                 }
@@ -258,22 +269,23 @@ impl Narrow {
     }
 }
 
-/// Whether the deepest contact with a mesh opposes the `displacement` of a shape, given in the frame of the mesh.
+/// Whether contact forces push a shape back through a mesh: the deepest contact opposes its `displacement`, given in the frame of the mesh.
 fn is_pushed_back(
     surface: &Surface,
     shape: &ConvexShape,
     [ground, body]: [Pose; 2],
     displacement: V,
     out: &mut Manifold,
-    room: &mut Room,
+    workspace: &mut Workspace,
 ) -> bool {
-    collide_surface(surface, &ground, shape, &body, 0.0, out, room);
+    collide_surface(surface, &ground, shape, &body, 0.0, out, workspace);
     let displacement = rotate(&ground.mat, displacement);
     let deepest = out.points.iter().min_by(|p, q| p.distance.total_cmp(&q.distance));
     deepest.is_some_and(|p| dot(p.normal, displacement) < 0.0)
 }
 
-/// Points deep inside a shape, in its frame, and their number: along the axis of a long shape, halfway to the corners of a box.
+/// Points deep inside a shape, in its frame, m, and their number. They are along the axis of a long shape, and halfway to the corners of a
+/// box.
 fn inner_points(shape: &ConvexShape) -> ([V; 9], usize) {
     let mut points = [[0.0; 3]; 9];
     let along = |points: &mut [V; 9], half: f64| {

@@ -1,52 +1,62 @@
 //! Triangles of a convex hull.
 //!
-//! The method is Quickhull (Barber, Dobkin & Huhdanpaa, 1996). It starts with a tetrahedron and adds one point at a time. The triangles
-//! that face the new point are replaced by triangles between the point and the rim of the removed part.
+//! The method is Quickhull (Barber, Dobkin & Huhdanpaa, 1996). It starts with a tetrahedron and adds one point at a time. Triangles are
+//! removed if the new point is on the outer side of their plane. New triangles connect the point with the edges of the hole.
 //!
-//! Whether a point is outside a triangle's plane is exact (Shewchuk, 1997). The removed part is therefore always connected, even if the
-//! points are nearly flat or far from the origin. Rounded distances only decide which point comes next, and which points are close enough
-//! to the hull to be left out.
+//! The test for the outer side is exact (Shewchuk, 1997). The removed part is therefore always connected, even if the points are nearly
+//! flat or far from the origin. Rounded distances only determine which point comes next, and which points are close enough to the hull to
+//! be ignored.
 
 use robust::{Coord3D, orient3d};
 
 use crate::linear_algebra::*;
 use crate::vectors::{V, unit_or};
 
-/// Distance from a plane below which a point is on it, relative to the largest coordinate: a few times the rounding error.
+/// Distance from a plane below which a point counts as on it, relative to the largest coordinate: a few times the rounding error.
 const ROUNDING: f64 = 4.0 * f64::EPSILON;
-/// Thickness below which the points are on one plane up to rounding, relative to the largest coordinate.
+/// Thickness below which the points count as being on one plane, relative to the largest coordinate.
 const FLAT: f64 = 64.0 * f64::EPSILON;
 
 /// Triangle of the growing hull.
 struct Triangle {
+    /// Indices of its corners, counter-clockwise seen from outside.
     corners: [u32; 3],
     /// Index of the neighbouring triangle across the edge that starts at each corner.
-    beside: [usize; 3],
-    /// Index and distance of the points outside this triangle. A point outside several triangles is listed with the first one.
+    neighbours: [usize; 3],
+    /// Points outside this triangle that are not in the hull yet: index and distance from the plane, m. A point outside several triangles
+    /// is listed in the first one.
     outside: Vec<(u32, f64)>,
+    /// Whether the triangle is part of the hull and was not removed.
     alive: bool,
+    /// Plane of the triangle.
     plane: Plane,
 }
 
-/// Plane of a triangle, with a bound of the rounding error of distances to it.
+/// Plane of a triangle, with a bound of the rounding error of distances from it.
 struct Plane {
+    /// Outward unit normal.
     normal: V,
-    /// Twice the triangle's area.
+    /// Twice the triangle's area, m^2.
     area: f64,
+    /// Bound of the rounding error of a distance from the plane, m.
     doubt: f64,
 }
 
-/// Growing hull: its triangles, counter-clockwise seen from outside, and the distance within which points count as inside.
+/// Hull during its construction.
 struct Growing<'a> {
+    /// Points of which the hull is made, m.
     points: &'a [V],
+    /// All triangles that were added, including removed ones.
     triangles: Vec<Triangle>,
+    /// Distance from a triangle's plane up to which a point counts as inside, m.
     near: f64,
-    /// For each point of the rim of the part that was removed last: the new triangles of the rim edges that start and end there. Other
-    /// entries are meaningless.
+    /// For each point on the edge of the hole that was made last: the new triangles at the hole's edges that start and end there. Entries
+    /// of other points have no meaning.
     rim: Vec<[usize; 2]>,
 }
 
-/// Triangles of the hull of finite points, counter-clockwise seen from outside; `None` if all points are on one plane up to rounding.
+/// Triangles of the convex hull of finite points, counter-clockwise seen from outside. `None` if all points are on one plane up to
+/// rounding.
 pub(super) fn triangles(points: &[V]) -> Option<Vec<[u32; 3]>> {
     let largest = points.iter().flatten().fold(0.0, |most: f64, x| most.max(x.abs()));
     let simplex = simplex(points, FLAT * largest)?;
@@ -62,7 +72,8 @@ pub(super) fn triangles(points: &[V]) -> Option<Vec<[u32; 3]>> {
     Some(hull.triangles.iter().filter(|t| t.alive).map(|t| t.corners).collect())
 }
 
-/// First tetrahedron: four points that span a large volume. The last one is on the inner side of the triangle of the others.
+/// Four points that span a large volume. The last one is on the inner side of the triangle of the others. `None` if their thickness is at
+/// most `flat`, m.
 fn simplex(points: &[V], flat: f64) -> Option<[u32; 4]> {
     let most = |value: &dyn Fn(V) -> f64| {
         let best = |best: (f64, usize), (i, p): (usize, &V)| {
@@ -84,42 +95,49 @@ fn simplex(points: &[V], flat: f64) -> Option<[u32; 4]> {
     (side.abs() > flat * area).then_some(if side > 0.0 { [a, c, b, d] } else { [a, b, c, d] })
 }
 
-/// Six times the volume of the tetrahedron between a triangle and a point; positive if the point is outside. The sign is exact.
+/// Six times the volume of the tetrahedron between a triangle and the point `p`, m^3. It is positive if the point is on the outer side of
+/// the triangle. The sign is exact.
+///
+/// `corners` and `p` are indices of `points`.
 pub(super) fn outside(points: &[V], corners: [u32; 3], p: u32) -> f64 {
     volume_over(corners.map(|v| points[v as usize]), points[p as usize])
 }
 
-/// Six times the volume of the tetrahedron between a triangle and the point `p`, see [`outside`].
+/// Six times the volume of the tetrahedron between a triangle and the point `p`, m^3. It is positive if the point is on the outer side of
+/// the triangle. The sign is exact.
 pub(super) fn volume_over(corners: [V; 3], p: V) -> f64 {
     let [a, b, c, p] = [corners[0], corners[1], corners[2], p].map(|[x, y, z]| Coord3D { x, y, z });
     -orient3d(a, b, c, p)
 }
 
 impl Growing<'_> {
+    /// Starts with the tetrahedron of these points, and lists all other points with the triangle that they are outside of.
     fn begin(&mut self, [a, b, c, d]: [u32; 4]) {
         // Corners of each triangle, and its neighbours across the edges 0, 1 and 2.
         let faces = [([a, b, c], [1, 2, 3]), ([b, a, d], [0, 3, 2]), ([c, b, d], [0, 1, 3]), ([a, c, d], [0, 2, 1])];
-        faces.into_iter().for_each(|(corners, beside)| self.push(corners, beside));
+        faces.into_iter().for_each(|(corners, neighbours)| self.push(corners, neighbours));
         for p in 0..self.points.len() as u32 {
-            self.give(p, 0);
+            self.assign(p, 0);
         }
     }
 
-    fn push(&mut self, corners: [u32; 3], beside: [usize; 3]) {
+    /// Adds a triangle with these corners and neighbours.
+    fn push(&mut self, corners: [u32; 3], neighbours: [usize; 3]) {
         let [a, b, c] = corners.map(|i| self.points[i as usize]);
         let (u, v) = (sub(b, a), sub(c, a));
         let across = cross(u, v);
         let area = norm(across);
         let doubt = self.near * (4.0 + 8.0 * dot(u, u).max(dot(v, v)) / area);
         let plane = Plane { normal: unit_or(across, [0.0; 3]), area, doubt };
-        self.triangles.push(Triangle { corners, beside, outside: Vec::new(), alive: true, plane });
+        self.triangles.push(Triangle { corners, neighbours, outside: Vec::new(), alive: true, plane });
     }
 
+    /// Whether a point is on the outer side of a triangle.
     fn sees(&self, p: u32, triangle: usize) -> bool {
         outside(self.points, self.triangles[triangle].corners, p) > 0.0
     }
 
-    /// Distance of a point outside a triangle's plane; `None` if the point counts as inside.
+    /// Distance of a point outside a triangle's plane, m; `None` if the point counts as inside.
     fn height(&self, p: u32, triangle: usize) -> Option<f64> {
         let Triangle { corners, plane, .. } = &self.triangles[triangle];
         let nearly = dot(plane.normal, sub(self.points[p as usize], self.points[corners[0] as usize]));
@@ -130,8 +148,8 @@ impl Growing<'_> {
         (height > self.near).then_some(height)
     }
 
-    /// Lists a point with the first triangle, from index `first` on, that it is outside of. Inner points are not listed.
-    fn give(&mut self, p: u32, first: usize) {
+    /// Lists a point with the first triangle, from index `first` on, that it is outside of. Points inside the hull are not listed.
+    fn assign(&mut self, p: u32, first: usize) {
         for t in first..self.triangles.len() {
             if let Some(height) = self.height(p, t) {
                 return self.triangles[t].outside.push((p, height));
@@ -139,10 +157,9 @@ impl Growing<'_> {
         }
     }
 
-    /// Farthest of a triangle's listed points.
+    /// Farthest of the points that are listed with a triangle. `None` if the list is empty or the triangle was removed.
     ///
-    /// Among equally far points it is the one with the greatest coordinates in lexicographic order, which is certainly a corner of the
-    /// hull.
+    /// Of equally far points it is the one with the largest coordinates in lexicographic order, which is certainly a corner of the hull.
     fn furthest(&self, triangle: usize) -> Option<u32> {
         let t = &self.triangles[triangle];
         let greater = |a: (u32, f64), b: (u32, f64)| {
@@ -153,17 +170,20 @@ impl Growing<'_> {
         t.outside.iter().filter(|_| t.alive).copied().reduce(|best, p| if greater(p, best) { p } else { best }).map(|(p, _)| p)
     }
 
-    /// Adds the point `apex`: removes all triangles that face it, which include `from`, and connects their rim with the point.
+    /// Adds a point to the hull.
+    ///
+    /// All triangles that the point `apex` is on the outer side of are removed. The triangle `from` must be one of them. New triangles
+    /// connect the point with the edges of the hole.
     fn add(&mut self, from: usize, apex: u32) {
         let (mut seen, mut next) = (vec![from], 0);
         self.triangles[from].alive = false;
-        // Edges of the rim: both corners, in the order of the removed triangle, and the triangle across the edge, which stays.
+        // Edges of the hole: both corners, in the order of the removed triangle, and the triangle across the edge that remains.
         let mut rim = vec![];
         while next < seen.len() {
             let t = seen[next];
             next += 1;
             for k in 0..3 {
-                let across = self.triangles[t].beside[k];
+                let across = self.triangles[t].neighbours[k];
                 if !self.triangles[across].alive {
                     continue;
                 }
@@ -186,12 +206,12 @@ impl Growing<'_> {
             let index = self.triangles.len();
             self.push([corner, to, apex], [across, self.rim[to as usize][0], self.rim[corner as usize][1]]);
             let back = (0..3).find(|&k| self.triangles[across].corners[k] == to).expect("the edge is in both");
-            self.triangles[across].beside[back] = index;
+            self.triangles[across].neighbours[back] = index;
         }
         for t in seen {
             for (p, _) in std::mem::take(&mut self.triangles[t].outside) {
                 if p != apex {
-                    self.give(p, first);
+                    self.assign(p, first);
                 }
             }
         }

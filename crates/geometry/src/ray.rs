@@ -17,27 +17,30 @@ use crate::linear_algebra::*;
 use crate::surface::{Grid, MeshSurface, Surface, bounds};
 use crate::vectors::{Pose, V, widest};
 
-/// Enlargement of the triangles' boxes, relative to the largest coordinate of the mesh, so that rounding does not exclude a triangle that a
-/// ray touches.
+/// Enlargement of the triangles' bounding boxes, relative to the largest coordinate of the mesh. Rounding then does not exclude a triangle
+/// that a ray touches.
 const MARGIN: f64 = 1e-12;
 
-/// Mesh or height field for distances along rays, in its frame, m.
+/// Mesh or height field for distances along rays.
 #[derive(Clone, Debug)]
 pub struct RaySurface {
+    /// Triangles or height field, in its frame, m.
     form: Form,
     /// Centre and radius of a ball that contains the surface, m.
     ball: (V, f64),
 }
 
+/// Geometry of a [`RaySurface`].
 #[derive(Clone, Debug)]
 enum Form {
-    /// Triangles and the tree of their boxes.
+    /// Triangles, and the tree of their bounding boxes.
     Mesh(Vec<[V; 3]>, Bvh),
+    /// Height field.
     Field(Grid),
 }
 
 impl RaySurface {
-    /// Surface of a mesh, from vertices, m, and triangles.
+    /// Surface of a mesh. `vertices` are in m, and `faces` are triangles as vertex indices.
     pub fn mesh(vertices: &[V], faces: &[[u32; 3]]) -> Self {
         let triangles: Vec<[V; 3]> = faces.iter().map(|f| f.map(|v| vertices[v as usize])).collect();
         let extent = vertices.iter().flatten().fold(0.0, |most: f64, x| most.max(x.abs()));
@@ -51,21 +54,22 @@ impl RaySurface {
         Self::mesh(hull.points(), hull.triangles())
     }
 
-    /// Height field that is solid down to its base.
+    /// Height field, which is solid down to its base.
     pub fn field(grid: Grid) -> Self {
         let [x, y] = grid.half;
         let ball = ball_about(&[[-x, -y, -grid.base], [x, y, grid.highest().max(-grid.base)]]);
         Self { form: Form::Field(grid), ball }
     }
 
-    /// Centre and radius of a ball that contains the surface, m.
+    /// Centre, in the frame of the surface, and radius of a ball that contains the surface, m.
     #[inline]
     pub fn ball(&self) -> (V, f64) {
         self.ball
     }
 
-    /// Distance, m, from `origin` along the unit vector `direction` to the surface at `pose`; infinite without a hit. Both vectors are in
-    /// the world frame, the origin in m.
+    /// Distance along a ray to the surface, m; infinite without a hit.
+    ///
+    /// The ray starts at `origin`, m, and has the unit vector `direction`, both in the world frame. `pose` is the pose of the surface.
     pub fn distance(&self, pose: &Pose, origin: V, direction: V) -> f64 {
         let (o, d) = (rotate_back(&pose.mat, sub(origin, pose.pos)), rotate_back(&pose.mat, direction));
         // A ray with a number that is not finite hits nothing.
@@ -79,8 +83,10 @@ impl RaySurface {
     }
 }
 
-/// Number of times that the straight path from `p` to `q` crosses a surface, in its frame; 2 for more than once. A single crossing from the
-/// inside of a mesh to the outside does not count.
+/// Number of times that the straight path from `p` to `q` crosses a surface; 2 for more than once. Both points are in the surface's frame,
+/// m.
+///
+/// A single crossing from the inside of a mesh to the outside does not count.
 pub(super) fn crossings(surface: &Surface, p: V, q: V) -> usize {
     let d = sub(q, p);
     let length = norm(d);
@@ -107,14 +113,15 @@ pub(super) fn crossings(surface: &Surface, p: V, q: V) -> usize {
             let leaves = dot(cross(sub(b, a), sub(c, a)), d) > 0.0;
             match first + back < 1.0 - 1e-9 {
                 true => 2,
-                // Contacts push a shape out that was behind the surface.
+                // Contact forces push a shape out if it starts behind the surface.
                 false => usize::from(!leaves),
             }
         }
     }
 }
 
-/// First triangle of a mesh on the path from `from` to `from + d`, and the fraction of the path before it, up to 1.
+/// First triangle of a mesh on the path from `from` to `from + d`, and the fraction of the path in front of it. `None` if the path meets
+/// none.
 fn first_on_path(mesh: &MeshSurface, from: V, d: V) -> Option<(u32, f64)> {
     let sheared = Sheared::new(from, d)?;
     let [o, along] = [from, d].map(|p| Vector::new(p[0], p[1], p[2]));
@@ -122,7 +129,7 @@ fn first_on_path(mesh: &MeshSurface, from: V, d: V) -> Option<(u32, f64)> {
     mesh.tree().cast_ray(&Ray::new(o, along), 1.0, meet)
 }
 
-/// Centre and radius of the ball around the bounding box of points.
+/// Centre and radius of the ball around the bounding box of points, m.
 fn ball_about(points: &[V]) -> (V, f64) {
     let around = bounds(points);
     let [low, high] = [around.mins, around.maxs].map(|p| [p.x, p.y, p.z]);
@@ -130,6 +137,8 @@ fn ball_about(points: &[V]) -> (V, f64) {
     (centre, norm(sub(high, centre)))
 }
 
+/// Distance from `o` along the unit vector `d` to the first triangle, m; infinite without a hit. `tree` has the bounding boxes of the
+/// triangles.
 fn through_triangles(triangles: &[[V; 3]], tree: &Bvh, o: V, d: V) -> f64 {
     let Some(sheared) = Sheared::new(o, d) else { return f64::INFINITY };
     let [from, along] = [o, d].map(|p| Vector::new(p[0], p[1], p[2]));
@@ -137,15 +146,20 @@ fn through_triangles(triangles: &[[V; 3]], tree: &Bvh, o: V, d: V) -> f64 {
     found.map_or(f64::INFINITY, |(_, t)| t)
 }
 
-/// Frame in which the ray is the third axis. Points are sheared along the ray.
+/// Frame in which a ray is the third axis, for tests of triangles. Points are sheared along the ray.
 struct Sheared {
+    /// Start of the ray, m.
     origin: V,
+    /// Order of the axes. The last one is that of the ray's largest component.
     axes: [usize; 3],
+    /// First two components of the ray's direction relative to the largest one.
     slopes: [f64; 2],
+    /// Reciprocal of the largest component.
     scale: f64,
 }
 
 impl Sheared {
+    /// Frame of the ray from `origin`, m, along `d`. `None` if `d` is 0.
     fn new(origin: V, d: V) -> Option<Self> {
         let k = widest(d);
         let axes = [(k + 1) % 3, (k + 2) % 3, k];
@@ -153,7 +167,7 @@ impl Sheared {
         scale.is_finite().then(|| Self { origin, axes, slopes: [d[axes[0]] / d[k], d[axes[1]] / d[k]], scale })
     }
 
-    /// Distance to a triangle in lengths of the ray's direction.
+    /// Distance to a triangle with these corners, m, in lengths of the ray's direction vector. `None` if the ray misses it.
     fn meet(&self, corners: &[V; 3]) -> Option<f64> {
         let [i, j, k] = self.axes;
         let [a, b, c] = corners.map(|p| {
@@ -173,6 +187,7 @@ impl Sheared {
     }
 }
 
+/// Distance from `o` along the unit vector `d` to a height field in its frame, m; infinite without a hit.
 fn over_field(grid: &Grid, o: V, d: V) -> f64 {
     // Part of the ray inside the bounding box of the field.
     let box_ends = [[-grid.half[0], grid.half[0]], [-grid.half[1], grid.half[1]], [-grid.base, grid.highest()]];
@@ -227,15 +242,20 @@ fn over_field(grid: &Grid, o: V, d: V) -> f64 {
     if height <= 0.0 { leave } else { f64::INFINITY }
 }
 
-/// Crossings of a ray with the lines at whole numbers of a coordinate.
+/// Crossings of a ray with the grid lines of one coordinate: places where the coordinate is a whole number.
 struct Lines {
+    /// Coordinate at the start of the ray.
     first: f64,
+    /// Change of the coordinate per metre along the ray.
     rate: f64,
+    /// Coordinate of the next line.
     line: f64,
+    /// Distance along the ray to the next line, m; infinite if the ray is parallel to the lines.
     next: f64,
 }
 
 impl Lines {
+    /// Crossings of a ray whose coordinate is `first` at its start and changes by `rate` per metre.
     fn new(first: f64, rate: f64) -> Self {
         let line = if rate > 0.0 { first.floor() + 1.0 } else { first.ceil() - 1.0 };
         let mut lines = Self { first, rate, line, next: f64::INFINITY };
@@ -243,11 +263,12 @@ impl Lines {
         lines
     }
 
+    /// Computes the distance to the next line.
     fn place(&mut self) {
         self.next = if self.rate == 0.0 { f64::INFINITY } else { (self.line - self.first) / self.rate };
     }
 
-    /// Advances to the next line, if the ray has passed the current one at `s`.
+    /// Advances to the following line, if the distance `s` along the ray, m, has reached the next line.
     fn pass(&mut self, s: f64) {
         if self.next <= s {
             self.line += 1f64.copysign(self.rate);

@@ -1,4 +1,4 @@
-//! Closest points of a triangle and a ball or capsule, in closed form. The results equal those of the search, which takes longer.
+//! Closest points of a triangle and a ball or capsule, in closed form. The general search has the same results and takes longer.
 
 use crate::facing::{Facing, Separation};
 use crate::linear_algebra::*;
@@ -6,10 +6,11 @@ use crate::pair::Pair;
 use crate::shape::ConvexShape;
 use crate::vectors::V;
 
-/// Distance, relative to the size of the pair, below which the search finds the direction between the closest points.
+/// Distance of the cores below which the closed form is not used, relative to the size of the pair. The direction between the closest
+/// points is then inexact.
 pub(super) const CLOSE: f64 = 1e-6;
 
-/// Ends of the core of the second shape: the centre of a ball, both ends of a capsule's segment.
+/// Ends of the core of a ball or capsule, and their number: the centre of a ball, or both ends of a capsule's segment, m.
 pub(super) struct Ends([V; 2], usize);
 
 impl std::ops::Deref for Ends {
@@ -20,7 +21,7 @@ impl std::ops::Deref for Ends {
     }
 }
 
-/// Ends of the core of the second shape, see [`Ends`]; `None` for other shapes.
+/// Ends of the core of the second shape in the frame of the first, m; `None` for shapes other than balls and capsules.
 pub(super) fn ends(pair: &Pair<'_>) -> Option<Ends> {
     match *pair.b {
         ConvexShape::Sphere { .. } => Some(Ends([pair.pos; 2], 1)),
@@ -32,9 +33,9 @@ pub(super) fn ends(pair: &Pair<'_>) -> Option<Ends> {
     }
 }
 
-/// Whether a core with these ends may be closer to a triangle than `reach`, m, or behind it.
+/// Whether a core with these ends may be closer to a triangle than `reach`, m, or behind its plane. The true result is not certain.
 ///
-/// A core behind the plane may be outside an edge by at most its depth. The result is false if one edge shows that both are impossible.
+/// A core behind the plane may be outside an edge by at most its depth. The result is false if one edge excludes both.
 pub(super) fn may_touch(corners: &[V; 3], normal: V, ends: &[V], reach: f64) -> bool {
     (0..3).all(|k| {
         let edge = sub(corners[(k + 1) % 3], corners[k]);
@@ -47,14 +48,14 @@ pub(super) fn may_touch(corners: &[V; 3], normal: V, ends: &[V], reach: f64) -> 
     })
 }
 
-/// Whether the projection of a point onto the plane of a triangle is inside the triangle.
+/// Whether the projection of the point `p` onto the plane of a triangle is inside the triangle.
 pub(super) fn is_over(corners: &[V; 3], normal: V, p: V) -> bool {
     (0..3).all(|k| dot(cross(sub(corners[(k + 1) % 3], corners[k]), normal), sub(p, corners[k])) <= 0.0)
 }
 
-/// Separation of a triangle, the first shape, and the core of a ball or capsule.
+/// Separation of a triangle, the first shape, and the core of a ball or capsule, the second shape.
 ///
-/// The result is `None` for other shapes, and if the two touch or nearly touch.
+/// `None` for other shapes, and if the triangle and the core touch or nearly touch.
 pub(super) fn nearest(pair: &Pair<'_>) -> Option<Facing> {
     let ConvexShape::Triangle(corners) = pair.a else { return None };
     let [x, y] = match pair.b {
@@ -99,8 +100,9 @@ pub(super) fn nearest_of_triangle([a, b, c]: &[V; 3], p: V) -> V {
     add_scaled(p, n, -dot(n, ap) / dot(n, n))
 }
 
-/// Closest points of a triangle and a segment, of the triangle and an end of the segment, or of an edge and the segment. `None` if the
-/// segment crosses the triangle.
+/// Closest points of a triangle and a segment, m. `None` if the segment crosses the triangle.
+///
+/// They are those of the triangle and an end of the segment, or of an edge and the segment.
 fn nearest_of_segment(corners: &[V; 3], ends: [V; 2]) -> Option<[V; 2]> {
     let [a, b, c] = *corners;
     let n = cross(sub(b, a), sub(c, a));

@@ -1,4 +1,4 @@
-//! Separating plane of two hulls that stays valid for many steps. It consists of a half space that contains the first hull, and a ball
+//! Separating plane of two hulls that remains valid for many steps. It consists of a half space that contains the first hull, and a ball
 //! that contains the second hull and bulges little towards the first one.
 //!
 //! Both are fixed to their hulls and depend on their vertices alone, so that a change of poses or states does not invalidate them. Let the
@@ -9,9 +9,9 @@
 //! n . (pos + mat (p - q m)) - (q |m| + e) |n| - a >= n . (pos + mat p) - q |n + mat m|^2 / 2 - (a + e |n|)
 //! ```
 //!
-//! The right side stays accurate if q is a thousand times the size of the hull. Planes are made with m = -mat^T n and with the second
-//! hull's farthest corner p in that direction. The loss by rotations is then of second order in the angle. The ball is the smallest one
-//! that bulges by e beyond p. A corner w with depth t along m and distance l from p is within it if
+//! The right side remains accurate if q is a thousand times the size of the hull. Planes are made with m = -mat^T n and with the second
+//! hull's farthest corner p in that direction. The separation then decreases only quadratically with the rotation angle. The ball is the
+//! smallest one that bulges by e beyond p. A corner w with depth t along m and distance l from p is within it if
 //!
 //! ```text
 //! (l^2 - e^2) / (2 (t + e)) <= q.
@@ -21,26 +21,28 @@ use serde::{Deserialize, Serialize};
 use stepper_real::{Real, Scalar};
 
 use crate::approach::Approach;
+use crate::cached_normal::CachedNormal;
 use crate::facing::Facing;
-use crate::known::Known;
 use crate::linear_algebra::*;
 use crate::pair::Pair;
 use crate::shape::ConvexShape;
 use crate::vectors::neg;
 
-/// Fraction of the spare gap of two hulls by which the ball may bulge. A larger bulge allows a smaller ball, but the hulls may then move
-/// less.
+/// Largest bulge of the ball, as a fraction of the gap that the motion of the step cannot close. A larger bulge allows a smaller ball, but
+/// the hulls may then move less.
 const BULGE: f64 = 0.05;
-/// Spare gap, relative to the size of the hulls, below which no plane is computed, because it would be valid for a step or two only.
+/// Gap below which no plane is computed, relative to the size of the hulls. Only the part counts that the motion of the step cannot close.
+/// The plane would be valid for a step or two only.
 const LEAST: f64 = 5e-5;
 
-/// Normal along which two hulls are separated, the corners where it was found, and the plane and ball that contain the hulls.
+/// Normal along which two hulls are separated, the features where it was found, and the plane and ball that contain the hulls.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SeparatingPlane {
     /// Unit normal n from the first to the second hull, in the frame of the first.
     normal: [f32; 3],
-    /// Features where the normal was found, as in [`Facing`].
+    /// Corner of each hull where the normal was found, as in [`Facing`].
     corners: [u32; 2],
+    /// Other end of an edge from each corner, as in [`Facing`].
     ends: [u32; 2],
     /// Corner p of the second hull, in its frame, m.
     tip: [f32; 3],
@@ -48,16 +50,17 @@ pub struct SeparatingPlane {
     axis: [f32; 3],
     /// Parameter q of the ball's radius, m.
     curve: f32,
-    /// Offset a + e |n|, m; infinite if no separating plane is known.
+    /// Offset a + e |n|, m; infinite without a separating plane.
     offset: f32,
 }
 
 impl SeparatingPlane {
-    /// No separating plane.
+    /// Value without a normal and without a separating plane.
     pub const NONE: Self =
         Self { normal: [0.0; 3], corners: [0; 2], ends: [0; 2], tip: [0.0; 3], axis: [0.0; 3], curve: 0.0, offset: f32::INFINITY };
 
-    /// Separating plane along the normal of `facing`. `spare` is the part of the gap, m, that the motion of the step cannot close.
+    /// Separating plane along the normal of `facing`. `spare` is the part of the gap that the motion of the step cannot close, m. If it is
+    /// too small, the result has the normal and the features only.
     pub(super) fn new(pair: &Pair<'_>, facing: &Facing, spare: f64) -> Self {
         let Facing { found, corners, ends } = *facing;
         let (n, e) = (found.normal, BULGE * spare);
@@ -80,33 +83,38 @@ impl SeparatingPlane {
         Self { tip, axis, curve, offset: offset as f32, ..unknown }
     }
 
-    /// Start of the search in the next step.
+    /// Normal and edges from which the search in the next step starts.
     #[inline]
-    pub fn known(&self) -> Known {
+    pub fn cached_normal(&self) -> CachedNormal {
         let [i, j] = self.corners;
-        Known { normal: self.normal.map(f64::from), edges: Some([[i, self.ends[0]], [j, self.ends[1]]]) }
+        CachedNormal { normal: self.normal.map(f64::from), edges: Some([[i, self.ends[0]], [j, self.ends[1]]]) }
     }
 }
 
-/// Separating planes of two hulls, one in each lane.
+/// Separating planes of two hulls, one in each lane, see [`SeparatingPlane`].
 #[derive(Clone, Copy, Debug)]
 pub struct SeparatingPlanes<R: Real> {
+    /// Unit normal n from the first to the second hull, in the frame of the first.
     normal: V3<R>,
+    /// Corner p of the second hull, in its frame, m.
     tip: V3<R>,
+    /// Direction m from the ball's centre to the corner p, in the second hull's frame.
     axis: V3<R>,
+    /// Parameter q of the ball's radius, m.
     curve: R,
+    /// Offset a + e |n|, m; infinite without a separating plane.
     offset: R,
 }
 
 impl<R: Real> SeparatingPlanes<R> {
-    /// No separating plane in any lane.
+    /// Planes of which no lane has one.
     #[inline(always)]
     pub fn none() -> Self {
         let zero = R::zero();
         Self { normal: [zero; 3], tip: [zero; 3], axis: [zero; 3], curve: zero, offset: R::splat(R::Scalar::INFINITY) }
     }
 
-    /// Sets a lane.
+    /// Sets the plane in the lane `lane`.
     #[inline(always)]
     pub fn set_lane(&mut self, lane: usize, separating_plane: &SeparatingPlane) {
         let of = |x: f32| R::Scalar::from_f64(f64::from(x));
@@ -119,16 +127,16 @@ impl<R: Real> SeparatingPlanes<R> {
         self.offset.set_lane(lane, of(separating_plane.offset));
     }
 
-    /// Lanes in which no contact of the hulls can push within the step, with their motion `approach`.
+    /// Lanes in which the plane shows that no contact of the hulls can push within the step.
     ///
-    /// `apart` is the position of the second hull's origin relative to the first's, m. `mats` are the orientations of the hulls, and `size`
-    /// is the size of both, m.
+    /// `apart` is the vector from the first hull's origin to the second's in the world, m. `mats` are the orientations of the hulls.
+    /// `approach` is their motion within the step, and `size` the sum of their bounding radii, m.
     #[inline(always)]
-    pub fn keep(&self, apart: V3<R>, mats: [&M3<R>; 2], approach: &Approach<R>, size: f64) -> R::Mask {
+    pub fn separated_lanes(&self, apart: V3<R>, mats: [&M3<R>; 2], approach: &Approach<R>, size: f64) -> R::Mask {
         let n = rotate(mats[0], self.normal);
         let turned = add(n, rotate(mats[1], self.axis));
         let curved = R::of(0.5) * self.curve * dot(turned, turned);
         let gap = dot(n, add(apart, rotate(mats[1], self.tip))) - curved - self.offset;
-        approach.keeps(self.normal, gap, size)
+        approach.is_separated(self.normal, gap, size)
     }
 }

@@ -1,11 +1,12 @@
-//! Direction of the largest separation of two cores.
+//! Direction of the largest separation of the cores of two convex shapes.
 //!
 //! If the cores are apart, it is the direction between their closest points (`gjk.rs`). If polytopes overlap, it is the normal of the facet
-//! of their difference that is nearest to the origin (`expand.rs`). A contact near that of the last step needs neither (`recall.rs`).
+//! of their difference that is nearest to the origin (`expand.rs`). If the result is near that of the previous step, neither is needed
+//! (`warm_start.rs`).
 //!
 //! Round shapes that touch or overlap, and polytopes for which rounding hides the result, need another method. The second core is moved
-//! along the best known direction n0 until there is a small gap. The direction n1 between the closest points across that gap is at least as
-//! good. With the shift t n0, t = gap - s(n0), the shifted separation is s'(n) = s(n) + t n . n0, so that
+//! along the best direction n0 so far until there is a small gap. The direction n1 between the closest points across that gap is at least
+//! as good. With the shift t n0, t = gap - s(n0), the shifted separation is s'(n) = s(n) + t n . n0, so that
 //!
 //! ```text
 //! s(n1) = s'(n1) - t n1 . n0 >= s'(n0) - t = s(n0).
@@ -14,43 +15,45 @@
 //! Repetition converges to a local maximum of s. On smooth surfaces, each step reduces the error by the factor (depth + gap) / (radius of
 //! curvature + gap). There is always a result, because the climb starts from the best of the face normals and axes of both shapes.
 //!
-//! The overlap may be shallower in another direction. This is impossible if a closest point is as deep below the other shape's surface. It
-//! is also impossible if the ball around the origin with the depth as radius is inside a ball that can roll within the difference. The same
-//! holds if it is inside the known part of the difference (`recall.rs`). Otherwise a search of the difference (`expand.rs`) finds a
-//! shallower direction, or shows that there is none.
+//! The overlap may be shallower in another direction. This is impossible in three cases. A closest point is as deep below the other shape's
+//! surface. Or the ball around the origin with the depth as radius is inside a ball that can roll within the difference. Or it is inside
+//! the part of the difference that is described in `warm_start.rs`. Otherwise a search of the difference (`expand.rs`) finds a shallower
+//! direction, or shows that there is none.
 
 use crate::expand::Polytope;
-use crate::facing::{ALIKE, Facing, GAP, Separation};
+use crate::facing::{EQUAL_SEPARATION, Facing, GAP, Separation};
 use crate::gjk::{self, Nearest};
 use crate::linear_algebra::*;
 use crate::pair::Pair;
-use crate::reach::Reach;
-use crate::recall::{facet, is_certain, recall};
 use crate::round;
+use crate::search_limits::SearchLimits;
 use crate::shape::ConvexShape;
 use crate::vectors::{V, neg, unit_or};
+use crate::warm_start::{facet, is_certain, largest_separation_near};
 
-/// Distance of polytopes, relative to their size, above which the direction between their closest points is certain.
+/// Distance of polytopes above which the direction between their closest points is exact, relative to the size of the pair.
 const CLEAR: f64 = 1e-9;
-/// Largest number of climbing steps. Two to four are usual.
+/// Largest number of steps of [`climb`]. Two to four are usual.
 const CLIMBS: usize = 12;
-/// Least difference of depth for which a shallower direction is searched for, relative to the size of the pair.
+/// Smallest difference of depth for which a shallower direction is searched for, relative to the size of the pair.
 const SHALLOWER: f64 = 3e-8;
-/// Distance of the nearest point from the outline of its facet, relative to the size of the pair. Above it, the search for a shallower
-/// direction starts with the facet's corners.
+/// Distance of the nearest point from the outline of its facet above which the search for a shallower direction starts with the facet's
+/// vertices, relative to the size of the pair.
 const WIDE: f64 = 0.01;
-/// Sine of the angle to a face's normal below which the normal may replace the direction.
+/// Sine of the angle between the contact normal and a face's normal below which the face's normal may replace it.
 pub(super) const NEAR_FACE: f64 = 0.05;
-/// Sideways distance of the closest points above which neither is over the other, relative to the size of the pair.
-pub(super) const BESIDE: f64 = 1e-7;
+/// Distance of the closest points parallel to a face above which the closest feature is not above the face, relative to the size of the
+/// pair.
+pub(super) const SIDEWAYS: f64 = 1e-7;
 
-/// Largest separation of the cores. The search stops early, with a lower bound, if that is beyond reach.
+/// Largest separation of the cores of two shapes. The normal is that of a face, if the separation is equal up to rounding.
 ///
-/// A known normal saves time and does not change the result.
-pub(super) fn nearest(pair: &Pair<'_>, reach: &Reach, polytope: &mut Polytope) -> Facing {
-    let known = || reach.known.and_then(|known| recall(pair, &known, reach));
-    let mut facing = round::nearest(pair).or_else(known).unwrap_or_else(|| search(pair, reach, polytope));
-    if !reach.is_beyond(pair, &facing.found) {
+/// If `limits` exclude a contact, the search may stop early, and the separation is a lower bound or an estimate. A cached normal saves time
+/// and does not change the result.
+pub(super) fn nearest(pair: &Pair<'_>, limits: &SearchLimits, polytope: &mut Polytope) -> Facing {
+    let from_cache = || limits.cached.and_then(|cached| largest_separation_near(pair, &cached, limits));
+    let mut facing = round::nearest(pair).or_else(from_cache).unwrap_or_else(|| search(pair, limits, polytope));
+    if !limits.excludes(pair, &facing.found) {
         facing = prefer_face(pair, facing);
     }
     // Zeros get the same sign on every path.
@@ -58,16 +61,18 @@ pub(super) fn nearest(pair: &Pair<'_>, reach: &Reach, polytope: &mut Polytope) -
     facing
 }
 
-pub(super) fn search(pair: &Pair<'_>, reach: &Reach, polytope: &mut Polytope) -> Facing {
-    let distance = reach.prediction + pair.thickness();
+/// Largest separation of the cores of two shapes, without use of a cached normal.
+pub(super) fn search(pair: &Pair<'_>, limits: &SearchLimits, polytope: &mut Polytope) -> Facing {
+    let distance = limits.prediction + pair.thickness();
     let found = if pair.is_polytope() { of_polytopes(pair, distance, polytope) } else { of_round_bodies(pair, distance, polytope) };
     // The normal is that of the facet, without the rounding error of the search.
-    let own = if reach.is_beyond(pair, &found) { None } else { facet(pair, found.normal, reach) };
+    let own = if limits.excludes(pair, &found) { None } else { facet(pair, found.normal, limits) };
     own.unwrap_or_else(|| Facing::new(pair, found))
 }
 
-fn of_polytopes(pair: &Pair<'_>, reach: f64, polytope: &mut Polytope) -> Separation {
-    let first = gjk::nearest(pair, [0.0; 3], neg(pair.apart), reach.max(CLEAR * pair.size));
+/// Largest separation of two polytopes. If they are certainly farther apart than `max_distance`, m, the search may stop early.
+fn of_polytopes(pair: &Pair<'_>, max_distance: f64, polytope: &mut Polytope) -> Separation {
+    let first = gjk::nearest(pair, [0.0; 3], neg(pair.apart), max_distance.max(CLEAR * pair.size));
     if let Some(normal) = first.normal(CLEAR * pair.size) {
         return first.separation(normal);
     }
@@ -75,15 +80,17 @@ fn of_polytopes(pair: &Pair<'_>, reach: f64, polytope: &mut Polytope) -> Separat
     polytope.nearest_facet(pair, first.vertices()).unwrap_or_else(|| of_overlap(pair, &first, polytope))
 }
 
-fn of_round_bodies(pair: &Pair<'_>, reach: f64, polytope: &mut Polytope) -> Separation {
+/// Largest separation of two shapes of which at least one is round. If they are certainly farther apart than `max_distance`, m, the search
+/// may stop early.
+fn of_round_bodies(pair: &Pair<'_>, max_distance: f64, polytope: &mut Polytope) -> Separation {
     let gap = GAP * pair.least();
-    let first = gjk::nearest(pair, [0.0; 3], neg(pair.apart), reach.max(gap));
+    let first = gjk::nearest(pair, [0.0; 3], neg(pair.apart), max_distance.max(gap));
     first.normal(gap).map_or_else(|| of_overlap(pair, &first, polytope), |normal| first.separation(normal))
 }
 
-/// Separation of overlapping cores by climbing (see the module), repeated from every shallower direction that is found.
+/// Largest separation of overlapping cores, by [`climb`]. It is repeated from every shallower direction that is found.
 ///
-/// `first` is the result of the search without a gap.
+/// `first` is the result of a GJK search.
 fn of_overlap(pair: &Pair<'_>, first: &Nearest, polytope: &mut Polytope) -> Separation {
     let mut best = suggested(pair);
     if let Some(normal) = first.normal(0.0) {
@@ -91,12 +98,12 @@ fn of_overlap(pair: &Pair<'_>, first: &Nearest, polytope: &mut Polytope) -> Sepa
     }
     let (mut found, near) = climb(pair, best);
     let least = SHALLOWER * pair.size;
-    let room = near.room_on_facet(found.normal, least);
-    if -found.separation <= certain_depth(pair, &found) + least || is_certain(pair, &found, room) {
+    let from_outline = near.distance_from_outline(found.normal, least);
+    if -found.separation <= certain_depth(pair, &found) + least || is_certain(pair, &found, from_outline) {
         return found;
     }
     // Near a small facet, the polytope would have narrow faces.
-    polytope.enclose(pair, first.vertices(), if room > WIDE * pair.size { near.vertices() } else { &[] });
+    polytope.enclose(pair, first.vertices(), if from_outline > WIDE * pair.size { near.vertices() } else { &[] });
     for _ in 0..CLIMBS {
         let Some(normal) = polytope.shallower(pair, -found.separation, least) else { break };
         found = climb(pair, Candidate { normal, separation: pair.separation(normal) }).0;
@@ -104,15 +111,16 @@ fn of_overlap(pair: &Pair<'_>, first: &Nearest, polytope: &mut Polytope) -> Sepa
     found
 }
 
-/// Lower bound of the depth of an overlap in any direction, m. It is the depth of a closest point below the other shape's surface, or the
-/// radius of a ball that can roll within the difference.
+/// Lower bound of the depth of an overlap in any direction, m.
+///
+/// It is the depth of a closest point below the other shape's surface, or the radius of a ball that can roll within the difference.
 fn certain_depth(pair: &Pair<'_>, found: &Separation) -> f64 {
     let [x, y] = found.points;
     let of_points = pair.a.depth_of(y).max(pair.b.depth_of(rotate_back(&pair.mat, sub(x, pair.pos))));
     of_points.max(pair.a.roll() + pair.b.roll())
 }
 
-/// Best of the candidate directions of both shapes.
+/// Direction of the largest separation among face normals and axes of both shapes.
 fn suggested(pair: &Pair<'_>) -> Candidate {
     let mut best = Candidate { normal: [0.0, 0.0, 1.0], separation: f64::NEG_INFINITY };
     best.offer(pair, unit_or(pair.apart, [0.0, 0.0, 1.0]));
@@ -131,19 +139,22 @@ fn suggested(pair: &Pair<'_>) -> Candidate {
     best
 }
 
-/// Axis of revolution of a shape that is long in that direction.
+/// Axis of revolution of a capsule or cylinder, in its frame; `None` for other shapes.
 fn axis(shape: &ConvexShape) -> Option<V> {
     matches!(shape, ConvexShape::Capsule { .. } | ConvexShape::Cylinder { .. }).then_some([0.0, 0.0, 1.0])
 }
 
+/// Direction that may have the largest separation.
 #[derive(Clone, Copy)]
 struct Candidate {
+    /// Unit vector from the first shape to the second.
     normal: V,
+    /// Separation of the cores along the normal, m.
     separation: f64,
 }
 
 impl Candidate {
-    /// Replaces the candidate by a direction that has a larger separation.
+    /// Replaces the candidate by the unit vector `normal`, if the separation along it is larger.
     fn offer(&mut self, pair: &Pair<'_>, normal: V) {
         let separation = pair.separation(normal);
         if separation > self.separation {
@@ -152,7 +163,8 @@ impl Candidate {
     }
 }
 
-/// Climbs from `start` to a local maximum of the separation. Returns it with the closest points across the gap.
+/// Climbs from `start` to a local maximum of the separation, see the module. Returns it, and the last GJK result with the shapes moved
+/// back.
 fn climb(pair: &Pair<'_>, start: Candidate) -> (Separation, Nearest) {
     let gap = GAP * pair.least();
     let mut best = start;
@@ -175,14 +187,14 @@ fn climb(pair: &Pair<'_>, start: Candidate) -> (Separation, Nearest) {
     (Separation { normal: best.normal, separation: best.separation, points }, near)
 }
 
-/// Whether the closest points of polytopes have a sideways distance, seen along the normal `flat` of a face.
+/// Whether the closest points of two polytopes are at a distance parallel to a face with the normal `flat`.
 ///
-/// The closest feature is then not over the face, and clipping with this face as the reference would lose it. Only polytopes have exact
+/// The closest feature is then not above the face, and clipping with this face as the reference would lose it. Only polytopes have exact
 /// closest points.
 fn is_beside(pair: &Pair<'_>, found: &Separation, flat: V) -> bool {
     let [x, y] = found.points;
     let apart = sub(y, x);
-    found.separation > 0.0 && pair.is_polytope() && norm(add_scaled(apart, flat, -dot(apart, flat))) > BESIDE * pair.size
+    found.separation > 0.0 && pair.is_polytope() && norm(add_scaled(apart, flat, -dot(apart, flat))) > SIDEWAYS * pair.size
 }
 
 /// Replaces the normal by that of a face, if the separation is equal up to rounding. The first shape's face is preferred.
@@ -190,7 +202,7 @@ fn is_beside(pair: &Pair<'_>, found: &Separation, flat: V) -> bool {
 /// Normals of resting contacts are therefore exact, and do not change from step to step.
 fn prefer_face(pair: &Pair<'_>, facing: Facing) -> Facing {
     let Facing { found, corners, ends } = facing;
-    let worse = found.separation - ALIKE * pair.size;
+    let worse = found.separation - EQUAL_SEPARATION * pair.size;
     for flat in pair.flats(found.normal, corners).into_iter().flatten() {
         if flat == found.normal {
             return facing;

@@ -1,4 +1,4 @@
-//! Convex shapes: support maps of their cores.
+//! Convex shapes, their cores and support points.
 
 use std::sync::Arc;
 
@@ -6,7 +6,10 @@ use crate::hull::Hull;
 use crate::linear_algebra::*;
 use crate::vectors::{V, furthest, neg, unit_or, widest};
 
-/// Convex shape, with lengths in m along the axes of its frame.
+/// Convex shape in its frame, with lengths in m.
+///
+/// It consists of all points within [`Self::radius`] of its core. The core of a ball is a point and that of a capsule a segment. All other
+/// shapes have radius 0.
 #[derive(Clone, Debug)]
 pub enum ConvexShape {
     /// Ball.
@@ -45,7 +48,7 @@ pub enum ConvexShape {
 }
 
 impl ConvexShape {
-    /// Radius around the core: the shape is the set of points within this distance of its core, m.
+    /// Radius around the core, m. It is 0 for shapes other than balls and capsules.
     #[inline]
     pub fn radius(&self) -> f64 {
         match *self {
@@ -54,14 +57,13 @@ impl ConvexShape {
         }
     }
 
-    /// Support point: the point of the core that is farthest along `d`.
-    ///
-    /// The length of `d` has no effect, also if several points are equally far.
+    /// Support point: point of the core that is farthest along `d`, m. The length of `d` has no effect, even if several points are equally
+    /// far.
     pub fn support(&self, d: V) -> V {
         self.corner(d).0
     }
 
-    /// Support point along `d`, and its corner number; 0 for cores without corners.
+    /// Point of the core that is farthest along `d`, m, and its corner number. The number is 0 for round cores and for points.
     #[inline]
     pub(super) fn corner(&self, d: V) -> (V, u32) {
         let round = |p: V| (p, 0);
@@ -94,7 +96,7 @@ impl ConvexShape {
         }
     }
 
-    /// Support point along `d` and its corner number. The search on a hull starts at the corner `from`.
+    /// Point of the core that is farthest along `d`, m, and its corner number. On a hull, the search starts at the corner `from`.
     #[inline]
     pub(super) fn climb(&self, from: u32, d: V) -> (V, u32) {
         match self {
@@ -106,7 +108,7 @@ impl ConvexShape {
         }
     }
 
-    /// Support point of the core along `d` (the farthest point). For a hull it is the given corner.
+    /// Corner `corner` of a hull, or the point of another core that is farthest along `d`, m.
     pub(super) fn support_at(&self, corner: u32, d: V) -> V {
         match self {
             Self::Hull(hull) => hull.points()[corner as usize],
@@ -124,7 +126,7 @@ impl ConvexShape {
         !matches!(self, Self::Cylinder { .. } | Self::Ellipsoid { .. })
     }
 
-    /// Upper bound of the number of corners of a face.
+    /// Upper bound of the number of corners of a face, for the size of buffers.
     pub(super) fn corners(&self) -> usize {
         match self {
             Self::Hull(hull) => hull.points().len(),
@@ -132,7 +134,7 @@ impl ConvexShape {
         }
     }
 
-    /// Point inside the core.
+    /// Point inside the core, m: the origin of the frame, the centre of a hull's volume, or the centroid of a triangle.
     pub(super) fn centre(&self) -> V {
         match self {
             Self::Hull(hull) => hull.centre(),
@@ -173,14 +175,14 @@ impl ConvexShape {
         }
     }
 
-    /// Radius of the largest ball that can touch every point of the core's surface from inside, m; 0 except for ellipsoids.
+    /// Radius of the largest ball that can touch every point of the core's surface from inside, m. It is 0 except for ellipsoids.
     pub(super) fn roll(&self) -> f64 {
         let Self::Ellipsoid { radii: [x, y, z] } = *self else { return 0.0 };
         let shortest = x.min(y).min(z);
         shortest * shortest / x.max(y).max(z)
     }
 
-    /// Depth of a point below the surface of a box or cylinder, m; 0 for other shapes.
+    /// Depth of the point `p` below the surface of a box or cylinder, m; 0 for other shapes.
     pub(super) fn depth_of(&self, p: V) -> f64 {
         match self {
             Self::Box { half } => (0..3).map(|k| half[k] - p[k].abs()).fold(f64::INFINITY, f64::min),
@@ -197,7 +199,8 @@ impl ConvexShape {
         }
     }
 
-    /// Outward normal of the flat face whose normal is closest to `d`, among the faces at `corner`; `None` if the shape has no flat face.
+    /// Outward unit normal of the flat face whose normal is closest to `d`, among the faces at `corner`. `None` if the shape has no flat
+    /// face.
     ///
     /// `corner` is the corner that is farthest along `d`.
     pub(super) fn flat(&self, d: V, corner: u32) -> Option<V> {
@@ -218,9 +221,9 @@ impl ConvexShape {
         }
     }
 
-    /// Visits candidate directions for the largest separation of overlapping shapes, besides the line between the centres.
+    /// Calls `visit` with directions that may have the largest separation from an overlapping shape, without the line between the centres.
     ///
-    /// `towards` is the centre of the other shape.
+    /// `towards` is the centre of the other shape, m.
     pub(super) fn directions(&self, towards: V, mut visit: impl FnMut(V)) {
         match self {
             Self::Sphere { .. } => {}
@@ -246,6 +249,7 @@ impl ConvexShape {
     }
 }
 
+/// Calls `visit` with the unit vectors along the three axes, in both directions.
 fn axes(mut visit: impl FnMut(V)) {
     for k in 0..3 {
         for sign in [1.0, -1.0] {
@@ -256,6 +260,7 @@ fn axes(mut visit: impl FnMut(V)) {
     }
 }
 
+/// Unit normal of a triangle, on the side from which its corners are counter-clockwise. It is the z axis if the triangle has no area.
 pub(super) fn triangle_normal(p: &[V; 3]) -> V {
     unit_or(cross(sub(p[1], p[0]), sub(p[2], p[0])), [0.0, 0.0, 1.0])
 }

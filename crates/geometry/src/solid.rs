@@ -13,7 +13,7 @@ pub enum Solid {
     HalfSpace,
     /// Convex shape.
     Convex(ConvexShape),
-    /// Surface of triangles. It may be large, and is shared.
+    /// Mesh or height field. It may be large, and is shared.
     Surface(Arc<Surface>),
 }
 
@@ -30,7 +30,7 @@ impl Solid {
         matches!(self, Self::Surface(surface) if matches!(**surface, Surface::Grid(_)))
     }
 
-    /// Size of two convex hulls, m: the sum of their greatest radii; `None` if either solid is no hull.
+    /// Size of a pair of convex hulls, m: the sum of their bounding radii. `None` if either solid is not a hull.
     #[inline]
     pub fn size_of_hulls(solids: [&Self; 2]) -> Option<f64> {
         match solids {
@@ -39,7 +39,7 @@ impl Solid {
         }
     }
 
-    /// Solid of the same type with another size in MuJoCo's order (radius and half length, semi-axes or half sizes), m; `None` for solids
+    /// Solid of the same type with another size in MuJoCo's order, m: radius and half length, semi-axes, or half sizes. `None` for solids
     /// without a size, such as hulls.
     pub fn sized(&self, size: V) -> Option<Self> {
         let [radius, half_length, _] = size;

@@ -1,18 +1,22 @@
-//! Surfaces of triangles: concave meshes and height fields.
+//! Contacts with surfaces of triangles: concave meshes and height fields.
 //!
-//! A surface is solid behind its triangles (below them, for a height field): a contact never pulls a shape through. What is nearest to a
-//! shape is found triangle by triangle, and the nearest point of one triangle is nearest of the surface around it only if no neighbour
-//! comes nearer: with d from the point p to the shape and u along any way on the surface that leaves p,
+//! A surface is solid behind its triangles (below them, for a height field). Contact forces therefore never pull a shape through it.
+//! Contacts are found triangle by triangle. The closest point p of a triangle is a contact only if no neighbour is closer to the shape.
+//! With the vector d from p to the shape, this is the case if
 //!
 //! ```text
-//! d . u <= 0.
+//! d . u <= 0
 //! ```
 //!
-//! Inside a triangle d is its normal; at an edge these d are between the normals of the two triangles that share it, at a corner they are
-//! the cone of those around it (its Gauss image, and the shape is in its Voronoi region: Lin & Canny 1991). Where the surface does not
-//! bulge there are none. What is nearest in another direction is a matter of the neighbour's: taken for a contact, it would be a tilted
-//! plane that nothing is behind, and brakes what glides by. Of such a triangle only corners of the shape count that are over it, with its
-//! own normal. The outer edges of a surface are free on their open side.
+//! for every direction u along the surface that starts at p.
+//!
+//! Inside a triangle, d is its normal. At an edge, such d are between the normals of the two triangles. At a corner, they are in the cone
+//! of the normals around it. (This cone is the Gauss image of the corner, and the shape is in its Voronoi region: Lin & Canny, 1991.) At a
+//! concave edge there are none.
+//!
+//! If the closest point belongs to a neighbour, the triangle has no contact there. Such a contact would be a tilted plane that is not part
+//! of the surface, and would brake a shape that slides past. Corners of the shape above the triangle are still contacts, with the
+//! triangle's normal. Edges without a neighbour count as convex.
 
 use std::ops::Range;
 
@@ -21,95 +25,102 @@ use parry3d_f64::math::Vector;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
 
 use crate::approach::Approach;
-use crate::ball::{Ball, Touch, ball_over};
+use crate::ball::{Ball, TriangleTest, ball_over};
 use crate::facet::{FLAT, Facet, Outline, PARALLEL};
 use crate::facing::{Facing, Separation};
 use crate::linear_algebra::*;
 use crate::manifold::{LEVEL, Manifold, Point, VERTICES, reduce_points};
 use crate::mesh_heights::{MeshHeights, cells_between};
 use crate::pair::Pair;
-use crate::reach::Reach;
-use crate::room::Room;
 use crate::round::{ends, is_over, may_touch, nearest_of_triangle};
+use crate::search_limits::SearchLimits;
 use crate::separation::{self};
 use crate::shape::ConvexShape;
 use crate::shape::triangle_normal;
 use crate::vectors::{Pose, V};
 use crate::vectors::{furthest, neg, unit_or};
+use crate::workspace::Workspace;
 
-/// Points that a convex shape and a surface can have.
+/// Largest number of contact points of a convex shape and a surface.
 pub const MAX_SURFACE_POINTS: usize = 16;
 
-/// Depth, in sizes of the pair, up to which a point belongs to the triangle that it is under. It saves the search for a nearer one:
-/// contacts at rest are 1e-4 deep at the most.
+/// Depth up to which a contact point belongs to the triangle above it, relative to the size of the pair. Deeper points may be closer to
+/// another triangle. Contacts at rest are at most 1e-4 deep.
 const SHALLOW: f64 = 1e-3;
 
-/// Distance from another triangle, relative to the depth, below which a deep point is that one's. A peg that overlaps the wall of its hole
-/// by micrometres is centimetres under the face around the hole.
+/// Distance of a deep contact point from another triangle, relative to its depth, below which it belongs to that triangle.
+///
+/// Example: a peg overlaps the wall of its hole by micrometres, and is centimetres below the face around the hole.
 const NEARER: f64 = 0.5;
 
-/// Cosines between the normals of two triangles of which one may take the other's points: they are not of one face, and not the two sides
-/// of a sheet.
+/// Range of the cosine between the normals of two triangles of which one may take contact points of the other. Outside it they are part of
+/// one face, or the two sides of a sheet.
 const TURNED: Range<f64> = -0.5..0.99;
 
-/// A surface of triangles in its own frame, m.
+/// Surface of triangles in its frame, with lengths in m.
 #[derive(Clone, Debug)]
 #[expect(clippy::large_enum_variant, reason = "a model has a few, behind pointers")]
 pub enum Surface {
-    /// A mesh.
+    /// Mesh, which may be concave.
     Mesh(MeshSurface),
-    /// A height field.
+    /// Height field.
     Grid(Grid),
 }
 
-/// The triangles of a mesh, and who is beside whom.
+/// Triangles of a mesh and their neighbours.
 #[derive(Clone, Debug)]
 pub struct MeshSurface {
+    /// Vertices, m.
     vertices: Vec<V>,
+    /// Triangles as vertex indices, counter-clockwise seen from outside.
     faces: Vec<[u32; 3]>,
-    /// Unit normal of every triangle.
+    /// Outward unit normal of each triangle.
     normals: Vec<V>,
-    /// Across the edge that leaves corner k of a triangle: the neighbour's third vertex; of several neighbours that of the one that rises
-    /// most.
+    /// Third vertex of the neighbour across the edge that starts at each corner of a triangle; `None` without a neighbour. Of several
+    /// neighbours, it is the one that rises most.
     across: Vec<[Option<u32>; 3]>,
-    /// Vertices that share an edge with each: those of vertex v are in `around[first[v]..first[v + 1]]`.
+    /// Vertices that share an edge with each vertex. Those of vertex v are in `around[first[v]..first[v + 1]]`.
     around: Vec<u32>,
+    /// Index of the first entry of each vertex in `around`, and the number of entries.
     first: Vec<u32>,
+    /// Tree of the triangles' bounding boxes.
     tree: Bvh,
+    /// Largest heights of the mesh over a grid of cells.
     heights: MeshHeights,
-    /// Least and greatest coordinates, m.
+    /// Smallest and largest coordinates, m.
     extent: [V; 2],
 }
 
-/// Heights over a regular grid.
+/// Height field: heights over a regular grid of points.
 #[derive(Clone, Debug)]
 pub struct Grid {
-    /// Points along y and x.
+    /// Number of points along y and x.
     pub shape: [usize; 2],
     /// Half of the extent along x and y, m.
     pub half: [f64; 2],
-    /// Row by row, x fastest, m.
+    /// Heights of the points, m, row by row with x fastest.
     pub elevation: Vec<f64>,
-    /// Shapes further below are not pushed up, m.
+    /// Depth of the solid ground below z = 0, m. Shapes below it are not pushed up.
     pub base: f64,
+    /// Largest height, m.
     highest: f64,
     /// Coordinates x of the columns and y of the rows, m.
     places: [Vec<f64>; 2],
 }
 
-/// Heights of a surface below a disc.
+/// Heights of a surface within a horizontal disc.
 #[derive(Clone, Copy, Debug)]
-pub struct Under {
-    /// Greatest height of the cells there, m; minus infinity outside the surface.
+pub struct DiscHeights {
+    /// Largest height of the cells that the disc may overlap, m; minus infinity outside the surface.
     pub highest: f64,
-    /// Whether these cells and their neighbours have one height. Every contact normal is then vertical.
+    /// Whether these cells and their neighbours have the same height. Every contact normal is then vertical.
     pub level: bool,
 }
 
 impl MeshSurface {
-    /// Triangles without area are left out.
+    /// Surface of a mesh. `vertices` are in m, and `faces` are triangles as vertex indices. Triangles without area are left out.
     pub fn new(vertices: &[V], faces: &[[u32; 3]]) -> Self {
-        // Vertices at one place are one, whatever the file says.
+        // Vertices at the same place are merged.
         let mut places = std::collections::BTreeMap::new();
         let one: Vec<u32> = (0..).zip(vertices).map(|(v, p)| *places.entry(p.map(|x| (x + 0.0).to_bits())).or_insert(v)).collect();
         let corners = |f: &[u32; 3]| f.map(|v| vertices[v as usize]);
@@ -130,7 +141,7 @@ impl MeshSurface {
         let neighbour = |f: &[u32; 3], k: usize| {
             let [a, b, c] = [f[k], f[(k + 1) % 3], f[(k + 2) % 3]];
             let rise = |v: &u32| rise(&corners(&[a, b, c]), vertices[*v as usize]);
-            // The other side of a sheet is no neighbour.
+            // The other side of a thin sheet is not a neighbour.
             let others = thirds.get(&[b, a]).into_iter().flatten().copied().filter(|&v| v != c);
             others.max_by(|x, y| rise(x).total_cmp(&rise(y)))
         };
@@ -149,23 +160,25 @@ impl MeshSurface {
         Self { vertices: vertices.to_vec(), faces, normals, across, around, first, tree, heights, extent }
     }
 
-    /// Corners of triangle `t`.
+    /// Corners of triangle `t`, m.
     pub(super) fn triangle(&self, t: u32) -> [V; 3] {
         self.faces[t as usize].map(|v| self.vertices[v as usize])
     }
 
-    /// Least and greatest coordinates, m.
+    /// Smallest and largest coordinates, m.
     pub(super) fn extent(&self) -> [V; 2] {
         self.extent
     }
 
-    /// Boxes about the triangles.
+    /// Tree of the triangles' bounding boxes.
     pub(super) fn tree(&self) -> &Bvh {
         &self.tree
     }
 }
 
-/// The angle by which a neighbour with the third corner `p` rises from a triangle across the edge that leaves its first corner.
+/// Angle by which a neighbouring triangle rises above the plane of a triangle, rad; negative if it falls.
+///
+/// They share the edge that starts at the first of the `corners`. `p` is the neighbour's third corner, m.
 fn rise(corners: &[V; 3], p: V) -> f64 {
     let [a, b, _] = *corners;
     let n = triangle_normal(corners);
@@ -173,7 +186,7 @@ fn rise(corners: &[V; 3], p: V) -> f64 {
     dot(n, d).atan2(dot(unit_or(cross(sub(b, a), n), [0.0; 3]), d))
 }
 
-/// The box about points.
+/// Bounding box of points, m.
 pub(super) fn bounds(points: &[V]) -> Aabb {
     let fold = |pick: fn(f64, f64) -> f64, k: usize| points.iter().map(|p| p[k]).reduce(pick).unwrap_or(0.0);
     let corner = |pick: fn(f64, f64) -> f64| Vector::new(fold(pick, 0), fold(pick, 1), fold(pick, 2));
@@ -181,8 +194,9 @@ pub(super) fn bounds(points: &[V]) -> Aabb {
 }
 
 impl Grid {
-    /// Heights `elevation` (row by row, x fastest, m) of `shape` points along y and x, over a rectangle of the half sizes `half` along x
-    /// and y, m.
+    /// Height field of `shape` points along y and x over a rectangle with the half sizes `half` along x and y, m.
+    ///
+    /// `elevation` are the heights, m, row by row with x fastest. The ground is solid down to `base` below z = 0, m.
     pub fn new(shape: [usize; 2], half: [f64; 2], elevation: Vec<f64>, base: f64) -> Self {
         let highest = elevation.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let places = [0, 1].map(|k| {
@@ -192,22 +206,24 @@ impl Grid {
         Self { shape, half, elevation, base, highest, places }
     }
 
-    /// Greatest height, m.
+    /// Largest height, m.
     #[inline]
     pub fn highest(&self) -> f64 {
         self.highest
     }
 
+    /// Point of the grid in column `c` and row `r`, m.
     fn vertex(&self, c: usize, r: usize) -> V {
         [self.places[0][c], self.places[1][r], self.elevation[r * self.shape[1] + c]]
     }
 
+    /// Point of the grid in column `c` and row `r`, m; `None` outside the grid.
     fn near(&self, c: Option<usize>, r: Option<usize>) -> Option<V> {
         let (c, r) = (c?, r?);
         (c < self.shape[1] && r < self.shape[0]).then(|| self.vertex(c, r))
     }
 
-    /// Corners of triangle `t`.
+    /// Corners of triangle `t`, m. Cell k has the triangles 2 k and 2 k + 1.
     fn triangle(&self, t: u32) -> [V; 3] {
         let (cell, upper) = (t as usize / 2, t % 2 == 1);
         let (r, c) = (cell / (self.shape[1] - 1), cell % (self.shape[1] - 1));
@@ -215,7 +231,9 @@ impl Grid {
         if upper { [at(0, 0), at(1, 1), at(0, 1)] } else { [at(0, 0), at(1, 0), at(1, 1)] }
     }
 
-    /// Triangle `t`: two in every cell, parted by the diagonal from its least corner, as in MuJoCo's `mjc_ConvexHField`.
+    /// Triangle `t` of the height field with its neighbours.
+    ///
+    /// Each cell is divided by the diagonal from its corner with the smallest coordinates, as in MuJoCo's `mjc_ConvexHField`.
     fn facet(&self, t: usize) -> Facet {
         let (cell, upper) = (t / 2, t % 2 == 1);
         let (r, c) = (cell / (self.shape[1] - 1), cell % (self.shape[1] - 1));
@@ -230,7 +248,7 @@ impl Grid {
         Facet::new(corners, triangle_normal(&corners), third)
     }
 
-    /// The points that share an edge with corner `k` of triangle `t`.
+    /// Points that share an edge with corner `k` of triangle `t`, m.
     fn around(&self, t: usize, k: usize) -> impl Iterator<Item = V> + '_ {
         let cell = t / 2;
         let (r, c) = (cell / (self.shape[1] - 1), cell % (self.shape[1] - 1));
@@ -240,16 +258,16 @@ impl Grid {
         beside.into_iter().filter_map(move |(x, y)| self.near(c.checked_add_signed(x), r.checked_add_signed(y)))
     }
 
-    /// Columns (k = 0) or rows (k = 1) of cells between two places along x or y.
+    /// Range of columns (k = 0) or rows (k = 1) of cells between the coordinates `low` and `high` along x or y, m.
     fn cells(&self, k: usize, low: f64, high: f64) -> Range<usize> {
         let count = self.shape[1 - k] - 1;
         let cell = 2.0 * self.half[k] / count as f64;
         cells_between([low, high].map(|x| (x + self.half[k]) / cell), count)
     }
 
-    /// Whether a point is below the surface; beside the grid, below the point of its border that is nearest.
-    fn holds(&self, p: V) -> bool {
-        // Along x and y, in cells.
+    /// Whether a point is below the height field. Outside the grid, the height is that of the closest point of its border.
+    fn is_below(&self, p: V) -> bool {
+        // Coordinates along x and y, in cells.
         let at = [0, 1].map(|k| {
             let cells = self.shape[1 - k] - 1;
             ((p[k] + self.half[k]) / (2.0 * self.half[k])).clamp(0.0, 1.0) * cells as f64
@@ -257,14 +275,14 @@ impl Grid {
         p[2] <= self.height(at)
     }
 
-    /// Whether a point is in the ground that is over the base.
+    /// Whether a point is in the solid ground, between the surface and the base.
     pub(super) fn is_inside(&self, p: V) -> bool {
-        p[0].abs() <= self.half[0] && p[1].abs() <= self.half[1] && p[2] >= -self.base && self.holds(p)
+        p[0].abs() <= self.half[0] && p[1].abs() <= self.half[1] && p[2] >= -self.base && self.is_below(p)
     }
 
-    /// Height at a place along x and y in cells from the least corner, within the grid, m.
+    /// Height at a place within the grid, m. `at` are the coordinates along x and y, in cells from the point with the smallest coordinates.
     pub(super) fn height(&self, at: [f64; 2]) -> f64 {
-        // The cell, and how far across it.
+        // Cell, and position within it.
         let [(c, x), (r, y)] = [0, 1].map(|k| {
             let first = (at[k] as usize).min(self.shape[1 - k] - 2);
             (first, at[k] - first as f64)
@@ -275,28 +293,28 @@ impl Grid {
         (1.0 - first) * height(0, 0) + (first - last) * beside + last * height(1, 1)
     }
 
-    /// Heights of the grid below a horizontal disc.
-    fn under_disc(&self, [x, y]: [f64; 2], radius: f64) -> Under {
+    /// Heights within a horizontal disc with the centre (x, y) and this radius, m.
+    fn heights_below_disc(&self, [x, y]: [f64; 2], radius: f64) -> DiscHeights {
         let [rows, columns] = self.shape;
         let (c, r) = (self.cells(0, x - radius, x + radius), self.cells(1, y - radius, y + radius));
         let mut highest = f64::NEG_INFINITY;
         if c.is_empty() || r.is_empty() {
-            return Under { highest, level: true };
+            return DiscHeights { highest, level: true };
         }
         let row = |row: usize, columns_of: Range<usize>| &self.elevation[row * columns + columns_of.start..row * columns + columns_of.end];
         for height in (r.start..=r.end).flat_map(|k| row(k, c.start..c.end + 1)) {
             highest = highest.max(*height);
         }
-        // Neighbouring cells show whether an edge falls away; at the border of the grid it does.
+        // Neighbouring cells must have the same height, because an edge may fall away to them. At the border of the grid it does.
         let level = c.start > 0
             && r.start > 0
             && c.end < columns - 1
             && r.end < rows - 1
             && (r.start - 1..=r.end + 1).all(|k| row(k, c.start - 1..c.end + 2).iter().all(|height| *height == highest));
-        Under { highest, level }
+        DiscHeights { highest, level }
     }
 
-    /// Triangles of the cells under a box.
+    /// Adds the triangles of the cells below or inside a box with the corners `low` and `high`, m.
     fn under(&self, low: V, high: V, out: &mut Vec<u32>) {
         let columns = self.shape[1];
         for r in self.cells(1, low[1], high[1]) {
@@ -312,7 +330,7 @@ impl Grid {
 }
 
 impl Surface {
-    /// Corners of triangle `t`.
+    /// Corners of triangle `t`, m.
     pub(super) fn triangle(&self, t: u32) -> [V; 3] {
         match self {
             Self::Mesh(m) => m.triangle(t),
@@ -320,7 +338,7 @@ impl Surface {
         }
     }
 
-    /// Unit normal of triangle `t`, whose corners are `corners`.
+    /// Outward unit normal of triangle `t`, whose corners are `corners`.
     fn normal(&self, t: u32, corners: &[V; 3]) -> V {
         match self {
             Self::Mesh(m) => m.normals[t as usize],
@@ -328,6 +346,7 @@ impl Surface {
         }
     }
 
+    /// Triangle `t` with its neighbours.
     fn facet(&self, t: usize) -> Facet {
         match self {
             Self::Mesh(m) => {
@@ -338,7 +357,7 @@ impl Surface {
         }
     }
 
-    /// Whether triangle `t` has an edge without neighbour (mesh), or is in a cell at the border (grid).
+    /// Whether triangle `t` has an edge without a neighbour (mesh), or is in a cell at the border (grid).
     fn is_at_border(&self, t: u32) -> bool {
         match self {
             Self::Mesh(m) => m.across[t as usize].iter().any(Option::is_none),
@@ -350,8 +369,10 @@ impl Surface {
         }
     }
 
-    /// Visits corners of the neighbours at a part of triangle `t`: all ways on the surface that leave the part, but along the triangle
-    /// itself, are between the ways to these. Ends where `visit` says false, and returns that.
+    /// Whether `visit` returns true for all points next to a part of triangle `t`; it stops at the first false.
+    ///
+    /// These points are vertices of the neighbours, m. All directions along the surface that start at the part, except those along the
+    /// triangle itself, are between the directions to these points.
     fn all_beside(&self, t: usize, facet: &Facet, at: &Outline, mut visit: impl FnMut(V) -> bool) -> bool {
         match (at, self) {
             (Outline::Inside, _) => true,
@@ -364,8 +385,9 @@ impl Surface {
         }
     }
 
-    /// Whether a point over triangle `t` stays over it, or over neighbours that do not fall away from it, if it moves `sideways` (m).
-    fn keeps_over(&self, t: u32, corners: &[V; 3], normal: V, point: V, sideways: f64) -> bool {
+    /// Whether a point above triangle `t` remains above it, or above neighbours that do not fall away from it, after a displacement of up
+    /// to `sideways`, m.
+    fn stays_over(&self, t: u32, corners: &[V; 3], normal: V, point: V, sideways: f64) -> bool {
         let mut facet = None;
         let foot = add_scaled(point, normal, -dot(normal, sub(point, corners[0])));
         (0..3).all(|k| {
@@ -376,7 +398,8 @@ impl Surface {
             if inside > 0.0 && inside * inside > sideways * sideways * dot(edge, edge) {
                 return true;
             }
-            // Beyond the neighbour's other edges there may be lower triangles. A neighbour that overhangs is not beyond the edge.
+            // Across the neighbour's other edges there may be lower triangles. If the neighbour overhangs, it is not on the other side of
+            // the edge.
             let facet = facet.get_or_insert_with(|| self.facet(t as usize));
             let is_far_from_others = |third: V| {
                 let third = add_scaled(third, normal, -dot(normal, sub(third, a)));
@@ -386,7 +409,9 @@ impl Surface {
         })
     }
 
-    /// Whether no neighbour at the part of triangle `t` that `p` is a point of is nearer to what is in the direction `d` (unit) from there.
+    /// Whether no neighbour at a part of triangle `t` is closer to a shape in the direction `d` than the part itself.
+    ///
+    /// `at` is the part, `p` a point of it, m, and `d` a unit vector.
     fn is_nearest(&self, t: usize, facet: &Facet, at: &Outline, p: V, d: V) -> bool {
         self.all_beside(t, facet, at, |w| {
             let u = sub(w, p);
@@ -394,7 +419,7 @@ impl Surface {
         })
     }
 
-    /// Axis of the surface's frame along which heights are measured: z of a height field, and of a mesh the axis along which it is
+    /// Axis of the surface's frame along which heights are measured: z for a height field, and for a mesh the axis along which it is
     /// shortest.
     pub fn up_axis(&self) -> usize {
         match self {
@@ -403,7 +428,7 @@ impl Surface {
         }
     }
 
-    /// Greatest height, m.
+    /// Largest height along [`Surface::up_axis`], m.
     pub fn highest(&self) -> f64 {
         match self {
             Self::Mesh(m) => m.extent[1][self.up_axis()],
@@ -411,15 +436,16 @@ impl Surface {
         }
     }
 
-    /// Heights of the surface below a disc about the point `at` in the surface's frame, across [`Surface::up_axis`].
-    pub fn under_disc(&self, at: V, radius: f64) -> Under {
+    /// Heights of the surface within a disc around the point `at` in the surface's frame. The disc is perpendicular to
+    /// [`Surface::up_axis`]. Lengths are in m.
+    pub fn heights_below_disc(&self, at: V, radius: f64) -> DiscHeights {
         match self {
-            Self::Mesh(m) => Under { highest: m.heights.highest_in(&at.map(|x| x - radius), &at.map(|x| x + radius)), level: false },
-            Self::Grid(g) => g.under_disc([at[0], at[1]], radius),
+            Self::Mesh(m) => DiscHeights { highest: m.heights.highest_in(&at.map(|x| x - radius), &at.map(|x| x + radius)), level: false },
+            Self::Grid(g) => g.heights_below_disc([at[0], at[1]], radius),
         }
     }
 
-    /// Triangles in the box from `low` to `high`, ascending, and others near it.
+    /// Writes the triangles in the box from `low` to `high` to `out`, ascending. Others near the box may be among them.
     pub(super) fn candidates(&self, low: V, high: V, out: &mut Vec<u32>) {
         out.clear();
         match self {
@@ -440,22 +466,25 @@ impl Surface {
     }
 }
 
-/// Finds the contact points of a surface and a convex shape that are at most `reach.prediction` (m) apart: at most [`MAX_SURFACE_POINTS`],
-/// normals from the surface.
+/// Finds the contact points of a surface and a convex shape and writes them to `out`. There are at most [`MAX_SURFACE_POINTS`].
 ///
-/// If the approach of the shape is known, points that do not count within the step may be absent. The normal of a contact at an edge or
-/// corner is a positive combination of the normals of the triangles there. The contact therefore closes by at most the same combination of
-/// the approaches to these triangles. It counts only if a contact with one of the triangles counts. At a border this need not hold.
+/// Their distance is at most `limits.prediction`, m. Normals point from the surface to the shape. Points and normals are in the world
+/// frame.
+///
+/// If `limits.approach` is given, points that cannot push within the step may be absent. The normal of a contact at an edge or corner is a
+/// positive combination of the normals of the triangles there. The contact's closing speed is therefore at most the same combination of the
+/// closing speeds of these triangles. It can push only if a contact with one of the triangles can. This need not be true at a border of the
+/// surface, where no triangle is left out.
 pub fn collide_surface(
     a: &Surface,
     pose_a: &Pose,
     b: &ConvexShape,
     pose_b: &Pose,
-    reach: impl Into<Reach>,
+    limits: impl Into<SearchLimits>,
     out: &mut Manifold,
-    room: &mut Room,
+    workspace: &mut Workspace,
 ) {
-    let Reach { prediction, approach, .. } = reach.into();
+    let SearchLimits { prediction, approach, .. } = limits.into();
     out.clear();
     let nothing = ConvexShape::Sphere { radius: 0.0 };
     let whole = Pair::new(&nothing, pose_a, b, pose_b);
@@ -466,17 +495,17 @@ pub fn collide_surface(
     let core = ends(&whole);
     let nearer = approach.filter(|_| matches!(a, Surface::Mesh(_)));
     let [low, high] = search_box(&whole, core.as_deref(), reach, nearer);
-    let mut triangles = std::mem::take(&mut room.triangles);
+    let mut triangles = std::mem::take(&mut workspace.triangles);
     a.candidates(low, high, &mut triangles);
     let mut culled = nearer.is_some();
-    room.all.clear();
-    room.owners.clear();
-    // Triangle with the smallest separation among those whose nearest point belongs to a neighbour.
+    workspace.all.clear();
+    workspace.owners.clear();
+    // Triangle with the smallest separation, among those whose closest point belongs to a neighbour.
     let mut left: Option<(u32, Facing)> = None;
     for &t in &triangles {
         let corners = a.triangle(t);
         let normal = a.normal(t, &corners);
-        // Nothing is nearer than along the normal.
+        // The separation along the normal is a lower bound of the distance.
         let along = match &core {
             Some(ends) => ends.iter().map(|end| dot(normal, sub(*end, corners[0]))).reduce(f64::min).unwrap_or_default(),
             None => dot(normal, whole.support_b(neg(normal))) - dot(normal, corners[furthest(&corners, normal)]),
@@ -485,35 +514,39 @@ pub fn collide_surface(
             continue;
         }
         if let Some(approach) = &approach
-            && approach.keeps_along(normal, along - b.radius(), whole.size)
+            && approach.excludes_normal(normal, along - b.radius(), whole.size)
             && !a.is_at_border(t)
         {
             culled = true;
             continue;
         }
         if let Some(ends) = &core {
-            // Most triangles are beside a ball or capsule, and most balls are over one.
+            // Most triangles are outside the projection of a ball or capsule, and most balls are above one triangle.
             if !may_touch(&corners, normal, ends, reach) {
                 continue;
             }
             if let [centre] = ends[..] {
                 if along > 0.0 && is_over(&corners, normal, centre) {
                     let stays_over_face =
-                        approach.is_some_and(|approach| a.keeps_over(t, &corners, normal, centre, approach.sideways(normal)));
-                    room.all.push(Point { feature: name(t, 0), stays_over_face, ..ball_over(normal, centre, along, b.radius()) });
-                    room.owners.push(t);
+                        approach.is_some_and(|approach| a.stays_over(t, &corners, normal, centre, approach.sideways(normal)));
+                    workspace.all.push(Point {
+                        feature: feature_id(t, 0),
+                        stays_over_face,
+                        ..ball_over(normal, centre, along, b.radius())
+                    });
+                    workspace.owners.push(t);
                     continue;
                 }
-                // Behind a wall of a mesh, or too far from the outline.
+                // The ball is behind a wall of a mesh, or too far from the outline.
                 let mut is_far = || {
                     let apart = sub(centre, nearest_of_triangle(&corners, centre));
                     let (distance, n) = (norm(apart), unit_or(apart, normal));
                     if distance - b.radius() > prediction {
                         return true;
                     }
-                    let keeps = approach.is_some_and(|a| a.keeps_along(n, distance - b.radius(), whole.size));
-                    culled |= keeps;
-                    keeps
+                    let cannot_push = approach.is_some_and(|a| a.excludes_normal(n, distance - b.radius(), whole.size));
+                    culled |= cannot_push;
+                    cannot_push
                 };
                 let is_left_out = if along > 0.0 { is_far() } else { matches!(a, Surface::Mesh(_)) };
                 if is_left_out {
@@ -524,38 +557,41 @@ pub fn collide_surface(
         let facet = a.facet(t as usize);
         let triangle = ConvexShape::Triangle(facet.corners);
         let pair = Pair::between(&triangle, b, whole.pos, whole.mat);
-        if let Some(facing) = touch(a, t as usize, &facet, &pair, along, prediction, out, room)
+        if let Some(facing) = touch(a, t as usize, &facet, &pair, along, prediction, out, workspace)
             && left.as_ref().is_none_or(|(_, other)| facing.found.separation < other.found.separation)
         {
             left = Some((t, facing));
         }
-        room.all.extend(out.points.drain(..).map(|p| Point { feature: name(t, p.feature), ..p }));
-        room.owners.resize(room.all.len(), t);
+        workspace.all.extend(out.points.drain(..).map(|p| Point { feature: feature_id(t, p.feature), ..p }));
+        workspace.owners.resize(workspace.all.len(), t);
     }
-    if room.all.iter().any(|p| p.distance < -SHALLOW * whole.size) {
-        drop_nearer_elsewhere(a, &triangles, whole.size, room);
+    if workspace.all.iter().any(|p| p.distance < -SHALLOW * whole.size) {
+        drop_nearer_elsewhere(a, &triangles, whole.size, workspace);
     }
-    room.triangles = triangles;
-    if culled && left.is_some() && room.all.is_empty() {
-        // The neighbour may be a triangle that was left out.
-        return collide_surface(a, pose_a, b, pose_b, prediction, out, room);
+    workspace.triangles = triangles;
+    if culled && left.is_some() && workspace.all.is_empty() {
+        // The closest point may belong to a triangle that was left out because of the motion.
+        return collide_surface(a, pose_a, b, pose_b, prediction, out, workspace);
     }
     // If no triangle accepted a point, rounding rejected the nearest one.
-    if let Some((t, facing)) = left.filter(|_| room.all.is_empty()) {
+    if let Some((t, facing)) = left.filter(|_| workspace.all.is_empty()) {
         let triangle = ConvexShape::Triangle(a.facet(t as usize).corners);
         let pair = Pair::between(&triangle, b, whole.pos, whole.mat);
-        room.clipper.manifold(&pair, &facing, prediction, out);
-        room.all.extend(out.points.drain(..).map(|p| Point { feature: name(t, p.feature), ..p }));
+        workspace.clipper.manifold(&pair, &facing, prediction, out);
+        workspace.all.extend(out.points.drain(..).map(|p| Point { feature: feature_id(t, p.feature), ..p }));
     }
-    reduce_points(&mut room.all, whole.size, MAX_SURFACE_POINTS, out);
-    out.place(pose_a);
+    reduce_points(&mut workspace.all, whole.size, MAX_SURFACE_POINTS, out);
+    out.to_world(pose_a);
 }
 
-/// Least and greatest coordinates of the triangles that are within `reach` of the core of a shape, m, or whose contacts can count if its
-/// `approach` is known.
+/// Smallest and largest coordinates of the triangles that can have contacts with a shape, m.
 ///
-/// A contact joins a point x of the surface and a point y of the shape, and y - x is a multiple of its normal. The box is at least that
-/// of a shape at rest.
+/// `whole` has a point at the origin of the surface's frame as the first shape. `core` are the ends of the core of a ball or capsule.
+/// Triangles count if they are within `reach` of the core, m. If `approach` is given, they count only if their contacts can push within the
+/// step.
+///
+/// A contact joins a point x of the surface and a point y of the shape, and y - x is a multiple of its normal. The box is at least that of
+/// a shape at rest.
 pub(super) fn search_box(whole: &Pair<'_>, core: Option<&[V]>, reach: f64, approach: Option<Approach>) -> [V; 2] {
     let [low, high] = whole.extent_b(core);
     let [against_axes, along_axes] = approach.map_or([[f64::INFINITY; 3]; 2], |approach| approach.max_components(whole.size));
@@ -563,24 +599,35 @@ pub(super) fn search_box(whole: &Pair<'_>, core: Option<&[V]>, reach: f64, appro
     [array_of(|k| low[k] - reach(along_axes[k])), array_of(|k| high[k] + reach(against_axes[k]))]
 }
 
-/// The half space below the xy plane of `plane` and the vertices of a surface, as [`crate::collide_plane`].
-pub(super) fn collide_plane_surface(plane: &Pose, surface: &Surface, pose: &Pose, prediction: f64, out: &mut Manifold, room: &mut Room) {
+/// Finds the contact points of a half space and the vertices of a mesh and writes them to `out`, in the world frame.
+///
+/// The half space is below the xy plane of the pose `plane`. Points have a distance of at most `prediction`, m. A height field has none.
+pub(super) fn collide_plane_surface(
+    plane: &Pose,
+    surface: &Surface,
+    pose: &Pose,
+    prediction: f64,
+    out: &mut Manifold,
+    workspace: &mut Workspace,
+) {
     out.clear();
     let nothing = ConvexShape::Sphere { radius: 0.0 };
     if let Surface::Mesh(mesh) = surface {
-        room.clipper.cloud(&Pair::new(&nothing, plane, &nothing, pose), &mesh.vertices, prediction, out);
-        out.place(plane);
+        workspace.clipper.cloud(&Pair::new(&nothing, plane, &nothing, pose), &mesh.vertices, prediction, out);
+        out.to_world(plane);
     }
 }
 
-/// Identifier of a feature of the shape in contact with a triangle. That of a vertex is the same for all triangles; that of an edge or face
-/// includes the triangle.
-fn name(triangle: u32, feature: u32) -> u32 {
+/// Identifier of a contact point of a triangle and a shape. At a vertex of the shape it is the same for all triangles. At an edge or face
+/// it depends on the triangle.
+fn feature_id(triangle: u32, feature: u32) -> u32 {
     if feature < VERTICES { feature } else { crate::manifold::mix(triangle, feature) }
 }
 
-/// The points of a triangle; the direction of what is nearest, where that is left to its neighbours. `along` is the separation along the
-/// normal of the triangle, m.
+/// Adds the contact points of triangle `t` and a shape to `out`. The shape is the second one of `pair`.
+///
+/// `along` is the separation along the normal of the triangle, m. The result is the separation of triangle and shape, if there are no
+/// points because the closest point belongs to a neighbour.
 #[expect(clippy::too_many_arguments, reason = "a triangle, a shape, and where points go")]
 fn touch(
     surface: &Surface,
@@ -590,22 +637,22 @@ fn touch(
     along: f64,
     prediction: f64,
     out: &mut Manifold,
-    room: &mut Room,
+    workspace: &mut Workspace,
 ) -> Option<Facing> {
     if let ConvexShape::Sphere { radius } = *pair.b {
         let ball = Ball { facet, pair, height: along, radius, prediction };
         let grid = if let Surface::Grid(grid) = surface { Some(grid) } else { None };
-        let holds = grid.map(|grid| |p: V| grid.holds(p));
-        match ball.touch(holds, |at, p, d| surface.is_nearest(t, facet, at, p, d), out) {
-            Touch::Found => return None,
-            Touch::Left(facing) => return Some(facing),
-            Touch::Unknown => {}
+        let is_below = grid.map(|grid| |p: V| grid.is_below(p));
+        match ball.touch(is_below, |at, p, d| surface.is_nearest(t, facet, at, p, d), out) {
+            TriangleTest::Complete => return None,
+            TriangleTest::LeftToNeighbour(facing) => return Some(facing),
+            TriangleTest::Unclear => {}
         }
     }
-    touch_any(surface, t, facet, pair, along, prediction, out, room)
+    touch_any(surface, t, facet, pair, along, prediction, out, workspace)
 }
 
-/// [`touch`] for any shape.
+/// Adds the contact points of triangle `t` and a shape by the general search, which works for all shapes. See [`touch`].
 #[expect(clippy::too_many_arguments, reason = "a triangle, a shape, and where points go")]
 fn touch_any(
     surface: &Surface,
@@ -615,42 +662,42 @@ fn touch_any(
     along: f64,
     prediction: f64,
     out: &mut Manifold,
-    room: &mut Room,
+    workspace: &mut Workspace,
 ) -> Option<Facing> {
     let normal = facet.normal;
     let flat = Separation { normal, separation: along, points: [facet.corners[0]; 2] };
-    let over = |room: &mut Room, out: &mut Manifold| {
+    let over = |workspace: &mut Workspace, out: &mut Manifold| {
         let rises = if along < 0.0 { facet.rises() } else { [0.0; 3] };
         if facet.may_be_under(pair, &rises) {
-            room.clipper.over_facet(pair, &Facing::new(pair, flat), &facet.bulges, &rises, prediction, out);
+            workspace.clipper.over_facet(pair, &Facing::new(pair, flat), &facet.bulges, &rises, prediction, out);
         }
     };
     let behind = dot(normal, pair.apart) <= 0.0;
     if behind && let Surface::Grid(grid) = surface {
-        // Inside a height field, or outside again beyond a sharp crest.
-        over(room, out);
-        if !grid.holds(add(pair.apart, pair.a.centre())) {
-            out.points.retain(|p| p.distance >= 0.0 || grid.holds(add_scaled(p.pos, p.normal, 0.5 * p.distance)));
+        // The shape is inside a height field, or outside again on the other side of a sharp crest.
+        over(workspace, out);
+        if !grid.is_below(add(pair.apart, pair.a.centre())) {
+            out.points.retain(|p| p.distance >= 0.0 || grid.is_below(add_scaled(p.pos, p.normal, 0.5 * p.distance)));
         }
         return None;
     }
     if behind && dot(normal, sub(pair.support_b(normal), facet.corners[0])) <= 0.0 {
-        // Whole on the other side of a wall of a mesh.
+        // The whole shape is on the other side of a wall of a mesh.
         return None;
     }
-    // Of a mesh, a shape whose centre is behind the face, beyond a sharp edge of it, may be nearest to its outline; what is over it is
-    // behind.
-    let over = |room: &mut Room, out: &mut Manifold| {
+    // If the shape's centre is behind the face of a mesh, its closest point may be on the outline, at a sharp edge. Its corners above or
+    // below the face are then not contacts.
+    let over = |workspace: &mut Workspace, out: &mut Manifold| {
         if !behind {
-            over(room, out);
+            over(workspace, out);
         }
     };
     if facet.bulges == [false; 3] {
-        // Nothing is nearest at its outline that is not the neighbours' too.
-        over(room, out);
+        // At concave edges, the neighbours are at least as close.
+        over(workspace, out);
         return None;
     }
-    let facing = separation::nearest(pair, &prediction.into(), &mut room.polytope);
+    let facing = separation::nearest(pair, &prediction.into(), &mut workspace.polytope);
     let found = &facing.found;
     if found.separation - pair.thickness() > prediction {
         return None;
@@ -660,29 +707,29 @@ fn touch_any(
         return None;
     }
     if 1.0 - cos <= PARALLEL {
-        over(room, out);
+        over(workspace, out);
         return None;
     }
     let (at, p) = facet.furthest(found.normal);
     if cos > 0.0 && !matches!(at, Outline::Inside) && surface.is_nearest(t, facet, &at, p, found.normal) {
-        room.clipper.manifold(pair, &facing, prediction, out);
-        if out.is_lone() && 1.0 - cos <= LEVEL {
-            // A shape that leans a little is as near at the other corners of what it has over the triangle, or will be soon.
-            over(room, out);
+        workspace.clipper.manifold(pair, &facing, prediction, out);
+        if out.is_single_unnamed() && 1.0 - cos <= LEVEL {
+            // A slightly tilted shape is as close at its other corners above the triangle, or will be soon.
+            over(workspace, out);
         }
         return None;
     }
-    over(room, out);
+    over(workspace, out);
     (out.points.is_empty() && cos > 0.0).then_some(facing)
 }
 
-/// Drops the points that are deep under their triangle and much nearer to another of the `triangles`, unless that leaves none.
+/// Removes contact points that are deep below their triangle and much closer to another of the `triangles`, unless no point would remain.
 ///
-/// A point behind the other triangle is dropped only if that triangle has a shallower point. Otherwise, at a sharp ridge, the deep point is
-/// the only contact there, and stays.
+/// A point behind the other triangle is removed only if that triangle has a shallower point. Otherwise, at a sharp ridge, the deep point is
+/// the only contact there. `size` is the size of the pair, m.
 #[cold]
-fn drop_nearer_elsewhere(surface: &Surface, triangles: &[u32], size: f64, room: &mut Room) {
-    let Room { all, owners, is_own, .. } = room;
+fn drop_nearer_elsewhere(surface: &Surface, triangles: &[u32], size: f64, workspace: &mut Workspace) {
+    let Workspace { all, owners, is_own, .. } = workspace;
     let belongs = |p: &Point| {
         let (x, reach) = (add_scaled(p.pos, p.normal, 0.5 * p.distance), -NEARER * p.distance);
         let has_shallower = |t: &u32| owners.iter().zip(all.iter()).any(|(owner, other)| owner == t && other.distance > p.distance);
@@ -690,7 +737,7 @@ fn drop_nearer_elsewhere(surface: &Surface, triangles: &[u32], size: f64, room: 
             let corners = surface.triangle(*t);
             let normal = surface.normal(*t, &corners);
             let height = dot(normal, sub(x, corners[0]));
-            // Up to the rounding of poses in 32 bits.
+            // Rounding of poses in single precision.
             let touches = height.abs() <= 1e-7 * size;
             (touches || height < 0.0 && has_shallower(t))
                 && TURNED.contains(&dot(normal, p.normal))
@@ -706,7 +753,7 @@ fn drop_nearer_elsewhere(surface: &Surface, triangles: &[u32], size: f64, room: 
     }
 }
 
-/// Distance of a point from a triangle.
+/// Distance of the point `x` from a triangle with this unit normal, m.
 fn distance(corners: &[V; 3], normal: V, x: V) -> f64 {
     if is_over(corners, normal, x) {
         return dot(normal, sub(x, corners[0])).abs();
@@ -714,7 +761,7 @@ fn distance(corners: &[V; 3], normal: V, x: V) -> f64 {
     (0..3).map(|k| from_segment(x, corners[k], corners[(k + 1) % 3])).fold(f64::INFINITY, f64::min)
 }
 
-/// Distance of a point from the segment from `a` to `b`.
+/// Distance of the point `x` from the segment from `a` to `b`, m.
 fn from_segment(x: V, a: V, b: V) -> f64 {
     let (edge, arm) = (sub(b, a), sub(x, a));
     norm(add_scaled(arm, edge, -(dot(arm, edge) / dot(edge, edge)).clamp(0.0, 1.0)))
@@ -748,12 +795,12 @@ mod tests {
             let (mut own, mut any) = (Manifold::default(), Manifold::default());
             let ball = Ball { facet: &facet, pair: &pair, height, radius, prediction };
             let Surface::Grid(grid) = &surface else { unreachable!("made above") };
-            let left = ball.touch(Some(|p: V| grid.holds(p)), |at, p, d| surface.is_nearest(t, &facet, at, p, d), &mut own);
-            let left_any = touch_any(&surface, t, &facet, &pair, height, prediction, &mut any, &mut Room::default());
+            let left = ball.touch(Some(|p: V| grid.is_below(p)), |at, p, d| surface.is_nearest(t, &facet, at, p, d), &mut own);
+            let left_any = touch_any(&surface, t, &facet, &pair, height, prediction, &mut any, &mut Workspace::default());
             match left {
-                Touch::Unknown => return Ok(()),
-                Touch::Found => prop_assert!(left_any.is_none()),
-                Touch::Left(facing) => {
+                TriangleTest::Unclear => return Ok(()),
+                TriangleTest::Complete => prop_assert!(left_any.is_none()),
+                TriangleTest::LeftToNeighbour(facing) => {
                     prop_assert!((facing.found.separation - left_any.unwrap().found.separation).abs() < 1e-12);
                 }
             }

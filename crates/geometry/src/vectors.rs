@@ -15,8 +15,8 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// Pose from numbers of 32 bits. The axes are made orthogonal up to the rounding of 64 bits, because faces would otherwise not be
-    /// perpendicular to their normals.
+    /// Pose from single-precision numbers that were converted to f64. The axes are made orthogonal up to the rounding of f64, because faces
+    /// would otherwise not be perpendicular to their normals.
     ///
     /// The method is one step of Newton's method for the polar decomposition without an inverse, which squares the error (Higham, 2008,
     /// section 8.3).
@@ -29,7 +29,7 @@ impl Pose {
     }
 }
 
-/// Index of the point that is farthest along `d`; the first one of several.
+/// Index of the point that is farthest along `d`. Of several equally far points it is the first.
 pub(super) fn furthest(points: &[V], d: V) -> usize {
     let mut best = 0;
     let mut most = f64::NEG_INFINITY;
@@ -42,18 +42,18 @@ pub(super) fn furthest(points: &[V], d: V) -> usize {
     best
 }
 
-/// x / |x|, or `fallback` if x is 0.
+/// Unit vector x / |x|, or `fallback` if x is 0.
 pub(super) fn unit_or(x: V, fallback: V) -> V {
     let length = norm(x);
     if length > 0.0 { scale(x, 1.0 / length) } else { fallback }
 }
 
-/// -x
+/// Vector -x.
 pub(super) fn neg(x: V) -> V {
     [-x[0], -x[1], -x[2]]
 }
 
-/// Index of the coordinate with the largest absolute value; the first one of several.
+/// Index of the coordinate with the largest absolute value. Of several equal ones it is the first.
 pub(super) fn widest(d: V) -> usize {
     let a = d.map(f64::abs);
     if a[0] >= a[1] && a[0] >= a[2] {

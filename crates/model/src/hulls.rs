@@ -30,7 +30,7 @@ impl Source<'_> {
     fn hull(self, index: usize, mesh: &Mesh) -> Result<Arc<Hull>, HullError> {
         match self {
             Self::Same(Hulls(known)) if let Some(Some(hull)) = known.get(index) => Ok(hull.clone()),
-            Self::Kept(kept) if let Some(Some(surface)) = kept.get(index) => Hull::of_known(&mesh.vertices, surface).map(Arc::new),
+            Self::Kept(kept) if let Some(Some(surface)) = kept.get(index) => Hull::from_surface(&mesh.vertices, surface).map(Arc::new),
             _ => mesh.hull().map(Arc::new),
         }
     }

@@ -6,7 +6,7 @@ use stepper_geometry::pairs::{
     ContactPoint, Cuboid, Cylinder, Ellipsoid, Segment, capsule_box, cylinder_rims, face_clearance, plane_box, plane_ellipsoid,
     plane_point, plane_sphere, segments, sphere_box, sphere_cylinder, sphere_ellipsoid,
 };
-use stepper_geometry::{Approach, BoundingBox, Pose, Reach, SeparatingPlane, SeparatingPlanes, Solid};
+use stepper_geometry::{Approach, BoundingBox, Pose, SearchLimits, SeparatingPlane, SeparatingPlanes, Solid};
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::collision::contact_set::{ContactId, Contacts};
@@ -194,13 +194,13 @@ impl<R: Real> Scene<'_, R> {
             let poses = [self.pose(a, lane), self.pose(b, lane)];
             let (first, second) = (self.solid_in(a, lane), self.solid_in(b, lane));
             let Search { narrow, known, found } = &mut *search;
-            let mut reach = Reach::from(reach.lane(lane).to_f64());
-            reach.epsilon = R::Scalar::EPSILON.to_f64();
-            reach.known = known.of(lane, index).map(SeparatingPlane::known);
+            let mut limits = SearchLimits::from(reach.lane(lane).to_f64());
+            limits.epsilon = R::Scalar::EPSILON.to_f64();
+            limits.cached = known.of(lane, index).map(SeparatingPlane::cached_normal);
             if let Some(moving) = &approach {
-                reach.approach = Some(moving.lane(lane));
+                limits.approach = Some(moving.lane(lane));
             }
-            let (points, separating_plane) = narrow.collide([&first, &second], poses, reach);
+            let (points, separating_plane) = narrow.collide([&first, &second], poses, limits);
             if let Some(separating_plane) = separating_plane {
                 found.keep(lane, index, &separating_plane);
             }
@@ -266,7 +266,7 @@ impl<R: Real> Scene<'_, R> {
             }
         }
         let apart = sub(self.poses.pos[b], self.poses.pos[a]);
-        let separated = near.and(planes.keep(apart, [&self.poses.mat[a], &self.poses.mat[b]], approach, size));
+        let separated = near.and(planes.separated_lanes(apart, [&self.poses.mat[a], &self.poses.mat[b]], approach, size));
         for lane in each_of(separated.bits()) {
             if let Some(separating_plane) = known.of(lane, index) {
                 found.keep(lane, index, separating_plane);
@@ -298,8 +298,8 @@ impl<R: Real> Scene<'_, R> {
         let mat = &self.poses.mat[geoms[0]];
         // `map` of an array would be a function call.
         let [turn, velocity] = self.relative_motion(geoms, centre);
-        let [turn, way] = [scale(rotate_back(mat, turn), self.h), scale(rotate_back(mat, velocity), self.h)];
-        Approach { way, turn, radius, slack: margin.max(R::zero()) + self.slack }
+        let [rotation, displacement] = [scale(rotate_back(mat, turn), self.h), scale(rotate_back(mat, velocity), self.h)];
+        Approach { displacement, rotation, radius, slack: margin.max(R::zero()) + self.slack }
     }
 
     #[inline(always)]

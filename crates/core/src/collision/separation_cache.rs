@@ -1,8 +1,8 @@
 //! Results for pairs of hulls that one step stores for the next. They are the normal at which the next search starts, and a separating
 //! plane that is valid for a while.
 //!
-//! The cache saves time and changes no contact, see [`Reach::known`](stepper_geometry::Reach::known) and [`SeparatingPlane`]. It belongs to
-//! the state nevertheless, so that rounding cannot make a step depend on anything else.
+//! The cache saves time and changes no contact, see [`SearchLimits::cached`](stepper_geometry::SearchLimits::cached) and
+//! [`SeparatingPlane`]. It belongs to the state nevertheless, so that rounding cannot make a step depend on anything else.
 
 use serde::{Deserialize, Serialize};
 use stepper_geometry::{SeparatingPlane, Solid};

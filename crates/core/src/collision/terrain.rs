@@ -59,7 +59,7 @@ impl<R: Real> Scene<'_, R> {
         let mut near = near.and((low - R::of(surface.highest())).lt(anyhow));
         for lane in each_of(near.bits()) {
             let of = |x: R| x.lane(lane).to_f64();
-            let under = surface.under_disc(at.map(of), of(around + hair));
+            let under = surface.heights_below_disc(at.map(of), of(around + hair));
             let limit = if under.level { level } else { anyhow };
             if of(low) - under.highest >= of(limit) {
                 near = near.and_not(R::Mask::from_bits(1 << lane));

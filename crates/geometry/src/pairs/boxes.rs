@@ -1,9 +1,10 @@
-//! Balls and capsules against a box.
+//! Contacts of balls and capsules with a box.
 //!
-//! The closest point of a segment x(t) = p + t d to a box is the least of f(t) = sum_i (|x_i| - s_i)+^2, which is convex with a piecewise
-//! linear slope: between two neighbours of its six corners the root of the slope is exact. A segment that enters the box leaves it by the
-//! shortest way among the directions of faces and of edges crossed with the segment: these are the faces of the Minkowski difference
-//! (separating axes; Ericson 2005, section 5.2.1).
+//! Let x(t) = p + t d be a point of a segment, and s the half sizes of the box. The closest point minimises f(t) = sum_i max(|x_i| - s_i,
+//! 0)^2. This function is convex with a piecewise linear slope, so that the root of the slope between two of its six kinks is exact.
+//!
+//! A segment that enters the box is moved out along the shortest translation. The candidates are the faces of the Minkowski difference:
+//! normals of faces, and cross products of edges with the segment (separating axes; Ericson, 2005, section 5.2.1).
 
 use stepper_real::{Mask, Real, Scalar};
 
@@ -11,32 +12,35 @@ use crate::linear_algebra::*;
 use crate::pairs::ContactPoint;
 use crate::pairs::Segment;
 
-/// A box.
+/// Box in each lane.
 #[derive(Clone, Copy, Debug)]
 pub struct Cuboid<R> {
     /// Centre, m.
     pub centre: V3<R>,
-    /// Its axes are the columns.
+    /// Orientation. The columns are the box's axes.
     pub mat: M3<R>,
     /// Half sizes, m.
     pub half: V3<R>,
 }
 
-/// Where a body with a core and a radius about it touches the box, in the box's frame: `x` on the core, the direction `u` out of the box,
-/// and the gap between core and box along it.
+/// Closest feature of a shape's core and the box, in the box's frame.
 struct Touch<R> {
+    /// Point of the core, m.
     x: V3<R>,
+    /// Unit vector from the box to the core.
     u: V3<R>,
+    /// Signed distance of core and box along `u`, m.
     gap: R,
 }
 
 impl<R: Real> Cuboid<R> {
+    /// Point of the world in the frame of the box, m.
     #[inline(always)]
     fn inside(&self, point: V3<R>) -> V3<R> {
         rotate_back(&self.mat, sub(point, self.centre))
     }
 
-    /// From the nearest point of the box to `x`: zero inside.
+    /// Vector from the closest point of the box to `x`, m; 0 inside. Both are in the frame of the box.
     #[inline(always)]
     fn beyond(&self, x: V3<R>) -> V3<R> {
         array_of(
@@ -45,6 +49,7 @@ impl<R: Real> Cuboid<R> {
         )
     }
 
+    /// Contact in the world of a shape with the given radius around its core, m.
     #[inline(always)]
     fn contact(&self, touch: &Touch<R>, radius: R) -> ContactPoint<R> {
         let distance = touch.gap - radius;
@@ -52,7 +57,7 @@ impl<R: Real> Cuboid<R> {
         ContactPoint { distance, pos: add(self.centre, rotate(&self.mat, pos)), normal: rotate(&self.mat, scale(touch.u, -R::one())) }
     }
 
-    /// The shortest way for the point `x` out of the box.
+    /// Closest face of the box to the point `x`, if the point is inside.
     #[inline(always)]
     fn nearest_face(&self, x: V3<R>) -> Touch<R> {
         let (mut gap, mut u) = (R::of(f64::NEG_INFINITY), zero());
@@ -66,7 +71,7 @@ impl<R: Real> Cuboid<R> {
     }
 }
 
-/// Axis `i` with the sign of `sign`.
+/// Unit vector along axis `i` with the sign of `sign`.
 #[inline(always)]
 fn unit<R: Real>(i: usize, sign: R) -> V3<R> {
     let mut u = zero();
@@ -74,7 +79,7 @@ fn unit<R: Real>(i: usize, sign: R) -> V3<R> {
     u
 }
 
-/// `v` made a unit vector, with its length; `instead` where it has none.
+/// Unit vector along `v`, length of `v`, and lanes in which the length is not 0. The vector is `instead` in the other lanes.
 #[inline(always)]
 fn direction<R: Real>(v: V3<R>, instead: V3<R>) -> (V3<R>, R, R::Mask) {
     let length = norm(v);
@@ -82,7 +87,7 @@ fn direction<R: Real>(v: V3<R>, instead: V3<R>) -> (V3<R>, R, R::Mask) {
     (select(some, scale(v, R::one() / R::select(some, length, R::one())), instead), length, some)
 }
 
-/// A ball and a box.
+/// Contact of a ball and a box.
 #[inline(always)]
 pub fn sphere_box<R: Real>(centre: V3<R>, radius: R, cuboid: &Cuboid<R>) -> ContactPoint<R> {
     let x = cuboid.inside(centre);
@@ -91,7 +96,7 @@ pub fn sphere_box<R: Real>(centre: V3<R>, radius: R, cuboid: &Cuboid<R>) -> Cont
     cuboid.contact(&Touch { x, u, gap: R::select(outside, length, face.gap) }, radius)
 }
 
-/// Distance of a point from the border of the face of a box that it is over, m. Not positive if it is over none.
+/// Distance of a point above a face of a box from the border of the face, m. It is 0 or negative if the point is above no face.
 #[inline(always)]
 pub fn face_clearance<R: Real>(point: V3<R>, cuboid: &Cuboid<R>) -> R {
     let x = cuboid.inside(point);
@@ -100,8 +105,10 @@ pub fn face_clearance<R: Real>(point: V3<R>, cuboid: &Cuboid<R>) -> R {
     R::select(least.lt(R::zero()), middle, R::zero())
 }
 
-/// A capsule and a box: the contact at their closest points, and where the capsule runs along a face or an edge, the contact at the other
-/// end of the stretch that does. Ordered along the capsule; the masks say where each exists.
+/// Contacts of a capsule and a box, ordered along the capsule, and the lanes in which each exists.
+///
+/// One contact is at the closest points. If the capsule is parallel to a face or edge, another contact is at the other end of the parallel
+/// part.
 #[inline(always)]
 pub fn capsule_box<R: Real>(capsule: &Segment<R>, cuboid: &Cuboid<R>) -> ([ContactPoint<R>; 2], [R::Mask; 2]) {
     let line = Line { p: cuboid.inside(capsule.centre), d: rotate_back(&cuboid.mat, capsule.axis), half: capsule.half_length };
@@ -122,7 +129,7 @@ pub fn capsule_box<R: Real>(capsule: &Segment<R>, cuboid: &Cuboid<R>) -> ([Conta
     ([choose(ascending, &first, &second), choose(ascending, &second, &first)], [two.or(ascending), two.or(ascending.not())])
 }
 
-/// `a` in the lanes `lanes`, elsewhere `b`.
+/// Contact `a` in the lanes of the mask, and `b` elsewhere.
 #[inline(always)]
 fn choose<R: Real>(lanes: R::Mask, a: &ContactPoint<R>, b: &ContactPoint<R>) -> ContactPoint<R> {
     ContactPoint {
@@ -132,20 +139,24 @@ fn choose<R: Real>(lanes: R::Mask, a: &ContactPoint<R>, b: &ContactPoint<R>) -> 
     }
 }
 
-/// The core of a capsule in the box's frame: p + t d with |t| <= half.
+/// Core of a capsule in the frame of a box: the points p + t d with |t| <= half.
 struct Line<R> {
+    /// Centre, m.
     p: V3<R>,
+    /// Unit vector along the capsule.
     d: V3<R>,
+    /// Half the length, m.
     half: R,
 }
 
 impl<R: Real> Line<R> {
+    /// Point at the parameter `t`, m.
     #[inline(always)]
     fn at(&self, t: R) -> V3<R> {
         add_scaled(self.p, self.d, t)
     }
 
-    /// A gap that rounding can make where the line just enters the box, m.
+    /// Largest distance from the box that rounding can give a line that just enters it, m.
     #[inline(always)]
     fn rounding(&self, cuboid: &Cuboid<R>) -> R {
         let [p, half] = [self.p, cuboid.half];
@@ -153,27 +164,27 @@ impl<R: Real> Line<R> {
         (sizes + self.half) * R::splat(R::Scalar::EPSILON) * R::of(64.0)
     }
 
-    /// Parameters at which the line enters and leaves the slab of axis `k`. A line parallel to the slab is inside for all parameters or for
-    /// none.
+    /// Parameters at which the line enters and leaves the slab of axis `k`: the points whose coordinate k is within the box.
+    ///
+    /// A line parallel to the slab is inside for all parameters or for none.
     #[inline(always)]
     fn slab(&self, cuboid: &Cuboid<R>, k: usize) -> [R; 2] {
         let (p, d, s) = (self.p[k], self.d[k], cuboid.half[k]);
         let along = d.abs().lt(R::of(1e-12));
         let d = R::select(along, R::one(), d);
         let (a, b) = ((-s - p) / d, (s - p) / d);
-        // A hair of tolerance for a line along the border of a face.
+        // A line along the border of a face counts as inside.
         let within = R::select(p.abs().le(s * R::of(1.0 + 1e-9)), R::of(f64::INFINITY), R::of(f64::NEG_INFINITY));
         [R::select(along, -within, a.min(b)), R::select(along, within, a.max(b))]
     }
 
-    /// Half the slope of f at t.
+    /// Half the slope of the squared distance from the box, at the parameter `t`, m.
     #[inline(always)]
     fn slope(&self, cuboid: &Cuboid<R>, t: R) -> R {
         dot(self.d, cuboid.beyond(self.at(t)))
     }
 
-    /// Parameter of the point of the line that is closest to the box; where several are equally close, the parameter at an end of their
-    /// interval.
+    /// Parameter of the point that is closest to the box. If an interval is equally close, the result is one of its ends.
     #[inline(always)]
     fn closest(&self, cuboid: &Cuboid<R>) -> R {
         let (mut lo, mut hi) = (-self.half, self.half);
@@ -197,7 +208,7 @@ impl<R: Real> Line<R> {
         R::select(inner, t, R::select(falls, self.half, -self.half))
     }
 
-    /// Where and how the line leaves the box by the shortest way, if it enters it.
+    /// Shortest translation of the line out of the box, if it enters: parameter of the deepest point, and the closest feature there.
     #[inline(always)]
     fn way_out(&self, cuboid: &Cuboid<R>) -> (R, Touch<R>) {
         let (mut gap, mut u, mut t) = (R::of(f64::NEG_INFINITY), zero(), R::zero());
@@ -221,7 +232,7 @@ impl<R: Real> Line<R> {
             let axis = scale(axis, R::one() / square.sqrt());
             let side = dot(self.p, axis);
             let this = side.abs() - (cuboid.half[j] * axis[j].abs() + cuboid.half[k] * axis[k].abs());
-            // A face is taken rather than an edge that is no better.
+            // A face is preferred to an edge of equal depth.
             let shorter = crossing.and((gap * R::of(1.0 - 1e-9)).lt(this));
             let out = scale(axis, R::one().copysign(side));
             let corner = |m: usize| cuboid.half[m].copysign(out[m]) - self.p[m];
@@ -233,7 +244,10 @@ impl<R: Real> Line<R> {
         (t, Touch { x: self.at(t), u, gap })
     }
 
-    /// The far end of the stretch that runs along the face or edge of the touch at `t`, and where there is one.
+    /// Other end of the part of the line that runs along the same face or edge as the contact `near` at the parameter `t`.
+    ///
+    /// Returns its parameter, its closest feature, and the lanes in which such a part exists. `outside` are the lanes in which the line
+    /// does not enter the box.
     #[inline(always)]
     fn other_end(&self, cuboid: &Cuboid<R>, t: R, near: &Touch<R>, outside: R::Mask) -> (R, Touch<R>, R::Mask) {
         let u = [near.u[0].abs(), near.u[1].abs(), near.u[2].abs()];
@@ -245,7 +259,7 @@ impl<R: Real> Line<R> {
             let faces = u[k].ge(most).and_not(chosen);
             chosen = chosen.or(faces);
             face = select(faces, unit(k, near.u[k]), face);
-            // Beside the face within six degrees, or beside the edge.
+            // The line runs along the face within six degrees, or along the edge.
             let beside = u[k].le(R::of(0.1)).or(outside.not()).and_not(faces);
             let [a, b] = self.slab(cuboid, k);
             lo = R::select(beside, a.max(lo), lo);
@@ -258,7 +272,7 @@ impl<R: Real> Line<R> {
         let x = self.at(t_far);
         let (out, length, _) = direction(cuboid.beyond(x), face);
         let depth = dot(face, x) - dot([face[0].abs(), face[1].abs(), face[2].abs()], cuboid.half);
-        // An edge that is the shortest way out has no deeper point beside it.
+        // If the shortest translation is across an edge, no deeper point is next to it.
         let two = two.and(outside.or(most.ge(R::one())).or(depth.ge(near.gap)));
         (t_far, Touch { x, u: select(outside, out, face), gap: R::select(outside, length, depth) }, two)
     }

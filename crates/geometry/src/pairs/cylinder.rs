@@ -19,16 +19,16 @@ pub struct Cylinder<R> {
     pub half_length: R,
 }
 
-/// Points of a cylinder's rims that can touch a half space with the outward normal `normal`. On each end face they are the lowest point,
-/// the opposite point, and the two points halfway between them.
+/// Points of a cylinder's rims that can touch a half space, m. On each end face they are the lowest point, the opposite point, and the two
+/// points halfway between them.
+///
+/// Point k is `k % 4` quarter turns from the lowest one, on the end face at +z for k < 4. `normal` is the outward normal of the half space.
 ///
 /// A lying cylinder touches with the lowest point of both end faces, a standing one with all four points of one end face. MuJoCo's
 /// `mjc_PlaneCylinder` has the lowest two points and a triangle.
 ///
 /// `tip` is the change of the normal in the frame of the cylinder within the step, n x omega h. If it exceeds the cylinder's tilt, the
 /// lowest point is the one toward which the cylinder tips. It therefore tips over its rim, and not over a line between two points.
-///
-/// Point k is at `k % 4` quarter turns from the lowest one, on the end face at +z for k < 4.
 #[inline(always)]
 pub fn cylinder_rims<R: Real>(normal: V3<R>, tip: V3<R>, cylinder: &Cylinder<R>) -> [V3<R>; 8] {
     let axis = column(&cylinder.mat, 2);
@@ -53,13 +53,14 @@ pub fn cylinder_rims<R: Real>(normal: V3<R>, tip: V3<R>, cylinder: &Cylinder<R>)
     )
 }
 
-/// Contact of the half space below `origin` and a point of a cylinder's rim.
+/// Contact of a half space and a point, such as one of a cylinder's rim. `origin` is a point of the boundary, m, and `normal` the outward
+/// normal.
 #[inline(always)]
 pub fn plane_point<R: Real>(origin: V3<R>, normal: V3<R>, point: V3<R>) -> ContactPoint<R> {
     plane_sphere(origin, normal, point, R::zero())
 }
 
-/// Contact of a ball and a cylinder.
+/// Contact of a ball and a cylinder. `centre` and `radius` are those of the ball, m.
 ///
 /// In the half plane through the axis and the ball's centre, the cylinder is a rectangle. For a centre outside, the closest point is the
 /// centre clamped to the rectangle. For a centre inside, it is on the side or the end face, whichever is closer.

@@ -5,7 +5,7 @@ use stepper_real::{Mask, Real, Scalar};
 use crate::linear_algebra::*;
 use crate::pairs::ContactPoint;
 
-/// Ellipsoid.
+/// Ellipsoid in each lane.
 #[derive(Clone, Copy, Debug)]
 pub struct Ellipsoid<R> {
     /// Centre, m.
@@ -16,7 +16,8 @@ pub struct Ellipsoid<R> {
     pub radii: V3<R>,
 }
 
-/// Contact of the half space below `origin` with the outward normal `normal` and the lowest point of an ellipsoid.
+/// Contact of a half space and an ellipsoid, at the ellipsoid's lowest point. `origin` is a point of the boundary, m, and `normal` the
+/// outward normal.
 ///
 /// With m = A R^T n, the lowest point is c - R A m / |m|. It is |m| below the centre c.
 #[inline(always)]
@@ -30,7 +31,8 @@ pub fn plane_ellipsoid<R: Real>(origin: V3<R>, normal: V3<R>, ellipsoid: &Ellips
     ContactPoint { distance, pos, normal }
 }
 
-/// Largest number of Newton steps. It suffices for semi-axes with a ratio of 200 and any position. Four or five are usual.
+/// Largest number of Newton steps of [`sphere_ellipsoid`]. It suffices for semi-axes with a ratio of 200 and any position. Four or five are
+/// usual.
 const STEPS: usize = 14;
 
 /// Contact of a ball and an ellipsoid.

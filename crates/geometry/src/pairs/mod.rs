@@ -1,6 +1,6 @@
 //! Contacts of pairs of simple shapes over lanes, one file per shape. Every function is stateless: the same poses give the same contacts.
 //!
-//! Normals point from the first shape to the second, positions are halfway between the surfaces.
+//! Normals point from the first shape to the second. Positions are halfway between the surfaces.
 
 mod boxes;
 mod contact_point;

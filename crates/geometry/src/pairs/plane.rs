@@ -5,7 +5,7 @@ use stepper_real::Real;
 use crate::linear_algebra::*;
 use crate::pairs::ContactPoint;
 
-/// Contact of the half space below `origin` with the outward normal `normal` and a ball.
+/// Contact of a half space and a ball. `origin` is a point of the boundary, m, and `normal` the outward unit normal.
 #[inline(always)]
 pub fn plane_sphere<R: Real>(origin: V3<R>, normal: V3<R>, centre: V3<R>, radius: R) -> ContactPoint<R> {
     let distance = dot(normal, sub(centre, origin)) - radius;
@@ -13,7 +13,10 @@ pub fn plane_sphere<R: Real>(origin: V3<R>, normal: V3<R>, centre: V3<R>, radius
     ContactPoint { distance, pos, normal }
 }
 
-/// Contact of a half space and a corner of a box. Bit k of `corner` is 1 if the corner is on the positive side of axis k.
+/// Contact of a half space and one corner of a box. Bit k of `corner` is 1 if the corner is on the positive side of the box's axis k.
+///
+/// `origin` is a point of the boundary, m, and `normal` the outward unit normal. `centre`, `mat` and `half` are position, orientation and
+/// half sizes of the box.
 #[inline(always)]
 pub fn plane_box<R: Real>(origin: V3<R>, normal: V3<R>, centre: V3<R>, mat: &M3<R>, half: V3<R>, corner: usize) -> ContactPoint<R> {
     let sign = |k: usize| if corner >> k & 1 == 1 { half[k] } else { -half[k] };

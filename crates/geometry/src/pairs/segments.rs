@@ -5,7 +5,7 @@ use stepper_real::{Mask, Real};
 use crate::linear_algebra::*;
 use crate::pairs::ContactPoint;
 
-/// Capsule: the points within `radius` of a segment.
+/// Capsule in each lane: the points within `radius` of a segment. A radius of 0 is the segment itself.
 #[derive(Clone, Copy, Debug)]
 pub struct Segment<R> {
     /// Centre of the segment, m.
@@ -19,6 +19,7 @@ pub struct Segment<R> {
 }
 
 impl<R: Real> Segment<R> {
+    /// Point of the segment at the signed distance `x` from its centre, m.
     #[inline(always)]
     fn at(&self, x: R) -> V3<R> {
         add_scaled(self.centre, self.axis, x)
@@ -53,7 +54,7 @@ pub fn segments<R: Real>(a: &Segment<R>, b: &Segment<R>) -> ([ContactPoint<R>; 2
     ([between(a.at(xa1), b.at(xb1), a.radius, b.radius), between(a.at(hi), b.at(xb2), a.radius, b.radius)], two)
 }
 
-/// Contact of two balls.
+/// Contact of two balls with the centres `p` and `q`, m.
 #[inline(always)]
 fn between<R: Real>(p: V3<R>, q: V3<R>, radius_p: R, radius_q: R) -> ContactPoint<R> {
     let d = sub(q, p);

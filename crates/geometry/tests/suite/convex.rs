@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::shapes::{simple, unit, vector};
 use proptest::prelude::*;
 use stepper_geometry::linear_algebra::*;
-use stepper_geometry::{ConvexShape, Hull, Manifold, Pose, Room, collide, distance};
+use stepper_geometry::{ConvexShape, Hull, Manifold, Pose, Workspace, collide, distance};
 
 type V = V3<f64>;
 
@@ -96,7 +96,7 @@ fn by_search(a: &ConvexShape, pa: &Pose, b: &ConvexShape, pb: &Pose) -> f64 {
 
 pub(crate) fn manifold(a: &ConvexShape, pa: &Pose, b: &ConvexShape, pb: &Pose, prediction: f64) -> Manifold {
     let mut out = Manifold::default();
-    collide(a, pa, b, pb, prediction, &mut out, &mut Room::default());
+    collide(a, pa, b, pb, prediction, &mut out, &mut Workspace::default());
     out
 }
 

@@ -6,7 +6,8 @@ use crate::shapes::{unit, vector};
 use proptest::prelude::*;
 use stepper_geometry::linear_algebra::*;
 use stepper_geometry::{
-    Approach, ConvexShape, Hull, HullError, Known, Manifold, Point, Pose, Reach, Room, SeparatingPlane, SeparatingPlanes, collide, distance,
+    Approach, CachedNormal, ConvexShape, Hull, HullError, Manifold, Point, Pose, SearchLimits, SeparatingPlane, SeparatingPlanes,
+    Workspace, collide, distance,
 };
 
 type V = V3<f64>;
@@ -66,9 +67,9 @@ fn over_all_facets(a: &Hull, pa: &Pose, b: &Hull, pb: &Pose) -> f64 {
 
 const PREDICTION: f64 = 0.02;
 
-fn meet(a: &ConvexShape, pa: &Pose, b: &ConvexShape, pb: &Pose, known: Option<Known>, approach: Option<Approach>) -> Manifold {
+fn meet(a: &ConvexShape, pa: &Pose, b: &ConvexShape, pb: &Pose, known: Option<CachedNormal>, approach: Option<Approach>) -> Manifold {
     let mut out = Manifold::default();
-    collide(a, pa, b, pb, Reach { known, approach, ..PREDICTION.into() }, &mut out, &mut Room::default());
+    collide(a, pa, b, pb, SearchLimits { cached: known, approach, ..PREDICTION.into() }, &mut out, &mut Workspace::default());
     out
 }
 
@@ -88,7 +89,7 @@ fn moved(pose: &Pose, way: V, turn: V) -> Pose {
 fn are_parted(separating_plane: &SeparatingPlane, pa: &Pose, pb: &Pose, approach: &Approach, size: f64) -> bool {
     let mut partings = SeparatingPlanes::<f64>::none();
     partings.set_lane(0, separating_plane);
-    partings.keep(sub(pb.pos, pa.pos), [&pa.mat, &pb.mat], approach, size)
+    partings.separated_lanes(sub(pb.pos, pa.pos), [&pa.mat, &pb.mat], approach, size)
 }
 
 /// Upper bound of the size of two hulls, m.
@@ -156,7 +157,7 @@ proptest! {
             let scratch = meet(&first, &pa, &second, &pb, None, None);
             let found = meet(&first, &pa, &second, &pb, known, None);
             prop_assert_eq!(bits(&found.points), bits(&scratch.points));
-            known = found.separating_plane.map(|p| p.known());
+            known = found.separating_plane.map(|p| p.cached_normal());
             pb = moved(&pb, scale(way, 10f64.powf(speed)), scale(turn, 10f64.powf(speed)));
         }
     }
@@ -167,12 +168,12 @@ proptest! {
                                                     speed in -5.0..-1.0f64, hurry in -7.0..-3.0f64) {
         let (first, second) = (ConvexShape::Hull(a.clone()), ConvexShape::Hull(b.clone()));
         let (pa, pb, _) = beside(&first, ma, &second, mb, towards, gap);
-        let still = Approach { way: [0.0; 3], turn: [0.0; 3], radius: 1.0, slack: 0.1 * gap };
-        let fast = Approach { way: scale(way, 10f64.powf(hurry)), ..still };
+        let still = Approach { displacement: [0.0; 3], rotation: [0.0; 3], radius: 1.0, slack: 0.1 * gap };
+        let fast = Approach { displacement: scale(way, 10f64.powf(hurry)), ..still };
         let size = size(&a, &b);
         for approach in [still, fast] {
             let separating_plane = meet(&first, &pa, &second, &pb, None, Some(approach)).separating_plane.expect("they are near");
-            if norm(approach.way) == 0.0 && gap > 1e-3 * size {
+            if norm(approach.displacement) == 0.0 && gap > 1e-3 * size {
                 prop_assert!(are_parted(&separating_plane, &pa, &pb, &Approach { slack: 0.5 * gap, ..still }, size), "not even where they were");
             }
             for away in [0.0, 0.3, 1.0] {
@@ -206,7 +207,7 @@ proptest! {
         };
         let radius = b.points().iter().map(|p| norm(*p)).fold(0.0, f64::max) + 0.5 * PREDICTION;
         let seen = |x: V| rotate_back(&pa.mat, x);
-        let approach = Some(Approach { way: seen(way), turn: seen(turn), radius, slack });
+        let approach = Some(Approach { displacement: seen(way), rotation: seen(turn), radius, slack });
         let all = contacts(&first, &pa, &second, &pb, None, None);
         let counts = |p: &&Point| {
             let motion = add(way, cross(turn, sub(p.pos, pb.pos)));
@@ -264,7 +265,7 @@ proptest! {
         let hull = Hull::new(&points).unwrap();
         prop_assert!(is_closed(&hull), "not a closed surface");
         // Of its surface it is made again, bit for bit.
-        prop_assert_eq!(Hull::of_known(&points, &hull.surface()), Ok(hull.clone()));
+        prop_assert_eq!(Hull::from_surface(&points, &hull.surface()), Ok(hull.clone()));
         prop_assert!(hull.points().iter().all(|p| points.contains(p)), "a corner that nobody gave");
         // Faces are flat within a thousandth of the thickness, and no more than a millionth of the size.
         let rounding = 1e-14 * most;
@@ -335,8 +336,8 @@ fn a_surface_that_is_not_that_of_the_hull_is_refused() {
     let points: Vec<V> = (0..150).map(on).chain((0..50).map(|k| scale(on(3 * k), 0.5))).collect();
     let hull = Hull::new(&points).unwrap();
     let surface = hull.surface();
-    let refused = |points: &[V], surface: &[[u32; 3]]| Hull::of_known(points, surface) == Err(HullError::OtherSurface);
-    assert_eq!(Hull::of_known(&points, &surface).as_ref(), Ok(&hull));
+    let refused = |points: &[V], surface: &[[u32; 3]]| Hull::from_surface(points, surface) == Err(HullError::OtherSurface);
+    assert_eq!(Hull::from_surface(&points, &surface).as_ref(), Ok(&hull));
     let changed = |change: &dyn Fn(&mut Vec<[u32; 3]>)| {
         let mut other = surface.clone();
         change(&mut other);

@@ -8,7 +8,7 @@ use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use stepper_geometry::linear_algebra::*;
 use stepper_geometry::{
-    Approach, ConvexShape, Grid, Hull, Manifold, MeshSurface, Narrow, Pose, Reach, Room, Surface, collide_surface, distance,
+    Approach, ConvexShape, Grid, Hull, Manifold, MeshSurface, Narrow, Pose, SearchLimits, Surface, Workspace, collide_surface, distance,
 };
 
 type V = V3<f64>;
@@ -57,7 +57,7 @@ fn slope(n: usize, rise: [f64; 2]) -> Surface {
 
 fn touch(surface: &Surface, b: &ConvexShape, pose: &Pose, prediction: f64) -> Manifold {
     let mut out = Manifold::default();
-    collide_surface(surface, &STILL, b, pose, prediction, &mut out, &mut Room::default());
+    collide_surface(surface, &STILL, b, pose, prediction, &mut out, &mut Workspace::default());
     out
 }
 
@@ -284,13 +284,13 @@ proptest! {
         let slack = 1e-3;
         // Contacts are within twice the displacement of the step.
         let prediction = 2.0 * (norm(way) + norm(turn) * bound(&b)) + slack;
-        let approach = Approach { way, turn, radius: contact_radius(&b, prediction), slack };
-        let find = |reach: Reach| {
+        let approach = Approach { displacement: way, rotation: turn, radius: contact_radius(&b, prediction), slack };
+        let find = |reach: SearchLimits| {
             let mut out = Manifold::default();
-            collide_surface(&surface, &STILL, &b, &pose, reach, &mut out, &mut Room::default());
+            collide_surface(&surface, &STILL, &b, &pose, reach, &mut out, &mut Workspace::default());
             out.points
         };
-        let (all, found) = (find(prediction.into()), find(Reach { approach: Some(approach), ..prediction.into() }));
+        let (all, found) = (find(prediction.into()), find(SearchLimits { approach: Some(approach), ..prediction.into() }));
         let counts = |p: &&stepper_geometry::Point| {
             let velocity = add(way, cross(turn, sub(p.pos, pose.pos)));
             p.distance < 2.0 * (-dot(p.normal, velocity)).max(0.0) + slack
@@ -319,10 +319,10 @@ proptest! {
         let (vertices, faces) = triangles(&grid, form == 2);
         let surface = if form == 0 { Surface::Grid(grid.clone()) } else { Surface::Mesh(MeshSurface::new(&vertices, &faces)) };
         let (b, pose) = (ConvexShape::Sphere { radius }, Pose { pos: [at[0], at[1], grid.highest() + lift], ..STILL });
-        let approach = Approach { way, turn: [0.0; 3], radius: 0.0, slack: 1e-3 };
+        let approach = Approach { displacement: way, rotation: [0.0; 3], radius: 0.0, slack: 1e-3 };
         let mut out = Manifold::default();
-        let reach = Reach { approach: Some(approach), ..(2.0 * norm(way) + 1e-3).into() };
-        collide_surface(&surface, &STILL, &b, &pose, reach, &mut out, &mut Room::default());
+        let reach = SearchLimits { approach: Some(approach), ..(2.0 * norm(way) + 1e-3).into() };
+        collide_surface(&surface, &STILL, &b, &pose, reach, &mut out, &mut Workspace::default());
         for p in out.points.iter().filter(|p| p.stays_over_face) {
             let across = |v: V| add_scaled(v, p.normal, -dot(v, p.normal));
             let (farthest, direction) = (2.0 * norm(across(way)), across(u));

@@ -6,13 +6,13 @@ use std::sync::Arc;
 use crate::shapes::unit;
 use proptest::prelude::*;
 use stepper_geometry::linear_algebra::*;
-use stepper_geometry::{ConvexShape, Grid, Hull, Narrow, Point, Pose, Reach, Solid, Surface};
+use stepper_geometry::{ConvexShape, Grid, Hull, Narrow, Point, Pose, SearchLimits, Solid, Surface};
 
 /// Half sizes of the floor, and of the body along x and y, m.
 const FLOOR: [f64; 2] = [0.05, 0.3];
 const BODY: [f64; 3] = [0.03, 0.02, 0.02];
 
-/// Reach of the search, m: above the height of the highest corner of the most tilted body.
+/// SearchLimits of the search, m: above the height of the highest corner of the most tilted body.
 const PREDICTION: f64 = 1e-3;
 
 /// Least share of the common area that the contact points span. Four corners of a hexagon span at least a half of it, and those of an
@@ -113,7 +113,7 @@ fn meet(floors: usize, bodies: usize, epsilon: f64, at: P, yaw: f64, tilt: (V3<f
         Pose { pos: [0.0, 0.0, -top], mat: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0] },
         Pose { pos: [at[0], at[1], -lowest - depth], mat },
     ];
-    let reach = Reach { epsilon, ..PREDICTION.into() };
+    let reach = SearchLimits { epsilon, ..PREDICTION.into() };
     let points = Narrow::default().collide([&ground, &Solid::Convex(shape)], poses, reach).0.to_vec();
     (points, area(&common))
 }

@@ -1,10 +1,12 @@
-//! Checks that triangles are the surface of the convex hull of points. The triangles of a file are not trusted, and the check takes less
+//! Check that triangles are the surface of the convex hull of points. The triangles of a file are not trusted, and the check takes less
 //! time than a new hull.
 //!
 //! A closed surface of triangles is that of a convex body under three conditions (Mehlhorn, Naher, Seel, Seidel, Schilz, Schirra & Uhrig,
 //! 1999). No edge is bent inwards, every triangle faces away from one inner point, and a ray from that point meets the surface once. Each
-//! condition is the exact sign of a few volumes per triangle. For every given point, the check then walks from triangle to triangle to the
-//! one that the ray from the inner point to it crosses.
+//! condition is the exact sign of a few volumes per triangle.
+//!
+//! For every given point, the check then walks from triangle to triangle to the one that the ray from the inner point to the given point
+//! crosses.
 
 use crate::linear_algebra::*;
 use crate::quickhull::volume_over;
@@ -13,16 +15,21 @@ use crate::vectors::V;
 /// Rounding error of a dot product, relative to the product of both vectors' sums of absolute values.
 const ROUNDING: f64 = 1e-13;
 
-/// Closed surface to check: points, m, triangles, their neighbours across the edge that starts at each corner, and an inner point.
-pub(super) struct Suspect<'a> {
+/// Closed surface of triangles that is checked for convexity.
+pub(super) struct SurfaceCheck<'a> {
+    /// Vertices, m.
     pub(super) points: &'a [V],
+    /// Triangles as vertex indices, counter-clockwise seen from outside.
     pub(super) triangles: &'a [[u32; 3]],
-    pub(super) beside: &'a [[u32; 3]],
+    /// Neighbouring triangle across the edge that starts at each corner of each triangle.
+    pub(super) neighbours: &'a [[u32; 3]],
+    /// Point inside the surface, m.
     pub(super) centre: V,
 }
 
-impl Suspect<'_> {
-    /// Whether the surface is certainly convex. A convex surface with very narrow triangles, or a very thin one, may give false.
+impl SurfaceCheck<'_> {
+    /// Whether the surface is certainly convex. The result may be false for a convex surface that is very thin or has very narrow
+    /// triangles.
     pub(super) fn is_convex(&self) -> bool {
         let behind = |t: usize, n: usize| {
             let apex = self.triangles[n].iter().find(|v| !self.triangles[t].contains(v));
@@ -34,13 +41,13 @@ impl Suspect<'_> {
             let corners = self.corners(t);
             (0..3).all(|k| volume_over([self.centre, corners[k], corners[(k + 1) % 3]], middle) >= 0.0)
         };
-        (0..self.triangles.len()).all(|t| self.beside[t].iter().all(|&n| behind(t, n as usize)))
+        (0..self.triangles.len()).all(|t| self.neighbours[t].iter().all(|&n| behind(t, n as usize)))
             && self.triangles.iter().all(|t| volume_over(self.corners(t), self.centre) < 0.0)
             && self.triangles.iter().filter(|t| before(t)).count() == 1
     }
 
-    /// Whether all points are inside the surface, which is convex, or outside by at most `near`, m.
-    pub(super) fn holds(&self, points: &[V], near: f64) -> bool {
+    /// Whether all points are inside the surface or outside by at most `near`, m. The surface must be convex.
+    pub(super) fn contains(&self, points: &[V], near: f64) -> bool {
         let over = |t: usize, p: V| {
             let [a, b, c] = self.corners(&self.triangles[t]);
             let normal = cross(sub(b, a), sub(c, a));
@@ -50,8 +57,8 @@ impl Suspect<'_> {
         // Consecutive points of the list are often close to each other.
         points.iter().all(|&p| {
             for _ in 0..self.triangles.len() {
-                match self.edge_before(&self.triangles[at], p) {
-                    Some(k) => at = self.beside[at][k] as usize,
+                match self.edge_outside(&self.triangles[at], p) {
+                    Some(k) => at = self.neighbours[at][k] as usize,
                     None => return over(at, p),
                 }
             }
@@ -60,9 +67,9 @@ impl Suspect<'_> {
         })
     }
 
-    /// First edge of a triangle that the point is outside of, seen from the inner point. Points on an edge up to rounding are not outside
-    /// of it.
-    fn edge_before(&self, triangle: &[u32; 3], p: V) -> Option<usize> {
+    /// First edge of a triangle that the ray from the inner point to `p` passes outside of. `None` if the ray crosses the triangle. Rays
+    /// through an edge up to rounding are not outside of it.
+    fn edge_outside(&self, triangle: &[u32; 3], p: V) -> Option<usize> {
         let corners = self.corners(triangle).map(|q| sub(q, self.centre));
         let p = sub(p, self.centre);
         (0..3).find(|&k| {
@@ -71,6 +78,7 @@ impl Suspect<'_> {
         })
     }
 
+    /// Corners of a triangle, m.
     fn corners(&self, triangle: &[u32; 3]) -> [V; 3] {
         triangle.map(|v| self.points[v as usize])
     }

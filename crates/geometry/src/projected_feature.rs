@@ -1,17 +1,19 @@
 //! Part of a shape's surface that faces the other shape, projected along the contact normal.
 //!
-//! Coordinates are (x, y) across the normal and the height h along it. A corner has the number of its vertex and the number of the edge to
-//! the next corner. These numbers identify contacts from step to step.
+//! Coordinates are (x, y) in the projection plane and the height h along the normal. A corner has the number of its vertex and the number
+//! of the edge to the next corner. These numbers identify contacts from step to step.
 
 use crate::linear_algebra::*;
 use crate::shape::ConvexShape;
 use crate::vectors::widest;
 use crate::vectors::{V, furthest};
 
-/// Corner of a [`Patch`], in the coordinates of the contact normal.
+/// Corner of a [`ProjectedFeature`].
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Corner {
+    /// Position along the first axis of the projection plane, m.
     pub(super) x: f64,
+    /// Position along the second axis of the projection plane, m.
     pub(super) y: f64,
     /// Height along the normal, m.
     pub(super) h: f64,
@@ -24,12 +26,13 @@ pub(super) struct Corner {
 /// Upper bound of the numbers of edges.
 pub(super) const EDGES: u32 = 1 << 14;
 
+/// Type of a [`ProjectedFeature`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Kind {
     /// Single points.
     #[default]
     Points,
-    /// Two corners.
+    /// Two corners, the ends of a segment.
     Segment,
     /// Corners in order around a flat face.
     Polygon,
@@ -37,10 +40,12 @@ pub(super) enum Kind {
     Disc,
 }
 
-/// Part of a shape's surface: points, a segment, a polygon or a disc.
+/// Part of a shape's surface, projected along the contact normal: points, a segment, a polygon or a disc.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Patch {
+pub(super) struct ProjectedFeature {
+    /// Type of the feature.
     pub(super) kind: Kind,
+    /// Corners, or points of the rim of a disc.
     pub(super) corners: Vec<Corner>,
     /// Coefficients of the plane of a polygon or disc: h = plane . (1, x, y).
     pub(super) plane: V,
@@ -50,39 +55,44 @@ pub(super) struct Patch {
     pub(super) radius: f64,
 }
 
-/// View of a shape for the projection of its surface along a contact normal: its pose, and the axes of the projection plane.
+/// Pose of a shape, and the axes along which its surface is projected.
 #[derive(Clone, Copy)]
 pub(super) struct View<'a> {
+    /// Position of the shape's frame, m.
     pub(super) pos: V,
+    /// Orientation of the shape's frame.
     pub(super) mat: &'a M3<f64>,
-    /// Contact normal, and the x and y axis of the projection.
+    /// Contact normal, and the x and y axis of the projection plane.
     pub(super) axes: &'a [V; 3],
-    /// Side of the other shape: 1 in the direction of the normal, -1 in the opposite direction.
+    /// Sign of the direction to the other shape: 1 along the normal, -1 opposite to it.
     pub(super) side: f64,
 }
 
 impl View<'_> {
-    pub(super) fn see(&self, local: V) -> [f64; 3] {
+    /// Coordinates (x, y, h), m, of a point in the shape's frame.
+    pub(super) fn project(&self, local: V) -> [f64; 3] {
         let p = add(self.pos, rotate(self.mat, local));
         [dot(p, self.axes[1]), dot(p, self.axes[2]), dot(p, self.axes[0])]
     }
 
+    /// Unit vector towards the other shape, along the normal, in the shape's frame.
     pub(super) fn towards(&self) -> V {
         rotate_back(self.mat, scale(self.axes[0], self.side))
     }
 }
 
-/// Sine of the tilt above which the end face of a cylinder is a list of points instead of a disc.
+/// Sine of the angle between a cylinder's axis and the contact normal above which an end face is a list of points instead of a disc.
 const TILTED: f64 = 1e-3;
-/// Sine of the tilt below which the end face of a cylinder has no lowest point.
+/// Sine of the angle between a cylinder's axis and the contact normal below which an end face has no lowest point.
 const LEVEL: f64 = 1e-6;
-/// Cosine of the angle to the cylinder's axis above which an end face, rather than the side, faces the other shape.
+/// Cosine of the angle between a cylinder's axis and the contact normal above which an end face, rather than the side, faces the other
+/// shape.
 const UPRIGHT: f64 = 0.7;
 
-impl Patch {
-    /// Sets the part of the surface of `shape` that faces the other shape, around its farthest corner `corner`.
+impl ProjectedFeature {
+    /// Sets the feature to the part of a shape's surface that faces the other shape, around its farthest corner `corner`.
     ///
-    /// The part is a whole face even where only an edge touches, because each point has a separate height.
+    /// The part is a whole face even if only an edge touches, because each point has its height.
     pub(super) fn fill(&mut self, shape: &ConvexShape, view: &View<'_>, corner: u32) {
         let d = view.towards();
         self.corners.clear();
@@ -114,7 +124,7 @@ impl Patch {
         }
     }
 
-    /// Adds the vertices of all faces around the lowest vertex of a hull, for contacts with a half space.
+    /// Adds the vertices of all faces that meet at the lowest vertex `corner` of a hull, for contacts with a half space.
     pub(super) fn add_neighbours(&mut self, shape: &ConvexShape, view: &View<'_>, corner: u32) {
         if let ConvexShape::Hull(hull) = shape {
             let faces = hull.faces_around(corner as usize);
@@ -126,17 +136,19 @@ impl Patch {
         }
     }
 
+    /// Adds a corner. `local` is in the shape's frame, m, `id` the number of the vertex and `edge` that of the edge to the next corner.
     fn push(&mut self, view: &View<'_>, local: V, id: u32, edge: u32) {
-        let [x, y, h] = view.see(local);
+        let [x, y, h] = view.project(local);
         self.corners.push(Corner { x, y, h, id, edge });
     }
 
-    /// Makes the corners a polygon on a plane with this normal (in the shape's frame).
+    /// Makes the corners a polygon on a plane with this unit normal in the shape's frame.
     fn flat(&mut self, view: &View<'_>, normal: V) {
         self.kind = Kind::Polygon;
         self.set_plane(view, normal);
     }
 
+    /// Sets the plane through the first corner with this unit normal in the shape's frame.
     fn set_plane(&mut self, view: &View<'_>, normal: V) {
         let m = rotate(view.mat, normal);
         let [up, mx, my] = view.axes.map(|axis| dot(m, axis));
@@ -146,7 +158,7 @@ impl Patch {
         self.plane = [c.h - k * (mx * c.x + my * c.y), k * mx, k * my];
     }
 
-    /// Whether all corners are at the same height, up to `slope` times their distance from the first corner.
+    /// Whether all corners are at the same height. Differences of up to `slope` times the distance from the first corner are ignored.
     pub(super) fn is_level(&self, slope: f64) -> bool {
         let Some(o) = self.corners.first() else { return true };
         self.corners.iter().all(|c| {
@@ -155,10 +167,12 @@ impl Patch {
         })
     }
 
+    /// Height of the plane at (x, y), m.
     pub(super) fn height(&self, x: f64, y: f64) -> f64 {
         self.plane[0] + self.plane[1] * x + self.plane[2] * y
     }
 
+    /// Sets the feature to the face of a box that is farthest along `d`, in the box's frame. `half` are the half sizes, m.
     fn cuboid(&mut self, view: &View<'_>, d: V, half: V) {
         let k = widest(d);
         let (i, j) = ((k + 1) % 3, (k + 2) % 3);
@@ -178,6 +192,7 @@ impl Patch {
         self.flat(view, n);
     }
 
+    /// Sets the feature to the end face of a cylinder, or the line on its side, that is farthest along `d` in the cylinder's frame.
     fn cylinder(&mut self, view: &View<'_>, d: V, radius: f64, half_length: f64) {
         let cap = half_length.copysign(d[2]);
         let across = (d[0] * d[0] + d[1] * d[1]).sqrt();
@@ -199,17 +214,17 @@ impl Patch {
         if across <= TILTED {
             self.kind = Kind::Disc;
             self.radius = radius;
-            let [x, y, _] = view.see([0.0, 0.0, cap]);
+            let [x, y, _] = view.project([0.0, 0.0, cap]);
             self.centre = [x, y];
             self.set_plane(view, [0.0, 0.0, 1f64.copysign(d[2])]);
         }
     }
 }
 
-/// Ends of the straight line on the shape's surface that is farthest along `d` (unit, in the shape's frame): an edge, or a line on the side
-/// of a round shape.
+/// Ends of the straight line on a shape's surface that is farthest along `d`: an edge, or a line on the side of a round shape.
 ///
-/// `corner` is the corner that is farthest along `d`. `None` if the line is inclined by a sine of more than `tolerance`.
+/// `d` is a unit vector in the shape's frame, as are the ends, m. `corner` is the corner that is farthest along `d`. `None` if the sine of
+/// the line's inclination exceeds `tolerance`.
 pub(super) fn edge(shape: &ConvexShape, d: V, corner: u32, tolerance: f64) -> Option<[V; 2]> {
     match shape {
         ConvexShape::Sphere { .. } | ConvexShape::Ellipsoid { .. } => None,

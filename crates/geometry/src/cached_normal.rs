@@ -1,0 +1,19 @@
+//! Contact normal of two hulls in the previous step, from which the next search starts.
+
+use crate::vectors::V;
+
+/// Contact normal of two hulls in the previous step, from which the next search starts. It saves time and does not change the result.
+#[derive(Clone, Copy, Debug)]
+pub struct CachedNormal {
+    /// Unit normal from the first hull to the second, in the frame of the first.
+    pub(super) normal: V,
+    /// Edge of each hull to which the normal was perpendicular, as the numbers of its two vertices. If both numbers are equal, the normal
+    /// was found at this vertex. `None` if only the normal is known.
+    pub(super) edges: Option<[[u32; 2]; 2]>,
+}
+
+impl From<V> for CachedNormal {
+    fn from(normal: V) -> Self {
+        Self { normal, edges: None }
+    }
+}

@@ -1,0 +1,53 @@
+//! Limits of the search for contacts of two solids, and the normal from which it starts.
+
+use crate::approach::Approach;
+use crate::cached_normal::CachedNormal;
+use crate::facing::{Facing, Separation};
+use crate::pair::Pair;
+use crate::separating_plane::SeparatingPlane;
+use crate::vectors::V;
+
+/// Limits of the search for contacts of two solids, and the normal from which it starts.
+#[derive(Clone, Copy, Debug)]
+pub struct SearchLimits {
+    /// Largest distance of a contact, m.
+    pub prediction: f64,
+    /// Contact normal of the pair in the previous step. It saves time and does not change the result.
+    pub cached: Option<CachedNormal>,
+    /// Motion of the pair within the step. If it is given, contacts that cannot push within the step may be absent.
+    pub approach: Option<Approach>,
+    /// Relative rounding error of the poses.
+    pub epsilon: f64,
+}
+
+impl SearchLimits {
+    /// Whether the separation `found` proves that the pair has no contact.
+    pub(super) fn excludes(&self, pair: &Pair<'_>, found: &Separation) -> bool {
+        self.excludes_gap(found.normal, found.separation - pair.thickness(), pair.size)
+    }
+
+    /// Whether a separation of `gap`, m, along the unit vector `normal` proves that two shapes have no contact. `size` is the size of the
+    /// pair, m.
+    pub(super) fn excludes_gap(&self, normal: V, gap: f64, size: f64) -> bool {
+        gap > self.prediction || self.approach.is_some_and(|a| a.is_separated(normal, gap, size))
+    }
+
+    /// Whether a contact with the normal and distance of `found` is too far away, or cannot push within the step.
+    pub(super) fn excludes_contact(&self, pair: &Pair<'_>, found: &Separation) -> bool {
+        let gap = found.separation - pair.thickness();
+        self.excludes(pair, found) || self.approach.is_some_and(|a| a.excludes_normal(found.normal, gap, pair.size))
+    }
+
+    /// Normal, features and separating plane of two hulls, for the next step.
+    pub(super) fn separating_plane(&self, pair: &Pair<'_>, facing: &Facing) -> SeparatingPlane {
+        let Separation { normal, separation, .. } = facing.found;
+        SeparatingPlane::new(pair, facing, self.approach.map_or(0.0, |a| a.spare_gap(normal, separation, pair.size)))
+    }
+}
+
+impl From<f64> for SearchLimits {
+    /// Limits with this largest distance of a contact, m, and nothing else known.
+    fn from(prediction: f64) -> Self {
+        Self { prediction, cached: None, approach: None, epsilon: f64::EPSILON }
+    }
+}

@@ -1,0 +1,203 @@
+//! Contact normal of two hulls, found near the cached normal of the previous step.
+//!
+//! The candidates are the facets of the Minkowski difference A - B of the hulls near the cached normal. First comes the pair of edges of
+//! the previous step. Then come the faces of both hulls and the pair of edges along the cached normal. The last candidate is the facet that
+//! a GJK search from there finds. A facet is accepted only if it is certainly the one that is nearest to the origin. The result therefore
+//! does not depend on the cached normal: the search from scratch finds the same.
+//!
+//! Let n be the facet's normal, s the separation along n, and p the point of the facet that is nearest to the origin. Let m be the distance
+//! of p from the outline of the facet. The facet is certain if the hulls are apart, because two points have the distance s. Let them
+//! overlap by d = -s. The facet is then certain if the ball of radius d around the origin is inside the convex hull of two sets. One is the
+//! disc of radius m around p on the facet. The other is the ball of radius r around the difference of the hulls' centres, which is inside A
+//! - B. With this centre at depth H below the facet and at distance L sideways from p, the conditions are 2 d < H and d (1 + 2 L / H) <
+//! min(m, r).
+
+use crate::cached_normal::CachedNormal;
+use crate::facing::{Facing, GAP, Separation};
+use crate::gjk;
+use crate::hull::Hull;
+use crate::linear_algebra::*;
+use crate::pair::Pair;
+use crate::search_limits::SearchLimits;
+use crate::shape::ConvexShape;
+use crate::vectors::{V, neg};
+
+/// Factor for rounding in the condition of [`is_certain`].
+const SAFETY: f64 = 0.5;
+/// Distance from the outline of a facet below which a point counts as being on it, relative to the size of the pair.
+const ON_OUTLINE: f64 = 1e-9;
+/// Difference of the extents along a direction below which a vertex counts as equally far as an edge, relative to the size of the pair.
+const ROUNDING: f64 = 4e-15;
+/// Sine of the angle between two edges below which they count as parallel.
+const PARALLEL: f64 = 1e-3;
+/// Largest value of 1 - cos(angle) between the direction of the search and the normal of a candidate.
+const NEAR: f64 = 0.01;
+
+/// Facet of the difference A - B of two hulls that may be the nearest to the origin.
+#[derive(Clone, Copy)]
+enum Candidate {
+    /// Face of the first hull, by its index.
+    FirstFace(usize),
+    /// Face of the second hull, by its index.
+    SecondFace(usize),
+    /// Edge of each hull: separation along their common perpendicular, and distance of the closest points from the ends of the edges, m.
+    Edges(Facing, f64),
+}
+
+/// Largest separation of two hulls, if a facet of A - B near the cached normal is certainly the nearest to the origin. `None` otherwise,
+/// and for other shapes.
+///
+/// If `limits` exclude a contact, the result may be a lower bound.
+pub(super) fn largest_separation_near(pair: &Pair<'_>, cached: &CachedNormal, limits: &SearchLimits) -> Option<Facing> {
+    let (ConvexShape::Hull(a), ConvexShape::Hull(b)) = (pair.a, pair.b) else { return None };
+    let hulls: [&Hull; 2] = [a, b];
+    let exist = |e: &[[u32; 2]; 2]| (0..2).all(|k| e[k].iter().all(|&v| (v as usize) < hulls[k].points().len()));
+    let (n, edges) = (cached.normal, cached.edges.filter(exist));
+    let last = edges.and_then(|edges| across_edges(pair, hulls, edges, n));
+    if let Some(facing) = last.and_then(|(facing, from_outline)| certain_edges(pair, facing, from_outline, limits)) {
+        return Some(facing);
+    }
+    let back = rotate_back(&pair.mat, neg(n));
+    let corners = edges.map_or_else(|| pair.corners(n), |[e, h]| [a.climb(e[0] as usize, n) as u32, b.climb(h[0] as usize, back) as u32]);
+    facet_along(pair, hulls, n, corners, limits).or_else(|| {
+        let [e, h] = edges.filter(|[e, h]| e[0] != e[1] && h[0] != h[1]).unwrap_or_else(|| {
+            let [i, j] = corners;
+            [[i, a.level(i as usize, n) as u32], [j, b.level(j as usize, back) as u32]]
+        });
+        let near = normal_from_gjk(pair, n, corners, [[e[0], h[0]], [e[1], h[0]], [e[0], h[1]]], limits)?;
+        facet_along(pair, hulls, near, pair.corners(near), limits)
+    })
+}
+
+/// Separation of two hulls along the facet of A - B near the direction `normal`, if the facet is certainly the nearest to the origin.
+/// `None` otherwise, and for other shapes.
+///
+/// If `limits` exclude a contact, the result may be a lower bound.
+pub(super) fn facet(pair: &Pair<'_>, normal: V, limits: &SearchLimits) -> Option<Facing> {
+    let (ConvexShape::Hull(a), ConvexShape::Hull(b)) = (pair.a, pair.b) else { return None };
+    facet_along(pair, [a, b], normal, pair.corners(normal), limits)
+}
+
+/// Unit normal from the first hull to the second between their closest points, by a GJK search.
+///
+/// `cached` is the normal of the previous step. `corners` are the corner of the first hull that is farthest along it, and that of the
+/// second hull in the opposite direction. If the hulls overlap, they are first moved apart along `cached` to a small gap. The search starts
+/// from the triangle `start`, whose vertices are pairs of corners. It stops early if `limits` exclude a contact.
+fn normal_from_gjk(pair: &Pair<'_>, cached: V, corners: [u32; 2], start: [[u32; 2]; 3], limits: &SearchLimits) -> Option<V> {
+    let pushed = (GAP * pair.least() - pair.apart_at(cached, corners)).max(0.0);
+    let shift = scale(cached, pushed);
+    let start = start.map(|names| pair.vertex(names, shift));
+    let enough = |n: V, gap: f64| pushed == 0.0 && limits.excludes_gap(n, gap, pair.size);
+    gjk::nearest_from(pair, shift, start, enough).normal(0.0)
+}
+
+/// Separation of two hulls along the facet of A - B near the direction `guess`, see [`facet`].
+///
+/// `corners` are the corner of the first hull that is farthest along `guess`, and that of the second hull in the opposite direction.
+fn facet_along(pair: &Pair<'_>, [a, b]: [&Hull; 2], guess: V, corners: [u32; 2], limits: &SearchLimits) -> Option<Facing> {
+    let [i, j] = corners.map(|c| c as usize);
+    let (x, y) = (a.points()[i], pair.place(b.points()[j]));
+    let along = Separation { normal: guess, separation: dot(guess, sub(y, x)), points: [x, y] };
+    if limits.excludes(pair, &along) {
+        return Some(Facing { found: along, corners, ends: corners });
+    }
+    let back = rotate_back(&pair.mat, neg(guess));
+    let (f, g) = (a.facing_at(i, guess), b.facing_at(j, back));
+    let level = [[corners[0], a.level(i, guess) as u32], [corners[1], b.level(j, back) as u32]];
+    let across = across_edges(pair, [a, b], level, guess);
+    let mut tries = [
+        (dot(a.face(f).normal, guess), Candidate::FirstFace(f)),
+        (dot(b.face(g).normal, back), Candidate::SecondFace(g)),
+        across.map_or((-1.0, Candidate::FirstFace(f)), |(facing, from_outline)| {
+            (dot(facing.found.normal, guess), Candidate::Edges(facing, from_outline))
+        }),
+    ];
+    tries.sort_unstable_by(|s, t| t.0.total_cmp(&s.0));
+    let near = tries.into_iter().take_while(|t| t.0 > 1.0 - NEAR);
+    near.map(|t| t.1).find_map(|facet| {
+        let (found, corners, from_outline) = match facet {
+            Candidate::FirstFace(f) => {
+                let n = a.face(f).normal;
+                let (separation, corners) = pair.separation_near(n, corners);
+                let y = pair.place(b.points()[corners[1] as usize]);
+                (Separation { normal: n, separation, points: [add_scaled(y, n, -separation), y] }, corners, a.distance_from_outline(f, y))
+            }
+            Candidate::SecondFace(g) => {
+                let n = neg(rotate(&pair.mat, b.face(g).normal));
+                let (separation, corners) = pair.separation_near(n, corners);
+                let x = a.points()[corners[0] as usize];
+                let local = rotate_back(&pair.mat, sub(x, pair.pos));
+                (
+                    Separation { normal: n, separation, points: [x, add_scaled(x, n, separation)] },
+                    corners,
+                    b.distance_from_outline(g, local),
+                )
+            }
+            Candidate::Edges(facing, from_outline) => return certain_edges(pair, facing, from_outline, limits),
+        };
+        (limits.excludes(pair, &found) || is_certain(pair, &found, from_outline)).then_some(Facing { found, corners, ends: corners })
+    })
+}
+
+/// The separation `facing` along the common perpendicular of two edges, if it is certainly the largest or if `limits` exclude a contact.
+///
+/// `from_outline` is the distance of the closest points from the ends of the edges, m.
+fn certain_edges(pair: &Pair<'_>, facing: Facing, from_outline: f64, limits: &SearchLimits) -> Option<Facing> {
+    let Facing { found, corners, .. } = facing;
+    // No corner may be farther in this direction than the edges.
+    let furthest = pair.separation_near(found.normal, corners).0 >= found.separation - ROUNDING * pair.size;
+    (furthest && (limits.excludes(pair, &found) || is_certain(pair, &found, from_outline))).then_some(facing)
+}
+
+/// Separation of two hulls along the common perpendicular of an edge of each, and distance of the closest points from the ends of the
+/// edges, m.
+///
+/// `e` and `h` are the vertices of the edges of the first and second hull. Of both directions of the perpendicular, the result has the one
+/// closer to `towards`. `None` if the closest points are not inside the edges.
+fn across_edges(pair: &Pair<'_>, [a, b]: [&Hull; 2], [e, h]: [[u32; 2]; 2], towards: V) -> Option<(Facing, f64)> {
+    let sorted = |[v, w]: [u32; 2]| [v.min(w), v.max(w)];
+    let names = [sorted(e), sorted(h)];
+    let e = names[0].map(|v| a.points()[v as usize]);
+    let h = names[1].map(|v| pair.place(b.points()[v as usize]));
+    let (found, [s, t]) = common_perpendicular(e, h, towards)?;
+    let (u, v) = (sub(e[1], e[0]), sub(h[1], h[0]));
+    let area = norm(cross(u, v));
+    let from_outline = (s.min(1.0 - s) * area / norm(v)).min(t.min(1.0 - t) * area / norm(u));
+    let [corners, ends] = [0, 1].map(|end| [names[0][end], names[1][end]]);
+    (from_outline > 0.0).then_some((Facing { found, corners, ends }, from_outline))
+}
+
+/// Separation along the common perpendicular of two lines, and its places on both: 0 at the first given point of a line, 1 at the second.
+/// `None` if they are parallel.
+///
+/// The normal is the direction that is closer to `towards`.
+fn common_perpendicular([p, q]: [V; 2], [r, s]: [V; 2], towards: V) -> Option<(Separation, [f64; 2])> {
+    let (u, v, d) = (sub(q, p), sub(s, r), sub(r, p));
+    let n = cross(u, v);
+    let nn = dot(n, n);
+    if nn <= PARALLEL * PARALLEL * dot(u, u) * dot(v, v) {
+        return None;
+    }
+    let at = [dot(cross(d, v), n) / nn, dot(cross(d, u), n) / nn];
+    let normal = scale(n, 1f64.copysign(dot(n, towards)) / nn.sqrt());
+    let points = [add_scaled(p, u, at[0]), add_scaled(r, v, at[1])];
+    Some((Separation { normal, separation: dot(normal, d), points }, at))
+}
+
+/// Whether a facet of A - B is certainly the one that is nearest to the origin, see the module.
+///
+/// `facet` is the separation along its normal, and `from_outline` the distance of the nearest point from the facet's outline, m.
+pub(super) fn is_certain(pair: &Pair<'_>, facet: &Separation, from_outline: f64) -> bool {
+    let depth = -facet.separation;
+    if from_outline <= ON_OUTLINE * pair.size {
+        return false;
+    }
+    if depth <= 0.0 {
+        return true;
+    }
+    let along = dot(facet.normal, pair.apart);
+    let below = along + depth;
+    let beside = norm(add_scaled(pair.apart, facet.normal, -along));
+    let ball = pair.a.ball() + pair.b.ball();
+    2.0 * depth < below && depth * (below + 2.0 * beside) < SAFETY * from_outline.min(ball) * below
+}

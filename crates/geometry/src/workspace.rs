@@ -1,0 +1,21 @@
+//! Workspace of the narrow phase.
+
+use crate::expand::Polytope;
+use crate::manifold::{Clipper, Point};
+
+/// Buffers of the narrow phase, which are allocated once and reused for every pair.
+#[derive(Clone, Debug, Default)]
+pub struct Workspace {
+    /// Buffers for contact points along a normal.
+    pub(super) clipper: Clipper,
+    /// Buffers of the expanding polytope algorithm.
+    pub(super) polytope: Polytope,
+    /// Triangles of a surface near the shape, as indices.
+    pub(super) triangles: Vec<u32>,
+    /// Contact points of all these triangles.
+    pub(super) all: Vec<Point>,
+    /// Triangle of each point in `all`.
+    pub(super) owners: Vec<u32>,
+    /// Whether each point in `all` is kept: no other triangle is much closer to it.
+    pub(super) is_own: Vec<bool>,
+}

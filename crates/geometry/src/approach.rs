@@ -33,11 +33,11 @@ pub(super) const COORDINATE_ROUNDING: f64 = 4e-6;
 /// All contacts of the pair are inside a ball. The displacement is measured at its centre.
 #[derive(Clone, Copy, Debug)]
 pub struct Approach<R = f64> {
-    /// Displacement of the second body at the centre of the ball, m.
+    /// Displacement of the second body at the centre of the ball that contains all contacts, m.
     pub displacement: V3<R>,
     /// Rotation vector of the second body, rad.
     pub rotation: V3<R>,
-    /// Radius of the ball, m.
+    /// Radius of the ball that contains all contacts of the two bodies, m.
     pub radius: R,
     /// Distance below which a contact is added at any closing speed, m.
     pub slack: R,
@@ -95,13 +95,13 @@ impl<R: Real> Approach<R> {
         displacement + displacement
     }
 
-    /// Upper bound on the displacement within the step of the second body's points in the ball, m.
+    /// Upper bound on the displacement within the step of those points of the second body that can be in contact, m.
     #[inline(always)]
     fn max_displacement(&self) -> R {
         norm(self.displacement) + norm(self.rotation) * self.radius
     }
 
-    /// Upper bound on the displacement along the unit vector `n` that the rotation adds in the ball, m.
+    /// Upper bound on the displacement along the unit vector `n` that the rotation adds at a contact, m.
     #[inline(always)]
     fn rotation_along(&self, n: V3<R>) -> R {
         norm(cross(n, self.rotation)) * self.radius

@@ -34,7 +34,7 @@ struct Face {
     seen: bool,
 }
 
-/// Workspace of the expanding polytope algorithm: the polytope in the difference A - B of two shapes.
+/// Workspace of the expanding polytope algorithm: the polytope in the Minkowski difference A - B of two shapes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Polytope {
     /// Vertices of the polytope.
@@ -55,7 +55,7 @@ impl Polytope {
         self.horizon.reserve(3 * v);
     }
 
-    /// Separation of two overlapping polytopes along the facet of A - B that is nearest to the origin.
+    /// Separation of two overlapping polytopes along the facet of the Minkowski difference A - B that is nearest to the origin.
     ///
     /// `start` is a tetrahedron that contains the origin. The result is `None` if `start` has fewer vertices, or if rounding hides the
     /// facet.
@@ -95,7 +95,8 @@ impl Polytope {
 
     /// Sets the polytope from which [`Polytope::shallower`] starts.
     ///
-    /// It has the vertices of `tetrahedron` if there are four, else four other vertices of A - B. The vertices `more` are then added.
+    /// It has the vertices of `tetrahedron` if there are four, else four other vertices of the Minkowski difference A - B. The vertices
+    /// `more` are then added.
     pub(super) fn enclose(&mut self, pair: &Pair<'_>, tetrahedron: &[Vertex], more: &[Vertex]) {
         if tetrahedron.len() == 4 {
             self.start(tetrahedron);
@@ -132,7 +133,8 @@ impl Polytope {
         None
     }
 
-    /// Separation along the normal of a facet of A - B. The closest points are where the normal through the origin meets the facet.
+    /// Separation along the normal of a facet of the Minkowski difference A - B. The closest points are where the normal through the origin
+    /// meets the facet.
     ///
     /// `furthest` is the vertex of A - B that is farthest along the normal.
     fn separation(&self, facet: &Face, furthest: Vertex) -> Separation {

@@ -88,8 +88,8 @@ impl Facet {
 
     /// Whether part of a shape may be below or above the triangle, or behind the planes of the triangle and of a neighbour that rises.
     ///
-    /// The shape is the second one of `pair`, and `rises` is from [`Facet::rises`]. The result is true except for a ball or capsule whose
-    /// core is outside one edge.
+    /// The shape is the second one of `pair`, and `rises` is from [`Facet::rises`]. The result is false only for a ball whose centre, or a
+    /// capsule whose axis, is outside one edge.
     pub(super) fn may_be_under(&self, pair: &Pair<'_>, rises: &[f64; 3]) -> bool {
         let Some(ends) = ends(pair) else { return true };
         let Self { corners, normal, .. } = self;

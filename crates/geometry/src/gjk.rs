@@ -8,18 +8,18 @@ use crate::linear_algebra::*;
 use crate::pair::{Pair, Vertex};
 use crate::vectors::{V, neg};
 
-/// Simplex of up to four vertices of A - B, which contains the point of A - B that is nearest to the origin.
+/// Simplex of up to four vertices of the Minkowski difference A - B, which contains the point of A - B that is nearest to the origin.
 #[derive(Clone, Copy, Debug, Default)]
 struct Simplex {
     /// Vertices. Only the first `count` are used.
     vertex: [Vertex; 4],
-    /// Barycentric coordinates of the nearest point.
+    /// Barycentric coordinates of the point of the simplex that is nearest to the origin.
     weight: [f64; 4],
-    /// Number of vertices.
+    /// Number of vertices in use.
     count: usize,
 }
 
-/// Result of a GJK search: the point of A - B that is nearest to the origin, and its simplex.
+/// Result of a GJK search: the point of the Minkowski difference A - B that is nearest to the origin, and its simplex.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Nearest {
     /// Nearest point, m: the vector from the closest point of B to that of A. It is 0 if the sets overlap.
@@ -44,7 +44,7 @@ pub(super) fn nearest(pair: &Pair<'_>, shift: V, start: V, beyond: f64) -> Neare
     search(pair, shift, simplex, v, |_, length, along| along > beyond * length)
 }
 
-/// Closest points of A and of B moved by `shift`, m. The search starts from the triangle `corners` of A - B.
+/// Closest points of A and of B moved by `shift`, m. The search starts from the triangle `corners` of the Minkowski difference A - B.
 ///
 /// `enough` is called with the unit normal of a separating plane, from A to B, and the separation along it, m. The search stops if it
 /// returns true.
@@ -55,10 +55,10 @@ pub(super) fn nearest_from(pair: &Pair<'_>, shift: V, corners: [Vertex; 3], enou
     search(pair, shift, simplex, v, |v, length, along| along > 0.0 && enough(scale(v, -1.0 / length), along / length))
 }
 
-/// Runs GJK from a simplex whose nearest point is `v`, until only rounding is left or until `enough` returns true.
+/// Runs GJK from a simplex whose nearest point to the origin is `v`, until only rounding is left or until `enough` returns true.
 ///
-/// `enough` is called with v, the length of v, and the dot product of v and w. Here w is the vertex of A - B that is farthest along -v. A
-/// plane perpendicular to v separates the sets by the dot product divided by the length.
+/// `enough` is called with v, the length of v, and the dot product of v and w. Here w is the vertex of the Minkowski difference A - B that
+/// is farthest along -v. A plane perpendicular to v separates the sets by the dot product divided by the length.
 #[inline(always)]
 fn search(pair: &Pair<'_>, shift: V, mut simplex: Simplex, mut v: V, enough: impl Fn(V, f64, f64) -> bool) -> Nearest {
     let named = pair.is_polytope();
@@ -90,7 +90,7 @@ fn search(pair: &Pair<'_>, shift: V, mut simplex: Simplex, mut v: V, enough: imp
 }
 
 impl Nearest {
-    /// Simplex of a single vertex: the vertex of A - B that is farthest along `normal`.
+    /// Simplex of a single vertex: the vertex of the Minkowski difference A - B that is farthest along `normal`.
     pub(super) fn corner(pair: &Pair<'_>, normal: V) -> Self {
         let vertex = pair.support(normal, [0.0; 3]);
         let mut simplex = Simplex { count: 1, ..Simplex::default() };
@@ -122,7 +122,8 @@ impl Nearest {
         (0..3).map(|k| self.simplex.weight[k] * twice / norm(edges[k])).fold(f64::INFINITY, f64::min)
     }
 
-    /// Vertices of the smallest simplex that contains the nearest point. If the origin is inside A - B, they are a tetrahedron around it.
+    /// Vertices of the smallest simplex that contains the nearest point. If the origin is inside the Minkowski difference A - B, they are a
+    /// tetrahedron around it.
     pub(super) fn vertices(&self) -> &[Vertex] {
         self.simplex.vertices()
     }
@@ -153,7 +154,7 @@ impl Nearest {
 }
 
 impl Simplex {
-    /// Vertices in use.
+    /// Vertices of the simplex that are in use.
     fn vertices(&self) -> &[Vertex] {
         &self.vertex[..self.count]
     }

@@ -17,11 +17,11 @@ const MAX_CELLS: usize = 2;
 pub(crate) struct MeshHeights {
     /// Axes of the mesh's frame along which the grid has cells.
     axes: [usize; 2],
-    /// Smallest coordinates of the mesh along these axes, m.
+    /// Smallest coordinates of the mesh along the two axes of the grid, m.
     low: [f64; 2],
-    /// Number of cells per metre, the same along both axes.
+    /// Number of cells per metre, the same along both axes of the grid.
     cells_per_metre: f64,
-    /// Number of cells along the two axes.
+    /// Number of cells along the two axes of the grid.
     cells: [usize; 2],
     /// Largest height in each cell, m, with the first axis fastest. It is minus infinity in cells without a triangle.
     highest: Vec<f64>,

@@ -29,14 +29,15 @@ pub(super) struct Pair<'a> {
     pub(super) tolerance: f64,
 }
 
-/// Vertex of the Minkowski difference of two cores: w = x - y with x in the first core and y in the second.
+/// Vertex of the Minkowski difference of two cores (shapes without their rounding radius): w = x - y, with x in the first core and y in the
+/// second.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Vertex {
-    /// Position w in the difference, m.
+    /// Position x - y in the Minkowski difference of two shapes, m.
     pub(super) w: V,
-    /// Point of the first core, m.
+    /// Point of the first shape, m.
     pub(super) x: V,
-    /// Point of the second core, m.
+    /// Point of the second shape, m.
     pub(super) y: V,
     /// Corner numbers of x and y, see [`ConvexShape::corner`].
     pub(super) names: [u32; 2],
@@ -83,24 +84,24 @@ impl<'a> Pair<'a> {
         self.pos.iter().chain(&self.mat).all(|x| x.is_finite())
     }
 
-    /// Whether neither core is round, see [`ConvexShape::is_polytope`].
+    /// Whether both cores (shapes without their rounding radius) are polytopes, segments or points.
     pub(super) fn is_polytope(&self) -> bool {
         self.a.is_polytope() && self.b.is_polytope()
     }
 
-    /// Sum of the radii around the cores, m, see [`ConvexShape::radius`].
+    /// Sum of the rounding radii of both shapes, m, see [`ConvexShape::radius`].
     pub(super) fn thickness(&self) -> f64 {
         self.a.radius() + self.b.radius()
     }
 
-    /// Point of the second core that is farthest along `d`. Both are in the frame of the first shape.
+    /// Point of the second shape, without its rounding radius, that is farthest along `d`. Both are in the frame of the first shape.
     pub(super) fn support_b(&self, d: V) -> V {
         add(self.pos, rotate(&self.mat, self.b.support(rotate_back(&self.mat, d))))
     }
 
-    /// Smallest and largest coordinates of the second core in the frame of the first shape, m.
+    /// Smallest and largest coordinates of the second shape, without its rounding radius, in the frame of the first shape, m.
     ///
-    /// `ends` are the end points of the core, if the second shape is a ball or capsule.
+    /// `ends` are the ends of its axis, if the second shape is a ball or capsule.
     pub(super) fn extent_b(&self, ends: Option<&[V]>) -> [V; 2] {
         if let Some(ends) = ends {
             return [f64::min, f64::max].map(|pick| array_of(|k| ends.iter().map(|end| end[k]).reduce(pick).unwrap_or_default()));
@@ -114,7 +115,8 @@ impl<'a> Pair<'a> {
         })
     }
 
-    /// Vertex of A - (B + shift) that is farthest along `d`, where A and B are the cores. The shift is in m.
+    /// Vertex of the Minkowski difference A - (B + shift) that is farthest along `d`. A and B are the two shapes without their rounding
+    /// radii. The shift is in m.
     pub(super) fn support(&self, d: V, shift: V) -> Vertex {
         let (x, i) = self.a.corner(d);
         let (y, j) = self.b.corner(rotate_back(&self.mat, neg(d)));
@@ -122,20 +124,22 @@ impl<'a> Pair<'a> {
         Vertex { w: sub(x, y), x, y, names: [i, j] }
     }
 
-    /// Vertex of A - (B + shift) at the corners `names` of two hulls A and B. The shift is in m.
+    /// Vertex of the Minkowski difference A - (B + shift) at the corners `names` of two hulls A and B. The shift is in m.
     pub(super) fn vertex(&self, names: [u32; 2], shift: V) -> Vertex {
         let (x, y) = (self.a.support_at(names[0], shift), self.place(self.b.support_at(names[1], shift)));
         let y = add(y, shift);
         Vertex { w: sub(x, y), x, y, names }
     }
 
-    /// Separation of the cores along the unit vector `n` from the first to the second, m; negative if they overlap.
+    /// Separation of the cores (shapes without their rounding radius) along the unit vector `n`, m; negative if they overlap. `n` points
+    /// from the first shape to the second.
     pub(super) fn separation(&self, n: V) -> f64 {
         dot(n, self.support_b(neg(n))) - dot(n, self.a.support(n))
     }
 
-    /// Separation of the cores along the unit vector `n`, m, and the corner of each core where it is measured. The search starts at the
-    /// given corners.
+    /// Separation of the cores (shapes without their rounding radius) along the unit vector `n`, m, and the vertex of each that is closest.
+    ///
+    /// The search for these vertices starts at the given ones. `n` points from the first shape to the second.
     pub(super) fn separation_near(&self, n: V, [i, j]: [u32; 2]) -> (f64, [u32; 2]) {
         let ((x, i), (y, j)) = (self.a.climb(i, n), self.b.climb(j, rotate_back(&self.mat, neg(n))));
         (dot(n, self.place(y)) - dot(n, x), [i, j])
@@ -146,14 +150,14 @@ impl<'a> Pair<'a> {
         add(self.pos, rotate(&self.mat, p))
     }
 
-    /// Corner of the first core that is farthest along `n`, and of the second core in the opposite direction. The numbers are 0 for shapes
-    /// other than hulls.
+    /// Vertex of the first shape that is farthest along `n`, and vertex of the second shape that is farthest in the opposite direction. The
+    /// numbers are 0 for shapes other than hulls.
     pub(super) fn corners(&self, n: V) -> [u32; 2] {
         let first = if self.a.is_hull() { self.a.corner(n).1 } else { 0 };
         [first, if self.b.is_hull() { self.b.corner(rotate_back(&self.mat, neg(n))).1 } else { 0 }]
     }
 
-    /// Component along `n` of the vector from corner i of the first core to corner j of the second, m. Shapes other than hulls have their
+    /// Component along `n` of the vector from vertex i of the first shape to vertex j of the second, m. Shapes other than hulls have their
     /// support point instead.
     pub(super) fn apart_at(&self, n: V, [i, j]: [u32; 2]) -> f64 {
         let y = self.place(self.b.support_at(j, rotate_back(&self.mat, neg(n))));

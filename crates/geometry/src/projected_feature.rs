@@ -92,7 +92,7 @@ const UPRIGHT: f64 = 0.7;
 impl ProjectedFeature {
     /// Sets the feature to the part of a shape's surface that faces the other shape, around its farthest corner `corner`.
     ///
-    /// The part is a whole face even if only an edge touches, because each point has its height.
+    /// The part is a whole face even if only an edge touches, because each of its corners has a height.
     pub(super) fn fill(&mut self, shape: &ConvexShape, view: &View<'_>, corner: u32) {
         let d = view.towards();
         self.corners.clear();

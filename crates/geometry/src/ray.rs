@@ -154,7 +154,7 @@ struct Sheared {
     axes: [usize; 3],
     /// First two components of the ray's direction relative to the largest one.
     slopes: [f64; 2],
-    /// Reciprocal of the largest component.
+    /// Reciprocal of the largest component of the ray's direction.
     scale: f64,
 }
 
@@ -244,9 +244,9 @@ fn over_field(grid: &Grid, o: V, d: V) -> f64 {
 
 /// Crossings of a ray with the grid lines of one coordinate: places where the coordinate is a whole number.
 struct Lines {
-    /// Coordinate at the start of the ray.
+    /// Coordinate of the ray at its start.
     first: f64,
-    /// Change of the coordinate per metre along the ray.
+    /// Change of the ray's coordinate per metre of its length.
     rate: f64,
     /// Coordinate of the next line.
     line: f64,

@@ -6,11 +6,11 @@ use crate::pair::Pair;
 use crate::shape::ConvexShape;
 use crate::vectors::V;
 
-/// Distance of the cores below which the closed form is not used, relative to the size of the pair. The direction between the closest
-/// points is then inexact.
+/// Distance of a triangle from the centre or axis of a ball or capsule below which the closed form is not used, relative to the size of the
+/// pair. The direction between the closest points is then inexact.
 pub(super) const CLOSE: f64 = 1e-6;
 
-/// Ends of the core of a ball or capsule, and their number: the centre of a ball, or both ends of a capsule's segment, m.
+/// Ends of the axis of a ball or capsule, m, and their number: the centre of a ball, or both ends of a capsule's segment.
 pub(super) struct Ends([V; 2], usize);
 
 impl std::ops::Deref for Ends {
@@ -21,7 +21,8 @@ impl std::ops::Deref for Ends {
     }
 }
 
-/// Ends of the core of the second shape in the frame of the first, m; `None` for shapes other than balls and capsules.
+/// Centre of a ball or both ends of a capsule's segment, in the frame of the first shape, m; `None` for other shapes. The ball or capsule
+/// is the second shape.
 pub(super) fn ends(pair: &Pair<'_>) -> Option<Ends> {
     match *pair.b {
         ConvexShape::Sphere { .. } => Some(Ends([pair.pos; 2], 1)),
@@ -33,9 +34,10 @@ pub(super) fn ends(pair: &Pair<'_>) -> Option<Ends> {
     }
 }
 
-/// Whether a core with these ends may be closer to a triangle than `reach`, m, or behind its plane. The true result is not certain.
+/// Whether a ball or capsule may be closer to a triangle than `reach`, m, or behind its plane. True means that it is possible.
 ///
-/// A core behind the plane may be outside an edge by at most its depth. The result is false if one edge excludes both.
+/// `ends` are the centre of the ball or the ends of the capsule's segment. A point behind the plane may be outside an edge by at most its
+/// depth. The result is false if one edge excludes both cases.
 pub(super) fn may_touch(corners: &[V; 3], normal: V, ends: &[V], reach: f64) -> bool {
     (0..3).all(|k| {
         let edge = sub(corners[(k + 1) % 3], corners[k]);
@@ -53,9 +55,9 @@ pub(super) fn is_over(corners: &[V; 3], normal: V, p: V) -> bool {
     (0..3).all(|k| dot(cross(sub(corners[(k + 1) % 3], corners[k]), normal), sub(p, corners[k])) <= 0.0)
 }
 
-/// Separation of a triangle, the first shape, and the core of a ball or capsule, the second shape.
+/// Separation of a triangle and the centre of a ball or segment of a capsule. The triangle is the first shape of the pair.
 ///
-/// `None` for other shapes, and if the triangle and the core touch or nearly touch.
+/// `None` for other shapes, and if the triangle touches or nearly touches the centre or segment.
 pub(super) fn nearest(pair: &Pair<'_>) -> Option<Facing> {
     let ConvexShape::Triangle(corners) = pair.a else { return None };
     let [x, y] = match pair.b {

@@ -46,7 +46,7 @@ pub(super) const NEAR_FACE: f64 = 0.05;
 /// pair.
 pub(super) const SIDEWAYS: f64 = 1e-7;
 
-/// Largest separation of the cores of two shapes. The normal is that of a face, if the separation is equal up to rounding.
+/// Largest separation of two shapes without their rounding radii. The normal is that of a face, if the separation is equal up to rounding.
 ///
 /// If `limits` exclude a contact, the search may stop early, and the separation is a lower bound or an estimate. A cached normal saves time
 /// and does not change the result.
@@ -61,7 +61,7 @@ pub(super) fn nearest(pair: &Pair<'_>, limits: &SearchLimits, polytope: &mut Pol
     facing
 }
 
-/// Largest separation of the cores of two shapes, without use of a cached normal.
+/// Largest separation of two shapes without their rounding radii, computed without a cached normal.
 pub(super) fn search(pair: &Pair<'_>, limits: &SearchLimits, polytope: &mut Polytope) -> Facing {
     let distance = limits.prediction + pair.thickness();
     let found = if pair.is_polytope() { of_polytopes(pair, distance, polytope) } else { of_round_bodies(pair, distance, polytope) };
@@ -88,7 +88,7 @@ fn of_round_bodies(pair: &Pair<'_>, max_distance: f64, polytope: &mut Polytope) 
     first.normal(gap).map_or_else(|| of_overlap(pair, &first, polytope), |normal| first.separation(normal))
 }
 
-/// Largest separation of overlapping cores, by [`climb`]. It is repeated from every shallower direction that is found.
+/// Largest separation of overlapping shapes, by [`climb`]. It is repeated from every shallower direction that is found.
 ///
 /// `first` is the result of a GJK search.
 fn of_overlap(pair: &Pair<'_>, first: &Nearest, polytope: &mut Polytope) -> Separation {
@@ -149,7 +149,7 @@ fn axis(shape: &ConvexShape) -> Option<V> {
 struct Candidate {
     /// Unit vector from the first shape to the second.
     normal: V,
-    /// Separation of the cores along the normal, m.
+    /// Separation of the shapes without their rounding radii along the normal, m.
     separation: f64,
 }
 
@@ -163,8 +163,10 @@ impl Candidate {
     }
 }
 
-/// Climbs from `start` to a local maximum of the separation, see the module. Returns it, and the last GJK result with the shapes moved
-/// back.
+/// Climbs from the direction `start` to a local maximum of the separation of overlapping shapes.
+///
+/// Each step moves the shapes apart along the current direction and takes the direction between their closest points. Returns the
+/// separation, and the last GJK result with the shapes moved back.
 fn climb(pair: &Pair<'_>, start: Candidate) -> (Separation, Nearest) {
     let gap = GAP * pair.least();
     let mut best = start;

@@ -48,7 +48,8 @@ pub enum ConvexShape {
 }
 
 impl ConvexShape {
-    /// Radius around the core, m. It is 0 for shapes other than balls and capsules.
+    /// Rounding radius, m: the shape consists of all points within this distance of its core. It is 0 for shapes other than balls and
+    /// capsules.
     #[inline]
     pub fn radius(&self) -> f64 {
         match *self {
@@ -57,13 +58,14 @@ impl ConvexShape {
         }
     }
 
-    /// Support point: point of the core that is farthest along `d`, m. The length of `d` has no effect, even if several points are equally
-    /// far.
+    /// Support point: point of the shape without its rounding radius that is farthest along `d`, m. The length of `d` has no effect, even
+    /// if several points are equally far.
     pub fn support(&self, d: V) -> V {
         self.corner(d).0
     }
 
-    /// Point of the core that is farthest along `d`, m, and its corner number. The number is 0 for round cores and for points.
+    /// Point of the shape without its rounding radius that is farthest along `d`, m, and its vertex number. The number is 0 for round
+    /// shapes and balls.
     #[inline]
     pub(super) fn corner(&self, d: V) -> (V, u32) {
         let round = |p: V| (p, 0);
@@ -96,7 +98,8 @@ impl ConvexShape {
         }
     }
 
-    /// Point of the core that is farthest along `d`, m, and its corner number. On a hull, the search starts at the corner `from`.
+    /// Point of the shape without its rounding radius that is farthest along `d`, m, and its vertex number. On a hull, the search starts at
+    /// the vertex `from`.
     #[inline]
     pub(super) fn climb(&self, from: u32, d: V) -> (V, u32) {
         match self {
@@ -108,7 +111,7 @@ impl ConvexShape {
         }
     }
 
-    /// Corner `corner` of a hull, or the point of another core that is farthest along `d`, m.
+    /// Vertex `corner` of a hull. For other shapes, the point without the rounding radius that is farthest along `d`, m.
     pub(super) fn support_at(&self, corner: u32, d: V) -> V {
         match self {
             Self::Hull(hull) => hull.points()[corner as usize],
@@ -121,7 +124,7 @@ impl ConvexShape {
         matches!(self, Self::Hull(_))
     }
 
-    /// Whether the core is a polytope, a segment or a point. Cylinders and ellipsoids are round.
+    /// Whether the shape without its rounding radius is a polytope, a segment or a point. False for cylinders and ellipsoids.
     pub(super) fn is_polytope(&self) -> bool {
         !matches!(self, Self::Cylinder { .. } | Self::Ellipsoid { .. })
     }
@@ -134,7 +137,7 @@ impl ConvexShape {
         }
     }
 
-    /// Point inside the core, m: the origin of the frame, the centre of a hull's volume, or the centroid of a triangle.
+    /// Point inside the shape, m: the origin of the frame, the centre of a hull's volume, or the centroid of a triangle.
     pub(super) fn centre(&self) -> V {
         match self {
             Self::Hull(hull) => hull.centre(),
@@ -175,7 +178,7 @@ impl ConvexShape {
         }
     }
 
-    /// Radius of the largest ball that can touch every point of the core's surface from inside, m. It is 0 except for ellipsoids.
+    /// Radius of the largest ball that can touch every point of the shape's surface from inside, m. It is 0 except for ellipsoids.
     pub(super) fn roll(&self) -> f64 {
         let Self::Ellipsoid { radii: [x, y, z] } = *self else { return 0.0 };
         let shortest = x.min(y).min(z);
@@ -191,7 +194,7 @@ impl ConvexShape {
         }
     }
 
-    /// Radius of a ball around [`Self::centre`] that is inside the core, m.
+    /// Radius of a ball around [`Self::centre`] that is inside the shape without its rounding radius, m.
     pub(super) fn ball(&self) -> f64 {
         match self {
             Self::Sphere { .. } | Self::Capsule { .. } | Self::Triangle(_) => 0.0,

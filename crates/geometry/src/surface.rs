@@ -111,9 +111,9 @@ pub struct Grid {
 /// Heights of a surface within a horizontal disc.
 #[derive(Clone, Copy, Debug)]
 pub struct DiscHeights {
-    /// Largest height of the cells that the disc may overlap, m; minus infinity outside the surface.
+    /// Largest height of the grid cells that the disc may overlap, m; minus infinity outside the surface.
     pub highest: f64,
-    /// Whether these cells and their neighbours have the same height. Every contact normal is then vertical.
+    /// Whether the cells below the disc and their neighbours have the same height. Every contact normal is then vertical.
     pub level: bool,
 }
 
@@ -584,11 +584,11 @@ pub fn collide_surface(
     out.to_world(pose_a);
 }
 
-/// Smallest and largest coordinates of the triangles that can have contacts with a shape, m.
+/// Smallest and largest coordinates of the triangles that can have contacts with a shape, m, in the frame of the surface.
 ///
-/// `whole` has a point at the origin of the surface's frame as the first shape. `core` are the ends of the core of a ball or capsule.
-/// Triangles count if they are within `reach` of the core, m. If `approach` is given, they count only if their contacts can push within the
-/// step.
+/// The shape is the second one of `whole`. `core` is the centre of a ball or the ends of a capsule's segment. Triangles count if they are
+/// within `reach` of the shape without its rounding radius, m. If `approach` is given, they count only if their contacts can push within
+/// the step.
 ///
 /// A contact joins a point x of the surface and a point y of the shape, and y - x is a multiple of its normal. The box is at least that of
 /// a shape at rest.

@@ -33,7 +33,7 @@ const PARALLEL: f64 = 1e-3;
 /// Largest value of 1 - cos(angle) between the direction of the search and the normal of a candidate.
 const NEAR: f64 = 0.01;
 
-/// Facet of the difference A - B of two hulls that may be the nearest to the origin.
+/// Facet of the Minkowski difference A - B of two hulls that may be the nearest to the origin.
 #[derive(Clone, Copy)]
 enum Candidate {
     /// Face of the first hull, by its index.
@@ -44,8 +44,8 @@ enum Candidate {
     Edges(Facing, f64),
 }
 
-/// Largest separation of two hulls, if a facet of A - B near the cached normal is certainly the nearest to the origin. `None` otherwise,
-/// and for other shapes.
+/// Largest separation of two hulls, if a facet of the Minkowski difference A - B near the cached normal is certainly the nearest to the
+/// origin. `None` otherwise, and for other shapes.
 ///
 /// If `limits` exclude a contact, the result may be a lower bound.
 pub(super) fn largest_separation_near(pair: &Pair<'_>, cached: &CachedNormal, limits: &SearchLimits) -> Option<Facing> {
@@ -69,8 +69,8 @@ pub(super) fn largest_separation_near(pair: &Pair<'_>, cached: &CachedNormal, li
     })
 }
 
-/// Separation of two hulls along the facet of A - B near the direction `normal`, if the facet is certainly the nearest to the origin.
-/// `None` otherwise, and for other shapes.
+/// Separation of two hulls along the facet of the Minkowski difference A - B near the direction `normal`, if the facet is certainly the
+/// nearest to the origin. `None` otherwise, and for other shapes.
 ///
 /// If `limits` exclude a contact, the result may be a lower bound.
 pub(super) fn facet(pair: &Pair<'_>, normal: V, limits: &SearchLimits) -> Option<Facing> {
@@ -91,9 +91,11 @@ fn normal_from_gjk(pair: &Pair<'_>, cached: V, corners: [u32; 2], start: [[u32; 
     gjk::nearest_from(pair, shift, start, enough).normal(0.0)
 }
 
-/// Separation of two hulls along the facet of A - B near the direction `guess`, see [`facet`].
+/// Separation of two hulls along the facet of their Minkowski difference near the direction `guess`, if the facet is certainly the nearest
+/// to the origin.
 ///
-/// `corners` are the corner of the first hull that is farthest along `guess`, and that of the second hull in the opposite direction.
+/// `corners` are the vertex of the first hull that is farthest along `guess`, and that of the second hull in the opposite direction. If
+/// `limits` exclude a contact, the result may be a lower bound.
 fn facet_along(pair: &Pair<'_>, [a, b]: [&Hull; 2], guess: V, corners: [u32; 2], limits: &SearchLimits) -> Option<Facing> {
     let [i, j] = corners.map(|c| c as usize);
     let (x, y) = (a.points()[i], pair.place(b.points()[j]));
@@ -184,9 +186,10 @@ fn common_perpendicular([p, q]: [V; 2], [r, s]: [V; 2], towards: V) -> Option<(S
     Some((Separation { normal, separation: dot(normal, d), points }, at))
 }
 
-/// Whether a facet of A - B is certainly the one that is nearest to the origin, see the module.
+/// Whether a facet of the Minkowski difference A - B of two shapes is certainly the one that is nearest to the origin.
 ///
-/// `facet` is the separation along its normal, and `from_outline` the distance of the nearest point from the facet's outline, m.
+/// `facet` is the separation along its normal, and `from_outline` the distance of its nearest point from its outline, m. The head of the
+/// module has the condition.
 pub(super) fn is_certain(pair: &Pair<'_>, facet: &Separation, from_outline: f64) -> bool {
     let depth = -facet.separation;
     if from_outline <= ON_OUTLINE * pair.size {

@@ -12,7 +12,7 @@ pub struct Workspace {
     pub(super) polytope: Polytope,
     /// Triangles of a surface near the shape, as indices.
     pub(super) triangles: Vec<u32>,
-    /// Contact points of all these triangles.
+    /// Contact points of all triangles of a surface near the shape.
     pub(super) all: Vec<Point>,
     /// Triangle of each point in `all`.
     pub(super) owners: Vec<u32>,

@@ -23,13 +23,13 @@ pub struct Cuboid<R> {
     pub half: V3<R>,
 }
 
-/// Closest feature of a shape's core and the box, in the box's frame.
+/// Closest points of a box and a shape without its rounding radius, in the box's frame.
 struct Touch<R> {
-    /// Point of the core, m.
+    /// Closest point of the shape, without its rounding radius, m.
     x: V3<R>,
-    /// Unit vector from the box to the core.
+    /// Unit vector from the box to the shape.
     u: V3<R>,
-    /// Signed distance of core and box along `u`, m.
+    /// Signed distance along `u` of the box and the shape, without its rounding radius, m.
     gap: R,
 }
 
@@ -49,7 +49,7 @@ impl<R: Real> Cuboid<R> {
         )
     }
 
-    /// Contact in the world of a shape with the given radius around its core, m.
+    /// Contact in the world frame. `touch` has the closest points without the rounding radius `radius` of the shape, m.
     #[inline(always)]
     fn contact(&self, touch: &Touch<R>, radius: R) -> ContactPoint<R> {
         let distance = touch.gap - radius;
@@ -139,7 +139,7 @@ fn choose<R: Real>(lanes: R::Mask, a: &ContactPoint<R>, b: &ContactPoint<R>) -> 
     }
 }
 
-/// Core of a capsule in the frame of a box: the points p + t d with |t| <= half.
+/// Axis of a capsule in the frame of a box: the points p + t d with |t| <= half.
 struct Line<R> {
     /// Centre, m.
     p: V3<R>,

@@ -23,7 +23,8 @@ macro_rules! array_lanes {
         #[repr(C, align(32))]
         pub struct $name(pub [$scalar; $n]);
 
-        // A word as wide as its lane: compare, blend and logic then vectorise, which single bits would prevent.
+        // Each truth value is an integer as wide as its lane. Comparisons, selections and logical operations then vectorise, which single
+        // bits would prevent.
         $(#[$mask_doc])*
         #[derive(Clone, Copy, Debug)]
         #[repr(C, align(32))]

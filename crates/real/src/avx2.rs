@@ -11,10 +11,10 @@ use crate::operators::{as_lanes, elementary_functions, lane_access, operators, v
 use crate::real::Real;
 use core::arch::x86_64::{__m256i, _CMP_EQ_OQ, _CMP_LE_OQ, _CMP_LT_OQ};
 
-/// Rounds to the nearest integer, half to even, without an inexact exception.
+/// Rounding mode of an intrinsic: to the nearest integer, half to even, without an inexact exception.
 const NEAREST_EVEN: i32 = 0x08;
 
-/// Evaluates an expression for each register of a lane type. `$i` is the register.
+/// Evaluates an expression for each register of a lane type, and makes a value of the results. `$i` is the index of the register.
 macro_rules! each {
     ($make:ident, 1, |$i:ident| $e:expr) => {{
         // SAFETY: the module's contract.
@@ -42,7 +42,7 @@ macro_rules! each {
     }};
 }
 
-/// Expects the intrinsics of one precision in scope under the short names used below.
+/// Defines a lane type of one precision and its mask. The intrinsics of the precision must be in scope under the short names used below.
 macro_rules! avx2_lanes {
     ($(#[$doc:meta])* $name:ident, $scalar:ident, $n:literal, $(#[$mask_doc:meta])* $mask:ident, $int:ident,
      registers $registers:tt of $bytes:literal bytes, mantissa $mantissa:literal, bias $bias:literal) => {
@@ -82,7 +82,7 @@ macro_rules! avx2_lanes {
             elementary_functions!();
             type Mask = $mask;
             type Half = Self;
-            type Single = crate::lone::single!($scalar);
+            type Single = crate::single_lane::single!($scalar);
 
             #[inline(always)]
             fn splat(x: $scalar) -> Self {
@@ -165,7 +165,7 @@ macro_rules! avx2_lanes {
             }
             #[inline(always)]
             fn from_bits(bits: u32) -> Self {
-                // Lane i keeps bit i of the broadcast word, and is true when that is still there.
+                // Every lane gets all bits. Lane i is true if bit i is 1.
                 const BIT_OF_LANE: [$int; $n] = {
                     let mut of_lane = [0; $n];
                     let mut i = 0;
@@ -175,7 +175,7 @@ macro_rules! avx2_lanes {
                     }
                     of_lane
                 };
-                // SAFETY: of one size, and any bits are a valid integer vector.
+                // SAFETY: both types have the same size, and all bit patterns are valid integer vectors.
                 let bit: [__m256i; $registers] = unsafe { core::mem::transmute(BIT_OF_LANE) };
                 each!($mask, $registers, |I| from_int(equal_int(and_int(set1_int(bits as $int), bit[I]), bit[I])))
             }
@@ -206,7 +206,7 @@ macro_rules! avx2_lanes {
             }
             #[inline(always)]
             fn any(self) -> bool {
-                // SAFETY: the module's contract. Of one register, the first is the last.
+                // SAFETY: the module's contract. With one register, the first is also the last.
                 unsafe { movemask(or(self.0[0], self.0[$registers - 1])) != 0 }
             }
             #[inline(always)]

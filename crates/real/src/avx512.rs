@@ -11,10 +11,10 @@ use crate::operators::{as_lanes, elementary_functions, lane_access, operators, v
 use crate::real::Real;
 use core::arch::x86_64::{_CMP_EQ_OQ, _CMP_LE_OQ, _CMP_LT_OQ};
 
-/// Rounds to the nearest integer, half to even, without scaling and without an inexact exception.
+/// Rounding mode of an intrinsic: to the nearest integer, half to even, without scaling and without an inexact exception.
 const NEAREST_EVEN: i32 = 0x08;
 
-/// Expects the intrinsics of one precision in scope under the short names used below.
+/// Defines a lane type of one precision and its mask. The intrinsics of the precision must be in scope under the short names used below.
 macro_rules! avx512_lanes {
     ($(#[$doc:meta])* $name:ident, $scalar:ident, $n:literal, $(#[$mask_doc:meta])* $mask:ident, $bits:ident,
      mantissa $mantissa:literal, bias $bias:literal $(, $method:item)*) => {
@@ -52,7 +52,7 @@ macro_rules! avx512_lanes {
             elementary_functions!();
             type Mask = $mask;
             type Half = Self;
-            type Single = crate::lone::single!($scalar);
+            type Single = crate::single_lane::single!($scalar);
             $($method)*
 
             #[inline(always)]
@@ -128,7 +128,7 @@ macro_rules! avx512_lanes {
             }
         }
 
-        // Masks are plain integers to the compiler, which keeps them in mask registers where that pays.
+        // Masks are plain integers. The compiler keeps them in mask registers if that is faster.
         impl Mask for $mask {
             #[inline(always)]
             fn splat(b: bool) -> Self {

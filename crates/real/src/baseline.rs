@@ -5,5 +5,5 @@ pub use crate::array::{F32x8 as F32Lanes, F64x4 as F64Lanes};
 #[cfg(target_arch = "x86_64")]
 pub use crate::sse2::{F32x8 as F32Lanes, F64x4 as F64Lanes};
 
-/// One `f64`, with the instructions that every CPU has around it.
+/// Single `f64` with baseline instructions.
 pub type F64x1 = f64;

@@ -1,51 +1,52 @@
 //! Constants of the elementary functions, for each precision.
 //!
-//! The polynomials are the minimax approximations of Sun's fdlibm (Ng, 1993; f64) and of their f32 versions by Cephes (Moshier, 1989)
-//! and FreeBSD's msun (Cox, Gladman). Each list runs from the constant term up, the leading terms named in [`crate::elementary`] left out.
+//! The polynomials are minimax approximations. Those for f64 are from Sun's fdlibm (Ng, 1993). Those for f32 are from Cephes (Moshier,
+//! 1989) and FreeBSD's msun (Cox, Gladman). Each list begins with the constant term. The leading terms that [`crate::elementary`] adds are
+//! not in it.
 #![allow(clippy::excessive_precision, clippy::approx_constant, reason = "as published; the nearest number is meant")]
 
-/// Constants of one precision. Public in a private module: this seals [`Scalar`](crate::Scalar).
+/// Constants of one precision. The trait is public in a private module, which seals [`Scalar`](crate::Scalar).
 pub trait Coefficients: Sized + 'static {
-    /// pi/2 as pieces whose products with an integer of the given range are exact, and one rounded rest.
+    /// Number pi/2 as a sum of pieces: their products with an integer k of the allowed range are exact, except that of the last one.
     const HALF_PI_PIECES: &'static [Self];
-    /// Upper bound of |x - k pi/2|: pi/4, and a margin for the rounding of k.
+    /// Upper bound of |x - k pi/2| after argument reduction: pi/4, and a margin for the rounding of k.
     const REDUCED_MAX: Self;
-    /// Upper bound of the sum of rounding errors of an accurate reduction.
+    /// Upper bound of the rounding error that argument reduction returns as the low part.
     const REDUCED_LOW_MAX: Self;
-    /// (sin x - x) / x^3 in x^2.
+    /// Polynomial in x^2 that approximates (sin x - x) / x^3.
     const SIN: &'static [Self];
-    /// (cos x - 1 + x^2/2) / x^4 in x^2.
+    /// Polynomial in x^2 that approximates (cos x - 1 + x^2/2) / x^4.
     const COS: &'static [Self];
 
     /// Argument below which exp is 0.
     const EXP_MIN: Self;
     /// Argument at and above which exp is infinite.
     const EXP_MAX: Self;
-    /// ln 2 as a piece whose product with every exponent is exact, and the rest.
+    /// Number ln 2 as a sum of two pieces. The product of the first one with every exponent is exact.
     const LN_2: [Self; 2];
-    /// (x coth(x/2) - 2) / x^2 in x^2.
+    /// Polynomial in x^2 that approximates (x coth(x/2) - 2) / x^2.
     const EXP: &'static [Self];
-    /// (ln((1 + s) / (1 - s)) - 2 s) / s^3 in s^2.
+    /// Polynomial in s^2 that approximates (ln((1 + s) / (1 - s)) - 2 s) / s^3.
     const LN: &'static [Self];
 
-    /// Magnitude above which sums may overflow and are scaled down first.
+    /// Magnitude above which atan2 scales its arguments down, because sums may overflow.
     const HUGE: Self;
-    /// pi as the nearest number and the rest.
+    /// Number pi as a sum of the nearest number and its rounding error.
     const PI: [Self; 2];
-    /// pi/2.
+    /// Number pi/2 as a sum of the nearest number and its rounding error.
     const HALF_PI: [Self; 2];
-    /// pi/4.
+    /// Number pi/4 as a sum of the nearest number and its rounding error.
     const QUARTER_PI: [Self; 2];
-    /// atan(1/2).
+    /// Number atan(1/2) as a sum of the nearest number and its rounding error.
     const ATAN_HALF: [Self; 2];
-    /// (x - atan x) / x^3 in x^2.
+    /// Polynomial in x^2 that approximates (x - atan x) / x^3.
     const ATAN: &'static [Self];
 
-    /// (asin x - x) / x^3 in x^2: numerator ...
+    /// Numerator, a polynomial in x^2, of a rational approximation of (asin x - x) / x^3.
     const ASIN_NUMERATOR: &'static [Self];
-    /// ... and denominator.
+    /// Denominator, a polynomial in x^2, of a rational approximation of (asin x - x) / x^3.
     const ASIN_DENOMINATOR: &'static [Self];
-    /// 2^s + 1, which splits a number into halves of s bits or fewer, whose products are exact (Veltkamp).
+    /// Factor 2^s + 1, which splits a number into halves of at most s bits, whose products are exact (Veltkamp).
     const SPLITTER: Self;
 }
 

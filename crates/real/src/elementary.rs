@@ -1,11 +1,11 @@
-//! sin, cos, ln, exp, atan2 and acos over lanes, so that every lane and every CPU gives the same bits.
+//! Functions sin, cos, ln, exp, atan2 and acos over lanes, with the same bits in every lane and on every CPU.
 //!
-//! Straight-line code: all cases are computed and the right one selected. Methods and coefficients follow fdlibm ("A freely
-//! distributable C math library", Ng et al., Sun Microsystems 1993); where that branches on high words of its argument, this selects
-//! with masks. Nothing relies on fused multiply-add.
+//! The code has no branches: all cases are computed, and the right one is selected. Methods and coefficients follow fdlibm ("A freely
+//! distributable C math library", Ng et al., Sun Microsystems, 1993). Where fdlibm branches on the high word of its argument, masks select
+//! here. Nothing relies on fused multiply-add.
 //!
-//! Largest errors seen, in ulps of the true result (f64: 800,000 random arguments against mpmath; f32: every argument, but a sweep
-//! for atan2):
+//! Largest errors found, in ulps of the true result. (f64: 800,000 random arguments against mpmath. f32: every argument, and samples for
+//! atan2.)
 //!
 //! | | sin | cos | ln | exp | atan2 | acos |
 //! |---|---|---|---|---|---|---|
@@ -17,7 +17,7 @@ use crate::mask::Mask;
 use crate::real::Real;
 use crate::scalar::Scalar;
 
-/// c0 + c1 x + c2 x^2 + ..., by Horner's rule.
+/// Polynomial c[0] + c[1] x + c[2] x^2 + ..., by Horner's rule.
 #[inline(always)]
 fn polynomial<R: Real>(x: R, c: &[R::Scalar]) -> R {
     let mut sum = R::splat(c[c.len() - 1]);
@@ -27,27 +27,28 @@ fn polynomial<R: Real>(x: R, c: &[R::Scalar]) -> R {
     sum
 }
 
-/// `-x` where `m`.
+/// Value -x in the lanes of the mask `m`, and x elsewhere.
 #[inline(always)]
 fn negate_where<R: Real>(m: R::Mask, x: R) -> R {
     R::select(m, -x, x)
 }
 
-/// `x` within [-limit, limit]; NaN stays.
+/// Value x, clamped to [-limit, limit]. NaN is returned unchanged.
 #[inline(always)]
 fn within<R: Real>(limit: R::Scalar, x: R) -> R {
     R::splat(-limit).max(R::splat(limit).min(x))
 }
 
-/// x = k pi/2 + high + low with |high| <= pi/4 (and a rounding error): (k, high, low). Cody and Waite (1980), in the pieces' exact
-/// products.
+/// Argument reduction x = k pi/2 + high + low, with |high| <= pi/4 up to rounding. Returns (k, high, low).
+///
+/// The method is that of Cody and Waite (1980): pi/2 is a sum of pieces whose products with k are exact.
 #[inline(always)]
 fn reduce<R: Real>(x: R) -> (R, R, R) {
     let pieces = <R::Scalar as Coefficients>::HALF_PI_PIECES;
     // Adding zero makes -0 a +0, without which x = -0 would lose its sign in the first subtraction.
     let k = (x * R::of(core::f64::consts::FRAC_2_PI)).round_even() + R::zero();
-    // The first difference is exact, for k pi/2 is next to x. In the later ones either the minuend is the larger number, so that
-    // the two subtractions below recover the rounding error, or cancellation leaves no rounding error to recover.
+    // The first difference is exact, because k pi/2 is close to x. In the later ones either the minuend is larger, so that the two
+    // subtractions below recover the rounding error. Or cancellation leaves no rounding error to recover.
     let mut high = x - k * R::splat(pieces[0]);
     let mut low = R::zero();
     for i in 1..pieces.len() - 1 {
@@ -57,11 +58,12 @@ fn reduce<R: Real>(x: R) -> (R, R, R) {
         high = rest;
     }
     low -= k * R::splat(pieces[pieces.len() - 1]);
-    // Out of range the pieces' products round, and what is left may be anything: keep the polynomials within their domain.
+    // For arguments out of range, the products of the pieces are rounded, and the rest is arbitrary. It is clamped to the domain of the
+    // polynomials.
     (k, within(R::Scalar::REDUCED_MAX, high), within(R::Scalar::REDUCED_LOW_MAX, low))
 }
 
-/// sin(x + low) for |x| <= pi/4 and |low| below half an ulp of x.
+/// Sine of x + low, for |x| <= pi/4 and |low| below half an ulp of x.
 #[inline(always)]
 fn sin_reduced<R: Real>(x: R, low: R) -> R {
     let (first, others) = <R::Scalar as Coefficients>::SIN.split_first().unwrap();
@@ -70,7 +72,7 @@ fn sin_reduced<R: Real>(x: R, low: R) -> R {
     x - ((z * (R::of(0.5) * low - cube * polynomial(z, others)) - low) - cube * R::splat(*first))
 }
 
-/// cos(x + low), likewise. 1 - x^2/2 comes first, with its rounding error.
+/// Cosine of x + low, for |x| <= pi/4 and |low| below half an ulp of x. The terms 1 - x^2/2 are summed first, with their rounding error.
 #[inline(always)]
 fn cos_reduced<R: Real>(x: R, low: R) -> R {
     let z = x * x;
@@ -79,6 +81,7 @@ fn cos_reduced<R: Real>(x: R, low: R) -> R {
     lead + (((R::one() - lead) - half) + (z * (z * polynomial(z, R::Scalar::COS)) - x * low))
 }
 
+/// Sine and cosine of x rad, see `Real::sin_cos`.
 #[inline(always)]
 pub fn sin_cos<R: Real>(x: R) -> (R, R) {
     let (k, high, low) = reduce(x);
@@ -93,12 +96,15 @@ pub fn sin_cos<R: Real>(x: R) -> (R, R) {
     (sin, cos)
 }
 
+/// Sine and cosine of x rad for |x| <= pi/4, see `Real::sin_cos_octant`.
 #[inline(always)]
 pub fn sin_cos_octant<R: Real>(x: R) -> (R, R) {
     (sin_reduced(x, R::zero()), cos_reduced(x, R::zero()))
 }
 
-/// ln x = e ln 2 + ln(1 + f) for x = 2^e (1 + f) with 1 + f from sqrt(1/2) to sqrt(2), and ln(1 + f) = f - f^2/2 + s (f^2/2 + P(s^2)),
+/// Natural logarithm, see `Real::ln`.
+///
+/// With x = 2^e (1 + f) and 1 + f from sqrt(1/2) to sqrt(2), ln x = e ln 2 + ln(1 + f). Here ln(1 + f) = f - f^2/2 + s (f^2/2 + P(s^2)),
 /// where s = f / (2 + f).
 #[inline(always)]
 pub fn ln<R: Real>(x: R) -> R {
@@ -115,14 +121,14 @@ pub fn ln<R: Real>(x: R) -> R {
     R::select(ordinary, y, other)
 }
 
-/// ln x of a positive normal number.
+/// Natural logarithm of a positive normal number, see `Real::ln_normal`.
 #[inline(always)]
 pub fn ln_normal<R: Real>(x: R) -> R {
     let (m, e) = x.split();
     ln_of_parts(m, e)
 }
 
-/// ln of m 2^e, for m in [1, 2).
+/// Natural logarithm of m 2^e, for m in [1, 2).
 #[inline(always)]
 fn ln_of_parts<R: Real>(m: R, e: R) -> R {
     let one = R::one();
@@ -138,11 +144,13 @@ fn ln_of_parts<R: Real>(m: R, e: R) -> R {
     e * R::splat(ln2_high) - ((half_square - rest) - f)
 }
 
-/// e^x = 2^k e^r with r = x - k ln 2, and e^r = 1 + r + r c / (2 - c), where c = r - r^2 P(r^2).
+/// Exponential e^x, see `Real::exp`.
+///
+/// It is 2^k e^r with r = x - k ln 2, and e^r = 1 + r + r c / (2 - c), where c = r - r^2 P(r^2).
 #[inline(always)]
 pub fn exp<R: Real>(x: R) -> R {
     let [ln2_high, ln2_low] = R::Scalar::LN_2;
-    // In this order NaN stays NaN.
+    // With this order of the comparisons, NaN remains NaN.
     let x = R::splat(R::Scalar::EXP_MIN).max(R::splat(R::Scalar::EXP_MAX).min(x));
     let k = (x * R::of(core::f64::consts::LOG2_E)).round_even();
     let high = x - k * R::splat(ln2_high);
@@ -151,13 +159,17 @@ pub fn exp<R: Real>(x: R) -> R {
     let z = r * r;
     let c = r - z * polynomial(z, R::Scalar::EXP);
     let y = R::one() - ((low - (r * c) / (R::of(2.0) - c)) - high);
-    // In two steps, since 2^k may be subnormal or infinite where the result is not. Only the second step can round.
+    // The product is computed in two steps, because 2^k may be subnormal or infinite although the result is not. Only the second step can
+    // round.
     let half = (k * R::of(0.5)).round_even();
     y * half.pow2() * (k - half).pow2()
 }
 
-/// The angle in the first octant (smaller over larger coordinate), then mirrored. An octant angle above atan(7/16) is measured from
-/// atan(1/2) or atan(1) by the addition theorem, in coordinates instead of their quotient: one division in all.
+/// Angle of the point (x, y) in rad, see `Real::atan2`.
+///
+/// The angle in the first octant is that of the smaller coordinate over the larger one, and is then mirrored. An octant angle above
+/// atan(7/16) is measured from atan(1/2) or atan(1) by the addition theorem. It is applied to the coordinates instead of their quotient, so
+/// that there is a single division.
 #[inline(always)]
 pub fn atan2<R: Real>(y: R, x: R) -> R {
     let (zero, one, two) = (R::zero(), R::one(), R::of(2.0));
@@ -165,7 +177,7 @@ pub fn atan2<R: Real>(y: R, x: R) -> R {
     let steep = ay.gt(ax);
     let backward = one.copysign(x).lt(zero);
 
-    // The sums of the quotient must not overflow, infinities count as 1 compared with 0, and 0/0 is angle 0.
+    // The sums in the quotient must not overflow. Infinities count as 1 and finite numbers as 0. The angle of 0/0 is 0.
     let (long, short) = (ax.max(ay), ax.min(ay));
     let scale = R::select(long.gt(R::splat(R::Scalar::HUGE)), R::of(0.0625), one);
     let infinite = long.eq(R::splat(R::Scalar::INFINITY));
@@ -190,18 +202,20 @@ pub fn atan2<R: Real>(y: R, x: R) -> R {
     let t = negate_where(falling, t);
     let z = t * t;
     let angle = high - ((t * (z * polynomial(z, R::Scalar::ATAN)) - low) - t);
-    // Comparisons drop NaN; bring it back.
+    // Comparisons lose NaN. This line restores it.
     let ordered = x.eq(x).and(y.eq(y));
     R::select(ordered, angle.copysign(y), x + y)
 }
 
-/// A constant in two parts where `m`, else `b`.
+/// Constant `a` in the lanes of the mask `m`, and `b` elsewhere. Both are sums of a number and its rounding error.
 #[inline(always)]
 fn select2<R: Real>(m: R::Mask, a: [R::Scalar; 2], b: [R; 2]) -> [R; 2] {
     [R::select(m, R::splat(a[0]), b[0]), R::select(m, R::splat(a[1]), b[1])]
 }
 
-/// pi/2 - asin x below 1/2, else by acos x = 2 asin sqrt((1 - x)/2), where asin s = s + s R(s^2).
+/// Arc cosine in rad, see `Real::acos`.
+///
+/// It is pi/2 - asin x for |x| below 1/2, and otherwise follows from acos x = 2 asin sqrt((1 - x)/2). Here asin s = s + s R(s^2).
 #[inline(always)]
 pub fn acos<R: Real>(x: R) -> R {
     let one = R::one();
@@ -217,7 +231,7 @@ pub fn acos<R: Real>(x: R) -> R {
 
     let s = z.sqrt();
     let from_pi = R::splat(pi) - R::of(2.0) * (s + (ratio * s - half_pi_low));
-    // Next to 1 the square root's rounding error counts: s = upper + rest, with upper^2 exact. At 1 that is 0/0.
+    // Near 1 the rounding error of the square root matters: s = upper + rest, where upper^2 is exact. At 1 the quotient would be 0/0.
     let scaled = s * R::splat(R::Scalar::SPLITTER);
     let upper = scaled - (scaled - s);
     let sum = R::select(s.eq(R::zero()), one, s + upper);

@@ -1,4 +1,4 @@
-//! CPU levels: the instructions that this machine has, the selection of a level, and calls with its lane types.
+//! CPU levels: detection of the machine's instructions, selection of a level, and calls with its lane types.
 
 use core::fmt;
 use core::str::FromStr;
@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 #[cfg(target_arch = "x86_64")]
 use crate::real::Real;
 
-/// The environment variable that overrides [`Level::best`].
+/// Environment variable that overrides [`Level::best`].
 const VARIABLE: &str = "STEPPER_CPU_LEVEL";
 
 /// Set of CPU instructions for which kernels are compiled. Results are equal bit for bit at all levels; only the speed differs.
@@ -22,6 +22,7 @@ pub enum Level {
 }
 
 impl Level {
+    /// All levels, slowest first.
     const ALL: [Level; 3] = [Level::Baseline, Level::Avx2, Level::Avx512];
 
     /// Levels that this machine and this build support, slowest first.
@@ -35,41 +36,48 @@ impl Level {
         Level::available().contains(&self)
     }
 
-    /// Fastest available level, or that of the environment variable `STEPPER_CPU_LEVEL` (`baseline`, `avx2` or `avx512`), which is read at
-    /// the first call. An unknown name, or a level that this machine or build lacks, is an error, so that measurements never run at an
-    /// unexpected level.
+    /// Fastest available level, or that of the environment variable `STEPPER_CPU_LEVEL` (`baseline`, `avx2` or `avx512`). The variable is
+    /// read at the first call.
+    ///
+    /// # Errors
+    /// [`LevelError`] if the variable has an unknown name, or that of a level that this machine or build lacks. Measurements thus never run
+    /// at an unexpected level.
     pub fn best() -> Result<Level, LevelError> {
         static BEST: OnceLock<Result<Level, LevelError>> = OnceLock::new();
         BEST.get_or_init(|| match std::env::var_os(VARIABLE) {
             None => Ok(*Level::available().last().expect("the baseline is always available")),
-            Some(word) => Level::asked_for(&word.to_string_lossy()),
+            Some(word) => Level::if_available(&word.to_string_lossy()),
         })
         .clone()
     }
 
-    /// Whether instructions on a whole register of this level occupy the CPU's units for two cycles. This holds for AVX-512 on AMD's cores
-    /// before Zen 5, whose units have half the width. A second register then hides no latency.
+    /// Whether an instruction on a whole register of this level takes two cycles. This holds for AVX-512 on AMD's cores before Zen 5, whose
+    /// units have half the width. Two registers per value are then not faster than one.
     #[cfg(target_arch = "x86_64")]
     pub fn takes_two_cycles(self) -> bool {
         use core::arch::x86_64::__cpuid;
-        /// "AuthenticAMD", as leaf 0 returns it in EBX, EDX and ECX.
+        /// Registers EBX, EDX and ECX after `cpuid` with leaf 0 on AMD's CPUs: "AuthenticAMD".
         const AMD: [u32; 3] = [0x6874_7541, 0x6974_6e65, 0x444d_4163];
+        /// CPU family of Zen 5.
         const ZEN_5: u32 = 0x1a;
         let [maker, signature] = [__cpuid(0), __cpuid(1)];
-        // Families from 15 on are the sum of two fields.
+        // The family is the sum of two fields, of which the second is 0 below family 15.
         let family = (signature.eax >> 8 & 0xf) + (signature.eax >> 20 & 0xff);
         self == Level::Avx512 && [maker.ebx, maker.edx, maker.ecx] == AMD && family < ZEN_5
     }
+    /// Whether an instruction on a whole register of this level takes two cycles.
     #[cfg(not(target_arch = "x86_64"))]
     pub fn takes_two_cycles(self) -> bool {
         false
     }
 
-    fn asked_for(word: &str) -> Result<Level, LevelError> {
+    /// Level with this name, if this machine and build support it.
+    fn if_available(word: &str) -> Result<Level, LevelError> {
         let level: Level = word.parse()?;
         if level.is_available() { Ok(level) } else { Err(LevelError::Unavailable(level)) }
     }
 
+    /// Name of the level, as in the environment variable `STEPPER_CPU_LEVEL`.
     fn name(self) -> &'static str {
         match self {
             Level::Baseline => "baseline",
@@ -78,7 +86,7 @@ impl Level {
         }
     }
 
-    // These are the features that `Real::vectorize` enables.
+    // Whether the build contains the level and the CPU has the features that `Real::vectorize` enables for it.
     #[cfg(target_arch = "x86_64")]
     fn detect(self) -> bool {
         match self {
@@ -118,9 +126,9 @@ impl FromStr for Level {
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum LevelError {
-    /// Name of no level.
+    /// The name is not that of a level.
     Unknown(String),
-    /// Level that this machine or this build lacks.
+    /// This machine or this build lacks the level.
     Unavailable(Level),
 }
 
@@ -142,15 +150,15 @@ impl fmt::Display for LevelError {
 
 impl std::error::Error for LevelError {}
 
-/// Calls a generic function with the lane type of a CPU level, picked at run time.
+/// Calls a generic function with the lane type of a CPU level that is chosen at run time.
 ///
-/// `at_level!(level, F64Lanes, step(state, h))` is `step::<F64Lanes>(state, h)` with the `F64Lanes` of that [`Level`]: its first type
-/// argument is the lane type (`F64x1`, `F64Lanes` or `F32Lanes`, which need not be imported); further ones are written
-/// `step::<_, Further>(state, h)`. The types of arguments and result are the same at every level: numbers go in and out as scalars, through
-/// [`Real::load`] and [`Real::store`].
+/// `at_level!(level, F64Lanes, step(state, h))` calls `step::<F64Lanes>(state, h)` with the `F64Lanes` of that [`Level`]. The first type
+/// argument of the function is the lane type: `F64x1`, `F64Lanes` or `F32Lanes`, which need not be imported. Further type arguments are
+/// written `step::<_, Further>(state, h)`. The types of arguments and result are the same at every level. Numbers are passed as scalars,
+/// and converted by [`Real::load`] and [`Real::store`].
 ///
 /// The function is ordinary code that computes inside [`Real::vectorize`], which compiles a closure with the level's instructions. The
-/// closure and all functions that it calls must be `#[inline(always)]`; otherwise they run with baseline instructions.
+/// closure and all functions that it calls must be `#[inline(always)]`. Otherwise they run with baseline instructions.
 ///
 /// ```
 /// use stepper_real::{Level, Real, at_level};
@@ -174,8 +182,9 @@ impl std::error::Error for LevelError {}
 /// ```
 ///
 /// # Panics
-/// When the machine or this build lacks the level: get one from [`Level::best`] or [`Level::available`], once, and keep it. A lane type
-/// executes its level's instructions wherever it is used, so this is the one way to it: code without `unsafe` cannot name the type.
+/// If the machine or this build lacks the level. Get a level once from [`Level::best`] or [`Level::available`] and store it. A lane type
+/// executes its level's instructions wherever it is used. This macro is therefore the only way to use it: code without `unsafe` cannot name
+/// the type.
 ///
 /// ```compile_fail
 /// use stepper_real::{Real, avx512};
@@ -184,8 +193,8 @@ impl std::error::Error for LevelError {}
 /// ```
 ///
 /// ```compile_fail
-/// struct Asked; // Nobody was.
-/// impl stepper_real::HasAvx2 for Asked {}
+/// struct Checked; // Without a check of the CPU.
+/// impl stepper_real::HasAvx2 for Checked {}
 /// ```
 ///
 /// [`Level`]: crate::Level
@@ -201,16 +210,16 @@ macro_rules! at_level {
         assert!(level.is_available(), "CPU level {level} is not available on this machine and build");
         match level {
             $crate::Level::Avx512 => $crate::__if_avx512!({
-                struct Asked;
-                // SAFETY: asked above.
-                unsafe impl $crate::HasAvx512 for Asked {}
-                $run::<<Asked as $crate::Avx512>::$lanes $(, $($extra),+)?>($($arg),*)
+                struct Checked;
+                // SAFETY: the check is above.
+                unsafe impl $crate::HasAvx512 for Checked {}
+                $run::<<Checked as $crate::Avx512>::$lanes $(, $($extra),+)?>($($arg),*)
             }),
             $crate::Level::Avx2 => $crate::__if_avx2!({
-                struct Asked;
-                // SAFETY: asked above.
-                unsafe impl $crate::HasAvx2 for Asked {}
-                $run::<<Asked as $crate::Avx2>::$lanes $(, $($extra),+)?>($($arg),*)
+                struct Checked;
+                // SAFETY: the check is above.
+                unsafe impl $crate::HasAvx2 for Checked {}
+                $run::<<Checked as $crate::Avx2>::$lanes $(, $($extra),+)?>($($arg),*)
             }),
             $crate::Level::Baseline => $crate::__if_baseline!($run::<$crate::baseline::$lanes $(, $($extra),+)?>($($arg),*)),
         }
@@ -226,22 +235,23 @@ macro_rules! at_avx512 {
     ($lanes:ident, $run:ident $(::<_, $($extra:ty),+>)? ($($arg:expr),* $(,)?)) => {{
         assert!($crate::Level::Avx512.is_available(), "CPU level avx512 is not available on this machine and build");
         $crate::__if_avx512!({
-            struct Asked;
-            // SAFETY: asked above.
-            unsafe impl $crate::HasAvx512 for Asked {}
-            $run::<<Asked as $crate::Avx512>::$lanes $(, $($extra),+)?>($($arg),*)
+            struct Checked;
+            // SAFETY: the check is above.
+            unsafe impl $crate::HasAvx512 for Checked {}
+            $run::<<Checked as $crate::Avx512>::$lanes $(, $($extra),+)?>($($arg),*)
         })
     }};
 }
 
-/// Proof that the CPU has the instructions of [`Level::Avx2`]. The lane types of this level can only be named through [`Avx2`].
+/// Marker of a type that exists only after a check that the CPU has the instructions of [`Level::Avx2`]. The lane types of this level can
+/// only be named through [`Avx2`].
 ///
 /// # Safety
 /// The implementor may be named only after [`Level::is_available`] returned true. [`at_level!`](crate::at_level) ensures this.
 #[cfg(target_arch = "x86_64")]
 pub unsafe trait HasAvx2 {}
 
-/// Proof that the CPU has the instructions of [`Level::Avx512`].
+/// Marker of a type that exists only after a check that the CPU has the instructions of [`Level::Avx512`].
 ///
 /// # Safety
 /// As for [`HasAvx2`].
@@ -251,7 +261,7 @@ pub unsafe trait HasAvx512 {}
 /// Lane types of the level AVX2.
 #[cfg(target_arch = "x86_64")]
 pub trait Avx2 {
-    /// One `f64`.
+    /// Single `f64`.
     type F64x1: Real<Scalar = f64>;
     /// Eight `f64` lanes in two registers.
     type F64Lanes: Real<Scalar = f64>;
@@ -262,11 +272,11 @@ pub trait Avx2 {
 /// Lane types of the level AVX-512.
 #[cfg(target_arch = "x86_64")]
 pub trait Avx512 {
-    /// One `f64`.
+    /// Single `f64`.
     type F64x1: Real<Scalar = f64>;
     /// Eight `f64` lanes.
     type F64Lanes: Real<Scalar = f64>;
-    /// Sixteen `f64` lanes in two registers. There are 32 registers.
+    /// Sixteen `f64` lanes in two registers.
     type F64x16: Real<Scalar = f64>;
     /// Sixteen `f32` lanes.
     type F32Lanes: Real<Scalar = f32>;
@@ -276,15 +286,15 @@ pub trait Avx512 {
 
 #[cfg(target_arch = "x86_64")]
 impl<T: HasAvx2> Avx2 for T {
-    type F64x1 = crate::lone::F64x1;
+    type F64x1 = crate::single_lane::F64x1;
     type F64Lanes = crate::avx2::F64x8;
     type F32Lanes = crate::avx2::F32x8;
 }
 
-// Wider registers than those of AVX2 gain one `f64` nothing.
+// A single `f64` is not faster with AVX-512.
 #[cfg(target_arch = "x86_64")]
 impl<T: HasAvx512> Avx512 for T {
-    type F64x1 = crate::lone::F64x1;
+    type F64x1 = crate::single_lane::F64x1;
     type F64Lanes = crate::avx512::F64x8;
     type F64x16 = crate::two::Two<crate::avx512::F64x8>;
     type F32Lanes = crate::avx512::F32x16;
@@ -349,16 +359,16 @@ mod tests {
 
     #[test]
     fn an_unknown_word_is_an_error_that_says_what_is_expected() {
-        let error = Level::asked_for("sse9").unwrap_err();
+        let error = Level::if_available("sse9").unwrap_err();
         assert_eq!(error, LevelError::Unknown("sse9".to_owned()));
         assert!(error.to_string().contains("baseline, avx2 or avx512"));
-        assert!(Level::asked_for("").is_err());
+        assert!(Level::if_available("").is_err());
     }
 
     #[test]
     fn a_missing_level_is_an_error_that_names_what_there_is() {
         for level in Level::ALL {
-            match Level::asked_for(level.name()) {
+            match Level::if_available(level.name()) {
                 Ok(found) => assert!(found == level && level.is_available()),
                 Err(error) => assert!(error == LevelError::Unavailable(level) && error.to_string().contains("baseline")),
             }

@@ -3,8 +3,8 @@
 //! The simulator's hot path is written once, generic over [`Real`], and instantiated for
 //!
 //! * `f64`, one environment, the reference;
-//! * `F64x1`, `F64Lanes` and `F32Lanes`, one and several environments, once per CPU level: four and eight of them by [`baseline`], eight
-//!   and eight by `avx2`, eight and sixteen by `avx512`;
+//! * `F64x1`, `F64Lanes` and `F32Lanes`, once per CPU level: one environment, or one per lane. `F64Lanes` has four lanes with [`baseline`]
+//!   and eight with `avx2` and `avx512`. `F32Lanes` has eight with [`baseline`] and `avx2`, and sixteen with `avx512`;
 //! * `F64x16` and `F32x32`, sixteen and thirty-two environments in [two](Two) registers of `avx512`, which has enough of them.
 //!
 //! On every backend, each lane gets the bits of the same operation on `f64` (or `f32`). This holds for arithmetic, comparisons such as
@@ -47,13 +47,13 @@ mod coefficients;
 #[doc(hidden)]
 pub mod elementary;
 mod level;
-#[cfg(target_arch = "x86_64")]
-mod lone;
 mod mask;
 mod operators;
 mod real;
 mod scalar;
 mod single;
+#[cfg(target_arch = "x86_64")]
+mod single_lane;
 #[cfg(target_arch = "x86_64")]
 mod sse2;
 mod two;

@@ -2,21 +2,21 @@
 
 use core::fmt::Debug;
 
-/// One truth value per lane. Lane `i` is bit `i` of [`Mask::bits`]; no operation ever sets a bit at or above the number of lanes.
+/// One truth value per lane. Lane `i` is bit `i` of [`Mask::bits`]. Bits at or above the number of lanes are always 0.
 pub trait Mask: Copy + Debug + Send + Sync + 'static {
     /// Mask with one truth value in all lanes.
     fn splat(b: bool) -> Self;
-    /// Mask with lane `i` from bit `i`. Higher bits are ignored.
+    /// Mask whose lane `i` is bit `i` of `bits`. Higher bits are ignored.
     fn from_bits(bits: u32) -> Self;
-    /// Bit `i` from lane `i`; higher bits are 0.
+    /// Bits of the mask: bit `i` is lane `i`. Higher bits are 0.
     fn bits(self) -> u32;
-    /// `self & o`.
+    /// Lanes that are true in both masks.
     fn and(self, o: Self) -> Self;
-    /// `self | o`.
+    /// Lanes that are true in at least one of the masks.
     fn or(self, o: Self) -> Self;
-    /// `self & !o`.
+    /// Lanes that are true in `self` and false in `o`.
     fn and_not(self, o: Self) -> Self;
-    /// `!self`, in the lanes that exist.
+    /// Lanes that are false in `self`.
     fn not(self) -> Self;
     /// Whether at least one lane is true.
     fn any(self) -> bool;
@@ -42,7 +42,7 @@ impl Mask for bool {
     fn bits(self) -> u32 {
         self as u32
     }
-    // `&` and `|`, not `&&` and `||`: both sides are known already, so there is nothing to branch over.
+    // `&` and `|`, not `&&` and `||`: both operands are already computed, so a branch would not save time.
     #[inline(always)]
     fn and(self, o: Self) -> Self {
         self & o

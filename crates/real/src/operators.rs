@@ -20,23 +20,24 @@ macro_rules! operators {
     )*};
 }
 
-/// Implements the methods of a lane type that is `[$scalar; $n]` in memory.
+/// Implements access to all lanes as an array, for a lane type that is `[$scalar; $n]` in memory.
 macro_rules! as_lanes {
     ($t:ident, $scalar:ident, $n:literal) => {
-        // No padding: the lanes lie in memory as an array, and no register of them lies in two cache lines.
+        // The type has no padding, so that its lanes are an array in memory. Its alignment equals its size, so that no value is in two
+        // cache lines.
         const _: () = assert!(size_of::<$t>() == align_of::<$t>() && size_of::<[$scalar; $n]>() == size_of::<$t>());
 
         impl $t {
-            /// The lanes as an array.
+            /// Lanes as an array.
             #[inline(always)]
             pub fn to_array(self) -> [$scalar; $n] {
-                // SAFETY: of one size, and any bits are valid numbers.
+                // SAFETY: both types have the same size, and all bit patterns are valid numbers.
                 unsafe { core::mem::transmute(self) }
             }
-            /// Lanes from an array.
+            /// Value with these lanes.
             #[inline(always)]
             pub fn from_array(lanes: [$scalar; $n]) -> Self {
-                // SAFETY: of one size, and any bits are valid numbers.
+                // SAFETY: both types have the same size, and all bit patterns are valid numbers.
                 unsafe { core::mem::transmute(lanes) }
             }
         }
@@ -73,7 +74,7 @@ macro_rules! vectorize {
     };
 }
 
-/// Methods of `impl Real` that are equal for all lane types, for use inside the impl.
+/// Methods of `impl Real` that access single lanes, which are equal for all lane types. The macro is used inside the impl.
 macro_rules! lane_access {
     ($t:ident, $scalar:ident, $n:literal) => {
         type Scalar = $scalar;
@@ -86,15 +87,15 @@ macro_rules! lane_access {
         #[inline(always)]
         fn set_lane(&mut self, i: usize, x: $scalar) {
             assert!(i < $n, "lane {i} of {}", $n);
-            // SAFETY: the lanes lie in memory as an array (size and alignment are asserted beside the type), and any bits are valid in
-            // both. One scalar store: rebuilding the vector would wait for it.
+            // SAFETY: the lanes are an array in memory (size and alignment are asserted next to the type), and all bit patterns are valid
+            // in both types. A single scalar store is faster than a new vector.
             unsafe { *core::ptr::from_mut(self).cast::<$scalar>().add(i) = x }
         }
     };
 }
 
-/// Elementary functions of `impl Real`, which are equal for all lane types, for use inside the impl. The trait thus does not depend on
-/// their implementation, which is written for the trait.
+/// Elementary functions of `impl Real`, which are equal for all lane types. The macro is used inside the impl. The trait thus does not
+/// depend on their implementation, which is written for the trait.
 #[macro_export]
 macro_rules! elementary_functions {
     () => {

@@ -4,7 +4,7 @@ use crate::coefficients::Coefficients;
 use core::fmt::{Debug, Display};
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
-/// The number in one lane: `f64` or `f32`. Sealed, since the elementary functions need coefficients for its precision.
+/// Type of the number in one lane: `f64` or `f32`. The trait is sealed, since the elementary functions need coefficients for its precision.
 pub trait Scalar:
     Coefficients
     + Copy
@@ -21,24 +21,24 @@ pub trait Scalar:
     + Div<Output = Self>
     + Neg<Output = Self>
 {
-    /// 0.
+    /// Number 0.
     const ZERO: Self;
-    /// 1.
+    /// Number 1.
     const ONE: Self;
-    /// The distance from 1 to the next larger number.
+    /// Distance from 1 to the next larger number.
     const EPSILON: Self;
     /// Whether this is the type of single precision.
     const IS_SINGLE: bool = size_of::<Self>() < size_of::<f64>();
-    /// The largest finite number.
+    /// Largest finite number.
     const MAX: Self;
-    /// The smallest positive normal number.
+    /// Smallest positive normal number.
     const MIN_POSITIVE: Self;
     /// Positive infinity.
     const INFINITY: Self;
-    /// A quiet NaN.
+    /// Quiet NaN.
     const NAN: Self;
 
-    /// Nearest number of this type, half to even.
+    /// Number of this type that is nearest to `x`, half to even.
     fn from_f64(x: f64) -> Self;
     /// Conversion to `f64`, which is exact.
     fn to_f64(self) -> f64;

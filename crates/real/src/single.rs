@@ -1,4 +1,4 @@
-//! One environment: a plain `f64` (the reference) or `f32`, and the meaning of every operation that a backend must reproduce.
+//! Plain `f64` (the reference) and `f32` as lane types of a single environment. They define the result of every operation for all backends.
 
 use crate::operators::{elementary_functions, vectorize};
 use crate::real::Real;
@@ -74,8 +74,8 @@ macro_rules! single {
             }
             #[inline(always)]
             fn round_even(self) -> Self {
-                // Numbers of 2^mantissa_bits and above are integers, and adding it to a smaller one rounds that to an integer. (The
-                // obvious round_ties_even is a call into libm on a CPU without SSE4.1.)
+                // Numbers of at least 2^mantissa_bits are integers. The sum of this number and a smaller one is therefore rounded to an
+                // integer. (`round_ties_even` is a call into libm on a CPU without SSE4.1.)
                 const INTEGERS: $t = (1u64 << $mantissa_bits) as $t;
                 let magnitude = $t::abs(self);
                 let rounded = $t::copysign((magnitude + INTEGERS) - INTEGERS, self);
@@ -83,13 +83,13 @@ macro_rules! single {
             }
             #[inline(always)]
             fn pow2(self) -> Self {
-                // The sum's low mantissa bits are the biased exponent; the shift moves them to their place and drops the rest.
+                // The low mantissa bits of the sum are the biased exponent. The shift moves them to the exponent and drops the rest.
                 const BIASED: $t = (1u64 << $mantissa_bits) as $t + $exponent_bias;
                 $t::from_bits((self + BIASED).to_bits() << $mantissa_bits)
             }
             #[inline(always)]
             fn split(self) -> (Self, Self) {
-                // The biased exponent becomes the low bits of a number whose last bit is worth one; the fraction gets the exponent of 1.
+                // The biased exponent becomes the low bits of a number whose last bit is worth 1. The fraction gets the exponent of 1.
                 const ONE_BITS: $t = (1u64 << $mantissa_bits) as $t;
                 const FRACTION: $int = (1 << $mantissa_bits) - 1;
                 let bits = self.to_bits();

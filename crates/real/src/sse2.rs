@@ -1,5 +1,5 @@
 //! Lanes in two SSE registers, with masks as vectors of compare results. Every x86-64 CPU has SSE2, so these are the lanes of its baseline
-//! level. Four registers per value would exceed the sixteen registers, and double the compile time.
+//! level. Four registers per value would exceed the sixteen registers of the CPU, and double the compile time.
 //!
 //! [Portable lanes](crate::array) compile to similar instructions. But the compiler must first find the vectors among scalars, which took
 //! longer than all other lane types together.
@@ -10,10 +10,10 @@ use crate::mask::Mask;
 use crate::operators::{as_lanes, elementary_functions, lane_access, operators, vectorize};
 use crate::real::Real;
 
-/// Evaluates an expression for both halves. `$i` is the half.
+/// Evaluates an expression for both registers of a lane type, and makes a value of the results. `$i` is the index of the register.
 macro_rules! halves {
     ($make:ident, |$i:ident| $e:expr) => {{
-        // SAFETY: every x86-64 CPU has SSE2, and what is read lies within its slice.
+        // SAFETY: every x86-64 CPU has SSE2, and only entries of the slice are read.
         unsafe {
             $make([
                 {
@@ -29,7 +29,7 @@ macro_rules! halves {
     }};
 }
 
-/// Expects the intrinsics of one precision in scope under the short names used below.
+/// Defines a lane type of one precision and its mask. The intrinsics of the precision must be in scope under the short names used below.
 macro_rules! sse2_lanes {
     ($(#[$doc:meta])* $name:ident, $scalar:ident, $n:literal, $(#[$mask_doc:meta])* $mask:ident,
      mantissa $mantissa:literal, bias $bias:literal) => {
@@ -43,7 +43,7 @@ macro_rules! sse2_lanes {
         #[repr(C, align(32))]
         pub struct $mask([Raw; 2]);
 
-        /// Lanes in one half.
+        /// Lanes in one register.
         const HALF: usize = $n / 2;
 
         as_lanes!($name, $scalar, $n);
@@ -156,8 +156,8 @@ macro_rules! sse2_lanes {
             }
             #[inline(always)]
             fn from_bits(bits: u32) -> Self {
-                // Lane i keeps bit i of the broadcast word, and is true when that is still there. SSE2 compares 32 bits at the most: a lane
-                // of 64 has its bit twice.
+                // Every lane gets all bits. Lane i is true if bit i is 1. SSE2 compares at most 32 bits, so that a lane of 64 bits has its
+                // bit twice.
                 const BIT: [i32; 8] = {
                     let mut bit = [0; 8];
                     let mut i = 0;
@@ -167,7 +167,7 @@ macro_rules! sse2_lanes {
                     }
                     bit
                 };
-                // SAFETY: 32 bytes both, and any bits are a valid integer vector.
+                // SAFETY: both types have 32 bytes, and all bit patterns are valid integer vectors.
                 let bit: [__m128i; 2] = unsafe { core::mem::transmute(BIT) };
                 halves!($mask, |I| from_int(equal_int(and_int(set1_int(bits as i32), bit[I]), bit[I])))
             }

@@ -1,7 +1,7 @@
 //! Lanes in two registers.
 //!
-//! An index, branch or call for a group of lanes then serves twice as many. While an operation on one register waits for the operation
-//! before it, one on the other register can run.
+//! Indices, branches and calls then serve twice as many environments. While an operation on one register waits for the operation before it,
+//! one on the other register can run.
 
 use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
@@ -9,12 +9,12 @@ use crate::mask::Mask;
 use crate::operators::elementary_functions;
 use crate::real::Real;
 
-/// The lanes of two registers, those of the first before those of the second.
+/// Lanes of two registers. Those of the first register have the lower numbers.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C)]
 pub struct Two<R>(R, R);
 
-/// One truth value for each lane of [`Two`].
+/// Mask of [`Two`]: one truth value for each lane.
 #[derive(Clone, Copy, Debug)]
 pub struct TwoMask<R: Real>(R::Mask, R::Mask);
 

@@ -1,15 +1,16 @@
-//! Single `f64` compiled with AVX2 instructions, for one environment: the arithmetic of `f64`, in kernels that the compiler may vectorise
-//! across the numbers of the environment. Features: `avx2`.
+//! Single `f64` compiled with AVX2 instructions, for one environment. The arithmetic is that of `f64`, and the compiler may vectorise a
+//! kernel across the numbers of the environment. Features: `avx2`.
 //!
-//! Wider registers give no speedup (measured on the models of `benches/comparison`), so that the level above uses the same type.
+//! AVX-512 gives no speedup here (measured on the models of `benches/comparison`), so that its level uses the same type.
 
 use crate::operators::{elementary_functions, operators, vectorize};
 use crate::real::Real;
 
-/// Single number with the instructions of the wider types. There is none for `f32`, because it would not be faster.
+/// Single-lane type of a precision at the levels AVX2 and AVX-512. For `f32` it is plain `f32`, because a type with AVX2 instructions is
+/// not faster.
 macro_rules! single {
     (f64) => {
-        crate::lone::F64x1
+        crate::single_lane::F64x1
     };
     (f32) => {
         f32
@@ -17,7 +18,7 @@ macro_rules! single {
 }
 pub(crate) use single;
 
-/// Single `f64`. As for the wider types, it may be used only after a check of the CPU level.
+/// Single `f64` with AVX2 instructions. It may be used only after a check of the CPU level.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(transparent)]
 pub struct F64x1(f64);
@@ -58,18 +59,18 @@ impl Real for F64x1 {
     fn store(self, s: &mut [f64]) {
         s[0] = self.0;
     }
-    // One copy: a loop over the few numbers of one environment, vectorised for many, takes longer.
+    // Copied at once: a vectorised loop over the few numbers of one environment takes longer.
     #[inline(always)]
     fn load_all(from: &[f64], out: &mut [Self]) {
         let n = from.len().min(out.len());
-        // SAFETY: `repr(transparent)`.
+        // SAFETY: the type is `repr(transparent)` around `f64`.
         let out = unsafe { core::slice::from_raw_parts_mut(out.as_mut_ptr().cast::<f64>(), n) };
         out.copy_from_slice(&from[..n]);
     }
     #[inline(always)]
     fn store_all(all: &[Self], out: &mut [f64]) {
         let n = all.len().min(out.len());
-        // SAFETY: `repr(transparent)`.
+        // SAFETY: the type is `repr(transparent)` around `f64`.
         let all = unsafe { core::slice::from_raw_parts(all.as_ptr().cast::<f64>(), n) };
         out[..n].copy_from_slice(all);
     }

@@ -5,7 +5,7 @@ use stepper_core::group_step::{
     Gap, GroupStep, ImpulseProblem, ImpulseRule, NominalEvaluation, Prediction, Recomputed, Solve, StepSettings,
 };
 use stepper_real::{Mask, Real};
-use stepper_solve::newton::{Followed, Response, Switch};
+use stepper_solve::newton::{Response, Switch, SwitchDistance};
 
 /// Largest residual with which a step counts as solved, m/s, at tolerances below a tenth of it. The modes (open, sticking, slipping)
 /// are then certain, and the error of the response is of this order.
@@ -52,7 +52,7 @@ pub(crate) struct Rule<'a, R: Real> {
     /// Lanes (bits) that still have a response and all constraints.
     lanes: u32,
     /// Callback for constraints that have come closer to another mode.
-    near: &'a mut dyn FnMut(Followed),
+    near: &'a mut dyn FnMut(SwitchDistance),
 }
 
 impl<R: Real> Impulses<R> {
@@ -93,7 +93,7 @@ impl<R: Real> HardResponse<R> {
     }
 
     /// Rule of an evaluation in the lanes `lanes` (bits).
-    pub(crate) fn rule<'a>(&'a mut self, settings: &StepSettings, lanes: u32, near: &'a mut dyn FnMut(Followed)) -> Rule<'a, R> {
+    pub(crate) fn rule<'a>(&'a mut self, settings: &StepSettings, lanes: u32, near: &'a mut dyn FnMut(SwitchDistance)) -> Rule<'a, R> {
         Rule { impulses: &mut self.impulses, settings: *settings, lanes, near }
     }
 
@@ -121,7 +121,13 @@ impl<R: Real> HardResponse<R> {
     /// exist.
     ///
     /// Calls `near` with the constraints that have come closer to another mode.
-    pub(crate) fn follow(&mut self, step: &mut GroupStep<R>, recomputed: Recomputed, lanes: u32, near: &mut dyn FnMut(Followed)) -> u32 {
+    pub(crate) fn follow(
+        &mut self,
+        step: &mut GroupStep<R>,
+        recomputed: Recomputed,
+        lanes: u32,
+        near: &mut dyn FnMut(SwitchDistance),
+    ) -> u32 {
         let settings = *step.settings();
         let mut rule = self.rule(&settings, lanes, near);
         let moved = step.evaluate(recomputed, &mut rule);
@@ -134,7 +140,7 @@ impl<R: Real> HardResponse<R> {
                 let [from, to] = [nominal - edge, displaced - edge];
                 // A distance that does not change gives no kink.
                 if from * to <= 0.0 || to.abs() < from.abs() {
-                    near(Followed { lane, switch: Switch::Gap, distance: from / (from - to) });
+                    near(SwitchDistance { lane, switch: Switch::Gap, distance: from / (from - to) });
                 }
             }
         })

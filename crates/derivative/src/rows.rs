@@ -2,7 +2,7 @@
 
 use stepper_core::Error;
 use stepper_core::group_step::StatePart;
-use stepper_solve::newton::{Followed, Switch};
+use stepper_solve::newton::{Switch, SwitchDistance};
 
 use crate::kink::*;
 
@@ -60,7 +60,7 @@ impl<'a> DerivativeRows<'a> {
     }
 
     /// Records, for one environment, the constraint that the displacement of column `c` brings closer to another mode.
-    pub(crate) fn note(&mut self, near: Followed, c: usize) {
+    pub(crate) fn note(&mut self, near: SwitchDistance, c: usize) {
         self.distance[0] = self.distance[0].min(near.distance);
         if near.distance <= 1.0 {
             self.causes[c] |= match near.switch {

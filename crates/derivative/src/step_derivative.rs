@@ -5,7 +5,7 @@ use std::sync::MutexGuard;
 use stepper_core::ContactLaw;
 use stepper_core::group_step::{Gap, GroupStep, Recomputed, StatePart};
 use stepper_real::{Mask, Real, Scalar};
-use stepper_solve::newton::{Followed, Switch};
+use stepper_solve::newton::{Switch, SwitchDistance};
 
 use crate::kink::*;
 use crate::response::{HardResponse, is_solved};
@@ -120,7 +120,7 @@ impl<R: Real> StepDerivative<R> {
     /// Evaluates the step at the present state. Returns the lanes of `lanes` in which all constraints still exist.
     ///
     /// Calls `near` with the constraints that have come closer to another mode in these lanes.
-    fn evaluate(&mut self, step: &mut GroupStep<R>, recomputed: Recomputed, lanes: u32, near: &mut dyn FnMut(Followed)) -> u32 {
+    fn evaluate(&mut self, step: &mut GroupStep<R>, recomputed: Recomputed, lanes: u32, near: &mut dyn FnMut(SwitchDistance)) -> u32 {
         if self.is_hard {
             return self.response.follow(step, recomputed, lanes, near);
         }
@@ -131,7 +131,7 @@ impl<R: Real> StepDerivative<R> {
         step.gaps(lanes, &mut |Gap { lane, is_limit, nominal, displaced }| {
             if (nominal < 0.0) != (displaced < 0.0) {
                 let distance = if nominal.is_finite() { nominal / (nominal - displaced) } else { 1.0 };
-                near(Followed { lane, switch: if is_limit { Switch::Limit } else { Switch::Contact }, distance });
+                near(SwitchDistance { lane, switch: if is_limit { Switch::Limit } else { Switch::Contact }, distance });
             }
         })
     }

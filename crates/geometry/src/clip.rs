@@ -56,7 +56,9 @@ const REFERENCE: u32 = 1 << 30;
 /// Buffers of [`overlay`] for the polygon before and after it is clipped by one edge.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Work {
+    /// Polygon before it is clipped.
     polygon: Vec<Corner>,
+    /// Polygon after it is clipped.
     next: Vec<Corner>,
 }
 

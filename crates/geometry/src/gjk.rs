@@ -24,6 +24,7 @@ struct Simplex {
 pub(super) struct Nearest {
     /// Nearest point, m: the vector from the closest point of B to that of A. It is 0 if the sets overlap.
     v: V,
+    /// Simplex that contains the nearest point.
     simplex: Simplex,
 }
 

@@ -70,7 +70,7 @@ pub struct Hull {
     first: Vec<u32>,
     /// Vertices in blocks of eight.
     blocks: Vec<Block>,
-    /// Vertex at which the search for a support point starts: for each cell of a cube's surface, the vertex that is farthest along the
+    /// Vertices at which searches for a support point start. For each cell of a cube's surface, it is the vertex that is farthest along the
     /// direction through the cell. Empty for hulls of up to [`FEW`] vertices.
     start: Vec<u32>,
     /// Vertices that are farthest along +x, -x, +y, -y, +z and -z.

@@ -266,6 +266,7 @@ pub fn quat_log<R: Real>(q: [R; 4]) -> V3<R> {
 /// `omega` is the angular velocity of the frame in its axes, rad/s. Small angles use the Bernoulli series of (1 - a/2 cot(a/2)) / a^2.
 #[inline(always)]
 pub fn rotation_rate<R: Real>(a: V3<R>, omega: V3<R>) -> V3<R> {
+    /// Coefficients of the Bernoulli series in the square of the angle.
     const SERIES: [f64; 6] = [1.0 / 12.0, 1.0 / 720.0, 1.0 / 30240.0, 1.0 / 1_209_600.0, 1.0 / 47_900_160.0, 691.0 / 1_307_674_368_000.0];
     let square = dot(a, a);
     let small = square.lt(R::of(0.25));

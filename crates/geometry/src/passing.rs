@@ -3,8 +3,8 @@
 //!
 //! Two convex shapes pass if they are apart at both ends of the path and collide in between. If they overlap at an end, they pass if the
 //! direction between them reverses, because contact forces would then push them on instead of back. They also pass if they overlap at the
-//! end of the path and the depth in the direction of motion is smaller than in the opposite direction. Contact forces would push them
-//! sideways, around the edge of a plate.
+//! end of the path, and the depth in the direction of motion is smaller than against it. Contact forces would push them sideways, around
+//! the edge of a plate.
 //!
 //! A collision is an overlap of an eighth of the thickness, because resting contacts overlap by rounding and slop.
 //!

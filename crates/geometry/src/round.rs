@@ -6,7 +6,7 @@ use crate::pair::Pair;
 use crate::shape::ConvexShape;
 use crate::vectors::V;
 
-/// Distance of a triangle from the centre or axis of a ball or capsule below which the closed form is not used, relative to the size of the
+/// Distance of a triangle from a ball's centre or a capsule's axis below which the closed form is not used, relative to the size of the
 /// pair. The direction between the closest points is then inexact.
 pub(super) const CLOSE: f64 = 1e-6;
 

@@ -37,8 +37,8 @@ const CLEAR: f64 = 1e-9;
 const CLIMBS: usize = 12;
 /// Smallest difference of depth for which a shallower direction is searched for, relative to the size of the pair.
 const SHALLOWER: f64 = 3e-8;
-/// Distance of the nearest point from the outline of its facet above which the search for a shallower direction starts with the facet's
-/// vertices, relative to the size of the pair.
+/// Distance of the nearest point from the outline of its facet, relative to the size of the pair. If it is larger than this, the search for
+/// a shallower direction starts with the facet's vertices.
 const WIDE: f64 = 0.01;
 /// Sine of the angle between the contact normal and a face's normal below which the face's normal may replace it.
 pub(super) const NEAR_FACE: f64 = 0.05;

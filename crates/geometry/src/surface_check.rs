@@ -5,8 +5,8 @@
 //! 1999). No edge is bent inwards, every triangle faces away from one inner point, and a ray from that point meets the surface once. Each
 //! condition is the exact sign of a few volumes per triangle.
 //!
-//! For every given point, the check then walks from triangle to triangle to the one that the ray from the inner point to the given point
-//! crosses.
+//! The check then tests that every given point is inside. It walks from triangle to triangle to the one that the ray from the inner point
+//! to the given point crosses.
 
 use crate::linear_algebra::*;
 use crate::quickhull::volume_over;

@@ -1,21 +1,21 @@
 //! Sets of admissible impulses for Newton's method, lane by lane in scalar f64, for any number of rows.
 //!
-//! A set has its projection, the derivative of the projection, De Saxce's term and the natural map. A new set is a variant here and nowhere
-//! else in Newton's method.
+//! A set has its projection, the derivative of the projection, De Saxce's term and the residual of the natural map. A new set is a variant
+//! here and nowhere else in Newton's method.
 
 use crate::vectors::{TILE, add_scaled, norm, tile};
 
 /// Set of the admissible impulses of one constraint.
 #[derive(Clone, Copy, Debug)]
 pub enum AdmissibleSet {
-    /// Interval of one row, `lo <= lambda <= hi`; an equality has infinite bounds.
+    /// Interval of the impulse of one row, `lo <= lambda <= hi`. An equality has infinite bounds.
     Interval {
         /// Least impulse, N s or N m s.
         lo: f64,
         /// Largest impulse, N s or N m s.
         hi: f64,
     },
-    /// Friction cone of the rows (n, t...), `|lambda_t| <= mu lambda_n`.
+    /// Friction cone of the impulse (n, t...) of a contact, `|lambda_t| <= mu lambda_n`.
     Cone {
         /// Coefficient of friction.
         mu: f64,
@@ -23,7 +23,7 @@ pub enum AdmissibleSet {
 }
 
 impl AdmissibleSet {
-    /// De Saxce's term of the velocities `v`, which is added to that of the first row, m/s: mu |v_t| of a friction cone.
+    /// De Saxce's term mu |v_t| of a contact with the velocities `v`, m/s; 0 for an interval. The solver adds it to the normal velocity.
     #[inline(always)]
     pub(crate) fn slip(&self, v: &[f64]) -> f64 {
         match *self {
@@ -32,7 +32,7 @@ impl AdmissibleSet {
         }
     }
 
-    /// Projects z = P_K(x).
+    /// Projects the impulse `x` on the set, and writes the result to `z`, N s.
     #[inline(always)]
     pub(crate) fn project(&self, x: &[f64], z: &mut [f64]) {
         match *self {
@@ -48,9 +48,11 @@ impl AdmissibleSet {
         }
     }
 
-    /// Natural-map residual |lambda - P_K(lambda - rho u)| / rho at the velocities `v` without De Saxce's term, m/s.
+    /// Residual |lambda - P_K(lambda - rho u)| / rho of one constraint, m/s, where P_K is the projection on this set and u has De Saxce's
+    /// term.
     ///
-    /// Its first component is multiplied by `rigid_fraction`. A NaN propagates.
+    /// `v` are the velocities without this term, m/s, and `rho` is the step of the natural map, kg. The first component is multiplied by
+    /// `rigid_fraction`. A NaN propagates.
     pub(crate) fn natural_residual(&self, lambda: &[f64], v: &[f64], rho: f64, rigid_fraction: f64) -> f64 {
         match *self {
             Self::Interval { lo, hi } => {
@@ -70,9 +72,11 @@ impl AdmissibleSet {
         }
     }
 
-    /// Computes rho DP_K(x) Y into `out`, row by row, from the rows `y` of `n` entries each, in whole tiles. Returns false if it is zero.
+    /// Computes rho DP_K(x) Y into `out`, row by row. DP_K is the derivative of the projection on this set. Returns false if the product is
+    /// zero.
     ///
-    /// With velocities `v` it is implicit: DP is multiplied by the derivative of v + s, `I + e_n (0, mu v_t / |v_t|)`.
+    /// `y` are the rows of Y with `n` entries each, in whole tiles. If velocities `v` are given, DP_K is multiplied by the derivative of v
+    /// + s, `I + e_n (0, mu v_t / |v_t|)`, where s is De Saxce's term.
     #[inline(always)]
     pub(crate) fn differentiate(&self, rho: f64, x: &[f64], v: Option<&[f64]>, y: &[f64], n: usize, out: &mut Product) -> bool {
         let mu = match *self {
@@ -108,9 +112,10 @@ impl AdmissibleSet {
     }
 }
 
-/// Computes rho DP (I + e_n s'^T) Y of a friction cone, tile by tile, with the derivative s' of De Saxce's term in `out.slip`.
+/// Computes rho DP (I + e_n s'^T) Y of a friction cone into `out`, tile by tile. `out.slip` has the derivative s' of De Saxce's term.
 ///
-/// `DP = b b^T / (1 + mu^2) + (mu height / |x_t|) (I - t t^T)`, with t = x_t / |x_t| and b = (1, mu t), and the identity within the cone.
+/// The derivative of the projection is `DP = b b^T / (1 + mu^2) + (mu height / |x_t|) (I - t t^T)`, with t = x_t / |x_t| and b = (1, mu t).
+/// In the interior of the cone it is the identity.
 #[inline(always)]
 fn differentiate_cone([rho, mu]: [f64; 2], x: &[f64], tangent: f64, case: ConeRegion, y: &[f64], [rows, n]: [usize; 2], out: &mut Product) {
     let Product { rows: out, slip } = out;
@@ -155,29 +160,29 @@ fn scaled(s: f64, mut y: [f64; TILE]) -> [f64; TILE] {
     y
 }
 
-/// Writes four numbers at index `at`.
+/// Writes the four numbers of a tile to `x` from index `at` on.
 #[inline(always)]
 fn put_tile(x: &mut [f64], at: usize, numbers: [f64; TILE]) {
     x[at..at + TILE].copy_from_slice(&numbers);
 }
 
-/// Piece of a projection, on which it is differentiable.
+/// Region of a projection's argument in which the projection is differentiable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Piece {
-    /// Zero impulse: the polar cone.
+    /// Polar cone of a friction cone: the impulse is zero.
     Open,
-    /// Interior of the set: the row or contact holds.
+    /// Interior of the set: the row is solved exactly, or the contact sticks.
     Held,
-    /// Surface of a friction cone, where it slips.
+    /// Outside a friction cone and its polar cone: the impulse is on the cone's surface, and the contact slips.
     Sliding,
-    /// Lower bound of an interval.
+    /// Below an interval: the impulse is at its lower bound.
     Lower,
-    /// Upper bound of an interval.
+    /// Above an interval: the impulse is at its upper bound.
     Upper,
 }
 
 impl AdmissibleSet {
-    /// Piece of the projection that the point `x` is in.
+    /// Region of the projection that contains the argument `x`.
     pub(crate) fn piece(&self, x: &[f64]) -> Piece {
         match *self {
             Self::Interval { lo, hi } => match x[0] {
@@ -193,9 +198,9 @@ impl AdmissibleSet {
         }
     }
 
-    /// Distance of the point `x` from the boundary of a piece, N s: 0 where the next begins, negative beyond.
+    /// Distance of the argument `x` of the projection from the boundary of the region `piece`, N s; negative outside.
     ///
-    /// The flag marks the boundary to the inside of a friction cone, where a contact begins or ceases to slip.
+    /// The flag is true if the nearest boundary is that between sticking and slipping.
     pub(crate) fn margin(&self, piece: Piece, x: &[f64]) -> (f64, bool) {
         match *self {
             Self::Interval { lo, hi } => match piece {
@@ -218,27 +223,28 @@ impl AdmissibleSet {
     }
 }
 
-/// Product rho DP Y of one constraint, with its workspace.
+/// Product rho DP Y of one constraint, and its workspace.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Product {
-    /// Entries, row by row.
+    /// Entries of the product, row by row.
     pub(crate) rows: Vec<f64>,
     /// Derivative of De Saxce's term with respect to the tangential velocities.
     slip: Vec<f64>,
 }
 
-/// Region of a point (n, |t|) that is projected on the cone of friction `mu`.
+/// Region of a point (n, |t|) relative to a friction cone, for its projection.
 #[derive(Clone, Copy, Debug)]
 enum ConeRegion {
-    /// Polar cone: the nearest point is 0.
+    /// Polar cone: the projection is 0.
     Zero,
-    /// Interior of the cone.
+    /// Interior of the cone: the projection is the point itself.
     Inside,
-    /// Region between them. The nearest point has this normal component, and mu times it along the tangent.
+    /// Region between the cone and its polar cone. The projection has the normal component `height`, and mu times it along the tangent.
     Surface { height: f64 },
 }
 
 impl ConeRegion {
+    /// Region of the point with the normal component `n` and the tangential length `tangent`.
     #[inline(always)]
     fn of(n: f64, tangent: f64, mu: f64) -> Self {
         if n >= 0.0 && tangent <= mu * n {
@@ -250,7 +256,7 @@ impl ConeRegion {
         }
     }
 
-    /// Projection: the normal component of the nearest point, and the factor of its tangential ones.
+    /// Normal component of the projection, and factor by which it multiplies the tangential components.
     #[inline(always)]
     fn image(self, n: f64, tangent: f64, mu: f64) -> (f64, f64) {
         match self {

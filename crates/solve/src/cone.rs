@@ -1,10 +1,11 @@
-//! Projections on the sets of admissible impulses, and the arithmetic of masks and lengths that all kinds of constraints share.
+//! Projections on the sets of admissible impulses, and arithmetic with masks and lengths, over lanes.
 
 use stepper_real::{Mask, Real, Scalar};
 
-/// Projection on the friction cone `|x_t| <= mu x_n`: its point nearest to `x = (n, t1, t2, ...)`.
+/// Projection on the friction cone `|x_t| <= mu x_n`: the point of the cone that is nearest to `x = (n, t1, t2, ...)`.
 ///
-/// The three cases are the polar cone (result 0), the cone (result `x`) and the surface. With `mu = 0` the cone is a half line.
+/// The three cases are the polar cone (result 0), the cone (result `x`) and the region between them (result on the surface). With `mu = 0`
+/// the cone is a half line.
 #[inline(always)]
 pub fn project<R: Real, const N: usize>(x: [R; N], mu: R) -> [R; N] {
     let (n, mut square) = (x[0], x[1] * x[1]);
@@ -25,44 +26,46 @@ pub fn project<R: Real, const N: usize>(x: [R; N], mu: R) -> [R; N] {
     out
 }
 
-/// Projection on the interval `[lo, hi]`.
+/// Projection of `x` on the interval `[lo, hi]`.
 #[inline(always)]
 pub fn clamp<R: Real>(x: R, lo: R, hi: R) -> R {
     x.max(lo).min(hi)
 }
 
-/// Length of a tangent vector.
+/// Length of the vector (x, y).
 #[inline(always)]
 pub(crate) fn norm2<R: Real>(x: R, y: R) -> R {
     (x * x + y * y).sqrt()
 }
 
-/// Masked number: `x` where `m`, else zero.
+/// Number `x` in the lanes of the mask `m`, and zero elsewhere.
 #[inline(always)]
 pub(crate) fn masked<R: Real>(m: R::Mask, x: R) -> R {
     R::select(m, x, R::zero())
 }
 
-/// Lanes of `m` in which `x` is a number above zero.
+/// Lanes of the mask `m` in which `x` is above zero.
 #[inline(always)]
 pub(crate) fn positive<R: Real>(m: R::Mask, x: R) -> R::Mask {
     m.and(x.gt(R::zero()))
 }
 
-/// Ratio of the mobility along a contact's normal to that in all three directions below which the normal mobility counts as zero.
+/// Ratio of a contact's mobility along its normal to that in all three directions below which the contact counts as immovable along the
+/// normal.
 ///
-/// It is the square of a lever arm of a hundred-thousandth of those of the other directions, or rounding. A body that turns about such a
-/// lever arm approaches by 1e-5 of its speed. Holding it takes 1e5 times the force that turns it. A cylinder that is steered about an axis
-/// through its contact passes this pose, where forces were 1e15 N.
+/// It is the square of a ratio of lever arms of 1e-5, or of a thousand rounding errors if that is larger. A body that rotates about the
+/// shorter lever arm approaches at 1e-5 of its speed, and stopping it takes 1e5 times the force that rotates it. Evidence: a cylinder that
+/// is steered about an axis through its contact passes this pose, where forces were 1e15 N.
 #[inline(always)]
 fn negligible<R: Real>() -> f64 {
     let lever = f64::max(1e-5, 1e3 * <R::Scalar as Scalar>::EPSILON.to_f64());
     lever * lever
 }
 
-/// Lanes of `m` in which a contact can move along its normal.
+/// Lanes of the mask `m` in which a contact can move along its normal.
 ///
-/// Its mobility `along`, 1/kg, must exceed `least` and a negligible fraction of the sum `all` of the mobilities in its three directions.
+/// Its mobility `along` the normal, 1/kg, must exceed `least` and a negligible fraction of the sum `all` of the mobilities in its three
+/// directions.
 #[inline(always)]
 pub(crate) fn movable<R: Real>(m: R::Mask, along: R, all: R, least: R) -> R::Mask {
     positive(m, along).and(along.gt(least.max(all * R::of(negligible::<R>()))))

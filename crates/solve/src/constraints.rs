@@ -1,7 +1,7 @@
 //! Kinds of constraints, and the single list of them.
 //!
-//! A kind is a file: a set of constraints with its rows, and its implementation of [`ConstraintSet`](constraint_set::ConstraintSet). The
-//! rest of the crate refers to it only by its line in `by_kind`, `each_kind` and `make_kinds`.
+//! Each kind has a file with a set of constraints, its rows, and its implementation of [`ConstraintSet`](constraint_set::ConstraintSet).
+//! The rest of the crate refers to a kind only by its line in `by_kind`, `each_kind` and `make_kinds`.
 
 pub(crate) mod constraint_set;
 pub(crate) mod friction;
@@ -12,8 +12,9 @@ pub(crate) mod sliding;
 
 /// Declares a struct with a field for each kind of constraint, in the order in which sweeps visit them. Other fields come first.
 ///
-/// The field of a kind is its `set`, a reference to its `rows`, an owned list of `own_rows`, or its `impulses`. It can also be a list of
-/// `numbers`, a `count`, or a list of `saved` constraints.
+/// The word after `each` selects the type of these fields: `set` is a set of constraints, `rows` a reference to its rows, and `own_rows` an
+/// owned list of rows. `impulses` is a list of impulses, `numbers` a list of numbers, `count` a number, and `saved` a list of saved
+/// constraints.
 macro_rules! by_kind {
     ($(#[$meta:meta])* $vis:vis struct $name:ident[$($generics:tt)*] { $($fields:tt)* } each $what:ident) => {
         $crate::constraints::by_kind! {
@@ -75,7 +76,7 @@ macro_rules! each_kind {
     };
 }
 
-/// Constructs a struct that [`by_kind`] declares: the `value` for each kind, with bindings as those of [`each_kind`].
+/// Constructs a struct that [`by_kind`] declares from a `value` for each kind. The bindings are as in [`each_kind`].
 macro_rules! make_kinds {
     ($name:ident { $($own:tt)* } $([$binding:ident: $($place:tt)+])+ => $value:expr) => {
         $name {

@@ -1,16 +1,16 @@
-//! Entries of rows, one row after the other.
+//! List of entries of rows, one row after the other.
 
 /// List of entries that every step refills, a row at a time.
 ///
-/// It checks its capacity once per row. A push checks it for every entry, and values that could stay in registers across a row would not
-/// survive the call that allocates.
+/// It checks its capacity once per row. `Vec::push` checks it for every entry, and its call to the allocator would force values out of
+/// registers.
 #[derive(Clone, Debug)]
 pub(crate) struct Entries<T> {
     /// Entries in use, followed by those of earlier steps.
     items: Vec<T>,
     /// Number of entries in use.
     len: usize,
-    /// Value of unset entries.
+    /// Value of entries that were never set.
     blank: T,
 }
 
@@ -20,7 +20,7 @@ impl<T: Copy> Entries<T> {
         Self { items: Vec::with_capacity(capacity), len: 0, blank }
     }
 
-    /// Number of entries.
+    /// Number of entries in use.
     #[inline(always)]
     pub(crate) fn len(&self) -> usize {
         self.len
@@ -37,7 +37,7 @@ impl<T: Copy> Entries<T> {
         self.len = len;
     }
 
-    /// Appends `n` entries of any value, which the caller sets.
+    /// Appends `n` entries, which the caller must set, and returns them.
     #[inline(always)]
     pub(crate) fn extend_by(&mut self, n: usize) -> &mut [T] {
         let start = self.len;
@@ -48,13 +48,14 @@ impl<T: Copy> Entries<T> {
         &mut self.items[start..self.len]
     }
 
+    /// Enlarges the buffer to the entries in use.
     #[cold]
     #[inline(never)]
     fn grow(&mut self) {
         self.items.resize(self.len, self.blank);
     }
 
-    /// Replaces the list by the image of another one under `map`.
+    /// Replaces the list by the results of `map` for the entries of another list.
     #[inline(always)]
     pub(crate) fn map_from<U>(&mut self, others: &Entries<U>, map: impl Fn(&U) -> T) {
         self.clear();
@@ -63,19 +64,19 @@ impl<T: Copy> Entries<T> {
         }
     }
 
-    /// `n` entries from index `start` on.
+    /// The `n` entries from index `start` on.
     #[inline(always)]
     pub(crate) fn row(&self, start: usize, n: usize) -> &[T] {
         &self.items[start..start + n]
     }
 
-    /// `n` entries from index `start` on, mutable.
+    /// The `n` entries from index `start` on, mutable.
     #[inline(always)]
     pub(crate) fn row_mut(&mut self, start: usize, n: usize) -> &mut [T] {
         &mut self.items[start..start + n]
     }
 
-    /// Two rows of `n` entries each. The first lies before the second; the second is mutable.
+    /// Two rows of `n` entries each, which begin at `first` and `second`. The first row is before the second, which is mutable.
     #[inline(always)]
     pub(crate) fn two_rows(&mut self, first: usize, second: usize, n: usize) -> (&[T], &mut [T]) {
         let (before, rest) = self.items.split_at_mut(second);

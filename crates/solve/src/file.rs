@@ -23,19 +23,20 @@ use crate::problem::{Problem, System};
 use crate::solver::Settings;
 use stepper_real::{Mask, Real, Scalar};
 
-/// First bytes of every saved problem. The last is no valid UTF-8, so that no text file begins like this.
+/// First bytes of every saved problem. The last byte is not valid UTF-8, so that no text file begins like this.
 const MAGIC: [u8; 8] = *b"problem\xff";
 
-/// Version of the format of saved problems; changes whenever the payload does.
+/// Version of the format of saved problems. It changes whenever the payload changes.
 pub const FORMAT_VERSION: u32 = 1;
 
+/// Number of bytes before the payload.
 const HEADER: usize = 8 + 4 + 32;
 
-/// Largest number of coordinates of a loaded problem, because its memory is reserved before anything is solved.
+/// Largest number of coordinates of a loaded problem. It bounds the memory that is reserved before anything is solved.
 const MOST_COORDINATES: usize = 1 << 20;
 
 by_kind! {
-    /// Payload: one lane of a problem.
+    /// Payload of a file: one lane of a problem, and the limits of its solve.
     #[derive(Debug, Serialize, Deserialize)]
     struct Payload[] {
         dimension: usize,
@@ -47,12 +48,12 @@ by_kind! {
     } each saved
 }
 
-/// Reason why a problem cannot be read or written.
+/// Error of a saved problem that cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FileError {
-    /// Place: the path, or "saved problem" for bytes in memory.
+    /// Path of the file, or "saved problem" for bytes in memory.
     place: String,
-    /// Description of the error.
+    /// Description of the error and its remedy.
     what: String,
 }
 
@@ -64,19 +65,19 @@ impl fmt::Display for FileError {
 
 impl std::error::Error for FileError {}
 
-/// Loaded problem, with the initial impulses and the limits of its solve.
+/// Problem read from a file, with the initial impulses and the limits of its solve.
 #[derive(Clone, Debug)]
 pub struct LoadedProblem<R: Real> {
     /// Problem, the same in every lane.
     pub problem: Problem<R>,
-    /// Initial impulses, with their w.
+    /// Initial impulses, with their scaled velocity change w.
     pub iterate: Iterate<R>,
     /// Limits of the solve.
     pub settings: Settings<R>,
 }
 
 impl<R: Real> System<'_, R> {
-    /// Problem of one lane as bytes, with the impulses of `iterate` and the limits of its solve; see [`Problem::from_bytes`].
+    /// Problem of one lane as bytes, with the impulses of `iterate` and the limits of its solve. [`Problem::from_bytes`] reads them.
     pub fn to_bytes(&self, iterate: &Iterate<R>, settings: &Settings<R>, lane: usize) -> Vec<u8> {
         let (dimension, redundant) = (self.problem.dimension(), self.problem.redundant.bits() >> lane & 1 == 1);
         let Settings { sweeps, newton_steps, tolerance, newton_threshold } = *settings;
@@ -90,26 +91,27 @@ impl<R: Real> System<'_, R> {
 }
 
 impl<R: Real> Problem<R> {
-    /// Reads a problem of [`System::to_bytes`] into every lane. It solves with the same bits.
+    /// Reads a problem from the bytes of [`System::to_bytes`] into every lane. Its solution has the same bits.
     ///
     /// # Errors
-    /// When the bytes are no saved problem, of another format version, damaged, or hold invalid rows.
+    /// [`FileError`] if the bytes are not a saved problem, have another format version, are damaged, or contain invalid rows.
     pub fn from_bytes(bytes: &[u8]) -> Result<LoadedProblem<R>, FileError> {
         parse(bytes).map_err(|what| FileError { place: "saved problem".into(), what })
     }
 
-    /// Reads a problem from a file.
+    /// Reads a problem from a file into every lane.
     ///
     /// # Errors
-    /// As [`Problem::from_bytes`], and when the file cannot be read.
+    /// [`FileError`] as for [`Problem::from_bytes`], and if the file cannot be read.
     pub fn load(path: impl AsRef<Path>) -> Result<LoadedProblem<R>, FileError> {
         let read = std::fs::read(path.as_ref()).map_err(|e| format!("cannot be read ({e}): check the path"));
         read.and_then(|bytes| parse(&bytes)).map_err(|what| FileError { place: path.as_ref().display().to_string(), what })
     }
 }
 
-/// Parses a problem, or returns what is wrong with the bytes and what to do.
+/// Reads a problem from bytes. An error is a description of what is wrong with them and of the remedy.
 fn parse<R: Real>(bytes: &[u8]) -> Result<LoadedProblem<R>, String> {
+    /// Remedy for a damaged file.
     const AGAIN: &str = "copy the file again, or save the problem again";
     if !bytes.starts_with(&MAGIC) {
         return Err("not a saved problem: sim.save_problem(env, path) writes them".into());
@@ -132,7 +134,7 @@ fn parse<R: Real>(bytes: &[u8]) -> Result<LoadedProblem<R>, String> {
 }
 
 impl Payload {
-    /// Problem with the same numbers in every lane of `R`.
+    /// Problem with the numbers of the payload in every lane of `R`.
     fn problem<R: Real>(&self) -> Result<LoadedProblem<R>, String> {
         let Self { dimension, redundant, sweeps, newton_steps, tolerance, newton_threshold, .. } = *self;
         if dimension > MOST_COORDINATES || !(tolerance >= 0.0 && newton_threshold >= tolerance) {

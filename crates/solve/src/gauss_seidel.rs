@@ -1,7 +1,7 @@
 //! Projected Gauss-Seidel with the exact solution of every contact's local problem, and Anderson's acceleration: the fast solver.
 //!
-//! A sweep visits the rows in a fixed order. Each row gets the impulse that solves it while the others stay. A lane stops when its residual
-//! meets the tolerance. Its mask then preserves all of its bits.
+//! A sweep (one iteration) visits the rows in a fixed order. Each row gets the impulse that solves it at constant other impulses. A lane
+//! stops when its residual meets the tolerance. Its mask then preserves all of its bits.
 
 mod acceleration;
 mod compaction;
@@ -17,16 +17,16 @@ use crate::problem::{Problem, System};
 use crate::residual::residual;
 use stepper_real::{Mask, Real};
 
-/// Limits of a solve by sweeps.
+/// Limits of a solve by sweeps (Gauss-Seidel iterations).
 #[derive(Clone, Copy, Debug)]
 pub struct SweepSettings<R> {
-    /// Largest number of sweeps; at least one is made.
+    /// Largest number of sweeps. At least one is made.
     pub sweeps: u32,
     /// Residual at which each lane is done, m/s.
     pub tolerance: R,
 }
 
-/// Result of a solve by sweeps, per lane.
+/// Result of a solve by sweeps (Gauss-Seidel iterations), in each lane.
 #[derive(Clone, Copy, Debug)]
 pub struct SweepOutcome<R: Real> {
     /// Residual of the returned impulses, m/s.
@@ -35,14 +35,14 @@ pub struct SweepOutcome<R: Real> {
     pub sweeps: R,
 }
 
-/// Largest number of sweeps of any settings. The lanes' numbers count sweeps, and 32-bit numbers cannot count beyond it.
+/// Largest number of sweeps that any settings allow. Lanes count their sweeps in floating point, and 32-bit numbers cannot count beyond it.
 const MOST_SWEEPS: u32 = 1 << 24;
 
-/// Improves the impulses of the lanes `lanes` until each meets the tolerance or the sweeps run out.
+/// Improves the impulses of the lanes `lanes` until each meets the tolerance or has made the largest number of sweeps.
 ///
 /// A sweep is one Gauss-Seidel iteration over all rows. A lane pauses when a sweep changes no velocity by more than its threshold, which is
-/// cheap to test. When all have paused the residual is evaluated, and a lane above the tolerance continues with a lower threshold. Every
-/// lane that continues makes at least one sweep, so that there are no more rounds than sweeps.
+/// cheap to test. When all lanes have paused the residual is evaluated. A lane above the tolerance then continues with a lower threshold.
+/// It makes at least one sweep, so that there are no more rounds than sweeps.
 pub fn solve<'a, R: Real>(
     system: impl Into<System<'a, R>>,
     iterate: &mut Iterate<R>,
@@ -75,13 +75,14 @@ pub fn solve<'a, R: Real>(
     )
 }
 
-/// Replaces the impulses of the lanes `lanes` by the result of `sweeps` sweeps from zero: an estimate that depends on the problem alone.
-pub fn sweep_from_none<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, sweeps: u32, lanes: R::Mask) {
+/// Replaces the impulses of the lanes `lanes` by the result of `sweeps` Gauss-Seidel iterations from zero. This estimate depends on the
+/// problem alone.
+pub fn sweep_from_zero<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, sweeps: u32, lanes: R::Mask) {
     let system = problem.into();
     R::vectorize(
         #[inline(always)]
         || {
-            iterate.release(lanes);
+            iterate.clear_impulses(lanes);
             iterate.solve_eliminated(system, lanes);
             for _ in 0..sweeps {
                 iterate.sweep(system, SweepLanes { running: lanes, exact: lanes });
@@ -90,7 +91,8 @@ pub fn sweep_from_none<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, 
     )
 }
 
-/// Estimates the impulses of the lanes `lanes`: sweeps until a sweep changes no velocity by more than the tolerance, or the sweeps run out.
+/// Estimates the impulses of the lanes `lanes` by sweeps (Gauss-Seidel iterations). A lane stops when a sweep changes no velocity by more
+/// than the tolerance, or at the largest number of sweeps.
 ///
 /// The residual is not evaluated. Lanes outside `moving` keep their impulses, except those of eliminated rows.
 pub fn estimate<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, settings: SweepSettings<R>, lanes: R::Mask, moving: R::Mask) {
@@ -107,10 +109,10 @@ pub fn estimate<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, setting
     )
 }
 
-/// Sweeps until every lane has paused. In a certified system w and the impulses then agree to the last bit.
+/// Sweeps until every lane has paused. In a certified system the scaled velocity change w and the impulses then agree to the last bit.
 #[inline(always)]
 fn sweep_until_paused<R: Real>(system: System<'_, R>, iterate: &mut Iterate<R>, progress: &mut Progress<R>) {
-    // Lanes that paused earlier restart in the same way as those that paused just now.
+    // All lanes restart in the same way, no matter how long ago they paused.
     reset_history(iterate);
     while progress.running.any() {
         if !sweep_compacted(system, iterate, progress) {

@@ -1,4 +1,4 @@
-//! Iterate of a solve: impulses, and the scaled velocity change by them.
+//! Iterate of a solve: the impulses, and the scaled velocity change by them.
 
 use crate::capacity::Capacity;
 use crate::cone::masked;
@@ -10,39 +10,42 @@ use crate::problem::{Problem, System};
 use stepper_real::{Mask, Real};
 
 by_kind! {
-    /// Unknowns of a problem, and the memory of sweeps. Impulses are in N s, those of angular rows in N m s.
+    /// Unknowns of a problem, with the history of sweeps. Impulses are in N s, those of angular rows in N m s.
     #[derive(Clone, Debug)]
     pub struct Iterate[R: Real] {
         /// Scaled velocity change w = sum_i y_i lambda_i.
         pub w: Vec<R>,
-        /// Multiplier of the friction disc in each contact, the start of the next local solve; 0 while it sticks.
+        /// Multiplier of the friction disc of each contact, from which its next local solution starts; 0 while the contact sticks.
         pub(crate) multipliers: Multipliers<R>,
+        /// History of Anderson's acceleration.
         pub(crate) history: History<R>,
-        /// Half of the lanes in half the registers; none where all lanes are in one register.
+        /// Workspace with half of the lanes, in half of the registers. `None` if all lanes are in one register.
         pub(crate) compacted: Option<Box<Compacted<R::Half>>>,
-        /// Impulses that a further pass must not worsen.
+        /// Copy of the impulses, which is restored if a further pass makes them worse.
         pub(crate) snapshot: Snapshot<R>,
     } each impulses
 }
 
 by_kind! {
-    /// Multipliers of friction discs.
+    /// Multipliers of friction discs: one number per contact.
     #[derive(Clone, Debug)]
     pub(crate) struct Multipliers[R] {} each numbers
 }
 
 by_kind! {
-    /// Copy of impulses and w that can be restored.
+    /// Copy of all impulses, and of the scaled velocity change w by them, that can be restored.
     #[derive(Clone, Debug)]
     pub struct Snapshot[R: Real] {
         w: Vec<R>,
     } each impulses
 }
 
-/// Problem and iterate of gathered lanes.
+/// Problem and iterate of the lanes that are gathered into half of the registers.
 #[derive(Clone, Debug)]
 pub(crate) struct Compacted<R: Real> {
+    /// Problem of the gathered lanes.
     pub(crate) problem: Problem<R>,
+    /// Impulses of the gathered lanes.
     pub(crate) iterate: Iterate<R>,
 }
 
@@ -53,13 +56,13 @@ impl<R: Real> Default for Snapshot<R> {
 }
 
 impl<R: Real> Snapshot<R> {
-    /// Reserves memory for the unknowns of a problem of this capacity.
+    /// Snapshot without impulses, with memory for a problem of this capacity.
     pub fn new(capacity: &Capacity) -> Self {
         let w = Vec::with_capacity(capacity.dimension);
         make_kinds!(Self { w, } [count: capacity] => Vec::with_capacity(count))
     }
 
-    /// Saves the impulses of an iterate, if any lane of `lanes` may restore them.
+    /// Copies the impulses of an iterate, if any lane of `lanes` may restore them.
     pub fn save(&mut self, iterate: &Iterate<R>, lanes: R::Mask) {
         if lanes.any() {
             self.w.clone_from(&iterate.w);
@@ -67,7 +70,7 @@ impl<R: Real> Snapshot<R> {
         }
     }
 
-    /// Restores the impulses of the lanes `lanes`.
+    /// Copies the saved impulses back, in the lanes `lanes`.
     pub fn restore(&self, iterate: &mut Iterate<R>, lanes: R::Mask) {
         if lanes.any() {
             R::vectorize(
@@ -82,10 +85,10 @@ impl<R: Real> Snapshot<R> {
 }
 
 impl<R: Real> Snapshot<R> {
-    /// Replaces the impulses of a lane by a weighted mean with those of the snapshot.
+    /// Replaces the impulses of a lane by a weighted mean of them and the saved ones.
     ///
-    /// `weight` is that of the present impulses, from 0 to 1. Its argument is the first coordinate with an entry of the constraint. The w
-    /// of `iterate` is unchanged.
+    /// `weight` returns the weight of the present impulses, from 0 to 1. Its argument is the first coordinate at which the constraint has
+    /// an entry. The w of `iterate` does not change.
     pub fn blend(&self, system: System<'_, R>, iterate: &mut Iterate<R>, lane: usize, weight: &mut impl FnMut(u32) -> f64) {
         each_kind!([own: &self] [set: &system.problem] [rows: system] [impulses: &mut iterate] => set.blend(rows, impulses, own, lane, weight));
     }
@@ -102,7 +105,8 @@ impl<R: Real> Snapshot<R> {
     }
 }
 
-/// Sets the impulse of contact `i` of `problem` to `lambda`: among the impulses of three rows or of six rows, and in w.
+/// Sets the impulse of contact `i` of `problem` to `lambda` in the lanes `lanes`, and updates w. The last argument has the impulses of
+/// contacts with three rows, those with six rows, and w.
 #[inline(always)]
 fn set_first_impulse<R: Real>(
     problem: &Problem<R>,
@@ -117,15 +121,15 @@ fn set_first_impulse<R: Real>(
     }
 }
 
-/// Fraction of an energy that counts as negligible: that of an error of a thousandth.
+/// Fraction of an energy below which a difference of energies is negligible: that of an error of a thousandth.
 const NEGLIGIBLE_ENERGY: f64 = 1e-6;
 
 impl<R: Real> Snapshot<R> {
-    /// Lanes in which the saved impulses are as close to the solution as those of `iterate`.
+    /// Lanes in which the saved impulses are at least about as close to the solution as those of `iterate`.
     ///
     /// The measure is the energy `|w|^2 / 2 + g . lambda + R lambda^2 / 2`, which the solution minimises except for De Saxce's terms. It
     /// may exceed that of `iterate` by at most a millionth.
-    pub fn is_as_good(&self, problem: &Problem<R>, iterate: &Iterate<R>) -> R::Mask {
+    pub fn is_as_close(&self, problem: &Problem<R>, iterate: &Iterate<R>) -> R::Mask {
         R::vectorize(
             #[inline(always)]
             || {
@@ -138,7 +142,7 @@ impl<R: Real> Snapshot<R> {
     }
 }
 
-/// Energy |w|^2 / 2, J.
+/// Kinetic energy |w|^2 / 2 of a scaled velocity change, J.
 #[inline(always)]
 pub(crate) fn energy<R: Real>(w: &[R]) -> R {
     let mut square = R::zero();
@@ -148,7 +152,7 @@ pub(crate) fn energy<R: Real>(w: &[R]) -> R {
     square * R::of(0.5)
 }
 
-/// Copies the numbers of the lanes `lanes`.
+/// Copies the numbers of the lanes `lanes` from one list to another.
 #[inline(always)]
 fn copy_lanes<R: Real>(from: &[R], to: &mut [R], lanes: R::Mask) {
     for (to, &from) in to.iter_mut().zip(from) {
@@ -156,18 +160,18 @@ fn copy_lanes<R: Real>(from: &[R], to: &mut [R], lanes: R::Mask) {
     }
 }
 
-/// Number of rows per constraint of these impulses.
+/// Number of rows per constraint that these impulses have.
 pub(crate) fn rows_of<R: Real, I: Impulse<R>>(_: &[I]) -> usize {
     I::ROWS
 }
 
 impl<R: Real> Iterate<R> {
-    /// Reserves memory for the unknowns of a problem with these numbers of rows.
+    /// Iterate without impulses, with memory for these numbers of coordinates, scalar rows and contacts.
     pub fn with_capacity(dimension: usize, scalars: usize, contacts: usize) -> Self {
         Self::new(&Capacity { dimension, scalars, contacts, ..Capacity::default() })
     }
 
-    /// Reserves memory for the unknowns of a problem of this capacity.
+    /// Iterate without impulses, with memory for a problem of this capacity.
     pub fn new(capacity: &Capacity) -> Self {
         let (snapshot, mut unknowns) = (Snapshot::new(capacity), capacity.dimension);
         each_kind!([count: capacity] [impulses: &snapshot] => unknowns += count * rows_of::<R, _>(impulses));
@@ -181,7 +185,7 @@ impl<R: Real> Iterate<R> {
         } [count: capacity] => Vec::with_capacity(count))
     }
 
-    /// Gathers some lanes into `out`.
+    /// Gathers the unknowns and the history of some lanes into `out`, which has half of the lanes.
     #[inline(always)]
     pub(crate) fn gather(&self, map: &LaneMap, out: &mut Iterate<R::Half>) {
         map.gather_slice(&self.w, &mut out.w);
@@ -193,7 +197,7 @@ impl<R: Real> Iterate<R> {
         self.history.gather(map, &mut out.history);
     }
 
-    /// Scatters the unknowns of gathered lanes back. The history does not change.
+    /// Copies the unknowns of gathered lanes back. The history does not change.
     #[inline(always)]
     pub(crate) fn scatter(&mut self, map: &LaneMap, from: &Iterate<R::Half>) {
         map.scatter_slice(&from.w, &mut self.w);
@@ -210,9 +214,9 @@ impl<R: Real> Iterate<R> {
         });
     }
 
-    /// Removes the impulses of the lanes `lanes`; the rows stay.
+    /// Sets all impulses and w to zero in the lanes `lanes`.
     #[inline(always)]
-    pub(crate) fn release(&mut self, lanes: R::Mask) {
+    pub(crate) fn clear_impulses(&mut self, lanes: R::Mask) {
         for w in &mut self.w {
             *w = masked(lanes.not(), *w);
         }
@@ -223,16 +227,16 @@ impl<R: Real> Iterate<R> {
 
     /// Sets the impulse of contact `i` of `problem`, which must be zero, to `lambda` in the lanes `lanes`, and updates w.
     ///
-    /// The index counts contacts of three rows, then of six. A contact of three rows reads the first three numbers.
+    /// The index counts contacts with three rows, then those with six. A contact with three rows reads the first three numbers.
     #[inline(always)]
     pub fn set_first_impulse(&mut self, problem: &Problem<R>, i: usize, lanes: R::Mask, lambda: [R; 6]) {
         let Self { contacts, rolling_contacts, w, .. } = self;
         set_first_impulse(problem, i, lanes, lambda, (contacts, rolling_contacts, w));
     }
 
-    /// Sets the impulse of contact `i` to zero in the lanes `lanes`, and updates w. Returns the impulse before.
+    /// Sets the impulse of contact `i` to zero in the lanes `lanes`, and updates w. Returns the impulse before, N s.
     ///
-    /// The index counts contacts of three rows, then of six.
+    /// The index counts contacts with three rows, then those with six.
     #[inline(always)]
     pub fn take_impulse(&mut self, problem: &Problem<R>, i: usize, lanes: R::Mask) -> [R; 6] {
         let Self { contacts, rolling_contacts, w, .. } = self;
@@ -245,9 +249,9 @@ impl<R: Real> Iterate<R> {
         }
     }
 
-    /// Work of the friction of contact `i`, J: its impulse times the mean of the slip before and after all impulses.
+    /// Work of the friction of contact `i`, J: its friction impulse times the mean of the slip velocities before and after all impulses.
     ///
-    /// The index counts contacts of three rows, then of six.
+    /// The index counts contacts with three rows, then those with six.
     #[inline(always)]
     pub fn friction_work(&self, problem: &Problem<R>, i: usize) -> R {
         match i.checked_sub(problem.contacts.len()) {
@@ -258,7 +262,7 @@ impl<R: Real> Iterate<R> {
 
     /// Rounding error of the normal impulse of contact `i`, as a velocity, m/s.
     ///
-    /// The index counts contacts of three rows, then of six.
+    /// The index counts contacts with three rows, then those with six.
     #[inline(always)]
     pub fn impulse_rounding(&self, problem: &Problem<R>, i: usize) -> R {
         match i.checked_sub(problem.contacts.len()) {
@@ -267,7 +271,7 @@ impl<R: Real> Iterate<R> {
         }
     }
 
-    /// Sets the impulses of contacts to zero in the lanes `lanes`, and recomputes w there. `scratch` has the length of w.
+    /// Sets the impulses of all contacts to zero in the lanes `lanes`, and recomputes w there. `scratch` is a buffer of the length of w.
     pub fn clear_contacts(&mut self, problem: &Problem<R>, lanes: R::Mask, scratch: &mut [R]) {
         R::vectorize(
             #[inline(always)]
@@ -287,7 +291,7 @@ impl<R: Real> Iterate<R> {
         );
     }
 
-    /// Whether the impulses change any velocity.
+    /// Whether the impulses change any velocity in any lane.
     #[inline(always)]
     pub fn changes_velocity(&self) -> bool {
         self.w.iter().any(
@@ -296,13 +300,13 @@ impl<R: Real> Iterate<R> {
         )
     }
 
-    /// Solves the eliminated rows in the lanes `lanes`.
+    /// Solves the eliminated rows exactly, in the lanes `lanes`.
     #[inline(always)]
     pub(crate) fn solve_eliminated(&mut self, system: System<'_, R>, lanes: R::Mask) {
         system.problem.scalars.solve_eliminated(system.scalars, &mut self.scalars, &mut self.w, lanes);
     }
 
-    /// Computes w from the impulses.
+    /// Computes the scaled velocity change w from the impulses.
     #[inline(always)]
     pub fn compute_w(&mut self, problem: &Problem<R>) {
         self.w.fill(R::zero());
@@ -310,7 +314,7 @@ impl<R: Real> Iterate<R> {
         each_kind!([set: &problem] [multipliers: &mut self.multipliers] => multipliers.resize(set.multipliers(), R::zero()));
     }
 
-    /// Visits every row that is not eliminated once; returns the largest change as a velocity, m/s.
+    /// Makes one Gauss-Seidel iteration over all rows that are not eliminated. Returns the largest change of a velocity, m/s.
     #[inline(always)]
     pub(crate) fn sweep(&mut self, system: System<'_, R>, lanes: SweepLanes<R>) -> R {
         let mut change = R::zero();

@@ -1,20 +1,20 @@
-//! Lane map: the lanes of a group that are gathered into half the registers, and scattered back.
+//! Map of the lanes of a group that are gathered into half of the registers, and scattered back.
 
 use stepper_real::{Mask, Real};
 
-/// Sources of gathered lanes: lane i of the half has the numbers of lane `sources[i]` of the whole.
+/// Map of the lanes that are gathered into half of the registers: lane i of the half gets the numbers of lane `sources[i]` of the whole.
 #[derive(Clone, Copy, Debug)]
 pub struct LaneMap {
-    /// Source of every lane of the half. Unused lanes of the half copy lane 0, and their copy is never read.
+    /// Source of each lane of the half. Unused lanes of the half copy lane 0, and their copy is never read.
     sources: [u32; 16],
-    /// Place in the half of every lane of the whole; 0 for a lane that is not gathered.
+    /// Lane of the half that each lane of the whole is gathered to; 0 for a lane that is not gathered.
     places: [u32; 32],
-    /// Bits of the gathered lanes.
+    /// Gathered lanes of the whole, as bits.
     lanes: u32,
 }
 
 impl LaneMap {
-    /// Map of the lanes whose bits are set, ascending.
+    /// Map that gathers the lanes whose bits are set, in ascending order.
     #[inline(always)]
     pub(crate) fn of(lanes: u32) -> Self {
         let mut map = Self { sources: [0; 16], places: [0; 32], lanes };
@@ -28,19 +28,19 @@ impl LaneMap {
         map
     }
 
-    /// Bits of the lanes of the half that are in use.
+    /// Lanes of the half that are in use, as bits.
     #[inline(always)]
     pub(crate) fn gathered_bits(&self) -> u32 {
         (1 << self.lanes.count_ones()) - 1
     }
 
-    /// Gathers one number.
+    /// Gathers the lanes of one number.
     #[inline(always)]
     pub(crate) fn gather<R: Real>(&self, x: R) -> R::Half {
         x.gather_lanes(&self.sources)
     }
 
-    /// Gathers a vector.
+    /// Gathers the lanes of each number of an array.
     #[inline(always)]
     pub(crate) fn gather_array<R: Real, const N: usize>(&self, x: &[R; N]) -> [R::Half; N] {
         let mut gathered = [R::Half::zero(); N];
@@ -48,7 +48,7 @@ impl LaneMap {
         gathered
     }
 
-    /// Gathers as many numbers as `to` has.
+    /// Gathers the lanes of the numbers `from` into `to`, as many as both have.
     #[inline(always)]
     pub(crate) fn gather_into<R: Real>(&self, from: &[R], to: &mut [R::Half]) {
         for (to, &from) in to.iter_mut().zip(from) {
@@ -56,26 +56,26 @@ impl LaneMap {
         }
     }
 
-    /// Gathers a list of numbers. `to` must have enough capacity.
+    /// Gathers the lanes of the numbers `from` into `to`, which must have enough capacity.
     #[inline(always)]
     pub(crate) fn gather_slice<R: Real>(&self, from: &[R], to: &mut Vec<R::Half>) {
         to.resize(from.len(), R::Half::zero());
         self.gather_into(from, to);
     }
 
-    /// Gathers a mask of the source lanes into a mask of half as many lanes.
+    /// Gathers the lanes of a mask into a mask with half of the lanes.
     #[inline(always)]
     pub(crate) fn gather_mask<R: Real>(&self, m: R::Mask) -> <R::Half as Real>::Mask {
         self.gather(R::select(m, R::one(), R::zero())).gt(R::Half::zero())
     }
 
-    /// Scatters one number to its source lanes.
+    /// Copies the lanes of one gathered number back to their source lanes in `to`.
     #[inline(always)]
     pub(crate) fn scatter<R: Real>(&self, from: R::Half, to: &mut R) {
         *to = to.replace_lanes(from, &self.places, R::Mask::from_bits(self.lanes));
     }
 
-    /// Scatters a list of numbers.
+    /// Copies the lanes of gathered numbers back to their source lanes in `to`.
     #[inline(always)]
     pub(crate) fn scatter_slice<R: Real>(&self, from: &[R::Half], to: &mut [R]) {
         for (to, &from) in to.iter_mut().zip(from) {
@@ -83,7 +83,7 @@ impl LaneMap {
         }
     }
 
-    /// Scatters a mask.
+    /// Copies the lanes of a gathered mask back to their source lanes in `to`.
     #[inline(always)]
     pub(crate) fn scatter_mask<R: Real>(&self, from: <R::Half as Real>::Mask, to: &mut R::Mask) {
         let mut numbers = R::select(*to, R::one(), R::zero());

@@ -9,14 +9,14 @@
 //!
 //! by Newton's method with an exact line search (Rockafellar 1976). For contacts this is also the outer fixed point on s of Cadoux 2009 and
 //! Acary & Cadoux 2013. The steps rho_i = kappa dim / trace(G_ii) are so long that one or two proximal steps are enough. Redundant supports
-//! do no harm, because the matrix is the identity plus a positive semidefinite one. Of many possible forces the solver finds those near the
-//! start, or the least if the first step starts from zero.
+//! do no harm, because the matrix is the identity plus a positive semidefinite one. If many impulses are possible, the solver finds those
+//! near the start, or the least if the first step starts from zero.
 //!
 //! Between the minimisations s is recomputed, with Anderson's acceleration. After the first minimisation the solver also tries steps on the
 //! exact law, including s, whose matrix is not symmetric. Close to the solution they converge at once; otherwise they are rejected.
 //!
-//! That outer loop on s does not converge with many contacts. There, and where it has failed, all proximal steps are of the exact law,
-//! short at first (`ProximalPoint::solve_exact`).
+//! That outer loop on s does not converge with many contacts. There, and if it has failed, all proximal steps are of the exact law, short
+//! at first (`ProximalPoint::solve_exact`).
 //!
 //! Convergence of s is not proven, and Coulomb's law may have no solution or several (Painleve 1895). The residual gives the error.
 
@@ -37,37 +37,43 @@ use lane::Lane;
 use ordering::{Islands, Ordering};
 use proximal::{Criteria, ProximalPoint, SMALL};
 pub use proximal::{EXACT_RATIO, Terms};
-pub use response::{Followed, Response, Switch};
+pub use response::{Response, Switch, SwitchDistance};
 use stepper_real::{Mask, Real, Scalar};
 
-/// Least number of Newton steps per pass with which steps of the exact law follow in small islands, and in a last pass.
+/// Smallest limit of Newton steps per pass at which steps of the exact law are made, in small islands and in a last pass.
 ///
-/// Half of the problems that need them take 75 steps, six times this. With fewer steps the residual is smaller, but unconverged contacts
-/// move: a cube pinched with five per pass slips (scene 31).
+/// Half of the problems that need them take 75 steps, six times this. With a smaller limit the residual is smaller, but unconverged
+/// contacts move: a cube pinched with five per pass slips (scene 31).
 pub(crate) const LEAST_EXACT: u32 = 13;
 
 /// Newton's method with its workspace, one per thread. The workspace grows with the largest problem so far.
 #[derive(Clone, Debug, Default)]
 pub struct Newton {
+    /// Rows of one lane.
     lane: Lane,
     /// Rows of one island, whose coordinates are in the order of the factors.
     island: Island,
+    /// Islands of the lane.
     islands: Islands,
+    /// Order of the island's coordinates.
     ordering: Ordering,
+    /// Proximal-point method of one island.
     proximal: ProximalPoint,
+    /// Velocities of the island's rows, m/s.
     v: Vec<f64>,
-    /// Blocks of the lane that are in the island.
+    /// Indices of the lane's blocks that are in the island.
     members: Vec<usize>,
+    /// Effort of the last call.
     work: Work,
 }
 
-/// Effort of the last call in all its lanes and islands together.
+/// Effort of the last call of Newton's method, in all its lanes and islands together.
 ///
 /// With a limit of n steps there are at most n steps and n rounds per island. With steps of the exact law there are at most [`EXACT_RATIO`]
-/// n. This bounds the cost of a lane for its neighbours.
+/// n. This bounds the time for which other lanes wait.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Work {
-    /// Number of islands searched.
+    /// Number of islands that were searched.
     pub islands: u32,
     /// Number of Newton steps. Each factorises a matrix and evaluates at most some 30 points along its direction.
     pub steps: u32,
@@ -75,7 +81,7 @@ pub struct Work {
     pub rounds: u32,
 }
 
-/// Arguments of [`Newton::solve`].
+/// Limits and tolerance of [`Newton::solve`].
 #[derive(Clone, Copy, Debug)]
 pub struct Search<R> {
     /// Largest number of Newton steps of an island; [`EXACT_RATIO`] times as many for the exact law.
@@ -86,29 +92,35 @@ pub struct Search<R> {
     pub terms: Terms,
 }
 
-/// Criteria of every lane, see [`Criteria`].
+/// Criteria at which Newton's method stops in each lane, see [`Criteria`].
 #[derive(Clone, Copy, Debug)]
 struct LaneCriteria<R> {
+    /// Largest number of Newton steps of an island.
     steps: u32,
+    /// Residual at which the search stops, m/s.
     tolerance: R,
+    /// Whether to find the impulses of least norm among many possible ones, instead of those near the start.
     least_norm: bool,
+    /// Treatment of De Saxce's terms of Coulomb's law.
     terms: Terms,
 }
 
-/// Result of one lane.
+/// Result of Newton's method in one lane.
 #[derive(Clone, Copy, Debug)]
 struct LaneOutcome {
+    /// Residual of the impulses, m/s.
     residual: f64,
+    /// Number of Newton steps.
     steps: u32,
     /// Whether any island has a smaller residual than before.
     better: bool,
 }
 
 impl Newton {
-    /// Improves the impulses of the lanes `lanes` whose `residual` is above the tolerance, each alone. Replaces their residuals and adds
-    /// the Newton steps to `taken`.
+    /// Improves the impulses of the lanes `lanes` whose residual is above the tolerance, lane by lane.
     ///
-    /// No lane ends with a larger residual than before. Of many possible impulses the solver finds those near the start.
+    /// `outcome` are the residuals, which are replaced, and the numbers of Newton steps, to which those of this call are added. No residual
+    /// increases. If many impulses are possible, the solver finds those near the start.
     pub fn solve<'a, R: Real>(
         &mut self,
         system: impl Into<System<'a, R>>,
@@ -122,10 +134,10 @@ impl Newton {
         self.solve_lanes(system.into(), iterate, criteria, lanes, outcome);
     }
 
-    /// Solves all of `lanes`, and selects the impulses of least norm (in the metric of 1/rho) among many possible ones.
+    /// Finds the impulses of least norm (in the metric of 1/rho) of the lanes `lanes`, if many impulses are possible.
     ///
     /// They do not depend on the initial impulses or on the order of the rows. They meet the tolerance, or have a smaller residual than
-    /// before.
+    /// before. `outcome` is as in [`Newton::solve`].
     pub fn solve_least_norm<'a, R: Real>(
         &mut self,
         system: impl Into<System<'a, R>>,
@@ -135,7 +147,7 @@ impl Newton {
         lanes: R::Mask,
         outcome: [&mut R; 2],
     ) {
-        let criteria = LaneCriteria { steps, tolerance, least_norm: true, terms: Terms::Held };
+        let criteria = LaneCriteria { steps, tolerance, least_norm: true, terms: Terms::Constant };
         self.solve_lanes(system.into(), iterate, criteria, lanes, outcome);
     }
 
@@ -144,7 +156,8 @@ impl Newton {
         self.work
     }
 
-    /// Solves the lanes `lanes`, one after the other.
+    /// Solves the lanes `lanes`, one after the other. The last argument are the residuals and the numbers of Newton steps, which are
+    /// updated.
     fn solve_lanes<R: Real>(
         &mut self,
         system: System<'_, R>,
@@ -174,7 +187,7 @@ impl Newton {
         }
     }
 
-    /// Solves all islands of the lane. Impulses are rounded to the lanes' precision, and their residual is that after rounding.
+    /// Solves all islands of the gathered lane. Impulses are rounded to the lanes' precision, and their residual is that after rounding.
     fn solve_lane<R: Real>(&mut self, criteria: Criteria) -> LaneOutcome {
         let mut result = LaneOutcome { residual: 0.0, steps: 0, better: false };
         self.islands.find(&self.lane);
@@ -204,24 +217,24 @@ impl Newton {
         result
     }
 
-    /// Improves the gathered island. Returns its Newton steps and rounds.
+    /// Improves the gathered island. Returns its numbers of Newton steps and of rounds of the outer loop.
     fn solve_island<R: Real>(&mut self, criteria: Criteria) -> [u32; 2] {
         let Self { proximal, island, v, .. } = self;
         let [mut steps, mut rounds] = [0; 2];
-        let (small, held) = (island.w.len() <= SMALL, criteria.terms == Terms::Held);
-        if held || small && criteria.terms == Terms::HeldThenExact {
+        let (small, constant) = (island.w.len() <= SMALL, criteria.terms == Terms::Constant);
+        if constant || small && criteria.terms == Terms::ConstantThenExact {
             steps += proximal.solve::<R>(island, criteria);
             rounds += proximal.rounds;
         }
         let enough = !small || criteria.terms == Terms::Exact || criteria.steps >= LEAST_EXACT;
-        if !held && enough && (steps == 0 || island.residual(v) > criteria.tolerance) {
+        if !constant && enough && (steps == 0 || island.residual(v) > criteria.tolerance) {
             steps += proximal.solve_exact::<R>(island, criteria);
             rounds += proximal.rounds;
         }
         [steps, rounds]
     }
 
-    /// Gathers the rows of an island.
+    /// Gathers the rows of the island with the number `name`.
     fn gather_island(&mut self, name: usize) {
         let Self { lane, island, islands, ordering, members, .. } = self;
         members.clear();

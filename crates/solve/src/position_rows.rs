@@ -1,10 +1,10 @@
-//! Rows of the position solve: copies of the rows of a problem with damped targets, so that corrections stay moderate.
+//! Rows of the position solve: copies of the rows of a problem with damped targets, so that corrections are moderate.
 //!
 //! Position targets (gaps to close, overlaps to remove) may contradict each other, or only an absurd motion may meet them. Examples are a
 //! normal that passes a hinge at a micrometre, and a stretched chain. A compliance R on the diagonal of G makes the solution that of damped
 //! least squares (Levenberg 1944; for manipulators Nakamura & Hanafusa 1986 and Wampler 1986). A row of mobility G then meets the fraction
-//! `G / (G + R)` of its target d. Its scaled motion is at most `d / (2 sqrt(R))`. Of contradicting targets the remaining error is least in
-//! the mean square. Compliance counts from the reference impulses, so that loads that already act cause no error.
+//! `G / (G + R)` of its target d. Its scaled motion is at most `d / (2 sqrt(R))`. If targets contradict each other, the remaining error is
+//! least in the mean square. Compliance counts from the reference impulses, so that loads that already act cause no error.
 //!
 //! Farkas' lemma proves that targets are infeasible. Let u be the unmet target velocity of the rows at the present motion. The proof is
 //! impulses z >= 0 of the rows with `-z . u > sum_d |J^T z|_d c_d`. No change of the velocities within the bounds c meets the targets then
@@ -19,36 +19,39 @@ use crate::reference::Reference;
 use stepper_real::{Mask, Real};
 
 by_kind! {
-    /// Rows of the position solve: those of a [`Problem`], which does not change, with other targets and more compliance.
+    /// Rows of the position solve: copies of the rows of a [`Problem`], with other targets and more compliance. The problem does not
+    /// change.
     #[derive(Clone, Debug)]
     pub struct PositionRows[R: Real] {} each own_rows
 }
 
 impl<R: Real> PositionRows<R> {
-    /// Reserves memory for the rows of a problem of this capacity.
+    /// Empty rows, with memory for a problem of this capacity.
     pub fn new(capacity: &Capacity) -> Self {
         make_kinds!(Self {} [count: capacity] => Rows::with_capacity(count))
     }
 
-    /// Copies the rows of a problem. Their targets are those of the velocity solve until they are exchanged.
+    /// Copies the rows of a problem. Their targets are those of the velocity solve until [`PositionRows::exchange_targets`].
     #[inline(always)]
     pub fn copy(&mut self, problem: &Problem<R>) {
         each_kind!([own: &mut self] [set: &problem] => own.copy(set.rows()));
     }
 
-    /// System of these rows, which were copied from `problem`.
+    /// System of these rows, which a solver reads. They must be copies of the rows of `problem`.
     #[inline(always)]
     pub fn system<'a>(&'a self, problem: &'a Problem<R>) -> System<'a, R> {
         make_kinds!(System { problem, certified: true, } [own: &self] => own)
     }
 
-    /// Adds a scaled change of the free velocity to the targets, as [`Problem::shift`] does.
+    /// Adds the row velocities by `change`, a scaled change of the free velocity, to the targets in the lanes `lanes`, see
+    /// [`Problem::shift`].
     #[inline(always)]
     pub fn shift(&mut self, problem: &Problem<R>, change: &[R], lanes: R::Mask) {
         each_kind!([own: &mut self] [set: &problem] => set.shift(own, change, lanes));
     }
 
-    /// Shifts the velocity targets of one contact, as [`Problem::shift_contact`] does.
+    /// Adds the row velocities by `change`, a scaled change of the free velocity, to the targets of contact `i`, see
+    /// [`Problem::shift_contact`].
     #[inline(always)]
     pub fn shift_contact(&mut self, problem: &Problem<R>, i: usize, change: &[R], lanes: R::Mask, weights: [R; 2]) {
         match i.checked_sub(self.contacts.items.len()) {
@@ -57,7 +60,7 @@ impl<R: Real> PositionRows<R> {
         }
     }
 
-    /// Removes contact `i`, counted over those of three rows and then of six, in the lanes `lanes`.
+    /// Removes contact `i` in the lanes `lanes`. The index counts contacts with three rows, then those with six.
     #[inline(always)]
     pub fn leave_out_contact(&mut self, i: usize, lanes: R::Mask) {
         let active = match i.checked_sub(self.contacts.items.len()) {
@@ -67,7 +70,7 @@ impl<R: Real> PositionRows<R> {
         *active = active.and_not(lanes);
     }
 
-    /// Position target of the normal row of contact `i`, counted over those of three rows and then of six.
+    /// Position target of the normal row of contact `i`, m/s. The index counts contacts with three rows, then those with six.
     #[inline(always)]
     pub fn normal_target(&self, i: usize) -> R {
         match i.checked_sub(self.contacts.items.len()) {
@@ -76,9 +79,9 @@ impl<R: Real> PositionRows<R> {
         }
     }
 
-    /// Replaces the position target of the normal row of contact `i`, in the lanes `lanes`, by `target` of it.
+    /// Replaces the position target of the normal row of contact `i`, m/s, by the result of `target` for it, in the lanes `lanes`.
     ///
-    /// The index counts contacts of three rows, then of six.
+    /// The index counts contacts with three rows, then those with six.
     #[inline(always)]
     pub fn replace_normal_target(&mut self, i: usize, lanes: R::Mask, target: impl FnOnce(R) -> R) {
         let own = match i.checked_sub(self.contacts.items.len()) {
@@ -88,17 +91,18 @@ impl<R: Real> PositionRows<R> {
         *own = R::select(lanes, target(*own), *own);
     }
 
-    /// Exchanges the two targets of every row: g for that of the position solve, or back.
+    /// Exchanges the velocity target of every row, with which it is solved, and its position target.
     #[inline(always)]
     pub fn exchange_targets(&mut self) {
         each_kind!([own: &mut self] => own.exchange_targets());
     }
 
-    /// Damps the targets of the rows relative to the impulses and the motion of `iterate`, which are stored in `reference`.
+    /// Damps the targets of the rows by a compliance. It causes no velocity at the impulses of `iterate`, which are stored in `reference`
+    /// with their motion.
     ///
-    /// The compliance of a scalar row is the damping ratio of its mobility. That of a contact refers to its mobility and its floor
-    /// (`floors`, 1/kg, one for each constraint). It grows with the correction, the difference of its two targets. Rows without correction
-    /// stay hard.
+    /// The compliance of a scalar row is the damping ratio times its mobility. For a contact it refers to the sum of its mobility and its
+    /// floor (`floors`, 1/kg, one for each constraint). It grows with the correction, the difference of the two targets. Rows without
+    /// correction remain hard.
     #[inline(always)]
     pub fn damp(
         &mut self,
@@ -120,7 +124,7 @@ impl<R: Real> PositionRows<R> {
 }
 
 impl<R: Real> System<'_, R> {
-    /// Largest velocity by which damping keeps a row from its target, m/s or rad/s.
+    /// Largest velocity by which damping prevents a row from meeting its target, m/s or rad/s.
     #[inline(always)]
     pub fn shortfall(&self, iterate: &Iterate<R>, reference: &Reference<R>) -> R {
         let (mut most, mut before) = (R::zero(), &reference.lambda[..]);
@@ -130,7 +134,7 @@ impl<R: Real> System<'_, R> {
         most
     }
 
-    /// Largest target velocity of immovable rows and contacts, m/s or rad/s.
+    /// Largest target velocity of rows and contacts that no impulse can move, m/s or rad/s.
     #[inline(always)]
     pub fn immovable_target(&self) -> R {
         let mut most = R::zero();
@@ -138,9 +142,10 @@ impl<R: Real> System<'_, R> {
         most
     }
 
-    /// Largest target velocity of immovable rows and contacts without position correction, m/s or rad/s.
+    /// Largest target velocity, without position correction, of rows and contacts that no impulse can move, m/s or rad/s.
     ///
-    /// It is a part of the residual that no impulse can change. It applies to a problem, not to its position rows.
+    /// It is a part of the residual that no impulse can change. It must be called on the system of a problem, and not on that of its
+    /// position rows.
     #[inline(always)]
     pub fn unmet_velocity(&self) -> R {
         let mut most = R::zero();
@@ -148,26 +153,27 @@ impl<R: Real> System<'_, R> {
         most
     }
 
-    /// Witness of infeasibility: the impulses z that were added to those of the reference.
+    /// Proof that the targets are infeasible: the impulses z that were added to those of the reference.
     ///
-    /// Writes the scaled J^T z to the reference's momentum, and returns -z . u (J), the work that the rows lack at its motion. Friction and
-    /// springs are excluded, and so are contacts and limits that push less than before.
+    /// Writes the scaled momentum J^T z to the reference, and returns -z . u, J. Here u are the velocities by which the rows miss their
+    /// targets at the motion of the reference. Friction and springs are excluded, and so are contacts and limits that push less than
+    /// before.
     #[inline(always)]
     pub fn witness(&self, iterate: &Iterate<R>, reference: &mut Reference<R>) -> R {
         let Reference { w, lambda, g, momentum } = reference;
         momentum.clear();
         momentum.resize(w.len(), R::zero());
-        let (mut lambda, mut g, mut lack) = (&lambda[..], &g[..], R::zero());
+        let (mut lambda, mut g, mut missing_work) = (&lambda[..], &g[..], R::zero());
         each_kind!([set: &self.problem] [rows: self] [impulses: &iterate] => {
             let n = rows.items.len();
             let before = ReferenceRows { lambda: take(&mut lambda, n), g: take(&mut g, n) };
-            lack = set.witness(rows, impulses, before, w, momentum, lack);
+            missing_work = set.witness(rows, impulses, before, w, momentum, missing_work);
         });
-        lack
+        missing_work
     }
 }
 
-/// Splits the first `n` numbers off a list with one for every constraint, by kind.
+/// Splits the first `n` numbers off a list that has one number for each constraint, kind by kind.
 #[inline(always)]
 fn take<'a, R>(list: &mut &'a [R], n: usize) -> &'a [R] {
     let (first, rest) = list.split_at(n);

@@ -12,13 +12,14 @@ by_kind! {
     /// targets. A solve does not change it.
     #[derive(Clone, Debug)]
     pub struct Problem[R: Real] {
+        /// Number of coordinates of the scaled velocity change w.
         dimension: usize,
-        /// Lanes with redundant supports, which are solved for impulses of least norm first.
+        /// Lanes with redundant supports in which no earlier step has distributed the load. They are solved for impulses of least norm
+        /// first.
         ///
-        /// Supports are redundant if statics does not determine how they share the load: a table with four legs, for example. The flag
-        /// marks lanes in which no earlier step has distributed the load.
+        /// Supports are redundant if statics does not determine how they share the load: a table with four legs, for example.
         pub redundant: R::Mask,
-        /// Least mobility of a contact that can move along its normal, 1/kg, for the contacts pushed from now on.
+        /// Mobility along its normal below which a contact is immovable, 1/kg, for the contacts that are appended from now on.
         pub least_mobility: R,
     } each set
 }
@@ -26,10 +27,10 @@ by_kind! {
 by_kind! {
     /// System that one solve reads: a problem, and for each kind of constraint the rows of this solve.
     ///
-    /// That of a `&Problem` has the velocity targets, that of [`PositionRows`](crate::PositionRows) the position targets.
+    /// The system of a `&Problem` has the velocity targets, that of [`PositionRows`](crate::PositionRows) the position targets.
     #[derive(Clone, Copy, Debug)]
     pub struct System['a, R: Real] {
-        /// Part that all solves share.
+        /// Problem, which all solves share.
         pub(crate) problem: &'a Problem<R>,
         /// Whether the solve ends with a certified residual, for a w that is the sum over the impulses to the last bit. Otherwise lanes
         /// whose sweeps change little count as solved.
@@ -45,7 +46,7 @@ impl<'a, R: Real> From<&'a Problem<R>> for System<'a, R> {
 }
 
 impl<R: Real> Problem<R> {
-    /// Empty problem in `dimension` coordinates, with capacity for these numbers of rows, each of which may touch every coordinate.
+    /// Empty problem with `dimension` coordinates and capacity for these numbers of rows. Each may have entries at every coordinate.
     pub fn with_capacity(dimension: usize, scalars: usize, contacts: usize) -> Self {
         let capacity = Capacity {
             dimension,
@@ -58,7 +59,7 @@ impl<R: Real> Problem<R> {
         Self::new(&capacity)
     }
 
-    /// Empty problem of this capacity.
+    /// Empty problem with memory for this capacity.
     pub fn new(capacity: &Capacity) -> Self {
         let (dimension, redundant, least_mobility) = (capacity.dimension, R::Mask::splat(false), R::zero());
         make_kinds!(Self { dimension, redundant, least_mobility, } [count: capacity] => ConstraintSet::new(count, capacity))
@@ -71,7 +72,7 @@ impl<R: Real> Problem<R> {
         self.redundant = R::Mask::splat(false);
     }
 
-    /// Number of coordinates of w.
+    /// Number of coordinates of the scaled velocity change w.
     #[inline(always)]
     pub fn dimension(&self) -> usize {
         self.dimension
@@ -85,23 +86,26 @@ impl<R: Real> Problem<R> {
         empty
     }
 
-    /// Appends a contact whose rows (n, t1, t2) have the entries `y` at the coordinates `support` (ascending).
+    /// Appends a contact whose rows (n, t1, t2) have the entries `y` at the coordinates `support`, ascending.
+    ///
+    /// `active` are its lanes, `mu` its friction coefficient and `g` its velocities before any impulse with bias, m/s.
     #[inline(always)]
     pub fn push_contact(&mut self, support: &[u32], y: impl Fn(usize) -> [R; 3], active: R::Mask, mu: R, g: [R; 3]) {
         self.contacts.push(support, y, active, mu, g, self.least_mobility);
     }
 
     /// Appends a contact with rolling friction, whose rows (n, t1, t2, spin, roll1, roll2) have the entries `y` at the coordinates
-    /// `support` (ascending).
+    /// `support`, ascending.
     ///
-    /// The rows are scaled so that their friction coefficient is `mu` in all.
+    /// `active` are its lanes, `mu` its friction coefficient and `g` its velocities before any impulse with bias, m/s. The rows must be
+    /// scaled so that all of them have the friction coefficient `mu`.
     #[inline(always)]
     pub fn push_rolling_contact(&mut self, support: &[u32], y: impl Fn(usize) -> [R; 6], active: R::Mask, mu: R, g: [R; 6]) {
         self.rolling_contacts.push(support, y, active, mu, g, self.least_mobility);
     }
 
-    /// Adds the row velocities of `change`, a scaled change of the free velocity, to the targets of both solves (velocity and position) in
-    /// all rows, in the lanes `lanes`.
+    /// Adds the row velocities by `change`, a scaled change of the free velocity, to the velocity and position targets of all rows, in the
+    /// lanes `lanes`.
     #[inline(always)]
     pub fn shift(&mut self, change: &[R], lanes: R::Mask) {
         each_kind!([set: &mut self] => {
@@ -113,9 +117,11 @@ impl<R: Real> Problem<R> {
 }
 
 impl<R: Real> Problem<R> {
-    /// Shifts the velocity targets of contact `i`, counted over those of three rows and then of six, in the lanes `lanes`.
+    /// Adds the row velocities by `change`, a scaled change of the free velocity, to the velocity targets of contact `i`, in the lanes
+    /// `lanes`.
     ///
-    /// The shift is its velocities of a scaled `change` of the free velocity. One of `weights` scales the normal row and one the others.
+    /// The index counts contacts with three rows, then those with six. The first of `weights` scales the change of the normal row, the
+    /// second that of the other rows.
     #[inline(always)]
     pub fn shift_contact(&mut self, i: usize, change: &[R], lanes: R::Mask, weights: [R; 2]) {
         match i.checked_sub(self.contacts.len()) {
@@ -128,7 +134,7 @@ impl<R: Real> Problem<R> {
 impl<R: Real> Problem<R> {
     /// Activates the rows of contact `i` in those lanes of `lanes` in which they are deferred. Returns these lanes.
     ///
-    /// The index counts contacts of three rows, then of six.
+    /// The index counts contacts with three rows, then those with six.
     #[inline(always)]
     pub fn activate_contact(&mut self, i: usize, lanes: R::Mask) -> R::Mask {
         match i.checked_sub(self.contacts.len()) {
@@ -137,20 +143,21 @@ impl<R: Real> Problem<R> {
         }
     }
 
-    /// Defers the rows of contact `i` in the lanes `lanes`, in which they must be active and have no impulse.
+    /// Defers the rows of contact `i` in the lanes `lanes`: the solver ignores them until they are activated. In these lanes they must be
+    /// active and have no impulse.
     ///
-    /// The index counts contacts of three rows, then of six.
+    /// The index counts contacts with three rows, then those with six.
     #[inline(always)]
     pub fn defer_contact(&mut self, i: usize, lanes: R::Mask) {
         match i.checked_sub(self.contacts.len()) {
-            None => self.contacts.defer_again(i, lanes),
-            Some(i) => self.rolling_contacts.defer_again(i, lanes),
+            None => self.contacts.defer_contact(i, lanes),
+            Some(i) => self.rolling_contacts.defer_contact(i, lanes),
         }
     }
 
     /// Velocity target of the normal row of contact `i`, m/s.
     ///
-    /// The index counts contacts of three rows, then of six.
+    /// The index counts contacts with three rows, then those with six.
     #[inline(always)]
     pub fn normal_target_mut(&mut self, i: usize) -> &mut R {
         match i.checked_sub(self.contacts.len()) {
@@ -159,9 +166,9 @@ impl<R: Real> Problem<R> {
         }
     }
 
-    /// Normal velocity of contact `i` with its bias, at the scaled velocity change w, m/s.
+    /// Normal velocity of contact `i`, with its bias, at the scaled velocity change `w`, m/s.
     ///
-    /// The index counts contacts of three rows, then of six.
+    /// The index counts contacts with three rows, then those with six.
     #[inline(always)]
     pub fn normal_velocity(&self, i: usize, w: &[R]) -> R {
         match i.checked_sub(self.contacts.len()) {
@@ -171,6 +178,7 @@ impl<R: Real> Problem<R> {
     }
 }
 
+/// Adds the row velocities by a scaled `change` to the velocity targets of contact `i` of a set, see [`Problem::shift_contact`].
 #[inline(always)]
 fn shift_own<R: Real, const N: usize, L: LocalSolver<R, N>>(
     set: &mut FrictionContacts<R, N, L>,
@@ -185,19 +193,19 @@ fn shift_own<R: Real, const N: usize, L: LocalSolver<R, N>>(
 }
 
 impl<R: Real> System<'_, R> {
-    /// System without a certificate: the residual of lanes whose sweeps change little is 0.
+    /// System whose solve ends without a certified residual. The residual of lanes whose sweeps change little is then 0.
     #[inline(always)]
     pub fn uncertified(self) -> Self {
         Self { certified: false, ..self }
     }
 
-    /// Gathers the parts that sweeps need from some lanes into `out`.
+    /// Gathers what sweeps need from some lanes into `out`, which has half of the lanes.
     #[inline(always)]
     pub(crate) fn gather(&self, map: &LaneMap, out: &mut Problem<R::Half>) {
         each_kind!([set: &self.problem] [rows: self] [out: &mut out] => set.gather(rows, map, out));
     }
 
-    /// Calls `f` for every row or contact that exists in a lane, with the coordinates that it touches there, ascending.
+    /// Calls `f` for each row or contact that exists in a lane, with the coordinates at which it has entries there, ascending.
     pub fn for_each_support(&self, lane: usize, mut f: impl FnMut(&mut dyn Iterator<Item = u32>)) {
         each_kind!([set: &self.problem] [rows: self] => set.for_each_support(rows, lane, &mut f));
     }

@@ -1,4 +1,4 @@
-//! Certificate of a solve: the error of the impulses, in m/s.
+//! Certificate of a solve: the error of the impulses as a velocity, m/s.
 
 use crate::constraints::constraint_set::{ConstraintSet, number_of, worse};
 use crate::constraints::each_kind;
@@ -6,7 +6,7 @@ use crate::iterate::{Iterate, energy};
 use crate::problem::System;
 use stepper_real::Real;
 
-/// Natural-map residual of the exact Coulomb problem, per lane, m/s (rad/s for angular rows).
+/// Natural-map residual of the exact Coulomb problem in each lane, m/s (rad/s for angular rows).
 ///
 /// It is `max_i |lambda_i - P_K(lambda_i - rho_i u_i)| / rho_i` with De Saxce's `u = v + (mu |v_t|, 0, 0)`. `rho_i = n / trace(G_ii)` for n
 /// rows, before elimination of equality rows.
@@ -23,8 +23,9 @@ pub fn residual<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate
     worst
 }
 
-/// Constraint of lane `lane` with the largest residual, m/s: its index over all kinds, in their order. `None` without a residual. A NaN is
-/// the largest of all.
+/// Constraint of lane `lane` with the largest residual: its index, counted over all kinds in their order, and the residual, m/s.
+///
+/// `None` if all residuals are 0. A NaN counts as the largest.
 pub fn worst_constraint<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate<R>, lane: usize) -> Option<(usize, f64)> {
     let system = system.into();
     R::vectorize(
@@ -49,7 +50,7 @@ pub fn worst_constraint<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: 
     )
 }
 
-/// Largest residual at which the impulses determine the kinetic energy, m/s; see [`energy_is_ambiguous`].
+/// Largest residual at which the impulses determine the kinetic energy, m/s, see [`energy_is_ambiguous`]. `negligible` is an energy, J.
 #[inline(always)]
 pub fn max_residual_for_energy<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate<R>, negligible: R) -> R {
     let (system, mut impulse) = (system.into(), R::zero());
@@ -57,11 +58,11 @@ pub fn max_residual_for_energy<'a, R: Real>(system: impl Into<System<'a, R>>, it
     (energy(&iterate.w) + negligible) / impulse.max(R::of(f64::from(f32::MIN_POSITIVE)))
 }
 
-/// Lanes in which the residual leaves the kinetic energy ambiguous.
+/// Lanes in which the impulses do not determine the kinetic energy, because of their residual.
 ///
-/// The work that a residual of `residual` m/s, at most 1e-6, leaves open is `residual sum_i |lambda_i|`. It is ambiguous if it exceeds the
-/// kinetic energy |w|^2 / 2 of the velocity change plus `negligible`, J. This occurs in a jam with almost no lever arm, where impulses a
-/// million times the load cancel. `negligible` excludes unloaded contacts, whose impulses and velocities are both rounding error.
+/// An error of `residual`, at most 1e-6 m/s, in all rows has the work `residual sum_i |lambda_i|`. The energy is ambiguous if this exceeds
+/// the kinetic energy |w|^2 / 2 of the velocity change plus `negligible`, J. This occurs in a jam with almost no lever arm, where impulses
+/// a million times the load cancel. `negligible` excludes unloaded contacts, whose impulses and velocities are both rounding error.
 #[inline(always)]
 pub fn energy_is_ambiguous<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate<R>, residual: R, negligible: R) -> R::Mask {
     let (system, mut impulse) = (system.into(), R::zero());

@@ -1,7 +1,7 @@
 //! Solver of the constraint problem, which combines sweeps (Gauss-Seidel iterations) with Newton's method.
 //!
 //! First Newton's method finds a least-norm solution in lanes with redundant supports. Then some sweeps improve all lanes except those that
-//! are solved. Then each unsolved lane gets Newton's method and sweeps in turn; a lane with redundant supports gets Newton's method once.
+//! are solved. Then Newton's method and sweeps alternate in each unsolved lane; a lane with redundant supports gets Newton's method once.
 
 use crate::cone::masked;
 use crate::gauss_seidel::{self, SweepSettings};
@@ -14,10 +14,10 @@ use stepper_real::{Mask, Real, Scalar};
 /// Limits of a solve.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings<R> {
-    /// Largest number of sweeps in each pass; at least one is made.
+    /// Largest number of sweeps (Gauss-Seidel iterations) in each pass. At least one is made.
     pub sweeps: u32,
     /// Largest number of Newton steps in each pass, per island; [`EXACT_RATIO`](crate::newton::EXACT_RATIO) times as many for the exact
-    /// law. 0 disables Newton's method.
+    /// law. With 0, Newton's method is not used.
     pub newton_steps: u32,
     /// Residual at which each lane is done, m/s.
     pub tolerance: R,
@@ -25,7 +25,7 @@ pub struct Settings<R> {
     pub newton_threshold: R,
 }
 
-/// Result of a solve, per lane.
+/// Result of a solve, in each lane.
 #[derive(Clone, Copy, Debug)]
 pub struct Outcome<R: Real> {
     /// Residual of the returned impulses, m/s.
@@ -37,7 +37,7 @@ pub struct Outcome<R: Real> {
 }
 
 impl<R: Real> Outcome<R> {
-    /// Replaces the residual of the lanes `lanes` by that of another solve, and adds up the effort of both.
+    /// Replaces the residual by that of a second solve in the lanes `lanes`, and adds the numbers of sweeps and Newton steps of that solve.
     #[inline(always)]
     pub fn replace(&mut self, again: &Self, lanes: R::Mask) {
         self.residual = R::select(lanes, again.residual, self.residual);
@@ -48,8 +48,8 @@ impl<R: Real> Outcome<R> {
 
 /// Residual above which the load of redundant supports is redistributed, m/s. A remaining error moves load from point to point.
 ///
-/// Measured on a table of four legs that slides for half a second at 0.1 ms (scene 15 of the atlas): the order of its legs matters by 2e-6
-/// m with 1e-8, by 1e-7 m with 1e-9.
+/// Measured on a table of four legs that slides for half a second at 0.1 ms (scene 15 of the atlas): the order of its legs changes the
+/// result by 2e-6 m with 1e-8, by 1e-7 m with 1e-9.
 const LEAST_NORM_GOAL: f64 = 1e-9;
 
 /// Speed above which a loaded contact counts as slipping, m/s. Its friction torque then depends on the distribution of the load.
@@ -65,17 +65,17 @@ const SLIPS: f64 = 1e-6;
 /// 0.27 % of the steps unsolved, two leave 0.16 and 0.06 %, three 0.11 and 0.06 %.
 pub const PASSES: usize = 4;
 
-/// Largest number of sweeps of the first pass in 64 bits, if Newton's method may follow. Lanes that need more keep the others of their
-/// group waiting.
+/// Largest number of sweeps of the first pass in 64 bits, if Newton's method may follow. The other lanes of a group wait for lanes that
+/// need more.
 ///
-/// In 32 bits sweeps continue, because the result of Newton's method is rounded. For a cube that two fingers could hold (scene 31) it does
-/// not always hold.
+/// In 32 bits sweeps continue, because the result of Newton's method is rounded. With it, a cube that two fingers could hold (scene 31)
+/// sometimes slips.
 ///
 /// Measured on 280 problems of robots, grasps and heaps that sweeps did not solve: 50 sweeps take 1.1 to 1.5 times as long. 15 sweeps take
 /// within 5 % as long but need more Newton steps, which a lane makes alone.
 const FIRST_SWEEPS: u32 = 25;
 
-/// Improves the impulses of the lanes `lanes` until each meets the tolerance or the settings are used up.
+/// Improves the impulses of the lanes `lanes` until each meets the tolerance or the limits in the settings are reached.
 ///
 /// Sweeps favour the rows that they visit first; a proximal step from zero favours none. Lanes with redundant supports therefore begin with
 /// Newton's method, and sweeps improve its result.
@@ -93,6 +93,7 @@ pub fn solve<'a, R: Real>(
     )
 }
 
+/// Solves a system as [`solve`] does.
 #[inline(always)]
 fn solve_system<R: Real>(
     system: System<'_, R>,
@@ -129,7 +130,7 @@ fn solve_system<R: Real>(
     }
     let search = |terms| Search { steps: newton_steps, tolerance, terms };
     let sweeps = SweepSettings { sweeps, tolerance };
-    newton.solve(system, iterate, search(Terms::HeldThenExact), left, [&mut outcome.residual, &mut outcome.newton_steps]);
+    newton.solve(system, iterate, search(Terms::ConstantThenExact), left, [&mut outcome.residual, &mut outcome.newton_steps]);
     // Sweeps would undo an even distribution.
     left = left.and_not(redundant);
     let passes = match newton_steps {
@@ -147,7 +148,7 @@ fn solve_system<R: Real>(
         snapshot.save(iterate, left);
         sweep_lanes(system, iterate, sweeps, left, &mut outcome);
         let unsolved = left.and(outcome.residual.gt(newton_threshold));
-        let terms = if pass + 1 < PASSES { Terms::Held } else { Terms::Exact };
+        let terms = if pass + 1 < PASSES { Terms::Constant } else { Terms::Exact };
         newton.solve(system, iterate, search(terms), unsolved, [&mut outcome.residual, &mut outcome.newton_steps]);
         let worse = left.and_not(outcome.residual.le(before));
         snapshot.restore(iterate, worse);
@@ -157,7 +158,7 @@ fn solve_system<R: Real>(
     outcome
 }
 
-/// Improves the impulses of the lanes `lanes` by sweeps.
+/// Improves the impulses of the lanes `lanes` by sweeps, and updates the outcome.
 #[inline(always)]
 fn sweep_lanes<R: Real>(
     system: System<'_, R>,

@@ -1,12 +1,12 @@
 //! Arithmetic of vectors in scalar f64.
 //!
-//! Those of an island come in tiles of four numbers, padded to whole tiles. The compiler therefore vectorises their loops on every CPU,
+//! Vectors of an island come in tiles of four numbers, padded to whole tiles. The compiler therefore vectorises their loops on every CPU,
 //! with the same bits.
 
 /// Number of coordinates in a tile.
 pub(crate) const TILE: usize = 4;
 
-/// Four numbers from index `at` on.
+/// Four numbers of `x` from index `at` on.
 #[inline(always)]
 pub(crate) fn tile(x: &[f64], at: usize) -> [f64; TILE] {
     let x = &x[at..at + TILE];
@@ -19,13 +19,13 @@ pub(crate) fn norm(x: &[f64]) -> f64 {
     inner(x, x).sqrt()
 }
 
-/// Sum of products, one after the other.
+/// Dot product of two vectors, summed in their order.
 #[inline(always)]
 pub(crate) fn inner(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).fold(0.0, |sum, (a, b)| sum + a * b)
 }
 
-/// Sum of products over whole tiles, with a partial sum for each place in a tile.
+/// Dot product of two vectors of whole tiles, with a partial sum for each place in a tile.
 #[inline(always)]
 pub(crate) fn inner_of_tiles(a: &[f64], b: &[f64]) -> f64 {
     let mut sum = [0.0; TILE];
@@ -37,8 +37,8 @@ pub(crate) fn inner_of_tiles(a: &[f64], b: &[f64]) -> f64 {
     (sum[0] + sum[1]) + (sum[2] + sum[3])
 }
 
-/// Sum of products of `y` with the tiles `tiles` of `x`, with a partial sum for each place in a tile. The order is fixed; tiles of zeros
-/// would add nothing.
+/// Dot product of `y` and the numbers of `x` in the tiles `tiles`, with a partial sum for each place in a tile. The order is fixed, so that
+/// additional tiles of zeros would change nothing.
 #[inline(always)]
 pub(crate) fn dot(y: &[f64], tiles: &[usize], x: &[f64]) -> f64 {
     let mut sum = [0.0; TILE];
@@ -51,7 +51,7 @@ pub(crate) fn dot(y: &[f64], tiles: &[usize], x: &[f64]) -> f64 {
     (sum[0] + sum[1]) + (sum[2] + sum[3])
 }
 
-/// Adds x += s y in the tiles `tiles` of `x`.
+/// Adds s y to the tiles `tiles` of `x`.
 #[inline(always)]
 pub(crate) fn add_to_tiles(x: &mut [f64], tiles: &[usize], s: f64, y: &[f64]) {
     for (y, &tile) in y.chunks_exact(TILE).zip(tiles) {
@@ -62,7 +62,7 @@ pub(crate) fn add_to_tiles(x: &mut [f64], tiles: &[usize], s: f64, y: &[f64]) {
     }
 }
 
-/// Adds x += s y over whole tiles.
+/// Adds s y to `x`, both of whole tiles.
 #[inline(always)]
 pub(crate) fn add_scaled(x: &mut [f64], s: f64, y: &[f64]) {
     for (x, y) in x.chunks_exact_mut(TILE).zip(y.chunks_exact(TILE)) {

@@ -73,7 +73,7 @@ impl<R: Real> Assembler<'_, R> {
             slot.mu,
             [g[0][0], g[1][0], g[2][0]],
         );
-        if self.problem.rows.contacts.held().any() {
+        if self.problem.rows.contacts.last_is_immovable().any() {
             let (movable, negligible) = self.find_movable(input, contacts, k, lanes, g[0]);
             self.problem.rows.contacts.make_movable(movable);
             self.problem.rows.contacts.clear_negligible_approach(negligible);
@@ -94,7 +94,7 @@ impl<R: Real> Assembler<'_, R> {
         // The position solve replaces g of the normal row. It adds to g of the tangents, so that later changes of g count in both solves.
         self.problem.rows.contacts.set_position_target([g[0][1], g[1][1] - g[1][0], g[2][1] - g[2][0]]);
         // An immovable contact has no rows that the solve could activate.
-        let immovable = self.problem.rows.contacts.held();
+        let immovable = self.problem.rows.contacts.last_is_immovable();
         let waiting = deferred.lanes.and_not(immovable);
         let solved = exists.and_not(waiting);
         if waiting.any() {

@@ -86,7 +86,7 @@ impl<R: Real> Assembler<'_, R> {
             friction.mu,
             [slides[0][0], slides[1][0], slides[2][0], turns[0][0], turns[1][0], turns[2][0]],
         );
-        if self.problem.rows.rolling_contacts.held().any() {
+        if self.problem.rows.rolling_contacts.last_is_immovable().any() {
             let (movable, negligible) = self.find_movable(input, contacts, k, lanes, slides[0]);
             self.problem.rows.rolling_contacts.make_movable(movable);
             self.problem.rows.rolling_contacts.clear_negligible_approach(negligible);
@@ -109,7 +109,7 @@ impl<R: Real> Assembler<'_, R> {
         let (push, torque) = (slot.impulse, friction.unscale(contacts.torque[k]));
         let warm = [push[0], push[1] * rub, push[2] * rub, torque[0], torque[1], torque[2]];
         // An immovable contact has no rows that the solve could activate.
-        let immovable = self.problem.rows.rolling_contacts.held();
+        let immovable = self.problem.rows.rolling_contacts.last_is_immovable();
         let waiting = deferred.lanes.and_not(immovable);
         let solved = exists.and_not(waiting);
         if waiting.any() {

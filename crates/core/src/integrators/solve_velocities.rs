@@ -124,7 +124,7 @@ fn solve_lanes<R: Real>(
     if newton_steps >= MIN_NEWTON_STEPS_FOR_RETRY && unsolved.any() {
         let changed = problem.remove_all_curvature(unsolved);
         if changed.any() {
-            stepper_solve::gauss_seidel::sweep_from_none(&problem.rows, &mut velocity.impulses, ROUGH_ITERATIONS, changed);
+            stepper_solve::gauss_seidel::sweep_from_zero(&problem.rows, &mut velocity.impulses, ROUGH_ITERATIONS, changed);
             outcome.replace(&solve(options, &state.v, changed, problem, velocity, contacts), changed);
         }
     }

@@ -160,7 +160,7 @@ impl<R: Real> Estimate<R> {
         let (rows, impulses) = (&problem.rows, &mut velocity.impulses);
         let [rough, solved] = [lanes.and(self.rough), lanes.and_not(self.rough)];
         if rough.any() {
-            stepper_solve::gauss_seidel::sweep_from_none(rows, impulses, ROUGH_ITERATIONS, rough);
+            stepper_solve::gauss_seidel::sweep_from_zero(rows, impulses, ROUGH_ITERATIONS, rough);
         }
         if solved.any() {
             // Rounding may prevent a small tolerance from being met, so the limit of the solve applies too.
@@ -179,7 +179,7 @@ impl<R: Real> Estimate<R> {
     pub fn choose_start(&self, lanes: R::Mask, problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>) {
         let VelocitySolution { impulses, saved_impulses, contact_groups, .. } = velocity;
         let rough = lanes.and(self.rough);
-        let as_good = if rough.any() { rough.and(saved_impulses.is_as_good(&problem.rows, impulses)) } else { rough };
+        let as_good = if rough.any() { rough.and(saved_impulses.is_as_close(&problem.rows, impulses)) } else { rough };
         saved_impulses.restore(impulses, lanes.and(contact_groups.lanes()).or(as_good));
     }
 }

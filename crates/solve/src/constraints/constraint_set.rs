@@ -1,4 +1,5 @@
-//! Operations of a kind of constraint: in a sweep, in the residual, in lane compaction, in Newton's method, in the position solve.
+//! Operations that each kind of constraint implements: in a sweep, in the residual, in lane compaction, in Newton's method and in the
+//! position solve.
 
 use crate::admissible_set::AdmissibleSet;
 use crate::capacity::Capacity;
@@ -6,12 +7,12 @@ use crate::lane_map::LaneMap;
 use serde::{Deserialize, Serialize};
 use stepper_real::{Mask, Real, Scalar};
 
-/// Rows of one kind of constraint in one solve: target velocities, compliances, and the numbers that follow for each constraint alone.
+/// Rows of all constraints of one kind in one solve. Each has its targets, its compliance and what the solver precomputes for it.
 #[derive(Clone, Debug)]
 pub struct Rows<T> {
-    /// Rows of every constraint.
+    /// Rows of each constraint.
     pub(crate) items: Vec<T>,
-    /// Whether any contact has a compliance.
+    /// Whether any constraint of the list may have a compliance, so that the solver must read it.
     pub(crate) compliant: bool,
 }
 
@@ -34,7 +35,7 @@ impl<T: Row> Rows<T> {
         self.compliant = false;
     }
 
-    /// Exchanges the velocity and position targets of all rows.
+    /// Exchanges the velocity target and the position target of every row.
     #[inline(always)]
     pub(crate) fn exchange_targets(&mut self) {
         for row in &mut self.items {
@@ -42,7 +43,7 @@ impl<T: Row> Rows<T> {
         }
     }
 
-    /// Copies rows, without allocation if the capacity suffices.
+    /// Replaces the rows by copies of others, without allocation if the capacity suffices.
     #[inline(always)]
     pub(crate) fn copy(&mut self, from: &Self) {
         self.items.clear();
@@ -51,18 +52,18 @@ impl<T: Row> Rows<T> {
     }
 }
 
-/// Impulse of one constraint: a number for each of its rows.
+/// Impulse of one constraint: a number for each of its rows, N s or N m s.
 pub trait Impulse<R: Real>: Copy {
-    /// Number of rows.
+    /// Number of rows of the constraint.
     const ROWS: usize;
 
-    /// Zero impulse.
+    /// Impulse of zero in every row.
     fn zero() -> Self;
 
-    /// Numbers of all impulses, one after the other.
+    /// Numbers of all impulses as a flat list, constraint by constraint.
     fn flatten(impulses: &[Self]) -> &[R];
 
-    /// Rows of impulses as a flat list, mutable.
+    /// Numbers of all impulses as a flat, mutable list, constraint by constraint.
     fn flatten_mut(impulses: &mut [Self]) -> &mut [R];
 }
 
@@ -104,109 +105,112 @@ impl<R: Real, const N: usize> Impulse<R> for [R; N] {
     }
 }
 
-/// Rows of one constraint.
+/// Rows of one constraint, with a velocity target and a position target.
 pub trait Row: Copy {
-    /// Exchanges the targets of the velocity solve for those of the position solve, or back.
+    /// Exchanges the velocity target, with which the row is solved, and the position target.
     fn exchange_targets(&mut self);
 }
 
-/// Lanes that take part in a sweep.
+/// Lanes that take part in a sweep (one Gauss-Seidel iteration).
 #[derive(Clone, Copy)]
 pub struct SweepLanes<R: Real> {
     /// Lanes whose impulses change.
     pub(crate) running: R::Mask,
-    /// Lanes in which a contact's local problem is solved exactly. The others make the weaker update.
+    /// Lanes in which a contact's local problem is solved exactly. The other lanes use the weaker update of
+    /// [`LocalSolver::relax`](crate::LocalSolver::relax).
     pub(crate) exact: R::Mask,
 }
 
 /// Unknowns that a sweep over one kind of constraint changes.
 pub struct Unknowns<'a, R, I> {
-    /// Impulse of every constraint of the kind.
+    /// Impulse of each constraint of the kind.
     pub(crate) impulses: &'a mut [I],
-    /// Initial value of every contact's local solve: the multiplier of its friction disc. Empty for kinds without one.
+    /// Multiplier of the friction disc of each contact, from which its next local solution starts. Empty for kinds without contacts.
     pub(crate) multipliers: &'a mut [R],
-    /// Scaled velocity change.
+    /// Scaled velocity change by all impulses.
     pub(crate) w: &'a mut [R],
 }
 
-/// Damping of position targets.
+/// Parameters of the compliance that damps position targets.
 #[derive(Clone, Copy, Debug)]
 pub struct Damping<R> {
     /// Ratio of a row's compliance to its mobility.
     pub ratio: R,
-    /// Growth of that ratio per velocity that a contact corrects, s/m.
+    /// Growth of the ratio per velocity that a contact corrects, s/m.
     pub bending: R,
-    /// Correction below which a row counts as not correcting, m/s or rad/s. It is 0, or larger so that rounding does not decide.
+    /// Correction below which a row is not damped, m/s or rad/s. It is 0, or larger so that rounding does not decide.
     pub negligible: R,
 }
 
 /// Normal impulses and targets of a reference solution, for one kind of constraint.
 #[derive(Clone, Copy)]
 pub struct ReferenceRows<'a, R> {
-    /// Normal impulse of every constraint.
+    /// Normal impulse of each constraint, N s or N m s.
     pub(crate) lambda: &'a [R],
-    /// Undamped g of every normal row.
+    /// Velocity of each normal row before any impulse, with its bias, without damping, m/s or rad/s.
     pub(crate) g: &'a [R],
 }
 
-/// One constraint of one lane, in scalar f64.
+/// One constraint of one lane with `N` rows, in scalar f64.
 pub struct LaneConstraint<const N: usize> {
-    /// Set of its admissible impulses.
+    /// Set of the admissible impulses.
     pub(crate) set: AdmissibleSet,
-    /// Index in the list of constraints of its kind.
+    /// Index of the constraint among those of its kind.
     pub(crate) source: usize,
-    /// Velocity of every row before any impulse, with its bias, m/s.
+    /// Velocity of each row before any impulse, with its bias, m/s.
     pub(crate) g: [f64; N],
-    /// Impulse of every row, N s.
+    /// Impulse of each row, N s.
     pub(crate) lambda: [f64; N],
-    /// Compliance R >= 0 on the diagonal of G, the same for all of its rows.
+    /// Compliance R >= 0, the same for all rows: it is added to the diagonal of the Delassus matrix G, 1/kg.
     pub(crate) compliance: f64,
-    /// Additional compliance of the first row.
+    /// Additional compliance of the first row, 1/kg.
     pub(crate) normal_compliance: f64,
-    /// Ratio of trace(G_ii) before elimination of equality rows to that after it, at least 1.
+    /// Ratio of trace(G_ii) before elimination of equality rows to that after it, at least 1. G_ii is the constraint's block of the
+    /// Delassus matrix.
     pub(crate) trace_ratio: f64,
 }
 
-/// Receiver of the constraints of one lane.
+/// Receiver of the constraints of one lane, for Newton's method.
 pub trait LaneReceiver {
-    /// Adds a constraint whose rows have the `entries` at the coordinates `support`.
+    /// Adds a constraint whose rows have the `entries` at the coordinates `support`, ascending.
     fn add<const N: usize>(&mut self, constraint: LaneConstraint<N>, support: &[u32], entries: impl Iterator<Item = [f64; N]>);
 
-    /// Adds the scaled velocity change of a row with the `entries`, which no other row depends on.
-    fn add_separate(&mut self, support: &[u32], change: impl Iterator<Item = f64>);
+    /// Adds the scaled velocity change by an eliminated row: `change` at the coordinates `support`. No other row depends on it.
+    fn add_eliminated(&mut self, support: &[u32], change: impl Iterator<Item = f64>);
 }
 
-/// Constraint of one lane, of any kind, as a file stores it. Numbers per row are in the order of the rows.
+/// Constraint of one lane, of any kind, as a file stores it. Lists with a number per row are in the order of the rows.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SavedConstraint {
-    /// Coordinates of the constraint, ascending.
+    /// Coordinates at which the rows have entries, ascending.
     pub(crate) support: Vec<u32>,
-    /// Jacobian entries, coordinate by coordinate: for each the entry of every row.
+    /// Entries of the scaled Jacobian: for each coordinate, those of all rows.
     pub(crate) y: Vec<f64>,
-    /// Target g of the velocity solve.
+    /// Target g of each row in the velocity solve, m/s or rad/s.
     pub(crate) g: Vec<f64>,
-    /// Target g of the position solve.
+    /// Target g of each row in the position solve, m/s or rad/s.
     pub(crate) position_g: Vec<f64>,
-    /// Initial impulse.
+    /// Initial impulse of each row, N s or N m s.
     pub(crate) impulse: Vec<f64>,
-    /// Bounds of the impulse of a scalar row; the coefficient of friction of a contact, twice.
+    /// Least and largest impulse of a scalar row, or the friction coefficient of a contact, twice.
     pub(crate) set: [f64; 2],
-    /// Compliance, at least 0.
+    /// Compliance of the normal row of a contact, or of a scalar row, at least 0.
     pub(crate) compliance: f64,
-    /// Ratio of trace(G_ii) before elimination of equality rows to that after it, at least 1.
+    /// Ratio of trace(G_ii) before elimination of equality rows to that after it, at least 1. G_ii is the constraint's block of the
+    /// Delassus matrix.
     pub(crate) trace_ratio: f64,
-    /// Mobility that scales the damping of a scalar row.
+    /// Mobility that scales the damping of a scalar row, 1/kg or 1/(kg m^2).
     pub(crate) mobility: f64,
-    /// Velocity by which damping already reduced the target of a scalar row.
+    /// Velocity by which damping already reduced the target of a scalar row, m/s or rad/s.
     pub(crate) damping_deficit: f64,
-    /// Whether the row is eliminated, so that sweeps skip it.
+    /// Whether the row is eliminated: it is solved once, and sweeps skip it.
     pub(crate) eliminated: bool,
-    /// Whether the constraint is immovable.
+    /// Whether no impulse can move the constraint, along its normal if it is a contact.
     pub(crate) immovable: bool,
 }
 
 impl SavedConstraint {
-    /// Whether a problem in `dimension` coordinates can have this constraint, with `rows` rows.
+    /// Whether a problem with `dimension` coordinates can have this constraint, with `rows` rows.
     pub(crate) fn is_sound(&self, dimension: usize, rows: usize) -> bool {
         let lists = [&self.g, &self.position_g, &self.impulse];
         let numbers = lists.into_iter().flatten().chain(&self.y).chain([&self.mobility, &self.damping_deficit]);
@@ -220,7 +224,7 @@ impl SavedConstraint {
             && (1.0..f64::INFINITY).contains(&self.trace_ratio)
     }
 
-    /// Entries of the coordinate `c`.
+    /// Entry of each row at the coordinate `c`.
     pub(crate) fn entries<R: Real, const N: usize>(&self, c: usize) -> [R; N] {
         let place = self.support.binary_search(&(c as u32)).map_or(0, |k| k * N);
         std::array::from_fn(|row| R::of(self.y[place + row]))
@@ -229,26 +233,26 @@ impl SavedConstraint {
 
 /// Operations of one kind of constraint on all constraints of that kind.
 ///
-/// `self` has the parts that all solves share, `rows` those of one solve. Results over all kinds (a sum, a maximum) pass from one kind to
-/// the next. The order of the arithmetic is therefore that of the rows.
+/// `self` has the parts that the velocity solve and the position solve share, `rows` those of one of them. Functions that compute a sum or
+/// a maximum over all kinds get the result of the previous kinds as an argument. The order of the arithmetic is therefore that of the rows.
 pub trait ConstraintSet<R: Real>: Sized {
-    /// Rows of one constraint.
+    /// Rows of one constraint of this kind.
     type Row: Row;
-    /// Impulse of one constraint: a number, or one for each row of a contact.
+    /// Impulse of one constraint: a number, or an array with one for each row of a contact.
     type Impulse: Impulse<R>;
-    /// Set of the same kind in half the lanes.
+    /// Constraints of the same kind in half of the lanes.
     type Half: ConstraintSet<R::Half>;
 
     /// Empty set with capacity for `constraints` constraints.
     fn new(constraints: usize, capacity: &Capacity) -> Self;
 
-    /// Rows of the velocity solve.
+    /// Rows with the velocity targets.
     fn rows(&self) -> &Rows<Self::Row>;
 
-    /// Rows of one solve, mutable.
+    /// Rows with the velocity targets, mutable.
     fn rows_mut(&mut self) -> &mut Rows<Self::Row>;
 
-    /// Number of multipliers that sweeps keep.
+    /// Number of multipliers of friction discs that sweeps store: one per contact.
     fn multipliers(&self) -> usize {
         0
     }
@@ -256,22 +260,22 @@ pub trait ConstraintSet<R: Real>: Sized {
     /// Removes all constraints.
     fn clear(&mut self);
 
-    /// Gathers some lanes of all constraints into `out`, with the parts that sweeps need.
+    /// Gathers some lanes of all constraints into `out`, which has half of the lanes. Only what sweeps need is gathered.
     fn gather(&self, rows: &Rows<Self::Row>, map: &LaneMap, out: &mut Self::Half);
 
-    /// Calls `f` for every constraint that exists in a lane, with the coordinates that it touches there, ascending.
+    /// Calls `f` for each constraint that exists in a lane, with the coordinates at which it has entries there, ascending.
     fn for_each_support(&self, rows: &Rows<Self::Row>, lane: usize, f: &mut impl FnMut(&mut dyn Iterator<Item = u32>));
 
-    /// Passes the constraints that exist in a lane to Newton's method.
+    /// Passes all constraints that exist in a lane to the receiver of Newton's method.
     fn gather_lane(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], lane: usize, to: &mut impl LaneReceiver);
 
-    /// Constraints of a lane for a file, with their impulses.
+    /// Constraints of a lane, with their impulses, as a file stores them.
     fn save(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], lane: usize) -> Vec<SavedConstraint>;
 
     /// Appends a saved constraint in every lane.
     fn load(&mut self, saved: &SavedConstraint);
 
-    /// Replaces the impulses of a lane by a weighted mean with those of `from`; see [`Snapshot::blend`](crate::Snapshot::blend).
+    /// Replaces the impulses of a lane by a weighted mean of them and those of `from`, see [`Snapshot::blend`](crate::Snapshot::blend).
     fn blend(
         &self,
         rows: &Rows<Self::Row>,
@@ -281,47 +285,54 @@ pub trait ConstraintSet<R: Real>: Sized {
         weight: &mut impl FnMut(u32) -> f64,
     );
 
-    /// Adds w += Y lambda.
+    /// Adds the scaled velocity change by all impulses to `w`.
     fn add_impulses(&self, impulses: &[Self::Impulse], w: &mut [R]);
 
-    /// Visits every constraint once. Each gets the impulse that solves it while the others stay. Returns the larger of `change` and the
-    /// largest change of a velocity, m/s.
+    /// Makes one Gauss-Seidel iteration over the constraints of this kind: each in turn gets the impulse that solves it at constant other
+    /// impulses.
+    ///
+    /// Returns the larger of `change` and the largest change of a velocity, m/s.
     fn sweep(&self, rows: &Rows<Self::Row>, unknowns: Unknowns<'_, R, Self::Impulse>, lanes: SweepLanes<R>, change: R) -> R;
 
-    /// Appends the velocities of all rows at the scaled velocity change w, m/s, including those by their compliance.
+    /// Appends the velocities of all rows at the scaled velocity change `w`, m/s or rad/s. They include the part by the compliance.
     fn velocities(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], w: &[R], out: &mut Vec<R>);
 
-    /// Appends the compliance of all rows, without the additional compliance of contact normals.
+    /// Appends the compliance of each row, without the additional compliance of contact normals.
     fn compliances(&self, rows: &Rows<Self::Row>, out: &mut Vec<R>);
 
-    /// Calls `f` with the natural-map residual of every constraint, m/s, in their order; see [`residual`](crate::residual()).
+    /// Calls `f` with the natural-map residual of each constraint in turn, m/s, see [`residual`](crate::residual()).
     fn for_each_residual(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], w: &[R], f: impl FnMut(R));
 
-    /// Sum of `sum` and the magnitudes of all normal impulses.
+    /// Sum of `sum` and the magnitudes of all normal impulses, N s.
     fn sum_normal_impulses(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], sum: R) -> R;
 
-    /// Sum of `sum` and the potential `g . lambda + R lambda^2 / 2` of the impulses in the velocity solve, J.
+    /// Sum of `sum` and the potential `g . lambda + R lambda^2 / 2` of all impulses lambda, J. Here g are the velocity targets and R the
+    /// compliances.
     fn add_potential(&self, impulses: &[Self::Impulse], sum: R) -> R;
 
-    /// Adds the row velocities of `change`, a scaled change of the free velocity, to the targets of both solves (velocity and position) in
-    /// all rows, in the lanes `lanes`.
+    /// Adds the row velocities by `change`, a scaled change of the free velocity, to the velocity and position targets of all rows, in the
+    /// lanes `lanes`.
     fn shift(&self, rows: &mut Rows<Self::Row>, change: &[R], lanes: R::Mask);
 
-    /// Damps the targets of the rows relative to `impulses`, which are appended to the reference; see
-    /// [`PositionRows::damp`](crate::PositionRows::damp).
+    /// Damps the targets of the rows by a compliance, see [`PositionRows::damp`](crate::PositionRows::damp). It causes no velocity at the
+    /// present `impulses`.
+    ///
+    /// `floors` has a minimum mobility per constraint, 1/kg. `reference` are two lists, to which the normal impulses and the undamped
+    /// targets are appended.
     fn damp(&self, rows: &mut Rows<Self::Row>, impulses: &[Self::Impulse], damping: Damping<R>, floors: &[R], reference: [&mut Vec<R>; 2]);
 
-    /// Larger of `most` and the largest difference between the target of a normal row and its velocity that damping causes, m/s or rad/s.
+    /// Larger of `most` and the largest velocity by which damping prevents a normal row from meeting its target, m/s or rad/s. `before` are
+    /// the impulses of the reference.
     fn shortfall(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], before: &[R], most: R) -> R;
 
-    /// Larger of `most` and the largest target of an immovable row, m/s or rad/s.
+    /// Larger of `most` and the largest target of a row that no impulse can move, m/s or rad/s.
     fn immovable_target(&self, rows: &Rows<Self::Row>, most: R) -> R;
 
-    /// Larger of `most` and the largest target velocity of an immovable row without position correction, m/s or rad/s.
+    /// Larger of `most` and the largest velocity target, without its position correction, of a row that no impulse can move, m/s or rad/s.
     fn unmet_velocity(&self, rows: &Rows<Self::Row>, most: R) -> R;
 
-    /// Adds J^T z of a witness of infeasibility to `momentum`, scaled; returns `lack` - z . u, J. See
-    /// [`System::witness`](crate::System::witness).
+    /// Adds the scaled momentum J^T z of a proof of infeasibility to `momentum`, and returns `missing_work` - z . u, J. Here z are added
+    /// impulses and u velocities, see [`System::witness`](crate::System::witness).
     fn witness(
         &self,
         rows: &Rows<Self::Row>,
@@ -329,25 +340,25 @@ pub trait ConstraintSet<R: Real>: Sized {
         reference: ReferenceRows<'_, R>,
         w: &[R],
         momentum: &mut [R],
-        lack: R,
+        missing_work: R,
     ) -> R;
 }
 
-/// Whether any lane's impulse changes.
+/// Whether `d` is nonzero in any lane.
 ///
-/// Many limits and contacts stay open from sweep to sweep. Adding their zeros would change nothing, because no sum is ever -0.
+/// Many limits and contacts remain open from sweep to sweep. Adding their zeros would change nothing, because no sum is ever -0.
 #[inline(always)]
 pub(crate) fn is_nonzero<R: Real>(d: R) -> bool {
     !d.eq(R::zero()).all()
 }
 
-/// Larger of two numbers. A NaN on the right is returned, so that it is never hidden.
+/// Larger of two numbers. If `b` is NaN the result is NaN, so that it is never hidden.
 #[inline(always)]
 pub(crate) fn worse<R: Real>(a: R, b: R) -> R {
     R::select(b.le(a), a, b)
 }
 
-/// Replaces the numbers of a lane by `from + weight (number - from)`.
+/// Replaces the `numbers` of a lane by `from + weight (number - from)`.
 pub(crate) fn blend_lane<R: Real>(numbers: &mut [R], from: &[R], lane: usize, weight: f64) {
     for (number, from) in numbers.iter_mut().zip(from) {
         let [now, from] = [*number, *from].map(|x| number_of(x, lane));
@@ -355,7 +366,7 @@ pub(crate) fn blend_lane<R: Real>(numbers: &mut [R], from: &[R], lane: usize, we
     }
 }
 
-/// Number in lane `lane` of a register, as f64.
+/// Number in lane `lane`, as f64.
 #[inline(always)]
 pub(crate) fn number_of<R: Real>(x: R, lane: usize) -> f64 {
     x.lane(lane).to_f64()

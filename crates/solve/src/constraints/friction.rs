@@ -1,6 +1,7 @@
-//! Contacts with Coulomb friction, of any number of rows: the normal row first, then those of the tangents.
+//! Contacts with Coulomb friction, of any number of rows: the normal row first, then the tangential ones.
 //!
-//! This file has the parts that do not depend on the number of rows. A [`LocalSolver`] solves one contact alone, with its block of G.
+//! This file has the parts that do not depend on the number of rows. A [`LocalSolver`] solves a single contact, with its block of the
+//! Delassus matrix G.
 
 use std::fmt::Debug;
 use std::ops::{Index, IndexMut};
@@ -16,120 +17,122 @@ use crate::entries::Entries;
 use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real, Scalar};
 
-/// Friction law of one contact: the solution of the contact's problem while all other impulses stay, and the set of admissible impulses.
+/// Solver of the friction problem of a single contact at constant other impulses.
 ///
-/// The set is the circular cone of Coulomb's law unless the implementation replaces it.
+/// The admissible impulses are the circular cone of Coulomb's law unless the implementation replaces it.
 pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
-    /// Solver of the same kind in half the lanes.
+    /// Solver of the same kind in half of the lanes.
     type Half: LocalSolver<R::Half, N>;
 
-    /// Solver of the contact with the block `gram` of G, whose upper triangle is read, in the lanes `exists`. Also returns the trace of the
-    /// block.
+    /// Solver of a contact whose block of the Delassus matrix is `gram`, in the lanes `exists`. Only the upper triangle is read.
+    ///
+    /// Also returns the trace of the block, 1/kg.
     fn new(gram: &[[R; N]; N], exists: R::Mask) -> (Self, R);
 
-    /// Impulse that solves this contact alone, with the multiplier s of its friction disc (0 where it sticks or opens).
+    /// Impulse that solves this contact, and the multiplier s of its friction disc, which is 0 for a contact that sticks or opens.
     ///
-    /// `v` is its velocity under the impulse `lambda`, including that by its compliance. `guess` starts the search for s, in the lanes
-    /// `lanes`.
+    /// `v` is its velocity under the impulse `lambda`, including the part by its compliance. `mu` is the friction coefficient. The search
+    /// for s starts at `guess`, in the lanes `lanes`.
     fn solve(&self, mu: R, v: [R; N], lambda: [R; N], guess: R, lanes: R::Mask) -> ([R; N], R);
 
-    /// Impulse of a weaker update that cycles less, in the lanes `active` in which the contact exists.
+    /// Impulse by a weaker update than [`LocalSolver::solve`], which cycles less, in the lanes `active` in which the contact exists.
     ///
-    /// It first updates the normal impulse with constant tangential one. Then it projects the tangential impulse on the disc of the new
-    /// normal impulse.
+    /// It updates the normal impulse at constant tangential impulse. Then it projects the tangential impulse on the disc of the new normal
+    /// impulse.
     fn relax(&self, mu: R, v: [R; N], lambda: [R; N], active: R::Mask) -> [R; N];
 
-    /// Mean diagonal entry of the block of G, before elimination of equality rows, 1/kg.
+    /// Mean diagonal entry of the contact's block of G before elimination of equality rows, 1/kg.
     fn mobility(&self, step: &NaturalStep<R>) -> R;
 
-    /// Adds a compliance to all rows and to the step of the natural map.
+    /// Adds a compliance to all rows of the contact and to the step of its natural map.
     fn damp(&mut self, compliance: R, step: &mut NaturalStep<R>);
 
-    /// Adds a compliance to the normal row alone, which does not enter the natural map. Returns the ratio of the normal's diagonal entry
-    /// before to that after it.
-    fn give(&mut self, compliance: R) -> R;
+    /// Adds a compliance to the normal row alone, which does not change the natural map. Returns the ratio of the normal row's diagonal
+    /// entry before to that after it.
+    fn add_normal_compliance(&mut self, compliance: R) -> R;
 
-    /// Gathers some lanes into `out`.
+    /// Gathers some lanes into `out`, which has half of the lanes.
     fn gather(&self, map: &LaneMap, out: &mut Self::Half);
 
-    /// De Saxce's term of the velocity `v`, m/s.
+    /// De Saxce's term mu |v_t| at the velocity `v`, m/s.
     #[inline(always)]
     fn slip(mu: R, v: &[R; N]) -> R {
         mu * tangential_speed(v)
     }
 
-    /// Projection on the set of admissible impulses.
+    /// Projection of an impulse on the set of admissible impulses.
     #[inline(always)]
     fn project(x: [R; N], mu: R) -> [R; N] {
         project(x, mu)
     }
 
-    /// Admissible set for Newton's method.
+    /// Set of admissible impulses for Newton's method.
     fn admissible_set(mu: f64) -> AdmissibleSet {
         AdmissibleSet::Cone { mu }
     }
 }
 
-/// Step of a contact's natural map.
+/// Step length of a contact's natural map, whose residual is |lambda - P_K(lambda - rho u)| / rho.
 #[derive(Clone, Copy, Debug)]
 pub struct NaturalStep<R> {
-    /// Step rho = N / trace(G_ii), kg, with the trace before elimination of equality rows.
+    /// Step rho = N / trace(G_ii), kg, where N is the number of rows. The trace is that before elimination of equality rows.
     pub(super) rho: R,
-    /// Inverse of the step.
+    /// Inverse 1 / rho of the step, 1/kg.
     pub(super) inv_rho: R,
     /// Ratio of trace(G_ii) before elimination of equality rows to that after it, at least 1.
     pub(super) trace_ratio: R,
 }
 
 impl<R: Real> NaturalStep<R> {
-    /// Step for `N` rows whose block of G has the trace `trace`.
+    /// Step for `N` rows whose block of G has the trace `trace`, 1/kg.
     #[inline(always)]
     pub(super) fn of_trace<const N: usize>(trace: R) -> Self {
         Self { rho: R::of(N as f64) / trace, inv_rho: trace * R::of(1.0 / N as f64), trace_ratio: R::one() }
     }
 
-    /// Step of a block whose trace was larger by the factor `ratio` before elimination.
+    /// Step of a contact whose block of G had a trace larger by the factor `ratio` before elimination of equality rows.
     #[inline(always)]
     pub(super) fn with_trace_ratio(self, ratio: R) -> Self {
         Self { rho: self.rho / ratio, inv_rho: self.inv_rho * ratio, trace_ratio: ratio }
     }
 }
 
-/// Contact with friction in `N` rows, which `L` solves alone.
+/// Contact with friction in `N` rows. `L` is the solver of a single contact.
 #[derive(Clone, Copy, Debug)]
 pub struct FrictionContact<R: Real, const N: usize, L> {
-    /// Index of its first coordinate in the list of coordinates of all contacts with as many rows.
+    /// Index of its first coordinate in the list of coordinates of all contacts with `N` rows.
     support: usize,
-    /// Index of its first Jacobian entry in the list of entries of all contacts with as many rows.
+    /// Index of its first Jacobian entry in the list of entries of all contacts with `N` rows.
     y: usize,
-    /// Number of its coordinates.
+    /// Number of coordinates at which the contact has entries.
     coordinates: usize,
     /// Lanes in which the contact exists.
     pub active: R::Mask,
-    /// Lanes in which the contact is immovable along its normal: it has no rows, and its impulse stays.
+    /// Lanes in which no impulse can move the contact along its normal. It has no rows there, and its impulse does not change.
     pub(super) immovable: R::Mask,
-    /// Lanes in which the rows are deferred: the solver leaves them out until they are activated.
+    /// Lanes in which the rows are deferred: the solver ignores them until they are activated.
     deferred: R::Mask,
-    /// Coefficient of friction of the scaled rows; 0 for a frictionless contact.
+    /// Friction coefficient of the scaled rows; 0 for a frictionless contact.
     pub mu: R,
-    /// Velocity before any impulse, with the bias of the normal row, m/s.
+    /// Velocity of each row before any impulse, with the bias of the normal row, m/s. It is the target of the velocity solve.
     pub g: [R; N],
-    /// Target of the position solve, m/s: g of the normal row, and the terms added to g of the others.
+    /// Target of the position solve, m/s: the value of g for the normal row, and terms that are added to g for the other rows.
     pub position_g: [R; N],
-    /// Compliance R of the normal row, at least 0: velocity per unit of impulse, 1/kg. 0 is hard.
+    /// Compliance R >= 0 of the normal row: velocity per unit of impulse, 1/kg. It is 0 for a hard contact.
     pub(crate) compliance: R,
-    /// Fraction of an error in the normal row that is an error of the velocity, not of the spring: G_nn / (G_nn + R), 1 for a hard row.
+    /// Part of a residual in the normal row that is an error of the velocity, and not of a spring: G_nn / (G_nn + R). It is 1 for a hard
+    /// contact.
     rigid_fraction: R,
-    /// Compliance of all rows that damps the position solve.
+    /// Compliance of all rows that damps the position solve, 1/kg.
     damping: R,
-    /// Step of the natural map.
+    /// Step length of the natural map.
     step: NaturalStep<R>,
-    /// Solver of this contact alone.
+    /// Solver of this contact at constant other impulses.
     pub(super) local: L,
 }
 
 impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
-    /// Damps all rows by a compliance that counts from the impulse `lambda`.
+    /// Damps all rows by a compliance, 1/kg. It causes no velocity at the impulse `lambda`.
     #[inline(always)]
     fn damp(&mut self, compliance: R, lambda: [R; N]) {
         self.damping += compliance;
@@ -139,7 +142,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
         self.local.damp(compliance, &mut self.step);
     }
 
-    /// Contact that exists in no lane, to be overwritten.
+    /// Contact that exists in no lane. Its fields are overwritten later.
     fn blank() -> Self {
         let (none, zero) = (R::Mask::splat(false), R::zero());
         let (local, trace) = L::new(&[[zero; N]; N], none);
@@ -161,7 +164,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
         }
     }
 
-    /// Gathers the parts that sweeps read from some lanes into `out`.
+    /// Gathers what sweeps read from some lanes into `out`. Compliances are gathered if `compliant`.
     #[inline(always)]
     fn gather(&self, map: &LaneMap, compliant: bool, out: &mut FrictionContact<R::Half, N, L::Half>) {
         (out.support, out.y, out.coordinates) = (self.support, self.y, self.coordinates);
@@ -177,13 +180,17 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
     }
 }
 
-/// Contacts of one kind, stored sparse.
+/// Contacts with `N` rows each, stored sparse.
 ///
-/// A contact's support lists the coordinates of w that it touches in any lane, ascending. Lanes that do not touch one have zeros there.
+/// A contact's support lists the coordinates of w at which it has entries in any lane, ascending. Lanes without an entry at one of them
+/// have zeros there.
 #[derive(Clone, Debug)]
 pub struct FrictionContacts<R: Real, const N: usize, L> {
+    /// Rows of each contact, with the velocity targets.
     pub(super) rows: Rows<FrictionContact<R, N, L>>,
+    /// Coordinates of the contacts, one contact after the other.
     support: Vec<u32>,
+    /// Entries of the scaled Jacobian at these coordinates, for all rows of a contact.
     y: Entries<[R; N]>,
 }
 
@@ -206,9 +213,10 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         self.rows.items.iter()
     }
 
-    /// Appends a contact whose rows have the entries `y` at the coordinates `support` (ascending).
+    /// Appends a contact whose rows have the entries `y` at the coordinates `support`, ascending.
     ///
-    /// `least` is the normal mobility below which a contact is immovable, 1/kg.
+    /// `active` are its lanes, `mu` its friction coefficient and `g` its velocities before any impulse with bias, m/s. A contact whose
+    /// normal mobility is below `least`, 1/kg, is immovable.
     #[inline(always)]
     pub(crate) fn push(&mut self, support: &[u32], y: impl Fn(usize) -> [R; N], active: R::Mask, mu: R, g: [R; N], least: R) {
         let (s0, y0) = (self.support.len(), self.y.len());
@@ -245,14 +253,14 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         });
     }
 
-    /// Lanes in which the contact pushed last is immovable along its normal.
+    /// Lanes in which the last contact of the list is immovable along its normal.
     #[inline(always)]
-    pub fn held(&self) -> R::Mask {
+    pub fn last_is_immovable(&self) -> R::Mask {
         self.rows.items.last().map_or(R::Mask::splat(false), |contact| contact.immovable)
     }
 
-    /// Makes the contact pushed last movable along its normal in the lanes `lanes`, in which it was immovable. Call it before setting its
-    /// trace ratio and its compliance.
+    /// Makes the last contact of the list movable along its normal in the lanes `lanes`, in which it was immovable. Call it before its
+    /// trace ratio and its compliance are set.
     pub fn make_movable(&mut self, lanes: R::Mask) {
         R::vectorize(
             #[inline(always)]
@@ -269,7 +277,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         )
     }
 
-    /// Sets the target of the contact pushed last to zero along an immovable normal, if it approaches at `negligible` speed or less, m/s.
+    /// Sets the normal target of the last contact of the list to zero, in lanes in which it is immovable and approaches negligibly.
+    /// `negligible` is that speed, m/s.
     pub fn clear_negligible_approach(&mut self, negligible: R) {
         R::vectorize(
             #[inline(always)]
@@ -281,8 +290,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         )
     }
 
-    /// Sets the trace ratio of the contact pushed last: the ratio of trace(G_ii) before elimination of equality rows to that after it. The
-    /// scale of the residual uses the former.
+    /// Sets the trace ratio of the last contact of the list: trace(G_ii) before elimination of equality rows divided by that after it. The
+    /// scale of the residual uses the trace before elimination.
     #[inline(always)]
     pub fn set_trace_ratio(&mut self, ratio: R) {
         if let Some(contact) = self.rows.items.last_mut() {
@@ -290,9 +299,10 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         }
     }
 
-    /// Sets the target of the position solve of the contact pushed last, m/s: g of the normal row, and the terms added to g of the others.
+    /// Sets the target of the position solve of the last contact of the list, m/s.
     ///
-    /// By default it is the target of the velocity solve.
+    /// It has the value of g for the normal row, and terms that are added to g for the other rows. By default it is the target of the
+    /// velocity solve.
     #[inline(always)]
     pub fn set_position_target(&mut self, position_g: [R; N]) {
         if let Some(contact) = self.rows.items.last_mut() {
@@ -300,7 +310,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         }
     }
 
-    /// Defers the rows of the contact pushed last, in the lanes `lanes`: the solver leaves them out until they are activated.
+    /// Defers the rows of the last contact of the list in the lanes `lanes`: the solver ignores them until they are activated.
     #[inline(always)]
     pub fn defer(&mut self, lanes: R::Mask) {
         if let Some(contact) = self.rows.items.last_mut() {
@@ -309,7 +319,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         }
     }
 
-    /// Normal velocity y . w + g of contact `i` at the scaled velocity change w, m/s.
+    /// Normal velocity of contact `i`, with its bias, at the scaled velocity change `w`, m/s.
     #[inline(always)]
     pub(crate) fn normal_velocity(&self, i: usize, w: &[R]) -> R {
         let contact = &self.rows.items[i];
@@ -321,7 +331,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         v + contact.g[0]
     }
 
-    /// Work of the friction of contact `i`, J: its impulse times the mean of the slip before and after all impulses.
+    /// Work of the friction of contact `i`, J: its friction impulse times the mean of the slip velocities before and after all impulses.
     #[inline(always)]
     pub(crate) fn friction_work(&self, i: usize, impulses: &[[R; N]], w: &[R]) -> R {
         let contact = &self.rows.items[i];
@@ -333,9 +343,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         work * R::of(0.5)
     }
 
-    /// Rounding error of the normal impulse of contact `i`, as a velocity, m/s.
-    ///
-    /// The residual of the contact cannot resolve smaller velocities.
+    /// Rounding error of the normal impulse of contact `i`, as a velocity, m/s. The residual of the contact cannot be smaller.
     #[inline(always)]
     pub(crate) fn impulse_rounding(&self, i: usize, impulses: &[[R; N]]) -> R {
         impulses[i][0] * self.rows.items[i].step.inv_rho * R::of(R::Scalar::EPSILON.to_f64())
@@ -357,15 +365,17 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         lanes
     }
 
-    /// Defers the rows of contact `i` in the lanes `lanes`, in which they must be active and have no impulse.
+    /// Defers the rows of contact `i` in the lanes `lanes`: the solver ignores them until they are activated. In these lanes they must be
+    /// active and have no impulse.
     #[inline(always)]
-    pub(crate) fn defer_again(&mut self, i: usize, lanes: R::Mask) {
+    pub(crate) fn defer_contact(&mut self, i: usize, lanes: R::Mask) {
         let contact = &mut self.rows.items[i];
         contact.active = contact.active.and_not(lanes);
         contact.deferred = contact.deferred.or(lanes);
     }
 
-    /// Sets the impulse of contact `i` to zero in the lanes `lanes`, and updates w. Returns the impulse before.
+    /// Sets the impulse of contact `i` to zero in the lanes `lanes`, and updates the scaled velocity change `w`. Returns the impulse
+    /// before, N s.
     #[inline(always)]
     pub(crate) fn take_impulse(&self, i: usize, lanes: R::Mask, impulses: &mut [[R; N]], w: &mut [R]) -> [R; N] {
         let before = impulses[i];
@@ -378,7 +388,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         before
     }
 
-    /// Sets the impulse of contact `i`, which must be zero, to `lambda` in the lanes `lanes`, and updates w.
+    /// Sets the impulse of contact `i`, which must be zero, to `lambda` in the lanes `lanes`, and updates the scaled velocity change `w`.
     #[inline(always)]
     pub(crate) fn set_first_impulse(&self, i: usize, lanes: R::Mask, lambda: [R; N], impulses: &mut [[R; N]], w: &mut [R]) {
         let mut d = lambda;
@@ -389,25 +399,26 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         self.add(&self.rows.items[i], d, w);
     }
 
-    /// Sets the compliance R >= 0 of the normal row of the contact pushed last: that of a spring and a damper between its surfaces.
+    /// Sets the compliance R >= 0 of the normal row of the last contact of the list, 1/kg: that of a spring and a damper between the
+    /// surfaces.
     #[inline(always)]
     pub fn set_compliance(&mut self, compliance: R) {
         if let Some(contact) = self.rows.items.last_mut() {
             contact.compliance = compliance;
-            // Without a spring nothing changes, whatever the other lanes have: the ratio is 1 except for rounding.
-            let ratio = contact.local.give(compliance);
+            // A lane without a spring must not depend on the other lanes: the ratio is 1 except for rounding.
+            let ratio = contact.local.add_normal_compliance(compliance);
             contact.rigid_fraction = R::select(compliance.gt(R::zero()), ratio, R::one());
             self.rows.compliant = true;
         }
     }
 
-    /// Coordinates and entries of a contact.
+    /// Coordinates of a contact, and the Jacobian entries of its rows at each.
     #[inline(always)]
     pub fn entries(&self, contact: &FrictionContact<R, N, L>) -> (&[u32], &[[R; N]]) {
         (&self.support[contact.support..contact.support + contact.coordinates], self.y.row(contact.y, contact.coordinates))
     }
 
-    /// Velocity Y^T w + g of a contact at the scaled velocity change w, m/s, without its compliance.
+    /// Velocities of the rows of a contact at the scaled velocity change `w`, m/s, without the part by its compliance.
     #[inline(always)]
     pub fn velocity(&self, contact: &FrictionContact<R, N, L>, w: &[R]) -> [R; N] {
         let (support, y) = self.entries(contact);
@@ -424,9 +435,10 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         v
     }
 
-    /// Adds the velocities of a scaled `change` to the velocity targets of contact `i`, in the lanes `lanes`.
+    /// Adds the row velocities by `change`, a scaled change of the free velocity, to the velocity targets of a contact, in the lanes
+    /// `lanes`.
     ///
-    /// One weight scales the normal row and one the others.
+    /// The first of `weights` scales the change of the normal row, the second that of the other rows.
     #[inline(always)]
     pub(crate) fn shift_contact(&self, contact: &mut FrictionContact<R, N, L>, change: &[R], lanes: R::Mask, weights: [R; 2]) {
         let moved = self.velocity(contact, change);
@@ -436,7 +448,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         }
     }
 
-    /// Velocity of a contact at the scaled velocity change w and the impulse `lambda`, m/s, with its compliance.
+    /// Velocities of the rows of a contact at the scaled velocity change `w` and its impulse `lambda`, m/s. They include the part by its
+    /// compliance if `compliant`.
     #[inline(always)]
     fn velocity_under(&self, contact: &FrictionContact<R, N, L>, compliant: bool, w: &[R], lambda: &[R; N]) -> [R; N] {
         let mut v = self.velocity(contact, w);
@@ -449,7 +462,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         v
     }
 
-    /// Adds w += Y d.
+    /// Adds the scaled velocity change by the impulse `d` of a contact to `w`.
     #[inline(always)]
     pub fn add(&self, contact: &FrictionContact<R, N, L>, d: [R; N], w: &mut [R]) {
         let (support, y) = self.entries(contact);
@@ -474,7 +487,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     }
 }
 
-/// Upper triangle of the block of G of a contact with these entries.
+/// Upper triangle of the block of the Delassus matrix of a contact whose rows have these Jacobian entries, 1/kg.
 #[inline(always)]
 fn gram<R: Real, const N: usize>(entries: &[[R; N]]) -> [[R; N]; N] {
     let mut gram = [[R::zero(); N]; N];
@@ -488,7 +501,7 @@ fn gram<R: Real, const N: usize>(entries: &[[R; N]]) -> [[R; N]; N] {
     gram
 }
 
-/// Length of the tangential part of a velocity, m/s.
+/// Length of the tangential part of a contact's velocity, m/s.
 #[inline(always)]
 fn tangential_speed<R: Real, const N: usize>(v: &[R; N]) -> R {
     let mut square = v[1] * v[1];
@@ -498,7 +511,8 @@ fn tangential_speed<R: Real, const N: usize>(v: &[R; N]) -> R {
     square.sqrt()
 }
 
-/// Compliance of a contact of mobility `mobility` with a correction of `correction` m/s: 0 without correction.
+/// Compliance that damps a contact with the mobility `mobility`, 1/kg, and the velocity correction `correction`, m/s. It is 0 for a
+/// negligible correction.
 #[inline(always)]
 fn damping_compliance<R: Real>(damping: Damping<R>, correction: R, mobility: R) -> R {
     masked(correction.gt(damping.negligible), (damping.ratio + damping.bending * correction) * mobility)
@@ -658,7 +672,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
         let SweepLanes { running, exact } = lanes;
         for (i, contact) in rows.items.iter().enumerate() {
             let lanes = running.and(contact.active);
-            // In late sweeps few lanes remain, with few rows.
+            // In late sweeps few lanes remain, which have few of the contacts.
             if lanes.none() {
                 continue;
             }
@@ -709,7 +723,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
             for k in 1..N {
                 moved[k] -= rho * v[k];
             }
-            // Two orders of the same sum, which round differently.
+            // The two forms are the same sum in different orders, with different rounding.
             if N == 3 {
                 moved[0] -= rho * (v[0] + slip);
             } else {
@@ -807,19 +821,19 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
         reference: ReferenceRows<'_, R>,
         w: &[R],
         momentum: &mut [R],
-        mut lack: R,
+        mut missing_work: R,
     ) -> R {
         for ((contact, now), (&before, &g)) in rows.items.iter().zip(impulses).zip(reference.lambda.iter().zip(reference.g)) {
             // A compliant row can always meet its target.
             let hard = contact.active.and_not(contact.compliance.gt(R::zero()));
             let z = masked(hard, (now[0] - before).max(R::zero()));
             let u = self.velocity(contact, w)[0] - contact.g[0] + g;
-            lack -= z * u;
+            missing_work -= z * u;
             let mut d = [R::zero(); N];
             d[0] = z;
             self.add(contact, d, momentum);
         }
-        lack
+        missing_work
     }
 }
 
@@ -839,12 +853,12 @@ impl<R: Real, const N: usize, L> IndexMut<usize> for FrictionContacts<R, N, L> {
     }
 }
 
-/// Least tangential mobility of a contact whose block has the trace `trace`, 1/kg.
+/// Least tangential mobility of a contact whose block of the Delassus matrix has the trace `trace`, 1/kg.
 ///
-/// A direction in which the contact cannot move (a planar mechanism) has a zero principal value. A floor below most physical ratios, and
-/// far above the rounding of the entries, keeps its impulse at zero instead of 0/0. It bounds a step and not the solution: directions of
-/// less mobility take more sweeps. For a cylinder that brakes in line with both of its axes, a floor of 2e-11 gave impulses of 1e8 N s of
-/// rounding error.
+/// A direction in which the contact cannot move (a planar mechanism) has zero mobility. A floor below most physical ratios, and far above
+/// the rounding of the entries, gives it zero impulse instead of 0/0. The floor bounds a step and does not change the solution: directions
+/// with less mobility take more sweeps. For a cylinder that brakes in line with both of its axes, a floor of 2e-11 gave impulses of 1e8 N s
+/// of rounding error.
 ///
 /// Measured in 32 bits on 64 quadrupeds that step on flat ground: a floor of 1.2e-2 takes 8.7 sweeps per step. A foot moves a hundred times
 /// more easily across its leg than along it. A floor of 1.2e-4 takes 2.6 sweeps, and 64 bits with 1e-8 take 3.1.
@@ -853,11 +867,14 @@ pub(super) fn least_tangent<R: Real>(trace: R) -> R {
     trace * R::of(f64::max(1e-8, <R::Scalar as Scalar>::EPSILON.to_f64() * 1e3))
 }
 
-/// Largest number of Newton steps of a sliding contact. One to three are usual; the others let bisection rescue a poor start.
+/// Largest number of Newton steps for the multiplier of a sliding contact. One to three are usual. With more, bisection finds the solution
+/// from a poor start.
 pub(super) const MAX_NEWTON: usize = 24;
 
-/// Distance of a sliding impulse from its cone, relative to its length, below which the next Newton step is the last. A step squares the
-/// distance; this is the fourth root of the rounding error.
+/// Distance of a sliding impulse from the surface of its friction cone below which the next Newton step is the last, relative to the
+/// impulse.
+///
+/// A step squares the distance, and this is about the square root of the rounding error.
 #[inline(always)]
 pub(super) fn near<R: Real>() -> R {
     R::of(4.0 * <R::Scalar as Scalar>::EPSILON.to_f64().sqrt())

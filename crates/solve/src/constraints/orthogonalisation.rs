@@ -1,9 +1,9 @@
 //! Orthogonalisation of equality rows (modified Gram-Schmidt; Golub & Van Loan 2013, algorithm 5.2.6).
 //!
-//! Hard equalities require y_k . w + g_k = 0 whatever the impulses, so that every invertible combination of them is equivalent. With
-//! orthogonal rows one Gauss-Seidel iteration (a "sweep" over the rows) solves them all exactly. With the original rows of a closed loop it
-//! converges slowly. A row that depends linearly on earlier rows loses all its entries and is removed. Examples are a planar loop closed in
-//! three dimensions, and two welds of the same bodies.
+//! Hard equalities require y_k . w + g_k = 0 for all impulses, so that every invertible combination of them is equivalent. With orthogonal
+//! rows one Gauss-Seidel iteration (a "sweep" over the rows) solves them all exactly. With the original rows of a closed loop it converges
+//! slowly. A row that depends linearly on earlier rows loses all its entries and is removed. Examples are a planar loop closed in three
+//! dimensions, and two welds of the same bodies.
 //!
 //! The remaining length of a row does not reveal dependence. A row that couples a light body to a heavy one is short as well, because the
 //! entries of a body scale with 1 / sqrt(mass). A short row is therefore projected a second time, which makes it orthogonal to the others
@@ -19,28 +19,31 @@ use crate::cone::masked;
 use crate::constraints::scalar::{ScalarRow, ScalarRows};
 use stepper_real::{Mask, Real, Scalar};
 
-/// Ratio of the squared length of a row after projection to that before, above which the row is independent. Below it the entries decide.
+/// Ratio of the squared length of a row after projection to that before it, above which the row is independent of the others. For smaller
+/// ratios the entries decide.
 pub fn dependence_threshold<R: Real>() -> f64 {
     let root = <R::Scalar as Scalar>::EPSILON.to_f64().sqrt();
     root * root.sqrt()
 }
 
-/// Square of the ratio of an entry to its scale below which the entry counts as zero. The ratio is 1.3e-6 in 64 bits, enough for loops near
-/// a singularity. In 32 bits it is 3.8e-6, eight times the rounding error of a Jacobian of twenty links.
+/// Square of the ratio of an entry to its scale below which the entry counts as zero.
+///
+/// The ratio is 1.3e-6 in 64 bits, enough for loops near a singularity. In 32 bits it is 3.8e-6, eight times the rounding error of a
+/// Jacobian of twenty links.
 fn entry_threshold<R: Real>() -> f64 {
     dependence_threshold::<f64>().max((32.0 * <R::Scalar as Scalar>::EPSILON.to_f64()).powi(2))
 }
 
-/// Square of the ratio of an entry to its rounding error, below which the entry counts as zero. The second projection changes an entry by
+/// Square of the ratio of an entry to its rounding error below which the entry counts as zero. The second projection changes an entry by
 /// about its rounding error.
 pub const ROUNDING_RATIO: f64 = 16.0;
 
-/// Ratio of a target velocity to its scale below which it is rounding error. It applies to dependent rows.
+/// Ratio of the target velocity of a linearly dependent row to its scale below which the target is rounding error.
 pub fn velocity_rounding<R: Real>() -> f64 {
     32.0 * <R::Scalar as Scalar>::EPSILON.to_f64()
 }
 
-/// Scales of the rows of a block of equalities, which identify dependent rows.
+/// Scales of equality rows, with which linearly dependent rows are found.
 #[derive(Debug)]
 pub struct RowScales<'a, R> {
     /// Squared length of each row before cancellation: its entries are differences of numbers of this size.
@@ -51,12 +54,12 @@ pub struct RowScales<'a, R> {
     pub entries: Option<EntryScales<'a, R>>,
 }
 
-/// Scales of the entries of all rows of a block.
+/// Scales of the entries of all rows.
 #[derive(Debug)]
 pub struct EntryScales<'a, R> {
     /// Squared scales, row after row.
     pub squares: &'a mut [R],
-    /// Workspace, one number per row.
+    /// Workspace with one number per row.
     pub coefficients: &'a mut [R],
 }
 
@@ -64,7 +67,7 @@ impl<R: Real> ScalarRows<R> {
     /// Orthogonalises the rows `rows`. `right_hand_sides` has more right-hand sides of each row, which are combined like g.
     ///
     /// The rows must be equalities without compliance and bounds, pushed consecutively with the same support. Afterwards the impulses are
-    /// those of the combined rows, and `scales` those of the combined rows. A row is removed if two conditions hold:
+    /// those of the combined rows, and `scales` the scales of the combined rows. A row is removed if two conditions hold:
     ///
     /// - It is shorter than its length in `scales` by a factor of 1e6 (f32: 4e2).
     /// - None of its entries exceeds 1e-6 (f32: 4e-6) of its scale.
@@ -72,7 +75,7 @@ impl<R: Real> ScalarRows<R> {
     /// Such a row is rounding error, or so nearly dependent that its impulse would be meaningless. `adjust` may change the right-hand sides
     /// of a finished row before later rows use them.
     ///
-    /// Returns false if a row is short and `scales` has no entries. Push the rows again then, and call this with scales of entries.
+    /// Returns false if a row is short and `scales` has no entries. Then push the rows again, and call this with scales of entries.
     #[inline(always)]
     #[must_use]
     pub fn orthogonalise<const N: usize>(
@@ -124,10 +127,10 @@ impl<R: Real> ScalarRows<R> {
         true
     }
 
-    /// Projects row `k` a second time, in the lanes `lanes`, in which it is short. Returns the lanes in which it is independent of
-    /// `others`.
+    /// Subtracts the projections on `others` from row `k` a second time, in the lanes `lanes`, in which the row is short. Returns the lanes
+    /// in which it is independent of `others`.
     ///
-    /// Adds to the squared scales of its entries the rounding error of the coefficients.
+    /// The rounding error of the coefficients is added to the squared scales of the row's entries.
     #[cold]
     #[inline(never)]
     fn repeat_projection<const N: usize>(
@@ -169,7 +172,7 @@ impl<R: Real> ScalarRows<R> {
         )
     }
 
-    /// Squared length of the `n` entries from index `at`.
+    /// Squared length of the row whose `n` entries begin at index `at`.
     #[inline(always)]
     fn squared_length(&self, at: usize, n: usize) -> R {
         let mut sum = R::zero();
@@ -206,7 +209,7 @@ impl<R: Real> ScalarRows<R> {
     }
 }
 
-/// Subtracts the right-hand sides of row `j`, times `coefficient`, from those of row `k`.
+/// Subtracts `coefficient` times the right-hand sides of row `j` from those of row `k`.
 #[inline(always)]
 fn subtract_right_hand_sides<R: Real, const N: usize>(right_hand_sides: &mut [[R; N]], k: usize, j: usize, coefficient: R) {
     let other = right_hand_sides[j];

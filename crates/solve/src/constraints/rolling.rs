@@ -2,7 +2,7 @@
 //!
 //! MuJoCo's elliptic cone is sqrt(sum (f_i / mu_i)^2) <= f_n. If row i is multiplied by mu_i / mu, it becomes the circular cone |x_t| <= mu
 //! x_n in five dimensions. Then f_i = (mu_i / mu) x_i, and all velocities are in m/s. Coulomb's law (maximal dissipation) is the same in
-//! both, because f . v = x . v'. A kind of friction that the contact lacks is a row of zeros.
+//! both, because f . v = x . v'. A type of friction that the contact lacks is a row of zeros.
 
 use crate::cone::{masked, positive};
 use crate::constraints::friction::{FrictionContact, FrictionContacts, LocalSolver, MAX_NEWTON, NaturalStep, least_tangent, near};
@@ -18,28 +18,32 @@ pub type RollingContact<R> = FrictionContact<R, 6, RollingSolver<R>>;
 /// Contacts with torsional or rolling friction.
 pub type RollingContacts<R> = FrictionContacts<R, 6, RollingSolver<R>>;
 
-/// Solver of one contact with torsional and rolling friction.
+/// Solver of a single contact with torsional and rolling friction.
 ///
-/// As for sliding friction, the normal impulse is eliminated and `A x_t + c = -s x_t` is solved in the principal axes of A. Jacobi's method
-/// finds these five axes. Only the update uses the model `nn (k k^T) + Q diag(a) Q^T` of the tangential block. At its fixed point the law
-/// holds for the velocities, whatever the precision of the axes is.
+/// The normal impulse is eliminated and `A x_t + c = -s x_t` is solved for the tangential impulse x_t in the principal axes of A. Jacobi's
+/// method finds these five axes. Only the update uses the model `nn (k k^T) + Q diag(a) Q^T` of the tangential block. At its fixed point
+/// the law holds for the velocities, even if the axes are imprecise.
 #[derive(Clone, Copy, Debug)]
 pub struct RollingSolver<R: Real> {
+    /// Inverse 1 / G_nn of the normal row's diagonal entry, kg.
     inv_gnn: R,
+    /// Diagonal entry G_nn of the normal row, compliance included, 1/kg.
     nn: R,
-    /// Principal axes of A, one after the other.
+    /// Principal axes of the matrix A of the tangential problem, one after the other.
     axes: [[R; T]; T],
-    /// Principal values of A, bounded away from zero.
+    /// Principal values of A, bounded away from zero, 1/kg.
     a: [R; T],
+    /// Inverses of the principal values, kg.
     inv_a: [R; T],
     /// Coupling G_tn / G_nn in the principal axes.
     coupling: [R; T],
-    /// Step of the weaker update.
+    /// Step of the weaker update, kg.
     step: R,
 }
 
 impl<R: Real> RollingSolver<R> {
-    /// Impulse in the contact's rows, from the normal impulse and the tangential one in the principal axes; zero outside `lanes`.
+    /// Impulse in the contact's rows, from the normal impulse `n` and the tangential impulse `x` in the principal axes. The tangential
+    /// impulse is zero outside `lanes`.
     #[inline(always)]
     fn impulse(&self, n: R, x: [R; T], lanes: R::Mask) -> [R; 6] {
         let mut out = [n, R::zero(), R::zero(), R::zero(), R::zero(), R::zero()];
@@ -51,8 +55,10 @@ impl<R: Real> RollingSolver<R> {
         out
     }
 
-    /// Impulse of a slipping contact in the lanes `todo`. It solves |x(s)| = mu n(s) for s > 0 by Newton's method on mu n / |x| = 1 inside
-    /// a bracket, to the accuracy of sliding friction.
+    /// Impulse of a slipping contact in the lanes `todo`.
+    ///
+    /// It solves |x(s)| = mu n(s) for the multiplier s > 0 by Newton's method on mu n / |x| = 1, inside a bracket and from `guess`. Here x
+    /// is the tangential and n the normal impulse.
     #[inline(always)]
     fn slip(&self, mu: R, p: [R; T], push: R, guess: R, mut todo: R::Mask) -> Slip<R> {
         let zero = R::zero();
@@ -89,7 +95,7 @@ impl<R: Real> RollingSolver<R> {
         Slip { x, n, s }
     }
 
-    /// Rate at which the tangential impulse falls per s at the multiplier s, the tangential impulse, and the normal one.
+    /// Derivative of the tangential impulse with respect to the multiplier s, negated, the tangential impulse, and the normal impulse.
     #[inline(always)]
     fn sliding(&self, p: [R; T], push: R, s: R) -> ([R; T], [R; T], R) {
         let (mut x, mut rate) = ([R::zero(); T], [R::zero(); T]);
@@ -101,9 +107,10 @@ impl<R: Real> RollingSolver<R> {
         (rate, x, push - dot(self.coupling, x))
     }
 
-    /// Adds a compliance to the normal row and one to the others. Returns the ratio of the normal's diagonal entry before to that after it.
+    /// Adds one compliance to the normal row and one to the other rows. Returns the ratio of the normal row's diagonal entry before to that
+    /// after it.
     ///
-    /// The principal axes stay the same, because only the update uses them.
+    /// The principal axes do not change, because only the update uses them.
     #[inline(always)]
     fn add_compliance(&mut self, [normal, tangential]: [R; 2]) -> R {
         let nn = self.nn;
@@ -209,7 +216,7 @@ impl<R: Real> LocalSolver<R, 6> for RollingSolver<R> {
     }
 
     #[inline(always)]
-    fn give(&mut self, compliance: R) -> R {
+    fn add_normal_compliance(&mut self, compliance: R) -> R {
         self.add_compliance([compliance, R::zero()])
     }
 
@@ -225,16 +232,21 @@ impl<R: Real> LocalSolver<R, 6> for RollingSolver<R> {
     }
 }
 
-/// Solution of a sliding contact: tangential impulse in the principal axes of A, normal impulse, multiplier of the friction disc.
+/// Solution of a sliding contact.
 struct Slip<R: Real> {
+    /// Tangential impulse in the principal axes, N s.
     x: [R; T],
+    /// Normal impulse, N s.
     n: R,
+    /// Multiplier of the friction disc, 1/kg.
     s: R,
 }
 
-/// Largest number of sweeps of Jacobi's method. It converges quadratically: five dimensions take four to five sweeps to the last digit.
+/// Largest number of iterations of Jacobi's method over all pairs of axes. It converges quadratically: five dimensions take four to five
+/// iterations to the last digit.
 const JACOBI: usize = 5;
 
+/// Dot product of two vectors with an entry for each tangential row.
 #[inline(always)]
 fn dot<R: Real>(a: [R; T], b: [R; T]) -> R {
     let mut sum = a[0] * b[0];
@@ -244,13 +256,13 @@ fn dot<R: Real>(a: [R; T], b: [R; T]) -> R {
     sum
 }
 
-/// Tangential part of a vector over all rows.
+/// Tangential part of a vector with an entry for each row.
 #[inline(always)]
 fn tangential<R: Real>(x: [R; 6]) -> [R; T] {
     [x[1], x[2], x[3], x[4], x[5]]
 }
 
-/// Components of `x` along the axes.
+/// Components of the vector `x` along the axes.
 #[inline(always)]
 fn in_axes<R: Real>(axes: &[[R; T]; T], x: [R; T]) -> [R; T] {
     let mut out = [R::zero(); T];
@@ -260,9 +272,9 @@ fn in_axes<R: Real>(axes: &[[R; T]; T], x: [R; T]) -> [R; T] {
     out
 }
 
-/// Diagonalises a symmetric matrix by Jacobi's cyclic method (Golub & Van Loan 2013, section 8.5). Returns its principal axes.
+/// Principal axes of a symmetric matrix, which is diagonalised by Jacobi's cyclic method (Golub & Van Loan 2013, section 8.5).
 ///
-/// A pair of axes stays if the square of the cosine between them is below epsilon^(3/2), because the rotation would be rounding.
+/// A pair of axes is not rotated if the square of the cosine between them is below epsilon^(3/2), because the rotation would be rounding.
 #[inline(always)]
 fn principal_axes<R: Real>(m: &mut [[R; T]; T]) -> [[R; T]; T] {
     let mut axes = [[R::zero(); T]; T];
@@ -281,7 +293,8 @@ fn principal_axes<R: Real>(m: &mut [[R; T]; T]) -> [[R; T]; T] {
     axes
 }
 
-/// Rotates the axes p and q so that `m[p][q]` becomes zero, where they are not `aligned`.
+/// Rotates the axes p and q so that `m[p][q]` becomes zero. If the square of the cosine between them is at most `aligned`, they are not
+/// rotated.
 #[inline(always)]
 fn rotate<R: Real>(m: &mut [[R; T]; T], axes: &mut [[R; T]; T], p: usize, q: usize, aligned: R) {
     let off = m[p][q];
@@ -291,7 +304,7 @@ fn rotate<R: Real>(m: &mut [[R; T]; T], axes: &mut [[R; T]; T], p: usize, q: usi
     }
     let half = (m[q][q] - m[p][p]) * R::of(0.5);
     let root = (half * half + off * off).sqrt().copysign(half);
-    // The smaller of the two tangents; zero for aligned axes.
+    // The smaller of the two tangents of the rotation angle. It is zero for aligned axes.
     let below = half + root;
     let there = apart.and(below.abs().gt(R::zero()));
     let tan = masked(there, off / R::select(there, below, R::one()));

@@ -14,38 +14,38 @@ use crate::entries::Entries;
 use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real, Scalar};
 
-/// Bounded scalar row: an equality (any lambda), a limit (`0 <= lambda`), or dry friction (`|lambda| <= h f`).
+/// Row with a single impulse lambda in an interval: an equality (any lambda), a limit (`0 <= lambda`), or dry friction (`|lambda| <= h f`).
 #[derive(Clone, Copy, Debug)]
 pub struct ScalarRow<R: Real> {
     /// Index of its first coordinate in the list of coordinates of all scalar rows.
     support: usize,
     /// Index of its first Jacobian entry in the list of entries of all scalar rows.
     pub(super) y: usize,
-    /// Number of its coordinates.
+    /// Number of coordinates at which the row has entries.
     pub(super) coordinates: usize,
     /// Lanes in which the row exists.
     pub active: R::Mask,
-    /// Velocity of the row before any impulse, with its bias, m/s or rad/s.
+    /// Velocity of the row before any impulse, with its bias, m/s or rad/s. It is the target of the velocity solve.
     pub g: R,
-    /// Free velocity with the bias of the position solve, m/s or rad/s.
+    /// Velocity of the row before any impulse, with the bias of the position solve, m/s or rad/s.
     pub position_g: R,
     /// Least impulse, N s or N m s.
     pub lo: R,
     /// Largest impulse, N s or N m s.
     pub hi: R,
-    /// Compliance R, at least 0: velocity of the row per unit of impulse, in addition to the motion of the bodies. 0 is hard.
+    /// Compliance R >= 0: velocity of the row per unit of impulse, in addition to the motion of the bodies, 1/kg. It is 0 for a hard row.
     pub compliance: R,
-    /// Diagonal entry of G, compliance included.
+    /// Diagonal entry of the Delassus matrix, compliance included, 1/kg.
     pub(super) diagonal: R,
-    /// Inverse of the diagonal entry; 1 where the row does not exist or cannot move.
+    /// Inverse of the diagonal entry, kg; 1 in lanes in which the row does not exist or cannot move.
     pub(super) inv_diagonal: R,
     /// Ratio of the diagonal entry before elimination of equality rows to that after it, at least 1.
     pub(crate) trace_ratio: R,
-    /// Mobility that scales the damping of the row's target; 0 for a row that is soft by its force law.
+    /// Mobility that scales the damping of the row's target, 1/kg. It is 0 for a row whose force law has a compliance.
     pub(super) mobility: R,
-    /// Velocity by which damping already reduced the target, m/s or rad/s: see [`ScalarRow::damp_correction`].
+    /// Velocity by which damping already reduced the target, m/s or rad/s, see [`ScalarRow::damp_correction`].
     pub(super) damping_deficit: R,
-    /// Lanes in which the row is immovable.
+    /// Lanes in which no impulse can move the row.
     pub(super) immovable: R::Mask,
 }
 
@@ -56,21 +56,21 @@ impl<R: Real> ScalarRow<R> {
         self.y..self.y + self.coordinates
     }
 
-    /// Lanes in which the row is immovable.
+    /// Lanes in which no impulse can move the row.
     #[inline(always)]
     pub fn immovable(&self) -> R::Mask {
         self.immovable
     }
 
-    /// Coefficient of the projection of another row on this one, where `along` is the product of the entries of both.
+    /// Coefficient of the projection of another row on this one. `along` is the dot product of the entries of both.
     #[inline(always)]
     pub fn projection(&self, along: R) -> R {
         along * self.inv_diagonal
     }
 
-    /// Part of a `correction` of the velocity that damping leaves. `ratio` is the compliance relative to the mobility.
+    /// Part of a velocity `correction` that damping leaves, m/s or rad/s. `ratio` is the compliance relative to the row's mobility.
     ///
-    /// It serves rows that are combined with others before the position solve. [`PositionRows::damp`](crate::PositionRows::damp) then skips
+    /// It is for rows that are combined with others before the position solve. [`PositionRows::damp`](crate::PositionRows::damp) then skips
     /// them.
     #[inline(always)]
     pub fn damp_correction(&mut self, ratio: R, correction: R) -> R {
@@ -81,9 +81,9 @@ impl<R: Real> ScalarRow<R> {
         met
     }
 
-    /// Unmet target velocity of an immovable row, m/s or rad/s.
+    /// Part of a target velocity that an immovable row does not meet, m/s or rad/s.
     ///
-    /// For an equality it is the magnitude of the target, for a limit the part of `g` that the limit does not admit. Dry friction has none.
+    /// For an equality it is `equality`, for a limit the part of `g` that the limit does not admit. For dry friction it is 0.
     #[inline(always)]
     fn unmet(&self, equality: R, g: R) -> R {
         let infinite = R::of(f64::INFINITY);
@@ -91,7 +91,7 @@ impl<R: Real> ScalarRow<R> {
         masked(self.hi.ge(infinite), R::select(either, equality.abs(), -g))
     }
 
-    /// Row that exists in no lane, to be overwritten.
+    /// Row that exists in no lane. Its fields are overwritten later.
     fn blank() -> Self {
         let (none, zero) = (R::Mask::splat(false), R::zero());
         Self {
@@ -113,7 +113,7 @@ impl<R: Real> ScalarRow<R> {
         }
     }
 
-    /// Gathers the parts that sweeps read from some lanes into `out`.
+    /// Gathers what sweeps read from some lanes into `out`, which has half of the lanes.
     #[inline(always)]
     fn gather(&self, map: &LaneMap, out: &mut ScalarRow<R::Half>) {
         (out.support, out.y, out.coordinates) = (self.support, self.y, self.coordinates);
@@ -127,13 +127,18 @@ impl<R: Real> ScalarRow<R> {
     }
 }
 
-/// Scalar rows of a problem, stored sparse. A row's support lists the coordinates of w that the row touches in any lane, ascending.
+/// Scalar rows of a problem, stored sparse.
+///
+/// A row's support lists the coordinates of w at which the row has entries in any lane, ascending.
 #[derive(Clone, Debug)]
 pub struct ScalarRows<R: Real> {
+    /// Rows, with the velocity targets.
     pub(super) rows: Rows<ScalarRow<R>>,
+    /// Coordinates of the rows, one row after the other.
     support: Vec<u32>,
+    /// Entries of the scaled Jacobian at these coordinates.
     pub(super) y: Entries<R>,
-    /// Number of eliminated rows, which come first; see [`ScalarRows::mark_eliminated`].
+    /// Number of eliminated rows, which come first, see [`ScalarRows::mark_eliminated`].
     eliminated: usize,
 }
 
@@ -156,9 +161,10 @@ impl<R: Real> ScalarRows<R> {
         self.rows.items.iter()
     }
 
-    /// Appends a row with the entries `y` at the coordinates `support` (ascending).
+    /// Appends a row with the entries `y` at the coordinates `support`, ascending.
     ///
-    /// `sign` (1 or -1 per lane) multiplies the row. Lanes outside `active` do not have it. `bounds` are the least and the largest impulse.
+    /// `sign` (1 or -1 per lane) multiplies the row. The row exists in the lanes `active`. `g` is its velocity before any impulse, with
+    /// bias, m/s or rad/s. `bounds` are the least and the largest impulse.
     #[inline(always)]
     pub fn push(&mut self, support: &[u32], y: impl Fn(usize) -> R, sign: R, active: R::Mask, g: R, bounds: [R; 2]) {
         let (s0, y0) = (self.support.len(), self.y.len());
@@ -189,7 +195,7 @@ impl<R: Real> ScalarRows<R> {
         });
     }
 
-    /// Removes the rows from `first` on.
+    /// Removes the row `first` and all rows after it.
     pub fn truncate(&mut self, first: usize) {
         if let Some(row) = self.rows.items.get(first) {
             self.support.truncate(row.support);
@@ -198,7 +204,7 @@ impl<R: Real> ScalarRows<R> {
         }
     }
 
-    /// Sets the target g of the position solve of the row pushed last. By default it is that of the velocity solve.
+    /// Sets the target g of the position solve of the last row of the list, m/s or rad/s. By default it is that of the velocity solve.
     #[inline(always)]
     pub fn set_position_target(&mut self, position_g: R) {
         if let Some(row) = self.rows.items.last_mut() {
@@ -206,7 +212,7 @@ impl<R: Real> ScalarRows<R> {
         }
     }
 
-    /// Sets the compliance R >= 0 of the row pushed last.
+    /// Sets the compliance R >= 0 of the last row of the list, 1/kg.
     #[inline(always)]
     pub fn set_compliance(&mut self, compliance: R) {
         if let Some(row) = self.rows.items.last_mut() {
@@ -219,8 +225,8 @@ impl<R: Real> ScalarRows<R> {
         }
     }
 
-    /// Sets the trace ratio of the row pushed last: the ratio of its diagonal entry before elimination of equality rows to that after it.
-    /// The scale of the residual uses the former.
+    /// Sets the trace ratio of the last row of the list: its diagonal entry before elimination of equality rows divided by that after it.
+    /// The scale of the residual uses the entry before elimination.
     #[inline(always)]
     pub fn set_trace_ratio(&mut self, ratio: R) {
         if let Some(row) = self.rows.items.last_mut() {
@@ -229,7 +235,7 @@ impl<R: Real> ScalarRows<R> {
         }
     }
 
-    /// Sets the mobility that scales the damping of the row pushed last.
+    /// Sets the mobility that scales the damping of the last row of the list, 1/kg.
     ///
     /// A block with a nearly immovable row uses the mobility of its other rows.
     #[inline(always)]
@@ -239,7 +245,8 @@ impl<R: Real> ScalarRows<R> {
         }
     }
 
-    /// Marks all present rows as eliminated: equalities without compliance, orthogonal to every other row, also to later ones.
+    /// Marks all rows of the list as eliminated. They must be equalities without compliance, orthogonal to every other row, also to later
+    /// ones.
     ///
     /// They are solved once. Gauss-Seidel iterations skip them, because no other impulse changes their velocities.
     #[inline(always)]
@@ -253,7 +260,7 @@ impl<R: Real> ScalarRows<R> {
         self.eliminated
     }
 
-    /// Solves the eliminated rows in the lanes `lanes`.
+    /// Solves the eliminated rows exactly, in the lanes `lanes`.
     #[inline(always)]
     pub(crate) fn solve_eliminated(&self, rows: &Rows<ScalarRow<R>>, impulses: &mut [R], w: &mut [R], lanes: R::Mask) {
         for (row, lambda) in rows.items.iter().zip(impulses).take(self.eliminated) {
@@ -264,18 +271,18 @@ impl<R: Real> ScalarRows<R> {
         }
     }
 
-    /// Coordinates and entries of a row.
+    /// Coordinates of a row, and its Jacobian entry at each.
     #[inline(always)]
     pub fn entries(&self, row: &ScalarRow<R>) -> (&[u32], &[R]) {
         (&self.support[row.support..row.support + row.coordinates], self.y.row(row.y, row.coordinates))
     }
 
-    /// Velocity y . w + g of a row at the scaled velocity change w, without its compliance.
+    /// Velocity y . w + g of a row at the scaled velocity change `w`, m/s or rad/s, without the part by its compliance.
     #[inline(always)]
     pub fn velocity(&self, row: &ScalarRow<R>, w: &[R]) -> R {
         let (support, y) = self.entries(row);
-        // Two partial sums, so that additions do not wait for each other. A row's support is that of all lanes, so that the order is the
-        // same in every lane.
+        // Two partial sums, so that additions do not wait for each other. The support of a row is the same in all lanes, and so is the
+        // order.
         let mut v = [R::zero(); 2];
         let (pairs, last) = support.as_chunks::<2>();
         let (y, y_last) = y.as_chunks::<2>();
@@ -290,7 +297,7 @@ impl<R: Real> ScalarRows<R> {
         (v[0] + v[1]) + row.g
     }
 
-    /// Adds w += y d.
+    /// Adds the scaled velocity change by the impulse `d` of a row to `w`.
     #[inline(always)]
     fn add(&self, row: &ScalarRow<R>, d: R, w: &mut [R]) {
         let (support, y) = self.entries(row);
@@ -367,7 +374,7 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
         for (i, (row, &lambda)) in rows.items.iter().zip(impulses).enumerate() {
             let (support, y) = self.entries(row);
             if i < self.eliminated {
-                to.add_separate(support, y.iter().map(|&y| number(y) * number(lambda)));
+                to.add_eliminated(support, y.iter().map(|&y| number(y) * number(lambda)));
             } else if row.active.bits() >> lane & 1 == 1 {
                 let constraint = LaneConstraint {
                     set: AdmissibleSet::Interval { lo: number(row.lo), hi: number(row.hi) },
@@ -523,7 +530,7 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
             reference_g.push(row.g + row.damping_deficit);
             // Eliminated rows are damped at assembly, because other rows are combined with them.
             if k >= self.eliminated {
-                // This form counts a NaN as a correction.
+                // With this form, a NaN is a correction.
                 let corrects = (row.g - row.position_g).abs().le(damping.negligible).not();
                 let compliance = masked(corrects, damping.ratio * row.mobility);
                 row.g -= compliance * lambda;
@@ -539,7 +546,7 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
         for (k, (row, &now)) in rows.items.iter().zip(impulses).enumerate() {
             let change = now - before[k];
             let give = if k < self.eliminated { R::zero() } else { row.compliance * change };
-            // The compliance of a spring is its force law.
+            // The compliance of a spring is part of its force law, and no damping.
             most = most.max(masked(row.active.and(row.mobility.gt(R::zero())), give.abs().max(row.damping_deficit.abs())));
         }
         most
@@ -570,7 +577,7 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
         reference: ReferenceRows<'_, R>,
         w: &[R],
         momentum: &mut [R],
-        mut lack: R,
+        mut missing_work: R,
     ) -> R {
         let infinite = R::of(f64::INFINITY);
         for ((row, &now), (&before, &g)) in rows.items.iter().zip(impulses).zip(reference.lambda.iter().zip(reference.g)) {
@@ -578,10 +585,10 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
             let unbounded = row.active.and(row.mobility.gt(R::zero())).and(row.hi.ge(infinite));
             let z = masked(unbounded, R::select(row.lo.le(-infinite), change, change.max(R::zero())));
             let u = self.velocity(row, w) - row.g + g;
-            lack -= z * u;
+            missing_work -= z * u;
             self.add(row, z, momentum);
         }
-        lack
+        missing_work
     }
 }
 

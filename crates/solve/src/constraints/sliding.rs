@@ -1,4 +1,5 @@
-//! Contacts with sliding friction: the 3 x 3 block of G, prepared once, and the exact solution of one contact's local Coulomb problem.
+//! Contacts with sliding friction: the contact's 3 x 3 block of the Delassus matrix G, prepared once, and the exact solution of a single
+//! contact.
 
 use crate::cone::{masked, norm2};
 use crate::constraints::friction::{FrictionContact, FrictionContacts, LocalSolver, MAX_NEWTON, NaturalStep, least_tangent, near};
@@ -12,33 +13,36 @@ pub type SlidingContact<R> = FrictionContact<R, 3, SlidingSolver<R>>;
 /// Contacts with sliding friction.
 pub type SlidingContacts<R> = FrictionContacts<R, 3, SlidingSolver<R>>;
 
-/// Solver of one contact with sliding friction, in closed form except for one scalar equation.
+/// Solver of a single contact with sliding friction, in closed form except for one scalar equation.
 ///
-/// With the normal impulse eliminated, the tangential problem is `A lambda_t + c = -s lambda_t`, where
-/// `A = G_tt - G_tn G_nt / G_nn`. It is solved in the principal axes of A, where it is two independent scalar equations coupled by s.
+/// With the normal impulse eliminated, the tangential problem is `A lambda_t + c = -s lambda_t`, where `A = G_tt - G_tn G_nt / G_nn`. In
+/// the principal axes of A it is two independent scalar equations coupled by the multiplier s.
 #[derive(Clone, Copy, Debug)]
 pub struct SlidingSolver<R: Real> {
-    /// Entries G_nn, G_na, G_nb, G_aa, G_ab, G_bb, compliance included.
+    /// Entries G_nn, G_na, G_nb, G_aa, G_ab, G_bb of the contact's block of the Delassus matrix, compliance included, 1/kg.
     gram: [R; 6],
-    /// Compliance of the normal row alone. It is a part of G_nn and no mobility.
-    own: R,
+    /// Compliance of the normal row alone, 1/kg. It is a part of G_nn and not a mobility.
+    normal_compliance: R,
+    /// Inverse 1 / G_nn, kg.
     inv_gnn: R,
-    /// Principal axis of A: (cos, sin).
+    /// First principal axis of A: (cos, sin).
     axis: [R; 2],
-    /// Principal values of A, bounded away from zero.
+    /// Principal values of A, bounded away from zero, 1/kg.
     a: [R; 2],
+    /// Inverses of the principal values, kg.
     inv_a: [R; 2],
     /// Coupling G_tn / G_nn in the principal axes.
     coupling: [R; 2],
 }
 
 impl<R: Real> SlidingSolver<R> {
-    /// Prepares the exact solution for the present block of G. Returns its trace without the compliance of the normal row.
+    /// Prepares the exact solution for the present block of G. Returns the trace of the block without the compliance of the normal row,
+    /// 1/kg.
     #[inline(always)]
     fn prepare(&mut self) -> R {
         let [nn, na, nb, aa, ab, bb] = self.gram;
         let inv_gnn = R::one() / nn;
-        let trace = nn + aa + bb - self.own;
+        let trace = nn + aa + bb - self.normal_compliance;
 
         let (a11, a12, a22) = (aa - na * na * inv_gnn, ab - na * nb * inv_gnn, bb - nb * nb * inv_gnn);
         let (mean, half) = ((a11 + a22) * R::of(0.5), (a11 - a22) * R::of(0.5));
@@ -60,14 +64,15 @@ impl<R: Real> SlidingSolver<R> {
         trace
     }
 
-    /// Lanes in which a contact with the offsets `g` is self-locking: see [`SlidingContacts::is_self_locking`].
+    /// Lanes in which a contact is self-locking, see [`SlidingContacts::is_self_locking`]. `g` are its velocities before any impulse with
+    /// bias, m/s.
     ///
-    /// Impulses along the principal axes of A without mobility change no velocity. With the normal impulse
-    /// `n = -coupling . x`, the cone contains `x` within the angle `acos(1 / (mu |coupling|))` of `-coupling`.
+    /// Impulses along the principal axes of A without mobility change no velocity. With the normal impulse `n = -coupling . x`, the cone
+    /// contains `x` within the angle `acos(1 / (mu |coupling|))` of `-coupling`.
     #[inline(always)]
     fn is_self_locking(&self, mu: R, g: [R; 3]) -> R::Mask {
         let [nn, na, nb, aa, _, bb] = self.gram;
-        let (floor, [cos, sin]) = (least_tangent(nn + aa + bb - self.own), self.axis);
+        let (floor, [cos, sin]) = (least_tangent(nn + aa + bb - self.normal_compliance), self.axis);
         let fixed = self.a.map(|a| a.le(floor));
         if fixed[0].or(fixed[1]).none() {
             return R::Mask::splat(false);
@@ -76,15 +81,15 @@ impl<R: Real> SlidingSolver<R> {
         let p = [masked(fixed[0], cos * t1 + sin * t2), masked(fixed[1], cos * t2 - sin * t1)];
         let c = [masked(fixed[0], self.coupling[0]), masked(fixed[1], self.coupling[1])];
         let (length, sizes) = (norm2(c[0], c[1]), g[0].abs() + g[1].abs() + g[2].abs());
-        // Largest power, times |coupling|, of such impulses on the edge of the cone against the offsets.
+        // Largest power, times |coupling|, of such impulses on the edge of the cone against the velocities g.
         let turned = ((mu * length).square() - R::one()).max(R::zero()).sqrt();
         let power = c[0] * p[0] + c[1] * p[1] + (c[0] * p[1] - c[1] * p[0]).abs() * turned;
         (mu * length).gt(R::one()).and(power.gt(sizes * length * R::of(velocity_rounding::<R>())))
     }
 
-    /// Impulse at the s > 0 at which |lambda_t(s)| = mu lambda_n(s), in the lanes `todo`.
+    /// Impulse of a slipping contact in the lanes `todo`: that at the multiplier s > 0 at which |lambda_t(s)| = mu lambda_n(s).
     ///
-    /// A step within [`near`] is the last, and its error is not tested.
+    /// Newton's method starts at `guess`. A step within [`near`] is the last, and its error is not tested.
     #[inline(always)]
     fn slip(&self, mu: R, p: [R; 2], push: R, guess: R, mut todo: R::Mask) -> Slip<R> {
         let zero = R::zero();
@@ -118,7 +123,7 @@ impl<R: Real> SlidingSolver<R> {
         Slip { x: [x[0] * scale, x[1] * scale], n, s }
     }
 
-    /// Impulse at the multiplier s, without a division.
+    /// Impulse at the multiplier s, computed without a division.
     #[inline(always)]
     fn sliding(&self, p: [R; 2], push: R, s: R) -> Sliding<R> {
         let (d0, d1) = (self.a[0] + s, self.a[1] + s);
@@ -131,7 +136,8 @@ impl<R: Real> SlidingSolver<R> {
 }
 
 impl<R: Real> SlidingContacts<R> {
-    /// Lanes in which the contact pushed last is self-locking: no impulse of the friction cone makes it stick with its offsets g.
+    /// Lanes in which the last contact of the list is self-locking: no impulse of the friction cone makes it stick with its velocity
+    /// offsets g.
     ///
     /// If fewer than three degrees of freedom move the contact, some impulse changes no velocity. If it is in the cone, it can grow without
     /// bound, and the contact carries any load. Offsets that the joints cannot produce then have no solution.
@@ -151,7 +157,7 @@ impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
 
     #[inline(always)]
     fn new(gram: &[[R; 3]; 3], exists: R::Mask) -> (Self, R) {
-        // Lanes without this contact get the identity block, so that nothing below divides by zero.
+        // Lanes without this contact get the identity as a block, so that nothing below divides by zero.
         let [[nn, na, nb], [_, aa, ab], [_, _, bb]] = *gram;
         let (gram, identity) = ([nn, na, nb, aa, ab, bb], [R::one(), R::zero(), R::zero(), R::one(), R::zero(), R::one()]);
         let mut block = identity;
@@ -160,7 +166,7 @@ impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
         }
         let mut solver = Self {
             gram: block,
-            own: R::zero(),
+            normal_compliance: R::zero(),
             inv_gnn: R::one(),
             axis: [R::one(), R::zero()],
             a: [R::one(); 2],
@@ -171,8 +177,8 @@ impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
         (solver, trace)
     }
 
-    /// Sliding is Newton's method on `mu lambda_n(s) / |lambda_t(s)| = 1`, inside a bracket and from `guess`. The equation is linear in s
-    /// if A is isotropic and uncoupled.
+    /// Solution for one contact. A slipping contact is solved by Newton's method on `mu lambda_n(s) / |lambda_t(s)| = 1`, inside a bracket
+    /// and from `guess`. The equation is linear in s if A is isotropic and uncoupled.
     #[inline(always)]
     fn solve(&self, mu: R, v: [R; 3], lambda: [R; 3], guess: R, lanes: R::Mask) -> ([R; 3], R) {
         let zero = R::zero();
@@ -188,21 +194,21 @@ impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
         let [cos, sin] = self.axis;
         let p = [cos * t1 + sin * t2, cos * t2 - sin * t1];
 
-        // Sticking is s = 0; it needs no division and no root.
+        // A sticking contact has s = 0, which needs no division and no root.
         let stick = [-p[0] * self.inv_a[0], -p[1] * self.inv_a[1]];
         let sticking = push - (self.coupling[0] * stick[0] + self.coupling[1] * stick[1]);
-        let rubs = mu.gt(zero);
+        let has_friction = mu.gt(zero);
         let bound = (mu * sticking).max(zero);
         let sticks = (stick[0] * stick[0] + stick[1] * stick[1]).le(bound * bound);
-        let slides = closing.and(rubs).and_not(sticks);
-        let (mut x, mut n, mut s) = (stick, R::select(rubs, sticking, push), zero);
+        let slides = closing.and(has_friction).and_not(sticks);
+        let (mut x, mut n, mut s) = (stick, R::select(has_friction, sticking, push), zero);
         if slides.any() {
             let slip = self.slip(mu, p, push, guess, slides);
             x = [R::select(slides, slip.x[0], x[0]), R::select(slides, slip.x[1], x[1])];
             n = R::select(slides, slip.n, n);
             s = masked(slides, slip.s);
         }
-        let x = [masked(rubs, x[0]), masked(rubs, x[1])];
+        let x = [masked(has_friction, x[0]), masked(has_friction, x[1])];
         ([masked(closing, n), masked(closing, cos * x[0] - sin * x[1]), masked(closing, sin * x[0] + cos * x[1])], s)
     }
 
@@ -213,7 +219,8 @@ impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
         let n = (lambda[0] - v[0] * self.inv_gnn).max(zero);
         let d = n - lambda[0];
         let half = (aa - bb) * R::of(0.5);
-        let step = R::one() / ((aa + bb) * R::of(0.5) + norm2(half, ab)).max(least_tangent(self.gram[0] + aa + bb - self.own));
+        let step =
+            R::one() / ((aa + bb) * R::of(0.5) + norm2(half, ab)).max(least_tangent(self.gram[0] + aa + bb - self.normal_compliance));
         let x = [lambda[1] - (v[1] + na * d) * step, lambda[2] - (v[2] + nb * d) * step];
         let (length, most) = (norm2(x[0], x[1]), mu * n);
         let scale = R::select(length.gt(most), most / R::select(length.gt(zero), length, R::one()), R::one());
@@ -222,7 +229,7 @@ impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
 
     #[inline(always)]
     fn mobility(&self, step: &NaturalStep<R>) -> R {
-        (self.gram[0] + self.gram[3] + self.gram[5] - self.own) * step.trace_ratio * R::of(1.0 / 3.0)
+        (self.gram[0] + self.gram[3] + self.gram[5] - self.normal_compliance) * step.trace_ratio * R::of(1.0 / 3.0)
     }
 
     #[inline(always)]
@@ -234,10 +241,10 @@ impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
     }
 
     #[inline(always)]
-    fn give(&mut self, compliance: R) -> R {
+    fn add_normal_compliance(&mut self, compliance: R) -> R {
         let before = self.gram[0];
         self.gram[0] += compliance;
-        self.own = compliance;
+        self.normal_compliance = compliance;
         self.prepare();
         before * self.inv_gnn
     }
@@ -245,7 +252,7 @@ impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
     #[inline(always)]
     fn gather(&self, map: &LaneMap, out: &mut SlidingSolver<R::Half>) {
         map.gather_into(&self.gram, &mut out.gram);
-        out.own = map.gather(self.own);
+        out.normal_compliance = map.gather(self.normal_compliance);
         out.inv_gnn = map.gather(self.inv_gnn);
         map.gather_into(&self.axis, &mut out.axis);
         map.gather_into(&self.a, &mut out.a);
@@ -254,7 +261,7 @@ impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
     }
 }
 
-/// Impulse of a sliding contact at some multiplier s, times d.
+/// Impulse of a sliding contact at some multiplier s, times `d`.
 struct Sliding<R: Real> {
     /// Tangential impulse in the principal axes of A. Its derivative with respect to s is -p.
     x: [R; 2],
@@ -266,9 +273,12 @@ struct Sliding<R: Real> {
     d: R,
 }
 
-/// Solution of a sliding contact: tangential impulse in the principal axes of A, normal impulse, multiplier of the friction disc.
+/// Solution of a sliding contact.
 struct Slip<R: Real> {
+    /// Tangential impulse in the principal axes of A, N s.
     x: [R; 2],
+    /// Normal impulse, N s.
     n: R,
+    /// Multiplier of the friction disc, 1/kg.
     s: R,
 }

@@ -1,8 +1,8 @@
-//! Anderson's acceleration on top of sweeps (Anderson 1965; the type II form of Walker & Ni 2011, equation 2.2).
+//! Anderson's acceleration of Gauss-Seidel iterations, called sweeps (Anderson 1965; the type II form of Walker & Ni 2011, equation 2.2).
 //!
-//! A sweep maps x to T(x). With f = T(x) - x, the next sweep starts from `T(x) - sum_j c_j dT_j`. Here c minimises `|f - sum_j c_j df_j|`
-//! over the changes of f and of T(x) between the last sweeps. Lengths are those of w, so |f|^2 is twice the kinetic energy of the change. A
-//! lane discards its history if a sweep changes more than the previous one.
+//! A sweep maps the unknowns x to T(x). With f = T(x) - x, the next sweep starts from `T(x) - sum_j c_j dT_j`. Here c minimises `|f - sum_j
+//! c_j df_j|` over the changes dT of T(x) and df of f between the last sweeps. Lengths are those of w, so |f|^2 is twice the kinetic energy
+//! of the change. A lane discards its history if a sweep changes more than the previous one.
 
 use crate::constraints::constraint_set::Impulse;
 use crate::constraints::each_kind;
@@ -11,7 +11,7 @@ use crate::iterate::Iterate;
 use crate::problem::Problem;
 use stepper_real::{Mask, Real};
 
-/// Resets the history before the first sweep, or after a pause of all lanes.
+/// Clears the history of all lanes, before the first sweep and after all lanes have paused.
 #[inline(always)]
 pub(super) fn reset_history<R: Real>(iterate: &mut Iterate<R>) {
     let mut n = iterate.w.len();
@@ -19,15 +19,15 @@ pub(super) fn reset_history<R: Real>(iterate: &mut Iterate<R>) {
     let past = &mut iterate.history;
     past.start.copy_from_slice(&iterate.w);
     past.length = R::of(f64::INFINITY);
-    past.ran = R::Mask::splat(false);
-    past.known = [R::Mask::splat(false); MEMORY];
+    past.swept = R::Mask::splat(false);
+    past.stored = [R::Mask::splat(false); MEMORY];
     past.image.resize(n, R::zero());
     for dt in &mut past.dt {
         dt.resize(n, R::zero());
     }
 }
 
-/// Computes w from the impulses in the lanes `lanes`; the others keep every bit.
+/// Recomputes the scaled velocity change w from the impulses in the lanes `lanes`. The other lanes keep all bits.
 #[inline(always)]
 pub(super) fn recompute_w<R: Real>(iterate: &mut Iterate<R>, problem: &Problem<R>, lanes: R::Mask) {
     std::mem::swap(&mut iterate.w, &mut iterate.history.start);
@@ -37,33 +37,34 @@ pub(super) fn recompute_w<R: Real>(iterate: &mut Iterate<R>, problem: &Problem<R
     }
 }
 
-/// Replaces the unknowns after a sweep by those from which the next one starts, in the lanes `running`. Returns the lanes in which they
+/// Replaces the unknowns after a sweep by those from which the next sweep starts, in the lanes `running`. Returns the lanes in which they
 /// differ.
 ///
-/// In these lanes w and the impulses are summed separately, so that w is no longer the sum over the impulses to the last bit.
+/// In these lanes w and the impulses are summed separately. The scaled velocity change w is then no longer the sum over the impulses to the
+/// last bit.
 #[inline(always)]
 pub(super) fn accelerate<R: Real>(iterate: &mut Iterate<R>, running: R::Mask) -> R::Mask {
     let Iterate { w, history, .. } = iterate;
     history.shift();
-    let change = match history.remembered() {
+    let change = match history.stored_changes() {
         0 => history.record_change::<0>(w),
         1 => history.record_change::<1>(w),
         2 => history.record_change::<2>(w),
         3 => history.record_change::<3>(w),
         _ => history.record_change::<MEMORY>(w),
     };
-    match history.forget(running, change.length) {
+    match history.discard_worse(running, change.length) {
         0 => iterate.extrapolate::<0>(&change),
         1 => iterate.extrapolate::<1>(&change),
         2 => iterate.extrapolate::<2>(&change),
         3 => iterate.extrapolate::<3>(&change),
         _ => iterate.extrapolate::<MEMORY>(&change),
     }
-    iterate.history.known[0]
+    iterate.history.stored[0]
 }
 
 impl<R: Real> Iterate<R> {
-    /// Records the unknowns after the sweep, and subtracts the combination of the last `N` changes from them.
+    /// Stores the unknowns after a sweep, and subtracts from them the combination of the last `N` changes that minimises the next change.
     #[inline(always)]
     fn extrapolate<const N: usize>(&mut self, change: &SweepChange<R>) {
         let c = self.history.coefficients::<N>(change);

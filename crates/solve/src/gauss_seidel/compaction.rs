@@ -1,7 +1,7 @@
-//! Lane compaction: the last lanes of a group continue to sweep in half the registers.
+//! Lane compaction: the last lanes of a group continue to sweep in half of the registers.
 //!
-//! The lanes of a group need different numbers of sweeps. Once the remaining lanes fit into half the registers, their part of the problem
-//! is gathered there, with all results of the previous sweeps. The next sweeps give the same bits at half the cost.
+//! The lanes of a group need different numbers of sweeps. Once the remaining lanes fit into half of the registers, their part of the
+//! problem is gathered there, with all results of the previous sweeps. The next sweeps have the same bits at half the cost.
 
 use crate::gauss_seidel::sweep::Progress;
 use crate::iterate::{Compacted, Iterate};
@@ -9,7 +9,7 @@ use crate::lane_map::LaneMap;
 use crate::problem::System;
 use stepper_real::{Mask, Real};
 
-/// Sweeps in half the registers until the running lanes have paused, if they fit there. Returns whether they did.
+/// Sweeps in half of the registers until the running lanes have paused, if they fit there. Returns whether they fit.
 #[inline(always)]
 pub(super) fn sweep_compacted<R: Real>(system: System<'_, R>, iterate: &mut Iterate<R>, progress: &mut Progress<R>) -> bool {
     if R::LANES == R::Half::LANES {

@@ -1,28 +1,32 @@
-//! Anderson's acceleration of the fixed point s = T(s) of De Saxce's terms, with a memory of a few steps (Anderson 1965; the type II form
-//! of Walker & Ni 2011, equation 2.2).
+//! Anderson's acceleration of the fixed point s = T(s) of De Saxce's terms, over a few stored steps (Anderson 1965; the type II form of
+//! Walker & Ni 2011, equation 2.2).
 //!
-//! With f = T(s) - s, the next s is `s + f - sum_j c_j (ds_j + df_j)`. Here c minimises `|f - sum_j c_j df_j|` over the last changes. Plain
-//! iteration reduces the error by a factor of 0.97 per step in the worst robots measured. The accelerated iteration takes 3 to 10 steps.
+//! With f = T(s) - s, the next s is `s + f - sum_j c_j (ds_j + df_j)`. Here c minimises `|f - sum_j c_j df_j|` over the last changes ds of
+//! s and df of f. Plain iteration reduces the error by a factor of 0.97 per step in the worst robots measured. The accelerated iteration
+//! takes 3 to 10 steps.
 
-/// Number of stored steps.
+/// Number of changes that are stored.
 const MEMORY: usize = 3;
 
-/// Past changes of s and of f.
+/// Last changes of De Saxce's terms s and of the residuals f = T(s) - s of their fixed-point iteration.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Anderson {
     /// Number of entries of s.
     n: usize,
     /// Number of steps since the start.
     taken: usize,
+    /// Terms s before the last step, m/s.
     last_s: Vec<f64>,
+    /// Residual f before the last step, m/s.
     last_f: Vec<f64>,
-    /// Changes of s, the j-th at `j * n`.
+    /// Changes of s, m/s: the j-th begins at index `j * n`.
     ds: Vec<f64>,
+    /// Changes of f, m/s: the j-th begins at index `j * n`.
     df: Vec<f64>,
 }
 
 impl Anderson {
-    /// Resets the history, for `n` entries.
+    /// Discards the history, for a fixed point with `n` entries.
     pub(super) fn restart(&mut self, n: usize) {
         self.n = n;
         self.taken = 0;
@@ -32,7 +36,7 @@ impl Anderson {
         }
     }
 
-    /// Replaces `s` by its next value; `image` is T(s). No entry falls below zero.
+    /// Replaces `s` by its next value, in which no entry is negative. `image` is T(s).
     pub(super) fn next(&mut self, s: &mut [f64], image: &[f64]) {
         let n = self.n;
         if self.taken > 0 {
@@ -57,7 +61,7 @@ impl Anderson {
         self.taken += 1;
     }
 
-    /// Least-squares coefficients, by elimination in the normal equations.
+    /// Coefficients c that minimise |f - sum_j c_j df_j|, by elimination in the normal equations.
     fn coefficients(&self) -> [f64; MEMORY] {
         let (n, m) = (self.n, self.taken.min(MEMORY));
         let column = |j: usize| &self.df[j * n..(j + 1) * n];

@@ -1,11 +1,12 @@
-//! Augmented Lagrangian. Its minimum is one step of the proximal method, and Newton's method finds it in the space of w.
+//! Augmented Lagrangian of one island. Its minimum over w (scaled velocity change) is one step of the proximal method, and Newton's method
+//! finds it.
 //!
 //! With x_i = c_i lambda_i - rho_i (Y_i w + g_i + s_i) and z_i = P_K(x_i), the gradient `w - sum_i Y_i^T z_i` belongs to a convex function
 //! that is once differentiable. Its Hessian is `I + sum_i rho_i Y_i^T DP_K Y_i`. Compliance R of a row gives `c = 1 / (1 + rho R)` and
 //! reduces rho by the same factor.
 //!
-//! De Saxce's s_i = mu |v_t| is constant, or ("implicit") evaluated at the present w. The implicit equation is the exact law's. Its matrix
-//! is not symmetric and no function is minimised, but close to the solution Newton's method converges at once.
+//! De Saxce's term s_i = mu |v_t| is constant, or evaluated at the present w (an "implicit" step). The implicit equation is that of the
+//! exact law. Its matrix is not symmetric and no function is minimised, but close to the solution Newton's method converges at once.
 
 use crate::admissible_set::Product;
 use crate::newton::dense::Dense;
@@ -14,32 +15,38 @@ use crate::newton::skyline::Skyline;
 use crate::vectors::{add_scaled, inner, norm};
 use stepper_real::Real;
 
-/// Least size of a pivot of an implicit step. Friction may reduce the pivots of the identity, to zero in Painleve's paradox.
+/// Least size of a pivot of an implicit step, whose matrix would be the identity without constraints. Friction may reduce a pivot to zero,
+/// in Painleve's paradox.
 const LEAST_PIVOT: f64 = 1e-3;
 
-/// Augmented Lagrangian at one w, and Newton's method on it.
+/// Augmented Lagrangian of an island at the present w, and Newton's method for its minimum.
 #[derive(Clone, Debug, Default)]
 pub(super) struct AugmentedLagrangian {
-    /// Ratio kappa of rho_i to the step of the natural map.
+    /// Ratio kappa of the step rho_i of each block to the step of the natural map.
     pub(super) kappa: f64,
-    /// De Saxce's term of every block, m/s, while it is constant.
+    /// De Saxce's term of each block, m/s, if it is constant.
     pub(super) slip: Vec<f64>,
-    /// Projection z of every row, N s.
+    /// Projection z = P_K(x) of each row, N s: the next impulses.
     pub(super) z: Vec<f64>,
-    /// Velocities Y w + g.
+    /// Velocities Y w + g of all rows, m/s.
     v: Vec<f64>,
+    /// Argument x of the projection, N s.
     x: Vec<f64>,
-    /// Product of Y and the direction.
+    /// Change of the velocities along the search direction, m/s.
     dv: Vec<f64>,
+    /// Gradient with respect to w.
     gradient: Vec<f64>,
+    /// Search direction in w.
     direction: Vec<f64>,
+    /// Argument of the projection at a trial point of the line search, N s.
     trial: Vec<f64>,
     /// Product rho DP Y of a block.
     product: Product,
-    /// Length of the longest row, with the other rows of its block.
+    /// Largest norm of a block's rows: root of the trace of its block of the Delassus matrix.
     longest: f64,
+    /// Matrix of a Newton step, replaced by its factors.
     matrix: Skyline,
-    /// Matrix of an implicit step, if the skyline has pivots that are too small.
+    /// Matrix of an implicit step, if pivots in the skyline are too small.
     dense: Dense,
 }
 
@@ -58,7 +65,9 @@ impl AugmentedLagrangian {
         }
     }
 
-    /// Evaluates impulses and gradient at w. Returns a bound of the gradient as a velocity of the rows, m/s.
+    /// Evaluates the projections and the gradient at the present w. Returns an upper bound of the gradient as a velocity of a row, m/s.
+    ///
+    /// If `implicit`, De Saxce's terms are those at the present velocities.
     pub(super) fn evaluate(&mut self, rows: &Island, implicit: bool) -> f64 {
         rows.multiply(&rows.w, &mut self.v);
         for (v, g) in self.v.iter_mut().zip(&rows.g) {
@@ -68,7 +77,7 @@ impl AugmentedLagrangian {
         self.compute_gradient(rows)
     }
 
-    /// Computes x and their projections z at the velocities v.
+    /// Computes the argument x of the projection and its result z, at the velocities v.
     #[inline(always)]
     fn project(&mut self, rows: &Island, implicit: bool) {
         for (i, block) in rows.blocks.iter().enumerate() {
@@ -82,7 +91,7 @@ impl AugmentedLagrangian {
         }
     }
 
-    /// Computes the gradient at w, with z evaluated there.
+    /// Computes the gradient at w from the present z. Returns an upper bound of it as a velocity of a row, m/s.
     #[inline(always)]
     fn compute_gradient(&mut self, rows: &Island) -> f64 {
         self.gradient.clone_from(&rows.w);
@@ -90,10 +99,10 @@ impl AugmentedLagrangian {
         self.longest * norm(&self.gradient)
     }
 
-    /// Moves w along Newton's step as far as the function decreases, and evaluates there. Returns the result of
-    /// [`AugmentedLagrangian::evaluate`], or infinity if the matrix has no factors.
+    /// Moves w along Newton's step as far as the function decreases, and evaluates there.
     ///
-    /// It takes nearly all of the time, so it runs with the instructions of the lanes.
+    /// Returns the bound of the gradient as [`AugmentedLagrangian::evaluate`] does, or infinity if the matrix has no factors. Nearly all of
+    /// the time is spent here, so that it runs with the instructions of the CPU level of `R`.
     pub(super) fn advance<R: Real>(&mut self, rows: &mut Island, implicit: bool) -> f64 {
         R::vectorize(
             #[inline(always)]
@@ -101,6 +110,7 @@ impl AugmentedLagrangian {
         )
     }
 
+    /// Makes the step of [`AugmentedLagrangian::advance`].
     #[inline(always)]
     fn step(&mut self, rows: &mut Island, implicit: bool) -> f64 {
         self.matrix.set_identity();
@@ -143,7 +153,7 @@ impl AugmentedLagrangian {
         }
     }
 
-    /// Factorises an implicit step's matrix with pivoting. Returns false if it has no factors.
+    /// Factorises the matrix of an implicit step with pivoting. Returns false if it is singular.
     #[inline(always)]
     fn factor_dense(&mut self, rows: &Island) -> bool {
         self.dense.set_identity(rows.w.len());
@@ -156,7 +166,7 @@ impl AugmentedLagrangian {
         self.dense.factor()
     }
 
-    /// Moves w and v by a step length along the direction.
+    /// Moves w and the velocities v by `length` times the search direction.
     #[inline(always)]
     fn move_along(&mut self, rows: &mut Island, length: f64) {
         add_scaled(&mut rows.w, length, &self.direction);
@@ -173,8 +183,8 @@ impl AugmentedLagrangian {
         block.set.differentiate(rho, &self.x[block.rows.clone()], v, &rows.y[block.y.clone()], rows.width(block), &mut self.product)
     }
 
-    /// Step length of the line search, at which the slope is a hundredth of the initial one, by regula falsi (Illinois). 1 if that
-    /// suffices.
+    /// Step length at which the slope along the search direction is at most a hundredth of the initial one, by regula falsi (Illinois). It
+    /// is 1 if the full step nearly suffices.
     #[inline(always)]
     fn search_line(&mut self, rows: &Island) -> f64 {
         let start = inner(&self.gradient, &self.direction);
@@ -195,11 +205,11 @@ impl AugmentedLagrangian {
                 (high, end, begin) = (length, slope, 0.5 * begin);
             }
         }
-        // Up to this length the function is known to decrease.
+        // The function decreases at least up to this length.
         if low > 0.0 { low } else { length }
     }
 
-    /// Slope of the function at a step length.
+    /// Slope of the function along the search direction after a step of this length.
     #[inline(always)]
     fn slope(&mut self, rows: &Island, length: f64) -> f64 {
         let mut slope = rows.w.iter().zip(&self.direction).fold(0.0, |sum, (w, d)| sum + (w + length * d) * d);
@@ -216,17 +226,17 @@ impl AugmentedLagrangian {
     }
 }
 
-/// Largest island whose matrix is factorised with pivoting if the skyline factorisation fails.
+/// Largest number of coordinates of an island whose matrix is factorised with pivoting if the skyline factorisation fails.
 ///
 /// The skyline accepts pivots of either sign. With pivoting instead, 280 problems of robots, grasps and heaps, and 29 of a wall hit by a
 /// ball, take the same number of steps.
 const LARGEST_DENSE: usize = 256;
-/// Least step length of an implicit step.
+/// Smallest length of an implicit step, as a fraction of Newton's step.
 const LEAST_LENGTH: f64 = 0.125;
 /// Largest number of points of a line search.
 const MOST_POINTS: usize = 30;
 
-/// Scale c and step rho of a block.
+/// Factor c of a block's impulse and step rho of its projection. `kappa` is the ratio of rho to the step of the natural map.
 #[inline(always)]
 fn stiffness(block: &Block, kappa: f64) -> (f64, f64) {
     let rho = kappa * block.rho;

@@ -1,19 +1,21 @@
-//! Factors of a full matrix with partial pivoting (Golub & Van Loan 2013, algorithm 3.4.1), for small islands whose matrix has pivots below
-//! zero.
+//! Factors of a full matrix with partial pivoting (Golub & Van Loan 2013, algorithm 3.4.1), for small islands whose matrix has negative
+//! pivots.
 
 use crate::vectors::TILE;
 
-/// Factors P A = L U, row by row.
+/// Full matrix, replaced by its factors P A = L U, row by row.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Dense {
+    /// Number of rows and columns.
     dimension: usize,
+    /// Entries, row by row.
     entries: Vec<f64>,
-    /// Partner of each row in the exchanges of partial pivoting.
+    /// Row with which each row was exchanged by partial pivoting.
     exchanged: Vec<usize>,
 }
 
 impl Dense {
-    /// Sets the identity.
+    /// Sets the matrix to the identity with `dimension` rows.
     pub(super) fn set_identity(&mut self, dimension: usize) {
         self.dimension = dimension;
         self.entries.clear();
@@ -21,8 +23,9 @@ impl Dense {
         self.entries.iter_mut().step_by(dimension + 1).for_each(|x| *x = 1.0);
     }
 
-    /// Adds `sum_r a_r^T b_r` between the coordinates of the tiles `tiles`. The rows of a and b have the numbers of their tiles, one after
-    /// the other.
+    /// Adds `sum_r a_r^T b_r` to the entries between the coordinates of the tiles `tiles`.
+    ///
+    /// `a` and `b` are rows, one after the other. Each has the numbers of its tiles.
     #[inline(always)]
     pub(super) fn add_product(&mut self, tiles: &[usize], a: &[f64], b: &[f64]) {
         let n = TILE * tiles.len();
@@ -42,7 +45,7 @@ impl Dense {
         }
     }
 
-    /// Factorises the matrix. Returns false if it is singular to rounding, or not finite.
+    /// Replaces the matrix by its factors. Returns false if it is singular up to rounding, or not finite.
     #[inline(always)]
     pub(super) fn factor(&mut self) -> bool {
         let n = self.dimension;
@@ -77,7 +80,7 @@ impl Dense {
         true
     }
 
-    /// Solves x <- A^-1 x with the factors.
+    /// Replaces `x` by A^-1 x, from the factors.
     #[inline(always)]
     pub(super) fn solve(&self, x: &mut [f64]) {
         let n = self.dimension;
@@ -105,7 +108,7 @@ impl Dense {
 mod tests {
     use super::Dense;
 
-    /// Rows of one tile, of width 4, from their first three numbers.
+    /// Rows of width 4 (one tile), from their first three numbers.
     fn rows(rows: &[[f64; 3]]) -> Vec<f64> {
         rows.iter().flat_map(|&[a, b, c]| [a, b, c, 0.0]).collect()
     }

@@ -1,6 +1,7 @@
-//! Rows of one island, dense in the tiles of coordinates that they touch.
+//! Rows of one island (constraints that are coupled directly or by others), dense in the tiles of coordinates at which they have entries.
 //!
-//! Coordinates come in tiles of four (`vectors.rs`). The rows of a contact between two bodies touch a few tiles that may lie far apart.
+//! Coordinates come in tiles of four (`vectors.rs`). The rows of a contact between two bodies have entries in a few tiles that may be far
+//! apart.
 
 use std::ops::Range;
 
@@ -8,49 +9,52 @@ use crate::admissible_set::AdmissibleSet;
 use crate::newton::lane::Lane;
 use crate::vectors::{TILE, add_to_tiles, dot, inner};
 
-/// Rows of one constraint, which are projected together.
+/// Rows of one constraint of an island, whose impulses are projected together.
 #[derive(Clone, Debug)]
 pub(super) struct Block {
-    /// Set of its admissible impulses.
+    /// Set of the admissible impulses.
     pub(super) set: AdmissibleSet,
-    /// Range of the tiles that its rows touch in [`Island::tiles`].
+    /// Range in [`Island::tiles`] of the tiles at which its rows have entries.
     tiles: Range<usize>,
-    /// Range of its entries in [`Island::y`], one row after the other, tile by tile.
+    /// Range in [`Island::y`] of its entries, one row after the other, tile by tile.
     pub(super) y: Range<usize>,
     /// Range of its rows in [`Island::g`] and [`Island::lambda`].
     pub(super) rows: Range<usize>,
-    /// Rows of the constraint in this block, as bits. Rows without effect (kinds of friction that a contact lacks) are left out.
-    kept: u32,
-    /// Trace of its block of G, before elimination of equality rows.
+    /// Rows of the constraint that are in this block, as bits. Rows without effect (types of friction that a contact lacks) are left out.
+    used_rows: u32,
+    /// Trace of its block of the Delassus matrix, before elimination of equality rows, 1/kg.
     pub(super) trace: f64,
-    /// Step of the natural map: `dim / trace(G_ii)`, compliance included.
+    /// Step of the natural map, kg: number of rows divided by trace(G_ii), compliance included.
     pub(super) rho: f64,
-    /// Compliance R >= 0 on the diagonal of G, the same for all of its rows.
+    /// Compliance R >= 0, the same for all rows: it is added to the diagonal of the Delassus matrix G, 1/kg.
     pub(super) compliance: f64,
-    /// Step of the natural map for the residual: that of a block without the compliance of the first row.
+    /// Step of the natural map for the residual, kg: that without the additional compliance of the first row.
     natural_step: f64,
-    /// Fraction of an error in the first row that no compliance of the contact absorbs.
+    /// Part of a residual in the first row that is an error of the velocity, and not of a spring.
     rigid_fraction: f64,
 }
 
-/// Constraints over some coordinates of w, whose number is a multiple of [`TILE`].
+/// Constraints of one island of one lane, and its coordinates of w (scaled velocity change), whose number is a multiple of [`TILE`].
 #[derive(Clone, Debug, Default)]
 pub(super) struct Island {
+    /// Rows of each constraint.
     pub(super) blocks: Vec<Block>,
-    /// Tiles of the blocks, ascending in each.
+    /// Tiles at which each block has entries, ascending, one block after the other.
     tiles: Vec<usize>,
     /// Entries of the blocks.
     pub(super) y: Vec<f64>,
-    /// Velocity of every row before any impulse, with its bias, m/s.
+    /// Velocity of each row before any impulse, with its bias, m/s.
     pub(super) g: Vec<f64>,
-    /// Impulse of every row, N s.
+    /// Impulse of each row, N s.
     pub(super) lambda: Vec<f64>,
-    /// w = sum_i y_i lambda_i; zero in the coordinates that fill the last tile.
+    /// Scaled velocity change w = sum_i y_i lambda_i. It is zero in the coordinates that fill the last tile.
     pub(super) w: Vec<f64>,
 }
 
 impl Island {
-    /// Gathers the blocks `members` of a lane, whose coordinates are `coordinates` in this order. `number` is the inverse of the order.
+    /// Gathers the blocks `members` of a lane into the island.
+    ///
+    /// `coordinates` are those of the island, in its order. `number` is the inverse: the place of each coordinate of the lane.
     pub(super) fn gather(&mut self, lane: &Lane, members: &[usize], coordinates: &[u32], number: &[u32]) {
         self.blocks.clear();
         self.tiles.clear();
@@ -72,16 +76,16 @@ impl Island {
             let tiles = first..self.tiles.len();
             let (dim, at, row) = (block.rows.len(), self.y.len(), self.g.len());
             let n = TILE * tiles.len();
-            let kept = lane.busy_rows(block);
-            self.y.resize(at + kept.count_ones() as usize * n, 0.0);
+            let used_rows = lane.used_rows(block);
+            self.y.resize(at + used_rows.count_ones() as usize * n, 0.0);
             for (c, entries) in places().zip(entries.chunks_exact(dim)) {
                 let tile = self.tiles[tiles.clone()].partition_point(|&tile| tile < c / TILE);
-                for (k, r) in bits(kept).enumerate() {
+                for (k, r) in bits(used_rows).enumerate() {
                     self.y[at + k * n + TILE * tile + c % TILE] = entries[r];
                 }
             }
-            self.g.extend(bits(kept).map(|r| lane.g[block.rows.start + r]));
-            self.lambda.extend(bits(kept).map(|r| lane.lambda[block.rows.start + r]));
+            self.g.extend(bits(used_rows).map(|r| lane.g[block.rows.start + r]));
+            self.lambda.extend(bits(used_rows).map(|r| lane.lambda[block.rows.start + r]));
             let own = if block.normal_compliance > 0.0 { dim } else { 0 };
             let bodies = &entries[..entries.len() - own];
             let damped = block.compliance * dim as f64;
@@ -92,7 +96,7 @@ impl Island {
                 tiles,
                 y: at..self.y.len(),
                 rows: row..self.g.len(),
-                kept,
+                used_rows,
                 trace,
                 rho: dim as f64 / trace,
                 compliance: block.compliance,
@@ -106,11 +110,11 @@ impl Island {
         }
     }
 
-    /// Scatters impulses and w back into the lane.
+    /// Copies impulses and w back to the lane. The arguments are those of [`Island::gather`].
     pub(super) fn scatter(&self, lane: &mut Lane, members: &[usize], coordinates: &[u32]) {
         for (&i, block) in members.iter().zip(&self.blocks) {
             let start = lane.blocks[i].rows.start;
-            for (r, &lambda) in bits(block.kept).zip(&self.lambda[block.rows.clone()]) {
+            for (r, &lambda) in bits(block.used_rows).zip(&self.lambda[block.rows.clone()]) {
                 lane.lambda[start + r] = lambda;
             }
         }
@@ -119,7 +123,7 @@ impl Island {
         }
     }
 
-    /// Tiles of coordinates that the rows of a block touch, ascending.
+    /// Tiles of coordinates at which the rows of a block have entries, ascending.
     #[inline(always)]
     pub(super) fn tiles(&self, block: &Block) -> &[usize] {
         &self.tiles[block.tiles.clone()]
@@ -131,13 +135,13 @@ impl Island {
         TILE * block.tiles.len()
     }
 
-    /// Rows of a block, each with the entries of its tiles one after the other.
+    /// Rows of a block. Each has the entries of its tiles, one tile after the other.
     #[inline(always)]
     fn entries(&self, block: &Block) -> std::slice::ChunksExact<'_, f64> {
         self.y[block.y.clone()].chunks_exact(self.width(block))
     }
 
-    /// Computes out = Y x, for all rows.
+    /// Computes the products Y x of all rows into `out`.
     #[inline(always)]
     pub(super) fn multiply(&self, x: &[f64], out: &mut Vec<f64>) {
         out.clear();
@@ -149,7 +153,7 @@ impl Island {
         }
     }
 
-    /// Adds out += sign Y^T x.
+    /// Adds sign Y^T x to `out`.
     #[inline(always)]
     pub(super) fn add_transposed(&self, x: &[f64], sign: f64, out: &mut [f64]) {
         for block in &self.blocks {
@@ -160,7 +164,7 @@ impl Island {
         }
     }
 
-    /// Computes w from the impulses.
+    /// Computes the scaled velocity change w from the impulses.
     pub(super) fn compute_w(&mut self) {
         let mut w = std::mem::take(&mut self.w);
         w.fill(0.0);
@@ -168,7 +172,8 @@ impl Island {
         self.w = w;
     }
 
-    /// Natural-map residual of the exact Coulomb problem, m/s, as [`crate::residual()`]. Writes the velocities Y w + R lambda + g to `v`.
+    /// Natural-map residual of the exact Coulomb problem, m/s, as [`crate::residual()`]. Writes the velocities Y w + R lambda + g of all
+    /// rows to `v`.
     pub(super) fn residual(&self, v: &mut Vec<f64>) -> f64 {
         self.multiply(&self.w, v);
         let mut worst = 0.0;
@@ -189,7 +194,7 @@ impl Island {
     }
 }
 
-/// Places of the bits that are set, ascending.
+/// Indices of the bits that are set, ascending.
 #[inline(always)]
 fn bits(mut set: u32) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {

@@ -1,6 +1,6 @@
-//! Rows of one lane, gathered from the lanes' problem, and its impulses scattered back.
+//! Rows of one lane in scalar f64, gathered from the problem of all lanes. Its impulses are copied back.
 //!
-//! Exact zeros are dropped, so that a lane does not depend on the contacts of other lanes.
+//! Entries that are exactly zero are left out, so that a lane does not depend on the contacts of other lanes.
 
 use std::ops::Range;
 
@@ -11,51 +11,58 @@ use crate::iterate::Iterate;
 use crate::problem::System;
 use stepper_real::{Real, Scalar};
 
-/// Rows of one constraint of the lane.
+/// Rows of one constraint of a lane.
 #[derive(Clone, Debug)]
 pub(super) struct LaneBlock {
+    /// Set of the admissible impulses.
     pub(super) set: AdmissibleSet,
-    /// Index of its kind of constraint.
+    /// Index of the kind of constraint.
     pub(super) kind: usize,
-    /// Index of the constraint among its kind in the lanes' problem.
+    /// Index of the constraint among those of its kind, in the problem of all lanes.
     pub(super) source: usize,
+    /// Range of its coordinates in the list of the lane.
     support: Range<usize>,
+    /// Index of its first entry in the list of the lane.
     y: usize,
     /// Range of its rows in [`Lane::g`] and [`Lane::lambda`].
     pub(super) rows: Range<usize>,
-    /// Compliance R >= 0 on the diagonal of G, the same for all of its rows.
+    /// Compliance R >= 0, the same for all rows: it is added to the diagonal of the Delassus matrix G, 1/kg.
     pub(super) compliance: f64,
-    /// Additional compliance of the first row: the square of the last coordinate's entry, 0 without a separate coordinate.
+    /// Additional compliance of the first row, 1/kg. If it is not 0, the block has an extra coordinate, whose entry is its square root.
     pub(super) normal_compliance: f64,
-    /// Ratio of trace(G_ii) before elimination of equality rows to that after it, at least 1.
+    /// Ratio of trace(G_ii) before elimination of equality rows to that after it, at least 1. G_ii is the constraint's block of the
+    /// Delassus matrix.
     pub(super) trace_ratio: f64,
 }
 
-/// Rows of one lane, sparse.
+/// Rows of one lane, stored sparse.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Lane {
+    /// Rows of each constraint.
     pub(super) blocks: Vec<LaneBlock>,
     /// Index of the kind of constraint that is being gathered.
     kind: usize,
+    /// Coordinates of the blocks, one block after the other.
     support: Vec<u32>,
-    /// Entries; the rows of a coordinate lie side by side.
+    /// Entries of the scaled Jacobian: for each coordinate, those of all rows of the block.
     y: Vec<f64>,
-    /// Velocity of every row before any impulse, with its bias, m/s.
+    /// Velocity of each row before any impulse, with its bias, m/s.
     pub(super) g: Vec<f64>,
-    /// Impulse of every row, N s.
+    /// Impulse of each row, N s.
     pub(super) lambda: Vec<f64>,
-    /// w = sum_i y_i lambda_i, all coordinates, without the eliminated rows.
+    /// Scaled velocity change w = sum_i y_i lambda_i in all coordinates, without the part by eliminated rows.
     pub(super) w: Vec<f64>,
-    /// Part of w from the eliminated rows. They are solved, and no other row depends on it.
+    /// Part of w by eliminated rows. They are solved, and no other row depends on it.
     eliminated: Vec<f64>,
-    /// Coordinates of w that only this problem has: one for each normal row with a compliance R, with the entry sqrt(R).
+    /// Extra coordinates of w, which only this lane has: one for each normal row with a compliance R. The row's entry there is sqrt(R), and
+    /// no other row has an entry.
     ///
-    /// No other row has an entry there. Newton's method supports only compliances that are the same for all rows of a cone.
+    /// Newton's method supports only compliances that are the same for all rows of a cone.
     own: Vec<f64>,
 }
 
 impl Lane {
-    /// Gathers the rows of lane `lane` without the eliminated ones, kind by kind.
+    /// Gathers the rows of lane `lane`, kind by kind, except the eliminated ones.
     pub(super) fn gather<R: Real>(&mut self, system: System<'_, R>, iterate: &Iterate<R>, lane: usize) {
         self.blocks.clear();
         self.support.clear();
@@ -75,7 +82,7 @@ impl Lane {
         self.w.extend_from_slice(&self.own);
     }
 
-    /// Coordinates and entries of a block.
+    /// Coordinates of a block, and the entries of its rows at each.
     pub(super) fn entries(&self, block: &LaneBlock) -> (&[u32], &[f64]) {
         let support = self.support(block);
         (support, &self.y[block.y..block.y + support.len() * block.rows.len()])
@@ -86,8 +93,8 @@ impl Lane {
         &self.support[block.support.clone()]
     }
 
-    /// Rows of a block that have an effect, as bits. These are rows with a nonzero entry, target or impulse, and always the first row.
-    pub(super) fn busy_rows(&self, block: &LaneBlock) -> u32 {
+    /// Rows of a block that have an effect, as bits: those with a nonzero entry, target or impulse, and always the first row.
+    pub(super) fn used_rows(&self, block: &LaneBlock) -> u32 {
         let (_, entries) = self.entries(block);
         let dim = block.rows.len();
         let mut busy = 1;
@@ -107,7 +114,7 @@ impl Lane {
         &self.support
     }
 
-    /// Scatters impulses and w into lane `lane`.
+    /// Copies impulses and w back to lane `lane` of an iterate.
     pub(super) fn scatter<R: Real>(&self, lane: usize, iterate: &mut Iterate<R>) {
         let mut kinds = 0..;
         each_kind!([impulses: &mut iterate] => {
@@ -126,7 +133,7 @@ impl Lane {
 }
 
 impl LaneReceiver for Lane {
-    /// Adds a block. An immovable block is left out, because its impulses have no effect.
+    /// Adds a block. An immovable block (without entries) is left out, because its impulses have no effect.
     fn add<const N: usize>(&mut self, constraint: LaneConstraint<N>, support: &[u32], entries: impl Iterator<Item = [f64; N]>) {
         let LaneConstraint { set, source, g, lambda, compliance, normal_compliance, trace_ratio } = constraint;
         let (s0, y0, row) = (self.support.len(), self.y.len(), self.g.len());
@@ -150,7 +157,7 @@ impl LaneReceiver for Lane {
         }
     }
 
-    fn add_separate(&mut self, support: &[u32], change: impl Iterator<Item = f64>) {
+    fn add_eliminated(&mut self, support: &[u32], change: impl Iterator<Item = f64>) {
         support.iter().zip(change).for_each(|(&c, change)| self.eliminated[c as usize] += change);
     }
 }

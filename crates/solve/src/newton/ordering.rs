@@ -1,29 +1,29 @@
-//! Islands, and an order of the coordinates that keeps the skyline low.
+//! Islands of a lane, and an order of an island's coordinates for which the skyline of the matrix is low.
 //!
-//! Rows join the coordinates that they touch, and joined coordinates form an island. Within it the reverse Cuthill-McKee order (Cuthill &
-//! McKee 1969, George 1971) from an end of the island puts joined coordinates side by side. The graph is implicit: the search goes from a
-//! coordinate to its rows, and from them to their coordinates.
+//! Two coordinates are neighbours if a row has entries at both, and connected coordinates are an island. Its order is that of reverse
+//! Cuthill-McKee (Cuthill & McKee 1969, George 1971) from an end of the island, which places neighbours close to each other. The graph is
+//! implicit: the search goes from a coordinate to its rows, and from them to their coordinates.
 
 use crate::newton::lane::Lane;
 
-/// Placeholder for coordinates that have no number in the new order yet.
+/// Placeholder for coordinates that have no number yet.
 const NONE: u32 = u32::MAX;
 
-/// Islands of one lane's rows. Coordinates without rows belong to none.
+/// Islands of one lane: sets of constraints that are coupled directly or by others. Coordinates without rows belong to none.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Islands {
-    /// Parent of every coordinate in the forest of the union.
+    /// Parent of each coordinate in the union-find forest.
     parent: Vec<u32>,
-    /// Island of every root of that forest.
+    /// Island of each root of the forest.
     name: Vec<u32>,
-    /// Island of every block.
+    /// Island of each block.
     pub(super) of_block: Vec<u32>,
     /// Number of islands.
     pub(super) count: usize,
 }
 
 impl Islands {
-    /// Finds the islands, numbered in the order of their first blocks.
+    /// Finds the islands. They are numbered in the order of their first blocks.
     pub(super) fn find(&mut self, lane: &Lane) {
         self.parent.clear();
         self.parent.extend(0..lane.w.len() as u32);
@@ -31,7 +31,7 @@ impl Islands {
             let support = lane.support(block);
             for pair in support.windows(2) {
                 let (a, b) = (self.root(pair[0]), self.root(pair[1]));
-                // The smaller index is the root, whatever the order of the rows.
+                // The smaller index is the root, independent of the order of the rows.
                 self.parent[a.max(b) as usize] = a.min(b);
             }
         }
@@ -49,6 +49,7 @@ impl Islands {
         }
     }
 
+    /// Root of a coordinate in the union-find forest.
     fn root(&mut self, mut c: u32) -> u32 {
         while self.parent[c as usize] != c {
             let above = self.parent[self.parent[c as usize] as usize];
@@ -64,17 +65,18 @@ impl Islands {
 pub(super) struct Ordering {
     /// Coordinates in their new order.
     pub(super) coordinates: Vec<u32>,
-    /// New number of every coordinate; meaningless for those of other islands.
+    /// Place of each coordinate in the new order. It has no meaning for coordinates of other islands.
     pub(super) number: Vec<u32>,
-    /// Blocks of every coordinate, one list after the other.
+    /// Blocks with entries at each coordinate, one list after the other.
     blocks: Vec<u32>,
-    /// Start of each list.
+    /// Start of the list of each coordinate.
     begin: Vec<u32>,
+    /// Whether the search has visited each block.
     seen: Vec<bool>,
 }
 
 impl Ordering {
-    /// Lists the blocks of every coordinate, for all islands at once.
+    /// Lists the blocks that have entries at each coordinate, for all islands at once.
     pub(super) fn list_blocks(&mut self, lane: &Lane) {
         let n = lane.w.len();
         self.begin.clear();
@@ -99,14 +101,15 @@ impl Ordering {
         self.number.resize(n, NONE);
     }
 
+    /// Range of the list of blocks of a coordinate.
     fn blocks_of(&self, c: u32) -> std::ops::Range<usize> {
         self.begin[c as usize] as usize..self.begin[c as usize + 1] as usize
     }
 
-    /// Orders the island of the block `any`.
+    /// Orders the coordinates of the island that contains the block `any`.
     pub(super) fn order_island(&mut self, lane: &Lane, any: usize) {
         self.search(lane, lane.support(&lane.blocks[any])[0]);
-        // The search starts twice from the farthest end, so that the levels are narrow.
+        // The search is repeated twice from the coordinate that it reached last, so that the levels are narrow.
         for _ in 0..2 {
             let last = *self.coordinates.last().expect("a block has coordinates");
             self.search(lane, last);
@@ -117,7 +120,7 @@ impl Ordering {
         }
     }
 
-    /// Numbers the coordinates breadth first from `start`. Rows of a coordinate with fewer coordinates come first.
+    /// Orders the coordinates of an island breadth first from `start`.
     fn search(&mut self, lane: &Lane, start: u32) {
         self.seen.clear();
         self.seen.resize(lane.blocks.len(), false);

@@ -1,4 +1,4 @@
-//! Outer loop: proximal steps of one island, from its warm start to the tolerance.
+//! Outer loop of Newton's method: proximal steps of one island, from its warm start to the tolerance.
 //!
 //! With De Saxce's terms constant the problem is convex, and proximal steps converge if it has a solution. After k steps the residual is at
 //! most `D / (kappa sqrt(k))`, where D is the distance from the first impulses to the nearest solution (Rockafellar 1976, theorem 1; Guler
@@ -13,56 +13,61 @@ use crate::newton::augmented_lagrangian::AugmentedLagrangian;
 use crate::newton::island::Island;
 use stepper_real::Real;
 
-/// Ratios kappa of the first proximal step, which corrects the result of sweeps, and of the later steps.
+/// Ratios kappa of the proximal step length to the step of the natural map. The first one is for the first step, which corrects the result
+/// of sweeps, the second for later steps.
 ///
 /// Measured on 1,202 problems of humanoids that sweeps did not solve: a first kappa of 10 or 1e5 takes 10 to 20 % more Newton steps. A
 /// later kappa of 1e4 or 1e6 takes as many, 1e7 twice as many.
 const KAPPA: [f64; 2] = [1e3, 1e5];
-/// Largest kappa, for proximal steps that are too short (mass ratios beyond 1e5, nearly dependent rows).
+/// Largest kappa (ratio of the proximal step length to the step of the natural map). It is reached if proximal steps are too short: mass
+/// ratios beyond 1e5, nearly dependent rows.
 ///
-/// The matrix is the identity plus a multiple kappa of another. With this kappa the identity is still above the rounding error.
+/// The matrix is the identity plus kappa times another one. At this kappa the identity is still above the rounding error.
 const MOST_KAPPA: f64 = 1e12;
-/// Least kappa for any tolerance.
+/// Smallest kappa (ratio of the proximal step length to the step of the natural map), for any tolerance.
 const LEAST_KAPPA: f64 = 1e2;
 
-/// Ratio kappa of the first steps of [`ProximalPoint::solve_exact`], in islands of at most [`SMALL`] coordinates and in larger ones.
+/// Kappa of the first steps of [`ProximalPoint::solve_exact`], in islands of at most [`SMALL`] coordinates and in larger ones.
 ///
 /// Measured on 53 problems of a wall hit by a ball and of a heap of thirty boxes that sweeps and convex steps had not solved. A first kappa
 /// of 10 or 1000, growth by 4, or 10 instead of [`MOST_STEPS`] take within 15 % as many Newton steps. They also solve all problems. In
 /// small islands, of 280 problems, 300 or 3000 take up to 20 % more.
 const FIRST_EXACT_KAPPA: [f64; 2] = [1e3, 1e2];
+/// Smallest kappa of steps with the exact law. If such a step fails, the search ends.
 const LEAST_EXACT_KAPPA: f64 = 0.3;
+/// Largest kappa of steps with the exact law.
 const MOST_EXACT_KAPPA: f64 = 1e6;
-/// Largest number of Newton steps of a proximal step, and number below which the next step is longer.
+/// Largest number of Newton steps of a proximal step with the exact law.
 const MOST_STEPS: u32 = 6;
+/// Number of Newton steps up to which the next proximal step with the exact law is longer.
 const FEW_STEPS: u32 = 4;
-/// Largest number of Newton steps of the proximal step after one that meets the tolerance.
+/// Largest number of Newton steps of the additional proximal step after one that meets the tolerance.
 const LAST_STEPS: u32 = 2;
-/// Ratio of the Newton steps of a search with the exact law to the limit in the settings.
+/// Largest number of Newton steps with the exact law, relative to the limit in the settings.
 ///
-/// Half of those 53 problems need more than 75 steps, the hardest 280.
+/// Half of the 53 problems of [`FIRST_EXACT_KAPPA`] need more than 75 steps, the hardest 280.
 pub const EXACT_RATIO: u32 = 6;
 
-/// Number of steps in an attempt of the exact law that need not lower its error.
+/// Number of Newton steps in an attempt of the exact law that may fail to reduce its error.
 const PATIENCE: u32 = 3;
 
 /// Largest number of coordinates of a small island. In larger islands (a wall hit by a ball, a heap of thirty boxes), hundreds of contacts
-/// change their state at once.
+/// switch between sticking, slipping and open at once.
 pub(super) const SMALL: usize = 64;
 
-/// Law that Newton's steps solve.
+/// Treatment of De Saxce's terms mu |v_t| of Coulomb's law in Newton's method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Terms {
-    /// De Saxce's terms are constant in each convex problem, and recomputed between problems.
-    Held,
-    /// De Saxce's terms are constant first. If that does not solve an island, the law is exact. In islands with many contacts it is exact
-    /// from the beginning.
-    HeldThenExact,
-    /// The law is exact.
+    /// The terms are constant in each convex problem, and recomputed between problems.
+    Constant,
+    /// The terms are constant first. If that does not solve an island, the law is exact. In islands with many contacts it is exact from the
+    /// beginning.
+    ConstantThenExact,
+    /// The law is exact: the terms follow the velocities in every Newton step.
     Exact,
 }
 
-/// Criteria at which a search stops.
+/// Criteria at which the search of an island stops.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Criteria {
     /// Residual at which the search stops, m/s.
@@ -71,43 +76,53 @@ pub(super) struct Criteria {
     pub(super) steps: u32,
     /// Whether to find the impulses of least norm among many possible ones, instead of those near the start.
     pub(super) least_norm: bool,
-    /// Law that the steps solve.
+    /// Treatment of De Saxce's terms.
     pub(super) terms: Terms,
 }
 
 /// Proximal-point method on one island: its workspace and its progress.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ProximalPoint {
+    /// Convex function that a proximal step minimises.
     lagrangian: AugmentedLagrangian,
+    /// Acceleration of the fixed point of De Saxce's terms.
     anderson: Anderson,
+    /// Velocities of all rows at the present impulses, m/s.
     v: Vec<f64>,
+    /// De Saxce's terms at these velocities, m/s.
     image: Vec<f64>,
-    /// Impulses with the least residual.
-    best: Answer,
-    /// Impulses before an implicit attempt.
-    before: Answer,
-    /// Residual of the last impulses.
-    now: f64,
+    /// Impulses with the smallest residual so far.
+    best: SavedImpulses,
+    /// Impulses before an attempt of the exact law.
+    before: SavedImpulses,
+    /// Residual of the present impulses, m/s.
+    residual: f64,
+    /// Number of Newton steps in the present search.
     steps: u32,
     /// Number of rounds of the outer loop in the last search.
     pub(super) rounds: u32,
 }
 
-/// Impulses with their w and residual.
+/// Copy of an island's impulses, with their w and residual.
 #[derive(Clone, Debug, Default)]
-struct Answer {
+struct SavedImpulses {
+    /// Impulse of each row, N s.
     lambda: Vec<f64>,
+    /// Scaled velocity change by the impulses.
     w: Vec<f64>,
+    /// Residual, m/s.
     residual: f64,
 }
 
-impl Answer {
+impl SavedImpulses {
+    /// Copies the impulses of an island, which have the given residual.
     fn save(&mut self, rows: &Island, residual: f64) {
         self.lambda.clone_from(&rows.lambda);
         self.w.clone_from(&rows.w);
         self.residual = residual;
     }
 
+    /// Copies the saved impulses back to an island.
     fn restore(&self, rows: &mut Island) {
         rows.lambda.clone_from(&self.lambda);
         rows.w.clone_from(&self.w);
@@ -115,36 +130,39 @@ impl Answer {
 }
 
 impl ProximalPoint {
-    /// Improves `rows`. Returns the number of Newton steps.
+    /// Improves the impulses of the island `rows` by proximal steps with constant De Saxce's terms. Returns the number of Newton steps.
     ///
-    /// The result is never worse than the start, unless impulses of least norm are sought.
+    /// The residual never increases, unless impulses of least norm are sought.
     pub(super) fn solve<R: Real>(&mut self, rows: &mut Island, criteria: Criteria) -> u32 {
         self.lagrangian.reset(rows);
         (self.steps, self.rounds) = (0, 0);
-        self.now = rows.residual(&mut self.v);
-        self.best.save(rows, self.now);
+        self.residual = rows.residual(&mut self.v);
+        self.best.save(rows, self.residual);
         self.reset_slip(rows);
         let mut most = largest_kappa(&self.lagrangian.slip, criteria.tolerance);
         let mut kappa = KAPPA[0].min(most);
         if criteria.least_norm {
-            // A proximal step from zero, whose search begins at the present motion.
+            // A proximal step from zero impulses. Newton's method starts at the present motion.
             rows.lambda.fill(0.0);
             self.best.residual = f64::INFINITY;
             kappa = kappa.max(KAPPA[1].min(most));
         }
         let mut implicit_kappa = kappa;
-        // A failed attempt of the exact law doubles the wait for the next one (`rounds_to_try`) and reduces its kappa. A successful one is
-        // a proximal step and lengthens the next. With friction it may succeed without reducing the residual.
+        // A failed attempt of the exact law doubles the number of rounds before the next one (`rounds_to_try`) and reduces its kappa. A
+        // successful attempt is a proximal step and increases the next kappa. With friction it may succeed without reducing the residual.
         let (mut rounds_to_try, mut next_wait) = (1, 1);
         // Kappa at which the matrix had no factors.
         let mut broken = f64::INFINITY;
-        while self.steps < criteria.steps && self.rounds < criteria.steps && self.best.residual > criteria.tolerance && self.now.is_finite()
+        while self.steps < criteria.steps
+            && self.rounds < criteria.steps
+            && self.best.residual > criteria.tolerance
+            && self.residual.is_finite()
         {
             self.rounds += 1;
             if rounds_to_try == 0 {
                 self.lagrangian.kappa = implicit_kappa;
-                let last = self.now;
-                if self.try_implicit::<R>(rows, criteria) && (self.now < 0.9 * last || implicit_kappa < KAPPA[1].min(most)) {
+                let last = self.residual;
+                if self.try_implicit::<R>(rows, criteria) && (self.residual < 0.9 * last || implicit_kappa < KAPPA[1].min(most)) {
                     implicit_kappa = (10.0 * implicit_kappa).min(KAPPA[1]).min(most);
                     next_wait = 1;
                     continue;
@@ -154,7 +172,7 @@ impl ProximalPoint {
             }
             rounds_to_try -= 1;
             self.lagrangian.kappa = kappa;
-            let before = self.now;
+            let before = self.residual;
             if !self.minimise::<R>(rows, criteria) {
                 // Repeats the step with a kappa whose matrix has factors, from the last finite result.
                 rows.w.clone_from(&self.best.w);
@@ -167,8 +185,8 @@ impl ProximalPoint {
             }
             let moved = self.accept_step(rows);
             let off = self.recompute_slip(rows);
-            // A residual that stays although the slips are right is caused by proximal steps that are too short.
-            let short = self.now > 0.1 * before && off < 0.1 * self.now;
+            // A residual that remains although De Saxce's terms are right is caused by proximal steps that are too short.
+            let short = self.residual > 0.1 * before && off < 0.1 * self.residual;
             most = largest_kappa(&self.lagrangian.slip, criteria.tolerance).min(0.01 * broken);
             let last = kappa;
             kappa = if short { 10.0 * kappa } else { kappa }.max(KAPPA[1]).min(most);
@@ -180,8 +198,8 @@ impl ProximalPoint {
         self.steps
     }
 
-    /// Improves `rows` as [`ProximalPoint::solve`] does, but by proximal steps of the exact law. Their length depends on how well Newton's
-    /// method converges.
+    /// Improves the impulses of the island `rows` by proximal steps with the exact law. Returns the number of Newton steps. The length of a
+    /// proximal step depends on how well Newton's method converges.
     ///
     /// With De Saxce's terms constant, the fixed-point iteration does not converge if hundreds of contacts stick, slip and open at once. A
     /// long step of the exact law switches too many of them for Newton's method. A short step is a small correction, and unlike a sweep it
@@ -189,14 +207,14 @@ impl ProximalPoint {
     pub(super) fn solve_exact<R: Real>(&mut self, rows: &mut Island, criteria: Criteria) -> u32 {
         self.lagrangian.reset(rows);
         (self.steps, self.rounds) = (0, 0);
-        self.now = rows.residual(&mut self.v);
-        self.best.save(rows, self.now);
+        self.residual = rows.residual(&mut self.v);
+        self.best.save(rows, self.residual);
         let small = rows.w.len() <= SMALL;
-        // The other part of the steps is for constant terms.
-        let ratio = if small && criteria.terms == Terms::HeldThenExact { EXACT_RATIO - 1 } else { EXACT_RATIO };
+        // The remaining steps are for constant terms.
+        let ratio = if small && criteria.terms == Terms::ConstantThenExact { EXACT_RATIO - 1 } else { EXACT_RATIO };
         let most_steps = criteria.steps.saturating_mul(ratio);
         let mut kappa = FIRST_EXACT_KAPPA[usize::from(!small)];
-        while self.steps < most_steps && self.best.residual > criteria.tolerance && self.now.is_finite() {
+        while self.steps < most_steps && self.best.residual > criteria.tolerance && self.residual.is_finite() {
             self.rounds += 1;
             self.lagrangian.kappa = kappa;
             match self.step_exactly::<R>(rows, criteria, most_steps) {
@@ -207,7 +225,8 @@ impl ProximalPoint {
                 None => kappa = (0.3 * kappa).max(LEAST_EXACT_KAPPA),
             }
         }
-        // The remaining error of a contact that holds would accumulate while it holds. One more long step removes nearly all of it.
+        // The remaining error of a sticking contact would accumulate from step to step. One more long proximal step removes nearly all of
+        // it.
         if self.steps > 0 && self.best.residual <= criteria.tolerance {
             self.rounds += 1;
             self.lagrangian.kappa = MOST_EXACT_KAPPA;
@@ -217,14 +236,14 @@ impl ProximalPoint {
         self.steps
     }
 
-    /// Makes a proximal step of the exact law, to an error of at most a tenth of the present residual. Returns its Newton steps and whether
-    /// it changed any impulse.
+    /// Makes a proximal step with the exact law, to an error of at most a tenth of the present residual. Returns its number of Newton
+    /// steps, and whether it changed any impulse.
     ///
     /// Returns `None`, and changes nothing, if Newton's method does not converge.
     fn step_exactly<R: Real>(&mut self, rows: &mut Island, criteria: Criteria, most_steps: u32) -> Option<(u32, bool)> {
-        self.before.save(rows, self.now);
+        self.before.save(rows, self.residual);
         let start = self.lagrangian.evaluate(rows, true);
-        let enough = 0.1 * self.now.max(criteria.tolerance);
+        let enough = 0.1 * self.residual.max(criteria.tolerance);
         for taken in 1..=MOST_STEPS {
             if self.steps >= most_steps {
                 break;
@@ -243,7 +262,7 @@ impl ProximalPoint {
         None
     }
 
-    /// Sets De Saxce's terms to those at the present velocities `v`, without a history.
+    /// Sets De Saxce's terms to those at the present velocities, and discards their history.
     fn reset_slip(&mut self, rows: &Island) {
         let slips = rows.blocks.iter().map(|block| block.set.slip(&self.v[block.rows.clone()]));
         self.lagrangian.slip.clear();
@@ -251,7 +270,7 @@ impl ProximalPoint {
         self.anderson.restart(rows.blocks.len());
     }
 
-    /// Recomputes De Saxce's terms. Returns the largest error of the last ones, m/s.
+    /// Computes the next De Saxce's terms, with Anderson's acceleration. Returns the largest error of the previous ones, m/s.
     fn recompute_slip(&mut self, rows: &Island) -> f64 {
         self.image.clear();
         self.image.extend(rows.blocks.iter().map(|block| block.set.slip(&self.v[block.rows.clone()])));
@@ -260,11 +279,11 @@ impl ProximalPoint {
         off
     }
 
-    /// Solves the convex problem, with constant De Saxce's terms, and inexactly while they are far from right.
+    /// Solves the convex problem with constant De Saxce's terms. The solution is inexact while these terms have large errors.
     ///
     /// Returns false if the matrix has no factors, or if numbers have diverged.
     fn minimise<R: Real>(&mut self, rows: &mut Island, criteria: Criteria) -> bool {
-        let enough = 0.1 * criteria.tolerance.max(0.1 * self.now.min(1e-3));
+        let enough = 0.1 * criteria.tolerance.max(0.1 * self.residual.min(1e-3));
         let mut error = self.lagrangian.evaluate(rows, false);
         // A NaN error ends the loop too.
         while error > enough && error.is_finite() && self.steps < criteria.steps {
@@ -274,9 +293,9 @@ impl ProximalPoint {
         error.is_finite()
     }
 
-    /// Attempts a proximal step on the exact law. Returns true if it converges, else nothing has changed.
+    /// Attempts a proximal step with the exact law. Returns whether it converged. Otherwise nothing has changed.
     fn try_implicit<R: Real>(&mut self, rows: &mut Island, criteria: Criteria) -> bool {
-        self.before.save(rows, self.now);
+        self.before.save(rows, self.residual);
         let mut error = self.lagrangian.evaluate(rows, true);
         let (mut least, mut patience) = (error, PATIENCE);
         while error > 0.1 * criteria.tolerance {
@@ -301,24 +320,25 @@ impl ProximalPoint {
         true
     }
 
-    /// Accepts the impulses of the proximal step, and saves the best ones. Returns whether any has changed.
+    /// Accepts the impulses of a proximal step, and saves them if they are the best so far. Returns whether any impulse has changed.
     fn accept_step(&mut self, rows: &mut Island) -> bool {
         let moved = rows.lambda != self.lagrangian.z;
         rows.lambda.copy_from_slice(&self.lagrangian.z);
         rows.compute_w();
-        self.now = rows.residual(&mut self.v);
-        if self.now < self.best.residual {
-            self.best.save(rows, self.now);
+        self.residual = rows.residual(&mut self.v);
+        if self.residual < self.best.residual {
+            self.best.save(rows, self.residual);
         }
         moved
     }
 }
 
-/// Largest kappa whose rounding leaves velocities within the tolerance.
+/// Largest kappa (ratio of the proximal step length to the step of the natural map) at which rounding leaves velocities within the
+/// tolerance, m/s.
 ///
 /// Velocities of rows that push are small at the end of a proximal step. They are sums of ever smaller changes, so that their rounding is
-/// small however fast the rest moves. In a slipping contact, rho times De Saxce's term cancels against mu times the length of x's
-/// tangential part. The difference has a rounding error of rho times that of the slip.
+/// small however fast other bodies move. In a slipping contact, rho times De Saxce's term cancels against mu times the length of the
+/// tangential argument of the projection. The difference has a rounding error of rho times that of the slip velocity.
 fn largest_kappa(slip: &[f64], tolerance: f64) -> f64 {
     let fastest = slip.iter().fold(0.0, |most: f64, s| most.max(*s));
     (0.1 * tolerance / (f64::EPSILON * fastest)).clamp(LEAST_KAPPA, MOST_KAPPA)

@@ -1,5 +1,5 @@
-//! Response of the impulses of a solved problem to its rows while no mode changes, by the implicit function theorem. It works lane by lane
-//! in scalar f64.
+//! Derivative of the impulses of a solved problem with respect to its rows, while no constraint switches its mode (open, sticking,
+//! slipping, at a bound). It follows from the implicit function theorem, lane by lane in scalar f64.
 //!
 //! The impulses are a zero of the natural map, with v = G lambda + g and De Saxce's terms s:
 //!
@@ -20,120 +20,143 @@ use crate::problem::System;
 use crate::vectors::{TILE, add_scaled, inner, inner_of_tiles, norm};
 use stepper_real::{Mask, Real, Scalar};
 
-/// Pivot relative to the largest, below which a row depends on those before. Independent directions of a robot's rows have far larger
-/// pivots.
+/// Ratio of a pivot to the largest one below which a row depends linearly on the previous rows. Independent directions of a robot's rows
+/// have far larger pivots.
 const DEPENDENT: f64 = 1e-10;
 
-/// Ratio of the motion by all impulses to that by each alone, below which it counts as no motion.
-const IDLE: f64 = 1e-7;
+/// Ratio of the motion by a set of impulses to that by impulses of this size in a single row, below which it counts as no motion.
+const NO_MOTION: f64 = 1e-7;
 
-/// Ratio of a compliance to the previous one, below which it belongs to another mode: a row has none, or at least a thousandth of its
-/// mobility.
+/// Ratio of two compliances of a row below which one of them is damping that the other lacks. A row without damping has compliance 0, and
+/// damping is at least a thousandth of the mobility.
 const SAME_COMPLIANCE: f64 = 0.5;
 
-/// Largest number of rows of one constraint, and an array with a number for each.
+/// Largest number of rows of one constraint.
 const MAX_ROWS: usize = 6;
+/// One number for each row of a constraint.
 type Rows = [f64; MAX_ROWS];
 
 /// Number of kinds of constraints.
 const KINDS: usize = 3;
 
-/// Mode of a constraint that changes, at which a derivative ends.
+/// Mode change of a constraint, at which the impulses have a kink.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Switch {
-    /// A contact begins or ceases to push.
+    /// A contact opens or closes.
     Contact,
     /// A contact begins or ceases to slip.
     Slip,
-    /// A row with one bound reaches or leaves its bound.
+    /// The impulse of a row with one bound reaches or leaves its bound.
     Limit,
-    /// A row with two bounds reaches or leaves a bound.
+    /// The impulse of a row with two bounds reaches or leaves a bound.
     DryFriction,
-    /// A row of the position solve begins or ceases to correct, and thereby to be damped.
+    /// A row of the position solve begins or ceases to correct a position error, and therefore to be damped.
     Gap,
 }
 
-/// Distance of a constraint from its next mode under a change.
+/// Distance of a constraint from its next mode change, under a change of the problem.
 #[derive(Clone, Copy, Debug)]
-pub struct Followed {
+pub struct SwitchDistance {
     /// Lane of the constraint.
     pub lane: usize,
-    /// Mode that would change next.
+    /// Mode change that would be next.
     pub switch: Switch,
-    /// Distance to the switch, as a multiple of the change: at most 1 if it has happened, infinite if the change leads away from it.
+    /// Distance to the mode change as a multiple of the change of the problem. It is at most 1 if the mode has changed, and infinite if the
+    /// change leads away from it.
     pub distance: f64,
 }
 
-/// Response of the impulses of a group of lanes.
+/// Derivative of the impulses of all lanes of a group with respect to the rows of their problem.
 #[derive(Clone, Debug)]
 pub struct Response<R: Real> {
+    /// Derivative of each lane.
     lanes: Vec<LaneResponse>,
     /// Number of eliminated rows, which are solved exactly each time.
     eliminated: usize,
-    /// First row of each kind, in the order of the kinds, and numbers of rows of one constraint.
+    /// For each kind of constraint, index of its first row and number of rows of one constraint.
     kinds: Vec<[usize; 2]>,
-    /// Impulses and velocities of all rows.
+    /// Impulses of all rows, kind by kind, N s.
     impulses: Vec<R>,
+    /// Velocities of all rows, m/s.
     velocities: Vec<R>,
-    /// Compliance of all rows of a position solve; none of other rows.
+    /// Compliances of all rows of a position solve. The list is empty for a velocity solve.
     compliances: Vec<R>,
+    /// Rows of one lane.
     lane: Lane,
+    /// Linear system of one lane.
     system: Linear,
 }
 
 /// Solution of one lane, and the derivative of its impulses with respect to the rows' velocities while no constraint changes its mode.
 #[derive(Clone, Debug, Default)]
 struct LaneResponse {
+    /// Constraints of the lane.
     blocks: Vec<Block>,
-    /// Impulses and velocities of all rows at the solution.
+    /// Impulses of all rows at the solution, N s.
     lambda: Vec<f64>,
+    /// Velocities of all rows at the solution, m/s.
     velocity: Vec<f64>,
-    /// Indices of the rows that are not open.
+    /// Indices of the rows whose impulses change with the velocities: those of contacts that stick or slip, and of rows inside their
+    /// bounds.
     active: Vec<usize>,
-    /// Derivative of the impulses with respect to the velocities, row by row, each filled up to whole tiles.
+    /// Derivative of the impulses of the active rows with respect to their velocities, row by row, padded to whole tiles, kg.
     matrix: Vec<f64>,
-    /// Changes of the active rows' impulses that cause no motion, so that the rows do not determine them. They are concatenated.
-    open: Vec<f64>,
-    /// First row of every block in the current problem, `None` if the problem does not have its constraint.
+    /// Changes of the active rows' impulses that change no velocity, so that the rows do not determine them. They are concatenated.
+    undetermined: Vec<f64>,
+    /// Index of the first row of each block in the present problem, `None` if the problem does not have its constraint.
     found: Vec<Option<usize>>,
+    /// Changes of the velocities of the active rows, m/s.
     change: Vec<f64>,
 }
 
-/// Rows of one constraint of a lane.
+/// Rows of one constraint of a lane, at the solution.
 #[derive(Clone, Copy, Debug)]
 struct Block {
+    /// Set of the admissible impulses.
     set: AdmissibleSet,
+    /// Region of the projection, which is the mode of the constraint.
     piece: Piece,
-    /// Margin of the impulses, see [`AdmissibleSet::margin`].
+    /// Distance of the projection's argument from the next region, N s, see [`AdmissibleSet::margin`].
     margin: f64,
+    /// Index of the kind of constraint.
     kind: usize,
+    /// Index of the constraint among those of its kind.
     source: usize,
+    /// Number that identifies the constraint in other problems.
     name: u64,
+    /// Index of its first row in the lists of the lane.
     first: usize,
+    /// Number of rows.
     dim: usize,
+    /// Step of the natural map, kg.
     rho: f64,
-    /// Compliance of all rows, without the additional one of the normal row.
+    /// Compliance of all rows without the additional one of the normal row, 1/kg.
     compliance: f64,
 }
 
 impl Block {
-    /// Whether rows of this compliance are damped and those of the solution were not, or the reverse.
+    /// Whether exactly one of this constraint and a constraint with the given `compliance` is damped.
     fn switches_damping(&self, compliance: f64) -> bool {
         self.compliance.min(compliance) < SAME_COMPLIANCE * self.compliance.max(compliance)
     }
 }
 
-/// Linear system of a lane, with its workspace.
+/// Linear system for the derivative of one lane, with its workspace.
 #[derive(Clone, Debug, Default)]
 struct Linear {
     /// Rows of the active constraints over all coordinates.
     dense: Vec<f64>,
+    /// Delassus matrix of these rows.
     delassus: Vec<f64>,
+    /// Derivative of the projection of one constraint, times a matrix.
     product: Product,
+    /// Matrix of the equations for the change of the impulses.
     left: Vec<f64>,
+    /// Matrix that multiplies the change of the velocities on the right side of the equations.
     right: Vec<f64>,
-    /// Order of rows and of columns in which the matrix was eliminated.
+    /// Order in which rows were eliminated.
     rows: Vec<usize>,
+    /// Order in which columns were eliminated.
     columns: Vec<usize>,
 }
 
@@ -153,12 +176,13 @@ impl<R: Real> Default for Response<R> {
 }
 
 impl<R: Real> Response<R> {
-    /// Stores the solution of the lanes `lanes` (bits). Returns the lanes whose motion follows from their rows.
+    /// Stores the solution and its derivative in the lanes `lanes` (bits). Returns the lanes in which the rows determine the motion.
     ///
-    /// The motion does not follow if, for example, contacts share loads while they slip about a point, because the rows leave the loads
-    /// open. `name` returns a number for a constraint of a kind in a lane, which identifies it in other problems. The compliance of a
-    /// position solve counts from the impulses `before`, the solution of the velocities. The loads that this solution leaves open must move
-    /// nothing here either.
+    /// They do not determine it if, for example, contacts share loads while they slip about a point. `name` returns a number that
+    /// identifies a constraint in other problems. Its arguments are the kind, the index and the lane.
+    ///
+    /// For a position solve `before` is the velocity solve, from whose impulses the damping counts. Loads that the velocity solve leaves
+    /// undetermined must cause no motion in the position solve either.
     pub fn settle<'a>(
         &mut self,
         system: impl Into<System<'a, R>>,
@@ -169,30 +193,30 @@ impl<R: Real> Response<R> {
     ) -> u32 {
         let rows = system.into();
         self.eliminated = rows.problem.scalars.eliminated();
-        self.find_velocities(rows, iterate);
+        self.compute_velocities(rows, iterate);
         let mut sound = lanes;
         for l in (0..R::LANES).filter(|l| lanes >> l & 1 == 1) {
             self.lane.gather(rows, iterate, l);
             let Self { lanes: all, kinds, velocities, lane, system, .. } = self;
             let own = &mut all[l];
-            own.begin(lane, |kind, source| name(kind, source, l));
+            own.store_constraints(lane, |kind, source| name(kind, source, l));
             for block in &own.blocks {
                 let [start, dim] = kinds[block.kind];
                 own.velocity.extend(velocities[start + dim * block.source..][..dim].iter().map(|&v| number_of(v, l)));
             }
             own.find_pieces();
             let determined = system.solve(lane, own, iterate.w.len());
-            if !determined || before.is_some_and(|before| system.is_moved_by_loads(own, &before.lanes[l])) {
+            if !determined || before.is_some_and(|before| system.moves_with_loads(own, &before.lanes[l])) {
                 sound &= !(1 << l);
             }
         }
         sound
     }
 
-    /// Replaces the impulses of a problem close to the solved one by the solution to first order, in the lanes `lanes` (bits).
+    /// Replaces the impulses of a problem close to the stored one by the solution to first order, in the lanes `lanes` (bits).
     ///
-    /// Returns the lanes in which a constraint that pushed no longer exists. For a position solve `before` is the solution of the
-    /// velocities after its response. Rows that were damped stay damped, and no others.
+    /// Returns the lanes in which a constraint that pushed no longer exists. `name` is as in [`Response::settle`]. For a position solve
+    /// `before` is the velocity solve after its response. Exactly those rows are damped that were damped in the stored problem.
     pub fn respond<'a>(
         &mut self,
         system: impl Into<System<'a, R>>,
@@ -203,7 +227,7 @@ impl<R: Real> Response<R> {
     ) -> u32 {
         let system = system.into();
         let mut lost = if system.problem.scalars.eliminated() == self.eliminated { 0 } else { lanes };
-        self.lay_out(iterate);
+        self.collect_impulses(iterate);
         let total = self.impulses.len();
         let end = |kind: usize| self.kinds.get(kind + 1).map_or(total, |next| next[0]);
         let counts: [usize; KINDS] = std::array::from_fn(|kind| (end(kind) - self.kinds[kind][0]) / self.kinds[kind][1]);
@@ -227,34 +251,34 @@ impl<R: Real> Response<R> {
                 }
             }
         }
-        self.take_up(system, iterate);
-        self.find_velocities(system, iterate);
+        self.write_impulses(system, iterate);
+        self.compute_velocities(system, iterate);
         self.compliances.clear();
         if before.is_some() {
-            self.find_compliances(system);
+            self.collect_compliances(system);
         }
         for l in (0..R::LANES).filter(|l| lanes >> l & 1 == 1) {
             let Self { lanes: all, velocities, compliances, impulses, .. } = self;
             if let Some(before) = before {
-                all[l].hold_damping(velocities, compliances, &before.impulses, l);
+                all[l].keep_damping(velocities, compliances, &before.impulses, l);
             }
-            all[l].follow(velocities, impulses, l);
+            all[l].update_impulses(velocities, impulses, l);
         }
-        self.take_up(system, iterate);
+        self.write_impulses(system, iterate);
         lost
     }
 
-    /// Calls `f` for every constraint that the last [`Response::respond`] has brought closer to another mode.
-    pub fn compare<'a>(&mut self, system: impl Into<System<'a, R>>, iterate: &Iterate<R>, lanes: u32, mut f: impl FnMut(Followed)) {
+    /// Calls `f` for each constraint that the last [`Response::respond`] has brought closer to another mode.
+    pub fn compare<'a>(&mut self, system: impl Into<System<'a, R>>, iterate: &Iterate<R>, lanes: u32, mut f: impl FnMut(SwitchDistance)) {
         let system = system.into();
-        self.find_velocities(system, iterate);
+        self.compute_velocities(system, iterate);
         let (mut lambda, mut v) = ([0.0; MAX_ROWS], [0.0; MAX_ROWS]);
         for lane in (0..R::LANES).filter(|l| lanes >> l & 1 == 1) {
             let own = &self.lanes[lane];
             for (block, first) in own.blocks.iter().zip(&own.found) {
                 let Some(first) = *first else { continue };
                 if self.compliances.get(first).is_some_and(|&c| block.switches_damping(number_of(c, lane))) {
-                    f(Followed { lane, switch: Switch::Gap, distance: 1.0 });
+                    f(SwitchDistance { lane, switch: Switch::Gap, distance: 1.0 });
                 }
                 for i in 0..block.dim {
                     lambda[i] = number_of(self.impulses[first + i], lane);
@@ -271,13 +295,13 @@ impl<R: Real> Response<R> {
                     AdmissibleSet::Interval { lo, hi } if lo.is_finite() && hi.is_finite() => Switch::DryFriction,
                     AdmissibleSet::Interval { .. } => Switch::Limit,
                 };
-                f(Followed { lane, switch, distance: block.margin / (block.margin - margin) });
+                f(SwitchDistance { lane, switch, distance: block.margin / (block.margin - margin) });
             }
         }
     }
 
-    /// Copies the impulses of all kinds into one list.
-    fn lay_out(&mut self, iterate: &Iterate<R>) {
+    /// Copies the impulses of all kinds of constraints into one list.
+    fn collect_impulses(&mut self, iterate: &Iterate<R>) {
         let Self { kinds, impulses, .. } = self;
         impulses.clear();
         kinds.clear();
@@ -287,8 +311,8 @@ impl<R: Real> Response<R> {
         });
     }
 
-    /// Writes the impulses to the iterate, and solves the eliminated rows.
-    fn take_up(&self, system: System<'_, R>, iterate: &mut Iterate<R>) {
+    /// Copies the impulses back to the iterate, and solves the eliminated rows.
+    fn write_impulses(&self, system: System<'_, R>, iterate: &mut Iterate<R>) {
         let mut rest = &self.impulses[..];
         each_kind!([own: &mut iterate] => {
             let own = Impulse::<R>::flatten_mut(own);
@@ -307,8 +331,8 @@ impl<R: Real> Response<R> {
     }
 
     /// Computes the velocities of all rows at the impulses of an iterate.
-    fn find_velocities(&mut self, system: System<'_, R>, iterate: &Iterate<R>) {
-        self.lay_out(iterate);
+    fn compute_velocities(&mut self, system: System<'_, R>, iterate: &Iterate<R>) {
+        self.collect_impulses(iterate);
         self.velocities.clear();
         let velocities = &mut self.velocities;
         R::vectorize(
@@ -321,20 +345,20 @@ impl<R: Real> Response<R> {
         );
     }
 
-    /// Appends the compliances of all rows.
-    fn find_compliances(&mut self, system: System<'_, R>) {
+    /// Appends the compliances of all rows to their list.
+    fn collect_compliances(&mut self, system: System<'_, R>) {
         each_kind!([set: &system.problem] [rows: system] => set.compliances(rows, &mut self.compliances));
     }
 }
 
-/// Sets one lane of some numbers.
+/// Sets lane `lane` of the numbers `to`.
 fn set_lanes<R: Real>(to: &mut [R], lane: usize, from: impl Iterator<Item = f64>) {
     for (to, x) in to.iter_mut().zip(from) {
         to.set_lane(lane, Scalar::from_f64(x));
     }
 }
 
-/// Argument lambda - rho (v + s) of the projection.
+/// Argument lambda - rho (v + s) of the projection of a constraint, where s is De Saxce's term.
 fn moved(block: &Block, lambda: &[f64], v: &[f64]) -> Rows {
     let mut z = [0.0; MAX_ROWS];
     for (z, (l, v)) in z.iter_mut().zip(lambda.iter().zip(v)) {
@@ -345,8 +369,8 @@ fn moved(block: &Block, lambda: &[f64], v: &[f64]) -> Rows {
 }
 
 impl LaneResponse {
-    /// Stores the constraints of a lane.
-    fn begin(&mut self, lane: &Lane, name: impl Fn(usize, usize) -> u64) {
+    /// Stores the constraints of a lane, with the number `name` that identifies each.
+    fn store_constraints(&mut self, lane: &Lane, name: impl Fn(usize, usize) -> u64) {
         self.blocks.clear();
         self.lambda.clear();
         self.velocity.clear();
@@ -367,7 +391,7 @@ impl LaneResponse {
         }
     }
 
-    /// Finds the piece of the projection that every constraint is in.
+    /// Finds the region of the projection that each constraint is in.
     fn find_pieces(&mut self) {
         self.active.clear();
         for block in &mut self.blocks {
@@ -381,11 +405,11 @@ impl LaneResponse {
         }
     }
 
-    /// Corrects the velocities of rows of the lane `l` whose damping differs from that at the solution: damped there and not now, or the
-    /// reverse.
+    /// Corrects the velocities of those rows of lane `l` that are damped in only one of the stored and the present problem. They are then
+    /// damped as in the stored one.
     ///
-    /// `compliances` are the current ones, and `before` the impulses from which damping counts.
-    fn hold_damping<R: Real>(&self, velocities: &mut [R], compliances: &[R], before: &[R], l: usize) {
+    /// `compliances` are the present ones, and `before` the impulses from which damping counts.
+    fn keep_damping<R: Real>(&self, velocities: &mut [R], compliances: &[R], before: &[R], l: usize) {
         for (block, first) in self.blocks.iter().zip(&self.found) {
             let Some(first) = *first else { continue };
             let compliance = number_of(compliances[first], l);
@@ -399,8 +423,8 @@ impl LaneResponse {
         }
     }
 
-    /// Changes the impulses of the lane `l` in response to the velocities.
-    fn follow<R: Real>(&mut self, velocities: &[R], impulses: &mut [R], l: usize) {
+    /// Changes the impulses of lane `l` by the derivative times the change of the velocities.
+    fn update_impulses<R: Real>(&mut self, velocities: &[R], impulses: &mut [R], l: usize) {
         let Self { blocks, lambda, velocity, matrix, found, change, .. } = self;
         change.clear();
         let active = |block: &Block| matches!(block.piece, Piece::Held | Piece::Sliding);
@@ -422,7 +446,7 @@ impl LaneResponse {
     }
 }
 
-/// Step of the natural map, as in the residual: `dim / trace(G_ii)`, compliance included.
+/// Step of the natural map as in the residual, kg: number of rows divided by trace(G_ii), compliance included.
 fn natural_step(lane: &Lane, block: &LaneBlock) -> f64 {
     let (_, entries) = lane.entries(block);
     let dim = block.rows.len() as f64;
@@ -430,7 +454,8 @@ fn natural_step(lane: &Lane, block: &LaneBlock) -> f64 {
 }
 
 impl Linear {
-    /// Computes the response of a lane with known pieces. Returns false if the rows leave impulses open on which the motion depends.
+    /// Computes the derivative of a lane whose regions are known. Returns false if the motion depends on impulses that the rows do not
+    /// determine.
     fn solve(&mut self, lane: &Lane, own: &mut LaneResponse, dimension: usize) -> bool {
         let n = own.active.len();
         let active = |block: &(&Block, &LaneBlock)| matches!(block.0.piece, Piece::Held | Piece::Sliding);
@@ -472,7 +497,7 @@ impl Linear {
             let (dim, rows) = (block.dim, block.first..block.first + block.dim);
             let (lambda, v) = (&own.lambda[rows.clone()], &own.velocity[rows]);
             let z = &moved(block, lambda, v)[..dim];
-            // A constraint that holds has no velocity: its direction would be rounding.
+            // The velocity of a constraint that does not slip is rounding error, and has no direction.
             let v = Some(v).filter(|v| block.piece == Piece::Sliding && norm(&v[1..]) > 0.0);
             let own_width = dim.next_multiple_of(TILE);
             let mut unit = [0.0; MAX_ROWS * (MAX_ROWS + TILE)];
@@ -498,17 +523,18 @@ impl Linear {
         }
         let rank = self.eliminate(n, stride);
         self.substitute(n, stride, rank, &mut own.matrix);
-        own.open.clear();
+        own.undetermined.clear();
         (rank..n).all(|k| {
-            let impulses = self.open_impulses(stride, rank, k);
-            let idle = self.is_idle(&impulses, norm(&impulses));
-            own.open.extend(impulses);
-            idle
+            let impulses = self.undetermined_impulses(stride, rank, k);
+            let no_motion = self.causes_no_motion(&impulses, norm(&impulses));
+            own.undetermined.extend(impulses);
+            no_motion
         })
     }
 
-    /// Impulses that the equations leave open, with the unknown in place `k` beyond the rank.
-    fn open_impulses(&self, stride: usize, rank: usize, k: usize) -> Vec<f64> {
+    /// Impulses that the equations do not determine: the unknown in place `k`, which is at least the rank, is 1 and the other such unknowns
+    /// are 0.
+    fn undetermined_impulses(&self, stride: usize, rank: usize, k: usize) -> Vec<f64> {
         let Self { left, rows, columns, .. } = self;
         let mut impulses = vec![0.0; columns.len()];
         impulses[columns[k]] = 1.0;
@@ -520,11 +546,12 @@ impl Linear {
         impulses
     }
 
-    /// Whether the impulses of the active rows cause no motion compared with that by `size` N s alone. The motion is then determined
-    /// whatever they are.
+    /// Whether these impulses of the active rows cause no motion, compared with that by `size` N s in a single row. Otherwise the rows do
+    /// not determine the motion.
     ///
-    /// Examples are loads that are shared while all contacts stick or slip along one line, and immovable rows.
-    fn is_idle(&self, impulses: &[f64], size: f64) -> bool {
+    /// Examples of impulses without motion are loads that are shared while all contacts stick or slip along one line, and those of
+    /// immovable rows.
+    fn causes_no_motion(&self, impulses: &[f64], size: f64) -> bool {
         let Self { dense, .. } = self;
         let width = dense.len() / impulses.len().max(1);
         let mut motion = vec![0.0; width];
@@ -532,18 +559,18 @@ impl Linear {
             add_scaled(&mut motion, *x, y);
         }
         let largest = dense.chunks_exact(width.max(1)).map(|y| inner(y, y)).fold(0.0, f64::max);
-        norm(&motion) <= IDLE * size * largest.sqrt()
+        norm(&motion) <= NO_MOTION * size * largest.sqrt()
     }
 
-    /// Whether loads that another solution of the same rows leaves open cause motion here. The compliance of these rows counts from that
-    /// solution.
-    fn is_moved_by_loads(&self, own: &LaneResponse, before: &LaneResponse) -> bool {
+    /// Whether loads that another solution of the same rows, `before`, does not determine cause motion here. The damping of the rows counts
+    /// from the impulses of that solution.
+    fn moves_with_loads(&self, own: &LaneResponse, before: &LaneResponse) -> bool {
         let [n, stride] = [own.active.len(), own.active.len().next_multiple_of(TILE)];
         let mut compliance = vec![0.0; own.lambda.len()];
         for (block, before) in own.blocks.iter().zip(&before.blocks) {
             compliance[block.first..block.first + block.dim].fill(block.compliance - before.compliance);
         }
-        before.open.chunks_exact(before.active.len().max(1)).any(|load| {
+        before.undetermined.chunks_exact(before.active.len().max(1)).any(|load| {
             let mut yielding = vec![0.0; own.lambda.len()];
             for (&row, x) in before.active.iter().zip(load) {
                 yielding[row] = -compliance[row] * x;
@@ -551,11 +578,11 @@ impl Linear {
             let mut change: Vec<f64> = own.active.iter().map(|&row| yielding[row]).collect();
             change.resize(stride, 0.0);
             let impulses: Vec<f64> = own.matrix.chunks_exact(stride.max(1)).take(n).map(|row| inner_of_tiles(row, &change)).collect();
-            !self.is_idle(&impulses, norm(load))
+            !self.causes_no_motion(&impulses, norm(load))
         })
     }
 
-    /// Gaussian elimination with complete pivoting. Returns the rank.
+    /// Makes the equations triangular by Gaussian elimination with complete pivoting. Returns the rank.
     fn eliminate(&mut self, n: usize, stride: usize) -> usize {
         let Self { left, right, rows, columns, .. } = self;
         rows.clear();
@@ -594,8 +621,9 @@ impl Linear {
         n
     }
 
-    /// Solution of the first `rank` equations in the first unknowns, with 0 for the others. If rows depend on each other while all hold,
-    /// all solutions cause the same motion.
+    /// Solves the first `rank` triangular equations for the first unknowns; the other unknowns are 0. Writes the derivative to `out`.
+    ///
+    /// If rows depend on each other while none of them slips, all solutions cause the same motion.
     fn substitute(&self, n: usize, stride: usize, rank: usize, out: &mut Vec<f64>) {
         let Self { left, right, rows, columns, .. } = self;
         out.clear();
@@ -615,7 +643,7 @@ impl Linear {
     }
 }
 
-/// Subtracts `factor` times a row of whole tiles from the row that begins at `to`.
+/// Subtracts `factor` times the row `from` of whole tiles from the row that begins at index `to`.
 fn subtract_row(matrix: &mut [f64], to: usize, from: std::ops::Range<usize>, factor: f64) {
     let (to, from) = if to < from.start {
         let (before, after) = matrix.split_at_mut(from.start);

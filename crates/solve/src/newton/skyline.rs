@@ -7,37 +7,37 @@
 
 use crate::vectors::{TILE, tile};
 
-/// Numbers of four rows in one column.
+/// Entries of four rows in one column.
 type Tile = [f64; TILE];
 
 /// Matrix in skyline storage, replaced by its factors.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Skyline {
-    /// First column of every tile of rows, a multiple of four.
+    /// First column of each tile of rows, a multiple of four.
     first: Vec<usize>,
-    /// Start of each tile of rows in `lower` and `upper`, less its first column.
+    /// Index in `lower` and `upper` at which each tile of rows begins.
     start: Vec<usize>,
-    /// Factor L, with the diagonal.
+    /// Factor L, with its diagonal.
     lower: Vec<Tile>,
     /// Factor U, without its unit diagonal.
     upper: Vec<Tile>,
 }
 
 impl Skyline {
-    /// Resets the pattern to a diagonal of `dimension` rows.
+    /// Resets the pattern to the diagonal of a matrix with `dimension` rows.
     pub(super) fn reset(&mut self, dimension: usize) {
         self.first.clear();
         self.first.extend((0..dimension).step_by(TILE));
     }
 
-    /// Reserves entries between all coordinates of the tiles `tiles` (ascending).
+    /// Adds the entries between all coordinates of the tiles `tiles`, ascending, to the pattern.
     pub(super) fn reserve(&mut self, tiles: &[usize]) {
         for &tile in tiles {
             self.first[tile] = self.first[tile].min(TILE * tiles[0]);
         }
     }
 
-    /// Completes the pattern: allocates its entries.
+    /// Allocates the entries of the pattern.
     pub(super) fn complete_pattern(&mut self) {
         self.start.clear();
         let mut next = 0;
@@ -62,14 +62,16 @@ impl Skyline {
         }
     }
 
-    /// Index of column `c` of the tile `j` of rows.
+    /// Index in `lower` and `upper` of column `c` of the tile `j` of rows.
     #[inline(always)]
     fn place(&self, j: usize, c: usize) -> usize {
         self.start[j] + c - self.first[j]
     }
 
-    /// Adds `sum_r a_r^T b_r` between the coordinates of the tiles `tiles` (ascending). a and b have some rows, one after the other, each
-    /// with the numbers of its tiles.
+    /// Adds `sum_r a_r^T b_r` to the entries between the coordinates of the tiles `tiles`, ascending.
+    ///
+    /// `a` and `b` are rows, one after the other. Each has the numbers of its tiles. If the sum is `symmetric`, only its lower triangle is
+    /// added.
     #[inline(always)]
     pub(super) fn add_product(&mut self, tiles: &[usize], a: &[f64], b: &[f64], symmetric: bool) {
         let n = TILE * tiles.len();
@@ -87,7 +89,7 @@ impl Skyline {
         }
     }
 
-    /// Adds the product of [`Skyline::add_product`] for N rows.
+    /// Adds the product of [`Skyline::add_product`] for N rows of `a` and `b`.
     #[inline(always)]
     fn add_rows<const N: usize>(&mut self, tiles: &[usize], a: &[f64], b: &[f64], symmetric: bool) {
         let n = TILE * tiles.len();
@@ -103,10 +105,9 @@ impl Skyline {
         }
     }
 
-    /// Factorises A = L U. Returns false if a pivot (its size, if it may be `indefinite`) is not above `least`; the factors are then
-    /// invalid.
+    /// Replaces the matrix by its factors L U. Returns false if a pivot is not above `least`; the factors are then invalid.
     ///
-    /// For a symmetric matrix only L is read.
+    /// If the matrix may be `indefinite`, the size of a pivot is tested. For a `symmetric` matrix only the lower triangle is read.
     #[inline(always)]
     pub(super) fn factor(&mut self, least: f64, symmetric: bool, indefinite: bool) -> bool {
         for j in 0..self.first.len() {
@@ -120,7 +121,7 @@ impl Skyline {
         true
     }
 
-    /// Eliminates the entries of the tile `j` of rows in the tile `k` of columns, k < j.
+    /// Eliminates the entries of the tile `j` of rows in the tile `k` of columns, where k < j.
     #[inline(always)]
     fn eliminate(&mut self, j: usize, k: usize, symmetric: bool) {
         let from = self.first[j].max(self.first[k]);
@@ -164,7 +165,7 @@ impl Skyline {
         }
     }
 
-    /// Factorises the four rows of the tile `j` among themselves.
+    /// Factorises the diagonal block of the tile `j` of rows. Returns false if a pivot is not above `least`, see [`Skyline::factor`].
     #[inline(always)]
     fn factor_diagonal(&mut self, j: usize, least: f64, indefinite: bool) -> bool {
         let (first, here) = (self.start[j], self.place(j, TILE * j));
@@ -196,7 +197,7 @@ impl Skyline {
         true
     }
 
-    /// Solves x <- A^-1 x with the factors.
+    /// Replaces `x` by A^-1 x, from the factors.
     #[inline(always)]
     pub(super) fn solve(&self, x: &mut [f64]) {
         for j in 0..self.first.len() {
@@ -234,7 +235,7 @@ impl Skyline {
     }
 }
 
-/// Subtracts `d[c][r] -= a[r] b[c]`.
+/// Subtracts the outer product of two tiles: `d[c][r] -= a[r] b[c]`.
 #[inline(always)]
 fn subtract_outer(d: &mut [Tile; TILE], a: &Tile, b: &Tile) {
     for c in 0..TILE {
@@ -244,10 +245,11 @@ fn subtract_outer(d: &mut [Tile; TILE], a: &Tile, b: &Tile) {
     }
 }
 
-/// Adds `out[c][k] += sum_r a_r[k] b_r[column + c]`, over N rows; those of b have n numbers.
+/// Adds a product of N rows to a block of four by four entries: `out[c][k] += sum_r a_r[k] b_r[column + c]`. The rows of `b` have `n`
+/// numbers.
 #[inline(always)]
 fn add_tile<const N: usize>(out: &mut [Tile], a: &[Tile; N], b: &[f64], n: usize, column: usize) {
-    // Four by four in registers. Over single columns the compiler would vectorise the wrong dimension.
+    // The block is in registers. Column by column, the compiler would vectorise the wrong dimension.
     let mut d: [Tile; TILE] = std::array::from_fn(|c| out[c]);
     for (r, a) in a.iter().enumerate() {
         let b = tile(b, r * n + column);

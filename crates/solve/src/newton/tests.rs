@@ -8,7 +8,7 @@ use crate::newton::skyline::Skyline;
 use crate::newton::{Newton, Terms};
 use crate::vectors::TILE;
 
-const CRITERIA: Criteria = Criteria { tolerance: 1e-11, steps: 100, least_norm: false, terms: Terms::Held };
+const CRITERIA: Criteria = Criteria { tolerance: 1e-11, steps: 100, least_norm: false, terms: Terms::Constant };
 const FREE: AdmissibleSet = AdmissibleSet::Interval { lo: f64::NEG_INFINITY, hi: f64::INFINITY };
 
 /// A number in [-1, 1] for every seed.

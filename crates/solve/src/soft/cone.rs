@@ -1,36 +1,40 @@
 //! Force of a soft contact, and its derivative, for each shape of the friction cone.
+//!
+//! Let u = J a - r be the contact's acceleration relative to its reference acceleration r. The force is minus the slope of a convex
+//! function s(u).
 
 use serde::{Deserialize, Serialize};
 use stepper_real::{Mask, Real};
 
 use crate::soft::contact::SoftContact;
 
-/// Shape of the friction cone.
+/// Shape of the friction cone of soft contacts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Cone {
-    /// Pyramid whose edges are n + mu_k t_k and n - mu_k t_k, each with a separate force.
+    /// Pyramid whose edges are n + mu_k t_k and n - mu_k t_k for the normal n and each tangent t_k. Each edge has a force.
     #[default]
     Pyramidal,
-    /// Ellipse `sum (f_k / mu_k)^2 <= f_n^2`.
+    /// Elliptic cone `sum (f_k / mu_k)^2 <= f_n^2`.
     Elliptic,
 }
 
-/// Zone of the velocity-like argument of an elliptic contact, relative to its cone.
+/// Region of the relative acceleration u of an elliptic contact: open, sticking or sliding.
 struct Zone<R: Real> {
-    /// Lanes in which the force is linear in every row.
+    /// Lanes in which the contact sticks: the force is linear in every row.
     sticks: R::Mask,
-    /// Lanes in which the force is on the surface of the cone.
+    /// Lanes in which the contact slides: the force is on the surface of the cone.
     slides: R::Mask,
-    /// Normal component, in the space in which the cone is circular.
+    /// Normal component of u, scaled to the space in which the cone is circular.
     n: R,
-    /// Length of the tangential components in that space, and its inverse; 1 where it is zero.
+    /// Length of the tangential components of u in that space.
     t: R,
+    /// Inverse of that length; 1 if the length is 0.
     inv_t: R,
-    /// Tangential components in that space.
+    /// Tangential components of u in that space.
     tangents: [R; 6],
 }
 
-/// Zone of the argument `u` = J a - r, whose first `U` rows are in use.
+/// Region of the relative acceleration `u` of an elliptic contact, of whose rows the first `U` are in use.
 #[inline(always)]
 fn zone<R: Real, const N: usize, const U: usize>(contact: &SoftContact<R, N>, u: &[R; N]) -> Zone<R> {
     let mu = contact.scale[0];
@@ -48,12 +52,13 @@ fn zone<R: Real, const N: usize, const U: usize>(contact: &SoftContact<R, N>, u:
 }
 
 impl Cone {
-    /// Force f(u) of a contact: minus the slope of s.
+    /// Force of each row of a contact at the relative acceleration `u`, N or N m: minus the slope of the convex function s(u).
     #[inline(always)]
     pub(crate) fn force<R: Real, const N: usize>(self, contact: &SoftContact<R, N>, u: &[R; N]) -> [R; N] {
-        if N == 6 && contact.spins { self.force_of::<R, N, 4>(contact, u) } else { self.force_of::<R, N, N>(contact, u) }
+        if N == 6 && contact.does_not_roll { self.force_of::<R, N, 4>(contact, u) } else { self.force_of::<R, N, N>(contact, u) }
     }
 
+    /// Force of the first `U` rows of a contact, see [`Cone::force`].
     #[inline(always)]
     fn force_of<R: Real, const N: usize, const U: usize>(self, contact: &SoftContact<R, N>, u: &[R; N]) -> [R; N] {
         let mut force = [R::zero(); N];
@@ -80,7 +85,7 @@ impl Cone {
         force
     }
 
-    /// Sum of the forces of the two edges along each friction row of a pyramid.
+    /// For each friction row of a pyramid, sum of the forces of its two edges at the relative acceleration `u`, N.
     #[inline(always)]
     pub(super) fn edges<R: Real, const N: usize>(self, contact: &SoftContact<R, N>, u: &[R; N]) -> [R; N] {
         let mut sum = [R::zero(); N];
@@ -92,12 +97,13 @@ impl Cone {
         sum
     }
 
-    /// Second derivative of s: symmetric, positive semidefinite.
+    /// Second derivative of the convex function s(u): symmetric and positive semidefinite. It is minus the derivative of the force.
     #[inline(always)]
     pub(crate) fn curvature<R: Real, const N: usize>(self, contact: &SoftContact<R, N>, u: &[R; N]) -> [[R; N]; N] {
-        if N == 6 && contact.spins { self.curvature_of::<R, N, 4>(contact, u) } else { self.curvature_of::<R, N, N>(contact, u) }
+        if N == 6 && contact.does_not_roll { self.curvature_of::<R, N, 4>(contact, u) } else { self.curvature_of::<R, N, N>(contact, u) }
     }
 
+    /// Second derivative of s(u) for the first `U` rows of a contact, see [`Cone::curvature`].
     #[inline(always)]
     fn curvature_of<R: Real, const N: usize, const U: usize>(self, contact: &SoftContact<R, N>, u: &[R; N]) -> [[R; N]; N] {
         let mut c = [[R::zero(); N]; N];
@@ -146,14 +152,20 @@ impl Cone {
         c
     }
 
-    /// Second derivative of s at u along `du`: du^T C du with the [curvature](Self::curvature) C, without the matrix.
+    /// Second derivative of the convex function s along `du`: du^T C du with the [curvature](Self::curvature) C, computed without the
+    /// matrix.
     #[inline(always)]
-    pub(crate) fn bend<R: Real, const N: usize>(self, contact: &SoftContact<R, N>, u: &[R; N], du: &[R; N]) -> R {
-        if N == 6 && contact.spins { self.bend_of::<R, N, 4>(contact, u, du) } else { self.bend_of::<R, N, N>(contact, u, du) }
+    pub(crate) fn curvature_along<R: Real, const N: usize>(self, contact: &SoftContact<R, N>, u: &[R; N], du: &[R; N]) -> R {
+        if N == 6 && contact.does_not_roll {
+            self.curvature_along_of::<R, N, 4>(contact, u, du)
+        } else {
+            self.curvature_along_of::<R, N, N>(contact, u, du)
+        }
     }
 
+    /// Second derivative of s along `du` for the first `U` rows of a contact, see [`Cone::curvature_along`].
     #[inline(always)]
-    fn bend_of<R: Real, const N: usize, const U: usize>(self, contact: &SoftContact<R, N>, u: &[R; N], du: &[R; N]) -> R {
+    fn curvature_along_of<R: Real, const N: usize, const U: usize>(self, contact: &SoftContact<R, N>, u: &[R; N], du: &[R; N]) -> R {
         let mut sum = R::zero();
         match self {
             Cone::Pyramidal => {
@@ -173,7 +185,7 @@ impl Cone {
                 if zone.slides.none() {
                     return sum;
                 }
-                // Change of U, as in the curvature: its part along t, and the square of the part across.
+                // Change of U, as in the curvature: component along t, and squared length.
                 let (mut along, mut square) = (R::zero(), R::zero());
                 for k in 1..U {
                     let change = contact.scale[k] * du[k];

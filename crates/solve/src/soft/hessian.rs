@@ -1,4 +1,4 @@
-//! Hessian M + J^T D J of the soft problem and its sparse factors L^T D L, from the last place to the first, over lanes.
+//! Hessian M + J^T D J of the soft problem and its sparse factors L^T D L, over lanes. Elimination goes from the last row to the first.
 //!
 //! Without constraints between branches of a tree there is no fill-in (Featherstone 2008, section 6.5). There is also none if coordinates
 //! with many connections come first. The pattern is that of all lanes. A lane without an entry has a zero there, which changes none of its
@@ -12,24 +12,27 @@ use crate::constraints::constraint_set::is_nonzero;
 use crate::soft::cone::Cone;
 use crate::soft::problem::{Metric, SoftContacts, SoftProblem};
 
-/// Symmetric matrix with a sparse pattern, and its factors.
+/// Symmetric matrix with a sparse pattern, replaced by its factors.
 #[derive(Clone, Debug)]
 pub(super) struct Hessian<R: Real> {
+    /// Number of rows.
     dimension: usize,
-    /// Row of every coordinate; the last is eliminated first.
+    /// Row of each coordinate. The last row is eliminated first.
     places: Vec<u32>,
-    /// Lower triangle, row by row; entries outside the pattern are never read. Factored, a row of L with 1 / D on the diagonal.
+    /// Lower triangle, row by row. Entries outside the pattern are never read. After factorisation it has rows of L with 1 / D on the
+    /// diagonal.
     entries: Vec<R>,
-    /// Columns left of the diagonal that each row has, as a set, in words of 64 bits.
+    /// Columns left of the diagonal that are in the pattern of each row, as bits in words of 64.
     sets: Vec<u64>,
-    /// Columns as ranges, ascending. A tree's row has few, and work on a range needs no index for every entry.
+    /// Columns left of the diagonal that are in the pattern of each row, as ascending ranges. Rows of a tree have few ranges, and loops
+    /// over a range need no index for each entry.
     runs: Vec<Vec<Range<usize>>>,
-    /// Whether a row has the columns of the previous row, that row's index, and no others. The joints of a body or of a limb have such
+    /// Whether the columns of each row are those of the previous row and that row's index. The joints of a body or of a limb have such
     /// rows.
     follows: Vec<bool>,
-    /// Multiplications of a factorisation, see [`Hessian::work`].
+    /// Number of multiplications of a factorisation, see [`Hessian::work`].
     work: usize,
-    /// A vector in the order of the rows.
+    /// Buffer for a vector in the order of the rows.
     ordered: Vec<R>,
 }
 
@@ -37,7 +40,7 @@ pub(super) struct Hessian<R: Real> {
 const BLOCK: usize = 3;
 
 impl<R: Real> Hessian<R> {
-    /// Workspace for a matrix whose rows are the coordinates in the order `order`.
+    /// Workspace for a matrix whose rows are the coordinates in this order.
     pub(super) fn new(order: &[u32]) -> Self {
         let dimension = order.len();
         let mut places = vec![0; dimension];
@@ -54,7 +57,7 @@ impl<R: Real> Hessian<R> {
         }
     }
 
-    /// Finds the pattern of the factors for the rows of a problem.
+    /// Finds the pattern of the factors for the rows of a problem and the mass matrix `metric`.
     pub(super) fn find_pattern(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>) {
         let words = self.dimension.div_ceil(64);
         self.sets.fill(0);
@@ -72,7 +75,7 @@ impl<R: Real> Hessian<R> {
         problem.rows.iter().for_each(|row| couple(problem.entries(row).0));
         problem.contacts.items.iter().for_each(|contact| couple(problem.contacts.entries(contact).0));
         problem.rolling_contacts.items.iter().for_each(|contact| couple(problem.rolling_contacts.entries(contact).0));
-        // Elimination of a row couples its other columns. The last of them receives the rest of the set.
+        // Elimination of a row couples its other columns. The last of these columns receives the others in its set.
         self.work = 0;
         for i in (0..self.dimension).rev() {
             let runs = &mut self.runs[i];
@@ -95,12 +98,12 @@ impl<R: Real> Hessian<R> {
         }
     }
 
-    /// Number of multiplications of a factorisation with the last pattern and a solution with it.
+    /// Number of multiplications of a factorisation with the last pattern, and of a solution with the factors.
     pub(super) fn work(&self) -> usize {
         self.work
     }
 
-    /// Assembles the matrix at the arguments `argument` of the rows.
+    /// Computes the Hessian at the relative accelerations `argument` of all rows.
     #[inline(always)]
     pub(super) fn assemble(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, argument: &Argument<R>) {
         self.copy_metric(metric);
@@ -120,8 +123,8 @@ impl<R: Real> Hessian<R> {
         self.add_contacts(&problem.rolling_contacts, problem.cone, &argument.rolling_contacts);
     }
 
-    /// Assembles the metric with the couplings among the rows, those from `first` on. With `lumped` only their diagonals count. The pattern
-    /// must be that of the problem.
+    /// Computes the mass matrix `metric` with the couplings: the rows from `first` on, which are no constraints. If `lumped`, only the
+    /// diagonals of the couplings are added. The pattern must be that of the problem.
     #[inline(always)]
     pub(super) fn assemble_metric(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, first: usize, lumped: bool) {
         self.copy_metric(metric);
@@ -136,7 +139,7 @@ impl<R: Real> Hessian<R> {
         }
     }
 
-    /// Copies the metric to the entries.
+    /// Copies the mass matrix to the entries.
     #[inline(always)]
     fn copy_metric(&mut self, metric: &impl Metric<R>) {
         for (i, runs) in self.runs.iter().enumerate() {
@@ -153,13 +156,14 @@ impl<R: Real> Hessian<R> {
         }
     }
 
-    /// Entry of two coordinates.
+    /// Entry of the coordinates `a` and `b`.
     #[inline(always)]
     fn entry(&mut self, a: u32, b: u32) -> &mut R {
         let (a, b) = (self.places[a as usize] as usize, self.places[b as usize] as usize);
         &mut self.entries[a.max(b) * self.dimension + a.min(b)]
     }
 
+    /// Adds the terms of contacts at their relative accelerations `u`.
     #[inline(always)]
     fn add_contacts<const N: usize>(&mut self, contacts: &SoftContacts<R, N>, cone: Cone, u: &[[R; N]]) {
         for (contact, u) in contacts.items.iter().zip(u) {
@@ -168,7 +172,7 @@ impl<R: Real> Hessian<R> {
             if !is_nonzero(curvature[0][0]) {
                 continue;
             }
-            if N == 6 && contact.spins {
+            if N == 6 && contact.does_not_roll {
                 self.add_contact::<N, 4>(support, jacobian, &curvature);
             } else {
                 self.add_contact::<N, N>(support, jacobian, &curvature);
@@ -176,7 +180,8 @@ impl<R: Real> Hessian<R> {
         }
     }
 
-    /// Adds the terms of the first `U` rows of a contact.
+    /// Adds the term of the first `U` rows of a contact. `support` are its coordinates, and `curvature` the second derivative of its convex
+    /// function.
     #[inline(always)]
     fn add_contact<const N: usize, const U: usize>(&mut self, support: &[u32], jacobian: &[[R; N]], curvature: &[[R; N]; N]) {
         for (k, (&d, j)) in support.iter().zip(jacobian).enumerate() {
@@ -216,9 +221,9 @@ impl<R: Real> Hessian<R> {
         }
     }
 
-    /// Eliminates `W` rows from `first` on, each of which has the columns of the previous row and that row's index.
+    /// Eliminates `W` rows from `first` on. The columns of each must be those of the previous row and that row's index.
     ///
-    /// Subtractions start with the last row everywhere, as if each row were eliminated alone.
+    /// Subtractions start with the last row, as if each row were eliminated alone.
     #[inline(always)]
     fn eliminate<const W: usize>(&mut self, first: usize) {
         let n = self.dimension;
@@ -257,7 +262,7 @@ impl<R: Real> Hessian<R> {
         }
     }
 
-    /// Solves x <- H^-1 x with the factors.
+    /// Replaces `x` by H^-1 x, from the factors of the Hessian H.
     #[inline(always)]
     pub(super) fn solve(&mut self, x: &mut [R]) {
         for (&place, &x) in self.places.iter().zip(&*x) {
@@ -269,6 +274,7 @@ impl<R: Real> Hessian<R> {
         }
     }
 
+    /// Solves for the buffer, which is in the order of the rows.
     #[inline(always)]
     fn solve_ordered(&mut self) {
         let (n, x) = (self.dimension, &mut self.ordered);
@@ -291,7 +297,7 @@ impl<R: Real> Hessian<R> {
     }
 }
 
-/// Subtracts x -= factor * y.
+/// Subtracts `factor` times `y` from `x`.
 #[inline(always)]
 fn subtract<R: Real>(x: &mut [R], y: &[R], factor: R) {
     for (x, &y) in x.iter_mut().zip(y) {
@@ -299,7 +305,8 @@ fn subtract<R: Real>(x: &mut [R], y: &[R], factor: R) {
     }
 }
 
-/// Subtracts the sum of factors times rows from x, the last row first. The rows are `n` entries apart and begin at `start`.
+/// Subtracts the sum of `factors` times rows from `x`, the last row first. The rows are `n` entries apart, and their parts begin at
+/// `start`.
 #[inline(always)]
 fn subtract_rows<R: Real, const W: usize>(x: &mut [R], rows: &[R], n: usize, start: usize, factors: [R; W]) {
     let mut parts = [&rows[..0]; W];
@@ -315,7 +322,7 @@ fn subtract_rows<R: Real, const W: usize>(x: &mut [R], rows: &[R], n: usize, sta
     }
 }
 
-/// Lists the ranges of a set.
+/// Lists the ranges of consecutive bits of a set.
 fn list_runs(set: &[u64], runs: &mut Vec<Range<usize>>) {
     runs.clear();
     for (w, &word) in set.iter().enumerate() {
@@ -332,16 +339,19 @@ fn list_runs(set: &[u64], runs: &mut Vec<Range<usize>>) {
     }
 }
 
-/// Arguments u = J a - r of all rows, or their change J p.
+/// Relative acceleration u = J a - r of each row, where r is its reference acceleration; or its change J p along a direction p.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Argument<R> {
+    /// Numbers of the scalar rows.
     pub(super) rows: Vec<R>,
+    /// Numbers of the contacts with three rows.
     pub(super) contacts: Vec<[R; 3]>,
+    /// Numbers of the contacts with six rows.
     pub(super) rolling_contacts: Vec<[R; 6]>,
 }
 
 impl<R: Real> Argument<R> {
-    /// Computes J x, minus the references if `relative`.
+    /// Computes J x for all rows of a problem. If `relative`, the reference accelerations are subtracted.
     #[inline(always)]
     pub(super) fn multiply(&mut self, problem: &SoftProblem<R>, x: &[R], relative: bool) {
         problem.multiply_rows(x, relative, &mut self.rows);
@@ -349,7 +359,7 @@ impl<R: Real> Argument<R> {
         problem.rolling_contacts.multiply(x, relative, &mut self.rolling_contacts);
     }
 
-    /// Sets zeros for all rows of a problem.
+    /// Sets the numbers of all rows of a problem to zero.
     pub(super) fn clear_for(&mut self, problem: &SoftProblem<R>) {
         let Self { rows, contacts, rolling_contacts } = self;
         rows.clear();
@@ -360,7 +370,7 @@ impl<R: Real> Argument<R> {
         rolling_contacts.resize(problem.rolling_contacts.items.len(), [R::zero(); 6]);
     }
 
-    /// Adds self += step * change.
+    /// Adds `step` times `change`.
     #[inline(always)]
     pub(super) fn advance(&mut self, change: &Self, step: R) {
         advance(&mut self.rows, &change.rows, step);
@@ -369,7 +379,7 @@ impl<R: Real> Argument<R> {
     }
 }
 
-/// Adds x += step * change.
+/// Adds `step` times `change` to `x`.
 #[inline(always)]
 pub(super) fn advance<R: Real>(x: &mut [R], change: &[R], step: R) {
     for (x, &change) in x.iter_mut().zip(change) {

@@ -1,4 +1,4 @@
-//! Solver of the soft problems of single lanes, one after the other, in ordinary numbers.
+//! Solver of soft problems that solves single lanes one after the other, in plain numbers.
 //!
 //! The rows of all lanes, and the pattern of the Hessian, contain those of any lane. In heaps, whose bodies touch differently in every
 //! environment, they are many times those of one lane. Solving each lane alone is then faster. The bits are the same, because rows that a
@@ -12,44 +12,56 @@ use crate::soft::cone::Cone;
 use crate::soft::newton::{Effort, SoftOutcome, SoftSolver};
 use crate::soft::problem::{Metric, SoftProblem};
 
-/// Work on one lane that takes the time of one register's work on all lanes. Numbers side by side in a row are processed together.
+/// Number of multiplications for one lane that take the time of one multiplication with a whole register. It exceeds 1, because the
+/// compiler vectorises over the entries of a row.
 const SPEED: f64 = 1.6;
 
-/// Bytes of a register.
+/// Number of bytes of a register.
 const REGISTER: usize = 64;
 
-/// Number of contacts below which the overhead of a single-lane solution exceeds its gain.
+/// Number of contacts below which the overhead of single lanes exceeds their gain.
 const FEWEST: usize = 8;
 
-/// Number of solutions after which the work is estimated again, and number of lanes of an estimate.
+/// Number of problems after which the work is estimated again.
 const PERIOD: u32 = 32;
+/// Largest number of lanes whose work is estimated.
 const SAMPLES: usize = 4;
 
-/// Solver of single lanes.
+/// Solver of soft problems that solves single lanes one after the other.
 #[derive(Clone, Debug)]
 pub struct LaneSolver<R: Real> {
+    /// Solver of one lane.
     solver: SoftSolver<R::Single>,
+    /// Problem of one lane.
     problem: SoftProblem<R::Single>,
-    /// Indices of the lane's rows, contacts and rolling contacts in the lists for all lanes.
+    /// Indices of the lane's scalar rows, contacts and rolling contacts in the problem of all lanes.
     places: [Vec<u32>; 3],
-    /// Entries of the metric, row by row, and the start of each row.
+    /// Entries of the lane's mass matrix, row by row.
     metric: Vec<R::Single>,
+    /// Start of each row of the mass matrix.
     starts: Vec<usize>,
+    /// Acceleration of the lane without constraints.
     free: Vec<R::Single>,
+    /// Acceleration of the lane.
     acceleration: Vec<R::Single>,
-    /// Buffer of a vector in lanes.
+    /// Buffer for a vector in all lanes.
     buffer: RefCell<Vec<R>>,
-    /// Whether lanes are solved one after the other, and the number of problems for which this decision holds.
-    pays: bool,
-    holds: u32,
+    /// Whether solving single lanes is faster, according to the last estimate.
+    is_faster: bool,
+    /// Number of problems for which the last estimate remains valid.
+    valid_for: u32,
 }
 
-/// Metric of one lane.
+/// Mass matrix of one lane.
 struct LaneMetric<'a, R: Real, M> {
+    /// Mass matrix of all lanes.
     all: &'a M,
     lane: usize,
+    /// Entries of the lane, row by row.
     entries: &'a [R::Single],
+    /// Start of each row in the entries.
     starts: &'a [usize],
+    /// Buffer for a vector in all lanes.
     buffer: &'a RefCell<Vec<R>>,
 }
 
@@ -77,7 +89,7 @@ impl<R: Real, M: Metric<R>> Metric<R::Single> for LaneMetric<'_, R, M> {
 }
 
 impl<R: Real> LaneSolver<R> {
-    /// Workspace for problems with the coordinates in `order`.
+    /// Workspace for problems with the coordinates in this order.
     pub fn new(order: &[u32]) -> Self {
         let zeros = || vec![R::Single::zero(); order.len()];
         Self {
@@ -89,20 +101,21 @@ impl<R: Real> LaneSolver<R> {
             free: zeros(),
             acceleration: zeros(),
             buffer: RefCell::new(Vec::with_capacity(order.len())),
-            pays: false,
-            holds: 0,
+            is_faster: false,
+            valid_for: 0,
         }
     }
 
-    /// Whether solving the lanes `lanes` one after the other is faster than solving them `together`.
+    /// Whether solving the lanes `lanes` one after the other is faster than solving all at once by the solver `together`.
     ///
-    /// Problems of consecutive steps are similar, and the bits are the same, so that only some of them are estimated.
-    pub fn pays(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, together: &mut SoftSolver<R>, lanes: R::Mask) -> bool {
+    /// Problems of consecutive steps are similar, and both ways have the same bits. The work is therefore estimated for a part of the
+    /// problems only.
+    pub fn is_faster(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, together: &mut SoftSolver<R>, lanes: R::Mask) -> bool {
         if problem.contacts.items.len() + problem.rolling_contacts.items.len() < FEWEST {
             return false;
         }
-        if self.holds == 0 {
-            self.holds = PERIOD;
+        if self.valid_for == 0 {
+            self.valid_for = PERIOD;
             let lanes = (0..R::LANES).filter(|lane| lanes.bits() >> lane & 1 == 1);
             let (mut work, mut count) = (0, 0);
             for (i, lane) in lanes.enumerate() {
@@ -115,13 +128,13 @@ impl<R: Real> LaneSolver<R> {
             }
             let registers = (R::LANES * size_of::<R::Scalar>()) as f64 / REGISTER as f64;
             let alone = (work * count) as f64 / count.clamp(1, SAMPLES) as f64;
-            self.pays = alone < SPEED * registers * together.estimate_work(problem, metric) as f64;
+            self.is_faster = alone < SPEED * registers * together.estimate_work(problem, metric) as f64;
         }
-        self.holds -= 1;
-        self.pays
+        self.valid_for -= 1;
+        self.is_faster
     }
 
-    /// Solves the lanes `lanes` as [`SoftSolver::solve`] does, with the same results in `together`.
+    /// Solves the lanes `lanes` as [`SoftSolver::solve`] does, one after the other. The forces are stored in the solver `together`.
     #[allow(clippy::too_many_arguments, reason = "the arguments of a solve, and who has its results")]
     pub fn solve(
         &mut self,
@@ -133,7 +146,7 @@ impl<R: Real> LaneSolver<R> {
         a: &mut [R],
         together: &mut SoftSolver<R>,
     ) -> SoftOutcome<R> {
-        let (forces, argument) = together.take_over(problem);
+        let (forces, argument) = together.reset_results(problem);
         let mut outcome = SoftOutcome { residual: R::zero(), steps: R::zero() };
         for lane in (0..R::LANES).filter(|lane| lanes.bits() >> lane & 1 == 1) {
             self.gather(problem, metric, lane);
@@ -161,7 +174,7 @@ impl<R: Real> LaneSolver<R> {
         outcome
     }
 
-    /// Gathers the rows and the metric of a lane.
+    /// Gathers the rows and the mass matrix of a lane.
     fn gather(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, lane: usize) {
         let Self { problem: own, places, metric: entries, starts, .. } = self;
         own.clear();
@@ -188,12 +201,14 @@ impl<R: Real> LaneSolver<R> {
     }
 }
 
+/// Copies the numbers of lane `lane` to a list of single numbers.
 fn copy_lane<R: Real>(from: &[R], lane: usize, to: &mut [R::Single]) {
     for (to, &from) in to.iter_mut().zip(from) {
         *to = from.single_lane(lane);
     }
 }
 
+/// Copies single numbers to lane `lane` of a list.
 fn scatter<R: Real>(from: &[R::Single], to: &mut [R], lane: usize) {
     for (to, from) in to.iter_mut().zip(from) {
         to.set_lane(lane, from.lane(0));

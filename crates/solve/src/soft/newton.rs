@@ -1,4 +1,4 @@
-//! Newton's method with an exact line search, over lanes.
+//! Newton's method with an exact line search for the soft problem, over lanes.
 //!
 //! The objective is strictly convex and its gradient is piecewise smooth. The method therefore converges from any start, and at last
 //! quadratically (Boyd & Vandenberghe 2004, section 9.5, for exact line search).
@@ -6,63 +6,72 @@
 use stepper_real::{Mask, Real};
 
 use crate::soft::hessian::{Argument, Hessian, advance};
-use crate::soft::noslip::{ContactVisit, NoSlip, Responds, SlipCapacity, SlipEffort};
+use crate::soft::noslip::{ContactVisit, ForceResponse, NoSlip, SlipCapacity, SlipEffort};
 use crate::soft::problem::{Metric, SoftProblem};
 
-/// Limit of the effort and tolerance of a solve.
+/// Limits of a solve of the soft problem.
 #[derive(Clone, Copy, Debug)]
 pub struct Effort<R> {
-    /// Largest number of steps.
+    /// Largest number of Newton steps.
     pub steps: u32,
-    /// Residual at which a lane stops, in units of acceleration.
+    /// Residual at which a lane stops, m/s^2 or rad/s^2.
     pub tolerance: R,
 }
 
-/// Outcome of a solve.
+/// Result of a solve of the soft problem, in each lane.
 #[derive(Clone, Copy, Debug)]
 pub struct SoftOutcome<R> {
-    /// Acceleration by the remaining imbalance M (a - a0) - J^T f, largest component: 0 for the exact solution.
+    /// Largest component of the acceleration by the remaining imbalance M (a - a0) - J^T f, m/s^2 or rad/s^2. It is 0 for the exact
+    /// solution.
     pub residual: R,
-    /// Number of steps.
+    /// Number of Newton steps.
     pub steps: R,
 }
 
-/// Newton's method for [`SoftProblem`], with its workspace.
+/// Newton's method for a [`SoftProblem`], with its workspace.
 #[derive(Clone, Debug)]
 pub struct SoftSolver<R: Real> {
+    /// Hessian of the objective, and its factors.
     hessian: Hessian<R>,
+    /// Relative acceleration of each row at the present acceleration.
     argument: Argument<R>,
+    /// Change of the relative acceleration of each row along the search direction.
     change: Argument<R>,
-    /// Gradient, and the acceleration by it.
+    /// Gradient of the objective.
     gradient: Vec<R>,
+    /// Acceleration by the gradient, M^-1 times it.
     imbalance: Vec<R>,
+    /// Search direction.
     direction: Vec<R>,
-    /// Products M (a - a0), and M times the direction.
+    /// Product M (a - a0).
     inertial: Vec<R>,
+    /// Product of M and the search direction.
     inertial_change: Vec<R>,
+    /// Generalized constraint forces, N or N m.
     forces: Vec<R>,
-    /// Sweeps after the solution, if friction must not slip, and whether the present forces are theirs.
+    /// Noslip solver of friction without regularisation, if there is one.
     noslip: Option<Box<NoSlip<R>>>,
-    without_slip: bool,
+    /// Whether the present forces are those of the noslip solver.
+    forces_without_slip: bool,
 }
 
 /// Largest number of evaluations of the slope in a line search. Newton's method on a convex piecewise quadratic takes two to four.
 const LINE_SEARCH_STEPS: u32 = 16;
 
-/// Ratio of the slope along the direction to the initial one at which a line search ends.
+/// Ratio of the slope along the search direction to the initial slope at which a line search ends.
 const LINE_SEARCH_TOLERANCE: f64 = 1e-2;
 
-/// Multiplications of a contact in a step, in addition to those of the factors.
+/// Number of multiplications for a contact in a Newton step, in addition to those of the factorisation.
 const CONTACT_WORK: usize = 300;
 
 /// Number of Newton steps of [`SoftSolver::respond`].
 const RESPONSE_STEPS: usize = 2;
 
 impl<R: Real> SoftSolver<R> {
-    /// Workspace for problems with the coordinates in `order`, each once.
+    /// Workspace for problems whose coordinates, each once, are in this order.
     ///
-    /// They are eliminated from the last to the first. Coordinates that rows join to many others belong in front. Those of one tree stay
-    /// together and in order.
+    /// They are eliminated from the last to the first. Coordinates that rows couple to many others must come first. Those of one tree must
+    /// be consecutive and in their order.
     pub fn new(order: &[u32]) -> Self {
         let zeros = || vec![R::zero(); order.len()];
         Self {
@@ -76,7 +85,7 @@ impl<R: Real> SoftSolver<R> {
             inertial_change: zeros(),
             forces: zeros(),
             noslip: None,
-            without_slip: false,
+            forces_without_slip: false,
         }
     }
 
@@ -87,7 +96,8 @@ impl<R: Real> SoftSolver<R> {
         self
     }
 
-    /// Solves the lanes `lanes` from the acceleration `a`, which becomes the solution. `free` is a0.
+    /// Solves the lanes `lanes`. The start is the acceleration `a`, which is replaced by the solution. `free` is the acceleration without
+    /// constraints.
     pub fn solve(
         &mut self,
         problem: &SoftProblem<R>,
@@ -97,7 +107,7 @@ impl<R: Real> SoftSolver<R> {
         lanes: R::Mask,
         a: &mut [R],
     ) -> SoftOutcome<R> {
-        self.without_slip = false;
+        self.forces_without_slip = false;
         self.hessian.find_pattern(problem, metric);
         R::vectorize(
             #[inline(always)]
@@ -133,11 +143,12 @@ impl<R: Real> SoftSolver<R> {
         outcome
     }
 
-    /// Sweeps over the friction forces after [`SoftSolver::solve`] has found the solution `a` of the same problem in the lanes `lanes`.
+    /// Recomputes the friction forces without regularisation, after [`SoftSolver::solve`] has found the solution `a` of the same problem in
+    /// the lanes `lanes`.
     ///
-    /// `a` becomes the acceleration with the new forces (see the module `noslip`). `visits` are the contacts in their order. Rows from
-    /// `constraints` on are couplings of the metric. Returns the sweeps of each lane. The sweeps use only the diagonal of each coupling, as
-    /// MuJoCo's do. The final acceleration uses all of it.
+    /// `a` is replaced by the acceleration with the new forces (see the module `noslip`). `visits` are the contacts in the order in which
+    /// each sweep visits them. Rows from `constraints` on are couplings of the mass matrix and no constraints. Returns the number of sweeps
+    /// of each lane. The sweeps use only the diagonal of each coupling, as MuJoCo's do. The final acceleration uses all of it.
     ///
     /// # Panics
     /// If the solver was made without [`SoftSolver::with_noslip`].
@@ -209,23 +220,24 @@ impl<R: Real> SoftSolver<R> {
             },
         );
         self.noslip = Some(noslip);
-        self.without_slip = true;
+        self.forces_without_slip = true;
         sweeps
     }
 
-    /// Factors the metric with the couplings; `lumped` keeps only their diagonals.
+    /// Factorises the mass matrix with the couplings, the rows from `constraints` on. If `lumped`, only the diagonals of the couplings are
+    /// added.
     #[inline(always)]
     fn factor_metric(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, constraints: usize, lumped: bool) {
         self.hessian.assemble_metric(problem, metric, constraints, lumped);
         self.hessian.factor();
     }
 
-    /// Sweeps whose forces are the current ones, if any.
-    fn slipless(&self) -> Option<&NoSlip<R>> {
-        self.noslip.as_deref().filter(|_| self.without_slip)
+    /// Noslip solver that has the present forces, if they are its result.
+    fn noslip_forces(&self) -> Option<&NoSlip<R>> {
+        self.noslip.as_deref().filter(|_| self.forces_without_slip)
     }
 
-    /// Stores the factors of the Hessian at the solution `a`, for [`SoftSolver::respond`].
+    /// Stores the factors of the Hessian at the solution `a`, for [`SoftSolver::respond`]. `free` is the acceleration without constraints.
     pub fn settle(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, free: &[R], a: &[R]) {
         self.hessian.find_pattern(problem, metric);
         R::vectorize(
@@ -241,7 +253,8 @@ impl<R: Real> SoftSolver<R> {
         );
     }
 
-    /// Replaces the acceleration `a`, the stored solution, by that of a problem close to it, with Newton steps and the stored Hessian.
+    /// Replaces the acceleration `a`, which is the stored solution, by that of a similar problem. It makes Newton steps with the stored
+    /// Hessian.
     ///
     /// The first step is the implicit function theorem. The second adds the effect of the cones' curvature between the two problems.
     pub fn respond(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, free: &[R], a: &mut [R]) {
@@ -260,53 +273,54 @@ impl<R: Real> SoftSolver<R> {
         );
     }
 
-    /// Constraint forces at the solution, as generalized forces.
+    /// Generalized constraint forces at the solution, N or N m.
     pub fn forces(&self) -> &[R] {
         &self.forces
     }
 
-    /// Estimates the multiplications of a step for a problem.
+    /// Estimated number of multiplications of a Newton step for a problem.
     pub(super) fn estimate_work(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>) -> usize {
         self.hessian.find_pattern(problem, metric);
         self.hessian.work() + CONTACT_WORK * (problem.contacts.items.len() + problem.rolling_contacts.items.len())
     }
 
-    /// Velocity-like arguments of the rows at the solution.
+    /// Relative accelerations of all rows at the solution.
     pub(super) fn argument(&self) -> &Argument<R> {
         &self.argument
     }
 
-    /// Buffers of the joint forces and of the row arguments, set to zero, for a solution that another solver computes.
-    pub(super) fn take_over(&mut self, problem: &SoftProblem<R>) -> (&mut [R], &mut Argument<R>) {
-        self.without_slip = false;
+    /// Buffers of the generalized forces and of the rows' relative accelerations, set to zero. Another solver writes a solution to them.
+    pub(super) fn reset_results(&mut self, problem: &SoftProblem<R>) -> (&mut [R], &mut Argument<R>) {
+        self.forces_without_slip = false;
         self.forces.fill(R::zero());
         self.argument.clear_for(problem);
         (&mut self.forces, &mut self.argument)
     }
 
-    /// Force of every scalar row at the solution.
+    /// Force of scalar row `i` at the solution, N or N m.
     pub fn row_force(&self, problem: &SoftProblem<R>, i: usize) -> R {
-        self.slipless().map_or_else(|| problem.rows[i].force(self.argument.rows[i]), |noslip| noslip.row(i))
+        self.noslip_forces().map_or_else(|| problem.rows[i].force(self.argument.rows[i]), |noslip| noslip.row(i))
     }
 
-    /// Force of a contact at the solution.
+    /// Force of contact `i` with three rows at the solution, N.
     #[inline(always)]
     pub fn contact_force(&self, problem: &SoftProblem<R>, i: usize) -> [R; 3] {
-        match self.slipless() {
+        match self.noslip_forces() {
             Some(noslip) => noslip.contact(i),
             None => problem.cone.force(&problem.contacts.items[i], &self.argument.contacts[i]),
         }
     }
 
-    /// Force of a contact with six rows at the solution.
+    /// Force of contact `i` with six rows at the solution, N or N m.
     #[inline(always)]
     pub fn rolling_contact_force(&self, problem: &SoftProblem<R>, i: usize) -> [R; 6] {
-        match self.slipless() {
+        match self.noslip_forces() {
             Some(noslip) => noslip.rolling_contact(i),
             None => problem.cone.force(&problem.rolling_contacts.items[i], &self.argument.rolling_contacts[i]),
         }
     }
 
+    /// Computes the relative accelerations of all rows, and the product M (a - a0), at the acceleration `a`.
     #[inline(always)]
     fn begin(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, free: &[R], a: &[R]) {
         self.argument.multiply(problem, a, true);
@@ -316,7 +330,7 @@ impl<R: Real> SoftSolver<R> {
         multiply(metric, &self.direction, &mut self.inertial);
     }
 
-    /// Computes the gradient M (a - a0) - J^T f, and its residual.
+    /// Computes the gradient M (a - a0) - J^T f. Returns the largest component of the acceleration by it.
     #[inline(always)]
     fn find_gradient(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>) -> R {
         self.forces.fill(R::zero());
@@ -343,7 +357,7 @@ impl<R: Real> SoftSolver<R> {
         largest
     }
 
-    /// Makes a step of Newton's method in the lanes `lanes`.
+    /// Makes a Newton step with a line search in the lanes `lanes`.
     #[inline(always)]
     fn descend(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, lanes: R::Mask, a: &mut [R]) {
         for (direction, &gradient) in self.direction.iter_mut().zip(&self.gradient) {
@@ -358,9 +372,10 @@ impl<R: Real> SoftSolver<R> {
         self.argument.advance(&self.change, step);
     }
 
-    /// Step along the direction at which the slope is zero, 0 outside `lanes`.
+    /// Step length along the search direction at which the slope is zero; 0 outside `lanes`.
     ///
-    /// Newton's method on the slope, with bisection where it leaves the interval in which the slope changes its sign.
+    /// Newton's method finds the root of the slope. If it leaves the interval in which the slope changes its sign, the interval is
+    /// bisected.
     #[inline(always)]
     fn search(&self, problem: &SoftProblem<R>, lanes: R::Mask) -> R {
         let mut quadratic = [R::zero(); 2];
@@ -395,7 +410,8 @@ impl<R: Real> SoftSolver<R> {
 }
 
 impl<R: Real> SoftSolver<R> {
-    /// Slope along the direction after a step. `slope` is the part of the accelerations.
+    /// Slope of the objective along the search direction after a step of length `step`. The argument `slope` is the part of the kinetic
+    /// term.
     #[inline(always)]
     fn slope(&self, problem: &SoftProblem<R>, mut slope: R, step: R) -> R {
         let (argument, change) = (&self.argument, &self.change);
@@ -406,7 +422,8 @@ impl<R: Real> SoftSolver<R> {
         problem.rolling_contacts.add_slopes(problem.cone, &argument.rolling_contacts, &change.rolling_contacts, step, slope)
     }
 
-    /// Second derivative along the direction after a step. `sum` is the part of the accelerations.
+    /// Second derivative of the objective along the search direction after a step of length `step`. The argument `sum` is the part of the
+    /// kinetic term.
     #[inline(always)]
     fn curvature(&self, problem: &SoftProblem<R>, mut sum: R, step: R) -> R {
         let (argument, change) = (&self.argument, &self.change);
@@ -418,24 +435,24 @@ impl<R: Real> SoftSolver<R> {
     }
 }
 
-/// Metric without couplings.
+/// Mass matrix without couplings.
 struct Uncoupled<'a, M>(&'a M);
 
-impl<R: Real, M: Metric<R>> Responds<R> for Uncoupled<'_, M> {
+impl<R: Real, M: Metric<R>> ForceResponse<R> for Uncoupled<'_, M> {
     #[inline(always)]
     fn respond(&mut self, x: &mut [R]) {
         self.0.solve(x);
     }
 }
 
-impl<R: Real> Responds<R> for Hessian<R> {
+impl<R: Real> ForceResponse<R> for Hessian<R> {
     #[inline(always)]
     fn respond(&mut self, x: &mut [R]) {
         self.solve(x);
     }
 }
 
-/// Computes out = M x.
+/// Computes the product M x of the mass matrix and a vector.
 #[inline(always)]
 fn multiply<R: Real>(metric: &impl Metric<R>, x: &[R], out: &mut [R]) {
     out.fill(R::zero());

@@ -1,13 +1,13 @@
-//! Friction without slip: friction forces after the solution, without the regularisation that lets contacts creep (MuJoCo's documentation,
+//! Noslip solver: friction forces after the solution, without the regularisation that lets contacts creep (MuJoCo's documentation,
 //! computation chapter, "Algorithms", NoSlip).
 //!
 //! Sweeps of projected Gauss-Seidel minimise 1/2 f^T A f + f^T b with A = J M^-1 J^T. The unknowns are the forces of dry friction and of
-//! the friction rows of contacts. All other forces stay those of the solution. An elliptic contact's tangents stay within the ellipse of
-//! its normal force; opposing edges of a pyramid keep their sum. A is never formed: the sweep updates the acceleration, and each row has
-//! the acceleration of a unit force.
+//! the friction rows of contacts. All other forces remain those of the solution. The tangential forces of an elliptic contact are limited
+//! to the ellipse of its normal force. Opposite edges of a pyramid keep the sum of their forces. A is never formed: the sweep updates the
+//! acceleration, and each row has the acceleration by a unit force.
 //!
-//! Rows that share no tree, directly or by others, are separate islands. An island stops when a sweep improves its objective by less than
-//! the tolerance. The others continue.
+//! Rows that share no tree, directly or through others, are separate islands. An island stops when a sweep improves its objective by less
+//! than the tolerance. The others continue.
 
 use std::ops::Range;
 
@@ -18,29 +18,30 @@ use crate::soft::contact::SoftContact;
 use crate::soft::hessian::Argument;
 use crate::soft::problem::{Metric, SoftContacts, SoftProblem};
 
-/// Limit of the sweeps of noslip, and their stopping tolerance.
+/// Limits of the noslip solver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SlipEffort<S> {
-    /// Largest number of sweeps.
+    /// Largest number of sweeps (Gauss-Seidel iterations).
     pub sweeps: u32,
-    /// Improvement of the objective by a sweep at which an island stops, relative to the sum of the diagonal of its part of M.
+    /// Improvement of an island's objective by a sweep below which the island stops. It is relative to the diagonal sum of the island's
+    /// mass matrix.
     pub tolerance: S,
 }
 
-/// Sizes of the buffers of sweeps.
+/// Sizes of the buffers of the noslip solver.
 #[derive(Clone, Copy, Debug)]
 pub struct SlipCapacity {
-    /// Capacity of scalar rows.
+    /// Largest number of scalar rows.
     pub rows: usize,
-    /// Capacity of contacts, and whether any may have six rows.
+    /// Largest number of contacts.
     pub contacts: usize,
-    /// Capacity of degrees of freedom: those of all trees that a row or a contact joins, in all lanes together.
+    /// Largest number of degrees of freedom of all trees that one row or contact couples, in all lanes together.
     pub support: usize,
-    /// Whether there are contacts with rolling friction, see `contacts`.
+    /// Whether any contact may have rolling friction, and therefore six rows.
     pub rolls: bool,
 }
 
-/// Contact to visit in some lanes.
+/// Contact that a sweep of the noslip solver visits in some lanes.
 #[derive(Clone, Copy, Debug)]
 pub struct ContactVisit<M> {
     /// Whether the contact has six rows.
@@ -51,34 +52,39 @@ pub struct ContactVisit<M> {
     pub lanes: M,
 }
 
-/// Force below which a contact has no tangential forces, N.
+/// Normal force below which a contact has no tangential forces, N.
 const LEAST_FORCE: f64 = 1e-15;
-/// Least diagonal entry of A in a row, 1/kg, of dry friction and of tangents.
+/// Smallest diagonal entry of A = J M^-1 J^T for dry friction and for a tangential row of a contact, 1/kg.
 const LEAST_INVERSE_INERTIA: [f64; 2] = [1e-15, 1e-10];
-/// Largest number of Newton steps for the multiplier of an ellipse, its tolerance (N^2), and its least step.
+/// Largest number of Newton steps for the multiplier of an elliptic contact.
 const MULTIPLIER_STEPS: u32 = 20;
+/// Tolerance of the multiplier of an elliptic contact: error of the squared force, N^2, and smallest Newton step.
 const MULTIPLIER_TOLERANCE: f64 = 1e-10;
-/// Rise of the objective, J, above which the visit of a contact is reverted; rounding adds to it.
+/// Increase of the objective, J, above which the visit of a contact is reverted. The rounding error is added to it.
 const LEAST_RISE: f64 = 1e-10;
 /// Change of the objective that counts as rounding, in units of the last place.
 const ROUNDING: f64 = 16.0;
 
-/// Forces of a kind of row, and the response of the acceleration to a unit force of its friction rows.
+/// Forces of all rows of one type, and the response of the acceleration to a unit force in each friction row.
 #[derive(Clone, Debug)]
 struct Friction<R: Real, const N: usize> {
+    /// Forces of each item (a scalar row or a contact), N or N m.
     force: Vec<[R; N]>,
-    /// Bound on each friction force. The first of an elliptic contact is the normal force; that of a pyramid is the coefficient times the
-    /// sum of its two edges.
+    /// Bound on each friction force. For an elliptic contact it is the normal force. For a pyramid it is the sum of the forces of the two
+    /// edges; the friction coefficient multiplies it.
     bound: Vec<[R; N]>,
-    /// Degrees of freedom that each row moves, and their accelerations by a unit force of every row.
+    /// Range of each item in the lists of degrees of freedom and responses.
     spans: Vec<Range<usize>>,
+    /// Degrees of freedom that the forces of each item accelerate.
     dofs: Vec<u32>,
+    /// Accelerations of these degrees of freedom by a unit force in each row of the item.
     response: Vec<[R; N]>,
-    /// Block of A of each item's rows, tangents only.
+    /// Block of A = J M^-1 J^T of each item's friction rows, 1/kg.
     inertia: Vec<[[R; N]; N]>,
 }
 
 impl<R: Real, const N: usize> Friction<R, N> {
+    /// Empty lists with memory for `items` items with `support` degrees of freedom each.
     fn with_capacity(items: usize, support: usize) -> Self {
         let entries = items * support;
         Self {
@@ -91,6 +97,7 @@ impl<R: Real, const N: usize> Friction<R, N> {
         }
     }
 
+    /// Removes all items.
     fn clear(&mut self) {
         self.force.clear();
         self.bound.clear();
@@ -100,11 +107,13 @@ impl<R: Real, const N: usize> Friction<R, N> {
         self.inertia.clear();
     }
 
-    /// Appends the responses of the rows `rows` with the Jacobian `jacobian` on `support`. `trees` are those of all degrees of freedom.
+    /// Appends the responses of the rows `rows` of an item, whose Jacobian has the entries `jacobian` at the coordinates `support`.
+    ///
+    /// `trees` is the tree of each degree of freedom, `work` a buffer, and `least` the smallest diagonal entry of A.
     #[inline(always)]
     fn push_responses(
         &mut self,
-        metric: &mut impl Responds<R>,
+        metric: &mut impl ForceResponse<R>,
         trees: &[u32],
         (support, jacobian): (&[u32], &[[R; N]]),
         rows: Range<usize>,
@@ -140,7 +149,7 @@ impl<R: Real, const N: usize> Friction<R, N> {
         self.inertia.push(inertia);
     }
 
-    /// Adds the response to a change of the forces to a.
+    /// Adds the response to the change `change` of the forces of item `i` to the acceleration `a`.
     #[inline(always)]
     fn accelerate(&self, i: usize, change: &[R; N], a: &mut [R]) {
         let span = self.spans[i].clone();
@@ -155,34 +164,40 @@ impl<R: Real, const N: usize> Friction<R, N> {
 }
 
 /// Response of the acceleration to forces.
-pub(super) trait Responds<R: Real> {
-    /// Solves x <- M^-1 x.
+pub(super) trait ForceResponse<R: Real> {
+    /// Replaces the generalized forces `x` by the acceleration M^-1 x.
     fn respond(&mut self, x: &mut [R]);
 }
 
-/// Sweeps over the forces of friction, with their workspace.
+/// Noslip solver, with its workspace.
 #[derive(Clone, Debug)]
 pub(super) struct NoSlip<R: Real> {
+    /// Forces and responses of the scalar rows.
     rows: Friction<R, 1>,
+    /// Forces and responses of the contacts with three rows.
     contacts: Friction<R, 3>,
+    /// Forces and responses of the contacts with six rows.
     rolling: Friction<R, 6>,
-    /// Number of the tree of every degree of freedom, and number of trees.
+    /// Tree of each degree of freedom.
     trees: Vec<u32>,
+    /// Number of trees.
     count: usize,
-    /// Island of every tree in every lane: its least tree.
+    /// Island of each tree in each lane, as the smallest tree of the island.
     parents: Vec<u32>,
-    /// Improvement by a sweep, and running lanes (bits), of every island.
+    /// Improvement of the objective of each island by the present sweep, J.
     improvement: Vec<R>,
+    /// Lanes in which each island continues to sweep, as bits.
     running: Vec<u32>,
-    /// Sum of the diagonal of M of every tree, then of every island.
+    /// Sum of the diagonal of the mass matrix of each tree, then of each island.
     inertia: [Vec<R>; 2],
-    /// Island of every row, contact and contact with six rows in every lane, one after the other.
+    /// Island of each scalar row, contact with three rows and contact with six rows, in each lane. The lanes of an item are consecutive.
     islands: Vec<u32>,
+    /// Buffer for an acceleration.
     work: Vec<R>,
 }
 
 impl<R: Real> NoSlip<R> {
-    /// Workspace for problems of this dimension.
+    /// Workspace for problems with `dimension` degrees of freedom.
     pub(super) fn new(dimension: usize, capacity: SlipCapacity) -> Self {
         let SlipCapacity { rows, contacts, support, rolls } = capacity;
         let rolling = if rolls { contacts } else { 0 };
@@ -201,23 +216,23 @@ impl<R: Real> NoSlip<R> {
         }
     }
 
-    /// Force of a scalar row.
+    /// Force of scalar row `i`, N or N m.
     pub(super) fn row(&self, i: usize) -> R {
         self.rows.force[i][0]
     }
 
-    /// Forces of a contact.
+    /// Forces of contact `i` with three rows, N.
     pub(super) fn contact(&self, i: usize) -> [R; 3] {
         self.contacts.force[i]
     }
 
-    /// Forces of a contact with six rows.
+    /// Forces of contact `i` with six rows, N or N m.
     pub(super) fn rolling_contact(&self, i: usize) -> [R; 6] {
         self.rolling.force[i]
     }
 
-    /// Stores the forces at a solution with the arguments `argument` of the rows. Rows from `constraints` on are no constraints and have
-    /// none.
+    /// Stores the forces at a solution. `argument` are the relative accelerations of the rows there. Rows from `constraints` on are no
+    /// constraints and have no force.
     pub(super) fn begin(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, constraints: usize, argument: &Argument<R>) {
         self.find_trees(metric);
         let Self { rows, contacts, rolling, .. } = self;
@@ -235,7 +250,7 @@ impl<R: Real> NoSlip<R> {
         self.find_islands(problem, constraints);
     }
 
-    /// Numbers the trees of the degrees of freedom.
+    /// Finds the kinematic tree of each degree of freedom.
     fn find_trees(&mut self, metric: &impl Metric<R>) {
         self.count = 0;
         self.inertia[0].fill(R::zero());
@@ -251,7 +266,7 @@ impl<R: Real> NoSlip<R> {
         }
     }
 
-    /// Unites the trees that rows join, lane by lane.
+    /// Finds the islands of each lane: sets of trees that rows couple, directly or through other trees.
     fn find_islands(&mut self, problem: &SoftProblem<R>, constraints: usize) {
         let Self { trees, count, parents, islands, running, inertia, .. } = self;
         islands.clear();
@@ -284,7 +299,7 @@ impl<R: Real> NoSlip<R> {
         running.fill(0);
         for (at, island) in islands.iter_mut().enumerate() {
             let l = at % R::LANES;
-            if *island == NOWHERE {
+            if *island == NO_TREE {
                 *island = 0;
             } else {
                 *island = find::<R>(parents, *island, l);
@@ -293,8 +308,9 @@ impl<R: Real> NoSlip<R> {
         }
     }
 
-    /// Sweeps in the lanes `lanes`, from the acceleration `a` by the present forces, which follows the changes. `visits` are the contacts
-    /// in their order. Returns the sweeps of each lane.
+    /// Sweeps in the lanes `lanes` until all islands have stopped. `a` is the acceleration by the present forces, which is updated.
+    ///
+    /// `visits` are the contacts in the order in which each sweep visits them. Returns the number of sweeps of each lane.
     pub(super) fn sweep(
         &mut self,
         problem: &SoftProblem<R>,
@@ -337,9 +353,9 @@ impl<R: Real> NoSlip<R> {
         sweeps
     }
 
-    /// Computes the response of the acceleration to every swept force, by `metric`: once, before [`NoSlip::sweep`].
+    /// Computes the response of the acceleration to a unit force in each friction row. It is called once, before [`NoSlip::sweep`].
     #[inline(always)]
-    pub(super) fn find_responses(&mut self, problem: &SoftProblem<R>, metric: &mut impl Responds<R>, constraints: usize) {
+    pub(super) fn find_responses(&mut self, problem: &SoftProblem<R>, metric: &mut impl ForceResponse<R>, constraints: usize) {
         let Self { rows, contacts, rolling, trees, work, .. } = self;
         for (i, row) in problem.rows.iter().enumerate() {
             let (support, jacobian) = problem.entries(row);
@@ -359,27 +375,27 @@ impl<R: Real> NoSlip<R> {
         }
     }
 
-    /// Adds the improvement by leaving out the regularisation, which the first sweep counts.
+    /// Adds the energy of the regularisation, which is no longer part of the objective, to the improvement by the first sweep.
     fn add_regularisation(&mut self, problem: &SoftProblem<R>, constraints: usize) {
         let half = R::of(0.5);
         for (i, row) in problem.rows[..constraints].iter().enumerate() {
             let force = self.rows.force[i][0];
-            self.improve(i, half * force * force * inverse(row.weight));
+            self.add_improvement(i, half * force * force * inverse(row.weight));
         }
         let sliding = constraints + problem.contacts.items.len();
         for (i, contact) in problem.contacts.items.iter().enumerate() {
             let energy = regularisation(problem.cone, contact, &self.contacts.force[i], &self.contacts.bound[i]);
-            self.improve(constraints + i, half * energy);
+            self.add_improvement(constraints + i, half * energy);
         }
         for (i, contact) in problem.rolling_contacts.items.iter().enumerate() {
             let energy = regularisation(problem.cone, contact, &self.rolling.force[i], &self.rolling.bound[i]);
-            self.improve(sliding + i, half * energy);
+            self.add_improvement(sliding + i, half * energy);
         }
     }
 
-    /// Adds to the improvement of the islands of an item.
+    /// Adds `by`, J, to the improvement of the islands that contain an item in each lane.
     #[inline(always)]
-    fn improve(&mut self, item: usize, by: R) {
+    fn add_improvement(&mut self, item: usize, by: R) {
         let islands = &self.islands[item * R::LANES..][..R::LANES];
         if islands.iter().all(|&island| island == islands[0]) {
             self.improvement[islands[0] as usize] += by;
@@ -391,9 +407,9 @@ impl<R: Real> NoSlip<R> {
         }
     }
 
-    /// Lanes in which the island of an item is running.
+    /// Lanes in which the island of an item continues to sweep.
     #[inline(always)]
-    fn goes_on(&self, item: usize) -> R::Mask {
+    fn running_lanes(&self, item: usize) -> R::Mask {
         let islands = &self.islands[item * R::LANES..][..R::LANES];
         if islands.iter().all(|&island| island == islands[0]) {
             return R::Mask::from_bits(self.running[islands[0] as usize]);
@@ -401,13 +417,14 @@ impl<R: Real> NoSlip<R> {
         R::Mask::from_bits(islands.iter().enumerate().fold(0, |bits, (l, &island)| bits | (self.running[island as usize] & 1 << l)))
     }
 
+    /// Updates the forces of all dry-friction rows, one after the other.
     #[inline(always)]
     fn visit_rows(&mut self, problem: &SoftProblem<R>, constraints: usize, a: &mut [R]) {
         for (i, row) in problem.rows[..constraints].iter().enumerate() {
             if !is_dry_friction(row.bounds) {
                 continue;
             }
-            let lanes = self.goes_on(i).and(row.weight.gt(R::zero()));
+            let lanes = self.running_lanes(i).and(row.weight.gt(R::zero()));
             if lanes.none() {
                 continue;
             }
@@ -421,17 +438,18 @@ impl<R: Real> NoSlip<R> {
             let change = R::select(lanes, next - force, R::zero());
             self.rows.force[i][0] = R::select(lanes, next, force);
             self.rows.accelerate(i, &[change], a);
-            self.improve(i, -(R::of(0.5) * change * change * inertia + change * slip));
+            self.add_improvement(i, -(R::of(0.5) * change * change * inertia + change * slip));
         }
     }
 
+    /// Updates the friction forces of all contacts, one after the other.
     #[inline(always)]
     fn visit_contacts(&mut self, problem: &SoftProblem<R>, visits: &[ContactVisit<R::Mask>], a: &mut [R]) {
         let constraints = self.islands.len() / R::LANES - problem.contacts.items.len() - problem.rolling_contacts.items.len();
         for visit in visits {
             let before = if visit.rolling { problem.contacts.items.len() } else { 0 };
             let item = constraints + before + visit.index;
-            let lanes = self.goes_on(item).and(visit.lanes);
+            let lanes = self.running_lanes(item).and(visit.lanes);
             if lanes.none() {
                 continue;
             }
@@ -440,11 +458,11 @@ impl<R: Real> NoSlip<R> {
             } else {
                 self.contacts.visit(problem.cone, &problem.contacts, visit.index, lanes, a)
             };
-            self.improve(item, improvement);
+            self.add_improvement(item, improvement);
         }
     }
 
-    /// Adds the generalized forces of all rows.
+    /// Writes the generalized forces of all rows to `out`, N or N m.
     #[inline(always)]
     pub(super) fn add_forces(&self, problem: &SoftProblem<R>, out: &mut [R]) {
         out.fill(R::zero());
@@ -460,6 +478,7 @@ impl<R: Real> NoSlip<R> {
 }
 
 impl<R: Real, const N: usize> Friction<R, N> {
+    /// Stores the forces of contacts at their relative accelerations `argument`.
     #[inline(always)]
     fn begin(&mut self, cone: Cone, contacts: &SoftContacts<R, N>, argument: &[[R; N]]) {
         self.clear();
@@ -473,7 +492,7 @@ impl<R: Real, const N: usize> Friction<R, N> {
         }
     }
 
-    /// Visits contact `i` in the lanes `lanes`. Returns the decrease of the objective.
+    /// Updates the friction forces of contact `i` in the lanes `lanes`. Returns the decrease of the objective, J.
     #[inline(always)]
     fn visit(&mut self, cone: Cone, contacts: &SoftContacts<R, N>, i: usize, lanes: R::Mask, a: &mut [R]) -> R {
         let contact = &contacts.items[i];
@@ -484,6 +503,7 @@ impl<R: Real, const N: usize> Friction<R, N> {
         }
     }
 
+    /// Updates the friction forces of contact `i` with a pyramidal cone. Returns the decrease of the objective, J.
     #[inline(always)]
     fn visit_pyramid(
         &mut self,
@@ -517,6 +537,7 @@ impl<R: Real, const N: usize> Friction<R, N> {
         improvement
     }
 
+    /// Updates the friction forces of contact `i` with an elliptic cone. Returns the decrease of the objective, J.
     #[inline(always)]
     fn visit_ellipse(
         &mut self,
@@ -533,7 +554,7 @@ impl<R: Real, const N: usize> Friction<R, N> {
                 slip[k] += j[k] * a[d as usize];
             }
         }
-        // In the space in which the ellipse is a circle. Missing rows of a lane, and the normal's, stay at zero.
+        // The problem is scaled to the space in which the ellipse is a circle. The normal row, and rows that a lane lacks, remain zero.
         let (mut matrix, mut linear) = ([[R::zero(); N]; N], [R::zero(); N]);
         matrix[0][0] = R::one();
         for k in 1..N {
@@ -576,11 +597,10 @@ impl<R: Real, const N: usize> Friction<R, N> {
     }
 }
 
-/// Minimises 1/2 x^T A x + b^T x over the ball |x| <= r in the lanes `lanes`.
+/// Minimiser of 1/2 x^T A x + b^T x in the ball |x| <= r, in the lanes `lanes`.
 ///
-/// Newton's method finds the multiplier l from 0. Its equation `|(A + l)^-1 b|^2 = r^2` is convex, so that l rises to the solution. A
-/// result outside the ball is scaled to the sphere. Where A is singular to [`LEAST_DETERMINANT`] the result is 0, as in MuJoCo. The test
-/// uses each pivot in the lanes `single`, and the determinant in the others.
+/// Newton's method finds the multiplier l from 0. Its equation `|(A + l)^-1 b|^2 = r^2` is convex, so that l increases to the solution. A
+/// result outside the ball is scaled to the sphere. If A is singular (see [`is_regular`]) the result is 0, as in MuJoCo.
 #[inline(always)]
 fn minimise_in_ball<R: Real, const N: usize>(matrix: &[[R; N]; N], b: &[R; N], r: R, lanes: R::Mask, single: R::Mask) -> [R; N] {
     let regular = is_regular(matrix, single);
@@ -620,7 +640,8 @@ fn minimise_in_ball<R: Real, const N: usize>(matrix: &[[R; N]; N], b: &[R; N], r
     x
 }
 
-/// Lanes in which the matrix can be inverted.
+/// Lanes in which the matrix can be inverted: its smallest pivot in the lanes `single`, or its determinant in the others, is at least
+/// [`LEAST_DETERMINANT`].
 #[inline(always)]
 fn is_regular<R: Real, const N: usize>(matrix: &[[R; N]; N], single: R::Mask) -> R::Mask {
     let factors = factor(matrix, R::zero());
@@ -636,7 +657,7 @@ fn is_regular<R: Real, const N: usize>(matrix: &[[R; N]; N], single: R::Mask) ->
     sound.and(R::select(single, smallest, determinant).ge(least))
 }
 
-/// Factors L D L^T of A + l: L below the diagonal, 1 / D on it.
+/// Factors L D L^T of A + l, where A is `matrix`: L is below the diagonal, 1 / D on it.
 #[inline(always)]
 fn factor<R: Real, const N: usize>(matrix: &[[R; N]; N], l: R) -> [[R; N]; N] {
     let mut factors = [[R::zero(); N]; N];
@@ -658,12 +679,12 @@ fn factor<R: Real, const N: usize>(matrix: &[[R; N]; N], l: R) -> [[R; N]; N] {
     factors
 }
 
-/// Least pivot of [`factor`], so that its inverse is finite.
+/// Smallest pivot of [`factor`], so that its inverse is finite.
 const LEAST_PIVOT: f64 = 1e-30;
-/// Least determinant, or pivot, of a matrix that counts as regular.
+/// Smallest determinant, or pivot, of a matrix that counts as regular.
 const LEAST_DETERMINANT: f64 = 1e-10;
 
-/// Solution (A + l)^-1 b.
+/// Solution (A + l)^-1 b, from the factors of A + l.
 #[inline(always)]
 fn substitute<R: Real, const N: usize>(factors: &[[R; N]; N], b: &[R; N]) -> [R; N] {
     let mut x = *b;
@@ -683,7 +704,8 @@ fn substitute<R: Real, const N: usize>(factors: &[[R; N]; N], b: &[R; N]) -> [R;
     x
 }
 
-/// Sum of R f^2 over the rows of a contact. For a pyramid it is over its edges, whose sums are `edges`.
+/// Sum of R f^2 over the rows of a contact with the forces f and regularisation R. For a pyramid it is over its edges, and `edges` has the
+/// sums of opposite edges.
 #[inline(always)]
 fn regularisation<R: Real, const N: usize>(cone: Cone, contact: &SoftContact<R, N>, force: &[R; N], edges: &[R; N]) -> R {
     let mut energy = R::zero();
@@ -704,14 +726,14 @@ fn regularisation<R: Real, const N: usize>(cone: Cone, contact: &SoftContact<R, 
     energy
 }
 
-/// Inverse 1 / x, 0 where x is not positive.
+/// Inverse 1 / x; 0 if x is not positive.
 #[inline(always)]
 fn inverse<R: Real>(x: R) -> R {
     let positive = x.gt(R::zero());
     R::select(positive, R::one() / R::select(positive, x, R::one()), R::zero())
 }
 
-/// Whether a row with these bounds is dry friction, the only kind with two finite bounds.
+/// Whether a row with these bounds on its force is dry friction, the only type with two finite bounds.
 #[inline(always)]
 fn is_dry_friction<R: Real>(bounds: [R; 2]) -> bool {
     bounds[0].gt(R::of(f64::NEG_INFINITY)).and(bounds[1].lt(R::of(f64::INFINITY))).any()
@@ -723,10 +745,11 @@ fn as_rows<R: Real>(jacobian: &[R]) -> &[[R; 1]] {
     jacobian.as_chunks::<1>().0
 }
 
-/// Index of a tree where a lane does not have the row or contact.
-const NOWHERE: u32 = u32::MAX;
+/// Placeholder for the tree of a row or contact in a lane that does not have it.
+const NO_TREE: u32 = u32::MAX;
 
-/// Unites the trees that an item joins in every lane, and appends one of them. `is_there` returns whether a lane has an entry.
+/// Merges the trees that an item couples in each lane into one island, and appends one tree of it to `islands`. `is_there` returns whether
+/// the item has a given entry in a given lane.
 fn unite<R: Real>(trees: &[u32], parents: &mut [u32], islands: &mut Vec<u32>, support: &[u32], is_there: impl Fn(usize, usize) -> bool) {
     for l in 0..R::LANES {
         let mut island = None;
@@ -747,11 +770,11 @@ fn unite<R: Real>(trees: &[u32], parents: &mut [u32], islands: &mut Vec<u32>, su
                 }
             });
         }
-        islands.push(island.unwrap_or(NOWHERE));
+        islands.push(island.unwrap_or(NO_TREE));
     }
 }
 
-/// Least tree of the island of a tree in lane `l`.
+/// Smallest tree of the island that contains a tree, in lane `l`.
 fn find<R: Real>(parents: &[u32], mut tree: u32, l: usize) -> u32 {
     while parents[tree as usize * R::LANES + l] != tree {
         tree = parents[tree as usize * R::LANES + l];

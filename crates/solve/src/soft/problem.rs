@@ -1,4 +1,4 @@
-//! Rows of the soft problem, with the inputs of their forces.
+//! Rows of the soft problem: the inputs of their forces.
 
 use std::ops::Range;
 
@@ -7,37 +7,38 @@ use stepper_real::{Mask, Real};
 use crate::soft::cone::Cone;
 use crate::soft::contact::SoftContact;
 
-/// Metric of the accelerations: the mass matrix.
+/// Metric of the accelerations: the mass matrix M.
 pub trait Metric<R: Real> {
-    /// Number of coordinates.
+    /// Number of degrees of freedom.
     fn dimension(&self) -> usize;
-    /// Row `i` up to the diagonal: the columns of its entries, the diagonal first and then descending, and the entries.
+    /// Row `i` of the lower triangle: columns of its entries, the diagonal first and then descending, and the entries.
     fn row(&self, i: usize) -> (&[u32], &[R]);
-    /// Solves x <- M^-1 x.
+    /// Replaces `x` by M^-1 x.
     fn solve(&self, x: &mut [R]);
 }
 
-/// Scalar row with the force -D u between two bounds, u = J a - r. An equality has no bounds, a limit one, dry friction two.
+/// Scalar row with the force -D u between two bounds, where u = J a - r is its acceleration relative to its reference. An equality has no
+/// bounds, a limit one, dry friction two.
 #[derive(Clone, Debug)]
 pub struct SoftRow<R: Real> {
-    /// Range of the row in the lists of coordinates and Jacobian entries, which hold all scalar rows.
+    /// Range of the row in the lists of coordinates and Jacobian entries of all scalar rows.
     pub(super) entries: Range<usize>,
-    /// Reference acceleration r.
+    /// Reference acceleration r, m/s^2 or rad/s^2.
     pub reference: R,
-    /// Weight D = 1 / R, the inverse of the regularisation; 0 in lanes without the row.
+    /// Weight D = 1 / R, the inverse of the regularisation, kg or kg m^2. It is 0 in lanes without the row.
     pub weight: R,
     /// Least and largest force, N or N m.
     pub bounds: [R; 2],
 }
 
 impl<R: Real> SoftRow<R> {
-    /// Force f(u).
+    /// Force of the row at the relative acceleration `u`, N or N m.
     #[inline(always)]
     pub(super) fn force(&self, u: R) -> R {
         (-self.weight * u).max(self.bounds[0]).min(self.bounds[1])
     }
 
-    /// Derivative -df/du.
+    /// Minus the derivative of the force with respect to the relative acceleration `u`, kg or kg m^2.
     #[inline(always)]
     pub(super) fn curvature(&self, u: R) -> R {
         let free = -self.weight * u;
@@ -45,21 +46,25 @@ impl<R: Real> SoftRow<R> {
     }
 }
 
-/// Contacts of `N` rows.
+/// Soft contacts with `N` rows each, stored sparse.
 #[derive(Clone, Debug)]
 pub struct SoftContacts<R: Real, const N: usize> {
-    /// Items of the list.
+    /// Inputs of the force of each contact.
     pub items: Vec<SoftContact<R, N>>,
+    /// Coordinates at which the contacts have entries, one contact after the other.
     pub(super) support: Vec<u32>,
+    /// Jacobian entries of all rows of a contact at these coordinates.
     pub(super) jacobian: Vec<[R; N]>,
 }
 
 impl<R: Real, const N: usize> SoftContacts<R, N> {
+    /// Empty list with memory for `contacts` contacts with `support` coordinates each.
     fn with_capacity(contacts: usize, support: usize) -> Self {
         let entries = contacts * support;
         Self { items: Vec::with_capacity(contacts), support: Vec::with_capacity(entries), jacobian: Vec::with_capacity(entries) }
     }
 
+    /// Removes all contacts.
     #[inline(always)]
     fn clear(&mut self) {
         self.items.clear();
@@ -67,7 +72,8 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
         self.jacobian.clear();
     }
 
-    /// Appends a contact whose rows have the entries `jacobian` at the coordinates `support`, ascending.
+    /// Appends a contact whose rows have the entries `jacobian` at the coordinates `support`, ascending. The other arguments are those of
+    /// [`SoftContact`].
     #[inline(always)]
     pub fn push(&mut self, support: &[u32], jacobian: impl Fn(usize) -> [R; N], reference: [R; N], weight: [R; N], scale: [R; N]) {
         let start = self.support.len();
@@ -78,7 +84,7 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
         self.items.push(SoftContact::new(start..self.support.len(), reference, weight, scale));
     }
 
-    /// Appends the contacts of one lane of others, and their places to `places`.
+    /// Appends the contacts of lane `lane` of another list, and their indices there to `places`.
     pub(super) fn gather<L: Real<Single = R>>(&mut self, from: &SoftContacts<L, N>, lane: usize, places: &mut Vec<u32>) {
         for (i, contact) in from.items.iter().enumerate() {
             let weight = contact.weight.map(|weight| weight.single_lane(lane));
@@ -95,13 +101,13 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
         }
     }
 
-    /// Coordinates and entries of a contact.
+    /// Coordinates of a contact, and the Jacobian entries of its rows at each.
     #[inline(always)]
     pub(super) fn entries(&self, contact: &SoftContact<R, N>) -> (&[u32], &[[R; N]]) {
         (&self.support[contact.entries.clone()], &self.jacobian[contact.entries.clone()])
     }
 
-    /// Lanes in which a contact has an entry at one of the coordinates.
+    /// Lanes in which any contact has an entry at one of the coordinates.
     fn touches(&self, coordinates: &Range<u32>) -> R::Mask {
         let mut touched = R::Mask::splat(false);
         for (d, entries) in self.support.iter().zip(&self.jacobian) {
@@ -114,7 +120,7 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
         touched
     }
 
-    /// Computes `out` = J x, minus the references if `relative`.
+    /// Computes J x of all rows into `out`. If `relative`, the reference accelerations are subtracted.
     #[inline(always)]
     pub(super) fn multiply(&self, x: &[R], relative: bool, out: &mut Vec<[R; N]>) {
         out.clear();
@@ -135,7 +141,7 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
         }
     }
 
-    /// Adds `out` += J^T f(u).
+    /// Adds the generalized forces J^T f of all contacts at the relative accelerations `u` to `out`.
     #[inline(always)]
     pub(super) fn add_forces(&self, cone: Cone, u: &[[R; N]], out: &mut [R]) {
         for (contact, u) in self.items.iter().zip(u) {
@@ -151,7 +157,7 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
         }
     }
 
-    /// Adds `out` += J^T f of forces f.
+    /// Adds the generalized forces J^T f of contacts with the forces `forces` to `out`.
     #[inline(always)]
     pub(super) fn add(&self, forces: &[[R; N]], out: &mut [R]) {
         for (contact, force) in self.items.iter().zip(forces) {
@@ -166,7 +172,7 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
         }
     }
 
-    /// Subtracts f(u + step du) . du of all contacts from `slope`.
+    /// Result of subtracting f(u + step du) . du of all contacts from `slope`, where f is the force.
     #[inline(always)]
     pub(super) fn add_slopes(&self, cone: Cone, u: &[[R; N]], du: &[[R; N]], step: R, mut slope: R) -> R {
         for ((contact, u), du) in self.items.iter().zip(u).zip(du) {
@@ -178,17 +184,17 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
         slope
     }
 
-    /// Adds the second derivatives along `du` at u + step du of all contacts to `sum`.
+    /// Sum of `sum` and the second derivatives along `du` of all contacts at u + step du.
     #[inline(always)]
     pub(super) fn add_curvatures(&self, cone: Cone, u: &[[R; N]], du: &[[R; N]], step: R, mut sum: R) -> R {
         for ((contact, u), du) in self.items.iter().zip(u).zip(du) {
-            sum += cone.bend(contact, &moved(u, du, step), du);
+            sum += cone.curvature_along(contact, &moved(u, du, step), du);
         }
         sum
     }
 }
 
-/// Sum u + step du.
+/// Relative acceleration u + step du.
 #[inline(always)]
 fn moved<R: Real, const N: usize>(u: &[R; N], du: &[R; N], step: R) -> [R; N] {
     let mut at = *u;
@@ -205,7 +211,9 @@ pub struct SoftProblem<R: Real> {
     pub cone: Cone,
     /// Scalar rows: equalities, dry friction, limits.
     pub rows: Vec<SoftRow<R>>,
+    /// Coordinates at which the scalar rows have entries, one row after the other.
     pub(super) support: Vec<u32>,
+    /// Jacobian entries at these coordinates.
     pub(super) jacobian: Vec<R>,
     /// Contacts with sliding friction or none.
     pub contacts: SoftContacts<R, 3>,
@@ -214,10 +222,10 @@ pub struct SoftProblem<R: Real> {
 }
 
 impl<R: Real> SoftProblem<R> {
-    /// Empty problem with capacity for these numbers of scalar rows, of their entries, and of contacts with `contact_support` coordinates
+    /// Empty problem with memory for these numbers of scalar rows, of their entries, and of contacts with `contact_support` coordinates
     /// each.
     ///
-    /// It also has capacity for contacts with rolling friction, if there can be any.
+    /// If `rolls`, it has memory for as many contacts with rolling friction.
     pub fn new(cone: Cone, rows: usize, entries: usize, contacts: usize, contact_support: usize, rolls: bool) -> Self {
         Self {
             cone,
@@ -244,13 +252,14 @@ impl<R: Real> SoftProblem<R> {
         self.rows.is_empty() && self.contacts.items.is_empty() && self.rolling_contacts.items.is_empty()
     }
 
-    /// Appends a scalar row with the entries `jacobian` at the coordinates `support`, ascending.
+    /// Appends a scalar row with the entries `jacobian` at the coordinates `support`, ascending. The other arguments are those of
+    /// [`SoftRow`].
     #[inline(always)]
     pub fn push_row(&mut self, support: &[u32], jacobian: impl Fn(usize) -> R, reference: R, weight: R, bounds: [R; 2]) {
         self.push_entries(support, support.iter().map(|&d| jacobian(d as usize)), reference, weight, bounds);
     }
 
-    /// Appends a row with these entries.
+    /// Appends a scalar row with the given entries at the coordinates `support`, ascending. The other arguments are those of [`SoftRow`].
     #[inline(always)]
     pub(super) fn push_entries(&mut self, support: &[u32], entries: impl Iterator<Item = R>, reference: R, weight: R, bounds: [R; 2]) {
         let start = self.support.len();
@@ -259,19 +268,19 @@ impl<R: Real> SoftProblem<R> {
         self.rows.push(SoftRow { entries: start..self.support.len(), reference, weight, bounds });
     }
 
-    /// Coordinates and entries of a scalar row.
+    /// Coordinates of a scalar row, and its Jacobian entry at each.
     #[inline(always)]
     pub(super) fn entries(&self, row: &SoftRow<R>) -> (&[u32], &[R]) {
         (&self.support[row.entries.clone()], &self.jacobian[row.entries.clone()])
     }
 
-    /// Coordinates and entries of scalar row `i`.
+    /// Coordinates of scalar row `i`, and its Jacobian entry at each.
     #[inline(always)]
     pub fn row(&self, i: usize) -> (&[u32], &[R]) {
         self.entries(&self.rows[i])
     }
 
-    /// Lanes in which a row has an entry at one of the coordinates `coordinates`.
+    /// Lanes in which any row or contact has an entry at one of the coordinates.
     pub fn touches(&self, coordinates: Range<u32>) -> R::Mask {
         let mut touched = R::Mask::splat(false);
         for row in &self.rows {
@@ -285,7 +294,7 @@ impl<R: Real> SoftProblem<R> {
         touched.or(self.contacts.touches(&coordinates)).or(self.rolling_contacts.touches(&coordinates))
     }
 
-    /// Computes `out` = J x of the scalar rows, minus the references if `relative`.
+    /// Computes J x of the scalar rows into `out`. If `relative`, the reference accelerations are subtracted.
     #[inline(always)]
     pub(super) fn multiply_rows(&self, x: &[R], relative: bool, out: &mut Vec<R>) {
         out.clear();

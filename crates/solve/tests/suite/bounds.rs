@@ -72,7 +72,7 @@ fn check(work: Work, steps: u32) -> Result<(), TestCaseError> {
 
 /// Newton's method alone, in all its ways.
 fn search(case: &Case, tolerance: f64) -> Result<(), TestCaseError> {
-    for way in [Way::Near(Terms::Held), Way::Near(Terms::HeldThenExact), Way::Near(Terms::Exact), Way::LeastNorm] {
+    for way in [Way::Near(Terms::Constant), Way::Near(Terms::ConstantThenExact), Way::Near(Terms::Exact), Way::LeastNorm] {
         let (problem, mut iterate) = build::<f64>(case);
         let (mut left, mut taken) = (residual(&problem, &iterate), 0.0);
         let before = left;
@@ -82,7 +82,7 @@ fn search(case: &Case, tolerance: f64) -> Result<(), TestCaseError> {
             Way::Near(terms) => newton.solve(&problem, &mut iterate, Search { steps: STEPS, tolerance, terms }, true, outcome),
             Way::LeastNorm => newton.solve_least_norm(&problem, &mut iterate, STEPS, tolerance, true, outcome),
         }
-        let exact = matches!(way, Way::Near(Terms::HeldThenExact | Terms::Exact));
+        let exact = matches!(way, Way::Near(Terms::ConstantThenExact | Terms::Exact));
         let most = if exact { EXACT_RATIO * STEPS } else { STEPS };
         check(newton.work(), most)?;
         prop_assert!(taken <= f64::from(most * newton.work().islands));

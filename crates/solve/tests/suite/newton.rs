@@ -82,7 +82,7 @@ fn build<R: Real>(cases: &[Case]) -> (Problem<R>, Iterate<R>) {
 /// Newton's method alone, cold; returns (residual, Newton steps).
 fn newton(problem: &Problem<f64>, iterate: &mut Iterate<f64>, steps: u32, tolerance: f64) -> (f64, f64) {
     let (mut left, mut taken) = (residual(problem, iterate), 0.0);
-    let search = Search { steps, tolerance, terms: Terms::HeldThenExact };
+    let search = Search { steps, tolerance, terms: Terms::ConstantThenExact };
     Newton::default().solve(problem, iterate, search, true, [&mut left, &mut taken]);
     (left, taken)
 }
@@ -351,7 +351,7 @@ fn a_solved_lane_keeps_its_bits() {
     let outcome = solve(&problem, &mut iterate, settings, Mask::splat(true), &mut newton);
     let (mut left, mut taken) = (outcome.residual, F64Lanes::zero());
     let before = iterate.clone();
-    let search = Search { steps: 10, tolerance: F64Lanes::of(1e-9), terms: Terms::HeldThenExact };
+    let search = Search { steps: 10, tolerance: F64Lanes::of(1e-9), terms: Terms::ConstantThenExact };
     newton.solve(&problem, &mut iterate, search, Mask::from_bits(0b10), [&mut left, &mut taken]);
     for l in (0..F64Lanes::LANES).filter(|&l| l != 1) {
         assert!(iterate.w.iter().zip(&before.w).all(|(a, b)| a.lane(l).to_bits() == b.lane(l).to_bits()));

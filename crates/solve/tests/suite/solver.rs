@@ -94,10 +94,10 @@ fn the_better_start_is_that_of_less_energy() {
         solution.save(&iterate, true);
         // Without friction and compliance the energy of the solution is -|w|^2 / 2, that of no impulse 0.
         let moves = iterate.w.iter().map(|w| w * w).sum::<f64>() > 1e-6;
-        prop_assert!(solution.is_as_good(&problem, &iterate));
-        prop_assert_eq!(none.is_as_good(&problem, &iterate), !moves);
+        prop_assert!(solution.is_as_close(&problem, &iterate));
+        prop_assert_eq!(none.is_as_close(&problem, &iterate), !moves);
         none.restore(&mut iterate, true);
-        prop_assert!(solution.is_as_good(&problem, &iterate));
+        prop_assert!(solution.is_as_close(&problem, &iterate));
     });
 }
 

@@ -73,7 +73,7 @@ impl<R: Real> SoftSystem<R> {
         let Self { problem, solver, in_turn, acceleration, mass, .. } = self;
         let metric = TreeMass { compiled, mass, factors };
         if let Some(in_turn) = in_turn
-            && in_turn.pays(problem, &metric, solver, lanes)
+            && in_turn.is_faster(problem, &metric, solver, lanes)
         {
             return in_turn.solve(problem, &metric, free, effort, lanes, acceleration, solver);
         }

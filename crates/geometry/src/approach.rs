@@ -35,11 +35,11 @@ pub(super) const COORDINATE_ROUNDING: f64 = 4e-6;
 pub struct Approach<R = f64> {
     /// Displacement of the second body at the centre of the ball that contains all contacts, m.
     pub displacement: V3<R>,
-    /// Rotation vector of the second body, rad.
+    /// Rotation vector of the second body within the step, rad.
     pub rotation: V3<R>,
     /// Radius of the ball that contains all contacts of the two bodies, m.
     pub radius: R,
-    /// Distance below which a contact is added at any closing speed, m.
+    /// Distance below which detection adds a contact at any closing speed, m.
     pub slack: R,
 }
 

@@ -11,21 +11,21 @@ use crate::vectors::V;
 
 /// Ball and a triangle of a surface. All positions are in the frame of the surface, m.
 pub(super) struct Ball<'a> {
-    /// Triangle, with its neighbours.
+    /// Triangle of the surface, with its neighbours.
     pub(super) facet: &'a Facet,
-    /// Triangle as the first shape and ball as the second.
+    /// Pair of shapes: the triangle first, the ball second.
     pub(super) pair: &'a Pair<'a>,
     /// Signed distance of the ball's centre above the plane of the triangle, m.
     pub(super) height: f64,
     /// Radius of the ball, m.
     pub(super) radius: f64,
-    /// Largest distance of a contact, m.
+    /// Largest distance at which a contact is added, m.
     pub(super) prediction: f64,
 }
 
 /// Result of the test of a ball against one triangle of a surface.
 pub(super) enum TriangleTest {
-    /// The test is complete, with or without a contact.
+    /// The test of ball and triangle is complete, with or without a contact.
     Complete,
     /// No contact, because the closest point of the triangle belongs to a neighbour. The separation of triangle and ball is attached.
     LeftToNeighbour(Facing),

@@ -3,18 +3,18 @@
 use crate::linear_algebra::*;
 use crate::vectors::V;
 
-/// Number of points in a [`Block`], and of edges in a [`Ring`]. Most vertices have fewer edges, and the compiler vectorises loops of this
-/// length.
+/// Number of points in a [`Block`], and of edges in a [`Ring`]. Most vertices of a hull have fewer edges, and the compiler vectorises loops
+/// of this length.
 pub(super) const SIDE: usize = 8;
 
 /// Up to eight edges of a hull that start at the same vertex.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Ring {
-    /// Vectors along the edges, m, by coordinate: `edge[i][k]` is coordinate i of edge k. Unused entries are 0.
+    /// Vectors along the edges from a vertex, m, by coordinate: `edge[i][k]` is coordinate i of edge k. Unused entries are 0.
     edge: [[f64; SIDE]; 3],
     /// Squared lengths of the edges, m^2; 0 in unused entries.
     pub(super) square: [f64; SIDE],
-    /// Vertex at the other end of each edge.
+    /// Index of the vertex at the other end of each edge.
     pub(super) to: [u32; SIDE],
 }
 
@@ -35,9 +35,9 @@ fn along([x, y, z]: &[[f64; SIDE]; 3], d: V) -> [f64; SIDE] {
 /// Eight vertices of a hull. The last one is repeated if there are fewer.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Block {
-    /// Positions by coordinate, m.
+    /// Positions of the eight vertices, m, by coordinate: `at[i][k]` is coordinate i of vertex k.
     at: [[f64; SIDE]; 3],
-    /// Squared distances from the origin, m^2.
+    /// Squared distances of the eight vertices from the origin, m^2.
     square: [f64; SIDE],
 }
 

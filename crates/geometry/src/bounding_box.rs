@@ -11,9 +11,9 @@ use crate::surface::Surface;
 /// Bounding box of a solid along the axes of the solid's frame, one in each lane.
 #[derive(Clone, Copy, Debug)]
 pub struct BoundingBox<R> {
-    /// Centre in the solid's frame, m.
+    /// Centre of the box in the solid's frame, m.
     centre: V3<R>,
-    /// Half of the extent along each axis, m.
+    /// Half sizes of the box along the axes of the solid's frame, m.
     half: V3<R>,
 }
 

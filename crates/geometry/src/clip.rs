@@ -13,7 +13,7 @@ pub(super) struct Shared {
     pub(super) y: f64,
     /// Heights of the reference feature and of the other feature at (x, y), m.
     pub(super) h: [f64; 2],
-    /// Number that identifies the corner from step to step, see [`crossing`].
+    /// Identifier of the corner, the same from step to step, see [`crossing`].
     pub(super) id: u32,
 }
 
@@ -50,15 +50,15 @@ pub(super) fn behind(reference: &ProjectedFeature, other: &ProjectedFeature, ris
     }
 }
 
-/// Bit in an identifier that distinguishes corners of the reference from corners of the other feature.
+/// Bit in the identifier of a corner of an intersection. It distinguishes corners of the reference feature from those of the other feature.
 const REFERENCE: u32 = 1 << 30;
 
 /// Buffers of [`overlay`] for the polygon before and after it is clipped by one edge.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Work {
-    /// Polygon before it is clipped.
+    /// Polygon before it is clipped by an edge.
     polygon: Vec<Corner>,
-    /// Polygon after it is clipped.
+    /// Polygon after it is clipped by an edge.
     next: Vec<Corner>,
 }
 

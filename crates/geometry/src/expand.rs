@@ -12,9 +12,9 @@ use crate::linear_algebra::*;
 use crate::pair::{Pair, Vertex};
 use crate::vectors::V;
 
-/// Largest number of vertices that are added.
+/// Largest number of vertices that the expanding polytope algorithm adds.
 const GROWTHS: usize = 160;
-/// Growth of the nearest face below which the search ends, relative to the size of the pair.
+/// Distance by which the polytope's nearest face must grow for the search to continue, relative to the size of the pair of shapes.
 const ENOUGH: f64 = 1e-13;
 /// Rounding error of a vertex's position, relative to the longest edge of a face: a few units in the last place.
 const ROUNDING: f64 = 1e-15;
@@ -22,15 +22,15 @@ const ROUNDING: f64 = 1e-15;
 /// Triangle of the polytope.
 #[derive(Clone, Copy, Debug)]
 struct Face {
-    /// Indices of its vertices in [`Polytope::vertices`], counter-clockwise seen from outside.
+    /// Indices of the triangle's vertices in [`Polytope::vertices`], counter-clockwise seen from outside.
     corners: [u16; 3],
-    /// Outward unit normal.
+    /// Outward unit normal of the triangle.
     normal: V,
-    /// Distance of the plane from the origin, m; infinite if the face has no area.
+    /// Distance of the triangle's plane from the origin, m; infinite if the triangle has no area.
     distance: f64,
     /// Rounding error of the distance of a vertex from the plane, m. It is large for a narrow triangle.
     rounding: f64,
-    /// Whether the vertex that is being added is on the outer side of the plane. The face is then removed.
+    /// Whether the vertex that is being added is on the outer side of the triangle's plane. The triangle is then removed.
     seen: bool,
 }
 
@@ -39,7 +39,7 @@ struct Face {
 pub(super) struct Polytope {
     /// Vertices of the polytope.
     vertices: Vec<Vertex>,
-    /// Triangles of its surface.
+    /// Triangles of the polytope's surface.
     faces: Vec<Face>,
     /// Edges, as vertex indices, of the hole that remains after faces are removed.
     horizon: Vec<[u16; 2]>,

@@ -14,23 +14,24 @@ pub(super) const PARALLEL: f64 = 1e-12;
 
 /// Triangle of a surface, with its neighbours, in the frame of the surface. Edge k starts at corner k.
 pub(super) struct Facet {
-    /// Corners, m, counter-clockwise seen from outside.
+    /// Corners of the triangle, m, counter-clockwise seen from outside.
     pub(super) corners: [V; 3],
-    /// Outward unit normal.
+    /// Outward unit normal of the triangle.
     pub(super) normal: V,
     /// Third corner of the neighbouring triangle across each edge, m; `None` without a neighbour.
     pub(super) across: [Option<V>; 3],
-    /// Whether each edge is convex: the neighbour falls away from the plane. Edges without a neighbour count as convex.
+    /// Whether each edge is convex: the neighbour across it falls away from the triangle's plane. Edges without a neighbour count as
+    /// convex.
     pub(super) bulges: [bool; 3],
 }
 
 /// Part of a triangle: the inside, an edge or a corner.
 pub(super) enum Outline {
-    /// All of the triangle.
+    /// The whole triangle.
     Inside,
-    /// Edge, by the index of the corner at which it starts.
+    /// Edge of the triangle, by the index of the corner at which it starts.
     Edge(usize),
-    /// Corner, by its index.
+    /// Corner of the triangle, by its index.
     Corner(usize),
 }
 

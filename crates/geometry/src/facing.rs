@@ -6,7 +6,7 @@ use crate::vectors::V;
 /// Gap to which overlapping cores (shapes without their rounding radius) are moved apart before a search for their closest points. It is
 /// relative to their smallest extent.
 pub(super) const GAP: f64 = 1e-3;
-/// Difference below which two separations count as equal, relative to the size of the pair.
+/// Difference below which the separations of two shapes along two directions count as equal, relative to the size of the pair.
 pub(super) const EQUAL_SEPARATION: f64 = 1e-9;
 
 /// Separation of the cores of two shapes along a direction, in the frame of the first shape. A core is the shape without its rounding
@@ -25,7 +25,7 @@ pub(super) struct Separation {
 /// rounding radius.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Facing {
-    /// Distance, normal and closest points.
+    /// Distance, normal and closest points of the two shapes.
     pub(super) found: Separation,
     /// Vertex of the first shape that is farthest along the normal, and vertex of the second shape that is farthest in the opposite
     /// direction.

@@ -11,11 +11,11 @@ use crate::vectors::{V, neg};
 /// Simplex of up to four vertices of the Minkowski difference A - B, which contains the point of A - B that is nearest to the origin.
 #[derive(Clone, Copy, Debug, Default)]
 struct Simplex {
-    /// Vertices. Only the first `count` are used.
+    /// Vertices of the simplex. Only the first `count` are used.
     vertex: [Vertex; 4],
     /// Barycentric coordinates of the point of the simplex that is nearest to the origin.
     weight: [f64; 4],
-    /// Number of vertices in use.
+    /// Number of the simplex's vertices in use.
     count: usize,
 }
 
@@ -24,11 +24,11 @@ struct Simplex {
 pub(super) struct Nearest {
     /// Nearest point, m: the vector from the closest point of B to that of A. It is 0 if the sets overlap.
     v: V,
-    /// Simplex that contains the nearest point.
+    /// Simplex that contains the point of A - B nearest to the origin.
     simplex: Simplex,
 }
 
-/// Largest number of iterations.
+/// Largest number of GJK iterations.
 const ITERATIONS: usize = 200;
 /// Sine of an angle of a triangle below which the normal is computed from the shortest edge, because the rounding error is smaller.
 const NARROW: f64 = 0.01;
@@ -129,7 +129,7 @@ impl Nearest {
         self.simplex.vertices()
     }
 
-    /// Distance of the sets, m.
+    /// Distance of the two sets, m.
     pub(super) fn length(&self) -> f64 {
         norm(self.v)
     }
@@ -192,19 +192,19 @@ impl Simplex {
 /// Point of a simplex that is nearest to the origin.
 #[derive(Clone, Copy)]
 struct Best {
-    /// Barycentric coordinates for all four vertices.
+    /// Barycentric coordinates of the point for all four vertices of the simplex.
     weight: [f64; 4],
-    /// Position, m.
+    /// Position of the point, m.
     point: V,
-    /// Squared distance from the origin, m^2.
+    /// Squared distance of the point from the origin, m^2.
     square: f64,
 }
 
 impl Best {
-    /// No point yet: its distance is infinite.
+    /// Start of a search for the nearest point: its distance from the origin is infinite.
     const NONE: Self = Self { weight: [0.0; 4], point: [0.0; 3], square: f64::INFINITY };
 
-    /// Point that is closer to the origin; `self` if both are equally close.
+    /// Nearer one of two points to the origin; `self` if both are equally near.
     #[inline(always)]
     fn or(self, other: Self) -> Self {
         if other.square < self.square { other } else { self }

@@ -8,16 +8,16 @@ use crate::quickhull;
 use crate::surface_check::SurfaceCheck;
 use crate::vectors::{V, furthest, unit_or};
 
-/// Largest distance of a face's vertices from its plane, relative to the size of the hull. Vertices of mesh files have single precision.
-/// [`COPLANAR_THICKNESS`] is a second bound.
+/// Largest distance of a face's vertices from the face's plane, relative to the size of the hull. Vertices of mesh files have single
+/// precision. [`COPLANAR_THICKNESS`] is a second bound.
 const COPLANAR: f64 = 1e-6;
-/// Largest distance of a face's vertices from its plane, relative to the thickness of the hull. It limits how much the faces of a thin hull
-/// are bent.
+/// Largest distance of a face's vertices from the face's plane, relative to the thickness of the hull. This bound limits how much the faces
+/// of a thin hull are bent.
 const COPLANAR_THICKNESS: f64 = 1e-3;
 /// Rounding error of the dot product of a vertex and a direction, relative to the size of the hull and the sum of the direction's absolute
 /// values.
 const ROUNDING: f64 = 2e-15;
-/// Largest distance of a face's vertices from its plane at which the face counts as exactly flat, relative to the size of the hull.
+/// Largest distance of a face's vertices from the face's plane at which the face counts as exactly flat, relative to the size of the hull.
 const EXACT: f64 = 1e-12;
 /// Largest number of vertices for which the support point is found by testing all of them. In larger hulls the search climbs along edges.
 const FEW: usize = 40;
@@ -31,10 +31,10 @@ pub enum HullError {
     /// All points are on one plane, line or point, up to rounding.
     #[error("its points lie on one plane")]
     Flat,
-    /// A coordinate is not finite.
+    /// A coordinate of a point is not finite.
     #[error("a coordinate is not finite")]
     NotFinite,
-    /// The volume is not finite.
+    /// The volume of the hull is not finite.
     #[error("its volume is not finite")]
     TooLarge,
     /// The given surface is not that of the convex hull of the points.
@@ -45,9 +45,9 @@ pub enum HullError {
 /// Flat face of a convex hull.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Face {
-    /// Outward unit normal.
+    /// Outward unit normal of the face.
     pub normal: V,
-    /// Indices of its vertices in [`Hull::points`], counter-clockwise seen from outside.
+    /// Indices of the face's vertices in [`Hull::points`], counter-clockwise seen from outside.
     pub vertices: Vec<u32>,
 }
 
@@ -56,30 +56,30 @@ pub struct Face {
 pub struct Hull {
     /// Index of each vertex in the list of points from which the hull was made, ascending.
     corners: Vec<u32>,
-    /// Vertices, m.
+    /// Vertices of the hull, m.
     points: Vec<V>,
-    /// Triangles of the surface as indices of vertices, counter-clockwise seen from outside.
+    /// Triangles of the hull's surface as vertex indices, counter-clockwise seen from outside.
     triangles: Vec<[u32; 3]>,
-    /// Flat faces. Coplanar triangles are merged.
+    /// Flat faces of the hull. Coplanar triangles are merged.
     faces: Vec<Face>,
     /// Indices of the faces that meet at each vertex.
     around: Vec<Vec<u32>>,
-    /// Edges of all vertices. Those of vertex v are in `rings[first[v]..first[v + 1]]`.
+    /// Edges that start at each vertex. Those of vertex v are in `rings[first[v]..first[v + 1]]`.
     rings: Vec<Ring>,
-    /// Index of the first ring of each vertex, and the number of rings.
+    /// Index in `rings` of the first entry of each vertex, and the number of entries.
     first: Vec<u32>,
-    /// Vertices in blocks of eight.
+    /// Vertices of the hull in blocks of eight.
     blocks: Vec<Block>,
     /// Vertices at which searches for a support point start. For each cell of a cube's surface, it is the vertex that is farthest along the
     /// direction through the cell. Empty for hulls of up to [`FEW`] vertices.
     start: Vec<u32>,
     /// Vertices that are farthest along +x, -x, +y, -y, +z and -z.
     extreme: [usize; 6],
-    /// Centre of the volume, m.
+    /// Centre of the hull's volume, m.
     centre: V,
-    /// Radius of the smallest ball around the centre that contains the hull, m.
+    /// Radius of the smallest ball around the hull's centre that contains the hull, m.
     bound: f64,
-    /// Smallest distance of the centre from a face, m.
+    /// Smallest distance of the hull's centre from a face, m.
     least: f64,
 }
 
@@ -170,7 +170,7 @@ impl Hull {
         Ok(Self { corners, points, triangles, faces, around, rings, first, blocks, start, extreme, centre, bound, least })
     }
 
-    /// Vertices, m.
+    /// Vertices of the hull, m.
     pub fn points(&self) -> &[V] {
         &self.points
     }
@@ -185,39 +185,39 @@ impl Hull {
         self.triangles.iter().map(|t| t.map(|v| self.corners[v as usize])).collect()
     }
 
-    /// Flat faces. Coplanar triangles are one face.
+    /// Flat faces of the hull. Coplanar triangles are one face.
     pub fn faces(&self) -> &[Face] {
         &self.faces
     }
 
-    /// Flat face with the index `f`.
+    /// Flat face of the hull with the index `f`.
     pub(super) fn face(&self, f: usize) -> &Face {
         &self.faces[f]
     }
 
-    /// Centre of the volume, m.
+    /// Centre of the hull's volume, m.
     pub fn centre(&self) -> V {
         self.centre
     }
 
-    /// Smallest distance of the centre from a face, m.
+    /// Smallest distance of the hull's centre from a face, m.
     pub fn inscribed_radius(&self) -> f64 {
         let height = |face: &Face| dot(face.normal, sub(self.points[face.vertices[0] as usize], self.centre));
         self.faces.iter().map(height).fold(f64::INFINITY, f64::min).max(0.0)
     }
 
-    /// Smallest and largest coordinates of the vertices along each axis, m.
+    /// Smallest and largest coordinates of the hull's vertices along each axis, m.
     pub(super) fn extent(&self) -> [V; 2] {
         let along = |k: usize, side: usize| self.points[self.extreme[2 * k + side]][k];
         [std::array::from_fn(|k| along(k, 1)), std::array::from_fn(|k| along(k, 0))]
     }
 
-    /// Radius of the smallest ball around the centre that contains the hull, m.
+    /// Radius of the smallest ball around the hull's centre that contains the hull, m.
     pub(super) fn bound(&self) -> f64 {
         self.bound
     }
 
-    /// Smallest distance of the centre from a face, m.
+    /// Smallest distance of the hull's centre from a face, m.
     pub(super) fn least(&self) -> f64 {
         self.least
     }

@@ -21,13 +21,13 @@ const KEPT: usize = 4;
 /// Contact point of two shapes.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Point {
-    /// Position halfway between the surfaces, m.
+    /// Position of the contact, halfway between the surfaces, m.
     pub pos: V,
     /// Unit normal from the first shape to the second.
     pub normal: V,
     /// Signed distance of the surfaces along the normal, m; negative if they overlap.
     pub distance: f64,
-    /// Identifier of the vertices, edges and faces that meet. It is the same from step to step.
+    /// Identifier of the vertices, edges or faces that touch. It is the same from step to step.
     pub feature: u32,
     /// Whether the second shape is a ball whose centre stays above one triangle of a surface, or above neighbours that do not fall away,
     /// within the step.
@@ -56,7 +56,7 @@ impl Manifold {
         self.points.iter().map(|p| p.distance).fold(f64::INFINITY, f64::min)
     }
 
-    /// Whether there is exactly one point, and its identifier is [`UNNAMED`].
+    /// Whether there is exactly one contact point, and its identifier is [`UNNAMED`].
     pub(super) fn is_single_unnamed(&self) -> bool {
         self.points.len() == 1 && self.points[0].feature == UNNAMED
     }
@@ -78,11 +78,11 @@ impl Manifold {
 /// Workspace for the computation of contact points along a normal.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Clipper {
-    /// Projected features of the first and second shape.
+    /// Features (faces, edges, points) of both shapes that face each other, projected along the contact normal.
     features: [ProjectedFeature; 2],
-    /// Corners of the intersection of both features.
+    /// Corners of the intersection of the two projected features.
     shared: Vec<Shared>,
-    /// Buffers of the clipping.
+    /// Buffers for the clipping of polygons.
     work: Work,
 }
 
@@ -90,12 +90,12 @@ pub(super) struct Clipper {
 const FLAT: f64 = 1e-12;
 /// Largest value of 1 - cos(angle) between the normal of a face and that of the contact at which the face counts as level, see [`ALONG`].
 pub(super) const LEVEL: f64 = 0.5 * ALONG * ALONG;
-/// Largest sine of an angle between two directions that count as parallel, and cosine of an angle between directions that count as
-/// perpendicular.
+/// Sine of an angle up to which two directions count as parallel, and cosine of an angle up to which they count as perpendicular.
 const ALONG: f64 = 1e-2;
-/// Difference of depths below which two points count as equally deep, relative to the size of the pair. The first of them is kept.
+/// Difference of depths below which two contact points count as equally deep, relative to the size of the pair. The first of them is kept.
 const EQUAL_DEPTH: f64 = 1e-6;
-/// Identifier of a single contact point that is not at a corner of an intersection, such as one between edges, corners or curved surfaces.
+/// Identifier of a single contact point that is not a corner of an intersection of features. Examples are contacts of edges, corners or
+/// curved surfaces.
 pub(super) const UNNAMED: u32 = 0x7fff_ffff;
 /// Identity matrix.
 const IDENTITY: M3<f64> = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
@@ -135,9 +135,9 @@ impl Clipper {
         }
     }
 
-    /// Adds the corners of the intersection of the projected features, with their distances along the normal.
+    /// Adds the corners of the intersection of the two projected features as contact points, with their distances along the normal.
     ///
-    /// `reference` is the index of the feature that is perpendicular to the normal, or nearly so.
+    /// `reference` is the index of the feature whose plane is perpendicular to the normal, or nearly so.
     fn faces(&mut self, pair: &Pair<'_>, axes: &[V; 3], reference: usize, prediction: f64, out: &mut Manifold) {
         let (r, o) = (&self.features[reference], &self.features[1 - reference]);
         overlay(r, o, pair.tolerance, &mut self.work, &mut self.shared);
@@ -178,7 +178,8 @@ impl Clipper {
         !out.points.is_empty()
     }
 
-    /// Projects the features of both shapes that face each other, around their farthest corners along the normal.
+    /// Projects the features of both shapes that face each other along the normal. `corners` are the farthest vertices, around which they
+    /// are.
     fn fill(&mut self, pair: &Pair<'_>, views: &[View<'_>; 2], corners: [u32; 2]) {
         self.features[0].fill(pair.a, &views[0], corners[0]);
         self.features[1].fill(pair.b, &views[1], corners[1]);
@@ -279,8 +280,9 @@ impl Clipper {
         self.emit(pair, axes, prediction, out);
     }
 
-    /// Adds the corners in `shared` as contact points, if their distance is at most `prediction`, m. At most [`KEPT`] points are added, and
-    /// the lowest point of a rim.
+    /// Adds the corners of the intersection of the two projected features as contact points, if their distance is at most `prediction`, m.
+    ///
+    /// At most four points are added, and the lowest point of a cylinder's rim. `axes` are the normal and the axes of the projection plane.
     fn emit(&mut self, pair: &Pair<'_>, axes: &[V; 3], prediction: f64, out: &mut Manifold) {
         let (ra, rb) = (pair.a.radius(), pair.b.radius());
         let distance = |s: &Shared| (s.h[1] - rb) - (s.h[0] + ra);
@@ -304,7 +306,7 @@ fn views<'a>(pair: &'a Pair<'_>, axes: &'a [V; 3]) -> [View<'a>; 2] {
     [View { pos: [0.0; 3], mat: &IDENTITY, axes, side: 1.0 }, View { pos: pair.pos, mat: &pair.mat, axes, side: -1.0 }]
 }
 
-/// Upper bound of the identifiers of contacts at a vertex.
+/// Upper bound of the identifiers of contact points at a vertex of a shape.
 pub(super) const VERTICES: u32 = 1 << 30;
 
 /// Identifier of a contact with a part of a shape, such as a triangle of a mesh. It is a hash of the part and of the feature's identifier

@@ -15,7 +15,7 @@ const MAX_CELLS: usize = 2;
 /// shortest.
 #[derive(Clone, Debug)]
 pub(crate) struct MeshHeights {
-    /// Axes of the mesh's frame along which the grid has cells.
+    /// The two axes of the mesh's frame along which the grid of heights extends.
     axes: [usize; 2],
     /// Smallest coordinates of the mesh along the two axes of the grid, m.
     low: [f64; 2],
@@ -23,7 +23,7 @@ pub(crate) struct MeshHeights {
     cells_per_metre: f64,
     /// Number of cells along the two axes of the grid.
     cells: [usize; 2],
-    /// Largest height in each cell, m, with the first axis fastest. It is minus infinity in cells without a triangle.
+    /// Largest height of the mesh in each grid cell, m, with the first axis fastest. It is minus infinity in cells without a triangle.
     highest: Vec<f64>,
 }
 

@@ -18,9 +18,9 @@ use crate::workspace::Workspace;
 /// call.
 #[derive(Clone, Debug, Default)]
 pub struct Narrow {
-    /// Buffers that are reused for every pair.
+    /// Buffers that are reused for every pair of solids.
     pub(super) workspace: Workspace,
-    /// Contact points of the last pair.
+    /// Contact points of the last pair of solids.
     pub(super) found: Manifold,
 }
 

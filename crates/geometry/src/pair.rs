@@ -4,7 +4,8 @@ use crate::linear_algebra::*;
 use crate::shape::ConvexShape;
 use crate::vectors::{Pose, V, neg};
 
-/// Distance below which two features count as equal in double precision, relative to the size of a pair.
+/// Distance below which two features of shapes count as equal in double precision, relative to the size of the pair (sum of bounding
+/// radii).
 const EQUAL: f64 = 1e-9;
 
 /// Rounding error of a relative pose, in units in the last place of the coordinates of both shapes. Evidence: with 8, a tower of ten boxes
@@ -13,19 +14,20 @@ const POSE_ROUNDINGS: f64 = 8.0;
 
 /// Pair of convex shapes. All quantities are in the frame of the first shape.
 pub(super) struct Pair<'a> {
-    /// First shape.
+    /// First shape of the pair.
     pub(super) a: &'a ConvexShape,
-    /// Second shape.
+    /// Second shape of the pair.
     pub(super) b: &'a ConvexShape,
-    /// Position of the second shape's frame, m.
+    /// Position of the second shape's frame in the frame of the first, m.
     pub(super) pos: V,
-    /// Orientation of the second shape's frame.
+    /// Orientation of the second shape's frame in the frame of the first.
     pub(super) mat: M3<f64>,
     /// Vector from the centre of the first shape to that of the second, m.
     pub(super) apart: V,
     /// Size of the pair: sum of the bounding radii, m.
     pub(super) size: f64,
-    /// Distance below which two features count as equal, m. Rounding then does not exchange the contact points of bodies at rest.
+    /// Distance below which two features of the shapes count as equal, m. Rounding then does not exchange the contact points of bodies at
+    /// rest.
     pub(super) tolerance: f64,
 }
 
@@ -39,7 +41,7 @@ pub(super) struct Vertex {
     pub(super) x: V,
     /// Point of the second shape, m.
     pub(super) y: V,
-    /// Corner numbers of x and y, see [`ConvexShape::corner`].
+    /// Vertex numbers of the points of the first and second shape, see [`ConvexShape::corner`].
     pub(super) names: [u32; 2],
 }
 

@@ -28,23 +28,25 @@ use crate::surface::{Surface, collide_surface};
 use crate::vectors::{Pose, V, neg};
 use crate::workspace::Workspace;
 
-/// Smallest displacement between two tests of the collision search, relative to the thickness.
+/// Smallest displacement between two collision tests along a path, relative to the displacement below which neither shape can pass the
+/// other.
 const MIN_ADVANCE: f64 = 0.25;
 
-/// Largest number of tests along a path. If it is reached, the result is a collision. Four tests per thickness cover a path of 250
-/// thicknesses.
+/// Largest number of collision tests along a path. If it is reached, the result is a collision. With [`MIN_ADVANCE`], a thousand tests
+/// cover a path of 250 thicknesses.
 const MAX_ADVANCES: usize = 1000;
 
-/// Overlap above which two shapes collide, relative to their thickness.
+/// Overlap above which two moving shapes collide, relative to the displacement below which neither can pass the other.
 const COLLISION_OVERLAP: f64 = 0.125;
 
 /// Largest rotation along a part of a path that counts as straight, rad. The chord of 0.5 rad deviates by 1/32 of the radius.
 const MAX_PART_ANGLE: f64 = 0.5;
 
-/// Largest number of parts of a path.
+/// Largest number of straight parts into which the path of a shape is divided.
 const MAX_PARTS: usize = 64;
 
-/// Path length above which points at a distance of one thickness from the inner points are tested too, relative to the thickness.
+/// Path length above which points next to a shape's inner points are tested too. It is relative to the thickness, which is also the
+/// distance of these points.
 ///
 /// The path of a ball at half its radius above a point crosses its surface over a chord of 2 sqrt(1 - 1/4) radii. That is twice the
 /// thickness.
@@ -53,9 +55,9 @@ const PASS_THROUGH_RATIO: f64 = 3.0;
 /// Motion of a solid in the world: its pose at time 0 and its constant twist in a frame that moves along a straight line.
 #[derive(Clone, Copy, Debug)]
 pub struct SolidMotion {
-    /// Pose at time 0.
+    /// Pose of the solid at time 0.
     pub pose: Pose,
-    /// Angular velocity in world axes, rad/s.
+    /// Angular velocity of the solid in world axes, rad/s.
     pub angular: V,
     /// Velocity of the moving frame, m/s: that of the root of a floating tree.
     pub root_velocity: V,
@@ -173,19 +175,19 @@ fn relative_velocity([a, b]: &[SolidMotion; 2]) -> V {
 /// Crossing of a surface by the path of a point.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Crossing {
-    /// Path that stays on one side.
+    /// Path of a point that stays on one side of the surface.
     None,
-    /// Path that ends behind the surface.
+    /// Path of a point that ends behind the surface.
     Enters,
-    /// Path that enters and leaves.
+    /// Path of a point that enters the surface and leaves it again.
     PassesThrough,
 }
 
 /// Path of a shape in the frame of a surface, divided into straight parts.
 struct RelativePath {
-    /// Poses of the shape at the ends of the parts. The first `parts` + 1 are used.
+    /// Poses of the shape at the ends of the path's straight parts. The first `parts` + 1 are used.
     poses: [Pose; MAX_PARTS + 1],
-    /// Number of parts.
+    /// Number of straight parts of the path.
     parts: usize,
 }
 

@@ -15,21 +15,21 @@ pub(super) struct Corner {
     pub(super) x: f64,
     /// Position along the second axis of the projection plane, m.
     pub(super) y: f64,
-    /// Height along the normal, m.
+    /// Height of the corner along the contact normal, m.
     pub(super) h: f64,
-    /// Number of the vertex in the shape.
+    /// Number of the corner's vertex in the shape.
     pub(super) id: u32,
-    /// Number of the edge to the next corner, below [`EDGES`].
+    /// Number of the feature's edge to the next corner, below [`EDGES`].
     pub(super) edge: u32,
 }
 
-/// Upper bound of the numbers of edges.
+/// Upper bound of the numbers of a projected feature's edges.
 pub(super) const EDGES: u32 = 1 << 14;
 
 /// Type of a [`ProjectedFeature`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// Single points.
+    /// Single points of a shape.
     #[default]
     Points,
     /// Two corners, the ends of a segment.
@@ -43,9 +43,9 @@ pub(super) enum Kind {
 /// Part of a shape's surface, projected along the contact normal: points, a segment, a polygon or a disc.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ProjectedFeature {
-    /// Type of the feature.
+    /// Type of the feature: points, segment, polygon or disc.
     pub(super) kind: Kind,
-    /// Corners, or points of the rim of a disc.
+    /// Corners of the feature, or points of the rim of a disc.
     pub(super) corners: Vec<Corner>,
     /// Coefficients of the plane of a polygon or disc: h = plane . (1, x, y).
     pub(super) plane: V,

@@ -19,12 +19,12 @@ const FLAT: f64 = 64.0 * f64::EPSILON;
 
 /// Triangle of the growing hull.
 struct Triangle {
-    /// Indices of its corners, counter-clockwise seen from outside.
+    /// Indices of the triangle's corners, counter-clockwise seen from outside.
     corners: [u32; 3],
     /// Index of the neighbouring triangle across the edge that starts at each corner.
     neighbours: [usize; 3],
-    /// Points outside this triangle that are not in the hull yet: index and distance from the plane, m. A point outside several triangles
-    /// is listed in the first one.
+    /// Points outside this triangle that are not in the hull yet, as index and distance from the triangle's plane, m. A point outside
+    /// several triangles is listed in the first one.
     outside: Vec<(u32, f64)>,
     /// Whether the triangle is part of the hull and was not removed.
     alive: bool,
@@ -34,24 +34,24 @@ struct Triangle {
 
 /// Plane of a triangle, with a bound of the rounding error of distances from it.
 struct Plane {
-    /// Outward unit normal.
+    /// Outward unit normal of the triangle.
     normal: V,
     /// Twice the triangle's area, m^2.
     area: f64,
-    /// Bound of the rounding error of a distance from the plane, m.
+    /// Upper bound of the rounding error of a point's distance from the triangle's plane, m.
     doubt: f64,
 }
 
 /// Hull during its construction.
 struct Growing<'a> {
-    /// Points of which the hull is made, m.
+    /// Points whose hull is computed, m.
     points: &'a [V],
-    /// All triangles that were added, including removed ones.
+    /// All triangles that were added to the hull, including removed ones.
     triangles: Vec<Triangle>,
     /// Distance from a triangle's plane up to which a point counts as inside, m.
     near: f64,
-    /// For each point on the edge of the hole that was made last: the new triangles at the hole's edges that start and end there. Entries
-    /// of other points have no meaning.
+    /// For each point on the edge of the hole that was made last in the hull: the new triangles at the hole's edges that start and end
+    /// there. Entries of other points have no meaning.
     rim: Vec<[usize; 2]>,
 }
 

@@ -24,7 +24,7 @@ const MARGIN: f64 = 1e-12;
 /// Mesh or height field for distances along rays.
 #[derive(Clone, Debug)]
 pub struct RaySurface {
-    /// Triangles or height field, in its frame, m.
+    /// Triangles or height field, in the surface's frame, m.
     form: Form,
     /// Centre and radius of a ball that contains the surface, m.
     ball: (V, f64),
@@ -150,7 +150,7 @@ fn through_triangles(triangles: &[[V; 3]], tree: &Bvh, o: V, d: V) -> f64 {
 struct Sheared {
     /// Start of the ray, m.
     origin: V,
-    /// Order of the axes. The last one is that of the ray's largest component.
+    /// Order of the coordinate axes. The last one is that of the ray's largest component.
     axes: [usize; 3],
     /// First two components of the ray's direction relative to the largest one.
     slopes: [f64; 2],
@@ -248,9 +248,9 @@ struct Lines {
     first: f64,
     /// Change of the ray's coordinate per metre of its length.
     rate: f64,
-    /// Coordinate of the next line.
+    /// Coordinate of the next grid line on the ray.
     line: f64,
-    /// Distance along the ray to the next line, m; infinite if the ray is parallel to the lines.
+    /// Distance along the ray to the next grid line, m; infinite if the ray is parallel to the lines.
     next: f64,
 }
 

@@ -10,13 +10,13 @@ use crate::vectors::V;
 /// Limits of the search for contacts of two solids, and the normal from which it starts.
 #[derive(Clone, Copy, Debug)]
 pub struct SearchLimits {
-    /// Largest distance of a contact, m.
+    /// Largest distance of the surfaces at which a contact is added, m.
     pub prediction: f64,
-    /// Contact normal of the pair in the previous step. It saves time and does not change the result.
+    /// Contact normal of the pair of hulls in the previous step. It saves time and does not change the result.
     pub cached: Option<CachedNormal>,
-    /// Motion of the pair within the step. If it is given, contacts that cannot push within the step may be absent.
+    /// Relative motion of the two solids within the step. If it is given, contacts that cannot push within the step may be absent.
     pub approach: Option<Approach>,
-    /// Relative rounding error of the poses.
+    /// Relative rounding error of the solids' poses.
     pub epsilon: f64,
 }
 

@@ -28,11 +28,11 @@ use crate::pair::Pair;
 use crate::shape::ConvexShape;
 use crate::vectors::neg;
 
-/// Largest bulge of the ball, as a fraction of the gap that the motion of the step cannot close. A larger bulge allows a smaller ball, but
-/// the hulls may then move less.
+/// Bulge of the ball around the second hull towards the first, as a fraction of the gap that the motion of the step cannot close. A larger
+/// bulge allows a smaller ball, but the hulls may then move less.
 const BULGE: f64 = 0.05;
-/// Gap below which no plane is computed, relative to the size of the hulls. Only the part counts that the motion of the step cannot close.
-/// The plane would be valid for a step or two only.
+/// Gap between two hulls below which no separating plane is computed, relative to the size of the hulls. Only the part counts that the
+/// motion of the step cannot close. The plane would be valid for a step or two only.
 const LEAST: f64 = 5e-5;
 
 /// Normal along which two hulls are separated, the features where it was found, and the plane and ball that contain the hulls.
@@ -40,22 +40,24 @@ const LEAST: f64 = 5e-5;
 pub struct SeparatingPlane {
     /// Unit normal n from the first to the second hull, in the frame of the first.
     normal: [f32; 3],
-    /// Corner of each hull where the normal was found, as in [`Facing`].
+    /// Vertex of each hull where the normal was found: the farthest along it, and the farthest in the opposite direction.
     corners: [u32; 2],
-    /// Other end of an edge from each corner, as in [`Facing`].
+    /// Other end of an edge from each of the `corners`, if the normal is perpendicular to an edge of each hull. Otherwise equal to
+    /// `corners`.
     ends: [u32; 2],
-    /// Corner p of the second hull, in its frame, m.
+    /// Vertex p of the second hull, in the second hull's frame, m. The ball that contains the second hull bulges a little beyond it.
     tip: [f32; 3],
-    /// Direction m from the ball's centre to the corner p, in the second hull's frame.
+    /// Direction m from the centre of the ball around the second hull to its vertex p, in the second hull's frame.
     axis: [f32; 3],
-    /// Parameter q of the ball's radius, m.
+    /// Size q of the ball around the second hull, m: its centre is p - q m.
     curve: f32,
-    /// Offset a + e |n|, m; infinite without a separating plane.
+    /// Offset of the plane that contains the first hull, plus the ball's bulge, m: a + e |n| in the head of the module. Infinite without a
+    /// separating plane.
     offset: f32,
 }
 
 impl SeparatingPlane {
-    /// Value without a normal and without a separating plane.
+    /// Value for two hulls without a known normal and without a separating plane.
     pub const NONE: Self =
         Self { normal: [0.0; 3], corners: [0; 2], ends: [0; 2], tip: [0.0; 3], axis: [0.0; 3], curve: 0.0, offset: f32::INFINITY };
 
@@ -96,13 +98,14 @@ impl SeparatingPlane {
 pub struct SeparatingPlanes<R: Real> {
     /// Unit normal n from the first to the second hull, in the frame of the first.
     normal: V3<R>,
-    /// Corner p of the second hull, in its frame, m.
+    /// Vertex p of the second hull, in the second hull's frame, m. The ball that contains the second hull bulges a little beyond it.
     tip: V3<R>,
-    /// Direction m from the ball's centre to the corner p, in the second hull's frame.
+    /// Direction m from the centre of the ball around the second hull to its vertex p, in the second hull's frame.
     axis: V3<R>,
-    /// Parameter q of the ball's radius, m.
+    /// Size q of the ball around the second hull, m: its centre is p - q m.
     curve: R,
-    /// Offset a + e |n|, m; infinite without a separating plane.
+    /// Offset of the plane that contains the first hull, plus the ball's bulge, m: a + e |n| in the head of the module. Infinite without a
+    /// separating plane.
     offset: R,
 }
 

@@ -33,12 +33,12 @@ use crate::warm_start::{facet, is_certain, largest_separation_near};
 
 /// Distance of polytopes above which the direction between their closest points is exact, relative to the size of the pair.
 const CLEAR: f64 = 1e-9;
-/// Largest number of steps of [`climb`]. Two to four are usual.
+/// Largest number of steps of [`climb`], which finds the direction of the largest separation of overlapping shapes. Two to four are usual.
 const CLIMBS: usize = 12;
-/// Smallest difference of depth for which a shallower direction is searched for, relative to the size of the pair.
+/// Smallest difference of penetration depth for which a shallower direction is searched for, relative to the size of the pair.
 const SHALLOWER: f64 = 3e-8;
-/// Distance of the nearest point from the outline of its facet, relative to the size of the pair. If it is larger than this, the search for
-/// a shallower direction starts with the facet's vertices.
+/// Distance of a facet's point nearest to the origin from the facet's outline, relative to the size of the pair. If it is larger, the
+/// search for a shallower direction starts with the facet's vertices.
 const WIDE: f64 = 0.01;
 /// Sine of the angle between the contact normal and a face's normal below which the face's normal may replace it.
 pub(super) const NEAR_FACE: f64 = 0.05;

@@ -53,8 +53,8 @@ const SHALLOW: f64 = 1e-3;
 /// Example: a peg overlaps the wall of its hole by micrometres, and is centimetres below the face around the hole.
 const NEARER: f64 = 0.5;
 
-/// Range of the cosine between the normals of two triangles of which one may take contact points of the other. Outside it they are part of
-/// one face, or the two sides of a sheet.
+/// Range of the cosine between the normals of two triangles of which one may take contact points of the other. Outside this range they are
+/// part of one face, or the two sides of a sheet.
 const TURNED: Range<f64> = -0.5..0.99;
 
 /// Surface of triangles in its frame, with lengths in m.
@@ -70,9 +70,9 @@ pub enum Surface {
 /// Triangles of a mesh and their neighbours.
 #[derive(Clone, Debug)]
 pub struct MeshSurface {
-    /// Vertices, m.
+    /// Vertices of the mesh, m.
     vertices: Vec<V>,
-    /// Triangles as vertex indices, counter-clockwise seen from outside.
+    /// Triangles of the mesh as vertex indices, counter-clockwise seen from outside.
     faces: Vec<[u32; 3]>,
     /// Outward unit normal of each triangle.
     normals: Vec<V>,
@@ -81,30 +81,30 @@ pub struct MeshSurface {
     across: Vec<[Option<u32>; 3]>,
     /// Vertices that share an edge with each vertex. Those of vertex v are in `around[first[v]..first[v + 1]]`.
     around: Vec<u32>,
-    /// Index of the first entry of each vertex in `around`, and the number of entries.
+    /// Index in `around` of the first entry of each vertex, and the number of entries.
     first: Vec<u32>,
     /// Tree of the triangles' bounding boxes.
     tree: Bvh,
-    /// Largest heights of the mesh over a grid of cells.
+    /// Largest height of the mesh in each cell of a grid.
     heights: MeshHeights,
-    /// Smallest and largest coordinates, m.
+    /// Smallest and largest coordinates of the mesh, m.
     extent: [V; 2],
 }
 
 /// Height field: heights over a regular grid of points.
 #[derive(Clone, Debug)]
 pub struct Grid {
-    /// Number of points along y and x.
+    /// Number of grid points along y and x.
     pub shape: [usize; 2],
-    /// Half of the extent along x and y, m.
+    /// Half of the grid's extent along x and y, m.
     pub half: [f64; 2],
-    /// Heights of the points, m, row by row with x fastest.
+    /// Heights of the grid points, m, row by row with x fastest.
     pub elevation: Vec<f64>,
     /// Depth of the solid ground below z = 0, m. Shapes below it are not pushed up.
     pub base: f64,
-    /// Largest height, m.
+    /// Largest height of the grid points, m.
     highest: f64,
-    /// Coordinates x of the columns and y of the rows, m.
+    /// Coordinates x of the grid's columns and y of its rows, m.
     places: [Vec<f64>; 2],
 }
 
@@ -369,10 +369,10 @@ impl Surface {
         }
     }
 
-    /// Whether `visit` returns true for all points next to a part of triangle `t`; it stops at the first false.
+    /// Whether `visit` returns true for all vertices next to a part (inside, edge or corner) of triangle `t`. It stops at the first false.
     ///
-    /// These points are vertices of the neighbours, m. All directions along the surface that start at the part, except those along the
-    /// triangle itself, are between the directions to these points.
+    /// These are vertices of the neighbouring triangles, m. All directions along the surface that start at the part, except those along the
+    /// triangle itself, are between the directions to these vertices.
     fn all_beside(&self, t: usize, facet: &Facet, at: &Outline, mut visit: impl FnMut(V) -> bool) -> bool {
         match (at, self) {
             (Outline::Inside, _) => true,

@@ -17,9 +17,9 @@ const ROUNDING: f64 = 1e-13;
 
 /// Closed surface of triangles that is checked for convexity.
 pub(super) struct SurfaceCheck<'a> {
-    /// Vertices, m.
+    /// Vertices of the surface, m.
     pub(super) points: &'a [V],
-    /// Triangles as vertex indices, counter-clockwise seen from outside.
+    /// Triangles of the surface as vertex indices, counter-clockwise seen from outside.
     pub(super) triangles: &'a [[u32; 3]],
     /// Neighbouring triangle across the edge that starts at each corner of each triangle.
     pub(super) neighbours: &'a [[u32; 3]],

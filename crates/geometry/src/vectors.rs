@@ -8,9 +8,9 @@ pub(crate) type V = V3<f64>;
 /// Pose of a shape in the world frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Pose {
-    /// Position, m.
+    /// Position of the shape's frame, m.
     pub pos: V,
-    /// Rotation matrix, row by row. Its columns are the axes of the shape.
+    /// Rotation matrix of the shape's frame, row by row. Its columns are the axes of the shape.
     pub mat: M3<f64>,
 }
 

@@ -22,15 +22,15 @@ use crate::search_limits::SearchLimits;
 use crate::shape::ConvexShape;
 use crate::vectors::{V, neg};
 
-/// Factor for rounding in the condition of [`is_certain`].
+/// Factor for rounding in the condition with which [`is_certain`] accepts a facet.
 const SAFETY: f64 = 0.5;
-/// Distance from the outline of a facet below which a point counts as being on it, relative to the size of the pair.
+/// Distance of a point from the outline of a facet below which it counts as being on the outline, relative to the size of the pair.
 const ON_OUTLINE: f64 = 1e-9;
 /// Difference of the extents along a direction below which a vertex counts as equally far as an edge, relative to the size of the pair.
 const ROUNDING: f64 = 4e-15;
 /// Sine of the angle between two edges below which they count as parallel.
 const PARALLEL: f64 = 1e-3;
-/// Largest value of 1 - cos(angle) between the direction of the search and the normal of a candidate.
+/// Largest value of 1 - cos(angle) between the direction of the search and the normal of a candidate facet.
 const NEAR: f64 = 0.01;
 
 /// Facet of the Minkowski difference A - B of two hulls that may be the nearest to the origin.

@@ -6,7 +6,7 @@ use crate::manifold::{Clipper, Point};
 /// Buffers of the narrow phase, which are allocated once and reused for every pair.
 #[derive(Clone, Debug, Default)]
 pub struct Workspace {
-    /// Buffers for contact points along a normal.
+    /// Buffers for the computation of contact points along a normal.
     pub(super) clipper: Clipper,
     /// Buffers of the expanding polytope algorithm.
     pub(super) polytope: Polytope,
@@ -14,8 +14,8 @@ pub struct Workspace {
     pub(super) triangles: Vec<u32>,
     /// Contact points of all triangles of a surface near the shape.
     pub(super) all: Vec<Point>,
-    /// Triangle of each point in `all`.
+    /// Triangle to which each contact point in `all` belongs.
     pub(super) owners: Vec<u32>,
-    /// Whether each point in `all` is kept: no other triangle is much closer to it.
+    /// Whether each contact point in `all` is kept, because no other triangle is much closer to it.
     pub(super) is_own: Vec<bool>,
 }

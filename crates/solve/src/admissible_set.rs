@@ -10,14 +10,14 @@ use crate::vectors::{TILE, add_scaled, norm, tile};
 pub enum AdmissibleSet {
     /// Interval of the impulse of one row, `lo <= lambda <= hi`. An equality has infinite bounds.
     Interval {
-        /// Least impulse, N s or N m s.
+        /// Least impulse of the row, N s or N m s.
         lo: f64,
-        /// Largest impulse, N s or N m s.
+        /// Largest impulse of the row, N s or N m s.
         hi: f64,
     },
     /// Friction cone of the impulse (n, t...) of a contact, `|lambda_t| <= mu lambda_n`.
     Cone {
-        /// Coefficient of friction.
+        /// Friction coefficient of the contact.
         mu: f64,
     },
 }
@@ -169,15 +169,15 @@ fn put_tile(x: &mut [f64], at: usize, numbers: [f64; TILE]) {
 /// Region of a projection's argument in which the projection is differentiable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Piece {
-    /// Polar cone of a friction cone: the impulse is zero.
+    /// Polar cone of a friction cone: the projected impulse is zero, and the contact is open.
     Open,
-    /// Interior of the set: the row is solved exactly, or the contact sticks.
+    /// Interior of the set of admissible impulses: the row is solved exactly, or the contact sticks.
     Held,
     /// Outside a friction cone and its polar cone: the impulse is on the cone's surface, and the contact slips.
     Sliding,
-    /// Below an interval: the impulse is at its lower bound.
+    /// Below the interval of a row's impulse: the projection is at the lower bound.
     Lower,
-    /// Above an interval: the impulse is at its upper bound.
+    /// Above the interval of a row's impulse: the projection is at the upper bound.
     Upper,
 }
 
@@ -228,18 +228,19 @@ impl AdmissibleSet {
 pub(crate) struct Product {
     /// Entries of the product, row by row.
     pub(crate) rows: Vec<f64>,
-    /// Derivative of De Saxce's term with respect to the tangential velocities.
+    /// Derivative of De Saxce's term mu |v_t| with respect to the tangential velocities v_t.
     slip: Vec<f64>,
 }
 
 /// Region of a point (n, |t|) relative to a friction cone, for its projection.
 #[derive(Clone, Copy, Debug)]
 enum ConeRegion {
-    /// Polar cone: the projection is 0.
+    /// Polar cone of the friction cone: the projection of the point is 0.
     Zero,
-    /// Interior of the cone: the projection is the point itself.
+    /// Interior of the friction cone: the projection of the point is the point itself.
     Inside,
-    /// Region between the cone and its polar cone. The projection has the normal component `height`, and mu times it along the tangent.
+    /// Region between the friction cone and its polar cone. The projection has the normal component `height`, and mu times it along the
+    /// tangent.
     Surface { height: f64 },
 }
 

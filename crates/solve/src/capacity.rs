@@ -6,11 +6,11 @@ by_kind! {
     /// Numbers of constraints and entries for which a problem and its iterate reserve memory. Filling them then allocates nothing.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
     pub struct Capacity[] {
-        /// Number of coordinates of the scaled velocity change w.
+        /// Number of coordinates of the scaled velocity change, one per degree of freedom.
         pub dimension: usize,
-        /// Number of entries of all scalar rows together.
+        /// Number of Jacobian entries of all scalar rows together.
         pub scalar_entries: usize,
-        /// Largest number of coordinates at which one contact has entries in any of its lanes.
+        /// Largest number of coordinates at which one contact has Jacobian entries in any of its lanes.
         pub contact_support: usize,
     } each count
 }

@@ -29,7 +29,7 @@ const MAGIC: [u8; 8] = *b"problem\xff";
 /// Version of the format of saved problems. It changes whenever the payload changes.
 pub const FORMAT_VERSION: u32 = 1;
 
-/// Number of bytes before the payload.
+/// Number of bytes of a saved problem before its payload.
 const HEADER: usize = 8 + 4 + 32;
 
 /// Largest number of coordinates of a loaded problem. It bounds the memory that is reserved before anything is solved.
@@ -53,7 +53,7 @@ by_kind! {
 pub struct FileError {
     /// Path of the file, or "saved problem" for bytes in memory.
     place: String,
-    /// Description of the error and its remedy.
+    /// Description of the error, with its remedy.
     what: String,
 }
 
@@ -68,11 +68,11 @@ impl std::error::Error for FileError {}
 /// Problem read from a file, with the initial impulses and the limits of its solve.
 #[derive(Clone, Debug)]
 pub struct LoadedProblem<R: Real> {
-    /// Problem, the same in every lane.
+    /// Problem of the file, the same in every lane.
     pub problem: Problem<R>,
     /// Initial impulses, with their scaled velocity change w.
     pub iterate: Iterate<R>,
-    /// Limits of the solve.
+    /// Limits of the solve of the problem.
     pub settings: Settings<R>,
 }
 

@@ -20,9 +20,9 @@ use stepper_real::{Mask, Real};
 /// Limits of a solve by sweeps (Gauss-Seidel iterations).
 #[derive(Clone, Copy, Debug)]
 pub struct SweepSettings<R> {
-    /// Largest number of sweeps. At least one is made.
+    /// Largest number of sweeps (Gauss-Seidel iterations). At least one is made.
     pub sweeps: u32,
-    /// Residual at which each lane is done, m/s.
+    /// Residual at which a lane is solved, m/s.
     pub tolerance: R,
 }
 
@@ -31,7 +31,7 @@ pub struct SweepSettings<R> {
 pub struct SweepOutcome<R: Real> {
     /// Residual of the returned impulses, m/s.
     pub residual: R,
-    /// Number of sweeps.
+    /// Number of sweeps (Gauss-Seidel iterations) of each lane.
     pub sweeps: R,
 }
 

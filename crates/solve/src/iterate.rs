@@ -13,7 +13,7 @@ by_kind! {
     /// Unknowns of a problem, with the history of sweeps. Impulses are in N s, those of angular rows in N m s.
     #[derive(Clone, Debug)]
     pub struct Iterate[R: Real] {
-        /// Scaled velocity change w = sum_i y_i lambda_i.
+        /// Scaled velocity change w = sum_i y_i lambda_i by the impulses lambda_i, where y_i are the rows of the scaled Jacobian.
         pub w: Vec<R>,
         /// Multiplier of the friction disc of each contact, from which its next local solution starts; 0 while the contact sticks.
         pub(crate) multipliers: Multipliers<R>,
@@ -121,7 +121,7 @@ fn set_first_impulse<R: Real>(
     }
 }
 
-/// Fraction of an energy below which a difference of energies is negligible: that of an error of a thousandth.
+/// Relative difference of two energies below which they count as equal: that of an error of a thousandth.
 const NEGLIGIBLE_ENERGY: f64 = 1e-6;
 
 impl<R: Real> Snapshot<R> {

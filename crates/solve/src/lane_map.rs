@@ -5,11 +5,12 @@ use stepper_real::{Mask, Real};
 /// Map of the lanes that are gathered into half of the registers: lane i of the half gets the numbers of lane `sources[i]` of the whole.
 #[derive(Clone, Copy, Debug)]
 pub struct LaneMap {
-    /// Source of each lane of the half. Unused lanes of the half copy lane 0, and their copy is never read.
+    /// For each lane of the halved registers, the lane of the group from which it is gathered. Unused lanes copy lane 0, and the copy is
+    /// never read.
     sources: [u32; 16],
-    /// Lane of the half that each lane of the whole is gathered to; 0 for a lane that is not gathered.
+    /// For each lane of the group, the lane of the halved registers to which it is gathered; 0 if it is not gathered.
     places: [u32; 32],
-    /// Gathered lanes of the whole, as bits.
+    /// Lanes of the group that are gathered, as bits.
     lanes: u32,
 }
 

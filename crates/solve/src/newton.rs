@@ -40,7 +40,7 @@ pub use proximal::{EXACT_RATIO, Terms};
 pub use response::{Response, Switch, SwitchDistance};
 use stepper_real::{Mask, Real, Scalar};
 
-/// Smallest limit of Newton steps per pass at which steps of the exact law are made, in small islands and in a last pass.
+/// Smallest limit of Newton steps per pass at which steps of the exact friction law are made, in small islands and in a last pass.
 ///
 /// Half of the problems that need them take 75 steps, six times this. With a smaller limit the residual is smaller, but unconverged
 /// contacts move: a cube pinched with five per pass slips (scene 31).
@@ -49,11 +49,11 @@ pub(crate) const LEAST_EXACT: u32 = 13;
 /// Newton's method with its workspace, one per thread. The workspace grows with the largest problem so far.
 #[derive(Clone, Debug, Default)]
 pub struct Newton {
-    /// Rows of one lane.
+    /// Buffer for the rows of one lane.
     lane: Lane,
-    /// Rows of one island, whose coordinates are in the order of the factors.
+    /// Buffer for the rows of one island, whose coordinates are in the order of the factors.
     island: Island,
-    /// Islands of the lane.
+    /// Islands (sets of coupled constraints) of the lane.
     islands: Islands,
     /// Order of the island's coordinates.
     ordering: Ordering,
@@ -61,9 +61,9 @@ pub struct Newton {
     proximal: ProximalPoint,
     /// Velocities of the island's rows, m/s.
     v: Vec<f64>,
-    /// Indices of the lane's blocks that are in the island.
+    /// Indices of the lane's constraints that are in the island.
     members: Vec<usize>,
-    /// Effort of the last call.
+    /// Effort of the last call of Newton's method.
     work: Work,
 }
 
@@ -73,11 +73,11 @@ pub struct Newton {
 /// n. This bounds the time for which other lanes wait.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Work {
-    /// Number of islands that were searched.
+    /// Number of islands (sets of coupled constraints) that Newton's method improved.
     pub islands: u32,
     /// Number of Newton steps. Each factorises a matrix and evaluates at most some 30 points along its direction.
     pub steps: u32,
-    /// Number of rounds of the outer loop: each evaluates the problem a few times.
+    /// Number of rounds of the outer loop of Newton's method. Each evaluates the problem a few times.
     pub rounds: u32,
 }
 
@@ -112,7 +112,7 @@ struct LaneOutcome {
     residual: f64,
     /// Number of Newton steps.
     steps: u32,
-    /// Whether any island has a smaller residual than before.
+    /// Whether the residual of any island has become smaller.
     better: bool,
 }
 

@@ -12,14 +12,15 @@ by_kind! {
     /// targets. A solve does not change it.
     #[derive(Clone, Debug)]
     pub struct Problem[R: Real] {
-        /// Number of coordinates of the scaled velocity change w.
+        /// Number of coordinates of the scaled velocity change, one per degree of freedom.
         dimension: usize,
         /// Lanes with redundant supports in which no earlier step has distributed the load. They are solved for impulses of least norm
         /// first.
         ///
         /// Supports are redundant if statics does not determine how they share the load: a table with four legs, for example.
         pub redundant: R::Mask,
-        /// Mobility along its normal below which a contact is immovable, 1/kg, for the contacts that are appended from now on.
+        /// Mobility of a contact along its normal below which the contact is immovable, 1/kg, for the contacts that are appended from now
+        /// on.
         pub least_mobility: R,
     } each set
 }
@@ -30,10 +31,10 @@ by_kind! {
     /// The system of a `&Problem` has the velocity targets, that of [`PositionRows`](crate::PositionRows) the position targets.
     #[derive(Clone, Copy, Debug)]
     pub struct System['a, R: Real] {
-        /// Problem, which all solves share.
+        /// Problem, which the velocity solve and the position solve share.
         pub(crate) problem: &'a Problem<R>,
-        /// Whether the solve ends with a certified residual, for a w that is the sum over the impulses to the last bit. Otherwise lanes
-        /// whose sweeps change little count as solved.
+        /// Whether the solve ends with a residual, for a scaled velocity change w that is the sum over the impulses to the last bit.
+        /// Otherwise lanes whose sweeps change little count as solved.
         pub(crate) certified: bool,
     } each rows
 }

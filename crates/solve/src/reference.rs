@@ -5,11 +5,11 @@ use crate::capacity::Capacity;
 /// Reference solution of the position solve. The damping of rows counts from its impulses, and a proof of infeasibility from its motion.
 #[derive(Clone, Debug, Default)]
 pub struct Reference<R> {
-    /// Scaled velocity change w by all impulses.
+    /// Scaled velocity change w by all impulses of the reference.
     pub(crate) w: Vec<R>,
-    /// Normal impulse of each scalar row, then of each contact, N s or N m s.
+    /// Normal impulse of each scalar row, then of each contact, in the reference, N s or N m s.
     pub(crate) lambda: Vec<R>,
-    /// Velocity of these rows before any impulse, with bias and without damping, m/s or rad/s.
+    /// Velocity of each scalar row, then of each contact's normal row, before any impulse, with bias and without damping, m/s or rad/s.
     pub(crate) g: Vec<R>,
     /// Scaled generalized momentum J^T z of the last proof of infeasibility, see [`System::witness`](crate::System::witness).
     pub(crate) momentum: Vec<R>,

@@ -19,7 +19,7 @@ pub struct Settings<R> {
     /// Largest number of Newton steps in each pass, per island; [`EXACT_RATIO`](crate::newton::EXACT_RATIO) times as many for the exact
     /// law. With 0, Newton's method is not used.
     pub newton_steps: u32,
-    /// Residual at which each lane is done, m/s.
+    /// Residual at which a lane is solved, m/s.
     pub tolerance: R,
     /// Residual above which a lane continues with Newton's method after the sweeps, m/s; at least the tolerance.
     pub newton_threshold: R,
@@ -30,9 +30,9 @@ pub struct Settings<R> {
 pub struct Outcome<R: Real> {
     /// Residual of the returned impulses, m/s.
     pub residual: R,
-    /// Number of sweeps.
+    /// Number of sweeps (Gauss-Seidel iterations) of each lane.
     pub sweeps: R,
-    /// Number of Newton steps, over all islands.
+    /// Number of Newton steps of each lane, over all its islands.
     pub newton_steps: R,
 }
 

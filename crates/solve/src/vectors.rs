@@ -3,7 +3,7 @@
 //! Vectors of an island come in tiles of four numbers, padded to whole tiles. The compiler therefore vectorises their loops on every CPU,
 //! with the same bits.
 
-/// Number of coordinates in a tile.
+/// Number of coordinates in a tile, the unit of vectorised loops.
 pub(crate) const TILE: usize = 4;
 
 /// Four numbers of `x` from index `at` on.

@@ -15,17 +15,17 @@ use crate::pairs::Segment;
 /// Box in each lane.
 #[derive(Clone, Copy, Debug)]
 pub struct Cuboid<R> {
-    /// Centre, m.
+    /// Centre of the box, m.
     pub centre: V3<R>,
-    /// Orientation. The columns are the box's axes.
+    /// Orientation of the box. The columns are its axes.
     pub mat: M3<R>,
-    /// Half sizes, m.
+    /// Half sizes of the box, m.
     pub half: V3<R>,
 }
 
 /// Closest points of a box and a shape without its rounding radius, in the box's frame.
 struct Touch<R> {
-    /// Closest point of the shape, without its rounding radius, m.
+    /// Point of the shape, without its rounding radius, that is closest to the box, m.
     x: V3<R>,
     /// Unit vector from the box to the shape.
     u: V3<R>,
@@ -141,16 +141,16 @@ fn choose<R: Real>(lanes: R::Mask, a: &ContactPoint<R>, b: &ContactPoint<R>) -> 
 
 /// Axis of a capsule in the frame of a box: the points p + t d with |t| <= half.
 struct Line<R> {
-    /// Centre, m.
+    /// Centre of the capsule's axis, m.
     p: V3<R>,
-    /// Unit vector along the capsule.
+    /// Unit vector along the capsule's axis.
     d: V3<R>,
-    /// Half the length, m.
+    /// Half the length of the capsule's axis, m.
     half: R,
 }
 
 impl<R: Real> Line<R> {
-    /// Point at the parameter `t`, m.
+    /// Point of the capsule's axis at the parameter `t`, m.
     #[inline(always)]
     fn at(&self, t: R) -> V3<R> {
         add_scaled(self.p, self.d, t)

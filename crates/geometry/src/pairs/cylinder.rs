@@ -9,13 +9,13 @@ use crate::pairs::plane_sphere;
 /// Cylinder around its z axis.
 #[derive(Clone, Copy, Debug)]
 pub struct Cylinder<R> {
-    /// Centre, m.
+    /// Centre of the cylinder, m.
     pub centre: V3<R>,
-    /// Orientation. The columns are the cylinder's axes.
+    /// Orientation of the cylinder. The columns are its axes.
     pub mat: M3<R>,
-    /// Radius, m.
+    /// Radius of the cylinder, m.
     pub radius: R,
-    /// Half the length, m.
+    /// Half the length of the cylinder, m.
     pub half_length: R,
 }
 

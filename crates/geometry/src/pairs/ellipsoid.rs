@@ -8,11 +8,11 @@ use crate::pairs::ContactPoint;
 /// Ellipsoid in each lane.
 #[derive(Clone, Copy, Debug)]
 pub struct Ellipsoid<R> {
-    /// Centre, m.
+    /// Centre of the ellipsoid, m.
     pub centre: V3<R>,
-    /// Orientation. The columns are the ellipsoid's axes.
+    /// Orientation of the ellipsoid. The columns are its axes.
     pub mat: M3<R>,
-    /// Semi-axes, m.
+    /// Semi-axes of the ellipsoid, m.
     pub radii: V3<R>,
 }
 

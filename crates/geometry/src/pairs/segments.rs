@@ -8,13 +8,13 @@ use crate::pairs::ContactPoint;
 /// Capsule in each lane: the points within `radius` of a segment. A radius of 0 is the segment itself.
 #[derive(Clone, Copy, Debug)]
 pub struct Segment<R> {
-    /// Centre of the segment, m.
+    /// Centre of the capsule's segment, m.
     pub centre: V3<R>,
-    /// Unit vector along the segment.
+    /// Unit vector along the capsule's segment.
     pub axis: V3<R>,
-    /// Half the length, m.
+    /// Half the length of the capsule's segment, m.
     pub half_length: R,
-    /// Radius, m.
+    /// Radius of the capsule, m.
     pub radius: R,
 }
 

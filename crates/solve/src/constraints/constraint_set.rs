@@ -10,7 +10,7 @@ use stepper_real::{Mask, Real, Scalar};
 /// Rows of all constraints of one kind in one solve. Each has its targets, its compliance and what the solver precomputes for it.
 #[derive(Clone, Debug)]
 pub struct Rows<T> {
-    /// Rows of each constraint.
+    /// Rows of each constraint of one kind.
     pub(crate) items: Vec<T>,
     /// Whether any constraint of the list may have a compliance, so that the solver must read it.
     pub(crate) compliant: bool,
@@ -114,7 +114,7 @@ pub trait Row: Copy {
 /// Lanes that take part in a sweep (one Gauss-Seidel iteration).
 #[derive(Clone, Copy)]
 pub struct SweepLanes<R: Real> {
-    /// Lanes whose impulses change.
+    /// Lanes whose impulses change in the sweep.
     pub(crate) running: R::Mask,
     /// Lanes in which a contact's local problem is solved exactly. The other lanes use the weaker update of
     /// [`LocalSolver::relax`](crate::LocalSolver::relax).
@@ -123,22 +123,22 @@ pub struct SweepLanes<R: Real> {
 
 /// Unknowns that a sweep over one kind of constraint changes.
 pub struct Unknowns<'a, R, I> {
-    /// Impulse of each constraint of the kind.
+    /// Impulse of each constraint of one kind.
     pub(crate) impulses: &'a mut [I],
     /// Multiplier of the friction disc of each contact, from which its next local solution starts. Empty for kinds without contacts.
     pub(crate) multipliers: &'a mut [R],
-    /// Scaled velocity change by all impulses.
+    /// Scaled velocity change w by all impulses.
     pub(crate) w: &'a mut [R],
 }
 
 /// Parameters of the compliance that damps position targets.
 #[derive(Clone, Copy, Debug)]
 pub struct Damping<R> {
-    /// Ratio of a row's compliance to its mobility.
+    /// Ratio of the compliance that damps a row to the row's mobility.
     pub ratio: R,
-    /// Growth of the ratio per velocity that a contact corrects, s/m.
+    /// Growth of the damping ratio of a contact per velocity that the contact corrects, s/m.
     pub bending: R,
-    /// Correction below which a row is not damped, m/s or rad/s. It is 0, or larger so that rounding does not decide.
+    /// Velocity correction below which a row is not damped, m/s or rad/s. It is 0, or larger so that rounding does not decide.
     pub negligible: R,
 }
 
@@ -153,17 +153,17 @@ pub struct ReferenceRows<'a, R> {
 
 /// One constraint of one lane with `N` rows, in scalar f64.
 pub struct LaneConstraint<const N: usize> {
-    /// Set of the admissible impulses.
+    /// Set of the constraint's admissible impulses.
     pub(crate) set: AdmissibleSet,
     /// Index of the constraint among those of its kind.
     pub(crate) source: usize,
-    /// Velocity of each row before any impulse, with its bias, m/s.
+    /// Velocity g of each row before any impulse, with its bias, m/s.
     pub(crate) g: [f64; N],
-    /// Impulse of each row, N s.
+    /// Impulse of each row of the constraint, N s.
     pub(crate) lambda: [f64; N],
     /// Compliance R >= 0, the same for all rows: it is added to the diagonal of the Delassus matrix G, 1/kg.
     pub(crate) compliance: f64,
-    /// Additional compliance of the first row, 1/kg.
+    /// Additional compliance of the constraint's first row, 1/kg.
     pub(crate) normal_compliance: f64,
     /// Ratio of trace(G_ii) before elimination of equality rows to that after it, at least 1. G_ii is the constraint's block of the
     /// Delassus matrix.
@@ -175,20 +175,21 @@ pub trait LaneReceiver {
     /// Adds a constraint whose rows have the `entries` at the coordinates `support`, ascending.
     fn add<const N: usize>(&mut self, constraint: LaneConstraint<N>, support: &[u32], entries: impl Iterator<Item = [f64; N]>);
 
-    /// Adds the scaled velocity change by an eliminated row: `change` at the coordinates `support`. No other row depends on it.
+    /// Adds the scaled velocity change by the impulse of an eliminated row: `change` at the coordinates `support`. No other row depends on
+    /// it.
     fn add_eliminated(&mut self, support: &[u32], change: impl Iterator<Item = f64>);
 }
 
 /// Constraint of one lane, of any kind, as a file stores it. Lists with a number per row are in the order of the rows.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SavedConstraint {
-    /// Coordinates at which the rows have entries, ascending.
+    /// Coordinates at which the constraint's rows have Jacobian entries, ascending.
     pub(crate) support: Vec<u32>,
-    /// Entries of the scaled Jacobian: for each coordinate, those of all rows.
+    /// Entries of the constraint's scaled Jacobian: for each coordinate, those of all rows.
     pub(crate) y: Vec<f64>,
-    /// Target g of each row in the velocity solve, m/s or rad/s.
+    /// Target velocity of each row in the velocity solve, m/s or rad/s.
     pub(crate) g: Vec<f64>,
-    /// Target g of each row in the position solve, m/s or rad/s.
+    /// Target velocity of each row in the position solve, m/s or rad/s.
     pub(crate) position_g: Vec<f64>,
     /// Initial impulse of each row, N s or N m s.
     pub(crate) impulse: Vec<f64>,
@@ -201,7 +202,7 @@ pub struct SavedConstraint {
     pub(crate) trace_ratio: f64,
     /// Mobility that scales the damping of a scalar row, 1/kg or 1/(kg m^2).
     pub(crate) mobility: f64,
-    /// Velocity by which damping already reduced the target of a scalar row, m/s or rad/s.
+    /// Velocity by which damping at assembly reduced the target of a scalar row, m/s or rad/s.
     pub(crate) damping_deficit: f64,
     /// Whether the row is eliminated: it is solved once, and sweeps skip it.
     pub(crate) eliminated: bool,

@@ -75,11 +75,13 @@ pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
 /// Step length of a contact's natural map, whose residual is |lambda - P_K(lambda - rho u)| / rho.
 #[derive(Clone, Copy, Debug)]
 pub struct NaturalStep<R> {
-    /// Step rho = N / trace(G_ii), kg, where N is the number of rows. The trace is that before elimination of equality rows.
+    /// Step rho = N / trace(G_ii) of a contact's natural map, kg. N is the number of rows, and G_ii the contact's block of the Delassus
+    /// matrix before elimination of equality rows.
     pub(super) rho: R,
-    /// Inverse 1 / rho of the step, 1/kg.
+    /// Inverse 1 / rho of the step of a contact's natural map, 1/kg.
     pub(super) inv_rho: R,
-    /// Ratio of trace(G_ii) before elimination of equality rows to that after it, at least 1.
+    /// Ratio of trace(G_ii) before elimination of equality rows to that after it, at least 1. G_ii is the contact's block of the Delassus
+    /// matrix.
     pub(super) trace_ratio: R,
 }
 
@@ -100,32 +102,33 @@ impl<R: Real> NaturalStep<R> {
 /// Contact with friction in `N` rows. `L` is the solver of a single contact.
 #[derive(Clone, Copy, Debug)]
 pub struct FrictionContact<R: Real, const N: usize, L> {
-    /// Index of its first coordinate in the list of coordinates of all contacts with `N` rows.
+    /// Index of the contact's first coordinate in the list of coordinates of all contacts with `N` rows.
     support: usize,
-    /// Index of its first Jacobian entry in the list of entries of all contacts with `N` rows.
+    /// Index of the contact's first Jacobian entry in the list of entries of all contacts with `N` rows.
     y: usize,
-    /// Number of coordinates at which the contact has entries.
+    /// Number of coordinates at which the contact has Jacobian entries.
     coordinates: usize,
     /// Lanes in which the contact exists.
     pub active: R::Mask,
     /// Lanes in which no impulse can move the contact along its normal. It has no rows there, and its impulse does not change.
     pub(super) immovable: R::Mask,
-    /// Lanes in which the rows are deferred: the solver ignores them until they are activated.
+    /// Lanes in which the contact is deferred: the solver ignores its rows until they are activated.
     deferred: R::Mask,
     /// Friction coefficient of the scaled rows; 0 for a frictionless contact.
     pub mu: R,
-    /// Velocity of each row before any impulse, with the bias of the normal row, m/s. It is the target of the velocity solve.
+    /// Velocity g of each row of the contact before any impulse, with the bias of the normal row, m/s. It is the target of the velocity
+    /// solve.
     pub g: [R; N],
-    /// Target of the position solve, m/s: the value of g for the normal row, and terms that are added to g for the other rows.
+    /// Target of the position solve, m/s: the value of g for the normal row, and terms that are added to g for the tangential rows.
     pub position_g: [R; N],
     /// Compliance R >= 0 of the normal row: velocity per unit of impulse, 1/kg. It is 0 for a hard contact.
     pub(crate) compliance: R,
     /// Part of a residual in the normal row that is an error of the velocity, and not of a spring: G_nn / (G_nn + R). It is 1 for a hard
     /// contact.
     rigid_fraction: R,
-    /// Compliance of all rows that damps the position solve, 1/kg.
+    /// Compliance that damps all rows of the contact in the position solve, 1/kg.
     damping: R,
-    /// Step length of the natural map.
+    /// Step of the contact's natural map, which scales its residual.
     step: NaturalStep<R>,
     /// Solver of this contact at constant other impulses.
     pub(super) local: L,
@@ -186,11 +189,11 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
 /// have zeros there.
 #[derive(Clone, Debug)]
 pub struct FrictionContacts<R: Real, const N: usize, L> {
-    /// Rows of each contact, with the velocity targets.
+    /// Rows of each contact, with the targets of the velocity solve.
     pub(super) rows: Rows<FrictionContact<R, N, L>>,
-    /// Coordinates of the contacts, one contact after the other.
+    /// Coordinates at which the contacts have Jacobian entries, one contact after the other.
     support: Vec<u32>,
-    /// Entries of the scaled Jacobian at these coordinates, for all rows of a contact.
+    /// Entries of the scaled Jacobian, for all rows of a contact, at the coordinates in `support`.
     y: Entries<[R; N]>,
 }
 
@@ -867,8 +870,8 @@ pub(super) fn least_tangent<R: Real>(trace: R) -> R {
     trace * R::of(f64::max(1e-8, <R::Scalar as Scalar>::EPSILON.to_f64() * 1e3))
 }
 
-/// Largest number of Newton steps for the multiplier of a sliding contact. One to three are usual. With more, bisection finds the solution
-/// from a poor start.
+/// Largest number of Newton steps for the friction multiplier of a sliding contact. One to three are usual. With more, bisection finds the
+/// solution from a poor start.
 pub(super) const MAX_NEWTON: usize = 24;
 
 /// Distance of a sliding impulse from the surface of its friction cone below which the next Newton step is the last, relative to the

@@ -34,8 +34,8 @@ fn entry_threshold<R: Real>() -> f64 {
     dependence_threshold::<f64>().max((32.0 * <R::Scalar as Scalar>::EPSILON.to_f64()).powi(2))
 }
 
-/// Square of the ratio of an entry to its rounding error below which the entry counts as zero. The second projection changes an entry by
-/// about its rounding error.
+/// Square of the ratio of a Jacobian entry to its rounding error below which the entry counts as zero. The second projection changes an
+/// entry by about its rounding error.
 pub const ROUNDING_RATIO: f64 = 16.0;
 
 /// Ratio of the target velocity of a linearly dependent row to its scale below which the target is rounding error.
@@ -46,18 +46,18 @@ pub fn velocity_rounding<R: Real>() -> f64 {
 /// Scales of equality rows, with which linearly dependent rows are found.
 #[derive(Debug)]
 pub struct RowScales<'a, R> {
-    /// Squared length of each row before cancellation: its entries are differences of numbers of this size.
+    /// Squared length of each row before cancellation: the row's entries are differences of numbers of this size.
     pub lengths: &'a [R],
     /// Squared scale of the target velocity of each row, (m/s)^2.
     pub velocities: &'a mut [R],
-    /// Scales of the entries. Only short rows need them.
+    /// Scales of the rows' entries. Only short rows need them.
     pub entries: Option<EntryScales<'a, R>>,
 }
 
 /// Scales of the entries of all rows.
 #[derive(Debug)]
 pub struct EntryScales<'a, R> {
-    /// Squared scales, row after row.
+    /// Squared scale of each entry, row after row.
     pub squares: &'a mut [R],
     /// Workspace with one number per row.
     pub coefficients: &'a mut [R],

@@ -9,7 +9,7 @@ use crate::constraints::friction::{FrictionContact, FrictionContacts, LocalSolve
 use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real, Scalar};
 
-/// Number of tangential rows.
+/// Number of tangential rows of a contact with rolling friction.
 const T: usize = 5;
 
 /// Contact with sliding, torsional and rolling friction: rows (n, t1, t2, spin, roll1, roll2).
@@ -29,15 +29,15 @@ pub struct RollingSolver<R: Real> {
     inv_gnn: R,
     /// Diagonal entry G_nn of the normal row, compliance included, 1/kg.
     nn: R,
-    /// Principal axes of the matrix A of the tangential problem, one after the other.
+    /// Principal axes of the matrix A that relates the tangential impulse to the tangential velocity, one after the other.
     axes: [[R; T]; T],
-    /// Principal values of A, bounded away from zero, 1/kg.
+    /// Principal values of the tangential matrix A, bounded away from zero, 1/kg.
     a: [R; T],
-    /// Inverses of the principal values, kg.
+    /// Inverses of the principal values of the tangential matrix A, kg.
     inv_a: [R; T],
-    /// Coupling G_tn / G_nn in the principal axes.
+    /// Coupling G_tn / G_nn of the tangential rows and the normal row, in the principal axes of A.
     coupling: [R; T],
-    /// Step of the weaker update, kg.
+    /// Step of the weaker update of the contact, kg.
     step: R,
 }
 
@@ -238,7 +238,7 @@ struct Slip<R: Real> {
     x: [R; T],
     /// Normal impulse, N s.
     n: R,
-    /// Multiplier of the friction disc, 1/kg.
+    /// Multiplier of the friction disc |x_t| <= mu n, 1/kg.
     s: R,
 }
 

@@ -17,33 +17,33 @@ use stepper_real::{Mask, Real, Scalar};
 /// Row with a single impulse lambda in an interval: an equality (any lambda), a limit (`0 <= lambda`), or dry friction (`|lambda| <= h f`).
 #[derive(Clone, Copy, Debug)]
 pub struct ScalarRow<R: Real> {
-    /// Index of its first coordinate in the list of coordinates of all scalar rows.
+    /// Index of the row's first coordinate in the list of coordinates of all scalar rows.
     support: usize,
-    /// Index of its first Jacobian entry in the list of entries of all scalar rows.
+    /// Index of the row's first Jacobian entry in the list of entries of all scalar rows.
     pub(super) y: usize,
-    /// Number of coordinates at which the row has entries.
+    /// Number of coordinates at which the row has Jacobian entries.
     pub(super) coordinates: usize,
     /// Lanes in which the row exists.
     pub active: R::Mask,
-    /// Velocity of the row before any impulse, with its bias, m/s or rad/s. It is the target of the velocity solve.
+    /// Velocity g of the row before any impulse, with its bias, m/s or rad/s. It is the target of the velocity solve.
     pub g: R,
     /// Velocity of the row before any impulse, with the bias of the position solve, m/s or rad/s.
     pub position_g: R,
-    /// Least impulse, N s or N m s.
+    /// Least impulse of the row, N s or N m s.
     pub lo: R,
-    /// Largest impulse, N s or N m s.
+    /// Largest impulse of the row, N s or N m s.
     pub hi: R,
     /// Compliance R >= 0: velocity of the row per unit of impulse, in addition to the motion of the bodies, 1/kg. It is 0 for a hard row.
     pub compliance: R,
-    /// Diagonal entry of the Delassus matrix, compliance included, 1/kg.
+    /// Diagonal entry of the Delassus matrix for the row, compliance included, 1/kg.
     pub(super) diagonal: R,
-    /// Inverse of the diagonal entry, kg; 1 in lanes in which the row does not exist or cannot move.
+    /// Inverse of the row's diagonal entry of the Delassus matrix, kg; 1 in lanes in which the row does not exist or cannot move.
     pub(super) inv_diagonal: R,
-    /// Ratio of the diagonal entry before elimination of equality rows to that after it, at least 1.
+    /// Ratio of the row's diagonal entry of the Delassus matrix before elimination of equality rows to that after it, at least 1.
     pub(crate) trace_ratio: R,
     /// Mobility that scales the damping of the row's target, 1/kg. It is 0 for a row whose force law has a compliance.
     pub(super) mobility: R,
-    /// Velocity by which damping already reduced the target, m/s or rad/s, see [`ScalarRow::damp_correction`].
+    /// Velocity by which damping at assembly reduced the row's target, m/s or rad/s, see [`ScalarRow::damp_correction`].
     pub(super) damping_deficit: R,
     /// Lanes in which no impulse can move the row.
     pub(super) immovable: R::Mask,
@@ -132,13 +132,13 @@ impl<R: Real> ScalarRow<R> {
 /// A row's support lists the coordinates of w at which the row has entries in any lane, ascending.
 #[derive(Clone, Debug)]
 pub struct ScalarRows<R: Real> {
-    /// Rows, with the velocity targets.
+    /// Scalar rows, with the targets of the velocity solve.
     pub(super) rows: Rows<ScalarRow<R>>,
-    /// Coordinates of the rows, one row after the other.
+    /// Coordinates at which the scalar rows have Jacobian entries, one row after the other.
     support: Vec<u32>,
-    /// Entries of the scaled Jacobian at these coordinates.
+    /// Entries of the scaled Jacobian at the coordinates in `support`.
     pub(super) y: Entries<R>,
-    /// Number of eliminated rows, which come first, see [`ScalarRows::mark_eliminated`].
+    /// Number of eliminated scalar rows, which come first in the list, see [`ScalarRows::mark_eliminated`].
     eliminated: usize,
 }
 

@@ -21,17 +21,17 @@ pub type SlidingContacts<R> = FrictionContacts<R, 3, SlidingSolver<R>>;
 pub struct SlidingSolver<R: Real> {
     /// Entries G_nn, G_na, G_nb, G_aa, G_ab, G_bb of the contact's block of the Delassus matrix, compliance included, 1/kg.
     gram: [R; 6],
-    /// Compliance of the normal row alone, 1/kg. It is a part of G_nn and not a mobility.
+    /// Compliance of the contact's normal row alone, 1/kg. It is a part of G_nn and not a mobility.
     normal_compliance: R,
-    /// Inverse 1 / G_nn, kg.
+    /// Inverse 1 / G_nn of the normal row's diagonal entry of the Delassus matrix, kg.
     inv_gnn: R,
-    /// First principal axis of A: (cos, sin).
+    /// First principal axis (cos, sin) of the matrix A that relates the tangential impulse to the tangential velocity.
     axis: [R; 2],
-    /// Principal values of A, bounded away from zero, 1/kg.
+    /// Principal values of the tangential matrix A, bounded away from zero, 1/kg.
     a: [R; 2],
-    /// Inverses of the principal values, kg.
+    /// Inverses of the principal values of the tangential matrix A, kg.
     inv_a: [R; 2],
-    /// Coupling G_tn / G_nn in the principal axes.
+    /// Coupling G_tn / G_nn of the tangential rows and the normal row, in the principal axes of A.
     coupling: [R; 2],
 }
 
@@ -261,24 +261,25 @@ impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
     }
 }
 
-/// Impulse of a sliding contact at some multiplier s, times `d`.
+/// Impulse of a sliding contact at a multiplier s of the friction disc, times det(A + s), so that no division is needed.
 struct Sliding<R: Real> {
-    /// Tangential impulse in the principal axes of A. Its derivative with respect to s is -p.
+    /// Tangential impulse in the principal axes of the tangential matrix A, times det(A + s). Its derivative with respect to the multiplier
+    /// s is -p.
     x: [R; 2],
-    /// Normal impulse.
+    /// Normal impulse of the contact, times det(A + s).
     n: R,
-    /// Derivative of the normal impulse with respect to s.
+    /// Derivative of `n` with respect to the multiplier s of the friction disc.
     dn: R,
-    /// Determinant det(A + s).
+    /// Determinant det(A + s) of the tangential matrix A plus the multiplier s.
     d: R,
 }
 
 /// Solution of a sliding contact.
 struct Slip<R: Real> {
-    /// Tangential impulse in the principal axes of A, N s.
+    /// Tangential impulse of the contact in the principal axes of the tangential matrix A, N s.
     x: [R; 2],
-    /// Normal impulse, N s.
+    /// Normal impulse of the contact, N s.
     n: R,
-    /// Multiplier of the friction disc, 1/kg.
+    /// Multiplier of the friction disc |x_t| <= mu n, 1/kg.
     s: R,
 }

@@ -24,33 +24,33 @@ pub(super) const MEMORY: usize = 4;
 /// Changes of the last sweeps, the newest first. The history of a lane begins when the lane last started to run.
 #[derive(Clone, Debug)]
 pub(crate) struct History<R: Real> {
-    /// Scaled velocity change w before the present sweep.
+    /// Scaled velocity change w by all impulses, before the present sweep.
     pub(super) start: Vec<R>,
-    /// Change f of w by the previous sweep.
+    /// Change f of the scaled velocity change w by the previous sweep.
     pub(super) f: Vec<R>,
-    /// Squared length |f|^2 of the change of w by the previous sweep.
+    /// Squared length |f|^2 of the change of w (scaled velocity change) by the previous sweep.
     pub(super) length: R,
-    /// Unknowns (w and all impulses) after the previous sweep.
+    /// Unknowns (scaled velocity change w and all impulses) after the previous sweep.
     pub(super) image: Vec<R>,
     /// Lanes in which the previous sweep was made.
     pub(super) swept: R::Mask,
-    /// Changes of f between the last sweeps.
+    /// Differences between the changes of w (scaled velocity change) by consecutive sweeps, the newest first.
     pub(super) df: [Vec<R>; MEMORY],
-    /// Changes of all unknowns after a sweep, between the last sweeps.
+    /// Differences between the unknowns (w and all impulses) after consecutive sweeps, the newest first.
     pub(super) dt: [Vec<R>; MEMORY],
-    /// Lanes in which each change is stored.
+    /// Lanes in which each of the differences `df` and `dt` is stored.
     pub(super) stored: [R::Mask; MEMORY],
-    /// Dot products of the changes of f with each other.
+    /// Dot products of the differences `df` with each other.
     pub(super) gram: [[R; MEMORY]; MEMORY],
 }
 
 /// Change f of the scaled velocity change w by the present sweep, with its dot products.
 pub(super) struct SweepChange<R> {
-    /// Squared length |f|^2.
+    /// Squared length |f|^2 of the change f of w by the present sweep.
     pub(super) length: R,
-    /// Dot products of the newest change of f with the last changes of f, itself first.
+    /// Dot products of the newest difference `df` with the last differences, itself first.
     with_newest: [R; MEMORY],
-    /// Dot products of f with the last changes of f.
+    /// Dot products of the change f of w by the present sweep with the last differences `df`.
     with_f: [R; MEMORY],
 }
 
@@ -111,7 +111,8 @@ impl<R: Real> History<R> {
         if self.swept.any() { 1 + self.stored[1..].iter().take_while(|stored| stored.any()).count() } else { 0 }
     }
 
-    /// Stores the change f of w by a sweep that resulted in `w`. Returns it with its products with the last `N` changes of f.
+    /// Stores the change f of w (scaled velocity change) by a sweep whose result is `w`. Returns its squared length, and its dot products
+    /// with the last `N` differences.
     #[inline(always)]
     pub(super) fn record_change<const N: usize>(&mut self, w: &[R]) -> SweepChange<R> {
         let Self { start, f, df: [newest, older @ ..], .. } = self;

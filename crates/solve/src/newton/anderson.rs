@@ -5,23 +5,23 @@
 //! s and df of f. Plain iteration reduces the error by a factor of 0.97 per step in the worst robots measured. The accelerated iteration
 //! takes 3 to 10 steps.
 
-/// Number of changes that are stored.
+/// Number of changes that Anderson's acceleration stores.
 const MEMORY: usize = 3;
 
 /// Last changes of De Saxce's terms s and of the residuals f = T(s) - s of their fixed-point iteration.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Anderson {
-    /// Number of entries of s.
+    /// Number of De Saxce's terms, the entries of s.
     n: usize,
-    /// Number of steps since the start.
+    /// Number of fixed-point steps since the start.
     taken: usize,
-    /// Terms s before the last step, m/s.
+    /// De Saxce's terms s before the last step, m/s.
     last_s: Vec<f64>,
-    /// Residual f before the last step, m/s.
+    /// Residual f = T(s) - s of De Saxce's terms before the last step, m/s.
     last_f: Vec<f64>,
-    /// Changes of s, m/s: the j-th begins at index `j * n`.
+    /// Changes of De Saxce's terms s in the last steps, m/s: the j-th begins at index `j * n`.
     ds: Vec<f64>,
-    /// Changes of f, m/s: the j-th begins at index `j * n`.
+    /// Changes of the residual f = T(s) - s in the last steps, m/s: the j-th begins at index `j * n`.
     df: Vec<f64>,
 }
 

@@ -15,38 +15,38 @@ use crate::newton::skyline::Skyline;
 use crate::vectors::{add_scaled, inner, norm};
 use stepper_real::Real;
 
-/// Least size of a pivot of an implicit step, whose matrix would be the identity without constraints. Friction may reduce a pivot to zero,
-/// in Painleve's paradox.
+/// Smallest size of a pivot of Newton's matrix for the exact friction law. Without constraints the matrix is the identity. Friction may
+/// reduce a pivot to zero, in Painleve's paradox.
 const LEAST_PIVOT: f64 = 1e-3;
 
 /// Augmented Lagrangian of an island at the present w, and Newton's method for its minimum.
 #[derive(Clone, Debug, Default)]
 pub(super) struct AugmentedLagrangian {
-    /// Ratio kappa of the step rho_i of each block to the step of the natural map.
+    /// Ratio kappa of the proximal step length to the step of the natural map.
     pub(super) kappa: f64,
-    /// De Saxce's term of each block, m/s, if it is constant.
+    /// De Saxce's term mu |v_t| of each constraint, m/s, if it is constant.
     pub(super) slip: Vec<f64>,
-    /// Projection z = P_K(x) of each row, N s: the next impulses.
+    /// Projection z = P_K(x) of each row's argument on the admissible impulses, N s: the next impulses.
     pub(super) z: Vec<f64>,
-    /// Velocities Y w + g of all rows, m/s.
+    /// Velocities Y w + g of all rows of the island, m/s.
     v: Vec<f64>,
-    /// Argument x of the projection, N s.
+    /// Argument x of the projection on the admissible impulses, N s.
     x: Vec<f64>,
-    /// Change of the velocities along the search direction, m/s.
+    /// Change of the rows' velocities along Newton's direction, m/s.
     dv: Vec<f64>,
-    /// Gradient with respect to w.
+    /// Gradient of the augmented Lagrangian with respect to the scaled velocity change w.
     gradient: Vec<f64>,
-    /// Search direction in w.
+    /// Newton's direction of the scaled velocity change w.
     direction: Vec<f64>,
-    /// Argument of the projection at a trial point of the line search, N s.
+    /// Argument of the projection at a point of the line search, N s.
     trial: Vec<f64>,
-    /// Product rho DP Y of a block.
+    /// Product rho DP Y of one constraint: derivative of its projection times its Jacobian.
     product: Product,
-    /// Largest norm of a block's rows: root of the trace of its block of the Delassus matrix.
+    /// Largest norm of one constraint's rows: root of the trace of its block of the Delassus matrix.
     longest: f64,
     /// Matrix of a Newton step, replaced by its factors.
     matrix: Skyline,
-    /// Matrix of an implicit step, if pivots in the skyline are too small.
+    /// Newton's matrix for the exact friction law, if pivots in the skyline are too small.
     dense: Dense,
 }
 
@@ -231,9 +231,9 @@ impl AugmentedLagrangian {
 /// The skyline accepts pivots of either sign. With pivoting instead, 280 problems of robots, grasps and heaps, and 29 of a wall hit by a
 /// ball, take the same number of steps.
 const LARGEST_DENSE: usize = 256;
-/// Smallest length of an implicit step, as a fraction of Newton's step.
+/// Smallest length of a step with the exact friction law, as a fraction of Newton's step.
 const LEAST_LENGTH: f64 = 0.125;
-/// Largest number of points of a line search.
+/// Largest number of points of Newton's line search.
 const MOST_POINTS: usize = 30;
 
 /// Factor c of a block's impulse and step rho of its projection. `kappa` is the ratio of rho to the step of the natural map.

@@ -8,9 +8,9 @@ use crate::vectors::TILE;
 pub(super) struct Dense {
     /// Number of rows and columns.
     dimension: usize,
-    /// Entries, row by row.
+    /// Entries of the matrix or of its factors, row by row.
     entries: Vec<f64>,
-    /// Row with which each row was exchanged by partial pivoting.
+    /// For each row, the row with which partial pivoting exchanged it.
     exchanged: Vec<usize>,
 }
 

@@ -12,38 +12,39 @@ use crate::vectors::{TILE, add_to_tiles, dot, inner};
 /// Rows of one constraint of an island, whose impulses are projected together.
 #[derive(Clone, Debug)]
 pub(super) struct Block {
-    /// Set of the admissible impulses.
+    /// Set of the constraint's admissible impulses.
     pub(super) set: AdmissibleSet,
-    /// Range in [`Island::tiles`] of the tiles at which its rows have entries.
+    /// Range in [`Island::tiles`] of the tiles (of four coordinates) at which the constraint has entries.
     tiles: Range<usize>,
-    /// Range in [`Island::y`] of its entries, one row after the other, tile by tile.
+    /// Range in [`Island::y`] of the constraint's entries, one row after the other, tile by tile.
     pub(super) y: Range<usize>,
-    /// Range of its rows in [`Island::g`] and [`Island::lambda`].
+    /// Range of the constraint's rows in [`Island::g`] and [`Island::lambda`].
     pub(super) rows: Range<usize>,
-    /// Rows of the constraint that are in this block, as bits. Rows without effect (types of friction that a contact lacks) are left out.
+    /// Rows of the constraint that are in the island, as bits. Rows without effect (types of friction that a contact lacks) are left out.
     used_rows: u32,
-    /// Trace of its block of the Delassus matrix, before elimination of equality rows, 1/kg.
+    /// Trace of the constraint's block of the Delassus matrix, before elimination of equality rows, 1/kg.
     pub(super) trace: f64,
-    /// Step of the natural map, kg: number of rows divided by trace(G_ii), compliance included.
+    /// Step of the constraint's natural map, kg: number of rows divided by the trace of its block of the Delassus matrix, compliance
+    /// included.
     pub(super) rho: f64,
     /// Compliance R >= 0, the same for all rows: it is added to the diagonal of the Delassus matrix G, 1/kg.
     pub(super) compliance: f64,
-    /// Step of the natural map for the residual, kg: that without the additional compliance of the first row.
+    /// Step of the constraint's natural map for the residual, kg: that without the additional compliance of the first row.
     natural_step: f64,
-    /// Part of a residual in the first row that is an error of the velocity, and not of a spring.
+    /// Part of a residual in the constraint's first row that is an error of the velocity, and not of a spring.
     rigid_fraction: f64,
 }
 
 /// Constraints of one island of one lane, and its coordinates of w (scaled velocity change), whose number is a multiple of [`TILE`].
 #[derive(Clone, Debug, Default)]
 pub(super) struct Island {
-    /// Rows of each constraint.
+    /// Rows of each constraint of the island.
     pub(super) blocks: Vec<Block>,
-    /// Tiles at which each block has entries, ascending, one block after the other.
+    /// Tiles (of four coordinates) at which each constraint has entries, ascending, one constraint after the other.
     tiles: Vec<usize>,
-    /// Entries of the blocks.
+    /// Entries of the scaled Jacobian of all constraints of the island.
     pub(super) y: Vec<f64>,
-    /// Velocity of each row before any impulse, with its bias, m/s.
+    /// Velocity g of each row before any impulse, with its bias, m/s.
     pub(super) g: Vec<f64>,
     /// Impulse of each row, N s.
     pub(super) lambda: Vec<f64>,
@@ -123,7 +124,7 @@ impl Island {
         }
     }
 
-    /// Tiles of coordinates at which the rows of a block have entries, ascending.
+    /// Tiles (of four coordinates) at which the rows of a block have entries, ascending.
     #[inline(always)]
     pub(super) fn tiles(&self, block: &Block) -> &[usize] {
         &self.tiles[block.tiles.clone()]
@@ -141,7 +142,7 @@ impl Island {
         self.y[block.y.clone()].chunks_exact(self.width(block))
     }
 
-    /// Computes the products Y x of all rows into `out`.
+    /// Computes the product Y x of the island's scaled Jacobian and a vector into `out`.
     #[inline(always)]
     pub(super) fn multiply(&self, x: &[f64], out: &mut Vec<f64>) {
         out.clear();
@@ -153,7 +154,7 @@ impl Island {
         }
     }
 
-    /// Adds sign Y^T x to `out`.
+    /// Adds sign times Y^T x to `out`, where Y is the scaled Jacobian of the island.
     #[inline(always)]
     pub(super) fn add_transposed(&self, x: &[f64], sign: f64, out: &mut [f64]) {
         for block in &self.blocks {

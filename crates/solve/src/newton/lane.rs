@@ -14,21 +14,22 @@ use stepper_real::{Real, Scalar};
 /// Rows of one constraint of a lane.
 #[derive(Clone, Debug)]
 pub(super) struct LaneBlock {
-    /// Set of the admissible impulses.
+    /// Set of the constraint's admissible impulses.
     pub(super) set: AdmissibleSet,
     /// Index of the kind of constraint.
     pub(super) kind: usize,
     /// Index of the constraint among those of its kind, in the problem of all lanes.
     pub(super) source: usize,
-    /// Range of its coordinates in the list of the lane.
+    /// Range of the constraint's coordinates in the list of the lane.
     support: Range<usize>,
-    /// Index of its first entry in the list of the lane.
+    /// Index of the constraint's first entry in the list of the lane.
     y: usize,
-    /// Range of its rows in [`Lane::g`] and [`Lane::lambda`].
+    /// Range of the constraint's rows in [`Lane::g`] and [`Lane::lambda`].
     pub(super) rows: Range<usize>,
     /// Compliance R >= 0, the same for all rows: it is added to the diagonal of the Delassus matrix G, 1/kg.
     pub(super) compliance: f64,
-    /// Additional compliance of the first row, 1/kg. If it is not 0, the block has an extra coordinate, whose entry is its square root.
+    /// Additional compliance of the constraint's first row, 1/kg. If it is not 0, the constraint has an extra coordinate, whose entry is
+    /// the root of this compliance.
     pub(super) normal_compliance: f64,
     /// Ratio of trace(G_ii) before elimination of equality rows to that after it, at least 1. G_ii is the constraint's block of the
     /// Delassus matrix.
@@ -38,24 +39,24 @@ pub(super) struct LaneBlock {
 /// Rows of one lane, stored sparse.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Lane {
-    /// Rows of each constraint.
+    /// Rows of each constraint of the lane.
     pub(super) blocks: Vec<LaneBlock>,
     /// Index of the kind of constraint that is being gathered.
     kind: usize,
-    /// Coordinates of the blocks, one block after the other.
+    /// Coordinates of the constraints, one constraint after the other.
     support: Vec<u32>,
-    /// Entries of the scaled Jacobian: for each coordinate, those of all rows of the block.
+    /// Entries of the scaled Jacobian: for each coordinate, those of all rows of the constraint.
     y: Vec<f64>,
-    /// Velocity of each row before any impulse, with its bias, m/s.
+    /// Velocity g of each row before any impulse, with its bias, m/s.
     pub(super) g: Vec<f64>,
     /// Impulse of each row, N s.
     pub(super) lambda: Vec<f64>,
     /// Scaled velocity change w = sum_i y_i lambda_i in all coordinates, without the part by eliminated rows.
     pub(super) w: Vec<f64>,
-    /// Part of w by eliminated rows. They are solved, and no other row depends on it.
+    /// Part of the scaled velocity change w by eliminated rows. They are solved, and no other row depends on it.
     eliminated: Vec<f64>,
-    /// Extra coordinates of w, which only this lane has: one for each normal row with a compliance R. The row's entry there is sqrt(R), and
-    /// no other row has an entry.
+    /// Extra coordinates of the scaled velocity change w: one for each normal row with a compliance R. The row's entry there is sqrt(R),
+    /// and no other row has an entry.
     ///
     /// Newton's method supports only compliances that are the same for all rows of a cone.
     own: Vec<f64>,

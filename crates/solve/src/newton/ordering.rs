@@ -6,19 +6,19 @@
 
 use crate::newton::lane::Lane;
 
-/// Placeholder for coordinates that have no number yet.
+/// Placeholder for the number of a coordinate or island that has none yet.
 const NONE: u32 = u32::MAX;
 
 /// Islands of one lane: sets of constraints that are coupled directly or by others. Coordinates without rows belong to none.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Islands {
-    /// Parent of each coordinate in the union-find forest.
+    /// Parent of each coordinate in the union-find forest, whose trees are the islands.
     parent: Vec<u32>,
-    /// Island of each root of the forest.
+    /// Number of the island of each root of the union-find forest.
     name: Vec<u32>,
-    /// Island of each block.
+    /// Number of the island of each block (the rows of one constraint).
     pub(super) of_block: Vec<u32>,
-    /// Number of islands.
+    /// Number of islands of the lane.
     pub(super) count: usize,
 }
 
@@ -63,15 +63,15 @@ impl Islands {
 /// Order of the coordinates of an island, with the workspace that finds it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Ordering {
-    /// Coordinates in their new order.
+    /// Coordinates of the island in their new order.
     pub(super) coordinates: Vec<u32>,
     /// Place of each coordinate in the new order. It has no meaning for coordinates of other islands.
     pub(super) number: Vec<u32>,
-    /// Blocks with entries at each coordinate, one list after the other.
+    /// Indices of the blocks (rows of one constraint) with entries at each coordinate, one list after the other.
     blocks: Vec<u32>,
-    /// Start of the list of each coordinate.
+    /// Start of each coordinate's list in `blocks`.
     begin: Vec<u32>,
-    /// Whether the search has visited each block.
+    /// Whether the breadth-first search has visited each block (the rows of one constraint).
     seen: Vec<bool>,
 }
 

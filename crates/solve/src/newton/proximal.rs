@@ -13,8 +13,8 @@ use crate::newton::augmented_lagrangian::AugmentedLagrangian;
 use crate::newton::island::Island;
 use stepper_real::Real;
 
-/// Ratios kappa of the proximal step length to the step of the natural map. The first one is for the first step, which corrects the result
-/// of sweeps, the second for later steps.
+/// Ratios kappa of the proximal step length to the step of the natural map. The first one is for the first proximal step, which corrects
+/// the result of sweeps, the second for later ones.
 ///
 /// Measured on 1,202 problems of humanoids that sweeps did not solve: a first kappa of 10 or 1e5 takes 10 to 20 % more Newton steps. A
 /// later kappa of 1e4 or 1e6 takes as many, 1e7 twice as many.
@@ -22,48 +22,50 @@ const KAPPA: [f64; 2] = [1e3, 1e5];
 /// Largest kappa (ratio of the proximal step length to the step of the natural map). It is reached if proximal steps are too short: mass
 /// ratios beyond 1e5, nearly dependent rows.
 ///
-/// The matrix is the identity plus kappa times another one. At this kappa the identity is still above the rounding error.
+/// Newton's matrix is the identity plus kappa times another matrix. At this kappa the identity is still above the rounding error.
 const MOST_KAPPA: f64 = 1e12;
 /// Smallest kappa (ratio of the proximal step length to the step of the natural map), for any tolerance.
 const LEAST_KAPPA: f64 = 1e2;
 
-/// Kappa of the first steps of [`ProximalPoint::solve_exact`], in islands of at most [`SMALL`] coordinates and in larger ones.
+/// First kappa (ratio of the proximal step length to the step of the natural map) of [`ProximalPoint::solve_exact`], in islands of at most
+/// [`SMALL`] coordinates and in larger ones.
 ///
 /// Measured on 53 problems of a wall hit by a ball and of a heap of thirty boxes that sweeps and convex steps had not solved. A first kappa
 /// of 10 or 1000, growth by 4, or 10 instead of [`MOST_STEPS`] take within 15 % as many Newton steps. They also solve all problems. In
 /// small islands, of 280 problems, 300 or 3000 take up to 20 % more.
 const FIRST_EXACT_KAPPA: [f64; 2] = [1e3, 1e2];
-/// Smallest kappa of steps with the exact law. If such a step fails, the search ends.
+/// Smallest kappa (ratio of the proximal step length to the step of the natural map) with the exact friction law. If such a proximal step
+/// fails, the search ends.
 const LEAST_EXACT_KAPPA: f64 = 0.3;
-/// Largest kappa of steps with the exact law.
+/// Largest kappa (ratio of the proximal step length to the step of the natural map) with the exact friction law.
 const MOST_EXACT_KAPPA: f64 = 1e6;
-/// Largest number of Newton steps of a proximal step with the exact law.
+/// Largest number of Newton steps of a proximal step with the exact friction law.
 const MOST_STEPS: u32 = 6;
-/// Number of Newton steps up to which the next proximal step with the exact law is longer.
+/// Number of Newton steps up to which the next proximal step with the exact friction law is longer.
 const FEW_STEPS: u32 = 4;
 /// Largest number of Newton steps of the additional proximal step after one that meets the tolerance.
 const LAST_STEPS: u32 = 2;
-/// Largest number of Newton steps with the exact law, relative to the limit in the settings.
+/// Largest number of Newton steps with the exact friction law, relative to the limit in the settings.
 ///
 /// Half of the 53 problems of [`FIRST_EXACT_KAPPA`] need more than 75 steps, the hardest 280.
 pub const EXACT_RATIO: u32 = 6;
 
-/// Number of Newton steps in an attempt of the exact law that may fail to reduce its error.
+/// Number of Newton steps with the exact friction law that may fail to reduce the error before the attempt ends.
 const PATIENCE: u32 = 3;
 
-/// Largest number of coordinates of a small island. In larger islands (a wall hit by a ball, a heap of thirty boxes), hundreds of contacts
-/// switch between sticking, slipping and open at once.
+/// Largest number of coordinates of a small island (set of coupled constraints). In larger islands (a wall hit by a ball, a heap of thirty
+/// boxes), hundreds of contacts switch between sticking, slipping and open at once.
 pub(super) const SMALL: usize = 64;
 
 /// Treatment of De Saxce's terms mu |v_t| of Coulomb's law in Newton's method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Terms {
-    /// The terms are constant in each convex problem, and recomputed between problems.
+    /// De Saxce's terms are constant in each convex problem, and recomputed between problems.
     Constant,
-    /// The terms are constant first. If that does not solve an island, the law is exact. In islands with many contacts it is exact from the
-    /// beginning.
+    /// De Saxce's terms are constant first. If that does not solve an island, the friction law is exact. In islands with many contacts it
+    /// is exact from the beginning.
     ConstantThenExact,
-    /// The law is exact: the terms follow the velocities in every Newton step.
+    /// The friction law is exact: De Saxce's terms follow the velocities in every Newton step.
     Exact,
 }
 
@@ -76,7 +78,7 @@ pub(super) struct Criteria {
     pub(super) steps: u32,
     /// Whether to find the impulses of least norm among many possible ones, instead of those near the start.
     pub(super) least_norm: bool,
-    /// Treatment of De Saxce's terms.
+    /// Treatment of De Saxce's terms mu |v_t| of Coulomb's law.
     pub(super) terms: Terms,
 }
 
@@ -87,9 +89,9 @@ pub(super) struct ProximalPoint {
     lagrangian: AugmentedLagrangian,
     /// Acceleration of the fixed point of De Saxce's terms.
     anderson: Anderson,
-    /// Velocities of all rows at the present impulses, m/s.
+    /// Velocities of all rows of the island at the present impulses, m/s.
     v: Vec<f64>,
-    /// De Saxce's terms at these velocities, m/s.
+    /// De Saxce's terms mu |v_t| at the present velocities, m/s.
     image: Vec<f64>,
     /// Impulses with the smallest residual so far.
     best: SavedImpulses,

@@ -20,14 +20,14 @@ use crate::problem::System;
 use crate::vectors::{TILE, add_scaled, inner, inner_of_tiles, norm};
 use stepper_real::{Mask, Real, Scalar};
 
-/// Ratio of a pivot to the largest one below which a row depends linearly on the previous rows. Independent directions of a robot's rows
-/// have far larger pivots.
+/// Ratio of a pivot to the largest one below which a row depends linearly on the previous rows. Independent rows of a robot have far larger
+/// pivots.
 const DEPENDENT: f64 = 1e-10;
 
-/// Ratio of the motion by a set of impulses to that by impulses of this size in a single row, below which it counts as no motion.
+/// Ratio of the motion by a set of impulses to that by an equally large impulse in a single row, below which the set causes no motion.
 const NO_MOTION: f64 = 1e-7;
 
-/// Ratio of two compliances of a row below which one of them is damping that the other lacks. A row without damping has compliance 0, and
+/// Ratio of a row's compliances in two problems below which the row is damped in one of them only. Without damping the compliance is 0;
 /// damping is at least a thousandth of the mobility.
 const SAME_COMPLIANCE: f64 = 0.5;
 
@@ -46,9 +46,9 @@ pub enum Switch {
     Contact,
     /// A contact begins or ceases to slip.
     Slip,
-    /// The impulse of a row with one bound reaches or leaves its bound.
+    /// The impulse of a row with one bound (such as a joint limit) reaches or leaves the bound.
     Limit,
-    /// The impulse of a row with two bounds reaches or leaves a bound.
+    /// The impulse of a row with two bounds (dry friction) reaches or leaves a bound.
     DryFriction,
     /// A row of the position solve begins or ceases to correct a position error, and therefore to be damped.
     Gap,
@@ -57,9 +57,9 @@ pub enum Switch {
 /// Distance of a constraint from its next mode change, under a change of the problem.
 #[derive(Clone, Copy, Debug)]
 pub struct SwitchDistance {
-    /// Lane of the constraint.
+    /// Lane that contains the constraint.
     pub lane: usize,
-    /// Mode change that would be next.
+    /// Mode change of the constraint that would be next.
     pub switch: Switch,
     /// Distance to the mode change as a multiple of the change of the problem. It is at most 1 if the mode has changed, and infinite if the
     /// change leads away from it.
@@ -69,9 +69,9 @@ pub struct SwitchDistance {
 /// Derivative of the impulses of all lanes of a group with respect to the rows of their problem.
 #[derive(Clone, Debug)]
 pub struct Response<R: Real> {
-    /// Derivative of each lane.
+    /// Derivative of the impulses of each lane.
     lanes: Vec<LaneResponse>,
-    /// Number of eliminated rows, which are solved exactly each time.
+    /// Number of eliminated equality rows, which are solved exactly each time.
     eliminated: usize,
     /// For each kind of constraint, index of its first row and number of rows of one constraint.
     kinds: Vec<[usize; 2]>,
@@ -81,9 +81,9 @@ pub struct Response<R: Real> {
     velocities: Vec<R>,
     /// Compliances of all rows of a position solve. The list is empty for a velocity solve.
     compliances: Vec<R>,
-    /// Rows of one lane.
+    /// Buffer for the rows of one lane.
     lane: Lane,
-    /// Linear system of one lane.
+    /// Buffer for the linear system of one lane.
     system: Linear,
 }
 
@@ -99,11 +99,11 @@ struct LaneResponse {
     /// Indices of the rows whose impulses change with the velocities: those of contacts that stick or slip, and of rows inside their
     /// bounds.
     active: Vec<usize>,
-    /// Derivative of the impulses of the active rows with respect to their velocities, row by row, padded to whole tiles, kg.
+    /// Derivative of the active rows' impulses with respect to their velocities, kg: row by row, each padded to a multiple of four.
     matrix: Vec<f64>,
-    /// Changes of the active rows' impulses that change no velocity, so that the rows do not determine them. They are concatenated.
+    /// Sets of impulses of the active rows that change no velocity, so that the rows do not determine them. They are concatenated.
     undetermined: Vec<f64>,
-    /// Index of the first row of each block in the present problem, `None` if the problem does not have its constraint.
+    /// Index of the first row of each stored constraint in the present problem; `None` if the present problem does not have the constraint.
     found: Vec<Option<usize>>,
     /// Changes of the velocities of the active rows, m/s.
     change: Vec<f64>,
@@ -112,7 +112,7 @@ struct LaneResponse {
 /// Rows of one constraint of a lane, at the solution.
 #[derive(Clone, Copy, Debug)]
 struct Block {
-    /// Set of the admissible impulses.
+    /// Set of the constraint's admissible impulses.
     set: AdmissibleSet,
     /// Region of the projection, which is the mode of the constraint.
     piece: Piece,
@@ -124,13 +124,13 @@ struct Block {
     source: usize,
     /// Number that identifies the constraint in other problems.
     name: u64,
-    /// Index of its first row in the lists of the lane.
+    /// Index of the constraint's first row in the lists of the lane.
     first: usize,
-    /// Number of rows.
+    /// Number of rows of the constraint.
     dim: usize,
-    /// Step of the natural map, kg.
+    /// Step of the constraint's natural map, kg.
     rho: f64,
-    /// Compliance of all rows without the additional one of the normal row, 1/kg.
+    /// Compliance of all rows of the constraint, 1/kg, without the additional one of the normal row.
     compliance: f64,
 }
 
@@ -144,9 +144,9 @@ impl Block {
 /// Linear system for the derivative of one lane, with its workspace.
 #[derive(Clone, Debug, Default)]
 struct Linear {
-    /// Rows of the active constraints over all coordinates.
+    /// Rows of the scaled Jacobian of all constraints that are neither open nor at a bound, over all coordinates.
     dense: Vec<f64>,
-    /// Delassus matrix of these rows.
+    /// Delassus matrix of the rows in `dense`, 1/kg.
     delassus: Vec<f64>,
     /// Derivative of the projection of one constraint, times a matrix.
     product: Product,
@@ -154,9 +154,9 @@ struct Linear {
     left: Vec<f64>,
     /// Matrix that multiplies the change of the velocities on the right side of the equations.
     right: Vec<f64>,
-    /// Order in which rows were eliminated.
+    /// Order in which the equations were eliminated.
     rows: Vec<usize>,
-    /// Order in which columns were eliminated.
+    /// Order in which the unknowns were eliminated.
     columns: Vec<usize>,
 }
 
@@ -562,8 +562,10 @@ impl Linear {
         norm(&motion) <= NO_MOTION * size * largest.sqrt()
     }
 
-    /// Whether loads that another solution of the same rows, `before`, does not determine cause motion here. The damping of the rows counts
-    /// from the impulses of that solution.
+    /// Whether loads that the velocity solve `before` leaves undetermined cause motion in this position solve of the same rows.
+    ///
+    /// Damping in the position solve counts from the impulses of the velocity solve. A different distribution of loads there changes the
+    /// result here.
     fn moves_with_loads(&self, own: &LaneResponse, before: &LaneResponse) -> bool {
         let [n, stride] = [own.active.len(), own.active.len().next_multiple_of(TILE)];
         let mut compliance = vec![0.0; own.lambda.len()];

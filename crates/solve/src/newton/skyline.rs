@@ -7,7 +7,7 @@
 
 use crate::vectors::{TILE, tile};
 
-/// Entries of four rows in one column.
+/// Entries of four consecutive rows in one column of a matrix.
 type Tile = [f64; TILE];
 
 /// Matrix in skyline storage, replaced by its factors.
@@ -17,9 +17,9 @@ pub(super) struct Skyline {
     first: Vec<usize>,
     /// Index in `lower` and `upper` at which each tile of rows begins.
     start: Vec<usize>,
-    /// Factor L, with its diagonal.
+    /// Factor L of the matrix, with its diagonal.
     lower: Vec<Tile>,
-    /// Factor U, without its unit diagonal.
+    /// Factor U of the matrix, without its unit diagonal.
     upper: Vec<Tile>,
 }
 

@@ -20,17 +20,17 @@ pub enum Cone {
 
 /// Region of the relative acceleration u of an elliptic contact: open, sticking or sliding.
 struct Zone<R: Real> {
-    /// Lanes in which the contact sticks: the force is linear in every row.
+    /// Lanes in which the contact sticks: the force is linear in the relative acceleration.
     sticks: R::Mask,
-    /// Lanes in which the contact slides: the force is on the surface of the cone.
+    /// Lanes in which the contact slides: the force is on the surface of the friction cone.
     slides: R::Mask,
-    /// Normal component of u, scaled to the space in which the cone is circular.
+    /// Normal component of the relative acceleration u, scaled to the space in which the friction cone is circular.
     n: R,
-    /// Length of the tangential components of u in that space.
+    /// Length of the tangential part of the relative acceleration u, scaled to the space in which the friction cone is circular.
     t: R,
-    /// Inverse of that length; 1 if the length is 0.
+    /// Inverse of the tangential length `t`; 1 if it is 0.
     inv_t: R,
-    /// Tangential components of u in that space.
+    /// Tangential components of the relative acceleration u, scaled to the space in which the friction cone is circular.
     tangents: [R; 6],
 }
 

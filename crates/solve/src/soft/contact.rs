@@ -11,7 +11,7 @@ use crate::constraints::constraint_set::is_nonzero;
 pub struct SoftContact<R: Real, const N: usize> {
     /// Range of the contact in the lists of coordinates and Jacobian entries of all contacts with `N` rows.
     pub(super) entries: Range<usize>,
-    /// Reference acceleration of each row, m/s^2 or rad/s^2.
+    /// Reference acceleration of each row of the contact, m/s^2 or rad/s^2.
     pub reference: [R; N],
     /// Inverse 1 / R of the regularisation of each row of an elliptic cone, or of the two edges along each friction row of a pyramid.
     ///
@@ -21,7 +21,7 @@ pub struct SoftContact<R: Real, const N: usize> {
     pub scale: [R; N],
     /// Whether the contact has no rolling friction in any lane, so that the last two of six rows are empty.
     pub(super) does_not_roll: bool,
-    /// Weight of the cone's surface, D_n / (mu^2 (1 + mu^2)), where D_n is the first weight.
+    /// Weight D_n / (mu^2 (1 + mu^2)) of the friction cone's surface, where D_n is the weight of the normal row.
     pub(super) cone_weight: R,
 }
 

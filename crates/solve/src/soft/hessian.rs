@@ -15,12 +15,12 @@ use crate::soft::problem::{Metric, SoftContacts, SoftProblem};
 /// Symmetric matrix with a sparse pattern, replaced by its factors.
 #[derive(Clone, Debug)]
 pub(super) struct Hessian<R: Real> {
-    /// Number of rows.
+    /// Number of rows of the matrix.
     dimension: usize,
-    /// Row of each coordinate. The last row is eliminated first.
+    /// Row of the matrix for each coordinate. The last row is eliminated first.
     places: Vec<u32>,
-    /// Lower triangle, row by row. Entries outside the pattern are never read. After factorisation it has rows of L with 1 / D on the
-    /// diagonal.
+    /// Lower triangle of the matrix, row by row. Entries outside the pattern are never read. After factorisation it has rows of L with 1 /
+    /// D on the diagonal.
     entries: Vec<R>,
     /// Columns left of the diagonal that are in the pattern of each row, as bits in words of 64.
     sets: Vec<u64>,
@@ -30,13 +30,13 @@ pub(super) struct Hessian<R: Real> {
     /// Whether the columns of each row are those of the previous row and that row's index. The joints of a body or of a limb have such
     /// rows.
     follows: Vec<bool>,
-    /// Number of multiplications of a factorisation, see [`Hessian::work`].
+    /// Number of multiplications of a factorisation with the present pattern.
     work: usize,
-    /// Buffer for a vector in the order of the rows.
+    /// Buffer for a vector in the order of the matrix rows.
     ordered: Vec<R>,
 }
 
-/// Largest number of rows that are eliminated together. Entries of the rows above are then read and written once for all of them.
+/// Largest number of matrix rows that are eliminated together. Entries of the rows above are then read and written once for all of them.
 const BLOCK: usize = 3;
 
 impl<R: Real> Hessian<R> {
@@ -342,11 +342,11 @@ fn list_runs(set: &[u64], runs: &mut Vec<Range<usize>>) {
 /// Relative acceleration u = J a - r of each row, where r is its reference acceleration; or its change J p along a direction p.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Argument<R> {
-    /// Numbers of the scalar rows.
+    /// Relative acceleration, or its change, of each scalar row.
     pub(super) rows: Vec<R>,
-    /// Numbers of the contacts with three rows.
+    /// Relative accelerations, or their changes, of each contact with three rows.
     pub(super) contacts: Vec<[R; 3]>,
-    /// Numbers of the contacts with six rows.
+    /// Relative accelerations, or their changes, of each contact with six rows.
     pub(super) rolling_contacts: Vec<[R; 6]>,
 }
 

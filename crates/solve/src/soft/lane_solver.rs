@@ -16,29 +16,29 @@ use crate::soft::problem::{Metric, SoftProblem};
 /// compiler vectorises over the entries of a row.
 const SPEED: f64 = 1.6;
 
-/// Number of bytes of a register.
+/// Number of bytes of a SIMD register.
 const REGISTER: usize = 64;
 
-/// Number of contacts below which the overhead of single lanes exceeds their gain.
+/// Number of contacts below which solving single lanes one after the other is not considered, because its overhead exceeds its gain.
 const FEWEST: usize = 8;
 
-/// Number of problems after which the work is estimated again.
+/// Number of problems after which the work of both ways of solving is estimated again.
 const PERIOD: u32 = 32;
-/// Largest number of lanes whose work is estimated.
+/// Largest number of lanes whose work is estimated for the choice between both ways of solving.
 const SAMPLES: usize = 4;
 
 /// Solver of soft problems that solves single lanes one after the other.
 #[derive(Clone, Debug)]
 pub struct LaneSolver<R: Real> {
-    /// Solver of one lane.
+    /// Solver of the soft problem of one lane.
     solver: SoftSolver<R::Single>,
-    /// Problem of one lane.
+    /// Soft problem of one lane.
     problem: SoftProblem<R::Single>,
     /// Indices of the lane's scalar rows, contacts and rolling contacts in the problem of all lanes.
     places: [Vec<u32>; 3],
     /// Entries of the lane's mass matrix, row by row.
     metric: Vec<R::Single>,
-    /// Start of each row of the mass matrix.
+    /// Start of each row of the lane's mass matrix in `metric`.
     starts: Vec<usize>,
     /// Acceleration of the lane without constraints.
     free: Vec<R::Single>,
@@ -57,9 +57,9 @@ struct LaneMetric<'a, R: Real, M> {
     /// Mass matrix of all lanes.
     all: &'a M,
     lane: usize,
-    /// Entries of the lane, row by row.
+    /// Entries of the lane's mass matrix, row by row.
     entries: &'a [R::Single],
-    /// Start of each row in the entries.
+    /// Start of each row of the mass matrix in `entries`.
     starts: &'a [usize],
     /// Buffer for a vector in all lanes.
     buffer: &'a RefCell<Vec<R>>,

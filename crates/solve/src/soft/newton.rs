@@ -31,25 +31,25 @@ pub struct SoftOutcome<R> {
 /// Newton's method for a [`SoftProblem`], with its workspace.
 #[derive(Clone, Debug)]
 pub struct SoftSolver<R: Real> {
-    /// Hessian of the objective, and its factors.
+    /// Hessian of the soft problem's objective, and its factors.
     hessian: Hessian<R>,
-    /// Relative acceleration of each row at the present acceleration.
+    /// Acceleration of each row relative to its reference, at the present acceleration.
     argument: Argument<R>,
-    /// Change of the relative acceleration of each row along the search direction.
+    /// Change of each row's relative acceleration along Newton's direction.
     change: Argument<R>,
-    /// Gradient of the objective.
+    /// Gradient of the soft problem's objective.
     gradient: Vec<R>,
-    /// Acceleration by the gradient, M^-1 times it.
+    /// Acceleration by the gradient: M^-1 times the gradient, with the mass matrix M.
     imbalance: Vec<R>,
-    /// Search direction.
+    /// Newton's direction.
     direction: Vec<R>,
-    /// Product M (a - a0).
+    /// Product M (a - a0) of the mass matrix and the difference between the acceleration and that without constraints.
     inertial: Vec<R>,
-    /// Product of M and the search direction.
+    /// Product of the mass matrix and Newton's direction.
     inertial_change: Vec<R>,
     /// Generalized constraint forces, N or N m.
     forces: Vec<R>,
-    /// Noslip solver of friction without regularisation, if there is one.
+    /// Noslip solver, which recomputes friction forces without regularisation, if there is one.
     noslip: Option<Box<NoSlip<R>>>,
     /// Whether the present forces are those of the noslip solver.
     forces_without_slip: bool,
@@ -61,7 +61,7 @@ const LINE_SEARCH_STEPS: u32 = 16;
 /// Ratio of the slope along the search direction to the initial slope at which a line search ends.
 const LINE_SEARCH_TOLERANCE: f64 = 1e-2;
 
-/// Number of multiplications for a contact in a Newton step, in addition to those of the factorisation.
+/// Number of multiplications for a contact in a Newton step of the soft problem, in addition to those of the factorisation.
 const CONTACT_WORK: usize = 300;
 
 /// Number of Newton steps of [`SoftSolver::respond`].

@@ -35,7 +35,7 @@ pub struct SlipCapacity {
     pub rows: usize,
     /// Largest number of contacts.
     pub contacts: usize,
-    /// Largest number of degrees of freedom of all trees that one row or contact couples, in all lanes together.
+    /// Largest number of degrees of freedom of all kinematic trees that one row or contact couples, in all lanes together.
     pub support: usize,
     /// Whether any contact may have rolling friction, and therefore six rows.
     pub rolls: bool,
@@ -44,15 +44,15 @@ pub struct SlipCapacity {
 /// Contact that a sweep of the noslip solver visits in some lanes.
 #[derive(Clone, Copy, Debug)]
 pub struct ContactVisit<M> {
-    /// Whether the contact has six rows.
+    /// Whether the contact has six rows, because it has rolling friction.
     pub rolling: bool,
-    /// Index in the list of contacts with three rows, or with six.
+    /// Index of the contact in the list of contacts with three rows, or with six.
     pub index: usize,
-    /// Lanes in which it is visited.
+    /// Lanes in which the sweep visits the contact.
     pub lanes: M,
 }
 
-/// Normal force below which a contact has no tangential forces, N.
+/// Normal force below which a contact has no friction forces, N.
 const LEAST_FORCE: f64 = 1e-15;
 /// Smallest diagonal entry of A = J M^-1 J^T for dry friction and for a tangential row of a contact, 1/kg.
 const LEAST_INVERSE_INERTIA: [f64; 2] = [1e-15, 1e-10];
@@ -60,7 +60,7 @@ const LEAST_INVERSE_INERTIA: [f64; 2] = [1e-15, 1e-10];
 const MULTIPLIER_STEPS: u32 = 20;
 /// Tolerance of the multiplier of an elliptic contact: error of the squared force, N^2, and smallest Newton step.
 const MULTIPLIER_TOLERANCE: f64 = 1e-10;
-/// Increase of the objective, J, above which the visit of a contact is reverted. The rounding error is added to it.
+/// Increase of the objective, J, above which the update of a contact's friction is reverted. The rounding error is added to it.
 const LEAST_RISE: f64 = 1e-10;
 /// Change of the objective that counts as rounding, in units of the last place.
 const ROUNDING: f64 = 16.0;
@@ -73,13 +73,13 @@ struct Friction<R: Real, const N: usize> {
     /// Bound on each friction force. For an elliptic contact it is the normal force. For a pyramid it is the sum of the forces of the two
     /// edges; the friction coefficient multiplies it.
     bound: Vec<[R; N]>,
-    /// Range of each item in the lists of degrees of freedom and responses.
+    /// Range of each item (a scalar row or a contact) in `dofs` and `response`.
     spans: Vec<Range<usize>>,
-    /// Degrees of freedom that the forces of each item accelerate.
+    /// Degrees of freedom that the forces of each item (a scalar row or a contact) accelerate.
     dofs: Vec<u32>,
-    /// Accelerations of these degrees of freedom by a unit force in each row of the item.
+    /// Accelerations of the degrees of freedom in `dofs` by a unit force in each row of the item.
     response: Vec<[R; N]>,
-    /// Block of A = J M^-1 J^T of each item's friction rows, 1/kg.
+    /// Block of A = J M^-1 J^T for the friction rows of each item (a scalar row or a contact), 1/kg.
     inertia: Vec<[[R; N]; N]>,
 }
 
@@ -178,19 +178,20 @@ pub(super) struct NoSlip<R: Real> {
     contacts: Friction<R, 3>,
     /// Forces and responses of the contacts with six rows.
     rolling: Friction<R, 6>,
-    /// Tree of each degree of freedom.
+    /// Kinematic tree of each degree of freedom.
     trees: Vec<u32>,
-    /// Number of trees.
+    /// Number of kinematic trees.
     count: usize,
-    /// Island of each tree in each lane, as the smallest tree of the island.
+    /// Island (set of coupled trees) of each kinematic tree in each lane, as the smallest tree of the island.
     parents: Vec<u32>,
-    /// Improvement of the objective of each island by the present sweep, J.
+    /// Improvement of the objective of each island (set of coupled trees) by the present sweep, J.
     improvement: Vec<R>,
-    /// Lanes in which each island continues to sweep, as bits.
+    /// Lanes in which each island (set of coupled trees) continues to sweep, as bits.
     running: Vec<u32>,
-    /// Sum of the diagonal of the mass matrix of each tree, then of each island.
+    /// Sum of the mass matrix's diagonal over each kinematic tree, then over each island.
     inertia: [Vec<R>; 2],
-    /// Island of each scalar row, contact with three rows and contact with six rows, in each lane. The lanes of an item are consecutive.
+    /// Island of each scalar row, contact with three rows and contact with six rows, in each lane. The lanes of one row or contact are
+    /// consecutive.
     islands: Vec<u32>,
     /// Buffer for an acceleration.
     work: Vec<R>,
@@ -679,9 +680,9 @@ fn factor<R: Real, const N: usize>(matrix: &[[R; N]; N], l: R) -> [[R; N]; N] {
     factors
 }
 
-/// Smallest pivot of [`factor`], so that its inverse is finite.
+/// Smallest pivot in the factors of a contact's matrix, so that its inverse is finite.
 const LEAST_PIVOT: f64 = 1e-30;
-/// Smallest determinant, or pivot, of a matrix that counts as regular.
+/// Smallest determinant, or pivot, of a contact's matrix that counts as regular.
 const LEAST_DETERMINANT: f64 = 1e-10;
 
 /// Solution (A + l)^-1 b, from the factors of A + l.

@@ -23,11 +23,11 @@ pub trait Metric<R: Real> {
 pub struct SoftRow<R: Real> {
     /// Range of the row in the lists of coordinates and Jacobian entries of all scalar rows.
     pub(super) entries: Range<usize>,
-    /// Reference acceleration r, m/s^2 or rad/s^2.
+    /// Reference acceleration r of the row, m/s^2 or rad/s^2.
     pub reference: R,
-    /// Weight D = 1 / R, the inverse of the regularisation, kg or kg m^2. It is 0 in lanes without the row.
+    /// Weight D = 1 / R of the row, the inverse of its regularisation R, kg or kg m^2. It is 0 in lanes without the row.
     pub weight: R,
-    /// Least and largest force, N or N m.
+    /// Least and largest force of the row, N or N m.
     pub bounds: [R; 2],
 }
 
@@ -49,11 +49,11 @@ impl<R: Real> SoftRow<R> {
 /// Soft contacts with `N` rows each, stored sparse.
 #[derive(Clone, Debug)]
 pub struct SoftContacts<R: Real, const N: usize> {
-    /// Inputs of the force of each contact.
+    /// Contacts of the list, with the inputs of their forces.
     pub items: Vec<SoftContact<R, N>>,
     /// Coordinates at which the contacts have entries, one contact after the other.
     pub(super) support: Vec<u32>,
-    /// Jacobian entries of all rows of a contact at these coordinates.
+    /// Jacobian entries of all rows of a contact at the coordinates in `support`.
     pub(super) jacobian: Vec<[R; N]>,
 }
 
@@ -207,13 +207,13 @@ fn moved<R: Real, const N: usize>(u: &[R; N], du: &[R; N], step: R) -> [R; N] {
 /// Soft constraint problem of one step, for every lane.
 #[derive(Clone, Debug)]
 pub struct SoftProblem<R: Real> {
-    /// Shape of the friction cones.
+    /// Shape of the friction cones of all contacts.
     pub cone: Cone,
     /// Scalar rows: equalities, dry friction, limits.
     pub rows: Vec<SoftRow<R>>,
     /// Coordinates at which the scalar rows have entries, one row after the other.
     pub(super) support: Vec<u32>,
-    /// Jacobian entries at these coordinates.
+    /// Jacobian entries of the scalar rows at the coordinates in `support`.
     pub(super) jacobian: Vec<R>,
     /// Contacts with sliding friction or none.
     pub contacts: SoftContacts<R, 3>,

@@ -45,7 +45,7 @@ pub struct Approach<R = f64> {
 
 impl<R: Real> Approach<R> {
     /// Part of the gap between two bodies that their motion within the step cannot close, m. If it is not negative, no contact can push
-    /// within the step.
+    /// (carry force) within the step.
     ///
     /// `n` is the unit normal of a separating plane, from the first body to the second. `gap` is the separation along it, m. `size` is the
     /// sum of the bounding radii, m.
@@ -87,7 +87,7 @@ impl<R: Real> Approach<R> {
         [array_of(|k| most + self.displacement[k] + swing[k] + least), array_of(|k| most - self.displacement[k] + swing[k] + least)]
     }
 
-    /// Upper bound on the displacement of the second body within two steps, perpendicular to the unit vector `n`, m.
+    /// Upper bound on the displacement of the second body relative to the first within two steps, perpendicular to the unit vector `n`, m.
     pub(super) fn sideways(&self, n: V3<R>) -> R {
         let along = dot(n, self.displacement);
         let displacement =
@@ -113,7 +113,7 @@ impl<R: Real> Approach<R> {
         R::of(COORDINATE_ROUNDING) * (R::of(size) + most)
     }
 
-    /// Motion in the lane `lane`.
+    /// Relative motion of the pair of bodies in the lane `lane`.
     #[inline(always)]
     pub fn lane(&self, lane: usize) -> Approach {
         let [radius, slack] = of_lane(&[self.radius, self.slack], lane);

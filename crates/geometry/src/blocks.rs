@@ -19,7 +19,7 @@ pub(super) struct Ring {
 }
 
 impl Ring {
-    /// Component of each edge along the vector `d`, times the length of `d`; 0 in unused entries.
+    /// Dot product of each edge of the ring and the vector `d`; 0 in unused entries.
     #[inline(always)]
     pub(super) fn along(&self, d: V) -> [f64; SIDE] {
         along(&self.edge, d)
@@ -55,7 +55,7 @@ impl Block {
         height.iter().fold(f64::NEG_INFINITY, |most, &x| if x > most { x } else { most })
     }
 
-    /// Points, m.
+    /// The eight vertices of the block, m.
     pub(super) fn points(&self) -> impl Iterator<Item = V> + '_ {
         (0..SIDE).map(|i| std::array::from_fn(|k| self.at[k][i]))
     }
@@ -69,7 +69,7 @@ pub(super) fn highest(x: [f64; SIDE]) -> f64 {
     higher(higher(four[0], four[2]), higher(four[1], four[3]))
 }
 
-/// Index of the point that is farthest along `d`, counted over all blocks. Of several equally far points it is the first.
+/// Index of the vertex that is farthest along `d`, counted over all blocks. Of several equally far vertices it is the first.
 pub(super) fn furthest(blocks: &[Block], d: V) -> usize {
     let mut best = (f64::NEG_INFINITY, 0);
     for (i, block) in blocks.iter().enumerate() {

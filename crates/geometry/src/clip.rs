@@ -17,13 +17,16 @@ pub(super) struct Shared {
     pub(super) id: u32,
 }
 
-/// Identifier of the crossing of two edges, from the numbers of the edges. Edges of the reference are numbered from [`EDGES`] on.
+/// Identifier of the crossing of two edges of projected features, from the numbers of the edges. Edges of the reference feature are
+/// numbered from [`EDGES`] on.
 fn crossing(a: u32, b: u32) -> u32 {
     1 << 31 | a.min(b) << 15 | a.max(b)
 }
 
-/// The two edges (0 to 2) of a triangle, the reference of [`overlay`], that meet at the corner `id` of the intersection. If an edge of the
-/// triangle crosses the other feature there, both are this edge. `None` if the corner is one of the other feature.
+/// The two edges (0 to 2) of a triangle that meet at the corner `id` of its intersection with the feature `other`. The triangle is the
+/// reference of [`overlay`].
+///
+/// If an edge of the triangle crosses `other` at the corner, both are this edge. `None` if the corner is one of `other`.
 pub(super) fn edges_of_triangle(other: &ProjectedFeature, id: u32) -> Option<[usize; 2]> {
     let disc = other.kind == Kind::Disc;
     if id >> 31 == 0 {
@@ -37,7 +40,7 @@ pub(super) fn edges_of_triangle(other: &ProjectedFeature, id: u32) -> Option<[us
     if disc { Some([a as usize; 2]) } else { own(b).map(|edge| [own(a).unwrap_or(edge), edge]) }
 }
 
-/// Adds corners of `other` that are behind the plane of the reference, which is a triangle.
+/// Adds corners of the feature `other` that are behind the plane of the feature `reference`, which is a triangle.
 ///
 /// A corner may be outside an edge of the triangle by at most its depth times the entry of that edge in `rises`.
 pub(super) fn behind(reference: &ProjectedFeature, other: &ProjectedFeature, rises: &[f64; 3], out: &mut Vec<Shared>) {
@@ -70,8 +73,8 @@ impl Work {
     }
 }
 
-/// Computes the corners of the intersection of `reference` (a polygon or disc) and `other`. Points outside by up to `tolerance`, m, count
-/// as inside.
+/// Computes the corners of the intersection of two projected features, of which `reference` is a polygon or disc. Points outside by up to
+/// `tolerance`, m, count as inside.
 pub(super) fn overlay(reference: &ProjectedFeature, other: &ProjectedFeature, tolerance: f64, work: &mut Work, out: &mut Vec<Shared>) {
     out.clear();
     match (reference.kind, other.kind) {
@@ -89,7 +92,7 @@ pub(super) fn overlay(reference: &ProjectedFeature, other: &ProjectedFeature, to
     }
 }
 
-/// Corner `c` of the other feature with the height of the reference at its place.
+/// Corner `c` of one feature, with the height of the feature `reference` at the same place.
 fn on_both(reference: &ProjectedFeature, c: &Corner) -> Shared {
     Shared { x: c.x, y: c.y, h: [reference.height(c.x, c.y), c.h], id: c.id }
 }
@@ -101,7 +104,7 @@ fn area(corners: &[Corner]) -> f64 {
     (1..n - 1).map(|k| (corners[k].x - o.x) * (corners[k + 1].y - o.y) - (corners[k].y - o.y) * (corners[k + 1].x - o.x)).sum()
 }
 
-/// Edges of a polygon: a function that returns the signed distance of (x, y) outside the edge, m, and the number of the edge.
+/// Edges of a polygon. Each is a function that returns the signed distance of (x, y) outside the edge, m, and the number of the edge.
 fn half_planes(polygon: &ProjectedFeature) -> impl Iterator<Item = (impl Fn(f64, f64) -> f64, u32)> + '_ {
     let c = &polygon.corners;
     let turn = if area(c) < 0.0 { -1.0 } else { 1.0 };
@@ -127,7 +130,7 @@ fn in_disc(disc: &ProjectedFeature, c: &Corner, tolerance: f64) -> bool {
     x * x + y * y <= reach * reach
 }
 
-/// Corners of the part of a polygon or segment that is inside the reference polygon (Sutherland & Hodgman, 1974).
+/// Corners of the part of a projected polygon or segment that is inside the polygon `reference` (Sutherland & Hodgman, 1974).
 fn clip(reference: &ProjectedFeature, other: &ProjectedFeature, tolerance: f64, work: &mut Work, out: &mut Vec<Shared>) {
     let closed = other.kind == Kind::Polygon;
     work.polygon.clear();
@@ -165,10 +168,10 @@ fn clip(reference: &ProjectedFeature, other: &ProjectedFeature, tolerance: f64, 
     out.extend(work.polygon.iter().map(|c| on_both(reference, c)));
 }
 
-/// Corners of the intersection of a polygon and a disc: corners of the polygon inside the disc, rim points inside the polygon, and
+/// Corners of the intersection of a projected polygon and disc: corners of the polygon inside the disc, rim points inside the polygon, and
 /// crossings.
 ///
-/// If `swapped`, the disc is the reference, else the polygon.
+/// If `swapped`, the disc is the reference feature, else the polygon.
 fn polygon_disc(polygon: &ProjectedFeature, disc: &ProjectedFeature, tolerance: f64, swapped: bool, out: &mut Vec<Shared>) {
     let order = |on_polygon: f64, on_disc: f64| if swapped { [on_disc, on_polygon] } else { [on_polygon, on_disc] };
     for c in disc.corners.iter().filter(|c| in_polygon(polygon, c, tolerance)) {
@@ -199,7 +202,7 @@ fn crossings(p: &Corner, q: &Corner, disc: &ProjectedFeature) -> [f64; 2] {
     [(-b - root) / a, (-b + root) / a]
 }
 
-/// Ends of the part of a segment that is inside a disc, the reference.
+/// Ends of the part of a projected segment that is inside a disc, which is the reference feature.
 fn chord(disc: &ProjectedFeature, segment: &ProjectedFeature, tolerance: f64, out: &mut Vec<Shared>) {
     let [p, q] = [segment.corners[0], segment.corners[1]];
     out.extend(segment.corners.iter().filter(|c| in_disc(disc, c, tolerance)).map(|c| on_both(disc, c)));

@@ -19,7 +19,7 @@ const ENOUGH: f64 = 1e-13;
 /// Rounding error of a vertex's position, relative to the longest edge of a face: a few units in the last place.
 const ROUNDING: f64 = 1e-15;
 
-/// Triangle of the polytope.
+/// Triangle of the polytope that the expanding polytope algorithm grows.
 #[derive(Clone, Copy, Debug)]
 struct Face {
     /// Indices of the triangle's vertices in [`Polytope::vertices`], counter-clockwise seen from outside.
@@ -81,7 +81,7 @@ impl Polytope {
         None
     }
 
-    /// Sets the polytope to a tetrahedron with these vertices.
+    /// Sets the polytope to the tetrahedron with these vertices.
     fn start(&mut self, corners: &[Vertex]) {
         self.vertices.clear();
         self.vertices.extend(corners);
@@ -149,8 +149,8 @@ impl Polytope {
 
     /// Adds a vertex outside the polytope.
     ///
-    /// Faces are removed if the vertex is on the outer side of their plane by more than `rounding`, m. New faces connect the vertex with
-    /// the edges of the hole. The result is false, without any change, if rounding prevents a single closed hole.
+    /// Triangles are removed if the vertex is on the outer side of their plane by more than `rounding`, m. New triangles connect the vertex
+    /// with the edges of the hole that remains. The result is false, without any change, if rounding prevents a single closed hole.
     fn grow(&mut self, vertex: Vertex, rounding: impl Fn(&Face) -> f64) -> bool {
         let new = self.vertices.len() as u16;
         self.horizon.clear();
@@ -190,7 +190,7 @@ impl Polytope {
         true
     }
 
-    /// Adds a face with these vertices, counter-clockwise seen from outside.
+    /// Adds a triangle with these vertices, counter-clockwise seen from outside.
     fn add(&mut self, corners: [u16; 3]) {
         let [a, b, c] = corners.map(|i| self.vertices[i as usize].w);
         let (u, v) = (sub(b, a), sub(c, a));

@@ -49,7 +49,7 @@ impl Facet {
     /// Tangent of the angle by which the neighbour across each edge rises above the triangle's plane. It is at most 1, and 0 for a
     /// neighbour that falls.
     ///
-    /// In the valley between two triangles, a point behind both planes can be below neither triangle. Its distance outside the edge is then
+    /// In the valley between two triangles, a point behind both planes may be below neither triangle. The point is then outside the edge by
     /// at most this tangent times its depth.
     pub(super) fn rises(&self) -> [f64; 3] {
         let Self { corners, normal, across, .. } = self;

@@ -99,7 +99,7 @@ impl Nearest {
         Self { v: vertex.w, simplex }
     }
 
-    /// Result for B without the `shift`, m, with which the search was made.
+    /// Result for the set B in its place, from a search with B moved by `shift`, m.
     pub(super) fn moved_back(mut self, shift: V) -> Self {
         self.v = add(self.v, shift);
         for vertex in &mut self.simplex.vertex[..self.simplex.count] {
@@ -109,7 +109,7 @@ impl Nearest {
         self
     }
 
-    /// Distance of the nearest point from the outline of the triangle that contains it, m.
+    /// Distance of the point of A - B nearest to the origin from the outline of the triangle that contains it, m.
     ///
     /// The result is 0 if the simplex is not a triangle, or if an edge has a component of more than `flat`, m, along the unit vector
     /// `normal`.
@@ -160,7 +160,7 @@ impl Simplex {
         &self.vertex[..self.count]
     }
 
-    /// Whether the simplex has a vertex with the same corner numbers.
+    /// Whether the simplex contains a vertex with the same vertex numbers of both shapes.
     #[inline(always)]
     fn has(&self, vertex: &Vertex) -> bool {
         self.vertices().iter().any(|known| known.names == vertex.names)

@@ -241,7 +241,7 @@ impl Hull {
         q
     }
 
-    /// Index of the vertex that is farthest along `d`.
+    /// Index of the hull's vertex that is farthest along `d`.
     pub(super) fn support(&self, d: V) -> usize {
         if self.points.len() <= FEW {
             return furthest(&self.points, d);
@@ -249,7 +249,7 @@ impl Hull {
         self.climb(self.start[cell(d)] as usize, d)
     }
 
-    /// Index of the vertex that is farthest along `d`. The search starts at the vertex `from` and follows edges.
+    /// Index of the hull's vertex that is farthest along `d`. The search starts at the vertex `from` and follows edges.
     ///
     /// On a convex surface, a vertex without a farther neighbour is the farthest of all.
     pub(super) fn climb(&self, from: usize, d: V) -> usize {
@@ -297,7 +297,7 @@ impl Hull {
         best.1
     }
 
-    /// Other end of the edge of a vertex that is closest to perpendicular to `d`. Of several equal edges it is the first.
+    /// Vertex at the other end of the edge of `vertex` that is closest to perpendicular to `d`. Of several equal edges it is the first.
     pub(super) fn level(&self, vertex: usize, d: V) -> usize {
         let mut best = (f64::INFINITY, vertex);
         for ring in self.rings(vertex) {
@@ -380,8 +380,8 @@ fn starts(points: &[Block]) -> Vec<u32> {
     (0..6 * CELLS * CELLS).map(|c| blocks::furthest(points, through(c)) as u32).collect()
 }
 
-/// Points that are corners of triangles, as ascending indices, and the triangles as indices of this list. `points` is the number of all
-/// points.
+/// Ascending indices of the points that are corners of triangles, and the triangles with indices into this list. `points` is the number of
+/// all points.
 fn corners(points: usize, triangles: &[[u32; 3]]) -> (Vec<u32>, Vec<[u32; 3]>) {
     let mut place = vec![u32::MAX; points];
     triangles.iter().flatten().for_each(|&v| place[v as usize] = 0);

@@ -45,13 +45,13 @@ pub struct Manifold {
 }
 
 impl Manifold {
-    /// Removes all points and the separating plane.
+    /// Removes all contact points and the separating plane.
     pub fn clear(&mut self) {
         self.points.clear();
         self.separating_plane = None;
     }
 
-    /// Smallest distance of a point, m; infinite without points.
+    /// Smallest distance of a contact point, m, negative for overlap; infinite without points.
     pub fn deepest(&self) -> f64 {
         self.points.iter().map(|p| p.distance).fold(f64::INFINITY, f64::min)
     }
@@ -61,12 +61,12 @@ impl Manifold {
         self.points.len() == 1 && self.points[0].feature == UNNAMED
     }
 
-    /// Reverses all normals, so that the two shapes change places.
+    /// Reverses the normals of all contact points, so that the two shapes change places.
     pub(super) fn flip_normals(&mut self) {
         self.points.iter_mut().for_each(|p| p.normal = p.normal.map(|x| -x));
     }
 
-    /// Transforms all points from the frame of the first shape, which has this pose, to the world frame.
+    /// Transforms all contact points from the frame of the first shape, which has this pose, to the world frame.
     pub(super) fn to_world(&mut self, pose: &Pose) {
         for p in &mut self.points {
             p.pos = add(pose.pos, rotate(&pose.mat, p.pos));
@@ -147,11 +147,11 @@ impl Clipper {
         self.emit(pair, axes, prediction, out);
     }
 
-    /// Adds the contact points of two edges that cross, if a face at one of the edges is nearly perpendicular to the normal.
+    /// Adds the contact points of two edges that cross, if a face next to one of the edges is nearly perpendicular to the contact normal.
     ///
     /// Such a face is as close at other points as at the crossing, or will be soon. Points of the whole face are therefore added. `tilts`
-    /// is 1 - cos(angle) between each shape's face and the normal. Returns whether points were added. For a triangle of a surface there are
-    /// none, because its neighbours have them.
+    /// is 1 - cos(angle) between each shape's face normal and the contact normal. Returns whether points were added. For a triangle of a
+    /// surface there are none, because its neighbours have them.
     fn level_faces(
         &mut self,
         pair: &Pair<'_>,
@@ -301,7 +301,7 @@ impl Clipper {
     }
 }
 
-/// Views of both shapes for projection along `axes[0]`, the contact normal.
+/// Views of both shapes of a pair for projection along the contact normal, `axes[0]`.
 fn views<'a>(pair: &'a Pair<'_>, axes: &'a [V; 3]) -> [View<'a>; 2] {
     [View { pos: [0.0; 3], mat: &IDENTITY, axes, side: 1.0 }, View { pos: pair.pos, mat: &pair.mat, axes, side: -1.0 }]
 }
@@ -359,7 +359,8 @@ pub(super) fn reduce_points(all: &mut Vec<Point>, size: f64, most: usize, out: &
     out.points.sort_unstable_by_key(|p| p.feature);
 }
 
-/// Keeps at most four of the points, see [`spanning`]. `ra` and `rb` are the radii around the cores and `size` the size of the pair, m.
+/// Keeps at most four of the contact points, see [`spanning`]. `ra` and `rb` are the rounding radii of the two shapes and `size` the size
+/// of the pair, m.
 fn reduce(points: &mut Vec<Shared>, ra: f64, rb: f64, size: f64) {
     // Only the distance of the surfaces matters here. It becomes the second height, and the first is 0.
     let see = |s: &Shared| Shared { h: [0.0, (s.h[1] - rb) - (s.h[0] + ra)], ..*s };
@@ -370,7 +371,7 @@ fn reduce(points: &mut Vec<Shared>, ra: f64, rb: f64, size: f64) {
     points.truncate(count);
 }
 
-/// Indices, ascending, and number of points that span nearly the area of all points.
+/// Indices, ascending, and number of contact points that span nearly the area of all points.
 ///
 /// They are the deepest of `count` points (smallest h[1]), the point farthest from it, and the two that add most area on either side. Of
 /// points that are equal up to rounding the first is chosen, so that the choice does not change from step to step. `size` is the size of

@@ -28,7 +28,7 @@ pub(crate) struct MeshHeights {
 }
 
 impl MeshHeights {
-    /// Heights of a mesh from the bounding boxes of its triangles: smallest and largest coordinates, m.
+    /// Heights of a mesh from the smallest and largest coordinates of each of its triangles, m.
     pub(crate) fn new(boxes: &[[V; 2]]) -> Self {
         let corner = |pick: fn(f64, f64) -> f64, end: usize| {
             boxes.iter().map(|b| b[end]).reduce(|p, q| array_of(|k| pick(p[k], q[k]))).unwrap_or_default()
@@ -66,15 +66,15 @@ impl MeshHeights {
         3 - self.axes[0] - self.axes[1]
     }
 
-    /// Largest height of the cells below or above a box, m; minus infinity if there are none. `low` and `high` are the corners of the box,
-    /// m.
+    /// Largest height of the mesh in the grid cells below or above a box, m; minus infinity if there are none. `low` and `high` are the
+    /// corners of the box, m.
     pub(crate) fn highest_in(&self, low: &V, high: &V) -> f64 {
         let [columns, rows] = self.cells_of(low, high);
         let row = |row: usize| &self.highest[row * self.cells[0] + columns.start..][..columns.len()];
         rows.filter(|_| !columns.is_empty()).flat_map(row).copied().fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// Ranges of cells along both axes that a box overlaps.
+    /// Ranges of grid cells along both axes that a box overlaps. `low` and `high` are the corners of the box, m.
     fn cells_of(&self, low: &V, high: &V) -> [Range<usize>; 2] {
         std::array::from_fn(|k| {
             let places = [low, high].map(|x| (x[self.axes[k]] - self.low[k]) * self.cells_per_metre);

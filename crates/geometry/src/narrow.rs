@@ -25,7 +25,8 @@ pub struct Narrow {
 }
 
 impl Narrow {
-    /// Narrow phase with enough memory for these solids. Later calls allocate only if a shape touches very many triangles of a surface.
+    /// Narrow phase with enough memory for pairs of these solids. Later calls allocate only if a shape touches very many triangles of a
+    /// surface.
     pub fn for_solids<'a>(solids: impl Iterator<Item = &'a Solid>) -> Self {
         let corners = solids.map(|s| if let Solid::Convex(shape) = s { shape.corners() } else { 0 }).max().unwrap_or(0);
         let mut narrow = Self::default();
@@ -64,11 +65,10 @@ impl Narrow {
     }
 }
 
-/// Finds the contact points of two convex shapes and writes them to `out`. It stays empty exactly if the shapes are farther apart than
-/// `limits`.
+/// Finds the contact points of two convex shapes and writes them to `out`, in the world frame. `out` stays empty exactly if the shapes are
+/// farther apart than `limits`.
 ///
-/// There are at most [`MAX_POINTS`](crate::MAX_POINTS), ascending by feature, in the world frame. Normals point from the first shape to the
-/// second.
+/// There are at most [`MAX_POINTS`](crate::MAX_POINTS), ascending by feature. Normals point from the first shape to the second.
 pub fn collide(
     a: &ConvexShape,
     pose_a: &Pose,

@@ -60,14 +60,14 @@ impl<'a> Pair<'a> {
         Self { a, b, pos, mat, apart, size: a.bound() + b.bound(), tolerance: EQUAL * (a.bound() + b.bound()) }
     }
 
-    /// Pair with the tolerance of poses in the world whose relative rounding error is `epsilon`.
+    /// Pair whose tolerance accounts for poses in the world with the relative rounding error `epsilon`.
     pub(super) fn rounded(mut self, epsilon: f64, pose_a: &Pose, pose_b: &Pose) -> Self {
         let coordinates: f64 = pose_a.pos.iter().chain(&pose_b.pos).map(|x| x.abs()).sum();
         self.tolerance = self.tolerance.max(POSE_ROUNDINGS * epsilon * (coordinates + self.size));
         self
     }
 
-    /// Smaller scale of the two shapes, m, see [`ConvexShape::least`]. Shapes of scale 0 are ignored.
+    /// Smaller of the two shapes' scales (about half of the smallest extent), m, see [`ConvexShape::least`]. Shapes of scale 0 are ignored.
     pub(super) fn least(&self) -> f64 {
         match (self.a.least(), self.b.least()) {
             (0.0, x) | (x, 0.0) => x,
@@ -75,7 +75,7 @@ impl<'a> Pair<'a> {
         }
     }
 
-    /// Whether the bounding balls are at most `prediction`, m, apart. False if a pose is not finite.
+    /// Whether the bounding balls of the two shapes are at most `prediction`, m, apart. False if a pose is not finite.
     pub(super) fn is_near(&self, prediction: f64) -> bool {
         let reach = self.size + prediction;
         reach >= 0.0 && dot(self.apart, self.apart) <= reach * reach && self.is_finite()
@@ -166,7 +166,7 @@ impl<'a> Pair<'a> {
         dot(n, sub(y, self.a.support_at(i, n)))
     }
 
-    /// Normal of the face of each shape that is closest to `n` or its opposite, among the faces at `corners`.
+    /// Unit normal of the face of each shape that faces the other along `n`, among the faces at the vertices `corners`.
     ///
     /// Both normals point from the first shape to the second. `None` for a shape without flat faces.
     pub(super) fn flats(&self, n: V, corners: [u32; 2]) -> [Option<V>; 2] {

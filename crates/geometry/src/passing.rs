@@ -156,10 +156,10 @@ fn convex_pass(
     true
 }
 
-/// Whether two overlapping shapes are separated by a shorter translation against a direction than along it.
+/// Whether two overlapping shapes are separated by a shorter translation against the direction `towards` than along it.
 ///
-/// `towards` is the direction from the first shape to the second, in the frame of the larger shape. At the edge of a plate the shortest
-/// translation is sideways, no matter on which side the shape was before.
+/// `towards` is a direction from the first shape to the second, in the frame of the larger shape. At the edge of a plate the shortest
+/// translation of all is sideways, no matter on which side the shape was before.
 fn is_past_middle([a, b]: [&ConvexShape; 2], [first, second]: [Pose; 2], towards: V) -> bool {
     let pair = Pair::new(a, &first, b, &second);
     let normal = rotate(if a.bound() > b.bound() { &first.mat } else { &second.mat }, towards);

@@ -136,19 +136,20 @@ impl ProjectedFeature {
         }
     }
 
-    /// Adds a corner. `local` is in the shape's frame, m, `id` the number of the vertex and `edge` that of the edge to the next corner.
+    /// Adds a corner to the feature. `local` is its position in the shape's frame, m, `id` the number of the vertex and `edge` that of the
+    /// edge to the next corner.
     fn push(&mut self, view: &View<'_>, local: V, id: u32, edge: u32) {
         let [x, y, h] = view.project(local);
         self.corners.push(Corner { x, y, h, id, edge });
     }
 
-    /// Makes the corners a polygon on a plane with this unit normal in the shape's frame.
+    /// Makes the feature a polygon on a plane with this unit normal in the shape's frame.
     fn flat(&mut self, view: &View<'_>, normal: V) {
         self.kind = Kind::Polygon;
         self.set_plane(view, normal);
     }
 
-    /// Sets the plane through the first corner with this unit normal in the shape's frame.
+    /// Sets the plane of the feature: through the first corner, with this unit normal in the shape's frame.
     fn set_plane(&mut self, view: &View<'_>, normal: V) {
         let m = rotate(view.mat, normal);
         let [up, mx, my] = view.axes.map(|axis| dot(m, axis));
@@ -158,7 +159,8 @@ impl ProjectedFeature {
         self.plane = [c.h - k * (mx * c.x + my * c.y), k * mx, k * my];
     }
 
-    /// Whether all corners are at the same height. Differences of up to `slope` times the distance from the first corner are ignored.
+    /// Whether all corners of the feature are at the same height. Differences of up to `slope` times the distance from the first corner are
+    /// ignored.
     pub(super) fn is_level(&self, slope: f64) -> bool {
         let Some(o) = self.corners.first() else { return true };
         self.corners.iter().all(|c| {
@@ -167,7 +169,7 @@ impl ProjectedFeature {
         })
     }
 
-    /// Height of the plane at (x, y), m.
+    /// Height of the feature's plane at (x, y), m.
     pub(super) fn height(&self, x: f64, y: f64) -> f64 {
         self.plane[0] + self.plane[1] * x + self.plane[2] * y
     }

@@ -50,8 +50,8 @@ struct Growing<'a> {
     triangles: Vec<Triangle>,
     /// Distance from a triangle's plane up to which a point counts as inside, m.
     near: f64,
-    /// For each point on the edge of the hole that was made last in the hull: the new triangles at the hole's edges that start and end
-    /// there. Entries of other points have no meaning.
+    /// New triangles at the edges of the hole that was made last in the hull. For each point on the hole's edge, they are the triangles at
+    /// the edges that start and end there. Entries of other points have no meaning.
     rim: Vec<[usize; 2]>,
 }
 
@@ -111,7 +111,7 @@ pub(super) fn volume_over(corners: [V; 3], p: V) -> f64 {
 }
 
 impl Growing<'_> {
-    /// Starts with the tetrahedron of these points, and lists all other points with the triangle that they are outside of.
+    /// Starts the hull with the tetrahedron of these points, and lists all other points with the triangle that they are outside of.
     fn begin(&mut self, [a, b, c, d]: [u32; 4]) {
         // Corners of each triangle, and its neighbours across the edges 0, 1 and 2.
         let faces = [([a, b, c], [1, 2, 3]), ([b, a, d], [0, 3, 2]), ([c, b, d], [0, 1, 3]), ([a, c, d], [0, 2, 1])];
@@ -121,7 +121,7 @@ impl Growing<'_> {
         }
     }
 
-    /// Adds a triangle with these corners and neighbours.
+    /// Adds a triangle with these corners and neighbours to the hull.
     fn push(&mut self, corners: [u32; 3], neighbours: [usize; 3]) {
         let [a, b, c] = corners.map(|i| self.points[i as usize]);
         let (u, v) = (sub(b, a), sub(c, a));
@@ -170,10 +170,10 @@ impl Growing<'_> {
         t.outside.iter().filter(|_| t.alive).copied().reduce(|best, p| if greater(p, best) { p } else { best }).map(|(p, _)| p)
     }
 
-    /// Adds a point to the hull.
+    /// Adds the point `apex` to the hull.
     ///
-    /// All triangles that the point `apex` is on the outer side of are removed. The triangle `from` must be one of them. New triangles
-    /// connect the point with the edges of the hole.
+    /// All triangles are removed whose outer side the point is on. The triangle `from` must be one of them. New triangles connect the point
+    /// with the edges of the hole that remains.
     fn add(&mut self, from: usize, apex: u32) {
         let (mut seen, mut next) = (vec![from], 0);
         self.triangles[from].alive = false;

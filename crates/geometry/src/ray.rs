@@ -263,12 +263,12 @@ impl Lines {
         lines
     }
 
-    /// Computes the distance to the next line.
+    /// Computes the distance along the ray to the next grid line.
     fn place(&mut self) {
         self.next = if self.rate == 0.0 { f64::INFINITY } else { (self.line - self.first) / self.rate };
     }
 
-    /// Advances to the following line, if the distance `s` along the ray, m, has reached the next line.
+    /// Advances to the following grid line, if the distance `s` along the ray, m, has reached the next one.
     fn pass(&mut self, s: f64) {
         if self.next <= s {
             self.line += 1f64.copysign(self.rate);
@@ -298,7 +298,7 @@ mod tests {
         (vertices, vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
     }
 
-    /// A ray from inside hits the surface in every direction, also at an edge or a corner, up to the rounding of its direction.
+    /// A ray from inside a closed mesh hits the mesh in every direction, also at an edge or a corner, up to the rounding of its direction.
     #[test]
     fn no_ray_leaves_a_closed_mesh_between_its_triangles() {
         let (vertices, faces) = tetrahedron();
@@ -323,7 +323,7 @@ mod tests {
         Grid::new([5, 8], [2.0, 0.9], (0..40).map(|_| 0.3 + 0.3 * noise(&mut seed)).collect(), 0.2)
     }
 
-    /// A mesh of the field's triangles, sides and base has the same distances.
+    /// A mesh of the height field's triangles, sides and base has the same ray distances as the field.
     #[test]
     fn a_field_is_its_triangles() {
         let grid = hills();

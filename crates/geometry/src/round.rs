@@ -167,7 +167,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(4000))]
 
-        /// The search finds the same distance and the same direction.
+        /// The general search finds the same distance and direction as the closed form.
         #[test]
         fn nearest_points_are_those_of_the_search(
             corners in prop::array::uniform3(vector()), pos in vector(), axis in vector(), turn in -3.0..3.0f64, half in 0.02..0.4f64,

@@ -21,18 +21,18 @@ pub struct SearchLimits {
 }
 
 impl SearchLimits {
-    /// Whether the separation `found` proves that the pair has no contact.
+    /// Whether the separation `found` proves that the pair has no contact that can push within the step.
     pub(super) fn excludes(&self, pair: &Pair<'_>, found: &Separation) -> bool {
         self.excludes_gap(found.normal, found.separation - pair.thickness(), pair.size)
     }
 
-    /// Whether a separation of `gap`, m, along the unit vector `normal` proves that two shapes have no contact. `size` is the size of the
-    /// pair, m.
+    /// Whether a separation of `gap`, m, along the unit vector `normal` proves that two shapes have no contact that can push within the
+    /// step. `size` is the size of the pair, m.
     pub(super) fn excludes_gap(&self, normal: V, gap: f64, size: f64) -> bool {
         gap > self.prediction || self.approach.is_some_and(|a| a.is_separated(normal, gap, size))
     }
 
-    /// Whether a contact with the normal and distance of `found` is too far away, or cannot push within the step.
+    /// Whether a contact with the normal and distance of `found` is farther than the prediction, or cannot push within the step.
     pub(super) fn excludes_contact(&self, pair: &Pair<'_>, found: &Separation) -> bool {
         let gap = found.separation - pair.thickness();
         self.excludes(pair, found) || self.approach.is_some_and(|a| a.excludes_normal(found.normal, gap, pair.size))
@@ -46,7 +46,7 @@ impl SearchLimits {
 }
 
 impl From<f64> for SearchLimits {
-    /// Limits with this largest distance of a contact, m, and nothing else known.
+    /// Limits with this largest distance of a contact, m, without a cached normal or a motion.
     fn from(prediction: f64) -> Self {
         Self { prediction, cached: None, approach: None, epsilon: f64::EPSILON }
     }

@@ -110,14 +110,14 @@ pub struct SeparatingPlanes<R: Real> {
 }
 
 impl<R: Real> SeparatingPlanes<R> {
-    /// Planes of which no lane has one.
+    /// Value without a separating plane in any lane.
     #[inline(always)]
     pub fn none() -> Self {
         let zero = R::zero();
         Self { normal: [zero; 3], tip: [zero; 3], axis: [zero; 3], curve: zero, offset: R::splat(R::Scalar::INFINITY) }
     }
 
-    /// Sets the plane in the lane `lane`.
+    /// Sets the separating plane of the lane `lane`.
     #[inline(always)]
     pub fn set_lane(&mut self, lane: usize, separating_plane: &SeparatingPlane) {
         let of = |x: f32| R::Scalar::from_f64(f64::from(x));

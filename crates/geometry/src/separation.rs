@@ -111,16 +111,17 @@ fn of_overlap(pair: &Pair<'_>, first: &Nearest, polytope: &mut Polytope) -> Sepa
     found
 }
 
-/// Lower bound of the depth of an overlap in any direction, m.
+/// Lower bound of the penetration depth in any direction, m.
 ///
-/// It is the depth of a closest point below the other shape's surface, or the radius of a ball that can roll within the difference.
+/// It is the depth of a closest point below the other shape's surface, or the radius of a ball that can roll within the shapes' Minkowski
+/// difference.
 fn certain_depth(pair: &Pair<'_>, found: &Separation) -> f64 {
     let [x, y] = found.points;
     let of_points = pair.a.depth_of(y).max(pair.b.depth_of(rotate_back(&pair.mat, sub(x, pair.pos))));
     of_points.max(pair.a.roll() + pair.b.roll())
 }
 
-/// Direction of the largest separation among face normals and axes of both shapes.
+/// Direction with the largest separation among the face normals and axes of two shapes.
 fn suggested(pair: &Pair<'_>) -> Candidate {
     let mut best = Candidate { normal: [0.0, 0.0, 1.0], separation: f64::NEG_INFINITY };
     best.offer(pair, unit_or(pair.apart, [0.0, 0.0, 1.0]));
@@ -189,7 +190,7 @@ fn climb(pair: &Pair<'_>, start: Candidate) -> (Separation, Nearest) {
     (Separation { normal: best.normal, separation: best.separation, points }, near)
 }
 
-/// Whether the closest points of two polytopes are at a distance parallel to a face with the normal `flat`.
+/// Whether the closest points of two polytopes are not above each other, seen along the normal `flat` of a face.
 ///
 /// The closest feature is then not above the face, and clipping with this face as the reference would lose it. Only polytopes have exact
 /// closest points.
@@ -199,7 +200,7 @@ fn is_beside(pair: &Pair<'_>, found: &Separation, flat: V) -> bool {
     found.separation > 0.0 && pair.is_polytope() && norm(add_scaled(apart, flat, -dot(apart, flat))) > SIDEWAYS * pair.size
 }
 
-/// Replaces the normal by that of a face, if the separation is equal up to rounding. The first shape's face is preferred.
+/// Replaces the contact normal by that of a face, if the separation is equal up to rounding. The first shape's face is preferred.
 ///
 /// Normals of resting contacts are therefore exact, and do not change from step to step.
 fn prefer_face(pair: &Pair<'_>, facing: Facing) -> Facing {

@@ -118,7 +118,7 @@ pub struct DiscHeights {
 }
 
 impl MeshSurface {
-    /// Surface of a mesh. `vertices` are in m, and `faces` are triangles as vertex indices. Triangles without area are left out.
+    /// Mesh from its vertices, m, and triangles as vertex indices. Triangles without area are left out.
     pub fn new(vertices: &[V], faces: &[[u32; 3]]) -> Self {
         // Vertices at the same place are merged.
         let mut places = std::collections::BTreeMap::new();
@@ -160,17 +160,17 @@ impl MeshSurface {
         Self { vertices: vertices.to_vec(), faces, normals, across, around, first, tree, heights, extent }
     }
 
-    /// Corners of triangle `t`, m.
+    /// Corners of triangle `t` of the mesh, m.
     pub(super) fn triangle(&self, t: u32) -> [V; 3] {
         self.faces[t as usize].map(|v| self.vertices[v as usize])
     }
 
-    /// Smallest and largest coordinates, m.
+    /// Smallest and largest coordinates of the mesh, m.
     pub(super) fn extent(&self) -> [V; 2] {
         self.extent
     }
 
-    /// Tree of the triangles' bounding boxes.
+    /// Tree of the bounding boxes of the mesh's triangles.
     pub(super) fn tree(&self) -> &Bvh {
         &self.tree
     }
@@ -206,7 +206,7 @@ impl Grid {
         Self { shape, half, elevation, base, highest, places }
     }
 
-    /// Largest height, m.
+    /// Largest height of the height field, m.
     #[inline]
     pub fn highest(&self) -> f64 {
         self.highest
@@ -248,7 +248,7 @@ impl Grid {
         Facet::new(corners, triangle_normal(&corners), third)
     }
 
-    /// Points that share an edge with corner `k` of triangle `t`, m.
+    /// Grid points that share an edge with corner `k` of triangle `t`, m.
     fn around(&self, t: usize, k: usize) -> impl Iterator<Item = V> + '_ {
         let cell = t / 2;
         let (r, c) = (cell / (self.shape[1] - 1), cell % (self.shape[1] - 1));
@@ -330,7 +330,7 @@ impl Grid {
 }
 
 impl Surface {
-    /// Corners of triangle `t`, m.
+    /// Corners of triangle `t` of the surface, m.
     pub(super) fn triangle(&self, t: u32) -> [V; 3] {
         match self {
             Self::Mesh(m) => m.triangle(t),
@@ -346,7 +346,7 @@ impl Surface {
         }
     }
 
-    /// Triangle `t` with its neighbours.
+    /// Triangle `t` of the surface, with its neighbours.
     fn facet(&self, t: usize) -> Facet {
         match self {
             Self::Mesh(m) => {
@@ -428,7 +428,7 @@ impl Surface {
         }
     }
 
-    /// Largest height along [`Surface::up_axis`], m.
+    /// Largest height of the surface along [`Surface::up_axis`], m.
     pub fn highest(&self) -> f64 {
         match self {
             Self::Mesh(m) => m.extent[1][self.up_axis()],
@@ -761,7 +761,7 @@ fn distance(corners: &[V; 3], normal: V, x: V) -> f64 {
     (0..3).map(|k| from_segment(x, corners[k], corners[(k + 1) % 3])).fold(f64::INFINITY, f64::min)
 }
 
-/// Distance of the point `x` from the segment from `a` to `b`, m.
+/// Distance of the point `x` from the segment between `a` and `b`, m.
 fn from_segment(x: V, a: V, b: V) -> f64 {
     let (edge, arm) = (sub(b, a), sub(x, a));
     norm(add_scaled(arm, edge, -(dot(arm, edge) / dot(edge, edge)).clamp(0.0, 1.0)))
@@ -775,7 +775,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(4000))]
 
-        /// The search finds the same points, up to its rounding.
+        /// The general search finds the same contact points of a ball as the closed form, up to rounding.
         #[test]
         fn a_ball_touches_as_any_shape_does(
             heights in prop::collection::vec(0.0..0.3f64, 16), level in prop::bool::ANY, cell in 0..9usize, upper in 0..2usize,

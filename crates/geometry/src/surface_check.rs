@@ -78,7 +78,7 @@ impl SurfaceCheck<'_> {
         })
     }
 
-    /// Corners of a triangle, m.
+    /// Corners of a triangle of the surface, m.
     fn corners(&self, triangle: &[u32; 3]) -> [V; 3] {
         triangle.map(|v| self.points[v as usize])
     }

@@ -57,7 +57,7 @@ impl<R: Real> Cuboid<R> {
         ContactPoint { distance, pos: add(self.centre, rotate(&self.mat, pos)), normal: rotate(&self.mat, scale(touch.u, -R::one())) }
     }
 
-    /// Closest face of the box to the point `x`, if the point is inside.
+    /// Face of the box that is closest to the point `x`, which should be inside.
     #[inline(always)]
     fn nearest_face(&self, x: V3<R>) -> Touch<R> {
         let (mut gap, mut u) = (R::of(f64::NEG_INFINITY), zero());
@@ -87,7 +87,7 @@ fn direction<R: Real>(v: V3<R>, instead: V3<R>) -> (V3<R>, R, R::Mask) {
     (select(some, scale(v, R::one() / R::select(some, length, R::one())), instead), length, some)
 }
 
-/// Contact of a ball and a box.
+/// Contact of a ball and a box. `centre` and `radius` are those of the ball, m.
 #[inline(always)]
 pub fn sphere_box<R: Real>(centre: V3<R>, radius: R, cuboid: &Cuboid<R>) -> ContactPoint<R> {
     let x = cuboid.inside(centre);
@@ -156,7 +156,7 @@ impl<R: Real> Line<R> {
         add_scaled(self.p, self.d, t)
     }
 
-    /// Largest distance from the box that rounding can give a line that just enters it, m.
+    /// Largest distance from the box that rounding can give a capsule's axis that just enters it, m.
     #[inline(always)]
     fn rounding(&self, cuboid: &Cuboid<R>) -> R {
         let [p, half] = [self.p, cuboid.half];
@@ -164,9 +164,9 @@ impl<R: Real> Line<R> {
         (sizes + self.half) * R::splat(R::Scalar::EPSILON) * R::of(64.0)
     }
 
-    /// Parameters at which the line enters and leaves the slab of axis `k`: the points whose coordinate k is within the box.
+    /// Parameters at which the capsule's axis enters and leaves the slab of axis `k`: the points whose coordinate k is within the box.
     ///
-    /// A line parallel to the slab is inside for all parameters or for none.
+    /// An axis parallel to the slab is inside for all parameters or for none.
     #[inline(always)]
     fn slab(&self, cuboid: &Cuboid<R>, k: usize) -> [R; 2] {
         let (p, d, s) = (self.p[k], self.d[k], cuboid.half[k]);
@@ -178,13 +178,14 @@ impl<R: Real> Line<R> {
         [R::select(along, -within, a.min(b)), R::select(along, within, a.max(b))]
     }
 
-    /// Half the slope of the squared distance from the box, at the parameter `t`, m.
+    /// Half the derivative of the squared distance between box and capsule axis with respect to the parameter `t`, m.
     #[inline(always)]
     fn slope(&self, cuboid: &Cuboid<R>, t: R) -> R {
         dot(self.d, cuboid.beyond(self.at(t)))
     }
 
-    /// Parameter of the point that is closest to the box. If an interval is equally close, the result is one of its ends.
+    /// Parameter of the point of the capsule's axis that is closest to the box. If an interval is equally close, the result is one of its
+    /// ends.
     #[inline(always)]
     fn closest(&self, cuboid: &Cuboid<R>) -> R {
         let (mut lo, mut hi) = (-self.half, self.half);
@@ -208,7 +209,7 @@ impl<R: Real> Line<R> {
         R::select(inner, t, R::select(falls, self.half, -self.half))
     }
 
-    /// Shortest translation of the line out of the box, if it enters: parameter of the deepest point, and the closest feature there.
+    /// Shortest translation of a capsule's axis out of the box, if it enters: parameter of the deepest point, and the closest points there.
     #[inline(always)]
     fn way_out(&self, cuboid: &Cuboid<R>) -> (R, Touch<R>) {
         let (mut gap, mut u, mut t) = (R::of(f64::NEG_INFINITY), zero(), R::zero());
@@ -244,9 +245,9 @@ impl<R: Real> Line<R> {
         (t, Touch { x: self.at(t), u, gap })
     }
 
-    /// Other end of the part of the line that runs along the same face or edge as the contact `near` at the parameter `t`.
+    /// Other end of the part of a capsule's axis that runs along the same face or edge as the contact `near` at the parameter `t`.
     ///
-    /// Returns its parameter, its closest feature, and the lanes in which such a part exists. `outside` are the lanes in which the line
+    /// Returns the parameter and closest points of this end, and the lanes in which it exists. `outside` are the lanes in which the axis
     /// does not enter the box.
     #[inline(always)]
     fn other_end(&self, cuboid: &Cuboid<R>, t: R, near: &Touch<R>, outside: R::Mask) -> (R, Touch<R>, R::Mask) {

@@ -198,7 +198,7 @@ impl AdmissibleSet {
         }
     }
 
-    /// Distance of the argument `x` of the projection from the boundary of the region `piece`, N s; negative outside.
+    /// Distance of the argument `x` of the projection from the boundary of the region `piece`, N s; negative outside the region.
     ///
     /// The flag is true if the nearest boundary is that between sticking and slipping.
     pub(crate) fn margin(&self, piece: Piece, x: &[f64]) -> (f64, bool) {
@@ -257,7 +257,8 @@ impl ConeRegion {
         }
     }
 
-    /// Normal component of the projection, and factor by which it multiplies the tangential components.
+    /// Projection of a point with the normal component `n` and tangential length `tangent`, which is in this region of a friction cone.
+    /// Returns the normal component of the projection, and the factor by which it multiplies the tangential components.
     #[inline(always)]
     fn image(self, n: f64, tangent: f64, mu: f64) -> (f64, f64) {
         match self {

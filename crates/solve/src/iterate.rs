@@ -40,7 +40,7 @@ by_kind! {
     } each impulses
 }
 
-/// Problem and iterate of the lanes that are gathered into half of the registers.
+/// Problem and iterate of some lanes, gathered into registers of half the width.
 #[derive(Clone, Debug)]
 pub(crate) struct Compacted<R: Real> {
     /// Problem of the gathered lanes.
@@ -85,10 +85,10 @@ impl<R: Real> Snapshot<R> {
 }
 
 impl<R: Real> Snapshot<R> {
-    /// Replaces the impulses of a lane by a weighted mean of them and the saved ones.
+    /// Replaces the impulses of a lane by a weighted mean of them and the saved ones. The scaled velocity change w of `iterate` remains.
     ///
     /// `weight` returns the weight of the present impulses, from 0 to 1. Its argument is the first coordinate at which the constraint has
-    /// an entry. The w of `iterate` does not change.
+    /// an entry.
     pub fn blend(&self, system: System<'_, R>, iterate: &mut Iterate<R>, lane: usize, weight: &mut impl FnMut(u32) -> f64) {
         each_kind!([own: &self] [set: &system.problem] [rows: system] [impulses: &mut iterate] => set.blend(rows, impulses, own, lane, weight));
     }
@@ -160,7 +160,7 @@ fn copy_lanes<R: Real>(from: &[R], to: &mut [R], lanes: R::Mask) {
     }
 }
 
-/// Number of rows per constraint that these impulses have.
+/// Number of rows per constraint, from the type of a list of impulses.
 pub(crate) fn rows_of<R: Real, I: Impulse<R>>(_: &[I]) -> usize {
     I::ROWS
 }
@@ -185,7 +185,7 @@ impl<R: Real> Iterate<R> {
         } [count: capacity] => Vec::with_capacity(count))
     }
 
-    /// Gathers the unknowns and the history of some lanes into `out`, which has half of the lanes.
+    /// Gathers the unknowns and the sweep history of the lanes that `map` selects into `out`, whose registers are half as wide.
     #[inline(always)]
     pub(crate) fn gather(&self, map: &LaneMap, out: &mut Iterate<R::Half>) {
         map.gather_slice(&self.w, &mut out.w);
@@ -197,7 +197,7 @@ impl<R: Real> Iterate<R> {
         self.history.gather(map, &mut out.history);
     }
 
-    /// Copies the unknowns of gathered lanes back. The history does not change.
+    /// Copies the unknowns of gathered lanes from `from` back to the lanes from which `map` gathered them. The sweep history is not copied.
     #[inline(always)]
     pub(crate) fn scatter(&mut self, map: &LaneMap, from: &Iterate<R::Half>) {
         map.scatter_slice(&from.w, &mut self.w);

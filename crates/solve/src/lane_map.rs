@@ -2,7 +2,8 @@
 
 use stepper_real::{Mask, Real};
 
-/// Map of the lanes that are gathered into half of the registers: lane i of the half gets the numbers of lane `sources[i]` of the whole.
+/// Map of lanes that are gathered into registers of half the width. Lane i of the half-width registers gets the numbers of lane
+/// `sources[i]` of the full-width registers.
 #[derive(Clone, Copy, Debug)]
 pub struct LaneMap {
     /// For each lane of the halved registers, the lane of the group from which it is gathered. Unused lanes copy lane 0, and the copy is
@@ -15,7 +16,7 @@ pub struct LaneMap {
 }
 
 impl LaneMap {
-    /// Map that gathers the lanes whose bits are set, in ascending order.
+    /// Map that gathers the lanes whose bits are set in `lanes`, in ascending order.
     #[inline(always)]
     pub(crate) fn of(lanes: u32) -> Self {
         let mut map = Self { sources: [0; 16], places: [0; 32], lanes };
@@ -29,19 +30,19 @@ impl LaneMap {
         map
     }
 
-    /// Lanes of the half that are in use, as bits.
+    /// Lanes of the half-width registers that are in use, as bits.
     #[inline(always)]
     pub(crate) fn gathered_bits(&self) -> u32 {
         (1 << self.lanes.count_ones()) - 1
     }
 
-    /// Gathers the lanes of one number.
+    /// One number with the gathered lanes of `x`.
     #[inline(always)]
     pub(crate) fn gather<R: Real>(&self, x: R) -> R::Half {
         x.gather_lanes(&self.sources)
     }
 
-    /// Gathers the lanes of each number of an array.
+    /// Array with the gathered lanes of each number of `x`.
     #[inline(always)]
     pub(crate) fn gather_array<R: Real, const N: usize>(&self, x: &[R; N]) -> [R::Half; N] {
         let mut gathered = [R::Half::zero(); N];
@@ -49,7 +50,7 @@ impl LaneMap {
         gathered
     }
 
-    /// Gathers the lanes of the numbers `from` into `to`, as many as both have.
+    /// Writes the gathered lanes of the numbers `from` to `to`. If the lengths differ, only as many numbers as the shorter list has.
     #[inline(always)]
     pub(crate) fn gather_into<R: Real>(&self, from: &[R], to: &mut [R::Half]) {
         for (to, &from) in to.iter_mut().zip(from) {
@@ -57,26 +58,26 @@ impl LaneMap {
         }
     }
 
-    /// Gathers the lanes of the numbers `from` into `to`, which must have enough capacity.
+    /// Replaces `to` by the gathered lanes of the numbers `from`. It must have enough capacity.
     #[inline(always)]
     pub(crate) fn gather_slice<R: Real>(&self, from: &[R], to: &mut Vec<R::Half>) {
         to.resize(from.len(), R::Half::zero());
         self.gather_into(from, to);
     }
 
-    /// Gathers the lanes of a mask into a mask with half of the lanes.
+    /// Mask with the gathered lanes of `m`, for registers of half the width.
     #[inline(always)]
     pub(crate) fn gather_mask<R: Real>(&self, m: R::Mask) -> <R::Half as Real>::Mask {
         self.gather(R::select(m, R::one(), R::zero())).gt(R::Half::zero())
     }
 
-    /// Copies the lanes of one gathered number back to their source lanes in `to`.
+    /// Copies the lanes of the gathered number `from` back to their source lanes in `to`. The other lanes of `to` remain.
     #[inline(always)]
     pub(crate) fn scatter<R: Real>(&self, from: R::Half, to: &mut R) {
         *to = to.replace_lanes(from, &self.places, R::Mask::from_bits(self.lanes));
     }
 
-    /// Copies the lanes of gathered numbers back to their source lanes in `to`.
+    /// Copies the lanes of the gathered numbers `from` back to their source lanes in `to`. The other lanes of `to` remain.
     #[inline(always)]
     pub(crate) fn scatter_slice<R: Real>(&self, from: &[R::Half], to: &mut [R]) {
         for (to, &from) in to.iter_mut().zip(from) {
@@ -84,7 +85,7 @@ impl LaneMap {
         }
     }
 
-    /// Copies the lanes of a gathered mask back to their source lanes in `to`.
+    /// Copies the lanes of the gathered mask `from` back to their source lanes in `to`. The other lanes of `to` remain.
     #[inline(always)]
     pub(crate) fn scatter_mask<R: Real>(&self, from: <R::Half as Real>::Mask, to: &mut R::Mask) {
         let mut numbers = R::select(*to, R::one(), R::zero());

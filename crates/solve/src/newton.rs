@@ -92,7 +92,7 @@ pub struct Search<R> {
     pub terms: Terms,
 }
 
-/// Criteria at which Newton's method stops in each lane, see [`Criteria`].
+/// Criteria at which Newton's method stops in each lane of a group.
 #[derive(Clone, Copy, Debug)]
 struct LaneCriteria<R> {
     /// Largest number of Newton steps of an island.
@@ -151,7 +151,7 @@ impl Newton {
         self.solve_lanes(system.into(), iterate, criteria, lanes, outcome);
     }
 
-    /// Effort of the last call.
+    /// Numbers of islands, Newton steps and rounds of the last solve.
     pub fn work(&self) -> Work {
         self.work
     }
@@ -187,7 +187,8 @@ impl Newton {
         }
     }
 
-    /// Solves all islands of the gathered lane. Impulses are rounded to the lanes' precision, and their residual is that after rounding.
+    /// Solves all islands of the lane that has been gathered. Impulses are rounded to the precision of `R`, and their residual is that
+    /// after rounding.
     fn solve_lane<R: Real>(&mut self, criteria: Criteria) -> LaneOutcome {
         let mut result = LaneOutcome { residual: 0.0, steps: 0, better: false };
         self.islands.find(&self.lane);
@@ -217,7 +218,7 @@ impl Newton {
         result
     }
 
-    /// Improves the gathered island. Returns its numbers of Newton steps and of rounds of the outer loop.
+    /// Improves the impulses of the island that has been gathered. Returns its numbers of Newton steps and of rounds of the outer loop.
     fn solve_island<R: Real>(&mut self, criteria: Criteria) -> [u32; 2] {
         let Self { proximal, island, v, .. } = self;
         let [mut steps, mut rounds] = [0; 2];
@@ -234,7 +235,7 @@ impl Newton {
         [steps, rounds]
     }
 
-    /// Gathers the rows of the island with the number `name`.
+    /// Gathers the rows of the island with the index `name` from the lane.
     fn gather_island(&mut self, name: usize) {
         let Self { lane, island, islands, ordering, members, .. } = self;
         members.clear();

@@ -37,21 +37,21 @@ impl<R: Real> PositionRows<R> {
         each_kind!([own: &mut self] [set: &problem] => own.copy(set.rows()));
     }
 
-    /// System of these rows, which a solver reads. They must be copies of the rows of `problem`.
+    /// System for a solver: these rows with the problem `problem`. The rows must be copies of the rows of that problem.
     #[inline(always)]
     pub fn system<'a>(&'a self, problem: &'a Problem<R>) -> System<'a, R> {
         make_kinds!(System { problem, certified: true, } [own: &self] => own)
     }
 
-    /// Adds the row velocities by `change`, a scaled change of the free velocity, to the targets in the lanes `lanes`, see
-    /// [`Problem::shift`].
+    /// Changes the targets of all rows in the lanes `lanes`, after a change of the free velocity. `change` is that change in the scaled
+    /// coordinates of w, see [`Problem::shift`].
     #[inline(always)]
     pub fn shift(&mut self, problem: &Problem<R>, change: &[R], lanes: R::Mask) {
         each_kind!([own: &mut self] [set: &problem] => set.shift(own, change, lanes));
     }
 
-    /// Adds the row velocities by `change`, a scaled change of the free velocity, to the targets of contact `i`, see
-    /// [`Problem::shift_contact`].
+    /// Changes the targets of contact `i` in the lanes `lanes`, after a change of the free velocity. `change` is that change in the scaled
+    /// coordinates of w, see [`Problem::shift_contact`].
     #[inline(always)]
     pub fn shift_contact(&mut self, problem: &Problem<R>, i: usize, change: &[R], lanes: R::Mask, weights: [R; 2]) {
         match i.checked_sub(self.contacts.items.len()) {
@@ -97,8 +97,8 @@ impl<R: Real> PositionRows<R> {
         each_kind!([own: &mut self] => own.exchange_targets());
     }
 
-    /// Damps the targets of the rows by a compliance. It causes no velocity at the impulses of `iterate`, which are stored in `reference`
-    /// with their motion.
+    /// Damps the targets of the rows by a compliance. It acts on the difference from the impulses of `iterate`, which therefore cause no
+    /// additional velocity. These impulses and their motion are stored in `reference`.
     ///
     /// The compliance of a scalar row is the damping ratio times its mobility. For a contact it refers to the sum of its mobility and its
     /// floor (`floors`, 1/kg, one for each constraint). It grows with the correction, the difference of the two targets. Rows without
@@ -124,7 +124,8 @@ impl<R: Real> PositionRows<R> {
 }
 
 impl<R: Real> System<'_, R> {
-    /// Largest velocity by which damping prevents a row from meeting its target, m/s or rad/s.
+    /// Largest velocity by which damping prevents a row from meeting its target, m/s or rad/s. `reference` has the impulses at which
+    /// damping causes no velocity.
     #[inline(always)]
     pub fn shortfall(&self, iterate: &Iterate<R>, reference: &Reference<R>) -> R {
         let (mut most, mut before) = (R::zero(), &reference.lambda[..]);
@@ -153,11 +154,11 @@ impl<R: Real> System<'_, R> {
         most
     }
 
-    /// Proof that the targets are infeasible: the impulses z that were added to those of the reference.
+    /// Proof that the targets are infeasible. It has the impulses z by which `iterate` exceeds the reference solution, and velocities u.
+    /// These are the velocities by which rows miss their targets at the motion of the reference.
     ///
-    /// Writes the scaled momentum J^T z to the reference, and returns -z . u, J. Here u are the velocities by which the rows miss their
-    /// targets at the motion of the reference. Friction and springs are excluded, and so are contacts and limits that push less than
-    /// before.
+    /// Writes the scaled momentum J^T z to the reference, and returns -z . u, J. Friction and springs are excluded, and so are contacts and
+    /// limits that push less than in the reference.
     #[inline(always)]
     pub fn witness(&self, iterate: &Iterate<R>, reference: &mut Reference<R>) -> R {
         let Reference { w, lambda, g, momentum } = reference;

@@ -89,7 +89,8 @@ impl<R: Real> Problem<R> {
 
     /// Appends a contact whose rows (n, t1, t2) have the entries `y` at the coordinates `support`, ascending.
     ///
-    /// `active` are its lanes, `mu` its friction coefficient and `g` its velocities before any impulse with bias, m/s.
+    /// `active` are its lanes and `mu` its friction coefficient. `g` is the velocity of each row before any impulse, plus its bias (the
+    /// negated velocity target), m/s.
     #[inline(always)]
     pub fn push_contact(&mut self, support: &[u32], y: impl Fn(usize) -> [R; 3], active: R::Mask, mu: R, g: [R; 3]) {
         self.contacts.push(support, y, active, mu, g, self.least_mobility);
@@ -98,15 +99,15 @@ impl<R: Real> Problem<R> {
     /// Appends a contact with rolling friction, whose rows (n, t1, t2, spin, roll1, roll2) have the entries `y` at the coordinates
     /// `support`, ascending.
     ///
-    /// `active` are its lanes, `mu` its friction coefficient and `g` its velocities before any impulse with bias, m/s. The rows must be
-    /// scaled so that all of them have the friction coefficient `mu`.
+    /// `active` are its lanes and `mu` its friction coefficient. `g` is the velocity of each row before any impulse, plus its bias (the
+    /// negated velocity target), m/s. The rows must be scaled so that all of them have the friction coefficient `mu`.
     #[inline(always)]
     pub fn push_rolling_contact(&mut self, support: &[u32], y: impl Fn(usize) -> [R; 6], active: R::Mask, mu: R, g: [R; 6]) {
         self.rolling_contacts.push(support, y, active, mu, g, self.least_mobility);
     }
 
-    /// Adds the row velocities by `change`, a scaled change of the free velocity, to the velocity and position targets of all rows, in the
-    /// lanes `lanes`.
+    /// Changes the velocity and position targets of all rows in the lanes `lanes`, after a change of the free velocity. `change` is that
+    /// change in the scaled coordinates of w. Each target increases by the row's velocity due to it.
     #[inline(always)]
     pub fn shift(&mut self, change: &[R], lanes: R::Mask) {
         each_kind!([set: &mut self] => {
@@ -118,11 +119,11 @@ impl<R: Real> Problem<R> {
 }
 
 impl<R: Real> Problem<R> {
-    /// Adds the row velocities by `change`, a scaled change of the free velocity, to the velocity targets of contact `i`, in the lanes
-    /// `lanes`.
+    /// Changes the velocity targets of contact `i` in the lanes `lanes`, after a change of the free velocity. `change` is that change in
+    /// the scaled coordinates of w. Each target increases by the row's velocity due to it.
     ///
-    /// The index counts contacts with three rows, then those with six. The first of `weights` scales the change of the normal row, the
-    /// second that of the other rows.
+    /// The index counts contacts with three rows, then those with six. The increase is multiplied by the first of `weights` for the normal
+    /// row, by the second for the other rows.
     #[inline(always)]
     pub fn shift_contact(&mut self, i: usize, change: &[R], lanes: R::Mask, weights: [R; 2]) {
         match i.checked_sub(self.contacts.len()) {
@@ -167,7 +168,8 @@ impl<R: Real> Problem<R> {
         }
     }
 
-    /// Normal velocity of contact `i`, with its bias, at the scaled velocity change `w`, m/s.
+    /// Normal velocity of contact `i`, m/s, under impulses that cause the scaled velocity change `w`. It includes the bias, so that it is 0
+    /// at the contact's velocity target.
     ///
     /// The index counts contacts with three rows, then those with six.
     #[inline(always)]
@@ -179,7 +181,8 @@ impl<R: Real> Problem<R> {
     }
 }
 
-/// Adds the row velocities by a scaled `change` to the velocity targets of contact `i` of a set, see [`Problem::shift_contact`].
+/// Changes the velocity targets of contact `i` of the contacts `set`, after a change of the free velocity. The arguments are those of
+/// [`Problem::shift_contact`].
 #[inline(always)]
 fn shift_own<R: Real, const N: usize, L: LocalSolver<R, N>>(
     set: &mut FrictionContacts<R, N, L>,
@@ -194,13 +197,14 @@ fn shift_own<R: Real, const N: usize, L: LocalSolver<R, N>>(
 }
 
 impl<R: Real> System<'_, R> {
-    /// System whose solve ends without a certified residual. The residual of lanes whose sweeps change little is then 0.
+    /// System whose solve ends without a certified residual: the residual of lanes whose last sweep changed little is reported as 0.
     #[inline(always)]
     pub fn uncertified(self) -> Self {
         Self { certified: false, ..self }
     }
 
-    /// Gathers what sweeps need from some lanes into `out`, which has half of the lanes.
+    /// Gathers the lanes that `map` selects into `out`, whose registers are half as wide. Only what Gauss-Seidel iterations read is
+    /// gathered.
     #[inline(always)]
     pub(crate) fn gather(&self, map: &LaneMap, out: &mut Problem<R::Half>) {
         each_kind!([set: &self.problem] [rows: self] [out: &mut out] => set.gather(rows, map, out));

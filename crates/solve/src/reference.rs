@@ -2,7 +2,8 @@
 
 use crate::capacity::Capacity;
 
-/// Reference solution of the position solve. The damping of rows counts from its impulses, and a proof of infeasibility from its motion.
+/// Reference solution of the position solve. The damping of rows acts on the difference from its impulses, and a proof of infeasibility
+/// starts from its motion.
 #[derive(Clone, Debug, Default)]
 pub struct Reference<R> {
     /// Scaled velocity change w by all impulses of the reference.

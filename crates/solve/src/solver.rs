@@ -37,7 +37,8 @@ pub struct Outcome<R: Real> {
 }
 
 impl<R: Real> Outcome<R> {
-    /// Replaces the residual by that of a second solve in the lanes `lanes`, and adds the numbers of sweeps and Newton steps of that solve.
+    /// Replaces the residual by that of a second solve, `again`, in the lanes `lanes`. Adds the numbers of sweeps and Newton steps of that
+    /// solve.
     #[inline(always)]
     pub fn replace(&mut self, again: &Self, lanes: R::Mask) {
         self.residual = R::select(lanes, again.residual, self.residual);
@@ -93,7 +94,7 @@ pub fn solve<'a, R: Real>(
     )
 }
 
-/// Solves a system as [`solve`] does.
+/// Improves the impulses of a system in the lanes `lanes`, until each lane meets the tolerance or the limits in the settings are reached.
 #[inline(always)]
 fn solve_system<R: Real>(
     system: System<'_, R>,

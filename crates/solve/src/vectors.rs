@@ -6,14 +6,14 @@
 /// Number of coordinates in a tile, the unit of vectorised loops.
 pub(crate) const TILE: usize = 4;
 
-/// Four numbers of `x` from index `at` on.
+/// Four consecutive numbers (a tile) of `x`, from index `at` on.
 #[inline(always)]
 pub(crate) fn tile(x: &[f64], at: usize) -> [f64; TILE] {
     let x = &x[at..at + TILE];
     [x[0], x[1], x[2], x[3]]
 }
 
-/// Length of a vector.
+/// Euclidean length of a vector.
 #[inline(always)]
 pub(crate) fn norm(x: &[f64]) -> f64 {
     inner(x, x).sqrt()
@@ -25,7 +25,7 @@ pub(crate) fn inner(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).fold(0.0, |sum, (a, b)| sum + a * b)
 }
 
-/// Dot product of two vectors of whole tiles, with a partial sum for each place in a tile.
+/// Dot product of two vectors whose length is a multiple of four. Four partial sums are added at the end.
 #[inline(always)]
 pub(crate) fn inner_of_tiles(a: &[f64], b: &[f64]) -> f64 {
     let mut sum = [0.0; TILE];
@@ -37,8 +37,9 @@ pub(crate) fn inner_of_tiles(a: &[f64], b: &[f64]) -> f64 {
     (sum[0] + sum[1]) + (sum[2] + sum[3])
 }
 
-/// Dot product of `y` and the numbers of `x` in the tiles `tiles`, with a partial sum for each place in a tile. The order is fixed, so that
-/// additional tiles of zeros would change nothing.
+/// Dot product of `y` and the numbers of `x` in the tiles `tiles` (four consecutive numbers each). Four partial sums are added at the end.
+///
+/// The order is fixed, so that additional tiles of zeros would change nothing.
 #[inline(always)]
 pub(crate) fn dot(y: &[f64], tiles: &[usize], x: &[f64]) -> f64 {
     let mut sum = [0.0; TILE];
@@ -51,7 +52,7 @@ pub(crate) fn dot(y: &[f64], tiles: &[usize], x: &[f64]) -> f64 {
     (sum[0] + sum[1]) + (sum[2] + sum[3])
 }
 
-/// Adds s y to the tiles `tiles` of `x`.
+/// Adds s y to the numbers of `x` in the tiles `tiles` (four consecutive numbers each).
 #[inline(always)]
 pub(crate) fn add_to_tiles(x: &mut [f64], tiles: &[usize], s: f64, y: &[f64]) {
     for (y, &tile) in y.chunks_exact(TILE).zip(tiles) {
@@ -62,7 +63,7 @@ pub(crate) fn add_to_tiles(x: &mut [f64], tiles: &[usize], s: f64, y: &[f64]) {
     }
 }
 
-/// Adds s y to `x`, both of whole tiles.
+/// Adds s y to `x`. The length of both is a multiple of four.
 #[inline(always)]
 pub(crate) fn add_scaled(x: &mut [f64], s: f64, y: &[f64]) {
     for (x, y) in x.chunks_exact_mut(TILE).zip(y.chunks_exact(TILE)) {

@@ -7,7 +7,7 @@ use crate::lane_map::LaneMap;
 use serde::{Deserialize, Serialize};
 use stepper_real::{Mask, Real, Scalar};
 
-/// Rows of all constraints of one kind in one solve. Each has its targets, its compliance and what the solver precomputes for it.
+/// Rows of all constraints of one kind in one solve, with their velocity targets and compliances.
 #[derive(Clone, Debug)]
 pub struct Rows<T> {
     /// Rows of each constraint of one kind.
@@ -261,7 +261,8 @@ pub trait ConstraintSet<R: Real>: Sized {
     /// Removes all constraints.
     fn clear(&mut self);
 
-    /// Gathers some lanes of all constraints into `out`, which has half of the lanes. Only what sweeps need is gathered.
+    /// Gathers the lanes that `map` selects of all constraints into `out`, whose registers are half as wide. Only what Gauss-Seidel
+    /// iterations need is gathered.
     fn gather(&self, rows: &Rows<Self::Row>, map: &LaneMap, out: &mut Self::Half);
 
     /// Calls `f` for each constraint that exists in a lane, with the coordinates at which it has entries there, ascending.
@@ -273,7 +274,7 @@ pub trait ConstraintSet<R: Real>: Sized {
     /// Constraints of a lane, with their impulses, as a file stores them.
     fn save(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], lane: usize) -> Vec<SavedConstraint>;
 
-    /// Appends a saved constraint in every lane.
+    /// Appends a constraint that was read from a file, with the same numbers in every lane.
     fn load(&mut self, saved: &SavedConstraint);
 
     /// Replaces the impulses of a lane by a weighted mean of them and those of `from`, see [`Snapshot::blend`](crate::Snapshot::blend).
@@ -311,19 +312,19 @@ pub trait ConstraintSet<R: Real>: Sized {
     /// compliances.
     fn add_potential(&self, impulses: &[Self::Impulse], sum: R) -> R;
 
-    /// Adds the row velocities by `change`, a scaled change of the free velocity, to the velocity and position targets of all rows, in the
-    /// lanes `lanes`.
+    /// Changes the velocity and position targets of all rows in the lanes `lanes`, after a change of the free velocity. `change` is that
+    /// change in the scaled coordinates of w. Each target increases by the row's velocity due to it.
     fn shift(&self, rows: &mut Rows<Self::Row>, change: &[R], lanes: R::Mask);
 
-    /// Damps the targets of the rows by a compliance, see [`PositionRows::damp`](crate::PositionRows::damp). It causes no velocity at the
-    /// present `impulses`.
+    /// Damps the targets of the rows by a compliance, see [`PositionRows::damp`](crate::PositionRows::damp). The compliance acts on the
+    /// difference from the present `impulses`, which therefore cause no additional velocity.
     ///
     /// `floors` has a minimum mobility per constraint, 1/kg. `reference` are two lists, to which the normal impulses and the undamped
     /// targets are appended.
     fn damp(&self, rows: &mut Rows<Self::Row>, impulses: &[Self::Impulse], damping: Damping<R>, floors: &[R], reference: [&mut Vec<R>; 2]);
 
     /// Larger of `most` and the largest velocity by which damping prevents a normal row from meeting its target, m/s or rad/s. `before` are
-    /// the impulses of the reference.
+    /// the impulses of the reference solution, at which damping causes no velocity.
     fn shortfall(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], before: &[R], most: R) -> R;
 
     /// Larger of `most` and the largest target of a row that no impulse can move, m/s or rad/s.
@@ -332,8 +333,10 @@ pub trait ConstraintSet<R: Real>: Sized {
     /// Larger of `most` and the largest velocity target, without its position correction, of a row that no impulse can move, m/s or rad/s.
     fn unmet_velocity(&self, rows: &Rows<Self::Row>, most: R) -> R;
 
-    /// Adds the scaled momentum J^T z of a proof of infeasibility to `momentum`, and returns `missing_work` - z . u, J. Here z are added
-    /// impulses and u velocities, see [`System::witness`](crate::System::witness).
+    /// Adds the constraints of this kind to a proof of infeasibility, see [`System::witness`](crate::System::witness).
+    ///
+    /// The proof has added impulses z and velocities u. Adds the scaled momentum J^T z to `momentum`, and returns `missing_work` - z . u,
+    /// J.
     fn witness(
         &self,
         rows: &Rows<Self::Row>,

@@ -41,17 +41,18 @@ pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
     /// impulse.
     fn relax(&self, mu: R, v: [R; N], lambda: [R; N], active: R::Mask) -> [R; N];
 
-    /// Mean diagonal entry of the contact's block of G before elimination of equality rows, 1/kg.
+    /// Mean diagonal entry of the contact's block of the Delassus matrix before elimination of equality rows, 1/kg. `step` is the step of
+    /// the contact's natural map.
     fn mobility(&self, step: &NaturalStep<R>) -> R;
 
-    /// Adds a compliance to all rows of the contact and to the step of its natural map.
+    /// Adds a compliance, 1/kg, to all rows of the contact and to the step of its natural map.
     fn damp(&mut self, compliance: R, step: &mut NaturalStep<R>);
 
-    /// Adds a compliance to the normal row alone, which does not change the natural map. Returns the ratio of the normal row's diagonal
+    /// Adds a compliance, 1/kg, to the normal row alone; the natural map does not change. Returns the ratio of the normal row's diagonal
     /// entry before to that after it.
     fn add_normal_compliance(&mut self, compliance: R) -> R;
 
-    /// Gathers some lanes into `out`, which has half of the lanes.
+    /// Gathers the lanes that `map` selects into `out`, whose registers are half as wide.
     fn gather(&self, map: &LaneMap, out: &mut Self::Half);
 
     /// De Saxce's term mu |v_t| at the velocity `v`, m/s.
@@ -72,7 +73,8 @@ pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
     }
 }
 
-/// Step length of a contact's natural map, whose residual is |lambda - P_K(lambda - rho u)| / rho.
+/// Step length rho of a contact's natural map, lambda - P_K(lambda - rho u) for the impulse lambda and the velocity u. P_K is the
+/// projection on the admissible impulses. The map is zero at the solution.
 #[derive(Clone, Copy, Debug)]
 pub struct NaturalStep<R> {
     /// Step rho = N / trace(G_ii) of a contact's natural map, kg. N is the number of rows, and G_ii the contact's block of the Delassus
@@ -86,20 +88,21 @@ pub struct NaturalStep<R> {
 }
 
 impl<R: Real> NaturalStep<R> {
-    /// Step for `N` rows whose block of G has the trace `trace`, 1/kg.
+    /// Step of the natural map of a contact with `N` rows, whose block of the Delassus matrix has the trace `trace`, 1/kg.
     #[inline(always)]
     pub(super) fn of_trace<const N: usize>(trace: R) -> Self {
         Self { rho: R::of(N as f64) / trace, inv_rho: trace * R::of(1.0 / N as f64), trace_ratio: R::one() }
     }
 
-    /// Step of a contact whose block of G had a trace larger by the factor `ratio` before elimination of equality rows.
+    /// The step of the same natural map, if the trace of the contact's block was larger by the factor `ratio` before elimination of
+    /// equality rows.
     #[inline(always)]
     pub(super) fn with_trace_ratio(self, ratio: R) -> Self {
         Self { rho: self.rho / ratio, inv_rho: self.inv_rho * ratio, trace_ratio: ratio }
     }
 }
 
-/// Contact with friction in `N` rows. `L` is the solver of a single contact.
+/// Contact with friction in `N` rows: the normal row and the tangential rows. `L` solves the friction problem of the contact alone.
 #[derive(Clone, Copy, Debug)]
 pub struct FrictionContact<R: Real, const N: usize, L> {
     /// Index of the contact's first coordinate in the list of coordinates of all contacts with `N` rows.
@@ -135,7 +138,8 @@ pub struct FrictionContact<R: Real, const N: usize, L> {
 }
 
 impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
-    /// Damps all rows by a compliance, 1/kg. It causes no velocity at the impulse `lambda`.
+    /// Damps all rows by a compliance, 1/kg. It acts on the difference from the impulse `lambda`, which therefore causes no additional
+    /// velocity.
     #[inline(always)]
     fn damp(&mut self, compliance: R, lambda: [R; N]) {
         self.damping += compliance;
@@ -145,7 +149,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
         self.local.damp(compliance, &mut self.step);
     }
 
-    /// Contact that exists in no lane. Its fields are overwritten later.
+    /// Placeholder for a contact that exists in no lane. All fields are overwritten before use.
     fn blank() -> Self {
         let (none, zero) = (R::Mask::splat(false), R::zero());
         let (local, trace) = L::new(&[[zero; N]; N], none);
@@ -167,7 +171,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
         }
     }
 
-    /// Gathers what sweeps read from some lanes into `out`. Compliances are gathered if `compliant`.
+    /// Gathers the lanes that `map` selects into `out`, whose registers are half as wide. Only what Gauss-Seidel iterations read is
+    /// gathered, with the compliances if `compliant`.
     #[inline(always)]
     fn gather(&self, map: &LaneMap, compliant: bool, out: &mut FrictionContact<R::Half, N, L::Half>) {
         (out.support, out.y, out.coordinates) = (self.support, self.y, self.coordinates);
@@ -218,8 +223,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
 
     /// Appends a contact whose rows have the entries `y` at the coordinates `support`, ascending.
     ///
-    /// `active` are its lanes, `mu` its friction coefficient and `g` its velocities before any impulse with bias, m/s. A contact whose
-    /// normal mobility is below `least`, 1/kg, is immovable.
+    /// `active` are its lanes and `mu` its friction coefficient. `g` is the velocity of each row before any impulse, plus its bias (the
+    /// negated velocity target), m/s. A contact whose normal mobility is below `least`, 1/kg, is immovable.
     #[inline(always)]
     pub(crate) fn push(&mut self, support: &[u32], y: impl Fn(usize) -> [R; N], active: R::Mask, mu: R, g: [R; N], least: R) {
         let (s0, y0) = (self.support.len(), self.y.len());
@@ -280,8 +285,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         )
     }
 
-    /// Sets the normal target of the last contact of the list to zero, in lanes in which it is immovable and approaches negligibly.
-    /// `negligible` is that speed, m/s.
+    /// Sets the normal target of the last contact of the list to zero in some lanes. In these lanes the contact is immovable and approaches
+    /// at most at the speed `negligible`, m/s.
     pub fn clear_negligible_approach(&mut self, negligible: R) {
         R::vectorize(
             #[inline(always)]
@@ -302,10 +307,10 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         }
     }
 
-    /// Sets the target of the position solve of the last contact of the list, m/s.
+    /// Sets the velocity targets of the position solve of the last contact of the list, m/s. By default they are those of the velocity
+    /// solve.
     ///
-    /// It has the value of g for the normal row, and terms that are added to g for the other rows. By default it is the target of the
-    /// velocity solve.
+    /// The first number is the target of the normal row. The others are added to the velocity targets `g` of the tangential rows.
     #[inline(always)]
     pub fn set_position_target(&mut self, position_g: [R; N]) {
         if let Some(contact) = self.rows.items.last_mut() {
@@ -322,7 +327,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         }
     }
 
-    /// Normal velocity of contact `i`, with its bias, at the scaled velocity change `w`, m/s.
+    /// Normal velocity of contact `i`, m/s, under impulses that cause the scaled velocity change `w`. It includes the bias, so that it is 0
+    /// at the contact's velocity target.
     #[inline(always)]
     pub(crate) fn normal_velocity(&self, i: usize, w: &[R]) -> R {
         let contact = &self.rows.items[i];
@@ -438,10 +444,10 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         v
     }
 
-    /// Adds the row velocities by `change`, a scaled change of the free velocity, to the velocity targets of a contact, in the lanes
-    /// `lanes`.
+    /// Changes the velocity targets of a contact in the lanes `lanes`, after a change of the free velocity. `change` is that change in the
+    /// scaled coordinates of w. Each target increases by the row's velocity due to it.
     ///
-    /// The first of `weights` scales the change of the normal row, the second that of the other rows.
+    /// That increase is multiplied by the first of `weights` for the normal row, by the second for the other rows.
     #[inline(always)]
     pub(crate) fn shift_contact(&self, contact: &mut FrictionContact<R, N, L>, change: &[R], lanes: R::Mask, weights: [R; 2]) {
         let moved = self.velocity(contact, change);
@@ -478,7 +484,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         }
     }
 
-    /// Tangential speed of the fastest contact that carries load, m/s.
+    /// Largest tangential speed of a contact with a positive normal impulse, m/s.
     #[inline(always)]
     pub(crate) fn fastest_slip(&self, rows: &Rows<FrictionContact<R, N, L>>, impulses: &[[R; N]], w: &[R]) -> R {
         let mut most = R::zero();
@@ -874,8 +880,8 @@ pub(super) fn least_tangent<R: Real>(trace: R) -> R {
 /// solution from a poor start.
 pub(super) const MAX_NEWTON: usize = 24;
 
-/// Distance of a sliding impulse from the surface of its friction cone below which the next Newton step is the last, relative to the
-/// impulse.
+/// Relative accuracy at which the Newton search for a sliding impulse takes its last step. It is the distance of the impulse from the
+/// surface of its friction cone, divided by the impulse.
 ///
 /// A step squares the distance, and this is about the square root of the rounding error.
 #[inline(always)]

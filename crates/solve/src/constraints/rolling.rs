@@ -42,8 +42,8 @@ pub struct RollingSolver<R: Real> {
 }
 
 impl<R: Real> RollingSolver<R> {
-    /// Impulse in the contact's rows, from the normal impulse `n` and the tangential impulse `x` in the principal axes. The tangential
-    /// impulse is zero outside `lanes`.
+    /// Impulse of all six rows of a contact, from the normal impulse `n` and the tangential impulse `x` in the principal axes. The
+    /// tangential impulse is zero outside `lanes`.
     #[inline(always)]
     fn impulse(&self, n: R, x: [R; T], lanes: R::Mask) -> [R; 6] {
         let mut out = [n, R::zero(), R::zero(), R::zero(), R::zero(), R::zero()];
@@ -55,7 +55,7 @@ impl<R: Real> RollingSolver<R> {
         out
     }
 
-    /// Impulse of a slipping contact in the lanes `todo`.
+    /// Solution for a sliding contact in the lanes `todo`.
     ///
     /// It solves |x(s)| = mu n(s) for the multiplier s > 0 by Newton's method on mu n / |x| = 1, inside a bracket and from `guess`. Here x
     /// is the tangential and n the normal impulse.
@@ -95,7 +95,8 @@ impl<R: Real> RollingSolver<R> {
         Slip { x, n, s }
     }
 
-    /// Derivative of the tangential impulse with respect to the multiplier s, negated, the tangential impulse, and the normal impulse.
+    /// Impulses of a sliding contact at the multiplier s of its friction disc. Returns minus the derivative of the tangential impulse with
+    /// respect to s, the tangential impulse, and the normal impulse.
     #[inline(always)]
     fn sliding(&self, p: [R; T], push: R, s: R) -> ([R; T], [R; T], R) {
         let (mut x, mut rate) = ([R::zero(); T], [R::zero(); T]);

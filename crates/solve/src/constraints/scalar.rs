@@ -56,13 +56,14 @@ impl<R: Real> ScalarRow<R> {
         self.y..self.y + self.coordinates
     }
 
-    /// Lanes in which no impulse can move the row.
+    /// Lanes in which no impulse can change the velocity of the row.
     #[inline(always)]
     pub fn immovable(&self) -> R::Mask {
         self.immovable
     }
 
-    /// Coefficient of the projection of another row on this one. `along` is the dot product of the entries of both.
+    /// Coefficient c with which `c y` is the projection of another row on the entries y of this row. `along` is the dot product of the
+    /// entries of both rows.
     #[inline(always)]
     pub fn projection(&self, along: R) -> R {
         along * self.inv_diagonal
@@ -81,9 +82,10 @@ impl<R: Real> ScalarRow<R> {
         met
     }
 
-    /// Part of a target velocity that an immovable row does not meet, m/s or rad/s.
+    /// Part of a target velocity that an immovable row does not meet, m/s or rad/s; 0 for dry friction.
     ///
-    /// For an equality it is `equality`, for a limit the part of `g` that the limit does not admit. For dry friction it is 0.
+    /// For an equality it is the size of `equality`. For a limit with the velocity target `g` it is -g, which is negative if the limit is
+    /// met.
     #[inline(always)]
     fn unmet(&self, equality: R, g: R) -> R {
         let infinite = R::of(f64::INFINITY);
@@ -91,7 +93,7 @@ impl<R: Real> ScalarRow<R> {
         masked(self.hi.ge(infinite), R::select(either, equality.abs(), -g))
     }
 
-    /// Row that exists in no lane. Its fields are overwritten later.
+    /// Placeholder for a row that exists in no lane. All fields are overwritten before use.
     fn blank() -> Self {
         let (none, zero) = (R::Mask::splat(false), R::zero());
         Self {
@@ -113,7 +115,8 @@ impl<R: Real> ScalarRow<R> {
         }
     }
 
-    /// Gathers what sweeps read from some lanes into `out`, which has half of the lanes.
+    /// Gathers the lanes that `map` selects into `out`, whose registers are half as wide. Only what Gauss-Seidel iterations read is
+    /// gathered.
     #[inline(always)]
     fn gather(&self, map: &LaneMap, out: &mut ScalarRow<R::Half>) {
         (out.support, out.y, out.coordinates) = (self.support, self.y, self.coordinates);
@@ -163,8 +166,8 @@ impl<R: Real> ScalarRows<R> {
 
     /// Appends a row with the entries `y` at the coordinates `support`, ascending.
     ///
-    /// `sign` (1 or -1 per lane) multiplies the row. The row exists in the lanes `active`. `g` is its velocity before any impulse, with
-    /// bias, m/s or rad/s. `bounds` are the least and the largest impulse.
+    /// `sign` (1 or -1 per lane) multiplies the row. The row exists in the lanes `active`. `g` is its velocity before any impulse, plus its
+    /// bias (the negated velocity target), m/s or rad/s. `bounds` are the least and the largest impulse.
     #[inline(always)]
     pub fn push(&mut self, support: &[u32], y: impl Fn(usize) -> R, sign: R, active: R::Mask, g: R, bounds: [R; 2]) {
         let (s0, y0) = (self.support.len(), self.y.len());
@@ -237,7 +240,7 @@ impl<R: Real> ScalarRows<R> {
 
     /// Sets the mobility that scales the damping of the last row of the list, 1/kg.
     ///
-    /// A block with a nearly immovable row uses the mobility of its other rows.
+    /// The rows of one equality have the same mobility here, so that a nearly immovable row is damped like the other rows.
     #[inline(always)]
     pub fn set_mobility(&mut self, mobility: R) {
         if let Some(row) = self.rows.items.last_mut() {

@@ -36,8 +36,8 @@ pub struct SlidingSolver<R: Real> {
 }
 
 impl<R: Real> SlidingSolver<R> {
-    /// Prepares the exact solution for the present block of G. Returns the trace of the block without the compliance of the normal row,
-    /// 1/kg.
+    /// Computes the coefficients of the exact solution from the contact's block of the Delassus matrix. Returns the trace of the block
+    /// without the compliance of the normal row, 1/kg.
     #[inline(always)]
     fn prepare(&mut self) -> R {
         let [nn, na, nb, aa, ab, bb] = self.gram;
@@ -64,8 +64,8 @@ impl<R: Real> SlidingSolver<R> {
         trace
     }
 
-    /// Lanes in which a contact is self-locking, see [`SlidingContacts::is_self_locking`]. `g` are its velocities before any impulse with
-    /// bias, m/s.
+    /// Lanes in which a contact is self-locking, see [`SlidingContacts::is_self_locking`]. `g` is the velocity of each row before any
+    /// impulse, plus its bias (the negated velocity target), m/s.
     ///
     /// Impulses along the principal axes of A without mobility change no velocity. With the normal impulse `n = -coupling . x`, the cone
     /// contains `x` within the angle `acos(1 / (mu |coupling|))` of `-coupling`.

@@ -11,7 +11,8 @@ use crate::iterate::Iterate;
 use crate::problem::Problem;
 use stepper_real::{Mask, Real};
 
-/// Clears the history of all lanes, before the first sweep and after all lanes have paused.
+/// Clears the stored sweeps (Gauss-Seidel iterations) of all lanes, from which the acceleration extrapolates. Called before the first sweep
+/// and after all lanes have paused.
 #[inline(always)]
 pub(super) fn reset_history<R: Real>(iterate: &mut Iterate<R>) {
     let mut n = iterate.w.len();
@@ -64,7 +65,8 @@ pub(super) fn accelerate<R: Real>(iterate: &mut Iterate<R>, running: R::Mask) ->
 }
 
 impl<R: Real> Iterate<R> {
-    /// Stores the unknowns after a sweep, and subtracts from them the combination of the last `N` changes that minimises the next change.
+    /// Stores the unknowns after a sweep (Gauss-Seidel iteration), and extrapolates them by Anderson's acceleration with the last `N`
+    /// differences between sweeps. `change` is the change by the sweep.
     #[inline(always)]
     fn extrapolate<const N: usize>(&mut self, change: &SweepChange<R>) {
         let c = self.history.coefficients::<N>(change);

@@ -9,7 +9,8 @@ use crate::lane_map::LaneMap;
 use crate::problem::System;
 use stepper_real::{Mask, Real};
 
-/// Sweeps in half of the registers until the running lanes have paused, if they fit there. Returns whether they fit.
+/// Gathers the running lanes into registers of half the width, if they fit there, and makes sweeps (Gauss-Seidel iterations) until all have
+/// paused. Returns whether they fit.
 #[inline(always)]
 pub(super) fn sweep_compacted<R: Real>(system: System<'_, R>, iterate: &mut Iterate<R>, progress: &mut Progress<R>) -> bool {
     if R::LANES == R::Half::LANES {

@@ -21,7 +21,7 @@ use stepper_real::{Mask, Real, Scalar};
 /// There is no gain if the history is discarded only when a sweep changes four times as much as the last one.
 pub(super) const MEMORY: usize = 4;
 
-/// Changes of the last sweeps, the newest first. The history of a lane begins when the lane last started to run.
+/// History of the sweeps (Gauss-Seidel iterations) of each lane, for Anderson's acceleration. It begins when the lane last started to run.
 #[derive(Clone, Debug)]
 pub(crate) struct History<R: Real> {
     /// Scaled velocity change w by all impulses, before the present sweep.
@@ -72,7 +72,8 @@ impl<R: Real> History<R> {
         }
     }
 
-    /// Gathers the history of some lanes into `out`, which has half of the lanes. Changes that none of them has are left out.
+    /// Gathers the history of the lanes that `map` selects into `out`, whose registers are half as wide. Differences that are stored in
+    /// none of these lanes are left out.
     #[inline(always)]
     pub(crate) fn gather(&self, map: &LaneMap, out: &mut History<R::Half>) {
         map.gather_slice(&self.start, &mut out.start);
@@ -92,7 +93,7 @@ impl<R: Real> History<R> {
         }
     }
 
-    /// Moves every change to the next older place.
+    /// Moves every stored difference between sweeps to the next older index, so that the newest can be overwritten.
     #[inline(always)]
     pub(super) fn shift(&mut self) {
         for k in (1..MEMORY).rev() {
@@ -105,14 +106,14 @@ impl<R: Real> History<R> {
         }
     }
 
-    /// Number of changes that are stored in any lane, including that of the present sweep.
+    /// Number of differences between sweeps that are stored in any lane, including that of the present sweep.
     #[inline(always)]
     pub(super) fn stored_changes(&self) -> usize {
         if self.swept.any() { 1 + self.stored[1..].iter().take_while(|stored| stored.any()).count() } else { 0 }
     }
 
     /// Stores the change f of w (scaled velocity change) by a sweep whose result is `w`. Returns its squared length, and its dot products
-    /// with the last `N` differences.
+    /// with the last `N` differences of f between sweeps.
     #[inline(always)]
     pub(super) fn record_change<const N: usize>(&mut self, w: &[R]) -> SweepChange<R> {
         let Self { start, f, df: [newest, older @ ..], .. } = self;
@@ -136,8 +137,8 @@ impl<R: Real> History<R> {
         change
     }
 
-    /// Discards the history of lanes that are not `running`, and of lanes whose squared change `length` exceeds the previous one. Returns
-    /// the number of changes that are stored in any lane.
+    /// Discards the history of lanes that are not `running`, and of lanes whose last sweep changed more than the previous one. `length` is
+    /// the squared change of w by the last sweep. Returns the number of differences between sweeps that are stored in any lane.
     #[inline(always)]
     pub(super) fn discard_worse(&mut self, running: R::Mask, length: R) -> usize {
         let keeps = running.and(length.le(self.length));
@@ -150,9 +151,10 @@ impl<R: Real> History<R> {
         self.stored.iter().take_while(|stored| stored.any()).count()
     }
 
-    /// Stores the unknowns `part` after a sweep, and subtracts the combination `c` of their last `N` changes from them.
+    /// Stores a part of the unknowns after a sweep, and extrapolates it: subtracts its last `N` differences between sweeps, each times its
+    /// coefficient in `c`.
     ///
-    /// `at` is the index of the first of them among all unknowns. It becomes the index after the last.
+    /// `at` is the index of the part's first number among all unknowns. It becomes the index after the last.
     #[inline(always)]
     pub(super) fn extrapolate<const N: usize>(&mut self, c: &[R; N], part: &mut [R], at: &mut usize) {
         let (stored, place) = (self.stored[0], *at..*at + part.len());
@@ -176,7 +178,8 @@ impl<R: Real> History<R> {
         }
     }
 
-    /// Coefficients c of the last `N` changes that minimise |f - sum_j c_j df_j|. They are 0 for changes that a lane does not have.
+    /// Coefficients c of Anderson's acceleration, which minimise |f - sum_j c_j df_j|. Here f is the change of w by the last sweep, and
+    /// df_j are its last `N` differences between sweeps. A coefficient is 0 if a lane does not have the difference.
     #[inline(always)]
     pub(super) fn coefficients<const N: usize>(&mut self, change: &SweepChange<R>) -> [R; N] {
         let Self { stored, gram, .. } = self;

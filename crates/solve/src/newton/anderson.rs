@@ -26,7 +26,7 @@ pub(super) struct Anderson {
 }
 
 impl Anderson {
-    /// Discards the history, for a fixed point with `n` entries.
+    /// Discards the stored changes. `n` is the number of De Saxce's terms in the next iteration.
     pub(super) fn restart(&mut self, n: usize) {
         self.n = n;
         self.taken = 0;
@@ -36,7 +36,8 @@ impl Anderson {
         }
     }
 
-    /// Replaces `s` by its next value, in which no entry is negative. `image` is T(s).
+    /// Replaces De Saxce's terms `s` by the accelerated next value of the fixed-point iteration, m/s. No entry becomes negative. `image` is
+    /// T(s), the value without acceleration.
     pub(super) fn next(&mut self, s: &mut [f64], image: &[f64]) {
         let n = self.n;
         if self.taken > 0 {
@@ -61,7 +62,8 @@ impl Anderson {
         self.taken += 1;
     }
 
-    /// Coefficients c that minimise |f - sum_j c_j df_j|, by elimination in the normal equations.
+    /// Coefficients c of the acceleration, which minimise |f - sum_j c_j df_j| over the stored changes df_j of the residual f. They follow
+    /// from the normal equations by elimination.
     fn coefficients(&self) -> [f64; MEMORY] {
         let (n, m) = (self.n, self.taken.min(MEMORY));
         let column = |j: usize| &self.df[j * n..(j + 1) * n];

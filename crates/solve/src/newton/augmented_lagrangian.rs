@@ -19,7 +19,7 @@ use stepper_real::Real;
 /// reduce a pivot to zero, in Painleve's paradox.
 const LEAST_PIVOT: f64 = 1e-3;
 
-/// Augmented Lagrangian of an island at the present w, and Newton's method for its minimum.
+/// Augmented Lagrangian of one island at the present scaled velocity change w, and Newton's method for its minimum.
 #[derive(Clone, Debug, Default)]
 pub(super) struct AugmentedLagrangian {
     /// Ratio kappa of the proximal step length to the step of the natural map.
@@ -51,7 +51,7 @@ pub(super) struct AugmentedLagrangian {
 }
 
 impl AugmentedLagrangian {
-    /// Prepares the workspace for an island.
+    /// Allocates the matrix and the buffers for an island.
     pub(super) fn reset(&mut self, rows: &Island) {
         self.matrix.reset(rows.w.len());
         for block in &rows.blocks {
@@ -65,9 +65,10 @@ impl AugmentedLagrangian {
         }
     }
 
-    /// Evaluates the projections and the gradient at the present w. Returns an upper bound of the gradient as a velocity of a row, m/s.
+    /// Computes the projected impulses and the gradient at the present scaled velocity change w of an island. Returns an upper bound of the
+    /// gradient as a velocity of a row, m/s.
     ///
-    /// If `implicit`, De Saxce's terms are those at the present velocities.
+    /// If `implicit`, De Saxce's terms mu |v_t| are those at the present velocities (the exact friction law); otherwise they are constant.
     pub(super) fn evaluate(&mut self, rows: &Island, implicit: bool) -> f64 {
         rows.multiply(&rows.w, &mut self.v);
         for (v, g) in self.v.iter_mut().zip(&rows.g) {
@@ -77,7 +78,8 @@ impl AugmentedLagrangian {
         self.compute_gradient(rows)
     }
 
-    /// Computes the argument x of the projection and its result z, at the velocities v.
+    /// Computes each constraint's argument x of the projection on the admissible impulses, and its projection z, from the present
+    /// velocities. If `implicit`, with the exact friction law.
     #[inline(always)]
     fn project(&mut self, rows: &Island, implicit: bool) {
         for (i, block) in rows.blocks.iter().enumerate() {
@@ -91,7 +93,8 @@ impl AugmentedLagrangian {
         }
     }
 
-    /// Computes the gradient at w from the present z. Returns an upper bound of it as a velocity of a row, m/s.
+    /// Computes the gradient w - Y^T z from the scaled velocity change w and the projected impulses z. Returns an upper bound of it as a
+    /// velocity of a row, m/s.
     #[inline(always)]
     fn compute_gradient(&mut self, rows: &Island) -> f64 {
         self.gradient.clone_from(&rows.w);
@@ -99,9 +102,10 @@ impl AugmentedLagrangian {
         self.longest * norm(&self.gradient)
     }
 
-    /// Moves w along Newton's step as far as the function decreases, and evaluates there.
+    /// Makes one Newton step with a line search, and evaluates the gradient at the new scaled velocity change w. If `implicit`, the step is
+    /// for the exact friction law.
     ///
-    /// Returns the bound of the gradient as [`AugmentedLagrangian::evaluate`] does, or infinity if the matrix has no factors. Nearly all of
+    /// Returns an upper bound of the gradient as a velocity of a row, m/s, or infinity if the matrix cannot be factorised. Nearly all of
     /// the time is spent here, so that it runs with the instructions of the CPU level of `R`.
     pub(super) fn advance<R: Real>(&mut self, rows: &mut Island, implicit: bool) -> f64 {
         R::vectorize(
@@ -110,7 +114,7 @@ impl AugmentedLagrangian {
         )
     }
 
-    /// Makes the step of [`AugmentedLagrangian::advance`].
+    /// Makes a Newton step with a line search, without selecting the CPU level: the body of [`AugmentedLagrangian::advance`].
     #[inline(always)]
     fn step(&mut self, rows: &mut Island, implicit: bool) -> f64 {
         self.matrix.set_identity();
@@ -153,7 +157,7 @@ impl AugmentedLagrangian {
         }
     }
 
-    /// Factorises the matrix of an implicit step with pivoting. Returns false if it is singular.
+    /// Factorises Newton's matrix for the exact friction law as a full matrix with pivoting. Returns false if it is singular.
     #[inline(always)]
     fn factor_dense(&mut self, rows: &Island) -> bool {
         self.dense.set_identity(rows.w.len());
@@ -166,7 +170,7 @@ impl AugmentedLagrangian {
         self.dense.factor()
     }
 
-    /// Moves w and the velocities v by `length` times the search direction.
+    /// Moves the scaled velocity change w of an island and the velocities v of its rows by `length` times the search direction.
     #[inline(always)]
     fn move_along(&mut self, rows: &mut Island, length: f64) {
         add_scaled(&mut rows.w, length, &self.direction);
@@ -175,7 +179,8 @@ impl AugmentedLagrangian {
         }
     }
 
-    /// Computes rho DP Y of a block into `product`. Returns false if it is zero.
+    /// Computes rho DP Y of one constraint into `product`: derivative of its projection, times its scaled Jacobian. Returns false if it is
+    /// zero. If `implicit`, it includes the derivative of De Saxce's term.
     #[inline(always)]
     fn compute_curvature(&mut self, rows: &Island, block: &Block, implicit: bool) -> bool {
         let (_, rho) = stiffness(block, self.kappa);
@@ -209,7 +214,7 @@ impl AugmentedLagrangian {
         if low > 0.0 { low } else { length }
     }
 
-    /// Slope of the function along the search direction after a step of this length.
+    /// Derivative of the augmented Lagrangian along the search direction, after a step of the length `length`.
     #[inline(always)]
     fn slope(&mut self, rows: &Island, length: f64) -> f64 {
         let mut slope = rows.w.iter().zip(&self.direction).fold(0.0, |sum, (w, d)| sum + (w + length * d) * d);
@@ -236,7 +241,8 @@ const LEAST_LENGTH: f64 = 0.125;
 /// Largest number of points of Newton's line search.
 const MOST_POINTS: usize = 30;
 
-/// Factor c of a block's impulse and step rho of its projection. `kappa` is the ratio of rho to the step of the natural map.
+/// Factor c of a constraint's impulse in the argument of its projection, and step rho of the velocity there. `kappa` is the ratio of rho to
+/// the step of the natural map.
 #[inline(always)]
 fn stiffness(block: &Block, kappa: f64) -> (f64, f64) {
     let rho = kappa * block.rho;

@@ -23,9 +23,9 @@ impl Dense {
         self.entries.iter_mut().step_by(dimension + 1).for_each(|x| *x = 1.0);
     }
 
-    /// Adds `sum_r a_r^T b_r` to the entries between the coordinates of the tiles `tiles`.
+    /// Adds `sum_r a_r^T b_r` to the entries between the coordinates of the tiles `tiles`. A tile is four consecutive coordinates.
     ///
-    /// `a` and `b` are rows, one after the other. Each has the numbers of its tiles.
+    /// `a` and `b` are lists of rows a_r and b_r. Each row has the numbers of its tiles, one tile after the other.
     #[inline(always)]
     pub(super) fn add_product(&mut self, tiles: &[usize], a: &[f64], b: &[f64]) {
         let n = TILE * tiles.len();
@@ -45,7 +45,7 @@ impl Dense {
         }
     }
 
-    /// Replaces the matrix by its factors. Returns false if it is singular up to rounding, or not finite.
+    /// Replaces the matrix A by its factors L U, with partial pivoting. Returns false if it is singular up to rounding, or not finite.
     #[inline(always)]
     pub(super) fn factor(&mut self) -> bool {
         let n = self.dimension;
@@ -80,7 +80,7 @@ impl Dense {
         true
     }
 
-    /// Replaces `x` by A^-1 x, from the factors.
+    /// Replaces `x` by A^-1 x, where A is the matrix that has been factorised.
     #[inline(always)]
     pub(super) fn solve(&self, x: &mut [f64]) {
         let n = self.dimension;
@@ -108,7 +108,7 @@ impl Dense {
 mod tests {
     use super::Dense;
 
-    /// Rows of width 4 (one tile), from their first three numbers.
+    /// Matrix rows of four numbers (one tile), of which the last is 0, from their first three numbers.
     fn rows(rows: &[[f64; 3]]) -> Vec<f64> {
         rows.iter().flat_map(|&[a, b, c]| [a, b, c, 0.0]).collect()
     }

@@ -53,9 +53,10 @@ pub(super) struct Island {
 }
 
 impl Island {
-    /// Gathers the blocks `members` of a lane into the island.
+    /// Gathers the constraints `members` of a lane into the island.
     ///
-    /// `coordinates` are those of the island, in its order. `number` is the inverse: the place of each coordinate of the lane.
+    /// `coordinates` are the lane's coordinates of w that belong to the island, in the order of the island. `number` is the inverse: the
+    /// index in the island of each coordinate of the lane.
     pub(super) fn gather(&mut self, lane: &Lane, members: &[usize], coordinates: &[u32], number: &[u32]) {
         self.blocks.clear();
         self.tiles.clear();
@@ -111,7 +112,7 @@ impl Island {
         }
     }
 
-    /// Copies impulses and w back to the lane. The arguments are those of [`Island::gather`].
+    /// Copies the impulses and the scaled velocity change w back to the lane. The arguments are those of [`Island::gather`].
     pub(super) fn scatter(&self, lane: &mut Lane, members: &[usize], coordinates: &[u32]) {
         for (&i, block) in members.iter().zip(&self.blocks) {
             let start = lane.blocks[i].rows.start;
@@ -124,19 +125,19 @@ impl Island {
         }
     }
 
-    /// Tiles (of four coordinates) at which the rows of a block have entries, ascending.
+    /// Tiles (four consecutive coordinates each) at which the rows of a constraint have entries, ascending.
     #[inline(always)]
     pub(super) fn tiles(&self, block: &Block) -> &[usize] {
         &self.tiles[block.tiles.clone()]
     }
 
-    /// Number of entries of each row of a block.
+    /// Number of entries of each row of a constraint.
     #[inline(always)]
     pub(super) fn width(&self, block: &Block) -> usize {
         TILE * block.tiles.len()
     }
 
-    /// Rows of a block. Each has the entries of its tiles, one tile after the other.
+    /// Rows of a constraint. Each has the entries of its tiles (four consecutive coordinates), one tile after the other.
     #[inline(always)]
     fn entries(&self, block: &Block) -> std::slice::ChunksExact<'_, f64> {
         self.y[block.y.clone()].chunks_exact(self.width(block))
@@ -195,7 +196,7 @@ impl Island {
     }
 }
 
-/// Indices of the bits that are set, ascending.
+/// Indices of the bits of `set` that are 1, ascending.
 #[inline(always)]
 fn bits(mut set: u32) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {

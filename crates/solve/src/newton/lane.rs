@@ -63,7 +63,7 @@ pub(super) struct Lane {
 }
 
 impl Lane {
-    /// Gathers the rows of lane `lane`, kind by kind, except the eliminated ones.
+    /// Gathers the rows of lane `lane` from the problem of all lanes, one kind of constraint after the other. Eliminated rows are left out.
     pub(super) fn gather<R: Real>(&mut self, system: System<'_, R>, iterate: &Iterate<R>, lane: usize) {
         self.blocks.clear();
         self.support.clear();
@@ -83,18 +83,18 @@ impl Lane {
         self.w.extend_from_slice(&self.own);
     }
 
-    /// Coordinates of a block, and the entries of its rows at each.
+    /// Coordinates of a constraint, and the entries of its rows at each.
     pub(super) fn entries(&self, block: &LaneBlock) -> (&[u32], &[f64]) {
         let support = self.support(block);
         (support, &self.y[block.y..block.y + support.len() * block.rows.len()])
     }
 
-    /// Coordinates of a block, ascending; there is at least one.
+    /// Coordinates of a constraint, ascending; there is at least one.
     pub(super) fn support(&self, block: &LaneBlock) -> &[u32] {
         &self.support[block.support.clone()]
     }
 
-    /// Rows of a block that have an effect, as bits: those with a nonzero entry, target or impulse, and always the first row.
+    /// Rows of a constraint that have an effect, as bits: those with a nonzero entry, target or impulse, and always the first row.
     pub(super) fn used_rows(&self, block: &LaneBlock) -> u32 {
         let (_, entries) = self.entries(block);
         let dim = block.rows.len();
@@ -110,12 +110,12 @@ impl Lane {
         busy
     }
 
-    /// Coordinates of all blocks, one after the other.
+    /// Coordinates of all constraints, one constraint after the other.
     pub(super) fn supports(&self) -> &[u32] {
         &self.support
     }
 
-    /// Copies impulses and w back to lane `lane` of an iterate.
+    /// Copies the impulses and the scaled velocity change w back to lane `lane` of an iterate.
     pub(super) fn scatter<R: Real>(&self, lane: usize, iterate: &mut Iterate<R>) {
         let mut kinds = 0..;
         each_kind!([impulses: &mut iterate] => {
@@ -134,7 +134,7 @@ impl Lane {
 }
 
 impl LaneReceiver for Lane {
-    /// Adds a block. An immovable block (without entries) is left out, because its impulses have no effect.
+    /// Appends a constraint. An immovable constraint (without entries) is left out, because its impulses have no effect.
     fn add<const N: usize>(&mut self, constraint: LaneConstraint<N>, support: &[u32], entries: impl Iterator<Item = [f64; N]>) {
         let LaneConstraint { set, source, g, lambda, compliance, normal_compliance, trace_ratio } = constraint;
         let (s0, y0, row) = (self.support.len(), self.y.len(), self.g.len());

@@ -9,7 +9,7 @@ use crate::newton::lane::Lane;
 /// Placeholder for the number of a coordinate or island that has none yet.
 const NONE: u32 = u32::MAX;
 
-/// Islands of one lane: sets of constraints that are coupled directly or by others. Coordinates without rows belong to none.
+/// Islands of one lane: sets of constraints that are coupled directly or by others. Coordinates without rows belong to no island.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Islands {
     /// Parent of each coordinate in the union-find forest, whose trees are the islands.
@@ -23,7 +23,7 @@ pub(super) struct Islands {
 }
 
 impl Islands {
-    /// Finds the islands. They are numbered in the order of their first blocks.
+    /// Finds the islands of a lane. They are numbered in the order of their first constraints.
     pub(super) fn find(&mut self, lane: &Lane) {
         self.parent.clear();
         self.parent.extend(0..lane.w.len() as u32);
@@ -76,7 +76,7 @@ pub(super) struct Ordering {
 }
 
 impl Ordering {
-    /// Lists the blocks that have entries at each coordinate, for all islands at once.
+    /// Lists the constraints that have entries at each coordinate, for all islands at once.
     pub(super) fn list_blocks(&mut self, lane: &Lane) {
         let n = lane.w.len();
         self.begin.clear();
@@ -101,12 +101,12 @@ impl Ordering {
         self.number.resize(n, NONE);
     }
 
-    /// Range of the list of blocks of a coordinate.
+    /// Range of a coordinate's constraints in the list of the constraints of all coordinates.
     fn blocks_of(&self, c: u32) -> std::ops::Range<usize> {
         self.begin[c as usize] as usize..self.begin[c as usize + 1] as usize
     }
 
-    /// Orders the coordinates of the island that contains the block `any`.
+    /// Computes the order of the coordinates of the island that contains the constraint `any`.
     pub(super) fn order_island(&mut self, lane: &Lane, any: usize) {
         self.search(lane, lane.support(&lane.blocks[any])[0]);
         // The search is repeated twice from the coordinate that it reached last, so that the levels are narrow.
@@ -120,7 +120,7 @@ impl Ordering {
         }
     }
 
-    /// Orders the coordinates of an island breadth first from `start`.
+    /// Orders the coordinates of an island by breadth-first search from the coordinate `start`.
     fn search(&mut self, lane: &Lane, start: u32) {
         self.seen.clear();
         self.seen.resize(lane.blocks.len(), false);

@@ -117,7 +117,7 @@ struct SavedImpulses {
 }
 
 impl SavedImpulses {
-    /// Copies the impulses of an island, which have the given residual.
+    /// Copies the impulses of an island. `residual` is their residual, m/s.
     fn save(&mut self, rows: &Island, residual: f64) {
         self.lambda.clone_from(&rows.lambda);
         self.w.clone_from(&rows.w);
@@ -200,8 +200,8 @@ impl ProximalPoint {
         self.steps
     }
 
-    /// Improves the impulses of the island `rows` by proximal steps with the exact law. Returns the number of Newton steps. The length of a
-    /// proximal step depends on how well Newton's method converges.
+    /// Improves the impulses of the island `rows` by proximal steps with the exact friction law. Returns the number of Newton steps. The
+    /// length of a proximal step depends on how well Newton's method converges.
     ///
     /// With De Saxce's terms constant, the fixed-point iteration does not converge if hundreds of contacts stick, slip and open at once. A
     /// long step of the exact law switches too many of them for Newton's method. A short step is a small correction, and unlike a sweep it
@@ -238,10 +238,10 @@ impl ProximalPoint {
         self.steps
     }
 
-    /// Makes a proximal step with the exact law, to an error of at most a tenth of the present residual. Returns its number of Newton
-    /// steps, and whether it changed any impulse.
+    /// Makes a proximal step with the exact friction law, to an error of at most a tenth of the present residual. Returns its number of
+    /// Newton steps, and whether it changed any impulse.
     ///
-    /// Returns `None`, and changes nothing, if Newton's method does not converge.
+    /// Returns `None`, and changes nothing, if Newton's method does not converge. `most_steps` limits the Newton steps of the whole search.
     fn step_exactly<R: Real>(&mut self, rows: &mut Island, criteria: Criteria, most_steps: u32) -> Option<(u32, bool)> {
         self.before.save(rows, self.residual);
         let start = self.lagrangian.evaluate(rows, true);
@@ -264,7 +264,7 @@ impl ProximalPoint {
         None
     }
 
-    /// Sets De Saxce's terms to those at the present velocities, and discards their history.
+    /// Sets De Saxce's terms mu |v_t| to those at the present velocities of the island, and discards the history of their acceleration.
     fn reset_slip(&mut self, rows: &Island) {
         let slips = rows.blocks.iter().map(|block| block.set.slip(&self.v[block.rows.clone()]));
         self.lagrangian.slip.clear();
@@ -272,7 +272,8 @@ impl ProximalPoint {
         self.anderson.restart(rows.blocks.len());
     }
 
-    /// Computes the next De Saxce's terms, with Anderson's acceleration. Returns the largest error of the previous ones, m/s.
+    /// Computes the next De Saxce's terms mu |v_t|, with Anderson's acceleration. Returns the largest difference of the previous ones from
+    /// those at the present velocities, m/s.
     fn recompute_slip(&mut self, rows: &Island) -> f64 {
         self.image.clear();
         self.image.extend(rows.blocks.iter().map(|block| block.set.slip(&self.v[block.rows.clone()])));
@@ -281,7 +282,8 @@ impl ProximalPoint {
         off
     }
 
-    /// Solves the convex problem with constant De Saxce's terms. The solution is inexact while these terms have large errors.
+    /// Solves the convex problem of one proximal step with constant De Saxce's terms by Newton's method. The solution is inexact while
+    /// these terms have large errors.
     ///
     /// Returns false if the matrix has no factors, or if numbers have diverged.
     fn minimise<R: Real>(&mut self, rows: &mut Island, criteria: Criteria) -> bool {
@@ -295,7 +297,8 @@ impl ProximalPoint {
         error.is_finite()
     }
 
-    /// Attempts a proximal step with the exact law. Returns whether it converged. Otherwise nothing has changed.
+    /// Attempts a proximal step with the exact friction law. Returns whether Newton's method converged. If it did not, the impulses are
+    /// unchanged.
     fn try_implicit<R: Real>(&mut self, rows: &mut Island, criteria: Criteria) -> bool {
         self.before.save(rows, self.residual);
         let mut error = self.lagrangian.evaluate(rows, true);
@@ -322,7 +325,8 @@ impl ProximalPoint {
         true
     }
 
-    /// Accepts the impulses of a proximal step, and saves them if they are the best so far. Returns whether any impulse has changed.
+    /// Replaces the impulses of an island by those of a proximal step, and saves them if their residual is the smallest so far. Returns
+    /// whether any impulse has changed.
     fn accept_step(&mut self, rows: &mut Island) -> bool {
         let moved = rows.lambda != self.lagrangian.z;
         rows.lambda.copy_from_slice(&self.lagrangian.z);

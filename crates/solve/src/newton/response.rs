@@ -135,7 +135,7 @@ struct Block {
 }
 
 impl Block {
-    /// Whether exactly one of this constraint and a constraint with the given `compliance` is damped.
+    /// Whether exactly one of two constraints is damped: this one, and one with the compliance `compliance`, 1/kg.
     fn switches_damping(&self, compliance: f64) -> bool {
         self.compliance.min(compliance) < SAME_COMPLIANCE * self.compliance.max(compliance)
     }
@@ -268,7 +268,8 @@ impl<R: Real> Response<R> {
         lost
     }
 
-    /// Calls `f` for each constraint that the last [`Response::respond`] has brought closer to another mode.
+    /// Calls `f` for each constraint that the last [`Response::respond`] has brought closer to another mode (open, sticking, slipping, at a
+    /// bound), in the lanes `lanes` (bits). `iterate` is the result of that call.
     pub fn compare<'a>(&mut self, system: impl Into<System<'a, R>>, iterate: &Iterate<R>, lanes: u32, mut f: impl FnMut(SwitchDistance)) {
         let system = system.into();
         self.compute_velocities(system, iterate);
@@ -300,7 +301,7 @@ impl<R: Real> Response<R> {
         }
     }
 
-    /// Copies the impulses of all kinds of constraints into one list.
+    /// Copies the impulses of an iterate into one list, one kind of constraint after the other.
     fn collect_impulses(&mut self, iterate: &Iterate<R>) {
         let Self { kinds, impulses, .. } = self;
         impulses.clear();
@@ -311,7 +312,7 @@ impl<R: Real> Response<R> {
         });
     }
 
-    /// Copies the impulses back to the iterate, and solves the eliminated rows.
+    /// Copies the impulses from the list of all kinds of constraints back to the iterate, and solves the eliminated rows.
     fn write_impulses(&self, system: System<'_, R>, iterate: &mut Iterate<R>) {
         let mut rest = &self.impulses[..];
         each_kind!([own: &mut iterate] => {
@@ -351,7 +352,7 @@ impl<R: Real> Response<R> {
     }
 }
 
-/// Sets lane `lane` of the numbers `to`.
+/// Replaces the numbers `to` in lane `lane` by the numbers `from`. The other lanes remain.
 fn set_lanes<R: Real>(to: &mut [R], lane: usize, from: impl Iterator<Item = f64>) {
     for (to, x) in to.iter_mut().zip(from) {
         to.set_lane(lane, Scalar::from_f64(x));
@@ -391,7 +392,7 @@ impl LaneResponse {
         }
     }
 
-    /// Finds the region of the projection that each constraint is in.
+    /// Finds the region of the projection that contains each constraint's argument: open, at a bound, sticking or slipping.
     fn find_pieces(&mut self) {
         self.active.clear();
         for block in &mut self.blocks {
@@ -405,10 +406,10 @@ impl LaneResponse {
         }
     }
 
-    /// Corrects the velocities of those rows of lane `l` that are damped in only one of the stored and the present problem. They are then
-    /// damped as in the stored one.
+    /// Corrects the velocities of the rows of lane `l` whose damping was switched on or off since the solution was stored. The corrected
+    /// velocities are those with the damping of the stored problem.
     ///
-    /// `compliances` are the present ones, and `before` the impulses from which damping counts.
+    /// `compliances` are those of the present problem, 1/kg. `before` are the impulses at which damping causes no velocity.
     fn keep_damping<R: Real>(&self, velocities: &mut [R], compliances: &[R], before: &[R], l: usize) {
         for (block, first) in self.blocks.iter().zip(&self.found) {
             let Some(first) = *first else { continue };
@@ -423,7 +424,7 @@ impl LaneResponse {
         }
     }
 
-    /// Changes the impulses of lane `l` by the derivative times the change of the velocities.
+    /// Replaces the impulses of lane `l` by the stored ones plus the derivative times the change of the velocities.
     fn update_impulses<R: Real>(&mut self, velocities: &[R], impulses: &mut [R], l: usize) {
         let Self { blocks, lambda, velocity, matrix, found, change, .. } = self;
         change.clear();
@@ -446,7 +447,8 @@ impl LaneResponse {
     }
 }
 
-/// Step of the natural map as in the residual, kg: number of rows divided by trace(G_ii), compliance included.
+/// Step of the natural map of a constraint, kg: number of rows divided by the trace of its block of the Delassus matrix, compliance
+/// included. It is that of the residual.
 fn natural_step(lane: &Lane, block: &LaneBlock) -> f64 {
     let (_, entries) = lane.entries(block);
     let dim = block.rows.len() as f64;
@@ -454,8 +456,8 @@ fn natural_step(lane: &Lane, block: &LaneBlock) -> f64 {
 }
 
 impl Linear {
-    /// Computes the derivative of a lane whose regions are known. Returns false if the motion depends on impulses that the rows do not
-    /// determine.
+    /// Computes the derivative of the impulses of a lane, in which the mode of each constraint is known. Returns false if the motion
+    /// depends on impulses that the rows do not determine.
     fn solve(&mut self, lane: &Lane, own: &mut LaneResponse, dimension: usize) -> bool {
         let n = own.active.len();
         let active = |block: &(&Block, &LaneBlock)| matches!(block.0.piece, Piece::Held | Piece::Sliding);
@@ -532,8 +534,8 @@ impl Linear {
         })
     }
 
-    /// Impulses that the equations do not determine: the unknown in place `k`, which is at least the rank, is 1 and the other such unknowns
-    /// are 0.
+    /// Set of impulses that the equations do not determine. The unknown in place `k` of the elimination order, which is at least the rank,
+    /// is 1. The other unknowns from the rank on are 0.
     fn undetermined_impulses(&self, stride: usize, rank: usize, k: usize) -> Vec<f64> {
         let Self { left, rows, columns, .. } = self;
         let mut impulses = vec![0.0; columns.len()];
@@ -546,8 +548,8 @@ impl Linear {
         impulses
     }
 
-    /// Whether these impulses of the active rows cause no motion, compared with that by `size` N s in a single row. Otherwise the rows do
-    /// not determine the motion.
+    /// Whether the set `impulses` of impulses of the active rows causes no motion, compared with that by an impulse of `size` N s in a
+    /// single row. If it causes motion, the rows do not determine the motion.
     ///
     /// Examples of impulses without motion are loads that are shared while all contacts stick or slip along one line, and those of
     /// immovable rows.
@@ -623,7 +625,8 @@ impl Linear {
         n
     }
 
-    /// Solves the first `rank` triangular equations for the first unknowns; the other unknowns are 0. Writes the derivative to `out`.
+    /// Computes the derivative of the impulses by back substitution, into `out`. The first `rank` triangular equations are solved for the
+    /// first unknowns; the other unknowns are 0.
     ///
     /// If rows depend on each other while none of them slips, all solutions cause the same motion.
     fn substitute(&self, n: usize, stride: usize, rank: usize, out: &mut Vec<f64>) {

@@ -30,7 +30,8 @@ impl Skyline {
         self.first.extend((0..dimension).step_by(TILE));
     }
 
-    /// Adds the entries between all coordinates of the tiles `tiles`, ascending, to the pattern.
+    /// Adds the entries between all coordinates of the tiles `tiles` to the pattern. A tile is four consecutive coordinates; the tiles are
+    /// in ascending order.
     pub(super) fn reserve(&mut self, tiles: &[usize]) {
         for &tile in tiles {
             self.first[tile] = self.first[tile].min(TILE * tiles[0]);
@@ -62,16 +63,17 @@ impl Skyline {
         }
     }
 
-    /// Index in `lower` and `upper` of column `c` of the tile `j` of rows.
+    /// Index in `lower` and `upper` of the entries in column `c` of the four rows of tile `j`.
     #[inline(always)]
     fn place(&self, j: usize, c: usize) -> usize {
         self.start[j] + c - self.first[j]
     }
 
-    /// Adds `sum_r a_r^T b_r` to the entries between the coordinates of the tiles `tiles`, ascending.
+    /// Adds `sum_r a_r^T b_r` to the entries between the coordinates of the tiles `tiles`, ascending. A tile is four consecutive
+    /// coordinates.
     ///
-    /// `a` and `b` are rows, one after the other. Each has the numbers of its tiles. If the sum is `symmetric`, only its lower triangle is
-    /// added.
+    /// `a` and `b` are lists of rows a_r and b_r. Each row has the numbers of its tiles, one tile after the other. If the sum is
+    /// `symmetric`, only its lower triangle is added.
     #[inline(always)]
     pub(super) fn add_product(&mut self, tiles: &[usize], a: &[f64], b: &[f64], symmetric: bool) {
         let n = TILE * tiles.len();
@@ -89,7 +91,7 @@ impl Skyline {
         }
     }
 
-    /// Adds the product of [`Skyline::add_product`] for N rows of `a` and `b`.
+    /// Adds `sum_r a_r^T b_r` as [`Skyline::add_product`] does, for `N` rows at a time.
     #[inline(always)]
     fn add_rows<const N: usize>(&mut self, tiles: &[usize], a: &[f64], b: &[f64], symmetric: bool) {
         let n = TILE * tiles.len();
@@ -121,7 +123,7 @@ impl Skyline {
         true
     }
 
-    /// Eliminates the entries of the tile `j` of rows in the tile `k` of columns, where k < j.
+    /// Eliminates the entries of the four rows of tile `j` in the four columns of tile `k`, where k < j.
     #[inline(always)]
     fn eliminate(&mut self, j: usize, k: usize, symmetric: bool) {
         let from = self.first[j].max(self.first[k]);
@@ -165,7 +167,8 @@ impl Skyline {
         }
     }
 
-    /// Factorises the diagonal block of the tile `j` of rows. Returns false if a pivot is not above `least`, see [`Skyline::factor`].
+    /// Factorises the diagonal block of four by four entries of tile `j`. Returns false if a pivot is not above `least`, see
+    /// [`Skyline::factor`].
     #[inline(always)]
     fn factor_diagonal(&mut self, j: usize, least: f64, indefinite: bool) -> bool {
         let (first, here) = (self.start[j], self.place(j, TILE * j));
@@ -197,7 +200,7 @@ impl Skyline {
         true
     }
 
-    /// Replaces `x` by A^-1 x, from the factors.
+    /// Replaces `x` by A^-1 x, where A is the matrix that has been factorised.
     #[inline(always)]
     pub(super) fn solve(&self, x: &mut [f64]) {
         for j in 0..self.first.len() {

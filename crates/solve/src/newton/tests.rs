@@ -11,7 +11,7 @@ use crate::vectors::TILE;
 const CRITERIA: Criteria = Criteria { tolerance: 1e-11, steps: 100, least_norm: false, terms: Terms::Constant };
 const FREE: AdmissibleSet = AdmissibleSet::Interval { lo: f64::NEG_INFINITY, hi: f64::INFINITY };
 
-/// A number in [-1, 1] for every seed.
+/// Pseudorandom number in [-1, 1] that depends on the seed alone.
 fn noise(seed: usize) -> f64 {
     let x = (seed as f64 * 12.9898).sin() * 43758.5453;
     2.0 * (x - x.floor()) - 1.0
@@ -31,7 +31,7 @@ fn row<const N: usize>(lane: &mut Lane, seed: usize, set: AdmissibleSet, g: [f64
     lane.add(constraint, &support, entries);
 }
 
-/// Velocity y . w + R lambda + g of every row.
+/// Velocity y . w + R lambda + g of every row of a lane, m/s.
 fn velocities(lane: &Lane) -> Vec<f64> {
     let mut v = vec![];
     for block in &lane.blocks {
@@ -79,7 +79,8 @@ fn bounds_saturate() {
     assert_eq!(newton.lane.lambda, [-0.1]);
 }
 
-/// One contact with `T = D + 1` rows: u is in the dual cone, at right angles to the impulse.
+/// Solves one contact with `T` rows, and tests the friction law: no normal velocity, an impulse inside the cone, and friction opposite to
+/// the slip.
 fn cone<const T: usize>(mu: f64, pull: f64) {
     let mut newton = lane(9);
     let g: [f64; T] = std::array::from_fn(|k| if k == 0 { -1.0 } else { pull * noise(5 + k) });
@@ -123,7 +124,7 @@ fn islands_are_solved_apart() {
     assert_eq!((newton.lane.w[2], newton.lane.w[6]), (0.0, 0.0));
 }
 
-/// A chain of joined tiles: factors of a matrix with and without symmetry, against the product.
+/// The factors of a chain of coupled tiles solve a linear system, for a symmetric and an unsymmetric matrix.
 #[test]
 fn factors_solve() {
     let n = 20;
@@ -162,7 +163,7 @@ fn factors_solve() {
     }
 }
 
-/// A matrix with a pivot below zero has factors where it may be indefinite, and none where it may not.
+/// A matrix with a pivot below zero is factorised if it may be indefinite; otherwise the factorisation reports failure.
 #[test]
 fn indefinite_matrices_have_factors_if_they_may() {
     for indefinite in [false, true] {

@@ -40,7 +40,7 @@ pub(super) struct Hessian<R: Real> {
 const BLOCK: usize = 3;
 
 impl<R: Real> Hessian<R> {
-    /// Workspace for a matrix whose rows are the coordinates in this order.
+    /// Workspace for a matrix whose rows are coordinates (degrees of freedom) in the order `order`.
     pub(super) fn new(order: &[u32]) -> Self {
         let dimension = order.len();
         let mut places = vec![0; dimension];
@@ -98,7 +98,7 @@ impl<R: Real> Hessian<R> {
         }
     }
 
-    /// Number of multiplications of a factorisation with the last pattern, and of a solution with the factors.
+    /// Number of multiplications of a factorisation with the last pattern and of a solution with the factors, together.
     pub(super) fn work(&self) -> usize {
         self.work
     }
@@ -139,7 +139,7 @@ impl<R: Real> Hessian<R> {
         }
     }
 
-    /// Copies the mass matrix to the entries.
+    /// Sets the entries to those of the mass matrix, and to zero where only other terms have entries.
     #[inline(always)]
     fn copy_metric(&mut self, metric: &impl Metric<R>) {
         for (i, runs) in self.runs.iter().enumerate() {
@@ -156,14 +156,15 @@ impl<R: Real> Hessian<R> {
         }
     }
 
-    /// Entry of the coordinates `a` and `b`.
+    /// Entry of the symmetric matrix for the coordinates `a` and `b`, mutable.
     #[inline(always)]
     fn entry(&mut self, a: u32, b: u32) -> &mut R {
         let (a, b) = (self.places[a as usize] as usize, self.places[b as usize] as usize);
         &mut self.entries[a.max(b) * self.dimension + a.min(b)]
     }
 
-    /// Adds the terms of contacts at their relative accelerations `u`.
+    /// Adds the terms J^T C J of all contacts to the Hessian. C is the second derivative of a contact's convex function at its relative
+    /// acceleration in `u`.
     #[inline(always)]
     fn add_contacts<const N: usize>(&mut self, contacts: &SoftContacts<R, N>, cone: Cone, u: &[[R; N]]) {
         for (contact, u) in contacts.items.iter().zip(u) {
@@ -180,8 +181,8 @@ impl<R: Real> Hessian<R> {
         }
     }
 
-    /// Adds the term of the first `U` rows of a contact. `support` are its coordinates, and `curvature` the second derivative of its convex
-    /// function.
+    /// Adds the term J^T C J of the first `U` rows of a contact to the Hessian. `support` are its coordinates, and C = `curvature` is the
+    /// second derivative of its convex function.
     #[inline(always)]
     fn add_contact<const N: usize, const U: usize>(&mut self, support: &[u32], jacobian: &[[R; N]], curvature: &[[R; N]; N]) {
         for (k, (&d, j)) in support.iter().zip(jacobian).enumerate() {
@@ -203,7 +204,7 @@ impl<R: Real> Hessian<R> {
         }
     }
 
-    /// Replaces the matrix by its factors.
+    /// Replaces the matrix by its factors L^T D L: L below the diagonal, 1 / D on it.
     #[inline(always)]
     pub(super) fn factor(&mut self) {
         let mut end = self.dimension;
@@ -221,7 +222,7 @@ impl<R: Real> Hessian<R> {
         }
     }
 
-    /// Eliminates `W` rows from `first` on. The columns of each must be those of the previous row and that row's index.
+    /// Eliminates `W` rows of the matrix, from row `first` on. The columns of each must be those of the previous row and that row's index.
     ///
     /// Subtractions start with the last row, as if each row were eliminated alone.
     #[inline(always)]
@@ -274,7 +275,7 @@ impl<R: Real> Hessian<R> {
         }
     }
 
-    /// Solves for the buffer, which is in the order of the rows.
+    /// Solves the linear system in place for the buffer `ordered`, whose entries are in the order of the matrix rows.
     #[inline(always)]
     fn solve_ordered(&mut self) {
         let (n, x) = (self.dimension, &mut self.ordered);
@@ -322,7 +323,7 @@ fn subtract_rows<R: Real, const W: usize>(x: &mut [R], rows: &[R], n: usize, sta
     }
 }
 
-/// Lists the ranges of consecutive bits of a set.
+/// Lists the ranges of consecutive 1 bits of a bit set.
 fn list_runs(set: &[u64], runs: &mut Vec<Range<usize>>) {
     runs.clear();
     for (w, &word) in set.iter().enumerate() {
@@ -359,7 +360,7 @@ impl<R: Real> Argument<R> {
         problem.rolling_contacts.multiply(x, relative, &mut self.rolling_contacts);
     }
 
-    /// Sets the numbers of all rows of a problem to zero.
+    /// Sets the relative accelerations of all rows of a problem to zero.
     pub(super) fn clear_for(&mut self, problem: &SoftProblem<R>) {
         let Self { rows, contacts, rolling_contacts } = self;
         rows.clear();
@@ -370,7 +371,7 @@ impl<R: Real> Argument<R> {
         rolling_contacts.resize(problem.rolling_contacts.items.len(), [R::zero(); 6]);
     }
 
-    /// Adds `step` times `change`.
+    /// Moves the relative accelerations of all rows by `step` times their change `change`.
     #[inline(always)]
     pub(super) fn advance(&mut self, change: &Self, step: R) {
         advance(&mut self.rows, &change.rows, step);

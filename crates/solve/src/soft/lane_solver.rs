@@ -208,7 +208,7 @@ fn copy_lane<R: Real>(from: &[R], lane: usize, to: &mut [R::Single]) {
     }
 }
 
-/// Copies single numbers to lane `lane` of a list.
+/// Copies single numbers to lane `lane` of the numbers `to`.
 fn scatter<R: Real>(from: &[R::Single], to: &mut [R], lane: usize) {
     for (to, from) in to.iter_mut().zip(from) {
         to.set_lane(lane, from.lane(0));

@@ -224,20 +224,21 @@ impl<R: Real> SoftSolver<R> {
         sweeps
     }
 
-    /// Factorises the mass matrix with the couplings, the rows from `constraints` on. If `lumped`, only the diagonals of the couplings are
-    /// added.
+    /// Factorises the mass matrix with its couplings, which are the rows of the problem from `constraints` on. If `lumped`, only the
+    /// diagonals of the couplings are added.
     #[inline(always)]
     fn factor_metric(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, constraints: usize, lumped: bool) {
         self.hessian.assemble_metric(problem, metric, constraints, lumped);
         self.hessian.factor();
     }
 
-    /// Noslip solver that has the present forces, if they are its result.
+    /// Noslip solver, if it has computed the present forces; `None` if they are those of the regularised problem.
     fn noslip_forces(&self) -> Option<&NoSlip<R>> {
         self.noslip.as_deref().filter(|_| self.forces_without_slip)
     }
 
-    /// Stores the factors of the Hessian at the solution `a`, for [`SoftSolver::respond`]. `free` is the acceleration without constraints.
+    /// Stores the factors of the Hessian at the solution `a`, for later calls of [`SoftSolver::respond`]. `free` is the acceleration
+    /// without constraints.
     pub fn settle(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, free: &[R], a: &[R]) {
         self.hessian.find_pattern(problem, metric);
         R::vectorize(
@@ -320,7 +321,8 @@ impl<R: Real> SoftSolver<R> {
         }
     }
 
-    /// Computes the relative accelerations of all rows, and the product M (a - a0), at the acceleration `a`.
+    /// Computes the starting values of Newton's method at the acceleration `a`: the relative accelerations of all rows, and M (a - a0) with
+    /// the mass matrix M. The free acceleration a0 is `free`.
     #[inline(always)]
     fn begin(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, free: &[R], a: &[R]) {
         self.argument.multiply(problem, a, true);
@@ -330,7 +332,8 @@ impl<R: Real> SoftSolver<R> {
         multiply(metric, &self.direction, &mut self.inertial);
     }
 
-    /// Computes the gradient M (a - a0) - J^T f. Returns the largest component of the acceleration by it.
+    /// Computes the gradient M (a - a0) - J^T f of the objective, where f are the row forces and a0 the free acceleration. Returns the
+    /// residual: the largest acceleration that the gradient causes.
     #[inline(always)]
     fn find_gradient(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>) -> R {
         self.forces.fill(R::zero());
@@ -410,8 +413,8 @@ impl<R: Real> SoftSolver<R> {
 }
 
 impl<R: Real> SoftSolver<R> {
-    /// Slope of the objective along the search direction after a step of length `step`. The argument `slope` is the part of the kinetic
-    /// term.
+    /// Derivative of the objective along the search direction, after a step of length `step`. The argument `slope` is the part of the
+    /// kinetic term.
     #[inline(always)]
     fn slope(&self, problem: &SoftProblem<R>, mut slope: R, step: R) -> R {
         let (argument, change) = (&self.argument, &self.change);

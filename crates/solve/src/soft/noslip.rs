@@ -84,7 +84,7 @@ struct Friction<R: Real, const N: usize> {
 }
 
 impl<R: Real, const N: usize> Friction<R, N> {
-    /// Empty lists with memory for `items` items with `support` degrees of freedom each.
+    /// Empty lists with memory for `items` scalar rows or contacts, each with `support` degrees of freedom.
     fn with_capacity(items: usize, support: usize) -> Self {
         let entries = items * support;
         Self {
@@ -97,7 +97,7 @@ impl<R: Real, const N: usize> Friction<R, N> {
         }
     }
 
-    /// Removes all items.
+    /// Removes all scalar rows or contacts from the lists.
     fn clear(&mut self) {
         self.force.clear();
         self.bound.clear();
@@ -107,9 +107,10 @@ impl<R: Real, const N: usize> Friction<R, N> {
         self.inertia.clear();
     }
 
-    /// Appends the responses of the rows `rows` of an item, whose Jacobian has the entries `jacobian` at the coordinates `support`.
+    /// Appends the responses of the acceleration to unit forces in the rows `rows` of a scalar row or contact. Its Jacobian has the entries
+    /// `jacobian` at the coordinates `support`.
     ///
-    /// `trees` is the tree of each degree of freedom, `work` a buffer, and `least` the smallest diagonal entry of A.
+    /// `trees` is the kinematic tree of each degree of freedom, `work` a buffer. `least` is the smallest diagonal entry of J M^-1 J^T.
     #[inline(always)]
     fn push_responses(
         &mut self,
@@ -149,7 +150,7 @@ impl<R: Real, const N: usize> Friction<R, N> {
         self.inertia.push(inertia);
     }
 
-    /// Adds the response to the change `change` of the forces of item `i` to the acceleration `a`.
+    /// Updates the acceleration `a` after a change of the forces of scalar row or contact `i`. `change` is the change of its forces.
     #[inline(always)]
     fn accelerate(&self, i: usize, change: &[R; N], a: &mut [R]) {
         let span = self.spans[i].clone();
@@ -165,7 +166,7 @@ impl<R: Real, const N: usize> Friction<R, N> {
 
 /// Response of the acceleration to forces.
 pub(super) trait ForceResponse<R: Real> {
-    /// Replaces the generalized forces `x` by the acceleration M^-1 x.
+    /// Replaces the generalized forces `x` by the acceleration M^-1 x, where M is the mass matrix.
     fn respond(&mut self, x: &mut [R]);
 }
 
@@ -232,8 +233,8 @@ impl<R: Real> NoSlip<R> {
         self.rolling.force[i]
     }
 
-    /// Stores the forces at a solution. `argument` are the relative accelerations of the rows there. Rows from `constraints` on are no
-    /// constraints and have no force.
+    /// Stores the forces of all rows at a solution, at which their relative accelerations are `argument`. Rows from the index `constraints`
+    /// on are couplings of the mass matrix and have no force.
     pub(super) fn begin(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, constraints: usize, argument: &Argument<R>) {
         self.find_trees(metric);
         let Self { rows, contacts, rolling, .. } = self;
@@ -267,7 +268,7 @@ impl<R: Real> NoSlip<R> {
         }
     }
 
-    /// Finds the islands of each lane: sets of trees that rows couple, directly or through other trees.
+    /// Finds the islands of each lane: sets of kinematic trees that rows couple, directly or through other trees.
     fn find_islands(&mut self, problem: &SoftProblem<R>, constraints: usize) {
         let Self { trees, count, parents, islands, running, inertia, .. } = self;
         islands.clear();
@@ -376,7 +377,8 @@ impl<R: Real> NoSlip<R> {
         }
     }
 
-    /// Adds the energy of the regularisation, which is no longer part of the objective, to the improvement by the first sweep.
+    /// Adds the energy of the regularisation of all rows to the improvement by the first sweep, as MuJoCo does. It is not part of the
+    /// objective of the noslip solver.
     fn add_regularisation(&mut self, problem: &SoftProblem<R>, constraints: usize) {
         let half = R::of(0.5);
         for (i, row) in problem.rows[..constraints].iter().enumerate() {
@@ -394,7 +396,8 @@ impl<R: Real> NoSlip<R> {
         }
     }
 
-    /// Adds `by`, J, to the improvement of the islands that contain an item in each lane.
+    /// Adds `by`, J, to the improvement of the objective of an island. It is the island that contains the scalar row or contact with the
+    /// index `item` in each lane.
     #[inline(always)]
     fn add_improvement(&mut self, item: usize, by: R) {
         let islands = &self.islands[item * R::LANES..][..R::LANES];
@@ -408,7 +411,8 @@ impl<R: Real> NoSlip<R> {
         }
     }
 
-    /// Lanes in which the island of an item continues to sweep.
+    /// Lanes in which an island continues to sweep. It is the island that contains the scalar row or contact with the index `item` in each
+    /// lane.
     #[inline(always)]
     fn running_lanes(&self, item: usize) -> R::Mask {
         let islands = &self.islands[item * R::LANES..][..R::LANES];
@@ -479,7 +483,7 @@ impl<R: Real> NoSlip<R> {
 }
 
 impl<R: Real, const N: usize> Friction<R, N> {
-    /// Stores the forces of contacts at their relative accelerations `argument`.
+    /// Stores the forces of all contacts with `N` rows, from their relative accelerations `argument`.
     #[inline(always)]
     fn begin(&mut self, cone: Cone, contacts: &SoftContacts<R, N>, argument: &[[R; N]]) {
         self.clear();
@@ -493,7 +497,7 @@ impl<R: Real, const N: usize> Friction<R, N> {
         }
     }
 
-    /// Updates the friction forces of contact `i` in the lanes `lanes`. Returns the decrease of the objective, J.
+    /// Updates the friction forces of contact `i` in the lanes `lanes`, and the acceleration `a`. Returns the decrease of the objective, J.
     #[inline(always)]
     fn visit(&mut self, cone: Cone, contacts: &SoftContacts<R, N>, i: usize, lanes: R::Mask, a: &mut [R]) -> R {
         let contact = &contacts.items[i];
@@ -504,7 +508,8 @@ impl<R: Real, const N: usize> Friction<R, N> {
         }
     }
 
-    /// Updates the friction forces of contact `i` with a pyramidal cone. Returns the decrease of the objective, J.
+    /// Updates the friction forces of contact `i` with a pyramidal cone, and the acceleration `a`. Returns the decrease of the objective,
+    /// J.
     #[inline(always)]
     fn visit_pyramid(
         &mut self,
@@ -538,7 +543,8 @@ impl<R: Real, const N: usize> Friction<R, N> {
         improvement
     }
 
-    /// Updates the friction forces of contact `i` with an elliptic cone. Returns the decrease of the objective, J.
+    /// Updates the friction forces of contact `i` with an elliptic cone, and the acceleration `a`. Returns the decrease of the objective,
+    /// J.
     #[inline(always)]
     fn visit_ellipse(
         &mut self,
@@ -658,7 +664,7 @@ fn is_regular<R: Real, const N: usize>(matrix: &[[R; N]; N], single: R::Mask) ->
     sound.and(R::select(single, smallest, determinant).ge(least))
 }
 
-/// Factors L D L^T of A + l, where A is `matrix`: L is below the diagonal, 1 / D on it.
+/// Factors L D L^T of A + l I, where A is `matrix`: L is below the diagonal, 1 / D on it.
 #[inline(always)]
 fn factor<R: Real, const N: usize>(matrix: &[[R; N]; N], l: R) -> [[R; N]; N] {
     let mut factors = [[R::zero(); N]; N];
@@ -685,7 +691,7 @@ const LEAST_PIVOT: f64 = 1e-30;
 /// Smallest determinant, or pivot, of a contact's matrix that counts as regular.
 const LEAST_DETERMINANT: f64 = 1e-10;
 
-/// Solution (A + l)^-1 b, from the factors of A + l.
+/// Solution (A + l I)^-1 b, from the factors of A + l I.
 #[inline(always)]
 fn substitute<R: Real, const N: usize>(factors: &[[R; N]; N], b: &[R; N]) -> [R; N] {
     let mut x = *b;
@@ -705,8 +711,8 @@ fn substitute<R: Real, const N: usize>(factors: &[[R; N]; N], b: &[R; N]) -> [R;
     x
 }
 
-/// Sum of R f^2 over the rows of a contact with the forces f and regularisation R. For a pyramid it is over its edges, and `edges` has the
-/// sums of opposite edges.
+/// Sum of R f^2 over the rows of a contact, where f are the forces and R the regularisation of each row. For a pyramid it is over its
+/// edges, and `edges` has the sums of opposite edges.
 #[inline(always)]
 fn regularisation<R: Real, const N: usize>(cone: Cone, contact: &SoftContact<R, N>, force: &[R; N], edges: &[R; N]) -> R {
     let mut energy = R::zero();
@@ -749,8 +755,10 @@ fn as_rows<R: Real>(jacobian: &[R]) -> &[[R; 1]] {
 /// Placeholder for the tree of a row or contact in a lane that does not have it.
 const NO_TREE: u32 = u32::MAX;
 
-/// Merges the trees that an item couples in each lane into one island, and appends one tree of it to `islands`. `is_there` returns whether
-/// the item has a given entry in a given lane.
+/// Merges the kinematic trees that a scalar row or contact couples in each lane into one island. Appends the number of one of these trees
+/// to `islands` for each lane.
+///
+/// `is_there` returns whether the row or contact has a given entry in a given lane.
 fn unite<R: Real>(trees: &[u32], parents: &mut [u32], islands: &mut Vec<u32>, support: &[u32], is_there: impl Fn(usize, usize) -> bool) {
     for l in 0..R::LANES {
         let mut island = None;
@@ -775,7 +783,7 @@ fn unite<R: Real>(trees: &[u32], parents: &mut [u32], islands: &mut Vec<u32>, su
     }
 }
 
-/// Smallest tree of the island that contains a tree, in lane `l`.
+/// Number of the smallest tree of the island that contains the tree `tree`, in lane `l`.
 fn find<R: Real>(parents: &[u32], mut tree: u32, l: usize) -> u32 {
     while parents[tree as usize * R::LANES + l] != tree {
         tree = parents[tree as usize * R::LANES + l];

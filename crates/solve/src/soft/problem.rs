@@ -7,13 +7,13 @@ use stepper_real::{Mask, Real};
 use crate::soft::cone::Cone;
 use crate::soft::contact::SoftContact;
 
-/// Metric of the accelerations: the mass matrix M.
+/// Metric of the accelerations: the joint-space mass matrix M of each lane.
 pub trait Metric<R: Real> {
     /// Number of degrees of freedom.
     fn dimension(&self) -> usize;
-    /// Row `i` of the lower triangle: columns of its entries, the diagonal first and then descending, and the entries.
+    /// Row `i` of the lower triangle of the mass matrix: columns of its entries, the diagonal first and then descending, and the entries.
     fn row(&self, i: usize) -> (&[u32], &[R]);
-    /// Replaces `x` by M^-1 x.
+    /// Replaces the vector `x` by M^-1 x.
     fn solve(&self, x: &mut [R]);
 }
 
@@ -157,7 +157,7 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
         }
     }
 
-    /// Adds the generalized forces J^T f of contacts with the forces `forces` to `out`.
+    /// Adds the generalized forces J^T f of all contacts to `out`. The row forces f are `forces`.
     #[inline(always)]
     pub(super) fn add(&self, forces: &[[R; N]], out: &mut [R]) {
         for (contact, force) in self.items.iter().zip(forces) {
@@ -172,7 +172,8 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
         }
     }
 
-    /// Result of subtracting f(u + step du) . du of all contacts from `slope`, where f is the force.
+    /// Sum of `slope` and the derivatives of all contacts' convex functions along `du`, after a step of length `step`. At the relative
+    /// acceleration u this derivative is -f(u + step du) . du, where f is the force.
     #[inline(always)]
     pub(super) fn add_slopes(&self, cone: Cone, u: &[[R; N]], du: &[[R; N]], step: R, mut slope: R) -> R {
         for ((contact, u), du) in self.items.iter().zip(u).zip(du) {
@@ -184,7 +185,8 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
         slope
     }
 
-    /// Sum of `sum` and the second derivatives along `du` of all contacts at u + step du.
+    /// Sum of `sum` and the second derivatives of all contacts' convex functions along `du`, after a step of length `step` from the
+    /// relative acceleration u.
     #[inline(always)]
     pub(super) fn add_curvatures(&self, cone: Cone, u: &[[R; N]], du: &[[R; N]], step: R, mut sum: R) -> R {
         for ((contact, u), du) in self.items.iter().zip(u).zip(du) {

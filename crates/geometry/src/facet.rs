@@ -27,7 +27,7 @@ pub(super) struct Facet {
 
 /// Part of a triangle: the inside, an edge or a corner.
 pub(super) enum Outline {
-    /// The whole triangle.
+    /// The inside of the triangle, with all edges and corners.
     Inside,
     /// Edge of the triangle, by the index of the corner at which it starts.
     Edge(usize),

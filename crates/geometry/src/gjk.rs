@@ -33,7 +33,8 @@ const ITERATIONS: usize = 200;
 /// Sine of an angle of a triangle below which the normal is computed from the shortest edge, because the rounding error is smaller.
 const NARROW: f64 = 0.01;
 
-/// Closest points of A and of B moved by `shift`, m. The search starts in the direction `start`, from B to A.
+/// Closest points of two shapes A and B without their rounding radii, where B is moved by `shift`, m. The search starts in the direction
+/// `start`, from B to A.
 ///
 /// The search may stop early once the distance certainly exceeds `beyond`, m.
 pub(super) fn nearest(pair: &Pair<'_>, shift: V, start: V, beyond: f64) -> Nearest {
@@ -45,7 +46,8 @@ pub(super) fn nearest(pair: &Pair<'_>, shift: V, start: V, beyond: f64) -> Neare
     search(pair, shift, simplex, v, |_, length, along| along > beyond * length)
 }
 
-/// Closest points of A and of B moved by `shift`, m. The search starts from the triangle `corners` of the Minkowski difference A - B.
+/// Closest points of two shapes A and B without their rounding radii, where B is moved by `shift`, m. The search starts from the triangle
+/// `corners` of the Minkowski difference A - B.
 ///
 /// `enough` is called with the unit normal of a separating plane, from A to B, and the separation along it, m. The search stops if it
 /// returns true.
@@ -99,7 +101,7 @@ impl Nearest {
         Self { v: vertex.w, simplex }
     }
 
-    /// Result for the set B in its place, from a search with B moved by `shift`, m.
+    /// Result for the actual position of the second shape B, from the result of a search in which B was moved by `shift`, m.
     pub(super) fn moved_back(mut self, shift: V) -> Self {
         self.v = add(self.v, shift);
         for vertex in &mut self.simplex.vertex[..self.simplex.count] {
@@ -134,7 +136,7 @@ impl Nearest {
         norm(self.v)
     }
 
-    /// Unit vector from A to B, if their distance is more than `clear`, m.
+    /// Unit vector from the shape A to the shape B, if their distance is more than `clear`, m.
     pub(super) fn normal(&self, clear: f64) -> Option<V> {
         let length = self.length();
         (length > clear).then(|| scale(self.v, -1.0 / length))
@@ -145,7 +147,7 @@ impl Nearest {
         Separation { normal, separation: self.length(), points: self.points() }
     }
 
-    /// Closest points of A and B, m.
+    /// Closest points of the two shapes A and B of the search, m.
     pub(super) fn points(&self) -> [V; 2] {
         let mix = |get: fn(&Vertex) -> V| {
             self.simplex.vertices().iter().zip(self.simplex.weight).fold([0.0; 3], |sum, (p, k)| add_scaled(sum, get(p), k))
@@ -204,7 +206,7 @@ impl Best {
     /// Start of a search for the nearest point: its distance from the origin is infinite.
     const NONE: Self = Self { weight: [0.0; 4], point: [0.0; 3], square: f64::INFINITY };
 
-    /// Nearer one of two points to the origin; `self` if both are equally near.
+    /// The point that is nearer to the origin, of `self` and `other`; `self` if both are equally near.
     #[inline(always)]
     fn or(self, other: Self) -> Self {
         if other.square < self.square { other } else { self }

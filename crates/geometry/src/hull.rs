@@ -66,7 +66,7 @@ pub struct Hull {
     around: Vec<Vec<u32>>,
     /// Edges that start at each vertex. Those of vertex v are in `rings[first[v]..first[v + 1]]`.
     rings: Vec<Ring>,
-    /// Index in `rings` of the first entry of each vertex, and the number of entries.
+    /// For each vertex, index in `rings` of its first ring; the last entry is the number of rings.
     first: Vec<u32>,
     /// Vertices of the hull in blocks of eight.
     blocks: Vec<Block>,

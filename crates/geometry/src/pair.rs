@@ -37,9 +37,9 @@ pub(super) struct Pair<'a> {
 pub(super) struct Vertex {
     /// Position x - y in the Minkowski difference of two shapes, m.
     pub(super) w: V,
-    /// Point of the first shape, m.
+    /// Point of the first shape from which the vertex w = x - y is made, m.
     pub(super) x: V,
-    /// Point of the second shape, m.
+    /// Point of the second shape from which the vertex w = x - y is made, m.
     pub(super) y: V,
     /// Vertex numbers of the points of the first and second shape, see [`ConvexShape::corner`].
     pub(super) names: [u32; 2],

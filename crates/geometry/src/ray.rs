@@ -167,7 +167,8 @@ impl Sheared {
         scale.is_finite().then(|| Self { origin, axes, slopes: [d[axes[0]] / d[k], d[axes[1]] / d[k]], scale })
     }
 
-    /// Distance to a triangle with these corners, m, in lengths of the ray's direction vector. `None` if the ray misses it.
+    /// Distance along the ray to a triangle with these corners, in multiples of the length of the ray's direction vector. `None` if the ray
+    /// misses the triangle.
     fn meet(&self, corners: &[V; 3]) -> Option<f64> {
         let [i, j, k] = self.axes;
         let [a, b, c] = corners.map(|p| {

@@ -31,8 +31,8 @@ use crate::vectors::neg;
 /// Bulge of the ball around the second hull towards the first, as a fraction of the gap that the motion of the step cannot close. A larger
 /// bulge allows a smaller ball, but the hulls may then move less.
 const BULGE: f64 = 0.05;
-/// Gap between two hulls below which no separating plane is computed, relative to the size of the hulls. Only the part counts that the
-/// motion of the step cannot close. The plane would be valid for a step or two only.
+/// Gap between two hulls below which no separating plane is computed, relative to the size of the hulls. The gap is reduced by the motion
+/// of the step. With a smaller gap, the plane would be valid for a step or two only.
 const LEAST: f64 = 5e-5;
 
 /// Normal along which two hulls are separated, the features where it was found, and the plane and ball that contain the hulls.
@@ -51,8 +51,8 @@ pub struct SeparatingPlane {
     axis: [f32; 3],
     /// Size q of the ball around the second hull, m: its centre is p - q m.
     curve: f32,
-    /// Offset of the plane that contains the first hull, plus the ball's bulge, m: a + e |n| in the head of the module. Infinite without a
-    /// separating plane.
+    /// Offset along the normal n of the plane that contains the first hull, plus the length by which the ball around the second hull
+    /// bulges, m. Infinite without a separating plane.
     offset: f32,
 }
 
@@ -104,8 +104,8 @@ pub struct SeparatingPlanes<R: Real> {
     axis: V3<R>,
     /// Size q of the ball around the second hull, m: its centre is p - q m.
     curve: R,
-    /// Offset of the plane that contains the first hull, plus the ball's bulge, m: a + e |n| in the head of the module. Infinite without a
-    /// separating plane.
+    /// Offset along the normal n of the plane that contains the first hull, plus the length by which the ball around the second hull
+    /// bulges, m. Infinite without a separating plane.
     offset: R,
 }
 

@@ -37,13 +37,13 @@ const CLEAR: f64 = 1e-9;
 const CLIMBS: usize = 12;
 /// Smallest difference of penetration depth for which a shallower direction is searched for, relative to the size of the pair.
 const SHALLOWER: f64 = 3e-8;
-/// Distance of a facet's point nearest to the origin from the facet's outline, relative to the size of the pair. If it is larger, the
-/// search for a shallower direction starts with the facet's vertices.
+/// Distance of a point from the outline of the facet of the Minkowski difference that contains it, relative to the size of the pair. The
+/// point is the nearest to the origin. If the distance is larger, the search for a shallower direction starts with the facet's vertices.
 const WIDE: f64 = 0.01;
 /// Sine of the angle between the contact normal and a face's normal below which the face's normal may replace it.
 pub(super) const NEAR_FACE: f64 = 0.05;
-/// Distance of the closest points parallel to a face above which the closest feature is not above the face, relative to the size of the
-/// pair.
+/// Sideways offset, parallel to a face, of the closest points of two polytopes, relative to the size of the pair. Above it, the other
+/// shape's closest point is not above the face.
 pub(super) const SIDEWAYS: f64 = 1e-7;
 
 /// Largest separation of two shapes without their rounding radii. The normal is that of a face, if the separation is equal up to rounding.
@@ -145,7 +145,7 @@ fn axis(shape: &ConvexShape) -> Option<V> {
     matches!(shape, ConvexShape::Capsule { .. } | ConvexShape::Cylinder { .. }).then_some([0.0, 0.0, 1.0])
 }
 
-/// Direction that may have the largest separation.
+/// Direction along which two shapes may have their largest separation, with the separation along it.
 #[derive(Clone, Copy)]
 struct Candidate {
     /// Unit vector from the first shape to the second.

@@ -81,7 +81,7 @@ pub struct MeshSurface {
     across: Vec<[Option<u32>; 3]>,
     /// Vertices that share an edge with each vertex. Those of vertex v are in `around[first[v]..first[v + 1]]`.
     around: Vec<u32>,
-    /// Index in `around` of the first entry of each vertex, and the number of entries.
+    /// For each vertex, index in `around` of its first neighbour; the last entry is the length of `around`.
     first: Vec<u32>,
     /// Tree of the triangles' bounding boxes.
     tree: Bvh,
@@ -111,9 +111,9 @@ pub struct Grid {
 /// Heights of a surface within a horizontal disc.
 #[derive(Clone, Copy, Debug)]
 pub struct DiscHeights {
-    /// Largest height of the grid cells that the disc may overlap, m; minus infinity outside the surface.
+    /// Largest height of the grid cells that a horizontal disc may overlap, m; minus infinity outside the surface.
     pub highest: f64,
-    /// Whether the cells below the disc and their neighbours have the same height. Every contact normal is then vertical.
+    /// Whether the grid cells below a horizontal disc and their neighbours have the same height. Every contact normal is then vertical.
     pub level: bool,
 }
 
@@ -652,7 +652,8 @@ fn touch(
     touch_any(surface, t, facet, pair, along, prediction, out, workspace)
 }
 
-/// Adds the contact points of triangle `t` and a shape by the general search, which works for all shapes. See [`touch`].
+/// Adds the contact points of triangle `t` and a shape by the general search, which works for all shapes. Arguments and result are those of
+/// [`touch`].
 #[expect(clippy::too_many_arguments, reason = "a triangle, a shape, and where points go")]
 fn touch_any(
     surface: &Surface,

@@ -67,8 +67,8 @@ impl SurfaceCheck<'_> {
         })
     }
 
-    /// First edge of a triangle that the ray from the inner point to `p` passes outside of. `None` if the ray crosses the triangle. Rays
-    /// through an edge up to rounding are not outside of it.
+    /// First edge of a triangle that has the ray from the inner point to `p` on its outer side. `None` if the ray crosses the triangle.
+    /// Rays through an edge up to rounding are not on its outer side.
     fn edge_outside(&self, triangle: &[u32; 3], p: V) -> Option<usize> {
         let corners = self.corners(triangle).map(|q| sub(q, self.centre));
         let p = sub(p, self.centre);

@@ -271,7 +271,8 @@ impl<R: Real> Iterate<R> {
         }
     }
 
-    /// Sets the impulses of all contacts to zero in the lanes `lanes`, and recomputes w there. `scratch` is a buffer of the length of w.
+    /// Sets the impulses of all contacts to zero in the lanes `lanes`, and recomputes the scaled velocity change w there. `scratch` is a
+    /// buffer of the length of w.
     pub fn clear_contacts(&mut self, problem: &Problem<R>, lanes: R::Mask, scratch: &mut [R]) {
         R::vectorize(
             #[inline(always)]

@@ -161,7 +161,7 @@ pub struct LaneConstraint<const N: usize> {
     pub(crate) g: [f64; N],
     /// Impulse of each row of the constraint, N s.
     pub(crate) lambda: [f64; N],
-    /// Compliance R >= 0, the same for all rows: it is added to the diagonal of the Delassus matrix G, 1/kg.
+    /// Compliance R >= 0 of each row of the constraint, 1/kg: it is added to the diagonal of the Delassus matrix G.
     pub(crate) compliance: f64,
     /// Additional compliance of the constraint's first row, 1/kg.
     pub(crate) normal_compliance: f64,

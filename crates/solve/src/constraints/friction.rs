@@ -94,8 +94,8 @@ impl<R: Real> NaturalStep<R> {
         Self { rho: R::of(N as f64) / trace, inv_rho: trace * R::of(1.0 / N as f64), trace_ratio: R::one() }
     }
 
-    /// The step of the same natural map, if the trace of the contact's block was larger by the factor `ratio` before elimination of
-    /// equality rows.
+    /// Step of the natural map of a contact, from `self`, which is the step after elimination of equality rows. Before elimination, the
+    /// trace of the contact's block of the Delassus matrix was larger by the factor `ratio`.
     #[inline(always)]
     pub(super) fn with_trace_ratio(self, ratio: R) -> Self {
         Self { rho: self.rho / ratio, inv_rho: self.inv_rho * ratio, trace_ratio: ratio }

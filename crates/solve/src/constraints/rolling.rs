@@ -21,8 +21,8 @@ pub type RollingContacts<R> = FrictionContacts<R, 6, RollingSolver<R>>;
 /// Solver of a single contact with torsional and rolling friction.
 ///
 /// The normal impulse is eliminated and `A x_t + c = -s x_t` is solved for the tangential impulse x_t in the principal axes of A. Jacobi's
-/// method finds these five axes. Only the update uses the model `nn (k k^T) + Q diag(a) Q^T` of the tangential block. At its fixed point
-/// the law holds for the velocities, even if the axes are imprecise.
+/// method finds these five axes, the columns of Q. The update alone uses the model `G_nn (k k^T) + Q diag(a) Q^T` of the tangential block,
+/// where k is the coupling. At its fixed point the law holds for the velocities, even if the axes are imprecise.
 #[derive(Clone, Copy, Debug)]
 pub struct RollingSolver<R: Real> {
     /// Inverse 1 / G_nn of the normal row's diagonal entry, kg.
@@ -37,7 +37,7 @@ pub struct RollingSolver<R: Real> {
     inv_a: [R; T],
     /// Coupling G_tn / G_nn of the tangential rows and the normal row, in the principal axes of A.
     coupling: [R; T],
-    /// Step of the weaker update of the contact, kg.
+    /// Step of the weaker update [`LocalSolver::relax`] of the contact: impulse per velocity, kg.
     step: R,
 }
 
@@ -58,7 +58,8 @@ impl<R: Real> RollingSolver<R> {
     /// Solution for a sliding contact in the lanes `todo`.
     ///
     /// It solves |x(s)| = mu n(s) for the multiplier s > 0 by Newton's method on mu n / |x| = 1, inside a bracket and from `guess`. Here x
-    /// is the tangential and n the normal impulse.
+    /// is the tangential and n the normal impulse. `push` is the normal impulse, N s, and `p` the tangential velocity in the principal
+    /// axes, m/s, both without any tangential impulse.
     #[inline(always)]
     fn slip(&self, mu: R, p: [R; T], push: R, guess: R, mut todo: R::Mask) -> Slip<R> {
         let zero = R::zero();
@@ -97,6 +98,8 @@ impl<R: Real> RollingSolver<R> {
 
     /// Impulses of a sliding contact at the multiplier s of its friction disc. Returns minus the derivative of the tangential impulse with
     /// respect to s, the tangential impulse, and the normal impulse.
+    ///
+    /// `push` is the normal impulse, N s, and `p` the tangential velocity in the principal axes, m/s, both without any tangential impulse.
     #[inline(always)]
     fn sliding(&self, p: [R; T], push: R, s: R) -> ([R; T], [R; T], R) {
         let (mut x, mut rate) = ([R::zero(); T], [R::zero(); T]);

@@ -69,7 +69,8 @@ impl<R: Real> ScalarRow<R> {
         along * self.inv_diagonal
     }
 
-    /// Part of a velocity `correction` that damping leaves, m/s or rad/s. `ratio` is the compliance relative to the row's mobility.
+    /// Velocity correction after damping, m/s or rad/s, from the undamped `correction`. `ratio` is the compliance relative to the row's
+    /// mobility. The difference is stored in the row.
     ///
     /// It is for rows that are combined with others before the position solve. [`PositionRows::damp`](crate::PositionRows::damp) then skips
     /// them.

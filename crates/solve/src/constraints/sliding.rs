@@ -89,6 +89,7 @@ impl<R: Real> SlidingSolver<R> {
 
     /// Impulse of a slipping contact in the lanes `todo`: that at the multiplier s > 0 at which |lambda_t(s)| = mu lambda_n(s).
     ///
+    /// `push` is the normal impulse, N s, and `p` the tangential velocity in the principal axes, m/s, both without any tangential impulse.
     /// Newton's method starts at `guess`. A step within [`near`] is the last, and its error is not tested.
     #[inline(always)]
     fn slip(&self, mu: R, p: [R; 2], push: R, guess: R, mut todo: R::Mask) -> Slip<R> {
@@ -123,7 +124,9 @@ impl<R: Real> SlidingSolver<R> {
         Slip { x: [x[0] * scale, x[1] * scale], n, s }
     }
 
-    /// Impulse at the multiplier s, computed without a division.
+    /// Impulse of a slipping contact at the multiplier s of its friction disc, computed without a division.
+    ///
+    /// `push` is the normal impulse, N s, and `p` the tangential velocity in the principal axes, m/s, both without any tangential impulse.
     #[inline(always)]
     fn sliding(&self, p: [R; 2], push: R, s: R) -> Sliding<R> {
         let (d0, d1) = (self.a[0] + s, self.a[1] + s);
@@ -266,9 +269,10 @@ struct Sliding<R: Real> {
     /// Tangential impulse in the principal axes of the tangential matrix A, times det(A + s). Its derivative with respect to the multiplier
     /// s is -p.
     x: [R; 2],
-    /// Normal impulse of the contact, times det(A + s).
+    /// Normal impulse of the contact, times the determinant det(A + s) of the tangential matrix A plus the multiplier s.
     n: R,
-    /// Derivative of `n` with respect to the multiplier s of the friction disc.
+    /// Derivative with respect to the multiplier s of the friction disc: that of the normal impulse times det(A + s), where A is the
+    /// tangential matrix.
     dn: R,
     /// Determinant det(A + s) of the tangential matrix A plus the multiplier s.
     d: R,

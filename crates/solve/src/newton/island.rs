@@ -27,7 +27,7 @@ pub(super) struct Block {
     /// Step of the constraint's natural map, kg: number of rows divided by the trace of its block of the Delassus matrix, compliance
     /// included.
     pub(super) rho: f64,
-    /// Compliance R >= 0, the same for all rows: it is added to the diagonal of the Delassus matrix G, 1/kg.
+    /// Compliance R >= 0 of each row of the constraint, 1/kg: it is added to the diagonal of the Delassus matrix G.
     pub(super) compliance: f64,
     /// Step of the constraint's natural map for the residual, kg: that without the additional compliance of the first row.
     natural_step: f64,

@@ -26,7 +26,7 @@ pub(super) struct LaneBlock {
     y: usize,
     /// Range of the constraint's rows in [`Lane::g`] and [`Lane::lambda`].
     pub(super) rows: Range<usize>,
-    /// Compliance R >= 0, the same for all rows: it is added to the diagonal of the Delassus matrix G, 1/kg.
+    /// Compliance R >= 0 of each row of the constraint, 1/kg: it is added to the diagonal of the Delassus matrix G.
     pub(super) compliance: f64,
     /// Additional compliance of the constraint's first row, 1/kg. If it is not 0, the constraint has an extra coordinate, whose entry is
     /// the root of this compliance.

@@ -112,7 +112,7 @@ struct SavedImpulses {
     lambda: Vec<f64>,
     /// Scaled velocity change by the impulses.
     w: Vec<f64>,
-    /// Residual, m/s.
+    /// Residual of the saved impulses, m/s.
     residual: f64,
 }
 

@@ -1,4 +1,4 @@
-//! Cases beyond the lanes' problem: equalities, compliance, and cones with any number of tangents.
+//! Tests of Newton's method on single-lane problems with equalities, with compliance, and with cones of any number of tangents.
 
 use crate::admissible_set::AdmissibleSet;
 use crate::constraints::constraint_set::{LaneConstraint, LaneReceiver};

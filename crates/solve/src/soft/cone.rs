@@ -28,7 +28,7 @@ struct Zone<R: Real> {
     n: R,
     /// Length of the tangential part of the relative acceleration u, scaled to the space in which the friction cone is circular.
     t: R,
-    /// Inverse of the tangential length `t`; 1 if it is 0.
+    /// Inverse 1 / t of the tangential length t of the relative acceleration u in the scaled space; 1 if t is 0.
     inv_t: R,
     /// Tangential components of the relative acceleration u, scaled to the space in which the friction cone is circular.
     tangents: [R; 6],
@@ -103,7 +103,7 @@ impl Cone {
         if N == 6 && contact.does_not_roll { self.curvature_of::<R, N, 4>(contact, u) } else { self.curvature_of::<R, N, N>(contact, u) }
     }
 
-    /// Second derivative of s(u) for the first `U` rows of a contact, see [`Cone::curvature`].
+    /// Second derivative of a contact's convex function s(u), for the first `U` rows, see [`Cone::curvature`].
     #[inline(always)]
     fn curvature_of<R: Real, const N: usize, const U: usize>(self, contact: &SoftContact<R, N>, u: &[R; N]) -> [[R; N]; N] {
         let mut c = [[R::zero(); N]; N];
@@ -163,7 +163,7 @@ impl Cone {
         }
     }
 
-    /// Second derivative of s along `du` for the first `U` rows of a contact, see [`Cone::curvature_along`].
+    /// Second derivative of a contact's convex function s along `du`, for the first `U` rows, see [`Cone::curvature_along`].
     #[inline(always)]
     fn curvature_along_of<R: Real, const N: usize, const U: usize>(self, contact: &SoftContact<R, N>, u: &[R; N], du: &[R; N]) -> R {
         let mut sum = R::zero();

@@ -41,7 +41,7 @@ pub struct SoftSolver<R: Real> {
     gradient: Vec<R>,
     /// Acceleration by the gradient: M^-1 times the gradient, with the mass matrix M.
     imbalance: Vec<R>,
-    /// Newton's direction.
+    /// Newton's search direction: a change of the acceleration of every degree of freedom.
     direction: Vec<R>,
     /// Product M (a - a0) of the mass matrix and the difference between the acceleration and that without constraints.
     inertial: Vec<R>,

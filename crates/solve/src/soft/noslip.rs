@@ -77,7 +77,7 @@ struct Friction<R: Real, const N: usize> {
     spans: Vec<Range<usize>>,
     /// Degrees of freedom that the forces of each item (a scalar row or a contact) accelerate.
     dofs: Vec<u32>,
-    /// Accelerations of the degrees of freedom in `dofs` by a unit force in each row of the item.
+    /// Accelerations of the degrees of freedom in `dofs` by a unit force in each row of an item (a scalar row or a contact).
     response: Vec<[R; N]>,
     /// Block of A = J M^-1 J^T for the friction rows of each item (a scalar row or a contact), 1/kg.
     inertia: Vec<[[R; N]; N]>,

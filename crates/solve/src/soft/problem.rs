@@ -72,8 +72,8 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
         self.jacobian.clear();
     }
 
-    /// Appends a contact whose rows have the entries `jacobian` at the coordinates `support`, ascending. The other arguments are those of
-    /// [`SoftContact`].
+    /// Appends a contact whose rows have the entries `jacobian` at the coordinates `support`, ascending. The other arguments are the fields
+    /// of [`SoftContact`] with these names.
     #[inline(always)]
     pub fn push(&mut self, support: &[u32], jacobian: impl Fn(usize) -> [R; N], reference: [R; N], weight: [R; N], scale: [R; N]) {
         let start = self.support.len();
@@ -254,14 +254,15 @@ impl<R: Real> SoftProblem<R> {
         self.rows.is_empty() && self.contacts.items.is_empty() && self.rolling_contacts.items.is_empty()
     }
 
-    /// Appends a scalar row with the entries `jacobian` at the coordinates `support`, ascending. The other arguments are those of
-    /// [`SoftRow`].
+    /// Appends a scalar row with the entries `jacobian` at the coordinates `support`, ascending. The other arguments are the fields of
+    /// [`SoftRow`] with these names.
     #[inline(always)]
     pub fn push_row(&mut self, support: &[u32], jacobian: impl Fn(usize) -> R, reference: R, weight: R, bounds: [R; 2]) {
         self.push_entries(support, support.iter().map(|&d| jacobian(d as usize)), reference, weight, bounds);
     }
 
-    /// Appends a scalar row with the given entries at the coordinates `support`, ascending. The other arguments are those of [`SoftRow`].
+    /// Appends a scalar row with the given entries at the coordinates `support`, ascending. The other arguments are the fields of
+    /// [`SoftRow`] with these names.
     #[inline(always)]
     pub(super) fn push_entries(&mut self, support: &[u32], entries: impl Iterator<Item = R>, reference: R, weight: R, bounds: [R; 2]) {
         let start = self.support.len();

@@ -483,8 +483,8 @@ fn merge(points: &[V], triangles: &[[u32; 3]], neighbours: &[[u32; 3]], toleranc
     faces
 }
 
-/// Vertices along the closed boundary that consists of directed `edges`, starting from the lowest index. Where the boundary touches itself,
-/// it follows the last edge.
+/// Vertices along the closed boundary that consists of directed `edges`, starting from the lowest index. At a vertex where several edges
+/// start, the boundary continues along the one that leads to the highest index.
 fn outline(mut edges: Vec<(u32, u32)>) -> Vec<u32> {
     edges.sort_unstable();
     let mut left = vec![true; edges.len()];

@@ -47,9 +47,9 @@ pub struct SeparatingPlane {
     ends: [u32; 2],
     /// Vertex p of the second hull, in the second hull's frame, m. The ball that contains the second hull bulges a little beyond it.
     tip: [f32; 3],
-    /// Direction m from the centre of the ball around the second hull to its vertex p, in the second hull's frame.
+    /// Unit vector m from the centre of the ball that contains the second hull to the hull's vertex `tip`, in the second hull's frame.
     axis: [f32; 3],
-    /// Size q of the ball around the second hull, m: its centre is p - q m.
+    /// Distance of the centre of the ball that contains the second hull from the hull's vertex `tip`, m.
     curve: f32,
     /// Offset along the normal n of the plane that contains the first hull, plus the length by which the ball around the second hull
     /// bulges, m. Infinite without a separating plane.
@@ -100,9 +100,9 @@ pub struct SeparatingPlanes<R: Real> {
     normal: V3<R>,
     /// Vertex p of the second hull, in the second hull's frame, m. The ball that contains the second hull bulges a little beyond it.
     tip: V3<R>,
-    /// Direction m from the centre of the ball around the second hull to its vertex p, in the second hull's frame.
+    /// Unit vector m from the centre of the ball that contains the second hull to the hull's vertex `tip`, in the second hull's frame.
     axis: V3<R>,
-    /// Size q of the ball around the second hull, m: its centre is p - q m.
+    /// Distance of the centre of the ball that contains the second hull from the hull's vertex `tip`, m.
     curve: R,
     /// Offset along the normal n of the plane that contains the first hull, plus the length by which the ball around the second hull
     /// bulges, m. Infinite without a separating plane.
@@ -110,7 +110,7 @@ pub struct SeparatingPlanes<R: Real> {
 }
 
 impl<R: Real> SeparatingPlanes<R> {
-    /// Value without a separating plane in any lane.
+    /// Separating planes of lanes in which none is known.
     #[inline(always)]
     pub fn none() -> Self {
         let zero = R::zero();

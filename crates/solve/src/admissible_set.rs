@@ -72,8 +72,8 @@ impl AdmissibleSet {
         }
     }
 
-    /// Computes rho DP_K(x) Y into `out`, row by row. DP_K is the derivative of the projection on this set. Returns false if the product is
-    /// zero.
+    /// Computes rho DP_K(x) Y into `out`, row by row. DP_K is the derivative of the projection on this set, and Y a matrix such as the
+    /// constraint's scaled Jacobian. Returns false if the product is zero.
     ///
     /// `y` are the rows of Y with `n` entries each, in whole tiles. If velocities `v` are given, DP_K is multiplied by the derivative of v
     /// + s, `I + e_n (0, mu v_t / |v_t|)`, where s is De Saxce's term.
@@ -151,7 +151,7 @@ fn differentiate_cone([rho, mu]: [f64; 2], x: &[f64], tangent: f64, case: ConeRe
     }
 }
 
-/// Product s y.
+/// Product of the number `s` and the four numbers `y`.
 #[inline(always)]
 fn scaled(s: f64, mut y: [f64; TILE]) -> [f64; TILE] {
     for y in &mut y {
@@ -223,7 +223,7 @@ impl AdmissibleSet {
     }
 }
 
-/// Product rho DP Y of one constraint, and its workspace.
+/// Product rho DP Y of one constraint, and its workspace: step rho times the derivative DP of its projection times a matrix Y.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Product {
     /// Entries of the product, row by row.

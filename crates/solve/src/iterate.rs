@@ -95,7 +95,10 @@ impl<R: Real> Snapshot<R> {
 }
 
 impl<R: Real> Snapshot<R> {
-    /// Sets the impulse of contact `i` as [`Iterate::set_first_impulse`] does, if the snapshot has that contact.
+    /// Sets the impulse of contact `i` of `problem`, which must be zero, to `lambda` in the lanes `lanes`, and updates the scaled velocity
+    /// change w.
+    ///
+    /// The index counts contacts with three rows, then those with six. A contact with three rows reads the first three numbers.
     #[inline(always)]
     pub fn set_first_impulse(&mut self, problem: &Problem<R>, i: usize, lanes: R::Mask, lambda: [R; 6]) {
         let Self { contacts, rolling_contacts, w, .. } = self;
@@ -105,8 +108,8 @@ impl<R: Real> Snapshot<R> {
     }
 }
 
-/// Sets the impulse of contact `i` of `problem` to `lambda` in the lanes `lanes`, and updates w. The last argument has the impulses of
-/// contacts with three rows, those with six rows, and w.
+/// Sets the impulse of contact `i` of `problem` to `lambda` in the lanes `lanes`, and updates the scaled velocity change w. The last
+/// argument has the impulses of contacts with three rows, those with six rows, and w.
 #[inline(always)]
 fn set_first_impulse<R: Real>(
     problem: &Problem<R>,
@@ -214,7 +217,7 @@ impl<R: Real> Iterate<R> {
         });
     }
 
-    /// Sets all impulses and w to zero in the lanes `lanes`.
+    /// Sets all impulses and the scaled velocity change w by them to zero in the lanes `lanes`.
     #[inline(always)]
     pub(crate) fn clear_impulses(&mut self, lanes: R::Mask) {
         for w in &mut self.w {
@@ -234,7 +237,8 @@ impl<R: Real> Iterate<R> {
         set_first_impulse(problem, i, lanes, lambda, (contacts, rolling_contacts, w));
     }
 
-    /// Sets the impulse of contact `i` to zero in the lanes `lanes`, and updates w. Returns the impulse before, N s.
+    /// Sets the impulse of contact `i` to zero in the lanes `lanes`, and updates the scaled velocity change w. Returns the impulse before,
+    /// N s.
     ///
     /// The index counts contacts with three rows, then those with six.
     #[inline(always)]

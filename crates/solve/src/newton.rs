@@ -13,10 +13,11 @@
 //! near the start, or the least if the first step starts from zero.
 //!
 //! Between the minimisations s is recomputed, with Anderson's acceleration. After the first minimisation the solver also tries steps on the
-//! exact law, including s, whose matrix is not symmetric. Close to the solution they converge at once; otherwise they are rejected.
+//! exact friction law, including s, whose matrix is not symmetric. Close to the solution they converge at once; otherwise they are
+//! rejected.
 //!
-//! That outer loop on s does not converge with many contacts. There, and if it has failed, all proximal steps are of the exact law, short
-//! at first (`ProximalPoint::solve_exact`).
+//! That outer loop on s does not converge with many contacts. There, and if it has failed, all proximal steps are of the exact friction
+//! law, short at first (`ProximalPoint::solve_exact`).
 //!
 //! Convergence of s is not proven, and Coulomb's law may have no solution or several (Painleve 1895). The residual gives the error.
 
@@ -69,8 +70,8 @@ pub struct Newton {
 
 /// Effort of the last call of Newton's method, in all its lanes and islands together.
 ///
-/// With a limit of n steps there are at most n steps and n rounds per island. With steps of the exact law there are at most [`EXACT_RATIO`]
-/// n. This bounds the time for which other lanes wait.
+/// With a limit of n steps there are at most n steps and n rounds per island. With steps of the exact friction law there are at most
+/// [`EXACT_RATIO`] n. This bounds the time for which other lanes wait.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Work {
     /// Number of islands (sets of coupled constraints) that Newton's method improved.
@@ -84,7 +85,7 @@ pub struct Work {
 /// Limits and tolerance of [`Newton::solve`].
 #[derive(Clone, Copy, Debug)]
 pub struct Search<R> {
-    /// Largest number of Newton steps of an island; [`EXACT_RATIO`] times as many for the exact law.
+    /// Largest number of Newton steps of an island; [`EXACT_RATIO`] times as many for the exact friction law.
     pub steps: u32,
     /// Residual at which the search stops, m/s.
     pub tolerance: R,

@@ -33,8 +33,8 @@ by_kind! {
     pub struct System['a, R: Real] {
         /// Problem, which the velocity solve and the position solve share.
         pub(crate) problem: &'a Problem<R>,
-        /// Whether the solve ends with a residual, for a scaled velocity change w that is the sum over the impulses to the last bit.
-        /// Otherwise lanes whose sweeps change little count as solved.
+        /// Whether the solve ends by evaluating the residual, with a scaled velocity change w that is exactly the sum over the impulses. If
+        /// not, lanes whose sweeps (Gauss-Seidel iterations) change little count as solved.
         pub(crate) certified: bool,
     } each rows
 }
@@ -107,7 +107,7 @@ impl<R: Real> Problem<R> {
     }
 
     /// Changes the velocity and position targets of all rows in the lanes `lanes`, after a change of the free velocity. `change` is that
-    /// change in the scaled coordinates of w. Each target increases by the row's velocity due to it.
+    /// change in the scaled coordinates of w (scaled velocity change). Each target increases by the row's velocity due to it.
     #[inline(always)]
     pub fn shift(&mut self, change: &[R], lanes: R::Mask) {
         each_kind!([set: &mut self] => {
@@ -120,7 +120,7 @@ impl<R: Real> Problem<R> {
 
 impl<R: Real> Problem<R> {
     /// Changes the velocity targets of contact `i` in the lanes `lanes`, after a change of the free velocity. `change` is that change in
-    /// the scaled coordinates of w. Each target increases by the row's velocity due to it.
+    /// the scaled coordinates of w (scaled velocity change). Each target increases by the row's velocity due to it.
     ///
     /// The index counts contacts with three rows, then those with six. The increase is multiplied by the first of `weights` for the normal
     /// row, by the second for the other rows.

@@ -157,7 +157,7 @@ pub struct LaneConstraint<const N: usize> {
     pub(crate) set: AdmissibleSet,
     /// Index of the constraint among those of its kind.
     pub(crate) source: usize,
-    /// Velocity g of each row before any impulse, with its bias, m/s.
+    /// Velocity g of each row before any impulse, plus its bias (the negated velocity target), m/s.
     pub(crate) g: [f64; N],
     /// Impulse of each row of the constraint, N s.
     pub(crate) lambda: [f64; N],
@@ -313,7 +313,7 @@ pub trait ConstraintSet<R: Real>: Sized {
     fn add_potential(&self, impulses: &[Self::Impulse], sum: R) -> R;
 
     /// Changes the velocity and position targets of all rows in the lanes `lanes`, after a change of the free velocity. `change` is that
-    /// change in the scaled coordinates of w. Each target increases by the row's velocity due to it.
+    /// change in the scaled coordinates of w (scaled velocity change). Each target increases by the row's velocity due to it.
     fn shift(&self, rows: &mut Rows<Self::Row>, change: &[R], lanes: R::Mask);
 
     /// Damps the targets of the rows by a compliance, see [`PositionRows::damp`](crate::PositionRows::damp). The compliance acts on the

@@ -119,15 +119,15 @@ pub struct FrictionContact<R: Real, const N: usize, L> {
     deferred: R::Mask,
     /// Friction coefficient of the scaled rows; 0 for a frictionless contact.
     pub mu: R,
-    /// Velocity g of each row of the contact before any impulse, with the bias of the normal row, m/s. It is the target of the velocity
-    /// solve.
+    /// Velocity g of each row of the contact before any impulse, plus its bias (the negated velocity target), m/s. It is the target of the
+    /// velocity solve.
     pub g: [R; N],
-    /// Target of the position solve, m/s: the value of g for the normal row, and terms that are added to g for the tangential rows.
+    /// Target of the position solve, m/s. For the normal row it replaces the velocity target g. For the tangential rows it is added to g.
     pub position_g: [R; N],
     /// Compliance R >= 0 of the normal row: velocity per unit of impulse, 1/kg. It is 0 for a hard contact.
     pub(crate) compliance: R,
-    /// Part of a residual in the normal row that is an error of the velocity, and not of a spring: G_nn / (G_nn + R). It is 1 for a hard
-    /// contact.
+    /// Part of a residual in the normal row that is an error of the velocity, and not of a spring: G_nn / (G_nn + R). G_nn is the row's
+    /// diagonal entry of the Delassus matrix and R its compliance. It is 1 for a hard contact.
     rigid_fraction: R,
     /// Compliance that damps all rows of the contact in the position solve, 1/kg.
     damping: R,
@@ -190,8 +190,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
 
 /// Contacts with `N` rows each, stored sparse.
 ///
-/// A contact's support lists the coordinates of w at which it has entries in any lane, ascending. Lanes without an entry at one of them
-/// have zeros there.
+/// A contact's support lists the coordinates of w (scaled velocity change) at which it has entries in any lane, ascending. Lanes without an
+/// entry at one of them have zeros there.
 #[derive(Clone, Debug)]
 pub struct FrictionContacts<R: Real, const N: usize, L> {
     /// Rows of each contact, with the targets of the velocity solve.
@@ -445,7 +445,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     }
 
     /// Changes the velocity targets of a contact in the lanes `lanes`, after a change of the free velocity. `change` is that change in the
-    /// scaled coordinates of w. Each target increases by the row's velocity due to it.
+    /// scaled coordinates of w (scaled velocity change). Each target increases by the row's velocity due to it.
     ///
     /// That increase is multiplied by the first of `weights` for the normal row, by the second for the other rows.
     #[inline(always)]

@@ -35,7 +35,8 @@ pub struct RollingSolver<R: Real> {
     a: [R; T],
     /// Inverses of the principal values of the tangential matrix A, kg.
     inv_a: [R; T],
-    /// Coupling G_tn / G_nn of the tangential rows and the normal row, in the principal axes of A.
+    /// Coupling G_tn / G_nn of the tangential rows t and the normal row n of the contact's Delassus block G, in the principal axes of the
+    /// tangential matrix.
     coupling: [R; T],
     /// Step of the weaker update [`LocalSolver::relax`] of the contact: impulse per velocity, kg.
     step: R,
@@ -260,13 +261,13 @@ fn dot<R: Real>(a: [R; T], b: [R; T]) -> R {
     sum
 }
 
-/// Tangential part of a vector with an entry for each row.
+/// Tangential part, without the normal row, of a vector with an entry for each row of a contact.
 #[inline(always)]
 fn tangential<R: Real>(x: [R; 6]) -> [R; T] {
     [x[1], x[2], x[3], x[4], x[5]]
 }
 
-/// Components of the vector `x` along the axes.
+/// Components of the tangential vector `x` along the principal axes `axes`.
 #[inline(always)]
 fn in_axes<R: Real>(axes: &[[R; T]; T], x: [R; T]) -> [R; T] {
     let mut out = [R::zero(); T];

@@ -25,9 +25,10 @@ pub struct ScalarRow<R: Real> {
     pub(super) coordinates: usize,
     /// Lanes in which the row exists.
     pub active: R::Mask,
-    /// Velocity g of the row before any impulse, with its bias, m/s or rad/s. It is the target of the velocity solve.
+    /// Velocity g of the row before any impulse, plus its bias (the negated velocity target), m/s or rad/s. It is the target of the
+    /// velocity solve.
     pub g: R,
-    /// Velocity of the row before any impulse, with the bias of the position solve, m/s or rad/s.
+    /// Velocity of the row before any impulse, plus the bias (the negated velocity target) of the position solve, m/s or rad/s.
     pub position_g: R,
     /// Least impulse of the row, N s or N m s.
     pub lo: R,
@@ -133,7 +134,7 @@ impl<R: Real> ScalarRow<R> {
 
 /// Scalar rows of a problem, stored sparse.
 ///
-/// A row's support lists the coordinates of w at which the row has entries in any lane, ascending.
+/// A row's support lists the coordinates of w (scaled velocity change) at which the row has entries in any lane, ascending.
 #[derive(Clone, Debug)]
 pub struct ScalarRows<R: Real> {
     /// Scalar rows, with the targets of the velocity solve.
@@ -281,7 +282,8 @@ impl<R: Real> ScalarRows<R> {
         (&self.support[row.support..row.support + row.coordinates], self.y.row(row.y, row.coordinates))
     }
 
-    /// Velocity y . w + g of a row at the scaled velocity change `w`, m/s or rad/s, without the part by its compliance.
+    /// Velocity y . w + g of a row at the scaled velocity change `w`, m/s or rad/s: y is the row of the scaled Jacobian, and g its velocity
+    /// before any impulse. The part by its compliance is not included.
     #[inline(always)]
     pub fn velocity(&self, row: &ScalarRow<R>, w: &[R]) -> R {
         let (support, y) = self.entries(row);

@@ -31,7 +31,8 @@ pub struct SlidingSolver<R: Real> {
     a: [R; 2],
     /// Inverses of the principal values of the tangential matrix A, kg.
     inv_a: [R; 2],
-    /// Coupling G_tn / G_nn of the tangential rows and the normal row, in the principal axes of A.
+    /// Coupling G_tn / G_nn of the tangential rows t and the normal row n of the contact's Delassus block G, in the principal axes of the
+    /// tangential matrix.
     coupling: [R; 2],
 }
 
@@ -264,7 +265,8 @@ impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
     }
 }
 
-/// Impulse of a sliding contact at a multiplier s of the friction disc, times det(A + s), so that no division is needed.
+/// Impulse of a sliding contact at a multiplier s of the friction disc, times det(A + s), so that no division is needed. A is the matrix
+/// that relates the tangential impulse to the tangential velocity.
 struct Sliding<R: Real> {
     /// Tangential impulse in the principal axes of the tangential matrix A, times det(A + s). Its derivative with respect to the multiplier
     /// s is -p.

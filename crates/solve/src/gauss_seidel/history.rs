@@ -46,16 +46,19 @@ pub(crate) struct History<R: Real> {
 
 /// Change f of the scaled velocity change w by the present sweep, with its dot products.
 pub(super) struct SweepChange<R> {
-    /// Squared length |f|^2 of the change f of w by the present sweep.
+    /// Squared length |f|^2 of the change f of the scaled velocity change w by the present sweep.
     pub(super) length: R,
-    /// Dot products of the newest difference `df` with the last differences, itself first.
+    /// Dot products of the newest difference `df` with the last differences, itself first. Here f is the change of the scaled velocity
+    /// change w by a sweep.
     with_newest: [R; MEMORY],
-    /// Dot products of the change f of w by the present sweep with the last differences `df`.
+    /// Dot products of f with the last differences `df` of f between sweeps. Here f is the change of the scaled velocity change w by the
+    /// present sweep.
     with_f: [R; MEMORY],
 }
 
 impl<R: Real> History<R> {
-    /// Empty history with memory for `dimension` coordinates of w and for `unknowns` unknowns, including w.
+    /// Empty history with memory for `dimension` coordinates of the scaled velocity change w, and for `unknowns` unknowns (w and all
+    /// impulses).
     pub(crate) fn new(dimension: usize, unknowns: usize) -> Self {
         let unknowns = || Vec::with_capacity(unknowns);
         let coordinates = || vec![R::zero(); dimension];
@@ -138,7 +141,8 @@ impl<R: Real> History<R> {
     }
 
     /// Discards the history of lanes that are not `running`, and of lanes whose last sweep changed more than the previous one. `length` is
-    /// the squared change of w by the last sweep. Returns the number of differences between sweeps that are stored in any lane.
+    /// the squared change of the scaled velocity change w by the last sweep. Returns the number of differences between sweeps that are
+    /// stored in any lane.
     #[inline(always)]
     pub(super) fn discard_worse(&mut self, running: R::Mask, length: R) -> usize {
         let keeps = running.and(length.le(self.length));
@@ -178,8 +182,8 @@ impl<R: Real> History<R> {
         }
     }
 
-    /// Coefficients c of Anderson's acceleration, which minimise |f - sum_j c_j df_j|. Here f is the change of w by the last sweep, and
-    /// df_j are its last `N` differences between sweeps. A coefficient is 0 if a lane does not have the difference.
+    /// Coefficients c of Anderson's acceleration, which minimise |f - sum_j c_j df_j|. Here f is the change of the scaled velocity change w
+    /// by the last sweep, and df_j are its last `N` differences between sweeps. A coefficient is 0 if a lane does not have the difference.
     #[inline(always)]
     pub(super) fn coefficients<const N: usize>(&mut self, change: &SweepChange<R>) -> [R; N] {
         let Self { stored, gram, .. } = self;

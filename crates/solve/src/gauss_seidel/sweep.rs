@@ -24,7 +24,8 @@ pub(super) struct Progress<R: Real> {
     pub(super) sweeps: R,
     /// Largest number of sweeps (Gauss-Seidel iterations) of a lane.
     pub(super) most_sweeps: f64,
-    /// Lanes in which Anderson's acceleration changed w and the impulses by separate sums, so that they may differ by rounding.
+    /// Lanes in which Anderson's acceleration has changed the scaled velocity change w and the impulses separately, so that they may differ
+    /// by rounding.
     pub(super) extrapolated: R::Mask,
 }
 

@@ -6,7 +6,8 @@
 //! reduces rho by the same factor.
 //!
 //! De Saxce's term s_i = mu |v_t| is constant, or evaluated at the present w (an "implicit" step). The implicit equation is that of the
-//! exact law. Its matrix is not symmetric and no function is minimised, but close to the solution Newton's method converges at once.
+//! exact friction law. Its matrix is not symmetric and no function is minimised, but close to the solution Newton's method converges at
+//! once.
 
 use crate::admissible_set::Product;
 use crate::newton::dense::Dense;
@@ -28,7 +29,8 @@ pub(super) struct AugmentedLagrangian {
     pub(super) slip: Vec<f64>,
     /// Projection z = P_K(x) of each row's argument on the admissible impulses, N s: the next impulses.
     pub(super) z: Vec<f64>,
-    /// Velocities Y w + g of all rows of the island, m/s.
+    /// Velocities Y w + g of all rows of the island, m/s: Y is the scaled Jacobian, w the scaled velocity change by the impulses, and g the
+    /// velocity before any impulse.
     v: Vec<f64>,
     /// Argument x of the projection on the admissible impulses, N s.
     x: Vec<f64>,
@@ -40,7 +42,7 @@ pub(super) struct AugmentedLagrangian {
     direction: Vec<f64>,
     /// Argument of the projection at a point of the line search, N s.
     trial: Vec<f64>,
-    /// Product rho DP Y of one constraint: derivative of its projection times its Jacobian.
+    /// Product rho DP Y of one constraint: step rho times the derivative DP of its projection times its scaled Jacobian Y.
     product: Product,
     /// Largest norm of one constraint's rows: root of the trace of its block of the Delassus matrix.
     longest: f64,

@@ -3,7 +3,7 @@
 
 use crate::vectors::TILE;
 
-/// Full matrix, replaced by its factors P A = L U, row by row.
+/// Full matrix, replaced by the factors L U of its rows in the order of partial pivoting.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Dense {
     /// Number of rows and columns.

@@ -44,7 +44,7 @@ pub(super) struct Island {
     tiles: Vec<usize>,
     /// Entries of the scaled Jacobian of all constraints of the island.
     pub(super) y: Vec<f64>,
-    /// Velocity g of each row before any impulse, with its bias, m/s.
+    /// Velocity g of each row before any impulse, plus its bias (the negated velocity target), m/s.
     pub(super) g: Vec<f64>,
     /// Impulse of each row, N s.
     pub(super) lambda: Vec<f64>,
@@ -55,8 +55,8 @@ pub(super) struct Island {
 impl Island {
     /// Gathers the constraints `members` of a lane into the island.
     ///
-    /// `coordinates` are the lane's coordinates of w that belong to the island, in the order of the island. `number` is the inverse: the
-    /// index in the island of each coordinate of the lane.
+    /// `coordinates` are the lane's coordinates of w (scaled velocity change) that belong to the island, in the order of the island.
+    /// `number` is the inverse: the index in the island of each coordinate of the lane.
     pub(super) fn gather(&mut self, lane: &Lane, members: &[usize], coordinates: &[u32], number: &[u32]) {
         self.blocks.clear();
         self.tiles.clear();
@@ -174,8 +174,8 @@ impl Island {
         self.w = w;
     }
 
-    /// Natural-map residual of the exact Coulomb problem, m/s, as [`crate::residual()`]. Writes the velocities Y w + R lambda + g of all
-    /// rows to `v`.
+    /// Natural-map residual of the exact Coulomb problem, m/s, as [`crate::residual()`]. Writes the velocities of all rows to `v`, m/s,
+    /// including the part by their compliance.
     pub(super) fn residual(&self, v: &mut Vec<f64>) -> f64 {
         self.multiply(&self.w, v);
         let mut worst = 0.0;

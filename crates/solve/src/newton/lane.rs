@@ -47,7 +47,7 @@ pub(super) struct Lane {
     support: Vec<u32>,
     /// Entries of the scaled Jacobian: for each coordinate, those of all rows of the constraint.
     y: Vec<f64>,
-    /// Velocity g of each row before any impulse, with its bias, m/s.
+    /// Velocity g of each row before any impulse, plus its bias (the negated velocity target), m/s.
     pub(super) g: Vec<f64>,
     /// Impulse of each row, N s.
     pub(super) lambda: Vec<f64>,

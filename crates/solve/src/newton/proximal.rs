@@ -5,8 +5,8 @@
 //! 1991, theorem 2.1). The solutions of nearly dependent rows are far away. Kappa therefore grows until the residual falls by a factor at
 //! every step. Rounding bounds kappa, see [`largest_kappa`].
 //!
-//! Every loop has a bound. A search makes at most `Criteria::steps` Newton steps, [`EXACT_RATIO`] times as many for the exact law, and as
-//! many rounds. Each round evaluates the problem at most twice more. The search ends when a round changes nothing.
+//! Every loop has a bound. A search makes at most `Criteria::steps` Newton steps, [`EXACT_RATIO`] times as many for the exact friction law,
+//! and as many rounds. Each round evaluates the problem at most twice more. The search ends when a round changes nothing.
 
 use crate::newton::anderson::Anderson;
 use crate::newton::augmented_lagrangian::AugmentedLagrangian;
@@ -74,7 +74,7 @@ pub enum Terms {
 pub(super) struct Criteria {
     /// Residual at which the search stops, m/s.
     pub(super) tolerance: f64,
-    /// Largest number of Newton steps, and of rounds of the outer loop; [`EXACT_RATIO`] times as many for the exact law.
+    /// Largest number of Newton steps, and of rounds of the outer loop; [`EXACT_RATIO`] times as many for the exact friction law.
     pub(super) steps: u32,
     /// Whether to find the impulses of least norm among many possible ones, instead of those near the start.
     pub(super) least_norm: bool,
@@ -95,7 +95,7 @@ pub(super) struct ProximalPoint {
     image: Vec<f64>,
     /// Impulses with the smallest residual so far.
     best: SavedImpulses,
-    /// Impulses before an attempt of the exact law.
+    /// Impulses before an attempt of the exact friction law.
     before: SavedImpulses,
     /// Residual of the present impulses, m/s.
     residual: f64,
@@ -105,7 +105,7 @@ pub(super) struct ProximalPoint {
     pub(super) rounds: u32,
 }
 
-/// Copy of an island's impulses, with their w and residual.
+/// Copy of an island's impulses, with their scaled velocity change w and their residual.
 #[derive(Clone, Debug, Default)]
 struct SavedImpulses {
     /// Impulse of each row, N s.
@@ -150,8 +150,9 @@ impl ProximalPoint {
             kappa = kappa.max(KAPPA[1].min(most));
         }
         let mut implicit_kappa = kappa;
-        // A failed attempt of the exact law doubles the number of rounds before the next one (`rounds_to_try`) and reduces its kappa. A
-        // successful attempt is a proximal step and increases the next kappa. With friction it may succeed without reducing the residual.
+        // A failed attempt of the exact friction law doubles the number of rounds before the next one (`rounds_to_try`) and reduces its
+        // kappa. A successful attempt is a proximal step and increases the next kappa. With friction it may succeed without reducing the
+        // residual.
         let (mut rounds_to_try, mut next_wait) = (1, 1);
         // Kappa at which the matrix had no factors.
         let mut broken = f64::INFINITY;
@@ -204,8 +205,8 @@ impl ProximalPoint {
     /// length of a proximal step depends on how well Newton's method converges.
     ///
     /// With De Saxce's terms constant, the fixed-point iteration does not converge if hundreds of contacts stick, slip and open at once. A
-    /// long step of the exact law switches too many of them for Newton's method. A short step is a small correction, and unlike a sweep it
-    /// moves all contacts together: pseudo-transient continuation (Kelley & Keyes 1998).
+    /// long step of the exact friction law switches too many of them for Newton's method. A short step is a small correction, and unlike a
+    /// sweep it moves all contacts together: pseudo-transient continuation (Kelley & Keyes 1998).
     pub(super) fn solve_exact<R: Real>(&mut self, rows: &mut Island, criteria: Criteria) -> u32 {
         self.lagrangian.reset(rows);
         (self.steps, self.rounds) = (0, 0);

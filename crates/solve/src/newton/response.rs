@@ -176,13 +176,14 @@ impl<R: Real> Default for Response<R> {
 }
 
 impl<R: Real> Response<R> {
-    /// Stores the solution and its derivative in the lanes `lanes` (bits). Returns the lanes in which the rows determine the motion.
+    /// Stores the solution of a problem and the derivative of its impulses, in the lanes `lanes` (bits). Returns the lanes in which the
+    /// rows determine the motion.
     ///
     /// They do not determine it if, for example, contacts share loads while they slip about a point. `name` returns a number that
     /// identifies a constraint in other problems. Its arguments are the kind, the index and the lane.
     ///
-    /// For a position solve `before` is the velocity solve, from whose impulses the damping counts. Loads that the velocity solve leaves
-    /// undetermined must cause no motion in the position solve either.
+    /// For a position solve `before` is the velocity solve, at whose impulses damping causes no velocity. Loads that the velocity solve
+    /// leaves undetermined must cause no motion in the position solve either.
     pub fn settle<'a>(
         &mut self,
         system: impl Into<System<'a, R>>,
@@ -213,7 +214,8 @@ impl<R: Real> Response<R> {
         sound
     }
 
-    /// Replaces the impulses of a problem close to the stored one by the solution to first order, in the lanes `lanes` (bits).
+    /// Replaces the impulses of a problem that is close to that of the last [`Response::settle`] by its solution to first order, in the
+    /// lanes `lanes` (bits).
     ///
     /// Returns the lanes in which a constraint that pushed no longer exists. `name` is as in [`Response::settle`]. For a position solve
     /// `before` is the velocity solve after its response. Exactly those rows are damped that were damped in the stored problem.
@@ -346,7 +348,7 @@ impl<R: Real> Response<R> {
         );
     }
 
-    /// Appends the compliances of all rows to their list.
+    /// Appends the compliances of all rows of a system to the list `compliances`.
     fn collect_compliances(&mut self, system: System<'_, R>) {
         each_kind!([set: &system.problem] [rows: system] => set.compliances(rows, &mut self.compliances));
     }

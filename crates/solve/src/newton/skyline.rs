@@ -248,7 +248,7 @@ fn subtract_outer(d: &mut [Tile; TILE], a: &Tile, b: &Tile) {
     }
 }
 
-/// Adds a product of N rows to a block of four by four entries: `out[c][k] += sum_r a_r[k] b_r[column + c]`. The rows of `b` have `n`
+/// Adds a product of `N` rows to a block of four by four entries: `out[c][k] += sum_r a_r[k] b_r[column + c]`. The rows of `b` have `n`
 /// numbers.
 #[inline(always)]
 fn add_tile<const N: usize>(out: &mut [Tile], a: &[Tile; N], b: &[f64], n: usize, column: usize) {

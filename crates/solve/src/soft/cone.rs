@@ -11,7 +11,7 @@ use crate::soft::contact::SoftContact;
 /// Shape of the friction cone of soft contacts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Cone {
-    /// Pyramid whose edges are n + mu_k t_k and n - mu_k t_k for the normal n and each tangent t_k. Each edge has a force.
+    /// Pyramid whose edges are the directions n + mu_k t_k and n - mu_k t_k for the normal n and each tangent t_k. Each edge has a force.
     #[default]
     Pyramidal,
     /// Elliptic cone `sum (f_k / mu_k)^2 <= f_n^2`.

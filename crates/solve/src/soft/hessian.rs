@@ -352,7 +352,8 @@ pub(super) struct Argument<R> {
 }
 
 impl<R: Real> Argument<R> {
-    /// Computes J x for all rows of a problem. If `relative`, the reference accelerations are subtracted.
+    /// Computes the product J x of the Jacobian of all rows of a problem and a vector. If `relative`, the reference accelerations are
+    /// subtracted.
     #[inline(always)]
     pub(super) fn multiply(&mut self, problem: &SoftProblem<R>, x: &[R], relative: bool) {
         problem.multiply_rows(x, relative, &mut self.rows);

@@ -21,8 +21,8 @@ pub struct Effort<R> {
 /// Result of a solve of the soft problem, in each lane.
 #[derive(Clone, Copy, Debug)]
 pub struct SoftOutcome<R> {
-    /// Largest component of the acceleration by the remaining imbalance M (a - a0) - J^T f, m/s^2 or rad/s^2. It is 0 for the exact
-    /// solution.
+    /// Largest acceleration by the remaining imbalance M (a - a0) - J^T f of inertial and constraint forces, m/s^2 or rad/s^2. It is 0 for
+    /// the exact solution.
     pub residual: R,
     /// Number of Newton steps.
     pub steps: R,

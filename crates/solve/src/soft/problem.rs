@@ -17,8 +17,8 @@ pub trait Metric<R: Real> {
     fn solve(&self, x: &mut [R]);
 }
 
-/// Scalar row with the force -D u between two bounds, where u = J a - r is its acceleration relative to its reference. An equality has no
-/// bounds, a limit one, dry friction two.
+/// Scalar row with the force -D u between two bounds, where D is its weight. Here u = J a - r is its acceleration J a relative to its
+/// reference acceleration r. An equality has no bounds, a limit one, dry friction two.
 #[derive(Clone, Debug)]
 pub struct SoftRow<R: Real> {
     /// Range of the row in the lists of coordinates and Jacobian entries of all scalar rows.
@@ -120,7 +120,8 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
         touched
     }
 
-    /// Computes J x of all rows into `out`. If `relative`, the reference accelerations are subtracted.
+    /// Computes the product J x of the Jacobian of all contacts and a vector into `out`. If `relative`, the reference accelerations are
+    /// subtracted.
     #[inline(always)]
     pub(super) fn multiply(&self, x: &[R], relative: bool, out: &mut Vec<[R; N]>) {
         out.clear();
@@ -196,7 +197,7 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
     }
 }
 
-/// Relative acceleration u + step du.
+/// Relative acceleration u + step du, from the relative acceleration `u` of a contact, after a step of length `step` along `du`.
 #[inline(always)]
 fn moved<R: Real, const N: usize>(u: &[R; N], du: &[R; N], step: R) -> [R; N] {
     let mut at = *u;
@@ -297,7 +298,8 @@ impl<R: Real> SoftProblem<R> {
         touched.or(self.contacts.touches(&coordinates)).or(self.rolling_contacts.touches(&coordinates))
     }
 
-    /// Computes J x of the scalar rows into `out`. If `relative`, the reference accelerations are subtracted.
+    /// Computes the product J x of the Jacobian of the scalar rows and a vector into `out`. If `relative`, the reference accelerations are
+    /// subtracted.
     #[inline(always)]
     pub(super) fn multiply_rows(&self, x: &[R], relative: bool, out: &mut Vec<R>) {
         out.clear();

@@ -53,9 +53,10 @@ impl<R: Real> BoundingBox<R> {
     }
 
     /// Bounding box of a convex solid along the axes of the world: centre relative to the origin of the solid's frame, and half sizes, m.
-    ///
-    /// `mat` is the orientation of the solid. Only its last axis is used for capsules, and none for balls. `size` is as in [`Self::new`].
     /// `None` for solids without bounds.
+    ///
+    /// `mat` is the orientation of the solid. Only its last axis is used for capsules, and none for balls. `size` is the size of the solid
+    /// in MuJoCo's order, m, as in [`Self::new`].
     #[inline(always)]
     pub fn along_world(solid: &Solid, size: V3<R>, mat: &M3<R>) -> Option<[V3<R>; 2]> {
         let Solid::Convex(shape) = solid else { return None };

@@ -108,7 +108,8 @@ impl Narrow {
     }
 }
 
-/// Whether two convex shapes pass through each other between the times `from` and `to`, s. `thickness` is as in [`Narrow::may_pass`].
+/// Whether two convex shapes pass through each other between the times `from` and `to`, s. `thickness` is the relative displacement below
+/// which neither can pass the other, m.
 fn convex_pass(
     [a, b]: [&ConvexShape; 2],
     motions: &[SolidMotion; 2],
@@ -234,7 +235,7 @@ impl RelativePath {
 impl Narrow {
     /// Whether a convex shape passes through a surface between the times `from` and `to`, s.
     ///
-    /// The motion of the surface comes first. `thickness` is as in [`Narrow::may_pass`].
+    /// The motion of the surface comes first. `thickness` is the relative displacement below which the shape cannot pass the surface, m.
     fn may_pass_surface(
         &mut self,
         surface: &Surface,

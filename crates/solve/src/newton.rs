@@ -138,7 +138,7 @@ impl Newton {
     /// Finds the impulses of least norm (in the metric of 1/rho) of the lanes `lanes`, if many impulses are possible.
     ///
     /// They do not depend on the initial impulses or on the order of the rows. They meet the tolerance, or have a smaller residual than
-    /// before. `outcome` is as in [`Newton::solve`].
+    /// before. `outcome` are the residuals, which are replaced, and the numbers of Newton steps, to which those of this call are added.
     pub fn solve_least_norm<'a, R: Real>(
         &mut self,
         system: impl Into<System<'a, R>>,

@@ -147,7 +147,7 @@ pub struct Damping<R> {
 pub struct ReferenceRows<'a, R> {
     /// Normal impulse of each constraint, N s or N m s.
     pub(crate) lambda: &'a [R],
-    /// Velocity of each normal row before any impulse, with its bias, without damping, m/s or rad/s.
+    /// Velocity of each normal row before any impulse, plus its bias (the negated velocity target), without damping, m/s or rad/s.
     pub(crate) g: &'a [R],
 }
 

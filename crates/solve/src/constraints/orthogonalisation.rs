@@ -26,7 +26,7 @@ pub fn dependence_threshold<R: Real>() -> f64 {
     root * root.sqrt()
 }
 
-/// Square of the ratio of an entry to its scale below which the entry counts as zero.
+/// Square of the ratio of an entry to its scale (size of the summed terms) below which the entry counts as zero.
 ///
 /// The ratio is 1.3e-6 in 64 bits, enough for loops near a singularity. In 32 bits it is 3.8e-6, eight times the rounding error of a
 /// Jacobian of twenty links.
@@ -38,26 +38,28 @@ fn entry_threshold<R: Real>() -> f64 {
 /// entry by about its rounding error.
 pub const ROUNDING_RATIO: f64 = 16.0;
 
-/// Ratio of the target velocity of a linearly dependent row to its scale below which the target is rounding error.
+/// Ratio of the target velocity of a linearly dependent row to its scale (size of the summed terms) below which the target is rounding
+/// error.
 pub fn velocity_rounding<R: Real>() -> f64 {
     32.0 * <R::Scalar as Scalar>::EPSILON.to_f64()
 }
 
-/// Scales of equality rows, with which linearly dependent rows are found.
+/// Scales of equality rows, with which linearly dependent rows are found. A scale is the size of the terms that are summed in a number, and
+/// determines its rounding error.
 #[derive(Debug)]
 pub struct RowScales<'a, R> {
     /// Squared length of each row before cancellation: the row's entries are differences of numbers of this size.
     pub lengths: &'a [R],
-    /// Squared scale of the target velocity of each row, (m/s)^2.
+    /// Squared scale of the target velocity of each row, (m/s)^2. The scale is the size of the terms that are summed in the target.
     pub velocities: &'a mut [R],
-    /// Scales of the rows' entries. Only short rows need them.
+    /// Scales of the rows' entries, with which entries are recognised as rounding error. Only short rows need them.
     pub entries: Option<EntryScales<'a, R>>,
 }
 
-/// Scales of the entries of all rows.
+/// Scales of the entries of all rows: the size of the terms that are summed in each entry.
 #[derive(Debug)]
 pub struct EntryScales<'a, R> {
-    /// Squared scale of each entry, row after row.
+    /// Squared scale of each entry, row after row. The scale is the size of the terms that are summed in the entry.
     pub squares: &'a mut [R],
     /// Workspace with one number per row.
     pub coefficients: &'a mut [R],
@@ -127,8 +129,8 @@ impl<R: Real> ScalarRows<R> {
         true
     }
 
-    /// Subtracts the projections on `others` from row `k` a second time, in the lanes `lanes`, in which the row is short. Returns the lanes
-    /// in which it is independent of `others`.
+    /// Projects row `k` a second time, in the lanes `lanes`, in which it is short: subtracts its projections on the rows `others`. Returns
+    /// the lanes in which it is independent of these rows.
     ///
     /// The rounding error of the coefficients is added to the squared scales of the row's entries.
     #[cold]

@@ -40,7 +40,8 @@ pub(crate) struct History<R: Real> {
     pub(super) dt: [Vec<R>; MEMORY],
     /// Lanes in which each of the differences `df` and `dt` is stored.
     pub(super) stored: [R::Mask; MEMORY],
-    /// Dot products of the differences `df` with each other.
+    /// Dot products of the differences `df` (between the changes of w by consecutive sweeps) with each other, where w is the scaled
+    /// velocity change.
     pub(super) gram: [[R; MEMORY]; MEMORY],
 }
 

@@ -150,9 +150,9 @@ struct Linear {
     delassus: Vec<f64>,
     /// Derivative of the projection of one constraint, times a matrix.
     product: Product,
-    /// Matrix of the equations for the change of the impulses.
+    /// Matrix on the left side of the linear equations, which multiplies the change of the impulses.
     left: Vec<f64>,
-    /// Matrix that multiplies the change of the velocities on the right side of the equations.
+    /// Matrix on the right side of the linear equations, which multiplies the change of the velocities.
     right: Vec<f64>,
     /// Order in which the equations were eliminated.
     rows: Vec<usize>,
@@ -217,8 +217,9 @@ impl<R: Real> Response<R> {
     /// Replaces the impulses of a problem that is close to that of the last [`Response::settle`] by its solution to first order, in the
     /// lanes `lanes` (bits).
     ///
-    /// Returns the lanes in which a constraint that pushed no longer exists. `name` is as in [`Response::settle`]. For a position solve
-    /// `before` is the velocity solve after its response. Exactly those rows are damped that were damped in the stored problem.
+    /// Returns the lanes in which a constraint that pushed no longer exists. `name` returns the number that identifies a constraint in both
+    /// problems. For a position solve `before` is the velocity solve after its response. Exactly those rows are damped that were damped in
+    /// the stored problem.
     pub fn respond<'a>(
         &mut self,
         system: impl Into<System<'a, R>>,

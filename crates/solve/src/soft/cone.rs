@@ -52,7 +52,7 @@ fn zone<R: Real, const N: usize, const U: usize>(contact: &SoftContact<R, N>, u:
 }
 
 impl Cone {
-    /// Force of each row of a contact at the relative acceleration `u`, N or N m: minus the slope of the convex function s(u).
+    /// Force of each row of a contact at the relative acceleration `u`, N or N m: minus the slope of the contact's convex function s(u).
     #[inline(always)]
     pub(crate) fn force<R: Real, const N: usize>(self, contact: &SoftContact<R, N>, u: &[R; N]) -> [R; N] {
         if N == 6 && contact.does_not_roll { self.force_of::<R, N, 4>(contact, u) } else { self.force_of::<R, N, N>(contact, u) }
@@ -97,7 +97,8 @@ impl Cone {
         sum
     }
 
-    /// Second derivative of the convex function s(u): symmetric and positive semidefinite. It is minus the derivative of the force.
+    /// Second derivative of a contact's convex function s at the relative acceleration `u`: minus the derivative of the force. It is
+    /// symmetric and positive semidefinite.
     #[inline(always)]
     pub(crate) fn curvature<R: Real, const N: usize>(self, contact: &SoftContact<R, N>, u: &[R; N]) -> [[R; N]; N] {
         if N == 6 && contact.does_not_roll { self.curvature_of::<R, N, 4>(contact, u) } else { self.curvature_of::<R, N, N>(contact, u) }
@@ -152,8 +153,8 @@ impl Cone {
         c
     }
 
-    /// Second derivative of the convex function s along `du`: du^T C du with the [curvature](Self::curvature) C, computed without the
-    /// matrix.
+    /// Second derivative of a contact's convex function s at the relative acceleration `u` along `du`. It is du^T C du with the
+    /// [curvature](Self::curvature) C, computed without the matrix.
     #[inline(always)]
     pub(crate) fn curvature_along<R: Real, const N: usize>(self, contact: &SoftContact<R, N>, u: &[R; N], du: &[R; N]) -> R {
         if N == 6 && contact.does_not_roll {

@@ -89,7 +89,7 @@ impl<R: Real, M: Metric<R>> Metric<R::Single> for LaneMetric<'_, R, M> {
 }
 
 impl<R: Real> LaneSolver<R> {
-    /// Workspace for problems with the coordinates in this order.
+    /// Workspace for problems whose coordinates are eliminated in the reverse of the order `order`, as in [`SoftSolver::new`].
     pub fn new(order: &[u32]) -> Self {
         let zeros = || vec![R::Single::zero(); order.len()];
         Self {

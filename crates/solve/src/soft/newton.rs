@@ -68,10 +68,11 @@ const CONTACT_WORK: usize = 300;
 const RESPONSE_STEPS: usize = 2;
 
 impl<R: Real> SoftSolver<R> {
-    /// Workspace for problems whose coordinates, each once, are in this order.
+    /// Workspace for problems whose coordinates (degrees of freedom) are eliminated in the reverse of the order `order`, which has each of
+    /// them once.
     ///
-    /// They are eliminated from the last to the first. Coordinates that rows couple to many others must come first. Those of one tree must
-    /// be consecutive and in their order.
+    /// Coordinates that rows couple to many others must come first. The coordinates of one kinematic tree must be consecutive and in their
+    /// order.
     pub fn new(order: &[u32]) -> Self {
         let zeros = || vec![R::zero(); order.len()];
         Self {

@@ -8,9 +8,9 @@
 //! Let n be the facet's normal, s the separation along n, and p the point of the facet that is nearest to the origin. Let m be the distance
 //! of p from the outline of the facet. The facet is certain if the hulls are apart, because two points have the distance s. Let them
 //! overlap by d = -s. The facet is then certain if the ball of radius d around the origin is inside the convex hull of two sets. One is the
-//! disc of radius m around p on the facet. The other is the ball of radius r around the difference of the hulls' centres, which is inside A
-//! - B. With this centre at depth H below the facet and at distance L sideways from p, the conditions are 2 d < H and d (1 + 2 L / H) <
-//! min(m, r).
+//! disc of radius m around p on the facet. The other is the ball of radius r around the difference of the hulls' centres, which is inside
+//! A - B. With this centre at depth H below the facet and at distance L sideways from p, the conditions are 2 d < H and
+//! d (1 + 2 L / H) < min(m, r).
 
 use crate::cached_normal::CachedNormal;
 use crate::facing::{Facing, GAP, Separation};

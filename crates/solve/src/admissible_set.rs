@@ -49,7 +49,7 @@ impl AdmissibleSet {
     }
 
     /// Residual |lambda - P_K(lambda - rho u)| / rho of one constraint, m/s, where P_K is the projection on this set and u has De Saxce's
-    /// term.
+    /// term mu |v_t|.
     ///
     /// `v` are the velocities without this term, m/s, and `rho` is the step of the natural map, kg. The first component is multiplied by
     /// `rigid_fraction`. A NaN propagates.
@@ -75,8 +75,8 @@ impl AdmissibleSet {
     /// Computes rho DP_K(x) Y into `out`, row by row. DP_K is the derivative of the projection on this set, and Y a matrix such as the
     /// constraint's scaled Jacobian. Returns false if the product is zero.
     ///
-    /// `y` are the rows of Y with `n` entries each, in whole tiles. If velocities `v` are given, DP_K is multiplied by the derivative of v
-    /// + s, `I + e_n (0, mu v_t / |v_t|)`, where s is De Saxce's term.
+    /// `y` are the rows of Y with `n` entries each, in whole tiles (four numbers). If velocities `v` are given, the product includes De
+    /// Saxce's term mu |v_t|. DP_K is then multiplied by the derivative of v plus this term, `I + e_n (0, mu v_t / |v_t|)`.
     #[inline(always)]
     pub(crate) fn differentiate(&self, rho: f64, x: &[f64], v: Option<&[f64]>, y: &[f64], n: usize, out: &mut Product) -> bool {
         let mu = match *self {
@@ -112,7 +112,8 @@ impl AdmissibleSet {
     }
 }
 
-/// Computes rho DP (I + e_n s'^T) Y of a friction cone into `out`, tile by tile. `out.slip` has the derivative s' of De Saxce's term.
+/// Computes rho DP (I + e_n s'^T) Y of a friction cone into `out`, tile by tile. `out.slip` has the derivative s' of De Saxce's term mu
+/// |v_t|.
 ///
 /// The derivative of the projection is `DP = b b^T / (1 + mu^2) + (mu height / |x_t|) (I - t t^T)`, with t = x_t / |x_t| and b = (1, mu t).
 /// In the interior of the cone it is the identity.

@@ -130,8 +130,8 @@ const NEGLIGIBLE_ENERGY: f64 = 1e-6;
 impl<R: Real> Snapshot<R> {
     /// Lanes in which the saved impulses are at least about as close to the solution as those of `iterate`.
     ///
-    /// The measure is the energy `|w|^2 / 2 + g . lambda + R lambda^2 / 2`, which the solution minimises except for De Saxce's terms. It
-    /// may exceed that of `iterate` by at most a millionth.
+    /// The measure is the energy `|w|^2 / 2 + g . lambda + R lambda^2 / 2`, which the solution minimises except for De Saxce's terms mu
+    /// |v_t|. It may exceed that of `iterate` by at most a millionth.
     pub fn is_as_close(&self, problem: &Problem<R>, iterate: &Iterate<R>) -> R::Mask {
         R::vectorize(
             #[inline(always)]
@@ -305,7 +305,7 @@ impl<R: Real> Iterate<R> {
         )
     }
 
-    /// Solves the eliminated rows exactly, in the lanes `lanes`.
+    /// Solves the eliminated rows (equalities that no other row influences) exactly, in the lanes `lanes`.
     #[inline(always)]
     pub(crate) fn solve_eliminated(&mut self, system: System<'_, R>, lanes: R::Mask) {
         system.problem.scalars.solve_eliminated(system.scalars, &mut self.scalars, &mut self.w, lanes);
@@ -319,7 +319,8 @@ impl<R: Real> Iterate<R> {
         each_kind!([set: &problem] [multipliers: &mut self.multipliers] => multipliers.resize(set.multipliers(), R::zero()));
     }
 
-    /// Makes one Gauss-Seidel iteration over all rows that are not eliminated. Returns the largest change of a velocity, m/s.
+    /// Makes one Gauss-Seidel iteration over all rows, except the eliminated equalities, which are solved separately. Returns the largest
+    /// change of a velocity, m/s.
     #[inline(always)]
     pub(crate) fn sweep(&mut self, system: System<'_, R>, lanes: SweepLanes<R>) -> R {
         let mut change = R::zero();

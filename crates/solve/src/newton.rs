@@ -44,7 +44,7 @@ use stepper_real::{Mask, Real, Scalar};
 /// Smallest limit of Newton steps per pass at which steps of the exact friction law are made, in small islands and in a last pass.
 ///
 /// Half of the problems that need them take 75 steps, six times this. With a smaller limit the residual is smaller, but unconverged
-/// contacts move: a cube pinched with five per pass slips (scene 31).
+/// contacts move: a cube pinched with five per pass slips (scene 31 of the atlas).
 pub(crate) const LEAST_EXACT: u32 = 13;
 
 /// Newton's method with its workspace, one per thread. The workspace grows with the largest problem so far.
@@ -89,7 +89,7 @@ pub struct Search<R> {
     pub steps: u32,
     /// Residual at which the search stops, m/s.
     pub tolerance: R,
-    /// Treatment of De Saxce's terms of Coulomb's law.
+    /// Treatment of De Saxce's terms mu |v_t| of Coulomb's law.
     pub terms: Terms,
 }
 
@@ -102,7 +102,7 @@ struct LaneCriteria<R> {
     tolerance: R,
     /// Whether to find the impulses of least norm among many possible ones, instead of those near the start.
     least_norm: bool,
-    /// Treatment of De Saxce's terms of Coulomb's law.
+    /// Treatment of De Saxce's terms mu |v_t| of Coulomb's law.
     terms: Terms,
 }
 

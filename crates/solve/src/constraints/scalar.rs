@@ -259,13 +259,13 @@ impl<R: Real> ScalarRows<R> {
         self.eliminated = self.rows.items.len();
     }
 
-    /// Number of eliminated rows.
+    /// Number of eliminated rows: equalities that are solved once, see [`ScalarRows::mark_eliminated`].
     #[inline(always)]
     pub fn eliminated(&self) -> usize {
         self.eliminated
     }
 
-    /// Solves the eliminated rows exactly, in the lanes `lanes`.
+    /// Solves the eliminated rows (equalities that no other row influences) exactly, in the lanes `lanes`.
     #[inline(always)]
     pub(crate) fn solve_eliminated(&self, rows: &Rows<ScalarRow<R>>, impulses: &mut [R], w: &mut [R], lanes: R::Mask) {
         for (row, lambda) in rows.items.iter().zip(impulses).take(self.eliminated) {

@@ -8,25 +8,25 @@
 /// Number of changes that Anderson's acceleration stores.
 const MEMORY: usize = 3;
 
-/// Last changes of De Saxce's terms s and of the residuals f = T(s) - s of their fixed-point iteration.
+/// Last changes of De Saxce's terms s (mu |v_t| of each contact) and of the residuals f = T(s) - s of their fixed-point iteration.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Anderson {
-    /// Number of De Saxce's terms, the entries of s.
+    /// Number of De Saxce's terms (mu |v_t|, one per constraint), the entries of s.
     n: usize,
     /// Number of fixed-point steps since the start.
     taken: usize,
-    /// De Saxce's terms s before the last step, m/s.
+    /// De Saxce's terms s (mu |v_t| of each contact) before the last step, m/s.
     last_s: Vec<f64>,
-    /// Residual f = T(s) - s of De Saxce's terms before the last step, m/s.
+    /// Residual f = T(s) - s of De Saxce's terms s (mu |v_t| of each contact) before the last step, m/s.
     last_f: Vec<f64>,
-    /// Changes of De Saxce's terms s in the last steps, m/s: the j-th begins at index `j * n`.
+    /// Changes of De Saxce's terms s (mu |v_t| of each contact) in the last steps, m/s: the j-th begins at index `j * n`.
     ds: Vec<f64>,
     /// Changes of the residual f = T(s) - s in the last steps, m/s: the j-th begins at index `j * n`.
     df: Vec<f64>,
 }
 
 impl Anderson {
-    /// Discards the stored changes. `n` is the number of De Saxce's terms in the next iteration.
+    /// Discards the stored changes. `n` is the number of De Saxce's terms (mu |v_t|, one per constraint) in the next iteration.
     pub(super) fn restart(&mut self, n: usize) {
         self.n = n;
         self.taken = 0;
@@ -36,8 +36,8 @@ impl Anderson {
         }
     }
 
-    /// Replaces De Saxce's terms `s` by the accelerated next value of the fixed-point iteration, m/s. No entry becomes negative. `image` is
-    /// T(s), the value without acceleration.
+    /// Replaces De Saxce's terms `s` (mu |v_t| of each contact) by the accelerated next value of the fixed-point iteration, m/s. No entry
+    /// becomes negative. `image` is T(s), the value without acceleration.
     pub(super) fn next(&mut self, s: &mut [f64], image: &[f64]) {
         let n = self.n;
         if self.taken > 0 {

@@ -182,7 +182,7 @@ impl AugmentedLagrangian {
     }
 
     /// Computes rho DP Y of one constraint into `product`: derivative of its projection, times its scaled Jacobian. Returns false if it is
-    /// zero. If `implicit`, it includes the derivative of De Saxce's term.
+    /// zero. If `implicit`, it includes the derivative of De Saxce's term mu |v_t|.
     #[inline(always)]
     fn compute_curvature(&mut self, rows: &Island, block: &Block, implicit: bool) -> bool {
         let (_, rho) = stiffness(block, self.kappa);

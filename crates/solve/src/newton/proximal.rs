@@ -60,12 +60,12 @@ pub(super) const SMALL: usize = 64;
 /// Treatment of De Saxce's terms mu |v_t| of Coulomb's law in Newton's method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Terms {
-    /// De Saxce's terms are constant in each convex problem, and recomputed between problems.
+    /// De Saxce's terms mu |v_t| are constant in each convex problem, and recomputed between problems.
     Constant,
-    /// De Saxce's terms are constant first. If that does not solve an island, the friction law is exact. In islands with many contacts it
-    /// is exact from the beginning.
+    /// De Saxce's terms mu |v_t| are constant first. If that does not solve an island, the friction law is exact. In islands with many
+    /// contacts it is exact from the beginning.
     ConstantThenExact,
-    /// The friction law is exact: De Saxce's terms follow the velocities in every Newton step.
+    /// The friction law is exact: De Saxce's terms mu |v_t| follow the velocities in every Newton step.
     Exact,
 }
 
@@ -87,7 +87,7 @@ pub(super) struct Criteria {
 pub(super) struct ProximalPoint {
     /// Convex function that a proximal step minimises.
     lagrangian: AugmentedLagrangian,
-    /// Acceleration of the fixed point of De Saxce's terms.
+    /// Acceleration of the fixed point of De Saxce's terms mu |v_t|.
     anderson: Anderson,
     /// Velocities of all rows of the island at the present impulses, m/s.
     v: Vec<f64>,
@@ -132,7 +132,8 @@ impl SavedImpulses {
 }
 
 impl ProximalPoint {
-    /// Improves the impulses of the island `rows` by proximal steps with constant De Saxce's terms. Returns the number of Newton steps.
+    /// Improves the impulses of the island `rows` by proximal steps with constant De Saxce's terms mu |v_t|. Returns the number of Newton
+    /// steps.
     ///
     /// The residual never increases, unless impulses of least norm are sought.
     pub(super) fn solve<R: Real>(&mut self, rows: &mut Island, criteria: Criteria) -> u32 {
@@ -204,9 +205,9 @@ impl ProximalPoint {
     /// Improves the impulses of the island `rows` by proximal steps with the exact friction law. Returns the number of Newton steps. The
     /// length of a proximal step depends on how well Newton's method converges.
     ///
-    /// With De Saxce's terms constant, the fixed-point iteration does not converge if hundreds of contacts stick, slip and open at once. A
-    /// long step of the exact friction law switches too many of them for Newton's method. A short step is a small correction, and unlike a
-    /// sweep it moves all contacts together: pseudo-transient continuation (Kelley & Keyes 1998).
+    /// With De Saxce's terms mu |v_t| constant, the fixed-point iteration does not converge if hundreds of contacts stick, slip and open at
+    /// once. A long step of the exact friction law switches too many of them for Newton's method. A short step is a small correction, and
+    /// unlike a sweep it moves all contacts together: pseudo-transient continuation (Kelley & Keyes 1998).
     pub(super) fn solve_exact<R: Real>(&mut self, rows: &mut Island, criteria: Criteria) -> u32 {
         self.lagrangian.reset(rows);
         (self.steps, self.rounds) = (0, 0);
@@ -283,8 +284,8 @@ impl ProximalPoint {
         off
     }
 
-    /// Solves the convex problem of one proximal step with constant De Saxce's terms by Newton's method. The solution is inexact while
-    /// these terms have large errors.
+    /// Solves the convex problem of one proximal step with constant De Saxce's terms mu |v_t| by Newton's method. The solution is inexact
+    /// while these terms have large errors.
     ///
     /// Returns false if the matrix has no factors, or if numbers have diverged.
     fn minimise<R: Real>(&mut self, rows: &mut Island, criteria: Criteria) -> bool {

@@ -315,7 +315,8 @@ impl<R: Real> Response<R> {
         });
     }
 
-    /// Copies the impulses from the list of all kinds of constraints back to the iterate, and solves the eliminated rows.
+    /// Copies the impulses from the list of all kinds of constraints back to the iterate, and solves the eliminated rows (equalities that
+    /// no other row influences).
     fn write_impulses(&self, system: System<'_, R>, iterate: &mut Iterate<R>) {
         let mut rest = &self.impulses[..];
         each_kind!([own: &mut iterate] => {
@@ -362,7 +363,7 @@ fn set_lanes<R: Real>(to: &mut [R], lane: usize, from: impl Iterator<Item = f64>
     }
 }
 
-/// Argument lambda - rho (v + s) of the projection of a constraint, where s is De Saxce's term.
+/// Argument lambda - rho (v + s) of the projection of a constraint, where s is De Saxce's term (mu |v_t|).
 fn moved(block: &Block, lambda: &[f64], v: &[f64]) -> Rows {
     let mut z = [0.0; MAX_ROWS];
     for (z, (l, v)) in z.iter_mut().zip(lambda.iter().zip(v)) {

@@ -1,4 +1,4 @@
-//! Call of `step` or `rollout`: its arguments for each group of environments.
+//! Arguments of a call of `step` or `rollout`, as a worker reads them for a group of environments.
 
 use std::ops::Range;
 
@@ -11,7 +11,7 @@ use crate::compile::CompiledModel;
 use crate::options::StepSettings;
 use crate::sensing::errors::Errors;
 
-/// Controls of a call, one after the other, and the number of steps with each; `step` has one control.
+/// Sequence of controls of a call, and the number of steps with each control. A call of `step` has one control.
 #[derive(Clone, Copy, Debug)]
 pub struct Schedule {
     /// Number of controls.
@@ -21,7 +21,7 @@ pub struct Schedule {
 }
 
 impl Schedule {
-    /// Number of steps of all controls together.
+    /// Total number of steps of the call: controls times steps per control.
     pub fn steps(self) -> usize {
         self.controls.saturating_mul(self.nstep)
     }
@@ -32,54 +32,54 @@ impl Schedule {
 pub struct Call<'a, S: Scalar> {
     /// Compiled model.
     pub compiled: &'a CompiledModel<S>,
-    /// Settings of a step.
+    /// Step settings, such as time step and solver options.
     pub settings: &'a StepSettings,
     /// Number of environments.
     pub num_envs: usize,
     /// Controls and steps.
     pub schedule: Schedule,
-    /// Inputs of the user, environment-major. Controls are (controls, num_envs, nu), or (controls, nu) for all environments. An empty slice
-    /// means zero controls, zero forces, or the mocap poses of the model.
+    /// Inputs of the user, environment-major. Controls are (controls, num_envs, nu), or (controls, nu) to share them among all
+    /// environments. An empty slice means zero controls, zero forces, or the mocap poses of the model.
     pub inputs: StepInputs<'a>,
-    /// Steps of the call that this part makes.
+    /// Range of steps of the call that this part makes.
     pub part: Part,
-    /// Error models of the sensors; none where all sensors are ideal.
+    /// Error models of the sensors; `None` if all sensors are ideal.
     pub sensor_errors: Option<&'a Errors<S>>,
     /// Per-environment parameter overrides.
     pub overrides: &'a ParameterOverrides<S>,
-    /// Actuator dynamics between controls and forces.
+    /// Actuator dynamics between controls and forces; `None` if no actuator has any.
     pub pipelines: Option<&'a ActuatorPipelines<S>>,
 }
 
-/// Query for readings of some environments.
+/// Request for the sensor readings of a group of environments.
 #[derive(Debug)]
 pub struct Query<'a> {
-    /// True readings of ideal sensors.
+    /// Whether to return the true readings, of ideal sensors, instead of those after the error models.
     pub truth: bool,
-    /// Output array: a row for every environment of the group.
+    /// Output array: one row of readings for every environment of the group.
     pub out: &'a mut [f64],
 }
 
-/// Consecutive steps of a call. The parts of a call give the same bits as the whole.
+/// Part of a call: consecutive steps. A call that is made in parts gives the same bits as the whole.
 #[derive(Clone, Copy, Debug)]
 pub struct Part {
-    /// First step, counted over all controls.
+    /// Index of the first step, counted from the start of the call.
     pub from: usize,
-    /// End of the range: the first step after it.
+    /// Index of the first step after the part, counted from the start of the call.
     pub to: usize,
-    /// Time of the call before these steps, s.
+    /// Simulated time from the start of the call to the start of the part, s.
     pub elapsed: f64,
-    /// Whether this is the last part.
+    /// Whether the part is the last of its call.
     pub ends: bool,
 }
 
 impl Part {
-    /// Range of all steps of a call with `steps` steps.
+    /// Part that contains all `steps` steps of a call.
     pub fn whole(steps: usize) -> Self {
         Self { from: 0, to: steps, elapsed: 0.0, ends: true }
     }
 
-    /// Range of controls with steps in this part; all controls if a control has no steps.
+    /// Range of the controls with steps in this part. If the schedule has zero steps per control, all controls.
     pub(super) fn controls(&self, schedule: Schedule) -> Range<usize> {
         match schedule.nstep {
             0 => 0..schedule.controls,
@@ -88,7 +88,7 @@ impl Part {
         }
     }
 
-    /// Range of the steps of a control in this part, counted from the control's first step.
+    /// Range of the steps of this part with control number `control`, counted from the first step of that control.
     pub(super) fn steps_of(&self, control: usize, schedule: Schedule) -> Range<usize> {
         let before = control * schedule.nstep;
         self.from.saturating_sub(before)..(self.to - before).min(schedule.nstep)

@@ -1,4 +1,4 @@
-//! Capacity of a batch: contacts per environment, and memory.
+//! Capacity of a batch: number of contacts per environment, and check of the available memory.
 
 use stepper_real::Level;
 
@@ -13,18 +13,19 @@ use crate::model::Model;
 use crate::options::{Solver, Stabilization, StepSettings};
 use crate::stages::s10_record::Status;
 
-/// Memory of the state of one environment among many, bytes.
+/// Memory that the state of one environment takes in a batch, bytes.
 pub(super) fn bytes_per_env<S: LaneScalar>(compiled: &CompiledModel<S>, max_contacts: usize) -> usize {
     let group = Group::new(compiled, &vec![S::default(); compiled.nq], S::SAVED, 0, 0, max_contacts);
     group.bytes().div_ceil(S::SAVED)
 }
 
-/// Memory per environment in addition to its state, bytes: indices and the overhead of lists.
+/// Memory of an environment in addition to its state, bytes: indices, and the overhead of lists.
 const BESIDES: usize = 64;
 
-/// Whether there is enough memory for `num_envs` environments of `bytes_per_env` bytes each.
+/// Checks that there is enough memory for `num_envs` environments of `bytes_per_env` bytes each.
 ///
-/// It allocates the whole at once and frees it. An allocation that fails later, piece by piece, would end the process.
+/// The function allocates the whole memory in one block and frees it. Without the check, a failed allocation of one of the many blocks
+/// would end the process.
 pub(super) fn check_memory(num_envs: usize, bytes_per_env: usize) -> Result<(), Error> {
     let fails = |all: usize| Vec::<u8>::new().try_reserve_exact(all).is_err();
     match num_envs > 1 && num_envs.checked_mul(bytes_per_env + BESIDES).is_none_or(fails) {
@@ -33,12 +34,13 @@ pub(super) fn check_memory(num_envs: usize, bytes_per_env: usize) -> Result<(), 
     }
 }
 
-/// Contact capacity of an environment: the number in the options, else an estimate.
+/// Contact capacity of an environment: the number in the options if it is set, otherwise an estimate.
 ///
-/// The estimate is the number of contacts that can exist, with an upper bound. The bound is the larger of two numbers: 16 plus some per
-/// body, and twice the number in the model's stored states. A link of a robot counts four. A floating body counts as a body in a heap. That
-/// is half of the twelve balls around a ball, or of the six faces of a box with four points each. Mechanisms whose parts lie on one another
-/// (a puzzle, a gripper of many meshes) have more contacts in their reset state or a keyframe.
+/// The estimate is the number of contacts that can exist, limited by an upper bound. The bound is the larger of two numbers: 16 plus a
+/// number per link, and twice the number of contacts in the model's reset state and keyframes. The number is 4 for a link of a robot and 6
+/// for a free ball: half of the twelve balls that fit around a ball. It is 12 for another free body: half of the six faces of a box with
+/// four points each. Mechanisms whose parts lie on one another (a puzzle, a gripper of many meshes) have more contacts in their reset state
+/// or a keyframe.
 pub(super) fn contact_capacity<S: LaneScalar>(model: &Model, compiled: &CompiledModel<S>, settings: &StepSettings, level: Level) -> usize {
     if let Some(n) = settings.max_contacts {
         return (n as usize).min(compiled.contact_points);
@@ -60,7 +62,8 @@ pub(super) fn contact_capacity<S: LaneScalar>(model: &Model, compiled: &Compiled
     capacity.max(2 * contacts_at_start(model, compiled, settings, capacity, level)).min(compiled.contact_points)
 }
 
-/// Largest number of contacts in a step from the reset state or a keyframe; it may exceed `capacity`.
+/// Largest number of contacts that a first step from the reset state or a keyframe finds. It may exceed `capacity`, the contact capacity of
+/// the first attempt.
 fn contacts_at_start<S: LaneScalar>(
     model: &Model,
     compiled: &CompiledModel<S>,
@@ -98,7 +101,7 @@ fn contacts_at_start<S: LaneScalar>(
             if group.status[0] & Status::CONTACTS_FULL.bits() == 0 || capacity == compiled.contact_points {
                 break;
             }
-            // The capacity includes contacts that the reduction of redundant contacts removes later.
+// The full buffer also has contacts that the reduction of redundant contacts removes later.
             most = most.max(capacity);
             capacity = (2 * capacity).min(compiled.contact_points);
             worker = make(capacity);

@@ -1,4 +1,4 @@
-//! Configuration of a batch besides its state: sensor and actuator models, and per-environment parameters.
+//! Configuration of a batch without its state: settings, sensor and actuator models, and per-environment parameters.
 
 use crate::actuation::{ActuatorPipelines, ActuatorSpec, memory};
 use crate::batch::capacity::{bytes_per_env, check_memory};
@@ -10,33 +10,34 @@ use crate::model::Model;
 use crate::options::StepSettings;
 use crate::sensing::errors::{Errors, Transfer};
 
-/// Settings, models of sensors and actuators, and parameters of a batch.
+/// Configuration of a batch: settings, sensor and actuator models, and per-environment parameters.
 pub trait Configuration {
-    /// Settings in force.
+    /// Step settings in force.
     fn settings(&self) -> &StepSettings;
-    /// Settings of a step, for tests that change them.
+    /// Mutable step settings, for tests that change them.
     #[cfg(feature = "internals")]
     fn settings_mut(&mut self) -> &mut StepSettings;
-    /// Sets the transfer functions of the sensors, `None` for ideal ones.
+    /// Sets the transfer functions of the sensors, one entry for every sensor; `None` is an ideal sensor.
     ///
     /// # Errors
     /// [`Error::Sensor`] for a number out of its range, [`Error::Memory`].
     fn set_sensor_models(&mut self, model: &Model, transfers: &[Option<Transfer>]) -> Result<(), Error>;
-    /// Sets the actuator dynamics, `None` for actuators without. Resets all environments.
+    /// Sets the actuator dynamics, one entry for every actuator; `None` is an actuator without dynamics. Resets all environments.
     ///
     /// The model and the specs are the results of [`ActuatorSpec::fold`].
     ///
     /// # Errors
     /// [`Error::Memory`].
     fn set_actuator_models(&mut self, model: &Model, specs: &[Option<ActuatorSpec>]) -> Result<(), Error>;
-    /// Sets the numbers of the actuator dynamics in the environments `envs`: lists of one, or one for each of these. `None` keeps an
-    /// actuator.
+    /// Sets the parameters of the actuator dynamics in the environments `envs`. `None` does not change an actuator.
+    ///
+    /// Each list of a spec has one number for all of `envs`, or one number for each of them.
     fn resample_actuators(&mut self, specs: &[Option<ActuatorSpec>], envs: &[usize]);
-    /// Sets per-environment parameters that differ from the model's.
+    /// Sets per-environment parameters in the environments `envs`: for each, the parameters that differ from the model's.
     fn override_parameters(&mut self, envs: &[usize], differences: &[Differences]);
     /// Restores the model's parameters in all environments.
     fn clear_overrides(&mut self);
-    /// Memory of per-environment parameters and of the numbers of actuator dynamics, bytes.
+    /// Memory of per-environment parameters, including those of actuator dynamics, bytes.
     fn parameter_bytes(&self) -> usize;
 }
 
@@ -93,7 +94,7 @@ impl<S: LaneScalar> Configuration for Batch<S> {
 
     fn clear_overrides(&mut self) {
         self.overrides = ParameterOverrides::default();
-        // Idle workers still hold the overridden numbers in their lane models.
+        // Idle workers still have the overridden parameters in their lane models.
         self.workers.idle_workers().clear();
     }
 

@@ -1,4 +1,4 @@
-//! Batch of environments, independent of its precision: the interface that a simulation uses.
+//! Engine: interface of a batch of environments, independent of its precision. A simulation calls the batch through it.
 
 use crate::batch::configuration::Configuration;
 use crate::batch::environments::{Batch, Environments};
@@ -7,9 +7,9 @@ use crate::batch::saving::Saving;
 use crate::batch::stepping::BatchCalls;
 use crate::batch::worker::LaneScalar;
 
-/// Batch of environments of any precision: steps, rays, configuration, the state of one environment, and states as bytes.
+/// Batch of environments in any precision: steps, rays, configuration, access to the state of one environment, and saved states.
 pub trait Engine: BatchCalls + Configuration + Environments + RayCalls + Saving + Send + Sync {
-    /// Copy of the batch, with separate workers and threads.
+    /// Copy of the batch. It starts separate workers and threads.
     fn boxed_clone(&self) -> Box<dyn Engine>;
 }
 

@@ -1,4 +1,4 @@
-//! Many environments of one model in one scalar type: groups of lanes, and the state of each environment in them.
+//! Batch: many environments of one model in one scalar type, stored in groups of lanes, and the access to the state of each environment.
 
 use stepper_real::Level;
 
@@ -19,30 +19,30 @@ use crate::options::{ContactLaw, Integrator, StepSettings};
 use crate::sensing::errors::Errors;
 use crate::stages::s10_record::Status;
 
-/// Outcome of the last call in one environment.
+/// Outcome of the last call of `step` or `rollout` in one environment.
 #[derive(Clone, Copy, Debug)]
 pub struct Outcome {
-    /// Flags of all steps of the environment.
+    /// Status flags of all steps of the call, combined.
     pub status: Status,
     /// Residual of the last step, m/s.
     pub residual: f64,
-    /// Sweeps of the last step.
+    /// Number of Gauss-Seidel iterations (sweeps) in the last step.
     pub sweeps: f64,
-    /// Newton steps of the last step, over all islands of bodies.
+    /// Number of Newton iterations in the last step, summed over all islands of bodies.
     pub newton_steps: f64,
-    /// Largest overlap of a contact beyond its margin, m.
+    /// Largest overlap of a contact during the call, beyond its margin, m.
     pub depth: f64,
-    /// Largest distance of a joint or tendon beyond its range, rad or m.
+    /// Largest distance of a joint or tendon beyond its range during the call, rad or m.
     pub overshoot: f64,
-    /// Largest position error of an equality, m or rad.
+    /// Largest position error of an equality during the call, m or rad.
     pub equality_violation: f64,
 }
 
-/// Access to the state of one environment of a batch.
+/// Access to the state of one environment of a batch, by its index `env`.
 pub trait Environments {
-    /// Copies a field out.
+    /// Copies a field of the state to `out`.
     fn read(&self, field: Field, env: usize, out: &mut [f64]);
-    /// Writes a field.
+    /// Sets a field of the state to `values`.
     fn write(&mut self, field: Field, env: usize, values: &[f64]);
     /// Simulated time, s.
     fn time(&self, env: usize) -> f64;
@@ -50,31 +50,33 @@ pub trait Environments {
     fn set_time(&mut self, env: usize, time: f64);
     /// Outcome of the last call in environment `env`.
     fn outcome(&self, env: usize) -> Outcome;
-    /// Contacts of the last step: geoms of the model and the numbers.
+    /// Contacts of the last step: the two geoms of each, as indices in the model, and the stored contact.
     fn contacts(&self, env: usize) -> Vec<([usize; 2], StoredContact)>;
-    /// Number of clipped readings and of lost samples in the last call, for every sensor of the model.
+    /// Writes, for every sensor of the model, the number of clipped readings and of lost samples in the last call.
     fn sensor_faults(&self, env: usize, out: &mut [[u32; 2]]);
-    /// Steps of the last call in which the effort of each actuator was cut to its bounds.
+    /// Writes, for every actuator, the number of steps of the last call in which its effort reached its bounds.
     fn actuator_saturation(&self, env: usize, out: &mut [u32]);
-    /// Worst row of the last unsolved step of the last call.
+    /// Constraint row with the largest residual in the last unsolved step of the last call; `None` if all steps were solved.
     fn worst_row(&self, model: &Model, env: usize) -> Option<WorstRow>;
-    /// Outputs of the actuator dynamics: controls, and the numbers of the dynamics within a step; `None` without dynamics.
+    /// Outputs of the actuator dynamics: controls after delay and lag, and the dynamics that act within a step. `None` without actuator
+    /// dynamics.
     fn actuator_outputs(&self, env: usize) -> Option<(Vec<f64>, Vec<ActuatorDynamics<f64>>)>;
-    /// Begins a new episode of random numbers: the next one, or the first one under a new seed.
+    /// Begins a new episode of random numbers: the next episode of the present seed, or the first episode of the seed `seed`.
     fn begin_episode(&mut self, env: usize, seed: Option<u64>);
-    /// Sets the index under which an environment draws random numbers.
+    /// Sets the index of the random stream from which the environment draws its random numbers.
     fn set_random_stream(&mut self, env: usize, stream: u32);
-    /// Clears warm starts, contacts and outcome, and the memory of sensors and actuator dynamics.
+    /// Clears the results of earlier steps: warm starts, contacts and outcome, and the memory of sensors and of actuator dynamics.
     fn clear_memory(&mut self, env: usize);
-    /// Marks the state as set: sensors of accelerations and forces have no last step to read. All memory stays.
+    /// Marks the state as set by the user: sensors of accelerations and forces then ignore the results of the last step. No memory is
+    /// cleared.
     fn discard_last_step(&mut self, env: usize);
-    /// Sets the controls in force before the first step, for sensors that read actuators.
+    /// Sets the controls that sensors of actuator forces read before the first step.
     fn set_initial_ctrl(&mut self, env: usize, ctrl: &[f64]);
     /// Memory of the state of all environments, bytes.
     fn bytes(&self) -> usize;
 }
 
-/// Environments in one scalar type.
+/// Batch: environments of one model in one scalar type.
 #[derive(Clone)]
 pub struct Batch<S: LaneScalar> {
     pub(super) compiled: CompiledModel<S>,
@@ -90,7 +92,8 @@ pub struct Batch<S: LaneScalar> {
 }
 
 impl<S: LaneScalar> Batch<S> {
-    /// Batch of `num_envs` environments at the model's reset state. `threads` 0 selects all that this process may use.
+    /// Creates a batch of `num_envs` environments at the model's reset state. `threads` is the number of threads; 0 selects all that this
+    /// process may use.
     ///
     /// # Errors
     /// [`Error::Memory`] when the memory is too small. Only with `check`; otherwise the process may end.
@@ -123,24 +126,25 @@ impl<S: LaneScalar> Batch<S> {
         WorkerSpec { compiled: &self.compiled, settings: &self.settings, max_contacts: self.max_contacts }
     }
 
-    /// Lanes of a group in a saved state.
+    /// Number of lanes of a group in a saved state.
     pub(super) fn saved_lanes(&self) -> usize {
         if self.num_envs == 1 { 1 } else { self.lanes.min(S::SAVED) }
     }
 
-    /// Group and lane of an environment.
+    /// Group that contains environment `env`, and the environment's lane in it.
     pub(super) fn lane(&self, env: usize) -> (&Group<S>, usize) {
         (&self.groups[env / self.lanes], env % self.lanes)
     }
 
-    /// Group and lane of an environment, for writing. Idle workers discard their copy of its state, so that they load it again.
+    /// Mutable group that contains environment `env`, and the environment's lane in it. Idle workers discard their copy of the state, so
+    /// that they load it again.
     pub(super) fn lane_mut(&mut self, env: usize) -> (&mut Group<S>, usize) {
         self.workers.idle_workers().iter_mut().for_each(|worker| worker.forget_state());
         (&mut self.groups[env / self.lanes], env % self.lanes)
     }
 }
 
-/// Compiled model for these settings, with actuator dynamics if there are any.
+/// Compiles the model for the step settings, with actuator dynamics if `specs` has any.
 pub(super) fn compile<S: LaneScalar>(model: &Model, specs: &[Option<ActuatorSpec>], settings: &StepSettings) -> CompiledModel<S> {
     let mut compiled = CompiledModel::with_actuator_specs(model, specs);
     if settings.contact == ContactLaw::Mujoco {
@@ -150,7 +154,7 @@ pub(super) fn compile<S: LaneScalar>(model: &Model, specs: &[Option<ActuatorSpec
     compiled
 }
 
-/// Groups of environments at the model's reset state.
+/// Creates the groups of `num_envs` environments at the model's reset state, with `lanes` environments each.
 pub(super) fn make_groups<S: LaneScalar>(
     model: &Model,
     compiled: &CompiledModel<S>,
@@ -272,7 +276,7 @@ impl<S: LaneScalar> Environments for Batch<S> {
     }
 
     fn set_initial_ctrl(&mut self, env: usize, ctrl: &[f64]) {
-        // Actuator dynamics determine their outputs at the first step.
+        // With actuator dynamics, the first step determines the controls that sensors read.
         if self.pipelines.is_none() {
             let (group, lane) = self.lane_mut(env);
             let lanes = group.lanes;

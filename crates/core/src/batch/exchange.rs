@@ -1,4 +1,4 @@
-//! Exchange between the arrays of a call, the state of a group and the workspace.
+//! Copies between the input arrays of a call, the state of a group, and the workspace of a worker.
 
 use stepper_real::{Mask, Real, Scalar};
 
@@ -24,7 +24,7 @@ pub(super) fn store_state<R: Real>(group: &mut Group<R::Scalar>, s: &Workspace<R
     )
 }
 
-/// Stores the poses of the mocap bodies: the end of their trajectories, if all steps of the call were made.
+/// Stores the present poses of the mocap bodies in the group: the ends of their trajectories, if the call has made all its steps.
 pub(super) fn store_mocap_trajectories<R: Real>(call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, s: &Workspace<R>) {
     if s.inputs.mocap_trajectories.is_empty() {
         return;
@@ -51,7 +51,8 @@ pub(super) fn load_state<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R>
     )
 }
 
-/// Loads positions, velocities and impulses of scalar rows, the part of [`load_state`] without contacts.
+/// Loads positions, velocities, activations and constraint impulses of a group into the workspace, but no contacts: the first part of
+/// [`load_state`].
 pub(super) fn load_motion<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R>) {
     R::vectorize(
         #[inline(always)]
@@ -66,7 +67,8 @@ pub(super) fn load_motion<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R
     )
 }
 
-/// Loads the inputs that hold for the whole call.
+/// Loads the inputs that are constant during a call, except the controls: applied forces, active equalities, mocap bodies and actuator
+/// dynamics.
 pub(super) fn load_inputs<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize, s: &mut Workspace<R>) {
     if let Some(pipelines) = call.pipelines {
         pipelines.load(call.compiled, first / R::LANES, &mut s.inputs.actuator_dynamics);
@@ -89,7 +91,7 @@ pub(super) fn load_inputs<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::
     }
 }
 
-/// Finds the trajectories of the mocap bodies during the call.
+/// Computes the trajectories of the mocap bodies during the call: from their last poses to those that the user gives.
 fn find_mocap_trajectories<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize, used: usize, s: &mut Workspace<R>) {
     R::vectorize(
         #[inline(always)]
@@ -112,7 +114,7 @@ fn find_mocap_trajectories<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R:
     )
 }
 
-/// Loads control number `control` of the call.
+/// Loads control number `control` of the call for the group whose first environment is `first`.
 pub(super) fn load_control<R: Real>(call: &Call<'_, R::Scalar>, control: usize, first: usize, s: &mut Workspace<R>) {
     let row = call.inputs.ctrl.len() / call.schedule.controls;
     let used = (call.num_envs - first).min(R::LANES);
@@ -120,8 +122,8 @@ pub(super) fn load_control<R: Real>(call: &Call<'_, R::Scalar>, control: usize, 
     gather(&call.inputs.ctrl[control * row..(control + 1) * row], call.compiled.actuators.len(), first, used, out);
 }
 
-/// Gathers rows `first..first + used` of an array with `n` columns, one per lane. A single row is for all environments, an empty array is
-/// zero.
+/// Gathers the rows `first..first + used` of an array with `n` columns in `out`, one row per lane. A single row is used in all lanes; an
+/// empty array gives zeros.
 fn gather<R: Real>(rows: &[f64], n: usize, first: usize, used: usize, out: &mut [R]) {
     R::vectorize(
         #[inline(always)]

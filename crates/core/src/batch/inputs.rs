@@ -1,50 +1,50 @@
-//! Inputs of the user: inputs of a call, fields of the state, rows for many environments.
+//! Inputs of the user: inputs of a call, fields of the state, and rows of values for many environments.
 
 use crate::model::Model;
 
-/// Inputs of a call of `step`, environment-major. An empty slice keeps the input that is in force.
+/// Inputs of a call of `step`, environment-major. For an empty slice, the present input remains in force.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct StepInputs<'a> {
-    /// Controls, (num_envs, nu), or (nu) for all: from this call on.
+    /// Controls, (num_envs, nu), or (nu) for all environments. They remain in force after the call.
     ///
-    /// A NaN or infinite control is no error, because other environments continue. It stays in force like any other. If a step is not
-    /// finite because of it, its environment keeps its state and the flag [`Status::NON_FINITE`](crate::Status::NON_FINITE).
+    /// A NaN or infinite control is no error, because other environments continue. It remains in force like any other. If it makes a step
+    /// non-finite, the environment keeps its state and gets the flag [`Status::NON_FINITE`](crate::Status::NON_FINITE).
     pub ctrl: &'a [f64],
-    /// Forces on the joints in N or N m, (num_envs, nv): in this call.
+    /// Applied generalized forces (`qfrc_applied`) during this call, (num_envs, nv), N or N m.
     pub qfrc: &'a [f64],
-    /// Force (N) and torque (N m) at every body's centre of mass, world axes, (num_envs, nbody, 6): in this call.
+    /// Applied force (N) and torque (N m) at every body's centre of mass during this call, world axes, (num_envs, nbody, 6).
     pub xfrc: &'a [f64],
-    /// Positions of the mocap bodies in m, (num_envs, nmocap, 3): in this call.
+    /// Target positions of the mocap bodies for this call, (num_envs, nmocap, 3), world frame, m.
     pub mocap_pos: &'a [f64],
-    /// Orientations of the mocap bodies, (num_envs, nmocap, 4): in this call.
+    /// Target orientations of the mocap bodies for this call, (num_envs, nmocap, 4), quaternions (w, x, y, z).
     pub mocap_quat: &'a [f64],
-    /// Activity of equalities, (num_envs, neq), 0 for an inactive one: in this call.
+    /// Activity of the equalities during this call, (num_envs, neq); 0 for an inactive equality.
     pub eq_active: &'a [f64],
-    /// Mask of the environments that step, (num_envs). The others stay as they are, to the bit, and their inputs are not read.
+    /// Mask of the environments that step, (num_envs). The state of the others does not change by a bit, and their inputs are not read.
     pub mask: &'a [bool],
 }
 
 impl<'a> StepInputs<'a> {
-    /// Inputs without the controls, in the order of [`AppliedInput::ALL`].
+    /// Inputs except controls and mask, in the order of [`AppliedInput::ALL`].
     pub(super) fn applied(&self) -> [&'a [f64]; 5] {
         [self.qfrc, self.xfrc, self.mocap_pos, self.mocap_quat, self.eq_active]
     }
 }
 
-/// Arrays of the state that can be read and written.
+/// State array that the user can read and write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Field {
-    /// Configuration, nq.
+    /// Configuration, nq numbers per environment.
     Qpos,
-    /// Velocity, nv.
+    /// Velocity, nv numbers per environment.
     Qvel,
-    /// Activations, na.
+    /// Activations, na numbers per environment.
     Act,
 }
 
 impl Field {
-    /// Name in Python and in messages.
+    /// Name of the field in Python and in messages.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Qpos => "qpos",
@@ -53,7 +53,7 @@ impl Field {
         }
     }
 
-    /// Numbers per environment.
+    /// Number of values per environment.
     pub fn width(self, model: &Model) -> usize {
         match self {
             Self::Qpos => model.nq(),
@@ -63,27 +63,28 @@ impl Field {
     }
 }
 
-/// Kind of input besides controls: applied forces, poses of mocap bodies, or active equalities. Values persist until the user changes them.
+/// Kind of input other than controls: applied forces, poses of mocap bodies, or active equalities. Values persist until the user changes
+/// them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum AppliedInput {
-    /// Forces on the joints in N or N m, (nv).
+    /// Generalized forces (`qfrc_applied`), (nv), N or N m.
     QfrcApplied,
     /// Force (N) and torque (N m) at every body's centre of mass, world axes, (nbody, 6).
     XfrcApplied,
-    /// Positions of the mocap bodies in m, (nmocap, 3).
+    /// Target positions of the mocap bodies, (nmocap, 3), world frame, m.
     MocapPos,
-    /// Orientations of the mocap bodies, (nmocap, 4).
+    /// Target orientations of the mocap bodies, (nmocap, 4), quaternions (w, x, y, z).
     MocapQuat,
     /// Activity of equalities, (neq): 1, or 0 for an inactive one.
     EqActive,
 }
 
 impl AppliedInput {
-    /// All applied inputs.
+    /// List of all kinds of applied input.
     pub const ALL: [Self; 5] = [Self::QfrcApplied, Self::XfrcApplied, Self::MocapPos, Self::MocapQuat, Self::EqActive];
 
-    /// Name in Python and in messages.
+    /// Name of the input in Python and in messages.
     pub const fn name(self) -> &'static str {
         match self {
             Self::QfrcApplied => "qfrc_applied",
@@ -94,7 +95,7 @@ impl AppliedInput {
         }
     }
 
-    /// Shape of one environment's part.
+    /// Shape of the input of one environment.
     pub fn shape(self, model: &Model) -> Vec<usize> {
         let nmocap = || model.bodies.iter().filter(|b| b.mocap).count();
         match self {
@@ -106,7 +107,8 @@ impl AppliedInput {
         }
     }
 
-    /// Part of one environment after a reset: no forces, mocap bodies at the poses of the model, and the model's activity of equalities.
+    /// Value of the input for one environment after a reset: no forces, mocap bodies at the poses of the model, and the model's activity of
+    /// equalities.
     pub fn at_reset(self, model: &Model) -> Vec<f64> {
         let mocap = || model.bodies.iter().filter(|b| b.mocap);
         match self {
@@ -118,22 +120,22 @@ impl AppliedInput {
     }
 }
 
-/// Applied inputs, in force until the user changes them.
+/// Applied inputs in force, for all environments.
 #[derive(Clone, Debug, Default)]
 pub(super) struct AppliedInputs {
-    /// Arrays in the order of [`AppliedInput::ALL`], (num_envs, ...) each; empty before the first input.
+    /// Input arrays in the order of [`AppliedInput::ALL`], (num_envs, ...) each. An array is empty until the user sets the input.
     arrays: [Vec<f64>; 5],
 }
 
 impl AppliedInputs {
-    /// Array of an input, (num_envs, ...); empty before the first input.
+    /// Array of one kind of input, (num_envs, ...). Empty until the user sets the input.
     pub(super) fn get(&self, input: AppliedInput) -> &[f64] {
         &self.arrays[input as usize]
     }
 
-    /// Replaces one array; an empty one clears the input.
+    /// Sets one kind of input in all environments. An empty array clears it.
     ///
-    /// If only positions or only orientations of mocap bodies are given, the others are those of the reset state.
+    /// If the user sets only positions or only orientations of mocap bodies, the missing array gets the values of the reset state.
     pub(super) fn set(&mut self, input: AppliedInput, values: &[f64], model: &Model, num_envs: usize) {
         let array = &mut self.arrays[input as usize];
         array.clear();
@@ -147,7 +149,7 @@ impl AppliedInputs {
         }
     }
 
-    /// Resets one environment's part of every array.
+    /// Resets all applied inputs of environment `env`.
     pub(super) fn reset(&mut self, env: usize, model: &Model) {
         for input in AppliedInput::ALL {
             let array = &mut self.arrays[input as usize];
@@ -158,17 +160,17 @@ impl AppliedInputs {
         }
     }
 
-    /// Inputs of a call: those given, and those in force where none are given.
+    /// Completes the inputs of a call: for arrays that are empty in `given`, the inputs in force are used.
     pub(super) fn complete<'a>(&'a self, given: &StepInputs<'a>) -> StepInputs<'a> {
         self.complete_with(given, |held| held)
     }
 
-    /// Inputs of a call for one environment. `given` has the inputs of this environment alone.
+    /// Completes the inputs of a call for environment `env` alone. The arrays of `given` have one row, for this environment.
     pub(super) fn complete_one<'a>(&'a self, env: usize, num_envs: usize, given: &StepInputs<'a>) -> StepInputs<'a> {
         self.complete_with(given, |held| &held[env * (held.len() / num_envs)..][..held.len() / num_envs])
     }
 
-    /// Inputs of a call, with `part` selecting from each array in force.
+    /// Completes the inputs `given` of a call. `part` selects the rows of an array in force.
     fn complete_with<'a>(&'a self, given: &StepInputs<'a>, part: impl Fn(&'a [f64]) -> &'a [f64]) -> StepInputs<'a> {
         let [qfrc, xfrc, mocap_pos, mocap_quat, eq_active] = &self.arrays;
         let or = |given: &'a [f64], held: &'a [f64]| if given.is_empty() { part(held) } else { given };
@@ -189,7 +191,7 @@ impl AppliedInputs {
     }
 }
 
-/// Values to write to the state of some environments. Each array has a row for every environment of the simulation, or one row for all.
+/// Values to write to the state of some environments. Each array has one row per environment of the simulation, or one row for all.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct StateRows<'a> {
     /// Configurations, (num_envs, nq) or (nq): m, rad and quaternions, which are normalised.
@@ -198,18 +200,18 @@ pub struct StateRows<'a> {
     pub qvel: Option<&'a [f64]>,
     /// Activations, (num_envs, na) or (na).
     pub act: Option<&'a [f64]>,
-    /// Times in s, (num_envs) or one.
+    /// Simulated times, (num_envs) or one number, s.
     pub time: Option<&'a [f64]>,
 }
 
-/// Initial state of an episode, based on the reset state of the model.
+/// Start of an episode: changes to the reset state of the model.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Episode<'a> {
-    /// New seed, for all or for each environment of the batch, with this as its first episode. `None` starts the next episode under the old
-    /// seed.
+    /// New seed of the random numbers, one number for all or one for each environment of the batch. The episode is the first of this seed.
+    /// `None` starts the next episode of the present seed.
     pub seed: Option<&'a [u64]>,
-    /// Keyframe of the model: state, time and controls in force.
+    /// Keyframe of the model from which the episode takes state, time and controls.
     pub keyframe: Option<&'a crate::model::Keyframe>,
-    /// Values that replace those of the reset state.
+    /// State values that replace those of the reset state or of the keyframe.
     pub rows: StateRows<'a>,
 }

@@ -1,7 +1,7 @@
-//! Randomization: per-environment parameters.
+//! Randomization: parameters that differ between environments.
 //!
-//! There are two forms. [`Randomization`] has the fields of the user, from which variants of the model are made. [`ParameterOverrides`] has
-//! the numbers of the compiled model that differ from the model's. A step reads these.
+//! There are two forms. [`Randomization`] has the fields that the user set, from which variants of the model are made.
+//! [`ParameterOverrides`] has the resulting parameters of the compiled model that differ from the shared ones. A step reads only these.
 
 use std::collections::BTreeMap;
 
@@ -10,26 +10,26 @@ use stepper_real::Scalar;
 use crate::compile::{LaneModel, Params};
 use crate::model::{Model, ModelError, Variants};
 
-/// Numbers of one environment that differ from the compiled model, with their indices in its parameters.
+/// Parameters of one environment that differ from the compiled model's: index in [`Params`] and value.
 pub type Differences = Vec<(u32, f64)>;
 
-/// Per-environment fields of the model, by name, (num_envs, numbers of the field) each.
+/// Per-environment fields of the model that the user set, by name. Each array is (num_envs, numbers of the field).
 #[derive(Clone, Debug, Default)]
 pub struct Randomization {
     fields: BTreeMap<&'static str, Vec<f64>>,
 }
 
-/// Assignment of one field: its name, and rows for all environments, of which those of the chosen environments are read. `None` restores
-/// the model's numbers.
+/// Assignment of one field: name and rows of values, one row per environment of the batch. Only the rows of the chosen environments are
+/// read. `None` restores the model's values.
 pub type Assignment<'a> = (&'static str, Option<&'a [f64]>);
 
 impl Randomization {
-    /// Fields, (num_envs, numbers of the field) each.
+    /// Names and values of the per-environment fields, (num_envs, numbers of the field) each.
     pub fn fields(&self) -> impl Iterator<Item = (&'static str, &[f64])> {
         self.fields.iter().map(|(&name, values)| (name, &values[..]))
     }
 
-    /// Whether no field differs between environments.
+    /// Whether no field has per-environment values.
     pub fn is_empty(&self) -> bool {
         self.fields.is_empty()
     }
@@ -39,15 +39,17 @@ impl Randomization {
         self.fields.values().map(|values| size_of_val(&values[..])).sum()
     }
 
-    /// Whether this assignment, to `all` environments or to some, removes the last per-environment field.
+    /// Whether no per-environment field remains after the assignments `assigned` to some environments. `all` is true if these are all
+    /// environments.
     pub fn leaves_no_fields(&self, assigned: &[Assignment<'_>], all: bool) -> bool {
         let taken_back = |name: &&str| all && assigned.iter().any(|(assigned, _)| assigned == name);
         assigned.iter().all(|(_, values)| values.is_none()) && self.fields.keys().all(taken_back)
     }
 
-    /// Differences from the compiled model when these fields are assigned to the environments `envs`.
+    /// Differences of parameters from the compiled model, for each of the environments `envs`, if the fields `assigned` are assigned to
+    /// them.
     ///
-    /// `with_dynamics` applies the actuator dynamics to a model.
+    /// `with_dynamics` returns a model with the actuator dynamics applied to it.
     ///
     /// # Errors
     /// [`ModelError`] of the first variant that is invalid or has another structure, with its environment.
@@ -74,7 +76,7 @@ impl Randomization {
         envs.iter().map(differences).collect()
     }
 
-    /// Stores the assigned fields.
+    /// Stores the fields `assigned` for the environments `envs`.
     pub fn assign(&mut self, model: &Model, num_envs: usize, assigned: &[Assignment<'_>], envs: &[usize]) {
         for &(name, values) in assigned {
             if values.is_none() && envs.len() == num_envs {
@@ -105,17 +107,18 @@ fn differ(own: &Params<f64>, shared: &Params<f64>) -> Differences {
     both.filter(|(_, (own, shared))| own.to_bits() != shared.to_bits()).map(|(place, (&own, _))| (place, own)).collect()
 }
 
-/// Per-environment numbers of the compiled model: their places, and their values for every group of lanes.
+/// Per-environment parameters of the compiled model: indices, and values for every lane of every group.
 #[derive(Clone, Debug, Default)]
 pub struct ParameterOverrides<S> {
-    /// Places in [`Params`], ascending; the same in all groups.
+    /// Indices of the overridden parameters in [`Params`], ascending. All groups have the same indices.
     pub places: Vec<u32>,
-    /// For every group (places, lanes); empty when there are none.
+    /// Values of the overridden parameters, for every group (parameters, lanes). Empty without overrides.
     pub numbers: Vec<Vec<S>>,
 }
 
 impl<S: Scalar> ParameterOverrides<S> {
-    /// Replaces the differences of the environments `envs` from the model. Groups have `lanes` lanes.
+    /// Replaces the overrides of the environments `envs` by `differences`. `groups` is the number of groups, and `lanes` the number of
+    /// lanes of each.
     pub fn assign(&mut self, shared: &Params<S>, groups: usize, lanes: usize, envs: &[usize], differences: &[Differences]) {
         self.add_places(shared, groups, lanes, differences);
         if self.places.is_empty() {
@@ -131,7 +134,7 @@ impl<S: Scalar> ParameterOverrides<S> {
         }
     }
 
-    /// Adds the places of parameters that differ from the shared ones for the first time.
+    /// Adds the parameters of `differences` that have no override yet. Environments without a difference get the shared value.
     fn add_places(&mut self, shared: &Params<S>, groups: usize, lanes: usize, differences: &[Differences]) {
         let mut places: Vec<u32> = differences.iter().flatten().map(|d| d.0).chain(self.places.iter().copied()).collect();
         places.sort_unstable();

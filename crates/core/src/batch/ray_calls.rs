@@ -1,4 +1,4 @@
-//! Rays of a batch: a call for all environments, on one thread or several.
+//! Ray casting of a batch: one call for all environments, on one thread or several.
 
 use crate::batch::call::{Part, Schedule};
 use crate::batch::environments::Batch;
@@ -9,11 +9,11 @@ use crate::batch::worker::LaneScalar;
 use crate::compile::sensing::{Target, TargetForm};
 use crate::error::Error;
 
-/// Rays of all environments.
+/// Ray casting in all environments of a batch.
 pub trait RayCalls {
-    /// Casts rays with directions of unit length, and writes distances in the precision of the lanes.
+    /// Casts rays with directions of unit length. Writes distances, m, in the precision of the lanes, and the geoms that the rays hit.
     ///
-    /// `surfaces` has the surface of every one of their geoms that is no simple shape.
+    /// For each geom of `rays`, `surfaces` has the mesh or height field that rays hit; `None` for a simple shape.
     ///
     /// # Errors
     /// [`Error::Threads`].

@@ -1,4 +1,4 @@
-//! Rays of many environments at once.
+//! Ray queries for many environments in one call.
 
 use stepper_real::{Real, Scalar};
 
@@ -8,33 +8,34 @@ use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 use crate::sensing::{Placed, nearest};
 
-/// Rays of all environments, for [`Simulation::cast_rays`](crate::Simulation::cast_rays). An array has (num_envs, count, 3) numbers, or
-/// (count, 3) for all environments.
+/// Rays of all environments, for [`Simulation::cast_rays`](crate::Simulation::cast_rays). Each array is (num_envs, count, 3), or (count, 3)
+/// to share the rays among all environments.
 #[derive(Clone, Copy, Debug)]
 pub struct RayCast<'a> {
     /// Origins of the rays, world axes, m.
     pub points: &'a [f64],
     /// Directions of the rays in world axes, of any length above 0.
     pub directions: &'a [f64],
-    /// Number of rays of an environment.
+    /// Number of rays per environment.
     pub count: usize,
     /// Geoms that the rays can hit, as indices in the model.
     pub geoms: &'a [usize],
 }
 
-/// Ray query of a group: its rays and the geoms that they can hit.
+/// Ray query of a group of environments: rays, and the geoms that they can hit.
 #[derive(Clone, Copy, Debug)]
 pub struct RayQuery<'a, S> {
     /// Rays of the query, with directions of unit length.
     pub rays: RayCast<'a>,
-    /// Number of environments.
+    /// Number of environments of the simulation.
     pub num_envs: usize,
-    /// Geoms that the rays can hit, with their index in the model.
+    /// Geoms that the rays can hit: index in the model, and ray target.
     pub targets: &'a [(usize, Target<S>)],
 }
 
 impl<S: Scalar> RayQuery<'_, S> {
-    /// Distances (m) and geoms of the first hits, for the environments from `first` on, one for each row of `distances`; -1 without a hit.
+    /// Casts the rays of the environments from `first` on, one environment per lane. Writes the distances, m, and geoms of the first hits,
+    /// one row per environment; -1 without a hit.
     pub(super) fn cast<R: Real<Scalar = S>>(
         &self,
         compiled: &LaneModel<R>,
@@ -61,7 +62,7 @@ impl<S: Scalar> RayQuery<'_, S> {
         }
     }
 
-    /// Gathers three numbers of a ray of every environment.
+    /// Gathers the three components of ray number `ray` in `rows`, one environment per lane, for `used` environments from `first` on.
     fn gather<R: Real<Scalar = S>>(&self, rows: &[f64], ray: usize, first: usize, used: usize) -> V3<R> {
         let shared = rows.len() == 3 * self.rays.count && self.num_envs > 1;
         let mut x = zero::<R, 3>();

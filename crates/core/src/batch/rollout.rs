@@ -1,6 +1,7 @@
-//! Rollout: many controls in one call, with recorded quantities after each.
+//! Rollout: many controls in one call, with quantities recorded after each control.
 //!
-//! A thread keeps its environments for the whole rollout, so that they stay in its cache. Each thread has its part of every array.
+//! A thread steps the same environments during the whole rollout, so that they stay in its cache. Each thread writes to its part of every
+//! output array.
 
 use stepper_real::{Mask, Real, Scalar};
 
@@ -8,7 +9,7 @@ use crate::integrators::workspace::Workspace;
 use crate::math::precision::Precision;
 use crate::model::Model;
 
-/// Quantity that a rollout can record after a control.
+/// Quantity that a rollout can record after each control.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Quantity {
@@ -26,7 +27,7 @@ impl Quantity {
     /// All quantities.
     pub const ALL: [Self; 4] = [Self::Qpos, Self::Qvel, Self::Act, Self::Observation];
 
-    /// Name in Python and in messages.
+    /// Name of the quantity in Python and in messages.
     pub fn name(self) -> &'static str {
         match self {
             Self::Qpos => "qpos",
@@ -36,7 +37,7 @@ impl Quantity {
         }
     }
 
-    /// Numbers of the quantity per environment.
+    /// Number of values of the quantity per environment.
     pub fn width(self, model: &Model) -> usize {
         match self {
             Self::Qpos => model.nq(),
@@ -47,7 +48,7 @@ impl Quantity {
     }
 }
 
-/// Array in the precision of the lanes.
+/// Mutable array in the precision of the simulation.
 #[derive(Debug)]
 pub enum Numbers<'a> {
     /// Array of 64-bit numbers.
@@ -79,18 +80,18 @@ impl Numbers<'_> {
     }
 }
 
-/// Output arrays of a rollout.
+/// Output arrays of a rollout, environment-major.
 #[derive(Debug)]
 pub struct Recording<'a> {
     /// Recorded quantities and their arrays, (controls, num_envs, n) each.
     pub quantities: Vec<(Quantity, Numbers<'a>)>,
-    /// Flags of all steps of a control, as [`Status::bits`](crate::Status::bits): (controls, num_envs).
+    /// Status flags of all steps with one control, as [`Status::bits`](crate::Status::bits): (controls, num_envs).
     pub status: &'a mut [u32],
-    /// Largest residual among the steps of a control, m/s: (controls, num_envs).
+    /// Largest residual of the steps with one control, m/s: (controls, num_envs).
     pub residual: &'a mut [f64],
 }
 
-/// Part of a recording for consecutive environments.
+/// Share of a recording: the output rows of consecutive environments, which one thread writes.
 #[derive(Debug)]
 pub struct Share<'a, S> {
     quantities: Vec<(Quantity, usize, Vec<&'a mut [S]>)>,
@@ -99,7 +100,8 @@ pub struct Share<'a, S> {
 }
 
 impl<'a> Recording<'a> {
-    /// Shares of `size` environments each; the last has the rest. `numbers` returns an array in the precision of the lanes.
+    /// Splits the recording into shares of `size` environments each; the last share has the rest. `numbers` unwraps an array of the
+    /// simulation's precision.
     pub fn split<S: Scalar>(self, num_envs: usize, size: usize, numbers: impl Fn(Numbers<'a>) -> &'a mut [S]) -> Vec<Share<'a, S>> {
         let controls = self.status.len() / num_envs;
         let status = parts(self.status, num_envs, size);
@@ -119,7 +121,7 @@ impl<'a> Recording<'a> {
     }
 }
 
-/// Splits every row of an array into pieces of `size`: the first pieces of all rows, then their second ones, and so on.
+/// Splits every row of an array, of length `row`, into pieces of `size`. Result k has piece k of all rows.
 fn parts<T>(array: &mut [T], row: usize, size: usize) -> Vec<Vec<&mut [T]>> {
     let rows = array.len() / row;
     let mut out: Vec<Vec<&mut [T]>> = (0..row.div_ceil(size)).map(|_| Vec::with_capacity(rows)).collect();
@@ -132,13 +134,15 @@ fn parts<T>(array: &mut [T], row: usize, size: usize) -> Vec<Vec<&mut [T]>> {
 }
 
 impl<S: Scalar> Share<'_, S> {
-    /// Whether the recording has a quantity.
+    /// Whether the recording contains this quantity.
     pub fn has(&self, quantity: Quantity) -> bool {
         self.quantities.iter().any(|q| q.0 == quantity)
     }
 
-    /// Reads back the flags and residuals that [`Share::write`] wrote after control number `call`, which was interrupted. Leaves the flags
-    /// in `status` and returns the residuals.
+    /// Reads back the flags and residuals that [`Share::write`] wrote after control number `call`, because a part of the call ended within
+    /// that control.
+    ///
+    /// The function copies the flags to `status` and returns the residuals.
     pub fn resume<R: Real<Scalar = S>>(&self, call: usize, first: usize, alive: R::Mask, status: &mut [u32]) -> R {
         let used = alive.bits().count_ones() as usize;
         status[..used].copy_from_slice(&self.status[call][first..first + used]);
@@ -149,7 +153,7 @@ impl<S: Scalar> Share<'_, S> {
         residual
     }
 
-    /// Records the lanes of a group whose first environment is number `first` of the share, after control number `call`.
+    /// Records the state after control number `call`, for the group whose first environment is number `first` of the share.
     pub fn write<R: Real<Scalar = S>>(&mut self, call: usize, first: usize, s: &Workspace<R>, readings: &[R], status: &[u32], residual: R) {
         let used = s.alive.bits().count_ones() as usize;
         self.status[call][first..first + used].copy_from_slice(&status[..used]);
@@ -191,7 +195,7 @@ mod tests {
         let lengths: Vec<usize> = shares.iter().map(|s| s.status[0].len()).collect();
         assert_eq!(lengths, [3, 3, 1]);
         assert!(shares.iter().all(|s| s.quantities.len() == 1 && s.quantities[0].1 == 2 && s.status.len() == calls));
-        // Environment 5 after control 1 is the last of the second share.
+// Environment 5 is the last of the second share.
         assert_eq!(shares[1].quantities[0].2[1][4..], [24.0, 25.0]);
     }
 }

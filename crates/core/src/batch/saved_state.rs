@@ -1,4 +1,4 @@
-//! States as bytes, which are restored bit for bit or rejected with an error.
+//! Saved states: the state of environments as bytes. Restoring repeats every bit, or fails with an error.
 //!
 //! | bytes | content |
 //! |---|---|
@@ -14,22 +14,22 @@ use sha2::{Digest, Sha256};
 use crate::error::Error;
 use crate::math::precision::Precision;
 
-/// First bytes of every saved state. The last is no valid UTF-8, and differs from that of a saved model.
+/// First bytes of every saved state. The last byte is invalid in UTF-8, and differs from the last of a saved model's magic bytes.
 const MAGIC: [u8; 8] = *b"stepper\xfe";
 
-/// Version of the format of saved states; changes with the content of a state.
+/// Version of the format of saved states. It must increase when the content of a state changes.
 pub const FORMAT_VERSION: u32 = 6;
-/// Oldest version that can be read: before it, states had no position error of equalities.
+/// Oldest format version that can be read. Older states lack the position error of equalities.
 const OLDEST_VERSION: u32 = 6;
 
-/// Offset of the digest of the model.
+/// Offset of the model's digest in a saved state, bytes.
 const MODEL: usize = 13;
-/// Offset of the digest of the rest.
+/// Offset of the checksum in a saved state, bytes. It covers all other bytes.
 const CHECK: usize = MODEL + 32;
-/// Offset of the payload.
+/// Offset of the payload in a saved state, bytes.
 const PAYLOAD: usize = CHECK + 32;
 
-/// Saved state of some environments of a model: all that survives a step.
+/// Saved state of some environments of a model: everything that a step hands over to the next step.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SavedState {
     model: [u8; 32],
@@ -42,22 +42,22 @@ impl SavedState {
         Self { model, precision, payload }
     }
 
-    /// SHA-256 of the model that the state belongs to.
+    /// SHA-256 of the model to which the state belongs.
     pub fn model(&self) -> [u8; 32] {
         self.model
     }
 
-    /// Scalar type of the lanes that saved it.
+    /// Scalar type of the simulation that saved the state.
     pub fn precision(&self) -> Precision {
         self.precision
     }
 
-    /// Environments and controls in force.
+    /// Payload: environments and controls in force, in postcard's encoding.
     pub(crate) fn payload(&self) -> &[u8] {
         &self.payload
     }
 
-    /// Length of [`SavedState::to_bytes`].
+    /// Length of the result of [`SavedState::to_bytes`], bytes.
     pub fn nbytes(&self) -> usize {
         PAYLOAD + self.payload.len()
     }
@@ -71,13 +71,13 @@ impl SavedState {
         head
     }
 
-    /// State as bytes, with a checksum, see [`SavedState::from_bytes`].
+    /// Converts the state to bytes with a checksum, see [`SavedState::from_bytes`].
     pub fn to_bytes(&self) -> Vec<u8> {
         let head = self.head();
         [&head[..], &checksum(&head, &self.payload), &self.payload].concat()
     }
 
-    /// Reads a state that [`SavedState::to_bytes`] wrote, bit for bit. Restoring it in a simulation checks whether it fits.
+    /// Reads a state that [`SavedState::to_bytes`] wrote. Whether it fits a simulation is checked when it is restored.
     ///
     /// # Errors
     /// [`Error::NotAState`] when the bytes are no state, of another format version, or damaged.

@@ -1,4 +1,4 @@
-//! States of a batch as bytes, and back.
+//! Saved states of a batch: conversion to bytes, and restoring.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,24 +11,25 @@ use crate::error::StateMisfit;
 use crate::math::lanes::{DelayLine, Target, lane_bits};
 use crate::sensing::errors::Errors;
 
-/// States as bytes.
+/// Conversion of the state of a batch to bytes, and restoring.
 pub trait Saving {
-    /// Saves all that survives a step as bytes, of one environment or of all. `ctrl`, (num_envs, nu), are the controls in force.
+    /// Saves the state of environment `env`, or of all environments, as bytes. `ctrl` are the controls in force, (num_envs, nu).
     fn save(&self, env: Option<usize>, ctrl: &[f64]) -> Vec<u8>;
-    /// Restores a state that [`Saving::save`] wrote in the environments `envs`, and returns its controls in force.
+    /// Restores bytes that [`Saving::save`] wrote in the environments `envs`, and returns the saved controls.
     ///
-    /// A state of as many environments as the batch has goes to the same environments. A state of one environment goes to all of `envs`.
+    /// If the saved state has as many environments as the batch, each of `envs` gets the state with the same index. A saved state of one
+    /// environment goes to all of `envs`.
     ///
     /// # Errors
     /// The first mismatch; nothing is changed then.
     fn restore(&mut self, bytes: &[u8], envs: &[usize]) -> Result<Vec<f64>, StateMisfit>;
 }
 
-/// All that survives a step, in groups of one width for every level: 4 `f64` or 8 `f32`, or one environment alone.
+/// Saved environments, in groups with the same number of lanes on every CPU level: 4 for `f64`, 8 for `f32`, or one environment alone.
 #[derive(Serialize, Deserialize)]
 struct SavedGroups<S> {
     num_envs: usize,
-    /// Controls in force.
+    /// Controls in force, (num_envs, nu).
     ctrl: Vec<f64>,
     groups: Vec<Group<S>>,
 }
@@ -45,7 +46,7 @@ impl<S: LaneScalar> Saving for Batch<S> {
             group.part(lane, n).canonical()
         });
         let saved = SavedGroups { num_envs: first.len(), ctrl: ctrl.to_vec(), groups: parts.collect() };
-        // No number takes more than ten bytes, and most take the eight of their memory: a buffer of this size is never copied.
+        // A number takes at most ten bytes, and most take eight, as in memory. The buffer therefore never grows.
         let capacity = saved.groups.iter().map(Group::bytes).sum::<usize>() + 10 * (saved.ctrl.len() + 2);
         postcard::to_extend(&saved, Vec::with_capacity(capacity)).expect("numbers serialise")
     }
@@ -71,7 +72,7 @@ impl<S: LaneScalar> Saving for Batch<S> {
 }
 
 impl<S: LaneScalar> Batch<S> {
-    /// Checks that a state fits this batch.
+    /// Checks that a saved state fits this batch: number of environments, sizes, and valid contents.
     fn check_saved(&self, saved: &SavedGroups<S>) -> Result<(), StateMisfit> {
         if saved.num_envs != self.num_envs && saved.num_envs != 1 {
             return Err(StateMisfit::NumEnvs { found: saved.num_envs, must: self.num_envs });
@@ -110,19 +111,19 @@ impl<S: LaneScalar> Batch<S> {
         Ok(())
     }
 
-    /// Delay lines of the sensors and of the actuators.
+    /// Delay lines of the sensors, and delay lines of the actuators.
     fn delay_lines(&self) -> [Vec<DelayLine>; 2] {
         let sensors = self.sensor_errors.iter().flat_map(Errors::delay_lines).collect();
         [sensors, self.pipelines.iter().flat_map(ActuatorPipelines::delay_lines).collect()]
     }
 
-    /// Restores environments one by one.
+    /// Restores saved environments one by one in the environments `envs`.
     ///
-    /// Delay lines are rotated to the position of this batch. If one environment is restored to several, each draws different random
-    /// numbers.
+    /// Delay lines are rotated to the present position of this batch. If a single saved environment goes to several, each continues with
+    /// different random numbers.
     fn restore_some(&mut self, saved: &SavedGroups<S>, envs: &[usize]) {
         let lines = self.delay_lines();
-        // All environments step together, so that all delay lines are at one position.
+        // All environments step together, so that the delay lines of all groups have the same position.
         let places = [self.groups[0].sensing.cursors.clone(), self.groups[0].actuation.cursors.clone()];
         let turn = |mut part: Group<S>| {
             let memories =
@@ -166,7 +167,7 @@ mod tests {
     use crate::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
     use crate::options::Options;
 
-    /// Three boxes on a floor.
+    /// Simulation of three boxes on a floor.
     fn boxes() -> Simulation {
         let mut scene = Model::builder("box");
         scene.geom(WORLD, GeomBuilder::plane("floor"));
@@ -176,7 +177,8 @@ mod tests {
         Simulation::new(Arc::new(scene.finish().unwrap()), options, Some(3), Precision::F64, 1).unwrap()
     }
 
-    /// State of a simulation whose environments have two contacts each, in groups with a contact capacity of `capacity`.
+    /// Saved state of `sim` with two contacts in each environment, in groups with space for `capacity` contacts. `change` edits each group
+    /// first.
     fn touching(sim: &Simulation, capacity: usize, change: impl Fn(&mut Group<f64>)) -> SavedState {
         let state = sim.save_state();
         let mut saved = postcard::from_bytes::<SavedGroups<f64>>(state.payload()).unwrap();

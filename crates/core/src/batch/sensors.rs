@@ -1,4 +1,5 @@
-//! Sensors of a worker: first observations, readings of a whole group, and their inputs from the last step.
+//! Sensor readings of a worker: first observations of an episode, readings of a whole group, and results of the last step that sensors
+//! need.
 
 use stepper_real::{Mask, Real, Scalar};
 
@@ -18,20 +19,20 @@ use crate::probe::Probe;
 use crate::sensing::errors::Errors;
 use crate::step::step;
 
-/// Reader of the sensors of one group.
+/// Reader of the sensors of one group of environments.
 #[derive(Clone, Copy)]
 pub(super) struct Reader<'a, R: Real, P> {
     pub(super) call: &'a Call<'a, R::Scalar>,
     pub(super) compiled: &'a LaneModel<R>,
-    /// First environment of the group.
+    /// Index of the first environment of the group.
     pub(super) first: usize,
     pub(super) probe: P,
 }
 
 impl<R: Real, P: Probe> Reader<'_, R, P> {
-    /// Starts the error models in the lanes that wait for it.
+    /// Makes the first observation of the error models, in those lanes that have not made it since their state was set.
     ///
-    /// This reading leaves out the inputs of the user. It is then the same before a step and within a step.
+    /// This reading ignores the forces that the user applies. It is therefore the same before a step and within a step.
     pub(super) fn begin_observations(&self, group: &mut Group<R::Scalar>, s: &mut Workspace<R>) {
         if let (Some(errors), true) = (self.call.sensor_errors, group.sensing.waiting & group.alive != 0) {
             self.observe_initial_state(errors, group, s);
@@ -55,7 +56,8 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
         group.sensing.waiting = 0;
     }
 
-    /// Readings of all environments of the group, environment-major: true ones, or after the error models.
+    /// Writes the readings of all environments of the group to `query.out`, environment-major: true readings, or readings after the error
+    /// models.
     pub(super) fn read(&self, group: &mut Group<R::Scalar>, s: &mut Workspace<R>, query: Query<'_>) {
         let rows = query.out.chunks_exact_mut(self.call.compiled.sensing.width).enumerate();
         if query.truth || self.call.sensor_errors.is_none() {
@@ -69,10 +71,10 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
         }
     }
 
-    /// Completes the readings after the steps of a control, in `s.sensors.workspace.truth`.
+    /// Completes the readings after the steps with one control, in `s.sensors.workspace.truth`.
     ///
-    /// These are the readings of the error models, if there are any, else the true readings. Stage 9 has computed them unless they are
-    /// `unread` because no step was made.
+    /// These are the readings after the error models, if there are any, otherwise the true readings. Stage 9 has computed the true
+    /// readings, unless `unread` is set because no step was made.
     pub(super) fn complete_readings(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>, unread: bool) {
         if self.call.sensor_errors.is_some() {
             load_or_zero(&group.sensing.observation, &mut s.sensors.workspace.truth);
@@ -81,17 +83,16 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
         }
     }
 
-    /// Reads the ideal sensors at the state in the workspace.
+    /// Computes the true readings of all sensors at the state in the workspace.
     fn read_truth(&self, s: &mut Workspace<R>) {
         let Workspace { state, inputs, evaluation, velocity, sensors, alive, .. } = s;
         let input = StepInput { compiled: self.compiled, options: self.call.settings, state, inputs, alive: *alive };
         read_sensors(input, &velocity.scalar_impulse, &mut evaluation.kinematics, sensors);
     }
 
-    /// Reads the sensors at the state of the group.
+    /// Computes the true readings of all sensors at the stored state of the group.
     ///
-    /// Without a step since the state was set, sensors of accelerations and forces read a trial step from this state, whose result is
-    /// discarded.
+    /// If the state was set after the last step, sensors of accelerations and forces read the results of a trial step from this state.
     fn evaluate(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>) {
         let needs = self.call.compiled.sensing.needs;
         load_state(group, s);
@@ -102,10 +103,10 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
         self.read_truth(s);
     }
 
-    /// Loads the group into the workspace to compute derived quantities: the state, the inputs and controls in force.
+    /// Loads the group into the workspace to compute derived quantities: state, applied inputs and controls in force.
     ///
-    /// `last_step` adds the results of the last step, or of a trial step if the state was set since. `contacts` adds the contacts of the
-    /// last step.
+    /// With `last_step`, it also loads the results of the last step, or of a trial step if the state was set since. With `contacts`, it
+    /// also loads the contacts of the last step.
     pub(super) fn load_to_derive(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>, last_step: bool, contacts: bool) {
         if last_step {
             load_state(group, s);
@@ -126,7 +127,7 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
         }
     }
 
-    /// Loads the stored results of the last step that `needs` lists. Lanes whose state was set since make a trial step.
+    /// Loads those stored results of the last step that `needs` lists. Lanes whose state was set since the last step make a trial step.
     fn load_last_step(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>, needs: Needs) {
         load_or_zero(&group.sensing.acceleration, &mut s.sensors.acceleration);
         let fresh = if needs.step { group.sensing.fresh & group.alive } else { 0 };
@@ -147,7 +148,7 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
         }
     }
 
-    /// Makes a trial step in the lanes `fresh` for the sensors, and restores their state and time.
+    /// Makes a trial step in the lanes `fresh` (bits) to get its results for the sensors, then restores state and time.
     fn make_step_to_read(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>, fresh: u32) {
         let elapsed = s.state.elapsed;
         s.alive = R::Mask::from_bits(fresh);
@@ -162,7 +163,7 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
     }
 }
 
-/// Stores the results of the last step that sensors read.
+/// Stores the results of the last step that sensors read later.
 pub(super) fn remember<R: Real>(group: &mut Group<R::Scalar>, s: &Workspace<R>) {
     let memory = &mut group.sensing;
     memory.fresh = 0;
@@ -182,7 +183,7 @@ pub(super) fn remember<R: Real>(group: &mut Group<R::Scalar>, s: &Workspace<R>) 
     );
 }
 
-/// Loads the lanes of `out` that are not among `kept`.
+/// Loads the values `from` into the lanes of `out` that are not in `kept`.
 fn load_other_lanes<R: Real>(from: &[R::Scalar], out: &mut [R], kept: R::Mask) {
     for (x, from) in out.iter_mut().zip(from.chunks_exact(R::LANES)) {
         *x = R::select(kept, *x, R::load(from));
@@ -201,7 +202,7 @@ fn load_or_zero<R: Real>(from: &[R::Scalar], out: &mut [R]) {
     )
 }
 
-/// Contacts of one lane, as the state has them.
+/// Loads the stored contacts of lane `lane` into `out`.
 fn place_contacts<R: Real>(group: &Group<R::Scalar>, lane: usize, out: &mut Contacts<R>) {
     out.count[lane] = group.contact_count[lane] as usize;
     for (k, contact) in group.contacts(lane).enumerate() {

@@ -1,4 +1,4 @@
-//! Simulation: a model, its settings and a batch of environments. The Python bindings translate its interface.
+//! Simulation: a model, its options and a batch of environments. The Python bindings translate its interface.
 
 mod calls;
 mod checks;
@@ -35,9 +35,9 @@ use crate::math::precision::Precision;
 use crate::model::Model;
 use crate::options::{ContactLaw, Integrator, Options, StepSettings};
 
-/// Environments of one model.
+/// Simulation of many environments of one model.
 ///
-/// A clone has the same state, parameters and inputs in force, and gives the same bits. Its threads start at its first step.
+/// A clone has the same state, parameters and inputs in force, and gives the same bits. It starts separate threads at its first step.
 #[derive(Clone)]
 pub struct Simulation {
     model: Arc<Model>,
@@ -53,18 +53,19 @@ pub struct Simulation {
     ctrl: Vec<f64>,
     applied: AppliedInputs,
     truth: TrueReadings,
-    /// Surfaces of the geoms that rays have met so far.
+    /// Cache of the meshes and height fields that rays can hit, filled as ray calls need them.
     surfaces: RaySurfaces,
-    /// Number of changes so far to the inputs of derived quantities.
+    /// Counter of changes to the inputs of derived quantities.
     revision: u64,
 }
 
-/// Cached true readings of all sensors, valid while none of their inputs changes.
+/// Cache of the true readings of all sensors, valid until one of their inputs changes.
 #[derive(Clone, Default)]
 struct TrueReadings {
     is_cached: bool,
     readings: Vec<f64>,
-    /// Applied inputs at that time, in the order of [`AppliedInput::ALL`](crate::batch::inputs::AppliedInput::ALL).
+    /// Applied inputs with which the readings were computed, in the order of
+    /// [`AppliedInput::ALL`](crate::batch::inputs::AppliedInput::ALL).
     applied: [Vec<f64>; 5],
 }
 
@@ -78,7 +79,7 @@ impl fmt::Debug for Simulation {
 }
 
 impl Simulation {
-    /// Simulation of one environment in 64 bits at the model's reset state, with default options, on the calling thread.
+    /// Creates a simulation of one environment in 64 bits at the model's reset state, with default options, on the calling thread.
     ///
     /// # Errors
     /// Those of [`Simulation::new`].
@@ -86,8 +87,8 @@ impl Simulation {
         Self::new(model, Options::default(), None, Precision::F64, 1)
     }
 
-    /// Simulation of `num_envs` environments at the model's reset state; `None` is a single one. `threads` 0 selects all that this process
-    /// may use.
+    /// Creates a simulation of `num_envs` environments at the model's reset state; `None` is a single one. `threads` is the number of
+    /// threads; 0 selects all that this process may use.
     ///
     /// # Errors
     /// [`Error::Option`] for an option out of its range; [`Error::NoEnvironments`] for `Some(0)`; [`Error::Level`] when the machine lacks
@@ -127,7 +128,7 @@ impl Simulation {
         level: Level,
         check: bool,
     ) -> Result<Self, Error> {
-        /// Environments in one scalar type.
+        /// Creates a batch of environments in the scalar type `S`.
         fn engine<S: LaneScalar>(
             model: &Model,
             settings: StepSettings,
@@ -178,19 +179,19 @@ impl Simulation {
         &self.model
     }
 
-    /// Options as the user gave them.
+    /// Options as the user set them.
     pub fn options(&self) -> &Options {
         &self.options
     }
 
-    /// Time step in force, s: that of the options, or the model's.
+    /// Time step in force, s: the options' time step if it is set, otherwise the model's.
     pub fn timestep(&self) -> f64 {
         self.engine.settings().timestep
     }
 
-    /// Residual at which the solver stops, m/s: that of the options, or [`Precision::tolerance`].
+    /// Residual at which the solver stops, m/s: the options' tolerance if it is set, otherwise [`Precision::tolerance`].
     ///
-    /// With MuJoCo's law it is at most 0.6 % of the velocity that gravity adds in a step.
+    /// With MuJoCo's contact law it is at most 0.6 % of the velocity that gravity adds in a step.
     pub fn tolerance(&self) -> f64 {
         self.engine.settings().tolerance
     }
@@ -205,30 +206,30 @@ impl Simulation {
         self.num_envs
     }
 
-    /// Number of threads that step, at most the number of groups of lanes.
+    /// Number of threads that step. It is at most the number of groups of environments.
     pub fn threads(&self) -> usize {
         self.engine.threads()
     }
 
-    /// Memory of the state of all environments and of cached readings, bytes.
+    /// Memory of the states of all environments and of cached readings, bytes.
     pub fn bytes(&self) -> usize {
         let TrueReadings { readings, applied, .. } = &self.truth;
         let kept = readings.len() + applied.iter().map(Vec::len).sum::<usize>();
         self.engine.bytes() + kept * size_of::<f64>()
     }
 
-    /// Memory of the inputs of the next step, bytes: controls in force and applied inputs.
+    /// Memory of the inputs for the next step, bytes: controls in force and applied inputs.
     pub fn input_bytes(&self) -> usize {
         size_of_val(&self.ctrl[..]) + self.applied.bytes()
     }
 
-    /// Calls `look` while the workspace of one more thread exists, as the first step allocates it for every thread. It serves to measure
-    /// that memory.
+    /// Calls `look` while the workspace of one additional worker is allocated, to measure its memory. Each thread allocates such a
+    /// workspace at its first step.
     pub fn with_worker(&self, mut look: impl FnMut()) {
         self.engine.with_worker(&mut look);
     }
 
-    /// Engine, mutable. Cached readings are invalidated.
+    /// Mutable engine. The call invalidates cached readings.
     fn engine_mut(&mut self) -> &mut dyn Engine {
         self.note_change();
         &mut *self.engine
@@ -240,7 +241,7 @@ impl Simulation {
         self.revision += 1;
     }
 
-    /// Revision number, which changes with every input of [`Simulation::derive`]: states, parameters, controls in force, and applied
+    /// Revision number, which increases with every change to an input of [`Simulation::derive`]: states, parameters, controls, and applied
     /// inputs.
     pub fn revision(&self) -> u64 {
         self.revision

@@ -1,4 +1,4 @@
-//! State: all that survives between two steps.
+//! State of a group of environments: everything that a step hands over to the next step.
 
 use serde::{Deserialize, Serialize};
 use stepper_real::{Real, Scalar};
@@ -12,20 +12,20 @@ use crate::math::lanes::{Target, columns, lane_bits, set_columns, set_lane_bits}
 use crate::sensing::memory::Memory;
 use crate::stages::s10_record::Status;
 
-/// Numbers of a contact in a state: impulse, position, normal, distance.
+/// Number of stored values per contact: impulse (3), position (3), normal (3) and distance (1).
 const CONTACT_NUMBERS: usize = 10;
-/// Offset of the normal in these numbers.
+/// Offset of the normal in the stored values of a contact.
 const NORMAL: usize = 6;
 
 /// State of the environments of one group of lanes, lane-interleaved: entry i of lane l is at `i * lanes + l`.
 ///
-/// Contact impulses are the warm start of the next step, so they are part of the state. The geometry of the contacts is kept with them for
-/// readers of contacts. Nothing else survives a step.
+/// Contact impulses are the warm start of the next step, so they are part of the state. The positions and normals of contacts are stored
+/// only for the user to read. A step hands over nothing else to the next step.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Group<S> {
-    /// Lanes of the group.
+    /// Number of lanes of the group.
     pub lanes: usize,
-    /// Lanes that are environments (bits). The other lanes are unused.
+    /// Lanes (bits) that have an environment. The other lanes are unused.
     pub alive: u32,
     /// Configuration, nq per lane.
     pub q: Vec<S>,
@@ -33,51 +33,52 @@ pub struct Group<S> {
     pub v: Vec<S>,
     /// Activations, na per lane.
     pub act: Vec<S>,
-    /// Impulses of limits, dry friction, equalities and tendons.
+    /// Impulses of joint limits, dry friction, equalities and tendons of the last step, one entry per scalar row.
     pub scalar_impulse: Vec<S>,
-    /// Impulse of all constraints of the last step on the joints, nv per lane.
+    /// Generalized impulse of all constraints in the last step, nv per lane, N s and N m s.
     pub impulse: Vec<S>,
-    /// Last pose of every mocap body (position, quaternion), 7 per lane; zeros before the first.
+    /// Last pose of every mocap body (position, quaternion), 7 per lane; zeros before the first call.
     pub mocap: Vec<S>,
     /// Number of contacts per lane.
     pub contact_count: Vec<u32>,
-    /// Identity of contact k of lane l.
+    /// Identities of the contacts: contact k of lane l is at `k * lanes + l`.
     pub contact_ids: Vec<u64>,
-    /// Numbers of contact k of lane l.
+    /// Stored values of the contacts, ten per contact: impulse, position, normal, distance.
     pub contact_data: Vec<S>,
-    /// Angular impulses of contact k of lane l, three numbers each; empty when the scene has no torsional or rolling friction.
+    /// Angular impulses of the contacts, three per contact; empty when the scene has no torsional or rolling friction.
     pub contact_torque: Vec<S>,
-    /// Cached separations of the pairs of hulls that were close to each other in the last step.
+    /// Cached separating planes of the pairs of hulls that were close to each other in the last step.
     pub separation_cache: SeparationCache,
     /// Simulated time, s, per lane.
     pub time: Vec<f64>,
-    /// Flags of the last call, per lane.
+    /// Status flags of the last call, per lane.
     pub status: Vec<u32>,
-    /// Steps of the last call in which the effort of each actuator was cut to its bounds, per lane; empty without bounds.
+    /// Number of steps of the last call in which the effort of each actuator reached its bounds, per lane. Empty if no actuator has bounds.
     pub saturated: Vec<u32>,
     /// Residual of the last step, m/s, per lane.
     pub residual: Vec<S>,
-    /// Sweeps of the last step, per lane.
+    /// Number of Gauss-Seidel iterations (sweeps) in the last step, per lane.
     pub sweeps: Vec<S>,
-    /// Newton steps of the last step, per lane.
+    /// Number of Newton iterations in the last step, per lane.
     pub newton_steps: Vec<S>,
-    /// Worst row of the last unsolved step of the last call, per lane, as a
+    /// Constraint row with the largest residual in the last unsolved step of the last call, per lane, as a
     /// [`ConstraintCode`](crate::constraints::worst_row::ConstraintCode).
     pub worst: Vec<u64>,
-    /// Largest overlap of the contacts in the last call, m, per lane.
+    /// Largest overlap of the contacts during the last call, beyond their margins, m, per lane.
     pub depth: Vec<S>,
-    /// Largest distance of a joint or tendon beyond its range after a step of the last call, rad or m, per lane.
+    /// Largest distance of a joint or tendon beyond its range, over the steps of the last call, rad or m, per lane.
     pub overshoot: Vec<S>,
-    /// Largest position error of an equality after a step of the last call, m or rad, per lane.
+    /// Largest position error of an equality, over the steps of the last call, m or rad, per lane.
     pub equality_violation: Vec<S>,
-    /// Memory of the sensors.
+    /// Memory of the sensors: delays, noise and results of the last step.
     pub sensing: Memory<S>,
-    /// Memory of the actuator dynamics.
+    /// Memory of the actuator dynamics: delays, lags and controllers.
     pub actuation: actuation::memory::Memory<S>,
 }
 
 impl<S: Scalar> Group<S> {
-    /// Group of environments at the model's reset state, `first` and those after it. `alive` has the bits of the lanes in use.
+    /// Creates a group at the reset state `qpos0`, for the environments from `first` on. `alive` are the lanes (bits) that have an
+    /// environment.
     pub fn new(compiled: &ModelStructure<S>, qpos0: &[S], lanes: usize, alive: u32, first: usize, max_contacts: usize) -> Self {
         let zeros = |n: usize| vec![S::default(); n * lanes];
         Self {
@@ -109,13 +110,13 @@ impl<S: Scalar> Group<S> {
         }
     }
 
-    /// Clears a lane's memory of its last step: warm starts, contacts, certificate, and the memory of sensors and actuator dynamics.
+    /// Clears the results of earlier steps in a lane: warm starts, contacts, certificate, and the memory of sensors and actuator dynamics.
     pub fn clear_memory(&mut self, lane: usize) {
         let lanes = self.lanes;
         for numbers in [&mut self.scalar_impulse, &mut self.impulse, &mut self.mocap] {
             numbers.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = S::default());
         }
-        // Entries beyond the contacts of a lane are loaded with those of other lanes, but have no effect.
+        // Entries beyond a lane's number of contacts are loaded together with those of other lanes, but have no effect.
         self.contact_count[lane] = 0;
         self.separation_cache.forget(lane);
         self.status[lane] = Status::OK.bits();
@@ -129,7 +130,7 @@ impl<S: Scalar> Group<S> {
         self.actuation.forget(lane, lanes);
     }
 
-    /// Memory of the state, bytes.
+    /// Memory of the group's state, bytes.
     pub fn bytes(&self) -> usize {
         let impulses = [&self.scalar_impulse, &self.impulse, &self.mocap, &self.contact_data, &self.contact_torque];
         let record = [&self.residual, &self.sweeps, &self.newton_steps, &self.depth, &self.overshoot, &self.equality_violation];
@@ -147,7 +148,7 @@ impl<S: Scalar> Group<S> {
             + self.actuation.bytes()
     }
 
-    /// Whether two groups have the same shape, except for their contact capacity.
+    /// Whether another group has arrays of the same lengths, apart from the contact capacity.
     pub fn fits(&self, other: &Self) -> bool {
         let sizes = |g: &Self| {
             let impulses = [&g.scalar_impulse, &g.impulse, &g.mocap].map(Vec::len);
@@ -161,7 +162,8 @@ impl<S: Scalar> Group<S> {
             && self.actuation.fits(&other.actuation)
     }
 
-    /// Whether the contacts are complete, with angular impulses only if `rolling`, and at most `max_contacts`.
+    /// Whether the contact arrays are consistent: enough entries for all contacts, at most `max_contacts`, and angular impulses only if
+    /// `rolling` is true.
     pub fn has_whole_contacts(&self, max_contacts: usize, rolling: bool) -> bool {
         let entries = self.contact_ids.len();
         entries.is_multiple_of(self.lanes)
@@ -171,7 +173,7 @@ impl<S: Scalar> Group<S> {
             && self.contact_torque.len() == if rolling { 3 * entries } else { 0 }
     }
 
-    /// Canonical form of the state: entries that cannot be read are zero.
+    /// Canonical form of the state: entries that no step can read are zero, so that equal states have equal bytes.
     pub fn canonical(mut self) -> Self {
         let lanes = self.lanes;
         for lane in 0..lanes {
@@ -192,13 +194,13 @@ impl<S: Scalar> Group<S> {
         self
     }
 
-    /// Number of entries of `contact_ids` that cover the contacts of the lanes `first` to `first + n`.
+    /// Number of entries of `contact_ids` that contain all contacts of the lanes from `first` to `first + n`, exclusive.
     fn used_entries(&self, first: usize, n: usize) -> usize {
         let held = (first..first + n).filter(|lane| self.alive >> lane & 1 == 1).map(|lane| self.contact_count[lane] as usize);
         self.lanes * held.max().unwrap_or(0)
     }
 
-    /// Part of the group with the lanes `first` to `first + n`, with a capacity for the present contacts.
+    /// Copy of the lanes from `first` to `first + n`, exclusive, with a contact capacity for the present contacts only.
     pub fn part(&self, first: usize, n: usize) -> Self {
         let lanes = self.lanes;
         let entries = self.used_entries(first, n);
@@ -234,7 +236,8 @@ impl<S: Scalar> Group<S> {
         }
     }
 
-    /// Copies the lanes of a part to some lanes. Entries beyond the contacts of a lane stay; they cannot be read.
+    /// Copies the lanes of `part` to the lanes `target`. Entries beyond a lane's number of contacts do not change, because no step reads
+    /// them.
     pub(crate) fn set_part(&mut self, target: Target, part: &Self) {
         let (lanes, n) = (self.lanes, part.lanes);
         set_lane_bits(&mut self.alive, target, n, part.alive);
@@ -269,7 +272,7 @@ impl<S: Scalar> Group<S> {
         self.actuation.set_part(lanes, target, n, &part.actuation);
     }
 
-    /// Contacts of the last step of a lane.
+    /// Stored contacts of lane `lane` in the last step.
     pub fn contacts(&self, lane: usize) -> impl Iterator<Item = StoredContact> + '_ {
         (0..self.contact_count[lane] as usize).map(move |k| {
             let x = |i: usize| self.contact_data[(k * CONTACT_NUMBERS + i) * self.lanes + lane].to_f64();
@@ -285,7 +288,7 @@ impl<S: Scalar> Group<S> {
         })
     }
 
-    /// Reads the contacts of all lanes.
+    /// Loads the stored contacts of all lanes into `out`.
     #[inline(always)]
     pub fn load_contacts<R: Real<Scalar = S>>(&self, out: &mut Contacts<R>) {
         out.clear();
@@ -307,7 +310,7 @@ impl<S: Scalar> Group<S> {
         }
     }
 
-    /// Stores the contacts of all lanes.
+    /// Stores the contacts of all lanes in the group.
     #[inline(always)]
     pub fn store_contacts<R: Real<Scalar = S>>(&mut self, contacts: &Contacts<R>) {
         for (to, &count) in self.contact_count[..R::LANES].iter_mut().zip(contacts.count.iter()) {
@@ -329,20 +332,20 @@ impl<S: Scalar> Group<S> {
     }
 }
 
-/// Contact of one environment in a state.
+/// Contact of one environment, as the state stores it.
 #[derive(Clone, Copy, Debug)]
 pub struct StoredContact {
-    /// Identity of the contact.
+    /// Identity of the contact: its pair and feature.
     pub id: ContactId,
-    /// Impulse along normal and tangents, N s.
+    /// Impulse on the second geom along the normal and the two tangents, N s.
     pub impulse: [f64; 3],
-    /// Angular impulse of torsional and rolling friction about normal and tangents, N m s.
+    /// Angular impulse of torsional and rolling friction about the normal and the two tangents, N m s.
     pub torque: [f64; 3],
-    /// Position, m.
+    /// Position in the world frame, m.
     pub pos: [f64; 3],
-    /// Unit normal, from the first geom to the second.
+    /// Unit normal in world axes, from the first geom to the second.
     pub normal: [f64; 3],
-    /// Distance, m.
+    /// Distance between the geoms minus the margin, m; negative for an overlap.
     pub distance: f64,
 }
 

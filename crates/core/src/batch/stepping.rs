@@ -1,4 +1,4 @@
-//! Calls of a batch: steps, rollouts and readings, on one thread or several, as a whole or in parts.
+//! Calls of a batch: steps, rollouts and sensor readings, on one thread or several, as a whole or in parts.
 
 use std::any::Any;
 use std::time::Instant;
@@ -19,14 +19,14 @@ use crate::error::Error;
 use crate::math::lanes::{Target, each_of};
 use crate::options::StepSettings;
 
-/// Callback of a long call. The calling thread calls it between the parts; false stops the call.
+/// Callback of a long call. The calling thread calls it between the parts of the call; when it returns false, the call stops.
 pub(super) type Watch<'a> = Option<&'a mut dyn FnMut() -> bool>;
 
-/// Step of one group, lent to a visitor.
+/// Step of one group of environments, passed to a visitor.
 pub struct LentStep<'a> {
-    /// First environment of the group.
+    /// Index of the first environment of the group.
     pub first: usize,
-    /// Number of lanes.
+    /// Number of lanes of the group.
     pub lanes: usize,
     /// CPU level of the lanes.
     pub level: Level,
@@ -34,12 +34,12 @@ pub struct LentStep<'a> {
     pub step: &'a mut dyn Any,
 }
 
-/// Calls for all environments.
+/// Calls for all environments of a batch.
 pub trait BatchCalls {
-    /// Makes the steps of a schedule and records the quantities after each control. Returns the number of steps made, the same in every
+    /// Makes the steps of a schedule, and records quantities after each control. Returns the number of steps made, the same in every
     /// environment.
     ///
-    /// `inputs.ctrl` is (controls, num_envs, nu) or (controls, nu). If the watch returns false, fewer steps are made.
+    /// `inputs.ctrl` is (controls, num_envs, nu) or (controls, nu). If `watch` returns false, the call stops early.
     ///
     /// # Errors
     /// [`Error::Threads`]; nothing was done then.
@@ -50,43 +50,44 @@ pub trait BatchCalls {
         recording: Option<Recording<'_>>,
         watch: Watch<'_>,
     ) -> Result<usize, Error>;
-    /// Reads all sensors of all environments, environment-major: true readings, or those of the last step after the transfer functions.
+    /// Reads all sensors of all environments, environment-major: true readings, or readings of the last step after the transfer functions.
     ///
     /// # Errors
     /// [`Error::Threads`].
     fn read_sensors(&mut self, inputs: &StepInputs<'_>, truth: bool, out: &mut [f64]) -> Result<(), Error>;
-    /// Computes derived quantities of all environments in one pass, environment-major, in the precision of the lanes. `inputs` are those in
-    /// force.
+    /// Computes derived quantities of all environments in one pass, environment-major, in the precision of the lanes. `inputs` are the
+    /// inputs in force.
     ///
     /// # Errors
     /// [`Error::Threads`].
     fn derive(&mut self, inputs: &StepInputs<'_>, quantities: Vec<(DerivedQuantity, Numbers<'_>)>) -> Result<(), Error>;
-    /// Calls `visit` with the step of each group from the present state, solved to `tolerance`, m/s. The state stays the same.
+    /// Calls `visit` with the step of each group from the present state, solved to a residual of `tolerance`, m/s. The state does not
+    /// change.
     ///
     /// # Errors
     /// [`Error::Threads`].
     fn lend_steps(&mut self, inputs: &StepInputs<'_>, tolerance: f64, visit: &(dyn Fn(LentStep<'_>) + Sync)) -> Result<(), Error>;
-    /// Problem that a step of one environment from the present state would solve, as bytes: see [`stepper_solve::Problem::from_bytes`].
+    /// Constraint problem of a step of environment `env` from the present state, as bytes for [`stepper_solve::Problem::from_bytes`].
     fn problem(&self, inputs: &StepInputs<'_>, env: usize) -> Vec<u8>;
     /// Number of threads that step.
     fn threads(&self) -> usize;
-    /// Whether `nstep` steps take at most two or three microseconds, so that waking another thread costs more.
+    /// Whether `nstep` steps take at most two or three microseconds, so that waking another thread costs more than it gains.
     fn is_brief(&self, nstep: usize) -> bool;
-    /// Calls `look` while the workspace of one more worker exists.
+    /// Calls `look` while the workspace of one additional worker is allocated, to measure its memory.
     fn with_worker(&self, look: &mut dyn FnMut());
     /// Sets the functions that create workers.
     #[cfg(feature = "internals")]
     fn set_workers(&mut self, makers: &WorkerMakers);
 }
 
-/// Time between two calls of the watch in a long call, s. An interrupted user hardly notices it, and sending the groups to the workers
-/// again takes far less.
+/// Duration of a part of a long call, s: the time between two calls of the watch. A user hardly notices this delay of an interrupt, and
+/// starting the next part takes far less.
 const PART: f64 = 0.05;
-/// Lower bound on the time of a step on one thread, per environment and degree of freedom, s.
+/// Lower bound of the time of a step on one thread, per environment and degree of freedom, s.
 ///
-/// It gives the number of steps of the first part, before any measurement. Later parts follow the measured rate.
+/// It determines the number of steps of a call's first part. Later parts use the measured time.
 const LEAST_COST: f64 = 5e-8;
-/// Largest product of degrees of freedom, environments and steps of a brief call.
+/// Largest product of degrees of freedom, environments and steps for which a call counts as brief.
 const BRIEF: usize = 10;
 
 impl<S: LaneScalar> BatchCalls for Batch<S> {
@@ -167,7 +168,7 @@ impl<S: LaneScalar> BatchCalls for Batch<S> {
         let settings = StepSettings { tolerance, ..self.settings };
         let call = Call { settings: &settings, ..self.call(inputs, Schedule { controls: 1, nstep: 1 }, Part::whole(1)) };
         let (lanes, level) = (self.lanes, self.workers.level());
-        // A group at a time: each costs as much as some tens of steps.
+        // One group per chunk, because a visit costs as much as some tens of steps.
         self.workers.share_chunks(&self.worker_spec(), self.groups.iter().enumerate(), |worker, (g, group)| {
             let first = g * lanes;
             worker.lend_step(&call, &mut group.clone(), first, &mut |step| visit(LentStep { first, lanes, level, step }));
@@ -176,7 +177,7 @@ impl<S: LaneScalar> BatchCalls for Batch<S> {
     }
 
     fn problem(&self, inputs: &StepInputs<'_>, env: usize) -> Vec<u8> {
-        // A copy of the group takes the step, in a separate worker. The group stays as it is.
+        // A separate worker steps a copy of the group, so that the group itself does not change.
         let (group, lane) = self.lane(env);
         let call = self.call(inputs, Schedule { controls: 1, nstep: 1 }, Part::whole(1));
         self.workers.make_worker(&self.worker_spec()).problem(&call, &mut group.clone(), env - lane, lane)
@@ -222,7 +223,8 @@ impl<S: LaneScalar> Batch<S> {
         !(sensing.cursors.is_empty() && actuation.cursors.is_empty())
     }
 
-    /// Makes steps of all environments and restores the state of those outside the mask, because all delay lines share one position.
+    /// Makes steps of all environments, and then restores the state of those outside the mask. Used with delay lines, because all
+    /// environments share their position.
     #[cold]
     fn step_all_and_restore(&mut self, inputs: &StepInputs<'_>, schedule: Schedule, watch: Watch<'_>) -> Result<usize, Error> {
         let before = self.save(None, inputs.ctrl);
@@ -232,7 +234,7 @@ impl<S: LaneScalar> Batch<S> {
         Ok(steps)
     }
 
-    /// Number of groups that a worker takes at a time. Small chunks balance groups of different cost.
+    /// Number of groups in a chunk, the unit that a worker takes at a time. Small chunks balance groups of different cost.
     pub(super) fn chunk_size(&self) -> usize {
         match self.workers.threads() {
             1 => self.groups.len(),
@@ -240,14 +242,14 @@ impl<S: LaneScalar> Batch<S> {
         }
     }
 
-    /// Steps of the first part of a long call.
+    /// Number of steps in the first part of a long call.
     fn first_part(&self) -> usize {
         ((PART / LEAST_COST) as usize / (self.num_envs * self.compiled.nv.max(1))).max(1)
     }
 
     /// Makes the steps of a watched call in parts. Returns the number of steps made.
     ///
-    /// Every group ends a part before any group begins the next, so that all stop after the same step.
+    /// Every group finishes a part before any group begins the next part, so that all stop after the same step.
     #[inline(never)]
     fn run_parts(
         &mut self,
@@ -265,7 +267,7 @@ impl<S: LaneScalar> Batch<S> {
                 return total;
             }
             if !self.compiled.mocap.is_empty() {
-                // These sums equal those of the workers.
+                // The workers add in the same order, so that the sums are equal.
                 (0..steps).for_each(|_| part.elapsed += self.settings.timestep);
             }
             part.from = part.to;
@@ -283,7 +285,7 @@ impl<S: LaneScalar> Batch<S> {
         }
     }
 
-    /// Sends the groups to the workers once, for a part of a call. If there are `shares`, the workers record into them chunk by chunk.
+    /// Makes the steps of one part of a call in all groups. The workers record into `shares`, unless it is empty.
     fn run_part(&mut self, inputs: &StepInputs<'_>, schedule: Schedule, part: Part, shares: &mut [Share<'_, S>]) {
         if self.workers.threads() > 1 {
             return self.run_part_on_threads(inputs, schedule, part, shares);
@@ -320,7 +322,7 @@ impl<S: LaneScalar> Batch<S> {
     }
 }
 
-/// Makes the steps of a group. Environments outside the mask keep their state.
+/// Makes the steps of a call in one group. Environments outside the call's mask keep their state.
 fn run_chosen<S: LaneScalar>(worker: &mut dyn Worker<S>, call: &Call<'_, S>, group: &mut Group<S>, at: GroupPosition<'_, '_, S>) {
     let mask = call.inputs.mask.get(at.first..).unwrap_or_default();
     let others = (0..group.lanes).filter(|&lane| mask.get(lane) == Some(&false)).fold(0, |set, lane| set | 1 << lane) & group.alive;
@@ -334,7 +336,7 @@ fn run_chosen<S: LaneScalar>(worker: &mut dyn Worker<S>, call: &Call<'_, S>, gro
     worker.run(call, group, at);
     let mut moved = others;
     if 2 * others.count_ones() > group.alive.count_ones() {
-        // The smaller set of lanes is copied.
+        // Copying the smaller set of lanes is cheaper.
         std::mem::swap(group, &mut kept);
         moved = group.alive & !others;
     }

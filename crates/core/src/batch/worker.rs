@@ -1,4 +1,4 @@
-//! Worker that steps groups of environments on one thread: one kind per lane type, one instantiation per CPU level.
+//! Worker: steps groups of environments on one thread. There is one type per lane type, compiled for each CPU level.
 
 use std::any::Any;
 
@@ -23,17 +23,18 @@ use crate::options::StepSettings;
 use crate::probe::{NoProbe, Probe, Span};
 use crate::step::step;
 
-/// Workspace of a thread, with the step compiled for its lanes and CPU level.
+/// Worker: workspace of a thread, with the step compiled for its lanes and CPU level.
 pub trait Worker<S: Scalar>: Send {
-    /// Makes the steps of `call` in one group.
+    /// Makes the steps of `call` in one group at position `at`.
     fn run(&mut self, call: &Call<'_, S>, group: &mut Group<S>, at: GroupPosition<'_, '_, S>);
-    /// Reads the sensors of one group, whose first environment is `first`.
+    /// Reads the sensors of one group, whose first environment is `first`, and writes them to the output of `query`.
     fn sense(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, query: Query<'_>);
-    /// Computes derived quantities of one group, whose first environment is `first`, environment-major, each into the rows of its `out`.
+    /// Computes derived quantities of one group, whose first environment is `first`. Each has an array in `out`, with one row per
+    /// environment.
     fn derive(&mut self, call: &Call<'_, S>, group: &Group<S>, first: usize, quantities: &[DerivedQuantity], out: &mut [&mut [S]]);
-    /// Casts rays of one group, whose first environment is `first`: distances and geoms, a row for every environment.
+    /// Casts the rays of one group, whose first environment is `first`. `rows` are the distances, m, and geoms, one row per environment.
     fn cast_rays(&mut self, call: &Call<'_, S>, group: &Group<S>, first: usize, query: &RayQuery<'_, S>, rows: (&mut [S], &mut [i32]));
-    /// Constraint problem of one lane at the first solve of the steps of `call`, as bytes. Overwrites the group.
+    /// Constraint problem of lane `lane` at the first solve in the steps of `call`, as bytes. The function overwrites the group.
     fn problem(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, lane: usize) -> Vec<u8>;
     /// Calls `visit` with the [`GroupStep`] of one group, whose first environment is `first`, at the beginning of a step of `call`.
     fn lend_step(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, visit: &mut dyn FnMut(&mut dyn Any));
@@ -41,21 +42,21 @@ pub trait Worker<S: Scalar>: Send {
     fn forget_state(&mut self);
 }
 
-/// Parameters of a new worker.
+/// Inputs for the creation of a worker.
 #[derive(Clone, Copy)]
 pub struct WorkerSpec<'a, S: Scalar> {
     /// Compiled model.
     pub compiled: &'a CompiledModel<S>,
     /// Settings of a step.
     pub settings: &'a StepSettings,
-    /// Contact capacity of an environment.
+    /// Contact capacity per environment.
     pub max_contacts: usize,
 }
 
-/// Function that creates a worker for groups of that many lanes, at a CPU level of this machine.
+/// Function that creates a worker: its arguments are the spec, the number of lanes of a group, and the CPU level.
 pub type MakeWorker<S> = fn(&WorkerSpec<'_, S>, usize, Level) -> Box<dyn Worker<S>>;
 
-/// Functions that create workers, in each precision.
+/// Functions that create workers, one for each precision.
 #[cfg(feature = "internals")]
 #[derive(Clone, Copy, Debug)]
 pub struct WorkerMakers {
@@ -65,50 +66,51 @@ pub struct WorkerMakers {
     pub f32: MakeWorker<f32>,
 }
 
-/// Scalar type with the lanes that step it.
+/// Scalar type (`f64` or `f32`) together with the SIMD lanes that step it.
 pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
-    /// Lanes of a group in saved states, for every level: those of the narrowest level.
+    /// Number of lanes of a group in saved states, the same on every CPU level: that of the narrowest level.
     const SAVED: usize;
-    /// Number of lanes for a single environment.
+    /// Number of lanes of the group of a single environment.
     fn single(level: Level) -> usize;
-    /// Number of lanes of a group, for `num_envs` environments and `threads` threads.
+    /// Number of lanes of a group, in a batch of `num_envs` environments on `threads` threads.
     fn lanes(compiled: &CompiledModel<Self>, num_envs: usize, threads: usize, level: Level) -> usize;
-    /// Worker for groups of `lanes` lanes at a CPU level of this machine.
+    /// Creates a worker for groups of `lanes` lanes at the CPU level `level`, which this machine must have.
     fn worker(spec: &WorkerSpec<'_, Self>, lanes: usize, level: Level) -> Box<dyn Worker<Self>>;
-    /// Worker with a probe in its steps.
+    /// Creates a worker that calls `probe` during its steps.
     fn probed_worker(spec: &WorkerSpec<'_, Self>, lanes: usize, level: Level, probe: impl Probe) -> Box<dyn Worker<Self>>;
-    /// Function of `makers` for this precision.
+    /// Function in `makers` for this precision.
     #[cfg(feature = "internals")]
     fn maker(makers: &WorkerMakers) -> MakeWorker<Self>;
-    /// Functions with which a step in the lanes `R` is lent; none for 32 bits, in which no crate evaluates steps.
+    /// Functions with which a visitor evaluates a step in the lanes `R`. `None` for 32 bits, in which no crate evaluates steps.
     fn group_functions<R: Real<Scalar = Self>>() -> Option<GroupFunctions<R>>;
-    /// Array of a recording in this precision.
+    /// Array of a recording, unwrapped to this precision.
     ///
     /// # Panics
     /// When it is of the other; [`Simulation`](crate::Simulation) has checked it.
     fn numbers(array: Numbers<'_>) -> &mut [Self];
 }
 
-/// Position of a group among the environments, and its output arrays.
+/// Position of a group in the batch, and its output arrays.
 #[derive(Debug)]
 pub struct GroupPosition<'a, 'b, S> {
-    /// First environment of the group.
+    /// Index of the first environment of the group.
     pub first: usize,
-    /// First environment of the share.
+    /// Index of the first environment of the share.
     pub share_first: usize,
-    /// Output arrays of the group and its neighbours, if any.
+    /// Output arrays of consecutive groups that include this one; `None` without recording.
     pub share: Option<&'a mut Share<'b, S>>,
 }
 
-/// Largest mass matrix (entries, 128 bytes each in two registers) with which a step still fits the caches next to the core.
+/// Largest number of entries of the mass matrix for which two registers per value are used. An entry then takes 128 bytes, and a step still
+/// fits the caches of the core.
 ///
-/// Two registers make dm_control's humanoid (243) 4 to 6 % faster, humanoid_CMU (952) up to 4 % slower.
+/// Evidence: two registers make dm_control's humanoid (243 entries) 4 to 6 % faster, and humanoid_CMU (952) up to 4 % slower.
 const MAX_CACHED_ENTRIES: usize = 512;
 
-/// Number of lanes: the level's lanes `n`, or twice as many if that is faster.
+/// Number of lanes of a group: the CPU level's lanes `n`, or twice as many if that is faster.
 ///
-/// With AVX-512 twice the lanes take 1.8 times as long as one register. On CPUs with units of half the width they take at least twice as
-/// long (docs/benchmarks/performance.md). With the sixteen registers of AVX2 they would take 2.2 to 2.5 times as long.
+/// With AVX-512, a step with twice the lanes takes 1.8 times as long as with one register. On CPUs with units of half the width it takes at
+/// least twice as long (docs/benchmarks/performance.md). With the sixteen registers of AVX2 it would take 2.2 to 2.5 times as long.
 fn lanes<S: Scalar>(n: usize, compiled: &CompiledModel<S>, num_envs: usize, threads: usize, level: Level) -> usize {
     let groups = |lanes: usize| num_envs.div_ceil(lanes).div_ceil(threads);
     let pays = compiled.chain.len() <= MAX_CACHED_ENTRIES && 9 * groups(2 * n) <= 5 * groups(n);
@@ -143,7 +145,7 @@ impl LaneScalar for f64 {
         }
     }
 
-    // Unit tests make no steps, so that this code is not compiled a second time, which would take minutes.
+    // Unit tests make no steps. This build leaves the code out, because compiling it a second time takes minutes.
     #[cfg(test)]
     fn probed_worker(_: &WorkerSpec<'_, f64>, _: usize, _: Level, _: impl Probe) -> Box<dyn Worker<f64>> {
         unimplemented!("unit tests do not step")
@@ -208,7 +210,7 @@ impl LaneScalar for f32 {
     }
 }
 
-/// Worker in the lanes of `R`.
+/// Creates a worker for the lane type `R`, whose steps call `probe`.
 pub fn lane_worker<R: Real<Scalar: LaneScalar>>(spec: &WorkerSpec<'_, R::Scalar>, probe: impl Probe) -> Box<dyn Worker<R::Scalar>> {
     let compiled = LaneModel::<R>::new(spec.compiled);
     Box::new(LaneWorker {
@@ -219,14 +221,14 @@ pub fn lane_worker<R: Real<Scalar: LaneScalar>>(spec: &WorkerSpec<'_, R::Scalar>
     })
 }
 
-/// Worker of one lane type: its compiled model and workspace.
+/// Worker for one lane type: compiled model with the parameters of its lanes, and workspace.
 struct LaneWorker<R: Real, P: Probe> {
     probe: P,
-    /// Compiled model with the parameters of the present group, and the workspace.
+    /// Step of the present group: compiled model with the parameters of the group's lanes, and workspace.
     step: GroupStep<R>,
-    /// Flags of the steps of a control, per lane.
+    /// Status flags of the steps with the present control, per lane.
     flags: Vec<u32>,
-    /// Workspace of derived quantities, allocated at first use.
+    /// Workspace of derived quantities, allocated when it is first used.
     derivation: Derivation<R>,
 }
 
@@ -280,7 +282,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
         assert_eq!(group.lanes, R::LANES, "a worker reads groups of its own width");
         self.load_overrides(call, first);
         let reader = Reader { call, compiled: &self.step.compiled, first, probe: self.probe };
-        // Reading the last step may make another step, which changes the poses.
+        // Reading the last step may make a trial step, which changes the poses. Quantities of the last step therefore come second.
         for of_last_step in [false, true] {
             if quantities.iter().all(|q| q.is_of_last_step() != of_last_step) {
                 continue;
@@ -327,7 +329,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
         load_control(call, 0, first, &mut self.step.workspace);
         self.step.settings = *call.settings;
         visit(&mut self.step);
-        // Whatever the visitor left, later steps do not see it.
+        // Reset everything that the visitor may have changed, so that later steps do not depend on it.
         self.step.finish();
         self.step.workspace.evaluation.poses.exchange(&mut group.separation_cache);
     }
@@ -338,7 +340,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
 }
 
 impl<R: Real, P: Probe> LaneWorker<R, P> {
-    /// Loads the parameters of the group whose first environment is `first`.
+    /// Loads the per-environment parameters of the group whose first environment is `first`.
     fn load_overrides(&mut self, call: &Call<'_, R::Scalar>, first: usize) {
         if let Some(numbers) = call.overrides.numbers.get(first / R::LANES) {
             self.step.compiled.params.load_lanes(&call.overrides.places, numbers);
@@ -362,7 +364,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
         s.evaluation.poses.exchange(&mut group.separation_cache);
     }
 
-    /// Stores the state of a group.
+    /// Stores the results of the call in the state of the group.
     fn store(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>) {
         let s = &mut self.step.workspace;
         s.evaluation.poses.exchange(&mut group.separation_cache);
@@ -373,13 +375,14 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
         if call.part.ends && call.part.to > 0 {
             store_mocap_trajectories(call, group, s);
         }
-        // A worker with a single group keeps it loaded for the next call.
+        // A worker with a single group keeps the state loaded for the next call.
         s.current = call.num_envs <= R::LANES;
     }
 
-    /// Makes some steps of one control. Adds their flags to `status`, and returns the largest residual of these steps and the one given.
+    /// Makes `steps` steps with one control. Adds status flags to `flags`, and returns the larger of `residual` and the largest residual of
+    /// these steps, per lane.
     ///
-    /// After the last step the sensors are read if the call requests them.
+    /// If `observed` is set, the last step reads the sensors.
     fn run_control(
         &mut self,
         call: &Call<'_, R::Scalar>,
@@ -426,7 +429,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
     }
 }
 
-/// Adds one for every actuator whose effort a step has clamped to its bounds.
+/// Adds one to the count of every actuator whose effort the last step clamped to its bounds.
 fn count_saturated<R: Real>(compiled: &LaneModel<R>, s: &Workspace<R>, counts: &mut [u32]) {
     R::vectorize(
         #[inline(always)]
@@ -438,14 +441,14 @@ fn count_saturated<R: Real>(compiled: &LaneModel<R>, s: &Workspace<R>, counts: &
     )
 }
 
-/// Clears the counts and flags of the last call.
+/// Clears the flags and maxima of the last call.
 fn clear_call_totals<R: Real>(group: &mut Group<R::Scalar>) {
     group.status[..R::LANES].fill(0);
     group.worst[..R::LANES].fill(0);
     group.depth[..R::LANES].fill(R::Scalar::default());
     group.overshoot[..R::LANES].fill(R::Scalar::default());
     group.equality_violation[..R::LANES].fill(R::Scalar::default());
-    // The C library's masked store of an empty array takes a hundred times as long as that of a short one.
+    // In the C library, a masked store to an empty array takes a hundred times as long as to a short one.
     if !group.saturated.is_empty() {
         group.saturated.fill(0);
     }

@@ -1,4 +1,4 @@
-//! Pool of workers, and of the threads that they work on.
+//! Worker pool: workers, and the threads on which they run.
 
 use std::sync::Mutex;
 
@@ -7,7 +7,7 @@ use stepper_real::Level;
 use crate::batch::worker::{LaneScalar, MakeWorker, Worker, WorkerSpec};
 use crate::error::Error;
 
-/// Workers and the pool of threads that runs them, created at the first step and again after a fork.
+/// Pool of workers and threads. The threads start at the first step, and again after a fork of the process.
 pub(super) struct WorkerPool<S: LaneScalar> {
     threads: usize,
     lanes: usize,
@@ -19,19 +19,19 @@ pub(super) struct WorkerPool<S: LaneScalar> {
 }
 
 impl<S: LaneScalar> Clone for WorkerPool<S> {
-    /// Pool for the same work, without workers and threads yet.
+    /// Creates a pool with the same parameters, without workers and threads yet.
     fn clone(&self) -> Self {
         Self { threads: self.threads, lanes: self.lanes, level: self.level, make: self.make, idle: Mutex::default(), pool: None }
     }
 }
 
 impl<S: LaneScalar> WorkerPool<S> {
-    /// Pool without workers and threads yet, for groups of `lanes` lanes.
+    /// Creates a pool for groups of `lanes` lanes, without workers and threads yet.
     pub(super) fn new(threads: usize, lanes: usize, level: Level) -> Self {
         Self { threads, lanes, level, make: S::worker, idle: Mutex::new(Vec::new()), pool: None }
     }
 
-    /// Number of threads that step, including the calling one.
+    /// Number of threads that step, including the calling thread.
     pub(super) fn threads(&self) -> usize {
         self.threads
     }
@@ -52,13 +52,13 @@ impl<S: LaneScalar> WorkerPool<S> {
         self.idle_workers().clear();
     }
 
-    /// Idle workers. The exclusive reference replaces a lock.
+    /// Mutable list of idle workers. The exclusive reference makes a lock unnecessary.
     pub(super) fn idle_workers(&mut self) -> &mut Vec<Box<dyn Worker<S>>> {
         self.idle.get_mut().expect("a worker panicked")
     }
 
     /// Starts the threads: one less than the number that steps, because the calling thread steps too. Threads do not survive a fork; the
-    /// child starts new ones.
+    /// child process starts new ones.
     ///
     /// # Errors
     /// [`Error::Threads`] when the system refuses a thread.
@@ -71,15 +71,15 @@ impl<S: LaneScalar> WorkerPool<S> {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads - 1).thread_name(|i| format!("stepper-{i}")).build();
             let pool = pool.map_err(|e| Error::Threads { threads: self.threads, reason: e.to_string() })?;
             let stale = self.pool.replace((pid, pool));
-            // The parent's threads do not exist in this process; waiting for them would never end.
+            // The parent's threads do not exist in this process. Dropping the pool would wait for them forever.
             std::mem::forget(stale.filter(|(owner, _)| *owner != pid));
         }
         Ok(())
     }
 
-    /// Distributes chunks to this thread, and to those of the pool if there is one, each with a worker.
+    /// Runs `work` for every chunk, on the calling thread and on the threads of the pool, each with a worker.
     ///
-    /// Every thread takes a chunk when it is ready. This thread starts at once; the others join when they are awake.
+    /// Every thread takes the next chunk when it is free. The calling thread starts at once; the others join when they are awake.
     pub(super) fn share_chunks<P: Send>(
         &self,
         spec: &WorkerSpec<'_, S>,

@@ -1,4 +1,4 @@
-//! Worst row of an unsolved step, in the words of the model.
+//! Constraint row with the largest residual of an unsolved step, by the elements of the model.
 
 use std::fmt;
 
@@ -8,40 +8,40 @@ use crate::compile::CompiledModel;
 use crate::constraints::worst_row::{CodedConstraint, ConstraintCode};
 use crate::model::Model;
 
-/// Constraint with the largest residual of an unsolved step. Indices are those of the model.
+/// Constraint row with the largest residual in an unsolved step. Indices are those of the model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum WorstRow {
-    /// Contact of two geoms.
+    /// Contact between two geoms.
     Contact {
-        /// Geoms of the contact.
+        /// Indices of the two geoms.
         geoms: [usize; 2],
     },
-    /// Range of a joint.
+    /// Limit (range) of a joint.
     Limit {
-        /// Joint with the range.
+        /// Index of the joint.
         joint: usize,
     },
     /// Dry friction of a joint.
     DryFriction {
-        /// Joint with the friction.
+        /// Index of the joint.
         joint: usize,
     },
-    /// Equality. Hard equalities that share a degree of freedom are solved as combinations of their rows. Their index is that of the last
-    /// one in the combination.
+    /// Equality constraint. Hard equalities that share a degree of freedom are solved as combinations of their rows. The index is that of
+    /// the last equality in the combination.
     Equality {
-        /// Equality of the row.
+        /// Index of the equality.
         equality: usize,
     },
-    /// Range, dry friction or spring of a tendon.
+    /// Limit, dry friction or spring of a tendon.
     Tendon {
-        /// Tendon of the row.
+        /// Index of the tendon.
         tendon: usize,
     },
 }
 
 impl WorstRow {
-    /// Row of a code, if any.
+    /// Decodes a [`ConstraintCode`](crate::constraints::worst_row::ConstraintCode); `None` if no row is stored.
     pub(super) fn of_code<S: Scalar>(code: u64, model: &Model, compiled: &CompiledModel<S>) -> Option<Self> {
         let owner = match ConstraintCode(code).constraint()? {
             CodedConstraint::Contact(pair) => {
@@ -69,7 +69,7 @@ impl WorstRow {
         Some(Self::Equality { equality: last.index })
     }
 
-    /// Description with names of the model: `contact of geoms "floor" and "foot"`.
+    /// Description with names of the model, for example `contact of geoms "floor" and "foot"`.
     pub fn describe<'a>(&self, model: &'a Model) -> impl fmt::Display + 'a {
         let name = |kind: &str, i: usize, name: &str| if name.is_empty() { format!("{kind} {i}") } else { format!("{kind} {name:?}") };
         match *self {

@@ -1,10 +1,11 @@
-//! Broad phase: finds the dynamic pairs of moving geoms that are close to each other. For many free bodies, the list of all pairs would
-//! grow with the square of their number.
+//! Broad phase of the dynamic pairs. Dynamic pairs are pairs of geoms that are too numerous to list: their number grows with the square of
+//! the number of free bodies. The search finds the pairs whose bounding balls overlap.
 //!
-//! The search is stateless, and runs lane by lane in scalar code. The centres are sorted into cubes whose width is twice the largest radius
-//! of a geom's ball. Geoms that can touch are therefore in neighbouring cubes (Ericson, 2005, section 7.1). The keys of the cubes are
-//! sorted, so that a row of cubes along z is a range of the sorted list. Pointers that only move forward find the rest of a cube's row and
-//! the four rows after it. Geoms that are much larger or faster than the others have no cube, and are compared with all geoms.
+//! The search has no memory of earlier steps, and runs lane by lane in scalar code. The centres are sorted into cubes whose width is twice
+//! the largest radius of a geom's ball. Geoms that can touch are therefore in neighbouring cubes (Ericson, 2005, section 7.1). The keys of
+//! the cubes are sorted, so that a row of cubes along z is a range of the sorted list. For each cube, one index per neighbouring row marks
+//! the start of that range, and only increases. Geoms that are much larger or faster than the others have no cube, and are compared with
+//! all geoms.
 
 use stepper_real::{Real, Scalar};
 
@@ -12,33 +13,36 @@ use crate::collision::static_search::merge;
 use crate::compile::{DynamicPairs, LaneModel};
 use crate::math::spatial::*;
 
-/// Bits of a coordinate of a cube in its key.
+/// Number of bits that one integer coordinate of a cube takes in the key of the cube, see [`key`].
 const BITS: u32 = 21;
-/// Offsets (dx, dy) of the neighbouring rows of cubes after (0, 0).
+/// Offsets (dx, dy), in cubes, from a row of cubes along z to the four neighbouring rows that come after it in the sorted list of cubes.
 const ROWS: [(i64, i64); 4] = [(0, 1), (1, -1), (1, 0), (1, 1)];
 
-/// Ball that contains a geom during the whole step.
+/// Bounding ball of a geom during the whole step, in world axes and m.
 #[derive(Clone, Copy, Debug, Default)]
 struct Ball {
     centre: [f64; 3],
     radius: f64,
-    /// Index of the geom in the list of members.
+    /// Index of the geom in [`DynamicPairs::members`].
     member: u32,
 }
 
-/// Dynamic pairs that can touch, and the workspace that finds them.
+/// Broad phase of the dynamic pairs: the pairs that can touch, and the workspace of the search.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Broad {
     balls: Vec<Ball>,
     cells: Vec<(u64, u32)>,
     without_cell: Vec<u32>,
     found: Vec<u64>,
-    /// Index of each pair in the compiled model, and the lanes (bits) in which it can touch; ascending.
+    /// Pairs that can touch, ascending: index of the pair in the compiled model, and the lanes (bits) in which it can touch.
     pub(crate) pairs: Vec<(u32, u32)>,
 }
 
 impl Broad {
-    /// Finds the pairs that can touch in the lanes `alive`, from the centres of all geoms and the bounds of their displacements, m.
+    /// Finds the dynamic pairs that can touch in the lanes `alive` (bits), and stores them in `pairs`.
+    ///
+    /// `pos` has the centres of all geoms, m, and `displacement` the upper bounds of their displacements, m. `slack` is added to each
+    /// bound, m.
     pub(crate) fn find<R: Real>(
         &mut self,
         compiled: &LaneModel<R>,
@@ -63,7 +67,7 @@ impl Broad {
             }));
             self.sort_into_cells(dynamic_pairs);
             self.visit_neighbours(lane as u64);
-            self.visit_loose(lane as u64);
+            self.visit_without_cell(lane as u64);
         }
         self.found.sort_unstable();
         self.merge_lanes(dynamic_pairs);
@@ -106,7 +110,7 @@ impl Broad {
         visit(&self.balls, &self.cells, &mut self.found, a, from, last, lane);
     }
 
-    fn visit_loose(&mut self, lane: u64) {
+    fn visit_without_cell(&mut self, lane: u64) {
         for (k, &a) in self.without_cell.iter().enumerate() {
             let rest = self.cells.iter().map(|c| c.1).chain(self.without_cell[k + 1..].iter().copied());
             for b in rest {
@@ -115,14 +119,14 @@ impl Broad {
         }
     }
 
-    /// Adds pairs that were found elsewhere.
+    /// Merges `pairs`, the pairs that another search found, into the list `self.pairs`. Both lists ascend.
     pub(crate) fn add(&mut self, pairs: &[(u32, u32)]) {
         let count = self.pairs.len();
         self.pairs.resize(count + pairs.len(), (0, 0));
         merge(pairs, &mut self.pairs, count);
     }
 
-    /// Joins the lanes of each pair.
+    /// Builds `pairs` from `found`: one entry for each pair, with the lanes in which the search found it.
     fn merge_lanes(&mut self, dynamic_pairs: &DynamicPairs<impl Scalar>) {
         self.pairs.clear();
         for &x in &self.found {
@@ -136,7 +140,7 @@ impl Broad {
     }
 }
 
-/// Tests `a` with every entry of the sorted list from index `from` on whose key is at most `last`.
+/// Tests the ball `a` for overlap with each ball of the sorted list `cells`, from index `from` to the last cube key `last`.
 fn visit(balls: &[Ball], cells: &[(u64, u32)], found: &mut Vec<u64>, a: u32, from: usize, last: u64, lane: u64) {
     for &(_, b) in cells[from..].iter().take_while(|c| c.0 <= last) {
         offer(balls, found, a, b, lane);
@@ -154,8 +158,9 @@ fn offer(balls: &[Ball], found: &mut Vec<u64>, a: u32, b: u32, lane: u64) {
     }
 }
 
-/// Key of the cube at `x`, in the order of x, then y, then z. Beyond a million cubes from the origin, all cubes have the same key. This
-/// costs time and misses no pair.
+/// Key of the cube that contains `x`, a position in units of the cube width. Keys ascend by x, then y, then z.
+///
+/// Beyond a million cubes from the origin, all cubes along an axis have the same coordinate. This costs time and misses no pair.
 fn key(x: [f64; 3]) -> u64 {
     let half = 1_i64 << (BITS - 1);
     let place = |x: f64| ((x.floor() as i64).clamp(2 - half, half - 3) + half) as u64;

@@ -16,27 +16,28 @@ use crate::collision::contact_set::Contacts;
 use crate::compile::{ModelStructure, NO_CONTACT_GROUP};
 use crate::math::spatial::*;
 
-/// Smallest number of contacts of an area in which redundant ones are searched for. Four contacts are usually all corners.
+/// Smallest number of contacts of a contact area for which the search for redundant contacts runs. Four contacts are usually all corners.
 const MIN_CONTACTS: usize = 5;
 
 /// Sine of the angle between two normals below which they count as equal.
 const PARALLEL: f64 = 1e-9;
 
-/// Distance from the plane of a contact area, or from an edge of its hull, below which a contact is on it. It is relative to the size of
-/// the area: 2 micrometres for a foot. Files have orientations of six digits, which tilt the capsules of one sole by 1e-6.
+/// Distance below which a contact counts as on the plane of its contact area, or on an edge of the hull. It is relative to the size of the
+/// area: 2 micrometres for a foot. Files have orientations of six digits, which tilt the capsules of one sole by 1e-6.
 const FLAT: f64 = 1e-5;
 
 /// Workspace of the search for redundant contacts.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ContactReduction {
-    /// Contact group of every contact of a lane; [`NO_CONTACT_GROUP`] once its contact area is gathered.
+    /// Contact group of each contact of the present lane; [`NO_CONTACT_GROUP`] for contacts that [`ContactReduction::gather`] has assigned
+    /// to an area.
     groups: Vec<u32>,
     points: Vec<Point>,
     hull: Vec<Point>,
     kept: Vec<bool>,
 }
 
-/// Contact of a contact area.
+/// Contact as a point in the plane of its contact area.
 #[derive(Clone, Copy, Debug)]
 struct Point {
     slot: usize,
@@ -94,8 +95,8 @@ impl ContactReduction {
         }
     }
 
-    /// Gathers the contact area of the contact `first`: the contacts of the group `group` with its normal and friction. Removes them from
-    /// the group, and returns the size of the area, m.
+    /// Gathers the contact area of contact `first` of lane `l`: the contacts of the contact group `group` with the same normal and
+    /// friction. Sets their entries of `groups` to [`NO_CONTACT_GROUP`], and returns the size of the area, m.
     fn gather<R: Real>(&mut self, contacts: &Contacts<R>, l: usize, first: usize, group: u32) -> f64 {
         let (origin, normal) = (of_lane(&contacts.data[first].point.pos, l), of_lane(&contacts.data[first].point.normal, l));
         let [_, a, b] = contact_frame(normal);
@@ -122,7 +123,7 @@ impl ContactReduction {
         size.max(place * 64.0 * R::Scalar::EPSILON.to_f64() / FLAT)
     }
 
-    /// Marks the redundant contacts of the gathered area, whose size is `size`, m. Returns whether there are any.
+    /// Marks the redundant contacts of the gathered area, whose size is `size`, m. Returns whether it has marked any.
     fn mark(&mut self, size: f64) -> bool {
         let Self { points, hull, kept, .. } = self;
         let flat = FLAT * size;
@@ -143,14 +144,15 @@ impl ContactReduction {
     }
 }
 
-/// Gap as a linear function of the position in the plane.
+/// Plane that gives the gap of an area as a linear function of the position in it.
 struct Plane {
     origin: Point,
     slope: [f64; 2],
 }
 
 impl Plane {
-    /// Plane through three corners of a hull that are far apart; `None` if all corners are on a line.
+    /// Plane through the gaps of three corners of the hull that are far apart. `None` if all corners are on a line, within the distance
+    /// `flat`, m.
     fn through(hull: &[Point], flat: f64) -> Option<Self> {
         let origin = *hull.first()?;
         let arm = |p: &Point| [p.x[0] - origin.x[0], p.x[1] - origin.x[1]];
@@ -173,8 +175,8 @@ impl Plane {
     }
 }
 
-/// Finds the corners of the convex hull (monotone chain, Andrew, 1979). A point outside an edge by less than `flat` is not a corner. Of
-/// several points at one position, the one with the smallest gap counts.
+/// Finds the corners of the convex hull of `points` (monotone chain, Andrew, 1979), and writes them to `hull`. A point outside an edge by
+/// less than `flat`, m, is not a corner. Of several points at one position, the one with the smallest gap is used.
 fn find_hull(points: &mut [Point], hull: &mut Vec<Point>, flat: f64) {
     let order = |p: &Point, q: &Point| p.x[0].total_cmp(&q.x[0]).then(p.x[1].total_cmp(&q.x[1])).then(p.gap.total_cmp(&q.gap));
     points.sort_unstable_by(|p, q| order(p, q).then(p.slot.cmp(&q.slot)));
@@ -194,7 +196,7 @@ fn find_hull(points: &mut [Point], hull: &mut Vec<Point>, flat: f64) {
     chain(&mut points.iter().rev());
 }
 
-/// Whether `b` is to the right of the line from `a` to `c` by more than `flat`.
+/// Whether `b` is to the right of the line from `a` to `c` by more than `flat`, m: the path from `a` over `b` to `c` turns left.
 fn turns_left(a: &Point, b: &Point, c: &Point, flat: f64) -> bool {
     let (u, v) = ([c.x[0] - a.x[0], c.x[1] - a.x[1]], [b.x[0] - a.x[0], b.x[1] - a.x[1]]);
     v[0] * u[1] - v[1] * u[0] > flat * u[0].hypot(u[1])
@@ -205,7 +207,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Weights of three points whose mean is `x`; `None` if they are on a line, or if `x` is outside by more than rounding.
+    /// Barycentric weights of `x` in a triangle of three points. `None` if they are on a line, or if `x` is outside by more than rounding.
     fn weights([a, b, c]: [&Point; 3], x: [f64; 2]) -> Option<[f64; 3]> {
         let area = |p: [f64; 2], q: [f64; 2], r: [f64; 2]| (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
         let whole = area(a.x, b.x, c.x);
@@ -213,7 +215,10 @@ mod tests {
         (whole.abs() > 1e-9 && w.iter().all(|&w| w >= -2e-4)).then_some(w)
     }
 
-    /// Positions on a coarse grid, so that some coincide and many are on a line. The gaps are on a plane, except for some that are larger.
+    /// Random contact areas, with a position in the plane.
+    ///
+    /// Positions are on a coarse grid, so that some coincide and many are on a line. The gaps are on a plane, except for some that are
+    /// larger.
     fn area() -> impl Strategy<Value = (Vec<Point>, [f64; 2])> {
         let place = (0..6i32, 0..6i32, prop_oneof![3 => Just(0.0), 1 => 0.0..1e-3f64]);
         (prop::collection::vec(place, 5..16), prop::array::uniform2(-0.1..0.1f64)).prop_map(|(places, slope)| {

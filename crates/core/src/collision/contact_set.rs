@@ -1,4 +1,5 @@
-//! Contacts of one step, packed per lane: slot k of lane l is that lane's k-th contact. The lanes of a slot may join different geoms.
+//! Contacts of one step, packed by lane: slot k of lane l is the k-th contact of that lane's environment. One slot may have different geoms
+//! in different lanes.
 
 use stepper_geometry::pairs::{ContactPoint, DISTANCE_ROUNDINGS};
 use stepper_real::{Mask, Real, Scalar};
@@ -6,44 +7,44 @@ use stepper_real::{Mask, Real, Scalar};
 use crate::math::lanes::MAX_LANES;
 use crate::math::spatial::*;
 
-/// Least change of a unit tangent that counts as a jump between two choices of [`contact_frame`]. Within a finite difference contacts turn
-/// far less.
+/// Smallest change of a unit tangent, as a vector, that counts as a jump of the tangent that [`contact_frame`] chooses. Between the nearby
+/// states of a finite difference, tangents turn far less.
 const TANGENT_JUMP: f64 = 1e-2;
 
-/// Error of a normal force, as a fraction of the weight, above which gaps are closed.
+/// Error of a normal force, as a fraction of the body's weight, above which [`Contacts::close_rounded_gaps`] sets a gap to zero.
 const FORCE_ERROR: f64 = 0.01;
 
-/// Identity of a contact from step to step: its pair of the compiled model (high 32 bits) and feature of the pair (low 32 bits). Contacts
-/// ascend by it within an environment.
+/// Identity of a contact from step to step: index of its pair in the compiled model (high 32 bits) and feature of the pair (low 32 bits).
+/// The contacts of an environment are sorted by it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct ContactId(pub u64);
 
 impl ContactId {
-    /// Feature `feature` of pair `pair`.
+    /// Identity of the contact at feature `feature` of the pair with index `pair`.
     #[inline(always)]
     pub const fn new(pair: usize, feature: u32) -> Self {
         Self((pair as u64) << 32 | feature as u64)
     }
 
-    /// Number of the pair in the compiled model.
+    /// Index of the contact's pair in the compiled model.
     #[inline(always)]
     pub const fn pair(self) -> usize {
         (self.0 >> 32) as usize
     }
 
-    /// Feature of the pair, such as a corner. Its meaning depends on the function of the narrow phase.
+    /// Feature of the pair, such as the number of a corner. Its meaning depends on the function of the narrow phase.
     #[cfg(test)]
     const fn feature(self) -> u32 {
         self.0 as u32
     }
 }
 
-/// Slot of contacts: the k-th contact of each lane that has one.
+/// Slot of contacts: the k-th contact of every lane with more than k contacts.
 #[derive(Clone, Copy, Debug)]
 pub struct Slot<R> {
     /// Point, normal and distance of the contact. The distance is the gap of the shapes minus the pair's margin, m.
     pub point: ContactPoint<R>,
-    /// First tangent; the second is normal x tangent.
+    /// First tangent, a unit vector in world axes; the second is normal x tangent.
     pub tangent: V3<R>,
     /// Coefficient of friction.
     pub mu: R,
@@ -51,7 +52,7 @@ pub struct Slot<R> {
     pub restitution: R,
     /// Impulse along normal, first and second tangent, N s.
     pub impulse: V3<R>,
-    /// Lanes (bits) in which a ball stays over one face of the other geom within the step.
+    /// Lanes (bits) in which the contact's ball stays over one face of the other geom during the step, so that it hits no edge.
     pub over_face: u32,
 }
 
@@ -69,13 +70,13 @@ impl<R: Real> Slot<R> {
         self.set_over_face(l, from.over_face);
     }
 
-    /// Copies the bit of lane `l` of `over_face`.
+    /// Sets the bit of lane `l` of `self.over_face` to that of `over_face`.
     #[inline(always)]
     fn set_over_face(&mut self, l: usize, over_face: u32) {
         self.over_face = self.over_face & !(1 << l) | over_face & 1 << l;
     }
 
-    /// Copies the tangent and the impulse of one lane of another slot.
+    /// Copies the tangent and the impulse of lane `l` from the slot `from`.
     #[inline(always)]
     fn copy_solution(&mut self, from: &Self, l: usize) {
         for i in 0..3 {
@@ -85,23 +86,24 @@ impl<R: Real> Slot<R> {
     }
 }
 
-/// All contacts of a group of environments.
+/// Contacts of a group of environments, one environment per lane.
 #[derive(Clone, Debug)]
 pub struct Contacts<R: Real> {
-    /// Contacts of each lane.
+    /// Number of contacts of each lane.
     pub count: Box<[usize; MAX_LANES]>,
-    /// Identity of every lane's contact in every slot.
+    /// Identities of the contacts: for each slot, one per lane.
     pub ids: Vec<[ContactId; MAX_LANES]>,
-    /// Slots. The first `slots()` are in use.
+    /// Slots of contacts. Only the first `slots()` are in use.
     pub data: Vec<Slot<R>>,
-    /// Angular impulse of torsional and rolling friction about normal, first and second tangent, N m s; empty when the scene has none.
+    /// Angular impulse of torsional and rolling friction of each slot, about normal, first and second tangent, N m s. Empty when the scene
+    /// has none.
     pub torque: Vec<V3<R>>,
-    /// Lanes (bits) that had more contacts than slots.
+    /// Lanes (bits) in which the last step found more contacts than there are slots.
     pub full: u32,
 }
 
 impl<R: Real> Contacts<R> {
-    /// Workspace for a number of contacts per environment.
+    /// Contact buffers for `capacity` contacts per environment.
     pub fn new(capacity: usize) -> Self {
         let z = R::zero();
         let up = [z, z, R::one()];
@@ -116,7 +118,7 @@ impl<R: Real> Contacts<R> {
         }
     }
 
-    /// Adds buffers for torques, if the scene has any.
+    /// Adds buffers for angular impulses if `any` is true: the scene has torsional or rolling friction.
     pub fn with_torques(mut self, any: bool) -> Self {
         self.torque = vec![zero(); if any { self.data.len() } else { 0 }];
         self
@@ -141,19 +143,19 @@ impl<R: Real> Contacts<R> {
         (0..R::LANES).fold(0, |bits, l| bits | (u32::from(self.count[l] > k) << l))
     }
 
-    /// Lanes in which slot `k` holds an elastic contact.
+    /// Lanes in which the contact in slot `k` has a coefficient of restitution above zero.
     #[inline(always)]
     pub fn elastic(&self, k: usize) -> R::Mask {
         self.data[k].restitution.gt(R::zero()).and(R::Mask::from_bits(self.lanes_of(k)))
     }
 
-    /// Pairs of slot `k` in the lanes `lanes` (bits), each once with its lanes (bits).
+    /// Pairs of the contacts in slot `k`, in the lanes `lanes` (bits). The iterator returns each pair once, with its lanes (bits).
     #[inline(always)]
     pub fn pairs(&self, k: usize, lanes: u32) -> SlotPairs<'_> {
         SlotPairs { ids: &self.ids[k][..R::LANES], rest: lanes }
     }
 
-    /// Adds a contact to the lanes in `bits`, and marks lanes without a free slot in `full`. See [`Slot::over_face`].
+    /// Adds a contact in the lanes `bits`, and marks lanes without a free slot in `full`. `over_face` are bits of [`Slot::over_face`].
     ///
     /// The caller adds pairs in ascending order. The features of a pair may have any order; this function sorts them.
     #[inline(always)]
@@ -180,7 +182,8 @@ impl<R: Real> Contacts<R> {
         }
     }
 
-    /// Opens the slot of lane `l` for a contact `id`: contacts with a larger identity move up by one slot. Returns the index of the slot.
+    /// Makes a free slot for the contact `id` in lane `l`: contacts with a larger identity move up by one slot. Returns the index of the
+    /// free slot.
     #[inline(always)]
     fn open_slot(&mut self, l: usize, id: ContactId) -> usize {
         let mut k = self.count[l];
@@ -194,7 +197,7 @@ impl<R: Real> Contacts<R> {
         k
     }
 
-    /// Keeps the contacts of lane `l` in the slots for which `keeps` returns true, in their order.
+    /// Removes the contacts of lane `l` in the slots for which `keeps` returns false. The order of the others does not change.
     pub(crate) fn retain(&mut self, l: usize, keeps: impl Fn(usize) -> bool) {
         let mut to = 0;
         for from in (0..self.count[l]).filter(|&k| keeps(k)) {
@@ -213,10 +216,10 @@ impl<R: Real> Contacts<R> {
         self.count[l] = to;
     }
 
-    /// Sets gaps below the rounding error of their distance to zero, in single precision.
+    /// Sets gaps to zero that are smaller than their rounding error, in single precision.
     ///
-    /// A body at rest jumps by one unit in the last place of its coordinates. The gap that this opens would let it fall in the next step.
-    /// Joint angles round the positions of links up to a metre away. Gaps below that rounding are closed if closing them within the step
+    /// A body at rest moves by one unit in the last place of its coordinates. The gap that this opens would let it fall in the next step.
+    /// Joint angles round the positions of links up to a metre away. The function closes such a gap only if closing it within the step
     /// would change the normal force noticeably. `drop` is the distance that gravity covers in the step, g h^2, m.
     pub(crate) fn close_rounded_gaps(&mut self, drop: R) {
         if !R::Scalar::IS_SINGLE {
@@ -237,7 +240,7 @@ impl<R: Real> Contacts<R> {
         )
     }
 
-    /// Chooses the tangents of every slot from its normal, and sets all impulses to 0.
+    /// Chooses the tangents of every contact from its normal, and sets all impulses to 0.
     pub fn choose_tangents(&mut self) {
         R::vectorize(
             #[inline(always)]
@@ -251,9 +254,10 @@ impl<R: Real> Contacts<R> {
         )
     }
 
-    /// Chooses the tangents of every slot from its normal, and copies the impulses of the same contacts in `last`. Overwrites `last`.
+    /// Chooses the tangents of every contact from its normal, and starts each contact from its impulse in `last`, the contacts of the
+    /// previous step.
     ///
-    /// Impulses are copied as vectors in world coordinates, so that the choice of tangents does not matter.
+    /// Impulses are copied as vectors in world coordinates, so that the choice of tangents does not matter. The function overwrites `last`.
     pub fn prepare(&mut self, last: &mut Self) {
         if self.slots() == 0 {
             return;
@@ -291,10 +295,11 @@ impl<R: Real> Contacts<R> {
         )
     }
 
-    /// Removes jumps of the tangents relative to the same contacts in `solved`, the contacts of a nearby state.
+    /// Removes jumps of the tangents relative to `solved`, the contacts of a nearby state.
     ///
-    /// [`Contacts::prepare`] chooses tangents from normals, and its choice jumps at some normals. A tangent that jumped becomes the tangent
-    /// in `solved`, projected on the present tangent plane. The others stay, because target velocities may depend on them.
+    /// [`Contacts::prepare`] chooses tangents from normals, and its choice jumps at some normals. A tangent that jumped is replaced by the
+    /// tangent of the same contact in `solved`, projected on the present tangent plane. Other tangents do not change, because target
+    /// velocities may depend on them.
     pub(crate) fn follow_tangents(&mut self, solved: &Self) {
         R::vectorize(
             #[inline(always)]
@@ -318,14 +323,15 @@ impl<R: Real> Contacts<R> {
         )
     }
 
-    /// Slot of the contact `id` of lane `l`. The search begins at slot `k`, the most likely one.
+    /// Index of the slot of the contact `id` in lane `l`; `None` if the lane does not have it. The search begins at slot `k`, the most
+    /// likely one.
     #[inline(always)]
     pub(crate) fn find(&self, l: usize, k: usize, id: ContactId) -> Option<usize> {
         let is_it = |&k: &usize| self.ids[k][l] == id;
         Some(k).filter(|&k| k < self.count[l]).filter(is_it).or_else(|| (0..self.count[l]).find(is_it))
     }
 
-    /// Copies the impulses of the contacts of one lane that are also in `last`. Both lists ascend.
+    /// Copies the impulses of lane `l` from the contacts in `last` with the same identity. Both lists are sorted by identity.
     #[inline(always)]
     fn match_lane(&mut self, last: &Self, l: usize) {
         let mut old = 0;
@@ -348,7 +354,7 @@ impl<R: Real> Contacts<R> {
     }
 }
 
-/// Iterator over the pairs of a slot and their lanes, made by [`Contacts::pairs`].
+/// Iterator over the pairs of one slot and their lanes (bits), from [`Contacts::pairs`].
 #[derive(Clone, Debug)]
 pub struct SlotPairs<'a> {
     ids: &'a [ContactId],

@@ -1,4 +1,4 @@
-//! Poses of the colliding geoms, the pairs that can touch, and the contacts of a pair.
+//! Collision detection of a step: poses of the geoms, candidate pairs, and the contacts of a pair.
 
 use std::ops::Range;
 
@@ -16,23 +16,25 @@ use crate::compile::{CompiledPair, Kernel, LaneModel, ModelStructure};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 
-/// Poses of the colliding geoms, the pairs that can touch, and the search for their contacts.
+/// Collision detection of a group of environments: poses of the colliding geoms, candidate pairs, and the workspaces of the searches.
 #[derive(Clone, Debug)]
 pub struct GeomPoses<R: Real> {
     pub(crate) placed: Placed<R>,
     /// Distance that gravity covers in a step, m.
     pub(crate) slack: R,
-    /// Ranges of listed pairs with the same first geom and margin, without the static pairs.
+    /// Ranges of consecutive listed pairs with the same first geom and margin, as indices of the compiled model. They leave out pairs with
+    /// static geoms.
     pub(crate) runs: Vec<Range<usize>>,
-    /// Listed pairs that can touch, and the lanes (bits) in which they can; with one unused entry.
+    /// Listed pairs whose bounding volumes overlap, ascending: index of the pair, and lanes (bits). Only the first `near_count` entries are
+    /// in use.
     pub(crate) near: Vec<(u32, u32)>,
-    /// Number of near pairs.
+    /// Number of used entries of `near`.
     pub(crate) near_count: usize,
     pub(crate) broad: Broad,
     pub(crate) statics: StaticSearch<R>,
-    /// Whether each geom may have passed through the thinnest static geom since the beginning of the step, in any lane.
+    /// Whether each geom may have passed through the thinnest static geom since the beginning of the step, in any lane. Indexed by geom.
     may_tunnel: Vec<bool>,
-    /// Dynamic pairs that can touch, with their numbers and lanes.
+    /// Dynamic pairs whose bounding volumes overlap: index, lanes, and the pair.
     pub(crate) dynamic: Vec<(usize, R::Mask, CompiledPair<R::Scalar>)>,
     pub(crate) packed: PackedPairs<R::Scalar>,
     pub(crate) search: Search,
@@ -51,38 +53,39 @@ fn runs<S: Scalar>(compiled: &ModelStructure<S>) -> Vec<Range<usize>> {
     runs
 }
 
-/// Poses of the geoms, and bounds of their displacements.
+/// Poses of the geoms in world axes, and upper bounds of their displacements within a step.
 #[derive(Clone, Debug)]
 pub(crate) struct Placed<R: Real> {
     pub(crate) pos: Vec<V3<R>>,
-    /// Orientation. Only the z axis is current for geoms of which nothing else is read.
+    /// Orientation matrix of each geom. For geoms of which only the axis is used (balls, capsules, planes), only the z axis is current.
     pub(crate) mat: Vec<M3<R>>,
-    /// Upper bound of the displacement of any point of the geom in two free steps, m.
+    /// Upper bound of the displacement of any point of each geom during two time steps at the free velocity, m.
     pub(crate) travel: Vec<R>,
-    /// Upper bound of the displacement of any point of the geom in [`Scene::displacement_time`], m.
+    /// Upper bound of the displacement of any point of each geom during [`Scene::displacement_time`], m.
     pub(crate) displacement: Vec<R>,
-    /// Whether the displacement of each geom exceeds half its inscribed radius in any lane. Set by the tunnelling check.
+    /// Whether each geom moves by more than half its inscribed radius within the step, in any lane. The tunnelling check sets it.
     pub(crate) moved_far: Vec<bool>,
-    /// Velocities of the links that cause `displacement`.
+    /// Spatial velocity of each link from which `displacement` is computed.
     pub(crate) displacing_velocity: Vec<V6<R>>,
-    /// Bounding ball of the geom over two free steps: centre and radius, m. For a plane the radius is the bound of its displacement.
+    /// Bounding ball of each geom over two time steps: centre in world axes and radius, m. For a plane, the radius is the bound of its
+    /// displacement.
     pub(crate) balls: Vec<[R; 4]>,
-    /// Velocities of the links that cause `travel`: the free velocity of the step.
+    /// Spatial velocity of each link from which `travel` is computed: the free velocity of the step.
     pub(crate) velocity: Vec<V6<R>>,
 }
 
-/// Narrow phase, with the results of the last step at which its searches start.
+/// Workspace of the narrow phase, with the separating planes of the last step and of this one.
 #[derive(Clone, Debug)]
 pub(crate) struct Search {
     pub(crate) narrow: Narrow,
-    /// Results of the last step, at which every search of the step starts.
+    /// Separating planes of the last step. The searches of this step start from them.
     pub(crate) known: SeparationCache,
-    /// Results of this step.
+    /// Separating planes that this step stores for the next.
     pub(crate) found: SeparationCache,
 }
 
 impl Search {
-    /// Workspace for a compiled model and a number of lanes.
+    /// Workspace for a compiled model and `lanes` lanes.
     pub(crate) fn new<S: Scalar>(compiled: &ModelStructure<S>, lanes: usize) -> Self {
         Self {
             narrow: Narrow::for_solids(compiled.geoms.iter().filter_map(|g| g.solid.as_ref())),
@@ -91,7 +94,7 @@ impl Search {
         }
     }
 
-    /// Makes the results of this step those of the last one.
+    /// Moves the separating planes of this step to those of the last step, at the beginning of a step.
     pub(crate) fn exchange(&mut self) {
         if !self.known.is_empty() {
             std::mem::swap(&mut self.known, &mut self.found);
@@ -100,7 +103,7 @@ impl Search {
 }
 
 impl<R: Real> GeomPoses<R> {
-    /// Workspace for a compiled model. Geoms of the world have the poses of the model.
+    /// Workspace for a compiled model. Geoms that are fixed to the world get the poses of the model.
     pub fn new(compiled: &LaneModel<R>) -> Self {
         let placed = Placed::new(compiled);
         let mut poses = Self {
@@ -121,14 +124,14 @@ impl<R: Real> GeomPoses<R> {
         poses
     }
 
-    /// Exchanges the results of the search with those of a group of environments, before and after the steps of the group.
+    /// Swaps the separating planes of the workspace with those in the state of a group, before and after the group's steps.
     pub(crate) fn exchange(&mut self, separation_cache: &mut SeparationCache) {
         if !separation_cache.is_empty() {
             std::mem::swap(&mut self.search.found, separation_cache);
         }
     }
 
-    /// Begins a step: searches start from the separating planes of the last step.
+    /// Begins a step: the searches start from the separating planes of the last step.
     pub(crate) fn begin(&mut self) {
         self.search.exchange();
     }
@@ -141,10 +144,10 @@ impl<R: Real> GeomPoses<R> {
         self.statics.update_tree(compiled, &self.placed.pos, &self.placed.mat);
     }
 
-    /// Finds the pairs with static geoms whose boxes overlap in any of the lanes `alive`.
+    /// Finds the static pairs (a moving geom and one fixed to the world) whose bounding boxes overlap in any of the lanes `alive`.
     ///
-    /// `travel` bounds the displacement of every geom, m. With `checks_passing`, a geom that may have passed through a static one gets all
-    /// pairs whose bounding balls overlap.
+    /// `travel` returns the upper bound of the displacement of every geom, m. If `checks_passing` is set, a geom that may have passed
+    /// through a static geom gets all pairs whose bounding balls overlap.
     pub(crate) fn find_static(
         &mut self,
         compiled: &LaneModel<R>,
@@ -176,15 +179,16 @@ impl<R: Real> GeomPoses<R> {
         }
     }
 
-    /// Adds the listed pairs that [`GeomPoses::find_static`] found to the near pairs.
+    /// Merges the listed pairs that [`GeomPoses::find_static`] found into `near`.
     pub(crate) fn add_static(&mut self, compiled: &LaneModel<R>) {
         let listed = self.statics.listed_pairs(compiled.pairs.len());
         merge(listed, &mut self.near, self.near_count);
         self.near_count += listed.len();
     }
 
-    /// Finds the dynamic pairs that can touch in any of the lanes `alive`. They include the static pairs that [`GeomPoses::find_static`]
-    /// found.
+    /// Finds the dynamic pairs that can touch in any of the lanes `alive`, and adds those that [`GeomPoses::find_static`] found.
+    ///
+    /// `travel` returns the upper bound of the displacement of every geom, m.
     pub(crate) fn find_dynamic(&mut self, compiled: &LaneModel<R>, alive: R::Mask, travel: impl Fn(&Placed<R>) -> &[R]) {
         if let Some(dynamic_pairs) = &compiled.dynamic_pairs {
             let Self { placed, slack, broad, statics, .. } = self;
@@ -193,9 +197,9 @@ impl<R: Real> GeomPoses<R> {
         }
     }
 
-    /// Lists the pairs that can touch in any of the lanes `alive`, ascending.
+    /// Finds the listed pairs whose bounding balls overlap in any of the lanes `alive`, and writes them to `near` in ascending order.
     ///
-    /// A robot has hundreds of pairs, and most cannot touch. The loop therefore has no branches, and numbers that the pairs of a geom share
+    /// A robot has hundreds of pairs, and most cannot touch. The loop therefore has no branches, and values that the pairs of a geom share
     /// stay in registers.
     #[inline(always)]
     pub(crate) fn find_near(&mut self, compiled: &LaneModel<R>, alive: R::Mask) {
@@ -251,8 +255,8 @@ impl<R: Real> Placed<R> {
         }
     }
 
-    /// Updates `travel` and the bounding balls: all geoms move at the generalized velocity `v` for `time` seconds after their poses. Also
-    /// updates the velocities of the links.
+    /// Updates `travel`, the bounding balls and the velocities of the links, for motion at the generalized velocity `v` during `time`
+    /// seconds.
     #[inline(always)]
     pub(crate) fn update_travel(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
         kinematics.velocities(compiled, v, &mut self.velocity);
@@ -262,7 +266,7 @@ impl<R: Real> Placed<R> {
         }
     }
 
-    /// Updates the bounding ball of a geom from its position and the bound of its displacement.
+    /// Updates the bounding ball of geom `i` from its position and the bound of its displacement.
     #[inline(always)]
     fn update_ball(&mut self, compiled: &LaneModel<R>, i: usize) {
         let travel = self.travel[i];
@@ -271,7 +275,7 @@ impl<R: Real> Placed<R> {
         self.balls[i] = [x, y, z, radius];
     }
 
-    /// Lanes in which the bounding balls of two geoms overlap.
+    /// Lanes in which the bounding balls of a pair, enlarged by the pair's margin and `slack`, overlap.
     #[inline(always)]
     fn balls_touch(&self, pair: &CompiledPair<R::Scalar>, slack: R) -> R::Mask {
         let [[ax, ay, az, a], [bx, by, bz, b]] = pair.geoms.map(|g| self.balls[g]);
@@ -279,14 +283,14 @@ impl<R: Real> Placed<R> {
         dot(apart, apart).lt(reach * reach)
     }
 
-    /// Updates the pose of a geom that is fixed to the world.
+    /// Sets the pose of geom `i`, which is fixed to the world, from the parameters of the model.
     fn place_static(&mut self, compiled: &LaneModel<R>, i: usize) {
         self.pos[i] = compiled.params.geom_pos(i);
         self.update_ball(compiled, i);
     }
 
-    /// Updates `displacement` and its velocities: all geoms move at the generalized velocity `v` for `time` seconds, before or after their
-    /// poses.
+    /// Updates `displacement` and `displacing_velocity`, for motion at the generalized velocity `v` during `time` seconds. The stored poses
+    /// are at the beginning or at the end of this time.
     #[inline(always)]
     pub(crate) fn update_displacement(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
         kinematics.velocities(compiled, v, &mut self.displacing_velocity);
@@ -294,8 +298,8 @@ impl<R: Real> Placed<R> {
     }
 }
 
-/// Upper bound of the displacement of any point of each geom in `time` seconds at the velocities of the links. Geoms that are fixed to the
-/// world are left out.
+/// Computes upper bounds of the displacement of any point of each moving geom during `time` seconds, m. `velocity` has the spatial
+/// velocities of the links, and `out` receives the bounds.
 #[inline(always)]
 fn displacement_bounds<R: Real>(
     compiled: &LaneModel<R>,
@@ -321,22 +325,22 @@ fn displacement_bounds<R: Real>(
     }
 }
 
-/// Distance that gravity covers in a step, plus a micrometre for scenes without gravity, m.
+/// Distance added to every reach of the search: the distance that gravity covers in a step plus a micrometre, m.
 #[inline(always)]
 pub(crate) fn slack<R: Real>(compiled: &LaneModel<R>, h: R) -> R {
     norm(compiled.params.gravity()) * h * h + R::of(1e-6)
 }
 
-/// Geoms at one time of the step, as input of the narrow phase.
+/// Geoms of all lanes at one time of the step, as input of the narrow phase.
 pub(crate) struct Scene<'a, R: Real> {
     pub(crate) compiled: &'a LaneModel<R>,
     pub(crate) kinematics: &'a Kinematics<R>,
     pub(crate) poses: &'a Placed<R>,
     /// Time step, s.
     pub(crate) h: R,
-    /// Distance that gravity covers in a step, m.
+    /// Distance that gravity covers in a step, plus a micrometre, m.
     pub(crate) slack: R,
-    /// Duration of the motion that `poses.displacement` bounds, s. Stage 3 uses the time since the beginning of the step, the tunnelling
+    /// Duration of the motion that `poses.displacement` bounds, s: in stage 3 the time since the beginning of the step, in the tunnelling
     /// check the whole step.
     pub(crate) displacement_time: R,
     /// Whether to find the lanes in which geoms may have passed each other within `displacement_time`.
@@ -344,7 +348,8 @@ pub(crate) struct Scene<'a, R: Real> {
 }
 
 impl<R: Real> Scene<'_, R> {
-    /// Adds the contacts of a pair in the lanes `near`. Contacts of pairs in `packed` were found before.
+    /// Finds the contacts of a pair in the lanes `near`, and adds them to `contacts`. For pairs in `packed`, it adds the points that were
+    /// found before.
     ///
     /// Returns the lanes in which the contacts are unreliable, because the geoms have moved too far since the beginning of the step.
     #[inline(always)]
@@ -372,10 +377,10 @@ impl<R: Real> Scene<'_, R> {
         dot(apart, apart).lt(reach * reach)
     }
 
-    /// Lanes of `near` in which the contacts of a pair are unreliable at this time of the step.
+    /// Lanes of `near` in which the contacts of a pair are unreliable, because a geom may have tunnelled since the beginning of the step.
     ///
-    /// In these lanes, a geom has moved farther than the tunnelling distance of the pair since the beginning of the step. In addition, the
-    /// geoms overlap, may have passed each other, or hit a surface.
+    /// In these lanes, the geoms have moved farther than the tunnelling distance of the pair. In addition, they overlap, may have passed
+    /// each other, or hit a surface.
     #[inline(always)]
     fn may_have_tunnelled(
         &self,
@@ -394,14 +399,14 @@ impl<R: Real> Scene<'_, R> {
         // Limbs that fly in the same direction have a small relative displacement.
         let displacement = self.relative_displacement(a, b).min(self.relative_displacement(b, a));
         let far = far.and(displacement.gt(distance));
-        // Geoms that are apart again have passed completely. A grazing hit is missed if the path inside the other geom is shorter than
-        // twice the tunnelling distance.
+        // Geoms at a distance from each other after the motion have passed completely. A grazing hit is missed if the path inside the other
+        // geom is shorter than twice the tunnelling distance.
         let most = (displacement - (distance + distance)).max(R::zero());
         let passed = self.gap(pair, far, most, narrow).lt(most);
         far.and(passed.or(self.hits_surface(index, pair, far, contacts)))
     }
 
-    /// Lower bound of the distance of a thin pair in the lanes `lanes`, m. For a surface it is at most `most`.
+    /// Lower bound of the distance between the two geoms of a pair in the lanes `lanes`, m. For a surface it is at most `most`.
     #[inline(always)]
     pub(crate) fn gap(&self, pair: &CompiledPair<R::Scalar>, lanes: R::Mask, most: R, narrow: &mut Narrow) -> R {
         let [a, b] = pair.geoms;
@@ -412,8 +417,8 @@ impl<R: Real> Scene<'_, R> {
         }
     }
 
-    /// Upper bound of the displacement of any point of the geom `b` relative to `a` in `displacement_time`, m. Neither geom may be a plane,
-    /// which has no bound.
+    /// Upper bound of the displacement of any point of geom `b` relative to geom `a` during `displacement_time`, m. Neither geom may be a
+    /// plane, whose displacement has no bound.
     #[inline(always)]
     pub(crate) fn relative_displacement(&self, a: usize, b: usize) -> R {
         let (there, here) = (
@@ -424,14 +429,15 @@ impl<R: Real> Scene<'_, R> {
         (norm(sub(there[1], here[1])) + spin * self.compiled.params.bounding_radius(b)) * self.displacement_time
     }
 
-    /// Velocity of the second geom relative to the first: angular, and linear at the point `p`.
+    /// Velocity of geom `b` relative to geom `a` at the free velocity of the step, world axes: angular, rad/s, and linear at the point `p`,
+    /// m/s.
     #[inline(always)]
     pub(crate) fn relative_motion(&self, [a, b]: [usize; 2], p: V3<R>) -> [V3<R>; 2] {
         let ([wa, va], [wb, vb]) = (self.motion_at(&self.poses.velocity, a, p), self.motion_at(&self.poses.velocity, b, p));
         [sub(wb, wa), sub(vb, va)]
     }
 
-    /// Velocity of a geom, angular and linear at the point `p`, if the links have the velocities `links`.
+    /// Velocity of a geom, world axes: angular, rad/s, and linear at the point `p`, m/s. `links` has the spatial velocities of the links.
     #[inline(always)]
     pub(crate) fn motion_at(&self, links: &[V6<R>], geom: usize, p: V3<R>) -> [V3<R>; 2] {
         let frame = self.compiled.geoms[geom].frame;

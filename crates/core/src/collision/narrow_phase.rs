@@ -1,4 +1,4 @@
-//! Narrow phase over lanes: runs the kernel of a pair, and adds the points that it finds to the contacts.
+//! Narrow phase over lanes: runs the distance function of a pair, and adds the points that it finds to the contacts.
 
 use std::borrow::Cow;
 
@@ -16,9 +16,9 @@ use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 
 impl<R: Real> Scene<'_, R> {
-    /// Finds the contacts of a pair in the lanes `near`.
+    /// Finds the contacts of the pair with index `index` in the lanes `near`, and adds them to the contacts.
     ///
-    /// The function is a separate kernel. Inlined at each call, its many cases would take most of the build time.
+    /// The function is compiled separately. Inlined at each call, its many cases would take most of the build time.
     #[inline(never)]
     pub(crate) fn test_pair(
         &self,
@@ -107,10 +107,10 @@ impl<R: Real> Scene<'_, R> {
         self.offer_over_face(index, 0, pair, near, over_face, point, contacts);
     }
 
-    /// Lanes in which the centre of the ball of a pair stays over a face of the other geom within the step. `clearance` is the distance of
-    /// the centre from the border of the face, m.
+    /// Lanes in which the ball, the first geom of the pair, stays over one face of the other geom during the step. There the contact normal
+    /// cannot change.
     ///
-    /// The ball is the first geom.
+    /// `clearance` is the distance of the ball's centre from the border of the face, m.
     #[inline(always)]
     pub(crate) fn stays_over_face(&self, pair: &CompiledPair<R::Scalar>, point: &ContactPoint<R>, clearance: R) -> R::Mask {
         let [_, velocity] = self.relative_motion(pair.geoms, self.poses.pos[pair.geoms[0]]);
@@ -168,7 +168,8 @@ impl<R: Real> Scene<'_, R> {
         }
     }
 
-    /// Finds the contacts of two solids lane by lane, in f64. Lanes do not affect each other.
+    /// Finds the contacts of two solids in the lanes `near`, one lane after the other, in f64. A lane's result does not depend on other
+    /// lanes.
     #[inline(always)]
     fn convex(&self, index: usize, pair: &CompiledPair<R::Scalar>, mut near: R::Mask, search: &mut Search, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
@@ -213,27 +214,27 @@ impl<R: Real> Scene<'_, R> {
         }
     }
 
-    /// Solid of a geom.
+    /// Solid (collision shape) of a geom, in the size of the model.
     #[inline(always)]
     fn solid(&self, geom: usize) -> &Solid {
         self.compiled.geoms[geom].solid.as_ref().expect("made for every geom of this kernel")
     }
 
-    /// Solid of a geom, with its size in lane `lane`.
+    /// Solid (collision shape) of a geom, with its size in lane `lane`.
     #[inline(always)]
     pub(crate) fn solid_in(&self, geom: usize, lane: usize) -> Cow<'_, Solid> {
         let solid = self.solid(geom);
         solid.sized(of_lane(&self.compiled.params.geom_size(geom), lane)).map_or(Cow::Borrowed(solid), Cow::Owned)
     }
 
-    /// Pose of a geom in lane `lane`.
+    /// Pose of a geom in lane `lane`, world axes.
     #[inline(always)]
     pub(crate) fn pose(&self, geom: usize, lane: usize) -> Pose {
         let (pos, mat) = (of_lane(&self.poses.pos[geom], lane), of_lane(&self.poses.mat[geom], lane));
         if size_of::<R::Scalar>() < size_of::<f64>() { Pose::widened(pos, mat) } else { Pose { pos, mat } }
     }
 
-    /// Lanes in which the bounding boxes of two geoms are farther than `reach` from each other.
+    /// Lanes in which the bounding boxes of the two geoms of a pair are farther apart than `reach`, m.
     #[inline(always)]
     fn boxes_are_beyond(&self, pair: &CompiledPair<R::Scalar>, reach: R) -> R::Mask {
         let [a, b] = pair.geoms;
@@ -244,9 +245,10 @@ impl<R: Real> Scene<'_, R> {
         first.is_beyond(&second, apart, [&self.poses.mat[a], &self.poses.mat[b]], reach)
     }
 
-    /// Lanes of `near` in which the separating plane of the last step proves that two hulls cannot touch within the step.
+    /// Lanes of `near` in which the separating plane of the last step proves that the two hulls of a pair cannot touch within the step. The
+    /// function stores these planes for the next step.
     ///
-    /// `size` is the size of both hulls, m. These lanes keep their separating plane for the next step.
+    /// `size` is the size of both hulls, m.
     #[inline(always)]
     fn are_separated(
         &self,
@@ -275,7 +277,8 @@ impl<R: Real> Scene<'_, R> {
         separated
     }
 
-    /// Displacement and rotation in a step of the second geom relative to the first, in the first's frame.
+    /// Relative motion of the second geom of a pair in the first geom's frame during a step: displacement and rotation. `reach` is the
+    /// greatest length of a contact, m.
     #[inline(always)]
     fn approach(&self, pair: &CompiledPair<R::Scalar>, reach: R) -> Approach<R> {
         let [a, b] = pair.geoms;
@@ -292,7 +295,9 @@ impl<R: Real> Scene<'_, R> {
         self.approach_at(pair.geoms, centre, radius, R::splat(pair.margin))
     }
 
-    /// Displacement and rotation in a step of the second geom relative to the first, for contacts in the ball about `centre`.
+    /// Relative motion of the second geom in the first geom's frame during a step, for contacts in the ball with this centre and radius.
+    ///
+    /// `centre` is in world axes; `radius` and `margin` are in m.
     #[inline(always)]
     pub(crate) fn approach_at(&self, geoms: [usize; 2], centre: V3<R>, radius: R, margin: R) -> Approach<R> {
         let mat = &self.poses.mat[geoms[0]];
@@ -308,7 +313,7 @@ impl<R: Real> Scene<'_, R> {
         Segment { centre: self.poses.pos[geom], axis: column(&self.poses.mat[geom], 2), half_length, radius }
     }
 
-    /// Adds the point in the lanes where it can touch within the step.
+    /// Adds `point` as a contact in those lanes of `near` in which it can touch within the step.
     #[inline(always)]
     pub(crate) fn offer(
         &self,
@@ -322,9 +327,11 @@ impl<R: Real> Scene<'_, R> {
         self.offer_over_face(index, feature, pair, near, R::Mask::splat(false), point, contacts);
     }
 
-    /// Adds the point in the lanes where it can touch within the step.
+    /// Adds `point` as a contact in those lanes of `near` in which it can touch within the step.
     ///
-    /// In the lanes `over_face`, a ball stays over a face of the other geom. The function is a separate kernel, as [`Scene::test_pair`] is.
+    /// In the lanes `over_face`, a ball stays over a face of the other geom, see
+    /// [`Slot::over_face`](crate::collision::contact_set::Slot::over_face). The function is compiled separately, as [`Scene::test_pair`]
+    /// is.
     #[expect(clippy::too_many_arguments, reason = "contact, pair and lanes are separate")]
     #[inline(never)]
     pub(crate) fn offer_over_face(
@@ -356,7 +363,7 @@ impl<R: Real> Scene<'_, R> {
         )
     }
 
-    /// Speed at which the free velocity closes a contact, m/s. Zero where it opens.
+    /// Speed at which the contact's gap decreases at the free velocity of the step, m/s. Zero where the gap grows.
     #[inline(always)]
     pub(crate) fn closing_speed(&self, geoms: [usize; 2], point: &ContactPoint<R>) -> R {
         let [_, velocity] = self.relative_motion(geoms, point.pos);

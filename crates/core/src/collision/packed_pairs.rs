@@ -1,7 +1,7 @@
-//! Balls and capsules that are near boxes in few lanes: such pairs of all lanes share a register.
+//! Packed pairs of balls or capsules with boxes: pairs of several lanes share one SIMD register.
 //!
-//! Over stairs or stones every environment is near other boxes. A kernel over lanes would then compute a pair in all lanes for one that
-//! needs it. Here an item is a pair in one lane, and a register holds as many items as it has lanes. A number does not depend on its
+//! On stairs or stones, every environment is near other boxes. A kernel over lanes would then compute a pair in all lanes although it is
+//! near in one. Here an item is a pair in one lane, and a register holds as many items as it has lanes. A value does not depend on its
 //! neighbours in a register, so that the contacts have the same bits.
 
 use stepper_geometry::pairs::ContactPoint;
@@ -11,38 +11,40 @@ use crate::compile::{CompiledPair, Kernel};
 use crate::math::lanes::{MAX_LANES, each_of};
 use crate::math::spatial::array_of;
 
-/// Pair in one lane.
+/// Item: a pair of a ball or capsule with a box, in one lane.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Item<S> {
-    /// Number of the pair in the compiled model.
+    /// Index of the pair in the compiled model.
     pub(crate) index: usize,
-    /// The ball or capsule, and the box.
+    /// Indices of the two geoms in the compiled model: the ball or capsule, then the box.
     pub(crate) geoms: [usize; 2],
     pub(crate) margin: S,
     pub(crate) lane: usize,
 }
 
-/// Point of an item that can touch within the step.
+/// Contact point of an item that can touch within the step.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Found<S> {
     pub(super) index: usize,
     pub(super) feature: u32,
     pub(super) lane: usize,
     pub(super) point: ContactPoint<S>,
-    /// Distance of a ball's centre from the border of the face that it is over, m. Not positive if it is over none.
+    /// Distance of the ball's centre from the border of the face below it, m. It is zero or negative if the centre is over no face, and
+    /// zero for a capsule.
     pub(super) clearance: S,
 }
 
-/// Items of one kernel, and their points, both in the order of the pairs.
+/// Items of one kernel, and their contact points, both in the order of the pairs.
 #[derive(Clone, Debug)]
 pub(super) struct Queue<S> {
     pub(super) items: Vec<Item<S>>,
     pub(super) found: Vec<Found<S>>,
-    /// Number of points that are taken.
+    /// Number of points of `found` that [`Scene::take_packed`](crate::collision::detection::Scene::take_packed) has already added to the
+    /// contacts.
     pub(super) taken: usize,
 }
 
-/// Pairs that are near in few lanes.
+/// Packed pairs: pairs of balls or capsules with boxes that are near each other in at most half of the lanes.
 #[derive(Clone, Debug)]
 pub(crate) struct PackedPairs<S> {
     pub(super) balls: Queue<S>,
@@ -57,7 +59,7 @@ impl<S> Default for PackedPairs<S> {
 }
 
 impl<S: Scalar> PackedPairs<S> {
-    /// Forgets all pairs.
+    /// Removes all items and their points.
     pub(crate) fn clear(&mut self) {
         for queue in [&mut self.balls, &mut self.capsules] {
             queue.items.clear();
@@ -66,7 +68,7 @@ impl<S: Scalar> PackedPairs<S> {
         }
     }
 
-    /// Queue of a pair that is near in these lanes (bits); `None` for one that all lanes compute together.
+    /// Queue of a pair that is near in the lanes `lanes` (bits). `None` for a pair that is not packed: another kernel, or too many lanes.
     pub(super) fn queue<R: Real<Scalar = S>>(&mut self, kernel: Kernel, lanes: u32) -> Option<&mut Queue<S>> {
         if 2 * lanes.count_ones() as usize > R::LANES {
             return None;
@@ -78,7 +80,7 @@ impl<S: Scalar> PackedPairs<S> {
         }
     }
 
-    /// Adds a pair that is near in the lanes `lanes` (bits). Pairs come in ascending order.
+    /// Adds an item for each lane of `lanes` (bits) of a pair, if the pair can be packed. The caller adds pairs in ascending order.
     pub(crate) fn add<R: Real<Scalar = S>>(&mut self, index: usize, pair: &CompiledPair<S>, lanes: u32) {
         if let Some(queue) = self.queue::<R>(pair.kernel, lanes) {
             let item = |lane| Item { index, geoms: pair.geoms, margin: pair.margin, lane };
@@ -87,7 +89,8 @@ impl<S: Scalar> PackedPairs<S> {
     }
 }
 
-/// Numbers of items, each of its lane, side by side.
+/// Gathers N values of each item in registers: `of` returns them for all lanes, and the item's lane is used. Item k is in lane k of the
+/// result.
 #[inline(always)]
 pub(super) fn gather<R: Real, const N: usize>(items: &[Item<R::Scalar>], of: impl Fn(&Item<R::Scalar>) -> [R; N]) -> [R; N] {
     let mut rows = [[R::Scalar::ZERO; MAX_LANES]; N];
@@ -103,7 +106,7 @@ pub(super) fn gather<R: Real, const N: usize>(items: &[Item<R::Scalar>], of: imp
     )
 }
 
-/// A number of each item, one item per lane.
+/// Gathers one scalar of each item in a register. Item k is in lane k of the result.
 #[inline(always)]
 pub(crate) fn gather_scalars<R: Real, I>(items: &[I], of: impl Fn(&I) -> R::Scalar) -> R {
     let mut row = [R::Scalar::ZERO; MAX_LANES];

@@ -1,4 +1,4 @@
-//! The narrow phase of balls and capsules that are near boxes in few lanes, see [`PackedPairs`].
+//! Narrow phase of packed pairs: balls and capsules that are near boxes in few lanes, see [`PackedPairs`].
 
 use stepper_geometry::pairs::{ContactPoint, Cuboid, Segment, capsule_box, face_clearance, sphere_box};
 use stepper_real::{Mask, Real};
@@ -11,7 +11,7 @@ use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 
 impl<R: Real> Scene<'_, R> {
-    /// Finds the points of all pairs in `packed`.
+    /// Finds the contact points of all pairs in `packed`, and stores them there.
     #[inline(never)]
     pub(crate) fn test_packed(&self, packed: &mut PackedPairs<R::Scalar>) {
         R::vectorize(
@@ -60,7 +60,7 @@ impl<R: Real> Scene<'_, R> {
         );
     }
 
-    /// Takes up the contacts of a pair, if it is in `packed`. Returns whether it is.
+    /// Adds the contact points of a pair that [`Scene::test_packed`] found to `contacts`. Returns false if the pair is not packed.
     #[inline(always)]
     pub(crate) fn take_packed(
         &self,
@@ -115,7 +115,8 @@ impl<R: Real> Scene<'_, R> {
         }
     }
 
-    /// Keeps the points of items, where they exist and can touch within the step, with their [`Found::clearance`].
+    /// Stores the points of `items` that exist and can touch within the step in `found`. `clearance` is [`Found::clearance`] of each item,
+    /// m.
     #[inline(always)]
     fn keep<const N: usize>(
         &self,

@@ -11,23 +11,24 @@ use crate::collision::swept_pair::{Gap, MAX_ROTATION, Path, SweptPair, Touch, fi
 use crate::compile::{CompiledPair, Kernel, LaneModel};
 use crate::math::spatial::*;
 
-/// Balls or capsules and static boxes of several pairs (items) with the same kernel. Each lane of the registers has one pair in one lane of
-/// the step.
+/// Motion of several packed pairs (items) along the path of a step. Each item is a ball or capsule and a static box, in one lane of the
+/// step; item k is in lane k of the registers. All items have the same kernel.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PackedSweep<R> {
     kernel: Kernel,
-    /// Pose of the ball or capsule at the start of the path: its origin, and its axis.
+    /// Origin of the ball or capsule at the start of the path, world axes, m; below it its axis.
     pos: V3<R>,
     axis: V3<R>,
     radius: R,
     half_length: R,
     bounding_radius: R,
     cuboid: Cuboid<R>,
-    /// Origin of the frame of the ball or capsule, its angular velocity, and the linear velocity of its origin.
+    /// Origin of the frame of the ball or capsule, m; below it the frame's angular velocity, rad/s, and the linear velocity of its origin,
+    /// m/s.
     origin: V3<R>,
     turn: V3<R>,
     velocity: V3<R>,
-    /// Velocity of the link, and the point to which its linear part belongs.
+    /// Spatial velocity of the link; below it the point at which its linear part is the velocity, m.
     motion: V6<R>,
     motion_origin: V3<R>,
     margin: R,
@@ -35,7 +36,8 @@ pub(crate) struct PackedSweep<R> {
     time: R,
 }
 
-/// Whether a pair that is tested in the lanes `lanes` (bits) can be packed.
+/// Whether a pair that is near in the lanes `lanes` (bits) can be packed. These are pairs of a moving ball or capsule and a static box,
+/// near in at most half of the lanes.
 pub(crate) fn is_packed<R: Real>(compiled: &LaneModel<R>, pair: &CompiledPair<R::Scalar>, lanes: u32) -> bool {
     let [first, second] = pair.geoms.map(|g| compiled.geoms[g].frame);
     matches!(pair.kernel, Kernel::SphereBox | Kernel::CapsuleBox)
@@ -45,7 +47,8 @@ pub(crate) fn is_packed<R: Real>(compiled: &LaneModel<R>, pair: &CompiledPair<R:
 }
 
 impl<R: Real> PackedSweep<R> {
-    /// Packs the first `LANES` of some items, which have the same kernel, along the motion of `swept`. The pair of `path` is not used.
+    /// Packs the first `LANES` of `items` for the motion of `swept`. All items have the kernel `kernel`. The function does not use the pair
+    /// of `path`.
     #[inline(always)]
     pub(crate) fn new(swept: &SweptPair<R>, path: &Path<'_, R>, kernel: Kernel, items: &[Item<R::Scalar>]) -> Self {
         let Path { compiled, kinematics, start, .. } = *path;
@@ -127,7 +130,7 @@ impl<R: Real> PackedSweep<R> {
         }
     }
 
-    /// First touch of each of the items `items`, see [`find_touch`].
+    /// First touch of each of the items `items` on its path, see [`find_touch`]. `gap` has the distances at the start of the paths.
     #[inline(always)]
     pub(crate) fn find_touch(&self, gap: Gap<R>, items: R::Mask, tolerance: R) -> Touch<R> {
         let end = self.gap_at(self.time, items);
@@ -172,7 +175,9 @@ impl<R: Real> PackedSweep<R> {
         least
     }
 
-    /// Replaces `least` by a contact point of the items `items`, where the point can touch within the step and is closer.
+    /// Replaces `least` by the contact point `point`, in those of the items `items` in which it can touch within the step and is closer.
+    ///
+    /// `travel` is an upper bound of the displacement, m, and `time` is the time along the path, s.
     #[inline(always)]
     fn take(&self, point: &ContactPoint<R>, items: R::Mask, travel: R, time: R, least: &mut Gap<R>) {
         let distance = point.distance - self.margin;

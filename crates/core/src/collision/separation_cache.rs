@@ -1,8 +1,8 @@
-//! Results for pairs of hulls that one step stores for the next. They are the normal at which the next search starts, and a separating
-//! plane that is valid for a while.
+//! Cache of separating planes: results for pairs of hulls that one step stores for the next. An entry is the normal at which the next
+//! search starts, and a separating plane that remains valid for some motion.
 //!
-//! The cache saves time and changes no contact, see [`SearchLimits::cached`](stepper_geometry::SearchLimits::cached) and
-//! [`SeparatingPlane`]. It belongs to the state nevertheless, so that rounding cannot make a step depend on anything else.
+//! The cache saves time and changes no contact, see [`SearchLimits::cached`](stepper_geometry::SearchLimits::cached) and [`SeparatingPlane`]. It is
+//! nevertheless part of the saved state, so that rounding cannot make a step depend on anything else.
 
 use serde::{Deserialize, Serialize};
 use stepper_geometry::{SeparatingPlane, Solid};
@@ -11,7 +11,7 @@ use stepper_real::Scalar;
 use crate::compile::{Kernel, ModelStructure};
 use crate::math::lanes::{Target, each_of};
 
-/// Largest number of pairs of one environment in the cache. These are the first ones that a step tests.
+/// Largest number of pairs of one environment in the cache. The cache stores the first pairs that a step tests.
 const PLACES: usize = 16;
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -23,7 +23,7 @@ struct Held {
 
 const NONE: Held = Held { pair: u32::MAX, separating_plane: SeparatingPlane::NONE };
 
-/// Separating planes of all lanes of a group.
+/// Cache of separating planes, for all lanes of a group.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SeparationCache {
     /// Number of entries for each lane.
@@ -34,7 +34,7 @@ pub struct SeparationCache {
 }
 
 impl SeparationCache {
-    /// Cache for a number of lanes; without entries in a scene without pairs of hulls.
+    /// Empty cache for `lanes` lanes. It has no entries at all if the scene has no pairs of hulls.
     pub fn new<S: Scalar>(compiled: &ModelStructure<S>, lanes: usize) -> Self {
         let is_hull = |g: usize| compiled.geoms[g].solid.as_ref().is_some_and(Solid::is_hull);
         let listed = compiled.pairs.iter().filter(|p| p.kernel == Kernel::Convex && p.geoms.iter().all(|&g| is_hull(g))).count();
@@ -44,7 +44,7 @@ impl SeparationCache {
         Self { places, count: vec![0; lanes], held: vec![NONE; places * lanes] }
     }
 
-    /// Whether the scene has no pairs of hulls.
+    /// Whether the cache has no space for entries, because the scene has no pairs of hulls.
     #[inline(always)]
     pub(crate) fn is_empty(&self) -> bool {
         self.places == 0
@@ -56,13 +56,13 @@ impl SeparationCache {
         lane * self.places..lane * self.places + used
     }
 
-    /// Separating plane of a pair, if the cache has it.
+    /// Separating plane of the pair with index `pair` in lane `lane`; `None` if the cache does not have it.
     #[inline(always)]
     pub(crate) fn of(&self, lane: usize, pair: usize) -> Option<&SeparatingPlane> {
         self.held[self.used(lane)].iter().find(|h| h.pair == pair as u32).map(|h| &h.separating_plane)
     }
 
-    /// Adds the separating plane of a pair that the cache does not have, unless the cache is full.
+    /// Adds the separating plane of a pair that is not in the cache yet, unless the cache is full.
     #[inline(always)]
     pub(crate) fn keep(&mut self, lane: usize, pair: usize, separating_plane: &SeparatingPlane) {
         let next = self.used(lane);
@@ -79,20 +79,20 @@ impl SeparationCache {
         }
     }
 
-    /// Removes the entries of a lane.
+    /// Removes the entries of lane `lane`.
     pub(crate) fn forget(&mut self, lane: usize) {
         if let Some(count) = self.count.get_mut(lane) {
             *count = 0;
         }
     }
 
-    /// Cache with the entries of `n` lanes from `first` on.
+    /// Cache with the entries of the `n` lanes from lane `first` on.
     pub(crate) fn part(&self, first: usize, n: usize) -> Self {
         let count = self.count.get(first..first + n).unwrap_or_default().to_vec();
         Self { places: self.places, count, held: self.held[first * self.places..(first + n) * self.places].to_vec() }
     }
 
-    /// Copies the entries of the `n` lanes of a part to some lanes.
+    /// Copies the entries of `part`, a cache of `n` lanes, to the lanes `to`.
     pub(crate) fn set_part(&mut self, to: Target, n: usize, part: &Self) {
         if self.places == 0 {
             return;
@@ -117,7 +117,7 @@ impl SeparationCache {
         }
     }
 
-    /// Whether another cache has the same size, and neither has more used entries than its size.
+    /// Whether `other` has the same size as this cache, and valid counts of used entries.
     pub(crate) fn fits(&self, other: &Self) -> bool {
         let shape = |n: &Self| (n.places, n.count.len(), n.held.len());
         shape(self) == shape(other) && self.count.iter().chain(&other.count).all(|&n| n as usize <= self.places)

@@ -1,9 +1,9 @@
-//! Broad phase of moving geoms and geoms that are fixed to the world. It uses boxes along the axes of the world, and a tree over the
-//! static ones.
+//! Broad phase of the static pairs: a moving geom and a geom that is fixed to the world. It uses axis-aligned bounding boxes, and a tree
+//! over the static geoms.
 //!
-//! The bounds of the tree hold a static geom in all lanes, because its pose may differ between environments. Each lane walks down
-//! the tree with the box about all geoms of a kinematic tree. At a leaf the boxes of these geoms are tested, as many at a time as a
-//! register has lanes.
+//! A node of the tree bounds its static geoms in all lanes, because their poses may differ between environments. For each lane and
+//! kinematic tree, the search descends the tree with the box around all geoms of the kinematic tree. At a leaf, it tests the boxes of these
+//! geoms, as many at a time as a register has lanes.
 
 use stepper_geometry::BoundingBox;
 use stepper_real::{Mask, Real, Scalar};
@@ -12,33 +12,33 @@ use crate::compile::{LaneModel, Params, StaticPairs};
 use crate::math::lanes::{MAX_LANES, each_of};
 use crate::math::spatial::*;
 
-/// Rounding error of bounds, relative to coordinates and sizes, also in single precision.
+/// Allowance for the rounding error of bounds, as a fraction of coordinates and sizes. It is sufficient in single precision.
 const ROUNDING: f64 = 4e-6;
 
-/// Box along the axes of the world: lowest coordinates, then highest, m.
+/// Axis-aligned box in world axes: lowest coordinates, then highest coordinates, m.
 type Bounds<T> = [T; 6];
 
-/// Bounding boxes, and the pairs whose boxes overlap.
+/// Broad phase of the static pairs: bounding boxes, and the pairs whose boxes overlap.
 #[derive(Clone, Debug)]
 pub(crate) struct StaticSearch<R: Real> {
-    /// Bounds of the nodes of the tree.
+    /// Bounding boxes of the nodes of the tree over the static geoms.
     nodes: Vec<Bounds<R::Scalar>>,
-    /// Bounds of each group of moving geoms.
+    /// Bounding box of each group of moving geoms.
     groups: Vec<Bounds<R>>,
-    /// Bounds of the moving geoms: a row of all geoms for every lane and coordinate.
+    /// Bounding boxes of the moving geoms: for every lane and each of the six coordinates, a row with one number per geom.
     boxes: Vec<R::Scalar>,
     found: Vec<u64>,
-    /// Largest bounding radius and smallest inscribed radius of the static geoms, m.
+    /// Largest bounding radius of the static geoms, m; below it their smallest inscribed radius.
     largest: R::Scalar,
     thinnest: R::Scalar,
-    /// Index of each pair in the compiled model, and the lanes (bits) in which it can touch; ascending.
+    /// Pairs that can touch, ascending: index of the pair in the compiled model, and the lanes (bits) in which it can touch.
     pub(crate) pairs: Vec<(u32, u32)>,
 }
 
-/// Static geoms near each moving geom for which memory is reserved at the beginning.
+/// Number of nearby static geoms per moving geom for which the constructor reserves memory.
 const EXPECTED: usize = 8;
 
-/// Bits of a lane in an entry of `found`.
+/// Number of bits that the lane takes in an entry of `found`.
 const LANE_BITS: u32 = MAX_LANES.ilog2();
 
 impl<R: Real> StaticSearch<R> {
@@ -58,12 +58,12 @@ impl<R: Real> StaticSearch<R> {
         }
     }
 
-    /// Length of a row of `boxes`: padded for a whole register at its end.
+    /// Length of a row of `boxes`, in numbers: one per moving geom, and a whole register after them for loads beyond the end.
     fn row(pairs: &StaticPairs) -> usize {
         pairs.moving.len() + R::LANES
     }
 
-    /// Updates the bounds of the tree from the poses and sizes of the static geoms.
+    /// Updates the bounding boxes of the tree from the parameters of the model and `pos` and `mat`, the poses of the geoms.
     pub(crate) fn update_tree(&mut self, compiled: &LaneModel<R>, pos: &[V3<R>], mat: &[M3<R>]) {
         let StaticPairs { fixed, nodes, .. } = &compiled.static_pairs;
         let params = &compiled.params;
@@ -91,8 +91,9 @@ impl<R: Real> StaticSearch<R> {
         displacement.gt(R::of(0.5) * (compiled.params.inscribed_radius(geom) + R::splat(self.thinnest)))
     }
 
-    /// Finds the pairs of the lanes in `alive` whose boxes overlap. `travel` bounds the displacement of every geom, m, and selects
-    /// whether to find all pairs whose bounding balls overlap.
+    /// Finds the static pairs whose boxes overlap in the lanes `alive` (bits), and stores them in `pairs`.
+    ///
+    /// For each geom, `travel` returns the upper bound of its displacement, m, and whether to find all pairs whose bounding balls overlap.
     pub(crate) fn find(&mut self, compiled: &LaneModel<R>, alive: u32, poses: (&[V3<R>], &[M3<R>]), travel: impl Fn(usize) -> (R, bool)) {
         self.found.clear();
         R::vectorize(
@@ -110,7 +111,8 @@ impl<R: Real> StaticSearch<R> {
         self.merge_lanes();
     }
 
-    /// Updates the boxes of the moving geoms and of each group of them.
+    /// Updates the boxes of the moving geoms and of each group of them. For each geom, `travel` returns the upper bound of its
+    /// displacement, m, and whether its box must contain its bounding ball.
     #[inline(always)]
     fn update_boxes(&mut self, compiled: &LaneModel<R>, (pos, mat): (&[V3<R>], &[M3<R>]), travel: impl Fn(usize) -> (R, bool)) {
         let StaticPairs { moving, groups, .. } = &compiled.static_pairs;
@@ -135,7 +137,7 @@ impl<R: Real> StaticSearch<R> {
         }
     }
 
-    /// Adds the pairs of a group in a lane.
+    /// Descends the tree with the box of a group in lane `lane`, and adds the overlapping pairs to `found`.
     #[inline(always)]
     fn visit_tree(&mut self, pairs: &StaticPairs, group: usize, lane: usize) {
         let whole: Bounds<R::Scalar> = lane_of(&self.groups[group], lane);
@@ -153,7 +155,7 @@ impl<R: Real> StaticSearch<R> {
         }
     }
 
-    /// Adds the pairs of the geoms of a group and a static geom in a lane.
+    /// Adds the pairs of static geom `leaf` with those geoms of a group whose boxes overlap the box of tree node `node`, in lane `lane`.
     #[inline(always)]
     fn visit_leaf(&mut self, pairs: &StaticPairs, group: usize, leaf: usize, node: usize, lane: usize) {
         let (row, geoms, own) = (Self::row(pairs), &pairs.groups[group], &self.nodes[node]);
@@ -173,7 +175,7 @@ impl<R: Real> StaticSearch<R> {
         }
     }
 
-    /// Joins the lanes of each pair.
+    /// Builds `pairs` from the sorted list `found`: one entry for each pair, with the lanes in which its boxes overlap.
     fn merge_lanes(&mut self) {
         self.pairs.clear();
         for &x in &self.found {
@@ -185,12 +187,12 @@ impl<R: Real> StaticSearch<R> {
         }
     }
 
-    /// Found pairs among the first `listed` pairs of the model.
+    /// Listed pairs that the search found. `listed` is the number of listed pairs of the model; dynamic pairs have larger indices.
     pub(crate) fn listed_pairs(&self, listed: usize) -> &[(u32, u32)] {
         &self.pairs[..self.count_listed(listed)]
     }
 
-    /// Found pairs after the first `listed` pairs of the model, which are dynamic pairs.
+    /// Dynamic pairs that the search found. `listed` is the number of listed pairs of the model; dynamic pairs have larger indices.
     pub(crate) fn dynamic_pairs(&self, listed: usize) -> &[(u32, u32)] {
         &self.pairs[self.count_listed(listed)..]
     }
@@ -200,7 +202,7 @@ impl<R: Real> StaticSearch<R> {
     }
 }
 
-/// Bounding box of a geom that moves by at most `travel`, m.
+/// Axis-aligned bounding box of a convex geom, enlarged by `travel`, m.
 #[inline(always)]
 fn bounds<R: Real>(compiled: &LaneModel<R>, geom: usize, pos: V3<R>, mat: &M3<R>, travel: R) -> Bounds<R> {
     let solid = compiled.geoms[geom].solid.as_ref().expect("made for every geom of static pairs");
@@ -214,7 +216,7 @@ fn bounds<R: Real>(compiled: &LaneModel<R>, geom: usize, pos: V3<R>, mat: &M3<R>
     )
 }
 
-/// Box of one lane.
+/// Box in lane `lane`.
 #[inline(always)]
 fn lane_of<R: Real>(own: &Bounds<R>, lane: usize) -> Bounds<R::Scalar> {
     let mut out = [R::Scalar::ZERO; 6];
@@ -224,7 +226,7 @@ fn lane_of<R: Real>(own: &Bounds<R>, lane: usize) -> Bounds<R::Scalar> {
     out
 }
 
-/// Box that contains the boxes of all lanes. All coordinates must be finite.
+/// Smallest box that contains the boxes of all lanes. All coordinates must be finite.
 fn over_lanes<R: Real>(own: Bounds<R>) -> Bounds<R::Scalar> {
     let mut whole = own.map(|x| x.lane(0));
     for lane in 1..R::LANES {
@@ -246,7 +248,7 @@ fn union_of_lanes<R: Real>(a: &Bounds<R>, b: &Bounds<R>) -> Bounds<R> {
     )
 }
 
-/// Merges pairs into a list of pairs, both ascending. The first `count` entries of the list are used; it has capacity for all.
+/// Merges the pairs `more` into the first `count` entries of `list`. Both lists ascend; `list` has space for all entries.
 pub(crate) fn merge(more: &[(u32, u32)], list: &mut [(u32, u32)], count: usize) {
     let (mut i, mut j) = (count, more.len());
     while j > 0 {

@@ -1,4 +1,4 @@
-//! Velocities of surfaces that do not come from degrees of freedom: conveyors, and bodies that the user moves.
+//! Velocities of surfaces that do not come from degrees of freedom: conveyors (MuJoCo's `surfacevel`), and mocap bodies.
 
 use stepper_real::{Mask, Real};
 
@@ -7,10 +7,10 @@ use crate::compile::LaneModel;
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 
-/// Velocity of the second surface relative to the first at contact `k` (angular, linear at the contact point), without the part from
-/// degrees of freedom.
+/// Velocity of the second surface relative to the first at contact `k`, without the part from degrees of freedom. It is angular, rad/s, and
+/// linear at the contact point, m/s.
 ///
-/// The velocity of a conveyor counts along the tangent plane and around the normal (MuJoCo's documentation of `surfacevel`).
+/// The velocity of a conveyor acts in the tangent plane and about the normal (MuJoCo's documentation of `surfacevel`). `lanes` are bits.
 #[inline(always)]
 pub fn motion<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> V6<R> {
     let (mut sum, point) = (zero(), &contacts.data[k].point);
@@ -44,7 +44,7 @@ pub fn motion<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, cont
     sum
 }
 
-/// Angular velocity of the second geom's conveyor relative to the first geom's, rad/s.
+/// Angular velocity of the conveyor of geom `b` relative to that of geom `a`, world axes, rad/s.
 #[inline(always)]
 pub fn spin<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, [a, b]: [usize; 2]) -> V3<R> {
     let mut sum = zero();

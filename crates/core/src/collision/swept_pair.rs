@@ -1,7 +1,7 @@
-//! Distance of a pair of geoms along the motion of a step, and whether that motion closes the gap.
+//! Distance of a pair of geoms along the motion of a step, to find whether that motion closes the gap.
 //!
-//! A contact row keeps the nearest points of one pose apart along one normal. Bodies that pass each other at a small distance violate such
-//! a row without touching. This module therefore moves the geoms along their paths and runs the narrow phase there.
+//! A contact row constrains the nearest points at one pose along one normal. Bodies that pass each other at a small distance violate such a
+//! row without touching. This module therefore moves the geoms along their paths and runs the narrow phase there.
 //!
 //! The signed distance of two convex shapes is a convex function of their relative translation (Boyd & Vandenberghe 2004, section 3.2.5).
 //! Its tangent at a pose is a lower bound, and the sign of its slope tells on which side the minimum lies. Rotation within a step adds
@@ -16,16 +16,16 @@ use crate::compile::{CompiledPair, LaneModel};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 
-/// Largest number of contact points of a pair, reached by surfaces.
+/// Largest number of contact points of a pair. Pairs with a surface reach it.
 const MAX_PAIR_POINTS: usize = 16;
 
-/// Largest number of poses at which the distance of a pair is evaluated. Newton and bisection steps need two to six.
+/// Largest number of poses on a path at which [`find_touch`] evaluates the distance. Its Newton and bisection steps need two to six.
 const MAX_POSES: usize = 16;
 
-/// Rotation of a body on its path above which the straight path is invalid, rad. Its gap then counts as closed.
+/// Rotation of a body on its path above which the search is invalid, rad. [`find_touch`] then reports a touch.
 pub(super) const MAX_ROTATION: f64 = 1.0;
 
-/// Motion of a pair at constant velocity from the pose where contacts were found.
+/// Path of a pair: motion at constant velocity from the pose where contacts were found.
 pub(crate) struct Path<'a, R: Real> {
     pub(crate) compiled: &'a LaneModel<R>,
     pub(crate) kinematics: &'a Kinematics<R>,
@@ -33,14 +33,14 @@ pub(crate) struct Path<'a, R: Real> {
     pub(crate) start: &'a Placed<R>,
     /// Duration of the path, s.
     pub(crate) time: R,
-    /// Distance that gravity covers in a step, m, see [`super::detection::GeomPoses::slack`].
+    /// Distance that gravity covers in a step, plus a micrometre, m, see [`super::detection::GeomPoses::slack`].
     pub(crate) slack: R,
     /// Index of the pair in the compiled model.
     pub(crate) index: usize,
     pub(crate) pair: CompiledPair<R::Scalar>,
 }
 
-/// Distance and normal velocity of a contact point.
+/// Signed distance of a pair at its closest contact point, and its time derivative.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Gap<R> {
     /// Signed distance, m. Infinite if the narrow phase finds no point.
@@ -49,10 +49,10 @@ pub(crate) struct Gap<R> {
     pub(crate) rate: R,
 }
 
-/// Workspace of the narrow phase along paths.
+/// Workspace for distances of a pair along its path.
 #[derive(Clone, Debug)]
 pub(crate) struct SweptPair<R: Real> {
-    /// Poses along the path. Only the poses of the tested pair are current.
+    /// Poses at the current time of the path. Only the poses of the tested pair are current.
     placed: Placed<R>,
     search: Search,
     contacts: Contacts<R>,
@@ -64,13 +64,13 @@ impl<R: Real> SweptPair<R> {
         Self { placed: Placed::new(compiled), search: Search::new(compiled, R::LANES), contacts: Contacts::new(MAX_PAIR_POINTS) }
     }
 
-    /// Sets the generalized velocity `v` of the paths.
+    /// Sets the motion of all paths to the generalized velocity `v`.
     #[inline(always)]
     pub(crate) fn set_velocity(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R]) {
         kinematics.velocities(compiled, v, &mut self.placed.velocity);
     }
 
-    /// Searches for the first touch of the pair of a path, by [`find_touch`].
+    /// First touch of the pair on its path in the lanes `lanes`, see [`find_touch`]. `gap` is the distance at the start of the path.
     #[inline(always)]
     pub(crate) fn find_touch(&mut self, path: &Path<'_, R>, lanes: R::Mask, gap: Gap<R>, tolerance: R) -> Touch<R> {
         let end = self.gap_at(path, path.time, lanes);
@@ -86,7 +86,7 @@ impl<R: Real> SweptPair<R> {
         )
     }
 
-    /// Velocity of a link's frame.
+    /// Spatial velocity of the link with frame number `frame`.
     #[inline(always)]
     pub(super) fn velocity_of(&self, frame: usize) -> V6<R> {
         self.placed.velocity[frame - 1]
@@ -104,7 +104,7 @@ impl<R: Real> SweptPair<R> {
         far
     }
 
-    /// Smallest distance of the pair, and its rate, at `time` seconds along the path.
+    /// Smallest distance of the pair, and its time derivative, at `time` seconds along the path.
     #[inline(always)]
     pub(crate) fn gap_at(&mut self, path: &Path<'_, R>, time: R, lanes: R::Mask) -> Gap<R> {
         let Path { compiled, kinematics, slack, index, pair, .. } = *path;
@@ -127,7 +127,7 @@ impl<R: Real> SweptPair<R> {
         least
     }
 
-    /// Sets the pose of a geom at `time` seconds along the path.
+    /// Sets the pose of a geom of the pair at `time` seconds along the path.
     #[inline(always)]
     fn place(&mut self, path: &Path<'_, R>, geom: usize, time: R) {
         let (start, kinematics) = (path.start, path.kinematics);
@@ -148,21 +148,21 @@ impl<R: Real> SweptPair<R> {
     }
 }
 
-/// First touch that a search found on a path.
+/// Result of [`find_touch`]: lanes, time and overlap of the touch that the search found first.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Touch<R: Real> {
-    /// Lanes in which the pair touches.
+    /// Lanes in which the geoms of the pair overlap at some time of the path.
     pub(crate) lanes: R::Mask,
-    /// A time at which the pair touches, s.
+    /// Time along the path at which the geoms overlap, s. It need not be the earliest.
     pub(crate) time: R,
-    /// Overlap at this time, m. Infinite where a body rotates too far for the search.
+    /// Overlap of the geoms at `time`, m. Infinite where a body rotates too far for the search.
     pub(crate) overlap: R,
 }
 
-/// Finds whether a distance falls below `-tolerance` on a path of `end_time` seconds, in the lanes `lanes`.
+/// Searches a path of `end_time` seconds for a time at which the distance is below `-tolerance`, m, in the lanes `lanes`.
 ///
-/// `gap` is the distance and its rate at the start of the path, `end` at its end; `gap_at` returns it at any time. Lanes that `rotates` too
-/// far count.
+/// The first argument has the distance and its rate at the start and at the end of the path; `gap_at` returns them at any time. In the
+/// lanes `rotates`, a body rotates too far for the search, and the result is a touch.
 #[inline(always)]
 pub(crate) fn find_touch<R: Real>(
     [gap, end]: [Gap<R>; 2],
@@ -201,7 +201,7 @@ pub(crate) fn find_touch<R: Real>(
 }
 
 impl<R: Real> Placed<R> {
-    /// Angular velocity of a frame and linear velocity of its origin. `None` for the world.
+    /// Angular velocity of a frame, rad/s, and linear velocity of its origin, m/s, in world axes. `None` for the world.
     #[inline(always)]
     fn frame_motion(&self, path: &Path<'_, R>, frame: usize) -> Option<[V3<R>; 2]> {
         let Path { compiled, kinematics, .. } = *path;
@@ -213,7 +213,7 @@ impl<R: Real> Placed<R> {
         Some([angular(motion), velocity_at(motion, sub(kinematics.pos[frame], origin))])
     }
 
-    /// Time derivative of the distance at a contact point of the pair, `time` seconds along the path, m/s.
+    /// Time derivative of the distance at the contact point `point`, `time` seconds along the path, m/s.
     #[inline(always)]
     fn normal_velocity(&self, path: &Path<'_, R>, point: &ContactPoint<R>, time: R) -> R {
         let mut rate = R::zero();

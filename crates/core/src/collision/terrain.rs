@@ -1,15 +1,17 @@
-//! Tests of surfaces against convex shapes, over lanes. The height of a surface below a shape rejects most of its pairs.
+//! Tests of surfaces (height fields and meshes) against convex shapes, over lanes. The height of a surface below a shape rejects most
+//! pairs.
 //!
-//! A contact joins a point x of the surface and a point y of the shape with y - x = d n. Let the shape be a gap g above all of the surface
-//! below it. Then d cos(a) >= g for a normal at an angle a from upright. Stage 3 takes the contact up only if d < 2 h c + slack, where c is
-//! the speed at which y closes in along n. With u the upward speed of y and w its speed, 2 c cos(a) <= w - u for every a, and so
+//! A contact joins a point x of the surface and a point y of the shape with y - x = d n. Suppose the shape is at least a gap g above every
+//! point of the surface below it. Then d cos(a) >= g for a normal at an angle a from upright. Stage 3 creates the contact only if d < 2 h c
+//! + slack, where c is the speed at which y approaches along n. With u the upward speed of y and w its speed, 2 c cos(a) <= w - u for every
+//! a, and so
 //!
 //! ```text
 //! g < h (w - u) + slack,        where the surface is level: g < -2 h u + slack.
 //! ```
 //!
-//! Nothing moves along n by turning about a point on the line of n: of a ball only the centre's speed counts, of a capsule that of its
-//! segment.
+//! Rotation about a point on the line of n moves nothing along n. For a ball, w is therefore the speed of its centre; for a capsule, that
+//! of its segment.
 
 use stepper_geometry::{Approach, ConvexShape, Narrow, Solid, Surface};
 use stepper_real::{Mask, Real, Scalar};
@@ -21,7 +23,8 @@ use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 
 impl<R: Real> Scene<'_, R> {
-    /// Surface of a pair of a surface and a convex shape, and the geoms of both. `None` for other pairs, such as plane and surface.
+    /// Surface of a pair of a surface and a convex shape, and the two geoms: surface first. `None` for other pairs, such as plane and
+    /// surface.
     #[inline(always)]
     pub(crate) fn surface_and_shape(&self, pair: &CompiledPair<R::Scalar>) -> Option<(&Surface, [usize; 2])> {
         if pair.kernel != Kernel::Surface {
@@ -34,7 +37,9 @@ impl<R: Real> Scene<'_, R> {
         })
     }
 
-    /// Lanes of `near` in which the height of a surface below a shape lets the two touch within the step.
+    /// Lanes of `near` in which a shape may touch a surface within the step, by the height of the surface below the shape.
+    ///
+    /// `geoms` are the surface and the shape; `margin` is in m.
     #[inline(always)]
     pub(crate) fn may_meet_surface(&self, surface: &Surface, geoms: [usize; 2], margin: R, near: R::Mask) -> R::Mask {
         let [ground, shape] = geoms;
@@ -49,7 +54,7 @@ impl<R: Real> Scene<'_, R> {
         let speed = norm(v) + norm(w) * core;
         let least = margin.max(R::zero()) + self.slack;
         let around = self.compiled.params.bounding_radius(shape) + self.poses.travel[ground] + self.poses.travel[shape] + least;
-        // A hair more than the exact test will ask for, also in single precision.
+        // Allowance for rounding errors, sufficient in single precision.
         let hair = R::of(1e-6) * (around + at[0].abs() + at[1].abs() + at[2].abs());
         let least = least + hair;
         let anyhow = self.h * (speed - rise) + least;
@@ -68,10 +73,12 @@ impl<R: Real> Scene<'_, R> {
         near
     }
 
-    /// Displacement in a step of a shape relative to a surface, in the surface's frame. `reach` is the greatest length of a contact, m.
+    /// Relative motion of a shape in a surface's frame during a step: displacement and rotation. `reach` is the greatest length of a
+    /// contact, m.
     #[inline(always)]
     pub(crate) fn approach_to_surface(&self, [surface, shape]: [usize; 2], margin: R, reach: R) -> Approach<R> {
-        // The line of a contact's normal passes through the core of a ball or capsule. Other contacts are halfway between the geoms.
+        // The contact normal of a ball passes through its centre, that of a capsule through its segment. Other contacts are halfway between
+        // the two geoms.
         let radius = match &self.compiled.geoms[shape].solid {
             Some(Solid::Convex(ConvexShape::Sphere { .. })) => R::zero(),
             Some(Solid::Convex(ConvexShape::Capsule { .. })) => self.compiled.params.geom_size(shape)[1],
@@ -80,8 +87,10 @@ impl<R: Real> Scene<'_, R> {
         self.approach_at([surface, shape], self.poses.pos[shape], radius, margin)
     }
 
-    /// Lanes of `lanes` in which a body hits a surface within a step at the free velocity. In the middle of the step such a body may still
-    /// be ahead of the surface. A contact from there would brake it too early.
+    /// Lanes of `lanes` in which a body hits a surface within a step at the free velocity, at one of its contacts.
+    ///
+    /// Contacts found in the middle of the step are unreliable there. The body may still be in front of the surface,
+    /// and the contacts would brake it too early.
     #[inline(always)]
     pub(crate) fn hits_surface(&self, index: usize, pair: &CompiledPair<R::Scalar>, lanes: R::Mask, contacts: &Contacts<R>) -> R::Mask {
         let mut hits = R::Mask::splat(false);
@@ -97,7 +106,8 @@ impl<R: Real> Scene<'_, R> {
         hits
     }
 
-    /// Distance of a pair of a surface and a convex shape in the lanes `lanes`, at most `most`, m. Zero if one is a plane.
+    /// Distance of a surface and a convex shape in the lanes `lanes`, at most `most`, m. Zero for a pair without a surface and a convex
+    /// shape.
     #[inline(never)]
     pub(crate) fn gap_to_surface(&self, pair: &CompiledPair<R::Scalar>, lanes: R::Mask, most: R, narrow: &mut Narrow) -> R {
         let mut gap = R::zero();
@@ -112,8 +122,9 @@ impl<R: Real> Scene<'_, R> {
         gap
     }
 
-    /// How far a geom reaches from its origin against the unit vector `up`, and the radius of a ball that holds all but what a ball or
-    /// capsule is thickened by, m.
+    /// Distance from a geom's origin to its lowest point along the unit vector `up`, m, and radius of its core, m.
+    ///
+    /// The core is the centre of a ball, the segment of a capsule, and otherwise the bounding ball.
     #[inline(always)]
     fn reach_below(&self, geom: usize, up: V3<R>) -> (R, R) {
         let (size, bound) = (self.compiled.params.geom_size(geom), self.compiled.params.bounding_radius(geom));

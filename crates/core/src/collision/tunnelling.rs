@@ -1,4 +1,4 @@
-//! Tunnelling check: lanes in which the solved motion may have carried one geom through another.
+//! Tunnelling check: finds the lanes in which the solved motion of a step may have carried one geom through another.
 
 use std::borrow::Cow;
 
@@ -12,10 +12,10 @@ use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 use crate::model::JointKind;
 
-/// Motion of a step, as input of the tunnelling check.
+/// Solved motion of a step, as input of the tunnelling check.
 #[derive(Clone, Copy, Debug)]
 pub struct TakenStep<'a, R: Real> {
-    /// Generalized velocity after the step. The geoms move with it from the poses where contacts were found.
+    /// Generalized velocity at which the geoms move during the step, from the poses at which stage 3 found contacts.
     pub velocity: &'a [R],
     /// Whether `velocity` is the free velocity that stage 3 used to find contacts.
     pub is_free: bool,
@@ -25,11 +25,12 @@ pub struct TakenStep<'a, R: Real> {
     pub contacts_at_end: bool,
 }
 
-/// Lanes in which a geom may have passed through a thin one in the solved motion.
+/// Lanes in which one geom may have passed through another in the solved motion of a step.
 ///
-/// A pair may pass if its relative displacement exceeds its thickness and if its path passes
-/// ([`Narrow::may_pass`](stepper_geometry::Narrow::may_pass)). Contact rows stop the collisions that stage 3 finds. An impulse may make a
-/// body faster than [`detect`](crate::stages::s03_detect::detect) assumed, or deflect it, and a curved path may lead around a row.
+/// A pair may pass if its relative displacement exceeds its thickness and if the test of its path
+/// ([`Narrow::may_pass`](stepper_geometry::Narrow::may_pass)) is positive. Contact rows stop the collisions that stage 3 finds. However, an
+/// impulse may make a body faster than [`detect`](crate::stages::s03_detect::detect) assumed, or deflect it, and a curved path may miss the
+/// contact row.
 #[inline(always)]
 pub fn may_have_passed<R: Real>(
     compiled: &LaneModel<R>,
@@ -85,7 +86,8 @@ pub fn may_have_passed<R: Real>(
     )
 }
 
-/// Relative displacement below which a pair cannot pass, m: its thickness, or four times that for a height field.
+/// Relative displacement below which one geom of a pair cannot pass through the other, m: the pair's thickness, or four times that for a
+/// height field.
 ///
 /// A height field is solid. On a shorter path through a bump, a ball inside the shape is in the ground at one end, and contacts push it
 /// out.
@@ -96,7 +98,7 @@ fn min_displacement<R: Real>(compiled: &LaneModel<R>, pair: &CompiledPair<R::Sca
     if pair.kernel == Kernel::Surface && pair.geoms.iter().any(is_field) { thickness * R::of(4.0) } else { thickness }
 }
 
-/// Paths of all geoms from the poses where contacts were found.
+/// Inputs of the tunnelling check: paths of all geoms from the poses where contacts were found.
 struct Path<'a, R: Real> {
     compiled: &'a LaneModel<R>,
     kinematics: &'a Kinematics<R>,
@@ -106,7 +108,7 @@ struct Path<'a, R: Real> {
 }
 
 impl<R: Real> Path<'_, R> {
-    /// Lanes of `passed`, and the lanes of `alive` in which the pair may pass.
+    /// Lanes of `passed`, and in addition the lanes of `alive` in which one geom of the pair may pass through the other.
     #[inline(always)]
     fn test(&self, pair: &CompiledPair<R::Scalar>, alive: R::Mask, passed: R::Mask, narrow: &mut Narrow) -> R::Mask {
         let suspected = self.placed.may_get_past(self.compiled, pair).and(alive).and_not(passed);
@@ -117,7 +119,7 @@ impl<R: Real> Path<'_, R> {
         if suspected.any() { passed.or(self.test_path(pair.geoms, suspected, narrow)) } else { passed }
     }
 
-    /// Lanes in which the relative displacement of a pair exceeds its thickness and its gap.
+    /// Lanes of `lanes` in which the relative displacement of the pair exceeds its thickness and its gap.
     ///
     /// Limbs that fly in the same direction have a small relative displacement.
     #[inline(always)]
@@ -131,7 +133,7 @@ impl<R: Real> Path<'_, R> {
         displacement.gt(min_displacement(compiled, pair).max(scene.gap(pair, lanes, displacement, narrow)))
     }
 
-    /// Lanes of `suspected` in which the path of a pair may pass. Each lane is tested alone, in 64 bits.
+    /// Lanes of `suspected` in which geom `a` may pass through geom `b` on its path. The function tests lane after lane, in f64.
     #[inline(never)]
     fn test_path(&self, [a, b]: [usize; 2], suspected: R::Mask, narrow: &mut Narrow) -> R::Mask {
         let mut passed = R::Mask::splat(false);
@@ -149,13 +151,13 @@ impl<R: Real> Path<'_, R> {
         passed
     }
 
-    /// Solid of a geom with its size in a lane.
+    /// Solid (collision shape) of a geom with its size in lane `lane`; `None` if it has none.
     fn solid(&self, geom: usize, lane: usize) -> Option<Cow<'_, Solid>> {
         let solid = self.compiled.geoms[geom].solid.as_ref()?;
         Some(solid.sized(of_lane(&self.compiled.params.geom_size(geom), lane)).map_or(Cow::Borrowed(solid), Cow::Owned))
     }
 
-    /// Motion of a geom in a lane.
+    /// Motion of a geom in lane `lane` during the step.
     fn motion_of(&self, geom: usize, lane: usize) -> SolidMotion {
         let Self { compiled, kinematics, placed, .. } = self;
         let own = &compiled.geoms[geom];
@@ -183,7 +185,7 @@ impl<R: Real> Path<'_, R> {
         SolidMotion { pose, angular, root_velocity, linear }
     }
 
-    /// Linear velocity of the root of a tree, m/s. Zero unless its first joint is free or a slide.
+    /// Linear velocity of the root link of a kinematic tree, m/s. Zero unless its first joint is free or a slide.
     fn velocity_of_root(&self, tree: usize) -> V3<R> {
         let root = self.compiled.links.iter().position(|link| link.is_root && link.tree == tree);
         let floats = |link: &usize| {
@@ -195,9 +197,9 @@ impl<R: Real> Path<'_, R> {
 }
 
 impl<R: Real> Placed<R> {
-    /// Whether no geom moves by more than half its inscribed radius in a free step.
+    /// Whether no geom moves by more than half its inscribed radius in a step at the free velocity, in the lanes `alive`.
     ///
-    /// Stage 3 has the displacement over two free steps, exactly twice as large.
+    /// The test compares [`Placed::travel`], the displacement over two steps, with the whole radius.
     fn moved_little(&self, compiled: &LaneModel<R>, alive: R::Mask) -> bool {
         R::vectorize(
             #[inline(always)]
@@ -213,8 +215,8 @@ impl<R: Real> Placed<R> {
 
     /// Updates `displacement` for the solved step, and finds the geoms that move far. Returns two sets of lanes.
     ///
-    /// In the first, some geom moves by more than half its inscribed radius; without one, no pair can pass. In the second, some geom moves
-    /// farther than stage 3 assumed.
+    /// In the first set, some geom moves by more than half its inscribed radius; without this, no pair can pass. In the second set, some
+    /// geom moves farther than stage 3 assumed.
     #[inline(always)]
     fn find_large_displacements(
         &mut self,
@@ -237,7 +239,8 @@ impl<R: Real> Placed<R> {
         [any, beyond_search]
     }
 
-    /// Lanes in which a pair may pass, by bounds on both displacements. Paths are not tested.
+    /// Lanes in which one geom of a pair may pass through the other, by upper bounds of their displacements. The function does not test
+    /// paths.
     #[inline(always)]
     fn may_get_past(&self, compiled: &LaneModel<R>, pair: &CompiledPair<R::Scalar>) -> R::Mask {
         let [a, b] = pair.geoms;
@@ -254,7 +257,8 @@ impl<R: Real> Placed<R> {
         far.and(dot(offset, offset).lt(reach * reach))
     }
 
-    /// Largest distance of an arc from its tangent, m: half the square of the rotation angle, times the radius.
+    /// Largest distance of a geom's circular path from its tangent during `h` seconds, m: half the square of the rotation angle, times the
+    /// radius.
     #[inline(always)]
     fn arc_deviation(&self, compiled: &LaneModel<R>, geom: usize, h: R) -> R {
         let g = &compiled.geoms[geom];

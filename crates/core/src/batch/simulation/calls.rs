@@ -1,4 +1,4 @@
-//! Calls for all environments of a simulation: steps, rollouts, sensor readings, and their inputs.
+//! Calls for all environments of a simulation: steps, rollouts, sensor readings, and the inputs for them.
 
 use crate::batch::call::Schedule;
 use crate::batch::inputs::{AppliedInput, StepInputs};
@@ -8,14 +8,14 @@ use crate::batch::stepping::Watch;
 use crate::error::check_length;
 
 impl Simulation {
-    /// Controls in force, (num_envs, nu): those of the last step or of the initial keyframe, or zero after a reset.
+    /// Controls in force, (num_envs, nu): those of the last step, those of the initial keyframe, or zeros after a reset.
     pub fn ctrl(&self) -> &[f64] {
         &self.ctrl
     }
 
-    /// Sets the controls of the next `nstep` steps, a row for each environment or one for all. They stay in force until they are replaced.
+    /// Sets the controls of the next steps, (num_envs, nu) or (nu) for all environments. They remain in force until they are replaced.
     ///
-    /// With zero steps the controls are checked and not stored.
+    /// With `nstep` = 0 the function only checks the controls.
     ///
     /// # Errors
     /// [`Error::Length`] when there are more or fewer numbers.
@@ -23,7 +23,7 @@ impl Simulation {
         self.set_ctrl_of(rows, nstep, &[])
     }
 
-    /// Sets the controls of the environments of a mask; an empty mask is all.
+    /// Sets the controls of the environments in a mask; an empty mask selects all. With `nstep` = 0 it only checks them.
     fn set_ctrl_of(&mut self, rows: &[f64], nstep: usize, mask: &[bool]) -> Result<(), Error> {
         let nu = self.model.nu();
         if rows.len() != self.ctrl.len() && rows.len() != nu {
@@ -46,9 +46,9 @@ impl Simulation {
         Ok(())
     }
 
-    /// Sets applied forces, poses of mocap bodies or the activity of equalities, (num_envs, ...), for all calls from now on.
+    /// Sets applied forces, poses of mocap bodies or the activity of equalities, (num_envs, ...), for all later calls.
     ///
-    /// The reset of an environment clears its part. Positions of mocap bodies may be given without orientations, and the reverse. An empty
+    /// The reset of an environment clears its row. Positions of mocap bodies may be given without orientations, and the reverse. An empty
     /// array clears the input.
     ///
     /// # Errors
@@ -69,12 +69,12 @@ impl Simulation {
         Ok(())
     }
 
-    /// Whether `nstep` steps take at most two or three microseconds, so that releasing the interpreter for them costs more than it gains.
+    /// Whether `nstep` steps take at most two or three microseconds, so that releasing Python's interpreter lock costs more than it gains.
     pub fn is_brief(&self, nstep: usize) -> bool {
         self.engine.is_brief(nstep)
     }
 
-    /// Makes `nstep` steps in every environment. Slices are environment-major. An empty slice keeps the input in force.
+    /// Makes `nstep` steps in every environment. For an empty slice in `inputs`, the present input remains in force.
     ///
     /// # Errors
     /// [`Error::Length`] when a slice has the wrong length, [`Error::MocapPoses`] for half of the poses of mocap bodies, [`Error::Threads`]
@@ -83,10 +83,11 @@ impl Simulation {
         self.make_steps(inputs, nstep, None).map(|_| ())
     }
 
-    /// Makes `nstep` steps, but stops when `watch` returns false. Returns the number of steps made, the same in every environment.
+    /// Makes up to `nstep` steps, and stops early when `watch` returns false. Returns the number of steps made, the same in every
+    /// environment.
     ///
-    /// The calling thread calls `watch` from time to time. The result is that of [`Simulation::step`] with this number of steps, except
-    /// that mocap bodies are where the longer motion has moved them.
+    /// The calling thread calls `watch` about every 0.05 s. The result equals that of [`Simulation::step`] with this number of steps,
+    /// except that mocap bodies have moved along the longer trajectory.
     ///
     /// # Errors
     /// Those of [`Simulation::step`].
@@ -104,9 +105,10 @@ impl Simulation {
         self.engine.make_steps(&inputs, Schedule { controls: 1, nstep }, None, watch)
     }
 
-    /// Makes `nstep` steps with each of `controls` controls, (controls, num_envs, nu) or (controls, nu), and records the state after each.
+    /// Makes `nstep` steps with each of `controls` controls, (controls, num_envs, nu) or (controls, nu), and records quantities after each
+    /// control.
     ///
-    /// The bits are the same as those of separate calls of [`Simulation::step`]. Flags accumulate over all steps.
+    /// The bits are the same as those of separate calls of [`Simulation::step`]. The status accumulates flags over all steps.
     ///
     /// # Errors
     /// Those of [`Simulation::step`], and [`Error::ArrayPrecision`] for an array of the recording in the wrong precision.
@@ -114,10 +116,11 @@ impl Simulation {
         self.roll_out(inputs, Schedule { controls, nstep }, recording, None).map(|_| ())
     }
 
-    /// Makes a rollout, but stops when `watch` returns false (see [`Simulation::step_watched`]). Returns the number of steps made over all
-    /// controls.
+    /// Makes a rollout, and stops early when `watch` returns false (see [`Simulation::step_watched`]). Returns the total number of steps
+    /// made.
     ///
-    /// Rows of controls without any step are not written. The row of an interrupted control has the state after its last step.
+    /// For controls without any step, the output rows are not written. The row of an interrupted control has the state after the last step
+    /// made.
     ///
     /// # Errors
     /// Those of [`Simulation::rollout`].
@@ -162,8 +165,8 @@ impl Simulation {
 
     /// Reads all sensors of all environments, (num_envs, nsensordata).
     ///
-    /// These are ideal readings if `truth`. Otherwise they are those of the last step after the transfer functions, the same at every call.
-    /// Controls of `inputs` are ignored: those in force count.
+    /// With `truth` these are ideal readings. Otherwise they are the readings of the last step after the transfer functions, the same at
+    /// every call. The function ignores controls in `inputs`, and uses those in force.
     ///
     /// # Errors
     /// Those of [`Simulation::step`], and [`Error::Length`] for `out`.

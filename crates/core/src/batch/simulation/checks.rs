@@ -1,4 +1,4 @@
-//! Checks of user input to a simulation, before anything is changed.
+//! Checks of user input to a simulation. They run before anything is changed.
 
 use crate::batch::inputs::{Field, StepInputs};
 use crate::batch::rollout::Recording;
@@ -8,7 +8,7 @@ use crate::math::precision::Precision;
 use crate::model::JointKind;
 
 impl Simulation {
-    /// Panics when there is no such environment, because its index may be that of an unused lane.
+    /// Panics if there is no environment `env`. Without this check, an index could select an unused lane.
     #[track_caller]
     pub(super) fn assert_env(&self, env: usize) {
         assert!(env < self.num_envs, "env is {env}, must be below {}", self.num_envs);
@@ -18,7 +18,7 @@ impl Simulation {
         if env < self.num_envs { Ok(()) } else { Err(Error::Environment { env, num_envs: self.num_envs }) }
     }
 
-    /// Checks a list of environments: each once, ascending.
+    /// Checks a list of environment indices: all exist, in ascending order, without repetition.
     pub(super) fn check_envs(&self, envs: &[usize]) -> Result<(), Error> {
         if let Some(pair) = envs.windows(2).find(|pair| pair[0] >= pair[1]) {
             return Err(Error::Order { env: pair[1], before: pair[0] });
@@ -26,7 +26,7 @@ impl Simulation {
         envs.last().map_or(Ok(()), |&env| self.check_env(env))
     }
 
-    /// Checked values of a field of one environment, with unit quaternions.
+    /// Checks values for a field of one environment, and returns them with normalised quaternions.
     ///
     /// # Errors
     /// [`Error::Environment`] when there is no such environment, [`Error::Length`], [`Error::NotFinite`], [`Error::TooLarge`], and
@@ -70,7 +70,7 @@ impl Simulation {
                 let found = q[at..at + 4].try_into().expect("four numbers");
                 return Err(Error::Quaternion { env, joint: self.model.joint_label(j), address: at, found, norm });
             }
-            // A quaternion of unit length to rounding keeps its bits.
+            // A quaternion whose length is 1 within rounding is not changed.
             if (norm - 1.0).abs() > 1e-15 {
                 q[at..at + 4].iter_mut().for_each(|x| *x /= norm);
             }
@@ -78,7 +78,7 @@ impl Simulation {
         Ok(())
     }
 
-    /// Checks the lengths of inputs of all environments.
+    /// Checks the lengths of the input arrays of a call for all environments.
     pub(super) fn check_inputs(&self, inputs: &StepInputs<'_>, controls: usize) -> Result<(), Error> {
         // A single environment runs this check at every step.
         let fits = inputs.ctrl.is_empty() || inputs.ctrl.len() == controls.saturating_mul(self.ctrl.len());
@@ -88,7 +88,7 @@ impl Simulation {
         self.check_each_input(inputs, controls, self.num_envs)
     }
 
-    /// Checks the lengths of inputs of `n` environments.
+    /// Checks the lengths of the input arrays of a call for `n` environments, array by array.
     #[cold]
     pub(super) fn check_each_input(&self, inputs: &StepInputs<'_>, controls: usize, n: usize) -> Result<(), Error> {
         let (nv, nu, nbody) = (self.model.nv(), self.model.nu(), self.model.bodies.len());
@@ -114,7 +114,8 @@ impl Simulation {
         if inputs.mask.is_empty() { Ok(()) } else { check_length("mask", inputs.mask.len(), n) }
     }
 
-    /// Checks that the activity of equalities, (num_envs, neq), is compatible with the model's force sensors in all environments.
+    /// Checks, in all environments, that the activity of equalities, (num_envs, neq), is allowed: none may close a loop that contains a
+    /// force sensor.
     pub(super) fn check_eq_active(&self, rows: &[f64]) -> Result<(), Error> {
         let count = self.model.equalities.len();
         let acts = |e: usize| rows.chunks_exact(count).any(|row| row[e] != 0.0);

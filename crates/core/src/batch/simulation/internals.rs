@@ -1,4 +1,4 @@
-//! Interface for benches and tests of this workspace, with the feature `internals`.
+//! Interface for benchmarks and tests of this workspace, with the feature `internals`.
 
 use std::sync::Arc;
 
@@ -12,8 +12,7 @@ use crate::model::Model;
 use crate::options::Options;
 
 impl Simulation {
-    /// Simulation on a given CPU level of this machine, whatever the environment variable selects. The ranges of the options are not
-    /// checked.
+    /// Creates a simulation on the CPU level `level`, independent of the environment variable. The ranges of the options are not checked.
     ///
     /// # Panics
     /// When `num_envs` is 0.
@@ -30,13 +29,13 @@ impl Simulation {
         Self::make(model, options, num_envs, precision, threads, level, false).expect("nothing is checked")
     }
 
-    /// Sets the functions that create workers: those with a probe in their steps.
+    /// Sets the functions that create workers, for example workers with a probe in their steps.
     #[doc(hidden)]
     pub fn set_workers(&mut self, makers: &WorkerMakers) {
         self.engine_mut().set_workers(makers);
     }
 
-    /// Fills the buffers of each step with NaN, so that the environment diverges if a step reads a number before it has computed it.
+    /// Fills the work buffers of each step with NaN. If a step reads a number before it has computed it, the environment then diverges.
     #[doc(hidden)]
     pub fn poison(&mut self) {
         self.engine_mut().settings_mut().poison = true;

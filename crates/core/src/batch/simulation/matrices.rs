@@ -1,4 +1,4 @@
-//! Matrices of a simulation in nalgebra's types, with the feature `nalgebra`.
+//! Vectors and matrices of a simulation in nalgebra's types, with the feature `nalgebra`.
 
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Point3, Quaternion, UnitQuaternion, Vector3};
 
@@ -6,7 +6,7 @@ use crate::batch::inputs::{Field, StepInputs};
 use crate::batch::simulation::{BodyPose, Contact, Simulation};
 
 impl Simulation {
-    /// Field of one environment: nq, nv or na numbers. [`Simulation::set`] accepts its `as_slice()`.
+    /// State field of one environment: nq, nv or na numbers. [`Simulation::set`] accepts its `as_slice()`.
     ///
     /// # Panics
     /// When there is no such environment.
@@ -16,7 +16,7 @@ impl Simulation {
         self.values(field, env).into()
     }
 
-    /// Field of all environments, a column for each: (nq, num_envs), (nv, num_envs) or (na, num_envs).
+    /// State field of all environments, one column per environment: (nq, num_envs), (nv, num_envs) or (na, num_envs).
     pub fn matrix(&self, field: Field) -> DMatrix<f64> {
         let mut all = DMatrix::zeros(field.width(self.model()), self.num_envs());
         for (env, mut column) in all.column_iter_mut().enumerate() {
@@ -41,10 +41,10 @@ impl Simulation {
 }
 
 impl BodyPose {
-    /// Transform from the body's frame to the world's.
+    /// Transform from the body's frame to the world frame.
     pub fn isometry(&self) -> Isometry3<f64> {
         let [w, x, y, z] = self.quat;
-        // The quaternion has length 1 to rounding, and keeps its bits.
+        // The quaternion has length 1 within rounding. Without normalisation its bits stay the same.
         Isometry3::from_parts(self.pos.into(), UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z)))
     }
 }
@@ -56,12 +56,12 @@ impl From<BodyPose> for Isometry3<f64> {
 }
 
 impl Contact {
-    /// Position in the world, m.
+    /// Position of the contact in the world frame, m.
     pub fn point(&self) -> Point3<f64> {
         self.pos.into()
     }
 
-    /// Rotation from the contact's axes to the world's. Its columns are the normal and the two tangents.
+    /// Rotation from the contact's axes to world axes. Its columns are the normal and the two tangents.
     pub fn rotation(&self) -> Matrix3<f64> {
         Matrix3::from_columns(&self.frame().map(Vector3::from))
     }

@@ -1,4 +1,4 @@
-//! Per-environment parameters.
+//! Setters of per-environment parameters of a simulation.
 
 use std::borrow::Cow;
 
@@ -9,22 +9,23 @@ use crate::compile::LaneModel;
 use crate::math::precision::Precision;
 use crate::model::{Model, ModelError, Parameter};
 
-/// Change of the numbers of actuator dynamics in a call of [`Simulation::randomize_all`].
+/// Change to the parameters of actuator dynamics in a call of [`Simulation::randomize_all`].
 #[derive(Clone, Copy, Debug)]
 pub enum ActuatorNumbers<'a> {
-    /// Keeps the present numbers.
+    /// No change: the present parameters stay.
     Kept,
-    /// Restores the numbers of [`Simulation::set_actuator_models`].
+    /// Reset to the parameters that [`Simulation::set_actuator_models`] set.
     Original,
-    /// An entry for every actuator, with lists of one number or one for each of the environments; `None` leaves an actuator as it is.
+    /// New parameters, one entry for every actuator; `None` does not change an actuator. Each list has one number, or one for each of the
+    /// call's environments.
     Given(&'a [Option<ActuatorSpec>]),
 }
 
 impl Simulation {
-    /// Sets per-environment values of some fields in the environments `envs`, ascending. Other fields and the state stay the same.
+    /// Sets per-environment values of some fields in the environments `envs`, ascending. Other fields and the state do not change.
     ///
-    /// Arrays have rows for all environments, in the shape of each [`Parameter`]. Rows of environments outside `envs` are not read. `None`
-    /// restores the numbers of the model.
+    /// Each array has one row for every environment of the simulation, in the shape of its [`Parameter`]. Rows of environments outside
+    /// `envs` are not read. `None` restores the model's values.
     ///
     /// # Errors
     /// [`Error::Environment`] or [`Error::Order`] for `envs`; [`Error::Length`] for an array of the wrong length;
@@ -34,7 +35,7 @@ impl Simulation {
         self.randomize_all(assigned, ActuatorNumbers::Kept, envs)
     }
 
-    /// Sets per-environment values of fields and of actuator dynamics. The memory of the dynamics and the rest of the state stay the same.
+    /// Sets per-environment values of fields and of actuator dynamics. The memory of the dynamics and the rest of the state do not change.
     ///
     /// # Errors
     /// Those of [`Simulation::randomize`]; [`Error::Count`] when there is not one entry for every actuator. [`Error::Actuator`] for a
@@ -58,7 +59,8 @@ impl Simulation {
         Ok(())
     }
 
-    /// Restores the model's numbers and those of [`Simulation::set_actuator_models`] in the environments `envs`, ascending.
+    /// Restores the model's parameters, and the actuator parameters of [`Simulation::set_actuator_models`], in the environments `envs`,
+    /// ascending.
     ///
     /// # Errors
     /// [`Error::Environment`] or [`Error::Order`] for `envs`.
@@ -80,7 +82,7 @@ impl Simulation {
         Ok(())
     }
 
-    /// Resampled actuator dynamics for the environments `envs`; the simulation stays the same.
+    /// Actuator dynamics with new parameters for the environments `envs`. The simulation itself does not change.
     fn resampled(&self, actuators: ActuatorNumbers<'_>, envs: &[usize]) -> Result<Option<ResampledActuators>, Error> {
         let specs = match actuators {
             ActuatorNumbers::Kept => return Ok(None),
@@ -95,7 +97,7 @@ impl Simulation {
             (Some(actuator_models), _) => Ok(Some(actuator_models.resample_actuators(&self.model, specs, envs, self.num_envs, h)?)),
             (None, None) => Ok(None),
             (None, Some(specs)) => {
-                // Actuators that were made without dynamics, so that a spec for one of them is an error.
+                // Here all actuators are without dynamics, so that a spec for one of them gives an error.
                 let none = ActuatorModels::new(&self.model, &vec![None; specs.len()], self.num_envs, h)?;
                 none.resample_actuators(&self.model, Some(specs), envs, self.num_envs, h)?;
                 Ok(None)
@@ -103,7 +105,8 @@ impl Simulation {
         }
     }
 
-    /// Per-environment actuator specs, with lists of one number or one for each environment; `None` without any.
+    /// Per-environment specs of the actuators; each list has one number, or one for each environment. `None` if actuators do not differ
+    /// between environments.
     pub fn own_actuators(&self) -> Option<&[Option<ActuatorSpec>]> {
         self.actuator_models.as_ref()?.drawn()
     }
@@ -113,7 +116,7 @@ impl Simulation {
             return self.randomization.differences(&self.model, self.lane_model(), None, assigned, envs);
         };
         let actuator_models = |variant: &Model| {
-            // The dynamics include the delays already.
+            // The actuator dynamics already include the model's delays, so that the variant must not add them again.
             let folded = ActuatorSpec::fold(&variant.without_actuator_delays(), specs, self.num_envs, self.timestep());
             folded.expect("actuator dynamics were checked with the model, and a variant has its structure").0
         };
@@ -133,17 +136,17 @@ impl Simulation {
         }
     }
 
-    /// Per-environment parameters, (num_envs, numbers of the parameter) each.
+    /// Names and values of the per-environment parameters, (num_envs, numbers of the parameter) each.
     pub fn own_parameters(&self) -> impl Iterator<Item = (Parameter, &[f64])> {
         self.randomization.fields().map(|(name, values)| (name.parse().expect("the name of a parameter"), values))
     }
 
-    /// Memory of per-environment parameters and of the numbers of actuator dynamics, bytes.
+    /// Memory of per-environment parameters, including those of actuator dynamics, bytes.
     pub fn parameter_bytes(&self) -> usize {
         self.randomization.bytes() + self.engine.parameter_bytes() + self.actuator_models.as_ref().map_or(0, ActuatorModels::bytes)
     }
 
-    /// Compiled model of one environment, in f64.
+    /// Compiled model of environment `env` with its parameters, in f64.
     pub(super) fn lane_model_of(&self, env: usize) -> Cow<'_, LaneModel<f64>> {
         let shared = self.lane_model();
         if self.randomization.is_empty() {

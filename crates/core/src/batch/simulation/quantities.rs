@@ -1,4 +1,4 @@
-//! Quantities outside a step: of one environment, and of all of them at once.
+//! Derived quantities outside a step: of one environment, and of all environments in one call.
 
 use crate::analysis::derived::DerivedQuantity;
 use crate::analysis::quantities::Snapshot;
@@ -10,10 +10,10 @@ use crate::integrators::inputs::Inputs;
 use crate::math::precision::Precision;
 
 impl Simulation {
-    /// Snapshot of one environment, for its mass matrix, energy and similar quantities.
+    /// Snapshot of one environment at its present state, from which mass matrix, energy and similar quantities can be computed.
     ///
-    /// `inputs` are those of this environment alone, and replace those in force. Controls are the outputs of the actuator dynamics, if
-    /// there are any.
+    /// `inputs` has arrays for this environment alone; they replace the inputs in force. With actuator dynamics, the controls are the
+    /// outputs of the dynamics.
     ///
     /// # Errors
     /// [`Error::Environment`] when there is no such environment, [`Error::Length`] and [`Error::MocapPoses`] for the inputs.
@@ -37,9 +37,10 @@ impl Simulation {
         })
     }
 
-    /// Computes a derived quantity of all environments, (num_envs, ...) with the [shape](DerivedQuantity::shape) of one environment's part.
+    /// Computes a derived quantity of all environments, (num_envs, ...), where `...` is its [shape](DerivedQuantity::shape) in one
+    /// environment.
     ///
-    /// It reads the applied inputs and the controls in force. The state stays the same.
+    /// It uses the applied inputs and the controls in force. The state does not change.
     ///
     /// # Errors
     /// [`Error::Element`] for a body or site that does not exist, [`Error::Length`] for `out`, [`Error::Threads`] when threads cannot be
@@ -56,7 +57,7 @@ impl Simulation {
 
     /// Computes several derived quantities of all environments in one pass, which shares intermediate results.
     ///
-    /// The arrays are in the precision of the simulation; see [`Simulation::derive`].
+    /// The arrays must be in the precision of the simulation; see [`Simulation::derive`].
     ///
     /// # Errors
     /// Those of [`Simulation::derive`], and [`Error::ArrayPrecision`] for an array in another precision.
@@ -84,7 +85,8 @@ impl Simulation {
         Ok(())
     }
 
-    /// Poses of the mocap bodies of one environment; those of the model if `pos` is empty.
+    /// Poses of the mocap bodies of one environment, from its rows of the inputs: position, m, and quaternion. If `pos` is empty, the poses
+    /// of the model.
     pub(super) fn mocap_poses<'a>(&'a self, pos: &'a [f64], quat: &'a [f64]) -> impl Iterator<Item = ([f64; 3], [f64; 4])> + 'a {
         let (pos, quat) = (pos.as_chunks::<3>().0, quat.as_chunks::<4>().0);
         self.lane_model().mocap.iter().enumerate().map(|(k, m)| if pos.is_empty() { (m.pos, m.quat) } else { (pos[k], quat[k]) })

@@ -1,4 +1,4 @@
-//! Rays of all environments.
+//! Ray casting in all environments of a simulation.
 
 use crate::batch::inputs::StepInputs;
 use crate::batch::ray_query::RayCast;
@@ -9,12 +9,12 @@ use crate::error::check_length;
 use crate::math::precision::Precision;
 
 impl Simulation {
-    /// Casts rays in all environments. Writes the distance to the first hit, m, and the index of its geom, (num_envs, count) each; -1
+    /// Casts rays in all environments. Writes the distance to the first hit, m, and the index of the geom, (num_envs, count) each; -1
     /// without a hit.
     ///
-    /// Distances are in the precision of the simulation. The state stays the same. A plane is hit from its front and has no end. A mesh is
-    /// hit on its triangles, also if its hull collides. A height field is hit also on its sides and base. A ray that begins inside a geom
-    /// hits the point where it leaves.
+    /// Distances are in the precision of the simulation. The state does not change. Rays hit a plane, which is infinite, from its front
+    /// only. They hit a mesh on its triangles, even if contacts use its hull, and a height field also on its sides and base. A ray that
+    /// begins inside a geom hits the point where it leaves the geom.
     ///
     /// # Errors
     /// [`Error::Element`] and [`Error::NoForm`] for a geom that does not exist or has no form here. [`Error::Length`] and
@@ -65,11 +65,11 @@ impl Simulation {
     }
 }
 
-/// Directions of rays, scaled to unit length.
+/// Directions of the rays, normalised to unit length.
 fn directions(rays: &RayCast<'_>) -> Result<Vec<f64>, Error> {
     let mut all = Vec::with_capacity(rays.directions.len());
     for (i, &d) in rays.directions.as_chunks::<3>().0.iter().enumerate() {
-        // Division by the largest component first, so that no square overflows or underflows.
+        // Divide by the largest component first, so that no square overflows or underflows.
         let most = d.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
         let d = d.map(|x| x / most);
         let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();

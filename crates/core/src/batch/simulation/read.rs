@@ -1,4 +1,4 @@
-//! Accessors of a simulation: state, flags, contacts and poses, environment by environment.
+//! Getters of a simulation for one environment: state, flags, contacts and poses.
 
 use std::path::Path;
 
@@ -15,52 +15,52 @@ use crate::stages::s10_record::Status;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Contact {
-    /// Geoms of the contact, as indices in the model.
+    /// Indices of the two geoms in the model.
     pub geoms: [usize; 2],
-    /// Bodies of the two geoms.
+    /// Indices of the bodies of the two geoms.
     pub bodies: [usize; 2],
-    /// Position, m.
+    /// Position of the contact in the world frame, m.
     pub pos: [f64; 3],
-    /// Unit normal, from the first geom to the second.
+    /// Unit normal in world axes, from the first geom to the second.
     pub normal: [f64; 3],
-    /// Distance from the margin, m; below 0 for an overlap.
+    /// Distance between the geoms minus the margin, m; negative for an overlap.
     pub distance: f64,
-    /// Force on the second geom, N: along the rows of [`Contact::frame`], the normal first.
+    /// Force on the second geom along the rows of [`Contact::frame`], normal first, N.
     pub force: [f64; 3],
-    /// Torque of torsional and rolling friction on the second geom, N m: about the rows of [`Contact::frame`].
+    /// Torque of torsional and rolling friction on the second geom about the rows of [`Contact::frame`], N m.
     pub torque: [f64; 3],
 }
 
 impl Contact {
-    /// Unit axes of force and torque, one a row: the normal and the two tangents, right-handed.
+    /// Axes of force and torque as rows, unit vectors in world axes: the normal and the two tangents, right-handed.
     pub fn frame(&self) -> [[f64; 3]; 3] {
         contact_frame(self.normal)
     }
 }
 
-/// Certificate of a step: how well its constraint problem was solved, and the solver's effort.
+/// Certificate of a step: residual of its constraint problem, and number of solver iterations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Certificate {
-    /// Natural-map residual, m/s.
+    /// Residual of the constraint problem (natural map), m/s.
     pub residual: f64,
-    /// Number of sweeps (Gauss-Seidel iterations).
+    /// Number of Gauss-Seidel iterations (sweeps).
     pub sweeps: u32,
-    /// Number of Newton steps, over all islands of bodies.
+    /// Number of Newton iterations, summed over all islands of bodies.
     pub newton_steps: u32,
 }
 
-/// Position and orientation of a body's frame in the world.
+/// Position and orientation of a body's frame in the world frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BodyPose {
     /// Position of the frame's origin, m.
     pub pos: [f64; 3],
-    /// Unit quaternion (w, x, y, z).
+    /// Orientation: unit quaternion (w, x, y, z).
     pub quat: [f64; 4],
 }
 
 impl Simulation {
-    /// Copies a field of one environment to `out`: nq, nv or na numbers.
+    /// Copies a state field of one environment to `out`: nq, nv or na numbers.
     ///
     /// # Errors
     /// [`Error::Environment`] when there is no such environment, [`Error::Length`] when `out` has fewer or more numbers; nothing is written
@@ -98,7 +98,7 @@ impl Simulation {
         self.values(Field::Qvel, env)
     }
 
-    /// Time of one environment, s.
+    /// Simulated time of one environment, s.
     ///
     /// # Panics
     /// When there is no such environment.
@@ -108,7 +108,7 @@ impl Simulation {
         self.engine.time(env)
     }
 
-    /// Flags of all steps of the last call.
+    /// Status flags of all steps of the last call, combined.
     ///
     /// # Panics
     /// When there is no such environment.
@@ -118,7 +118,8 @@ impl Simulation {
         self.engine.outcome(env).status
     }
 
-    /// Largest overlap of a contact beyond its margin in the last call, m, at the evaluation point of each step.
+    /// Largest overlap of a contact during the last call, beyond its margin, m. Each step measures it at the configuration where it
+    /// evaluates contacts.
     ///
     /// # Panics
     /// When there is no such environment.
@@ -128,7 +129,7 @@ impl Simulation {
         self.engine.outcome(env).depth
     }
 
-    /// Largest distance of a joint or tendon beyond its range after a step of the last call, rad or m.
+    /// Largest distance of a joint or tendon beyond its range, over all steps of the last call, rad or m.
     ///
     /// # Panics
     /// When there is no such environment.
@@ -138,7 +139,7 @@ impl Simulation {
         self.engine.outcome(env).overshoot
     }
 
-    /// Largest position error of an equality after a step of the last call, m or rad; 0 without equalities.
+    /// Largest position error of an equality, over all steps of the last call, m or rad; 0 without equalities.
     ///
     /// # Panics
     /// When there is no such environment.
@@ -148,7 +149,7 @@ impl Simulation {
         self.engine.outcome(env).equality_violation
     }
 
-    /// Number of clipped readings and of lost samples in the last call, for every sensor of the model.
+    /// Number of clipped readings and number of lost samples in the last call, for every sensor of the model.
     ///
     /// # Panics
     /// When there is no such environment.
@@ -160,7 +161,7 @@ impl Simulation {
         out
     }
 
-    /// Steps of the last call in which the effort of each actuator was cut to its bounds, (nu,).
+    /// Number of steps of the last call in which the effort of each actuator reached its bounds, (nu,).
     ///
     /// # Panics
     /// When there is no such environment.
@@ -172,7 +173,7 @@ impl Simulation {
         out
     }
 
-    /// Certificate of the last step.
+    /// Certificate of the last step: residual and number of solver iterations.
     ///
     /// # Panics
     /// When there is no such environment.
@@ -183,9 +184,9 @@ impl Simulation {
         Certificate { residual: outcome.residual, sweeps: outcome.sweeps as u32, newton_steps: outcome.newton_steps as u32 }
     }
 
-    /// Row with the largest residual in the last unsolved step ([`Status::NOT_CONVERGED`](crate::Status)) of the last call.
+    /// Constraint row with the largest residual in the last unsolved step ([`Status::NOT_CONVERGED`](crate::Status)) of the last call.
     ///
-    /// `None` if all steps were solved or no row exceeds the tolerance.
+    /// `None` if all steps were solved, or if no row exceeds the tolerance.
     ///
     /// # Panics
     /// When there is no such environment.
@@ -195,11 +196,11 @@ impl Simulation {
         self.engine.worst_row(&self.model, env)
     }
 
-    /// Constraint problem of the next step of environment `env`, as bytes for `stepper_solve::Problem::from_bytes`. The state stays the
-    /// same.
+    /// Constraint problem of the next step of environment `env`, as bytes for `stepper_solve::Problem::from_bytes`. The state does not
+    /// change.
     ///
-    /// Controls are those of `inputs`, or else those in force. For a step that was not solved, restore the state before it from
-    /// [`Simulation::save_state`](crate::Simulation::save_state) first.
+    /// Controls are those of `inputs`, or else those in force. To get the problem of a step that was not solved, first restore the state
+    /// before that step, which [`Simulation::save_state`](crate::Simulation::save_state) saved.
     ///
     /// # Errors
     /// Those of [`Simulation::step`](crate::Simulation::step) for the inputs, and [`Error::Environment`].
@@ -208,7 +209,7 @@ impl Simulation {
         self.check_inputs(inputs, 1)?;
         let mut ctrl = self.ctrl.clone();
         if !inputs.ctrl.is_empty() {
-            // One row is for all environments.
+            // A single row of controls is for all environments.
             ctrl.chunks_exact_mut(inputs.ctrl.len()).for_each(|rows| rows.copy_from_slice(inputs.ctrl));
         }
         Ok(self.engine.problem(&StepInputs { ctrl: &ctrl, ..self.applied.complete(inputs) }, env))
@@ -223,14 +224,14 @@ impl Simulation {
         write_whole(path, &bytes).map_err(|e| Error::File { path: path.display().to_string(), reason: e.to_string() })
     }
 
-    /// Contacts of the last step: all whose gap the motion could close, also those that do not touch.
+    /// Contacts of the last step, including those that do not touch: all whose gap the motion of the step could close.
     ///
     /// # Panics
     /// When there is no such environment.
     #[track_caller]
     pub fn contacts(&self, env: usize) -> Vec<Contact> {
         self.assert_env(env);
-        // The solver's unknowns are impulses over a step.
+        // The stored impulses are integrals over a step. Division by `h` gives mean forces.
         let h = self.timestep();
         let force = |impulse: [f64; 3]| impulse.map(|x| x / h);
         let contact = |(geoms, c): ([usize; 2], StoredContact)| Contact {
@@ -247,7 +248,7 @@ impl Simulation {
 
     /// Poses of all bodies of one environment at its present configuration, (nbody,); body 0 is the world.
     ///
-    /// `inputs` are those of all environments, as for [`Simulation::step`]. Only poses of mocap bodies are read.
+    /// `inputs` has arrays for all environments, as for [`Simulation::step`]. Only the poses of mocap bodies are read.
     ///
     /// # Errors
     /// [`Error::Environment`] when there is no such environment, and those of [`Simulation::step`] for the inputs.

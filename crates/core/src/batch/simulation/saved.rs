@@ -4,12 +4,13 @@ use crate::batch::saved_state::SavedState;
 use crate::batch::simulation::{Error, Simulation};
 
 impl Simulation {
-    /// Saved state of all environments: all that survives a step, with the controls in force. Applied inputs are no part of it.
+    /// Saved state of all environments: everything that a step hands over to the next, and the controls in force. Applied inputs are not
+    /// included.
     pub fn save_state(&self) -> SavedState {
         self.sealed(self.engine.save(None, &self.ctrl))
     }
 
-    /// Saved state of one environment, as a simulation of that environment alone would save it.
+    /// Saved state of one environment. It equals the saved state of a simulation of that environment alone.
     ///
     /// # Panics
     /// When there is no such environment.
@@ -24,14 +25,14 @@ impl Simulation {
         SavedState::new(self.digest(), self.precision, payload)
     }
 
-    /// Digest of the model, which is slow for large meshes.
+    /// Digest of the model, computed at the first call. For large meshes it is slow.
     fn digest(&self) -> [u8; 32] {
         *self.digest.get_or_init(|| self.model.digest())
     }
 
-    /// Restores a saved state in all environments. Continuing from it repeats the same bits.
+    /// Restores a saved state in all environments. Later steps repeat the same bits.
     ///
-    /// The state has the same number of environments, or one that goes to all.
+    /// The saved state must have the same number of environments, or one environment that goes to all.
     ///
     /// # Errors
     /// [`Error::OtherModel`] for a state of another model, [`Error::StatePrecision`] for one of the other precision. [`Error::StateMisfit`]
@@ -40,8 +41,8 @@ impl Simulation {
         self.restore_state_in(state, &(0..self.num_envs).collect::<Vec<_>>())
     }
 
-    /// Restores a saved state in the environments `envs`, ascending. Several environments with the same state still draw different random
-    /// numbers.
+    /// Restores a saved state in the environments `envs`, ascending. If one saved environment goes to several, they still draw different
+    /// random numbers.
     ///
     /// # Errors
     /// As [`Simulation::restore_state`], and [`Error::Environment`] or [`Error::Order`] for `envs`.

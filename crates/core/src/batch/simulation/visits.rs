@@ -1,4 +1,4 @@
-//! Visits of the step of every group of environments.
+//! Access to the step of every group of environments, for derivatives.
 
 use stepper_real::{Real, at_avx512, at_level};
 
@@ -10,10 +10,10 @@ use crate::group_step::{GroupStep, GroupVisitor, StepSettings};
 use crate::math::precision::Precision;
 
 impl Simulation {
-    /// Calls the visitor with the step of every group of environments, from the present state with the controls `ctrl`, (num_envs, nu). The
-    /// step is solved to `tolerance`, m/s. The environments keep their state.
+    /// Calls `visitor` with the step of every group of environments, from the present state with the controls `ctrl`, (num_envs, nu). The
+    /// solver converges to a residual of `tolerance`, m/s. The state of the environments does not change.
     ///
-    /// The worker threads call the visitor. Errors of sensors have no part in the step.
+    /// The worker threads call the visitor. The step leaves out error models of sensors.
     ///
     /// # Errors
     /// [`Error::Option`] in 32 bits and with actuator dynamics, [`Error::Length`] for controls of the wrong length, [`Error::Threads`] when
@@ -35,7 +35,7 @@ impl Simulation {
         })
     }
 
-    /// Settings of a step in force.
+    /// Step settings in force.
     pub fn settings(&self) -> &StepSettings {
         self.engine.settings()
     }

@@ -1,18 +1,20 @@
-//! Setters of a simulation: state of environments, new episodes, random streams.
+//! Setters of a simulation: state of environments, new episodes, and random streams.
 
 use crate::batch::inputs::{Episode, Field, StateRows};
 use crate::batch::simulation::{Error, Simulation};
 use crate::error::check_length;
 use crate::model::Keyframe;
 
-/// Checked rows of a call, one for each of some environments; none if the call gives none.
+/// Checked state values of a call: for each field, one row for each chosen environment. A field is missing if the call has no values for
+/// it.
 struct CheckedRows {
     fields: [(Field, Vec<Vec<f64>>); 3],
     times: Vec<f64>,
 }
 
 impl Simulation {
-    /// Resets one environment to the model's reset state, with controls of zero and no applied inputs. Nothing of the old episode remains.
+    /// Resets one environment to the model's reset state, with zero controls and no applied inputs. It clears everything that belongs to
+    /// the old episode.
     ///
     /// # Panics
     /// When there is no such environment.
@@ -31,7 +33,7 @@ impl Simulation {
         self.applied.reset(env, &model);
     }
 
-    /// Starts a new episode in the environments `envs`, ascending: [`Simulation::reset`] with the changes in `episode`.
+    /// Starts a new episode in the environments `envs`, ascending: a [`Simulation::reset`], followed by the changes in `episode`.
     ///
     /// # Errors
     /// [`Error::Environment`] or [`Error::Order`] for `envs`, and those of [`Simulation::set`] and [`Simulation::start_from`]; nothing is
@@ -57,7 +59,7 @@ impl Simulation {
         Ok(())
     }
 
-    /// Sets one environment, which was reset, to a keyframe of the model: state, time and controls in force.
+    /// Sets one environment to a keyframe of the model: state, time and controls. The environment must have been reset.
     ///
     /// # Errors
     /// As [`Simulation::set`] and [`Simulation::set_time`], and [`Error::Length`] for the controls; nothing is changed then.
@@ -78,7 +80,7 @@ impl Simulation {
         self.check_time(env, keyframe.time).map(|_| ())
     }
 
-    /// Sets a field of one environment, and clears its memory: warm start, contacts, and the memory of sensors and actuator dynamics.
+    /// Sets a state field of one environment. Clears warm start, contacts, and the memory of sensors and actuator dynamics.
     ///
     /// The next steps then depend on the new state alone.
     ///
@@ -91,8 +93,8 @@ impl Simulation {
         Ok(())
     }
 
-    /// Corrects a field of one running environment. Warm start, delays and sensor memory stay. Use it in observers that correct the state
-    /// of a plant.
+    /// Corrects a state field of one running environment. Warm start, delays and sensor memory do not change. Use it in observers that
+    /// correct the state of a plant.
     ///
     /// # Errors
     /// As [`Simulation::set`]; nothing is changed then.
@@ -102,10 +104,10 @@ impl Simulation {
         Ok(())
     }
 
-    /// Sets fields and times of the environments `envs`, ascending.
+    /// Sets state fields and times of the environments `envs`, ascending.
     ///
-    /// With `cold` fields are set as by [`Simulation::set`], otherwise as by [`Simulation::correct`]. A time has no other effect in either
-    /// case.
+    /// With `cold`, fields are set as by [`Simulation::set`], otherwise as by [`Simulation::correct`]. Setting a time has no other effect
+    /// in either case.
     ///
     /// # Errors
     /// [`Error::Environment`] or [`Error::Order`] for `envs`, and those of [`Simulation::set`] and [`Simulation::set_time`]; nothing is
@@ -135,7 +137,8 @@ impl Simulation {
         Ok(CheckedRows { fields, times })
     }
 
-    /// Row of an environment in an array with a row for each, or with one row for all.
+    /// Function that returns the row of an environment in `given`, an array with one row per environment or one row for all. `width` is the
+    /// length of a row.
     fn rows<'a>(&self, name: &'static str, given: &'a [f64], width: usize) -> Result<impl Fn(usize) -> &'a [f64], Error> {
         let shared = given.len() == width;
         if !shared {
@@ -151,7 +154,7 @@ impl Simulation {
         envs.iter().zip(times).for_each(|(&env, time)| self.engine_mut().set_time(env, time));
     }
 
-    /// Writes checked values to a field. `cold` clears the memory of earlier steps.
+    /// Writes checked values to a state field. `cold` also clears the memory of earlier steps.
     fn write_field(&mut self, field: Field, env: usize, values: &[f64], cold: bool) {
         let engine = self.engine_mut();
         engine.write(field, env, values);
@@ -162,7 +165,7 @@ impl Simulation {
         }
     }
 
-    /// Sets the time of one environment, s.
+    /// Sets the simulated time of one environment, s.
     ///
     /// # Errors
     /// [`Error::Environment`] when there is no such environment, [`Error::NotFinite`] for a time that is not finite.
@@ -172,13 +175,14 @@ impl Simulation {
         Ok(())
     }
 
-    /// Controls in force of one environment, mutable.
+    /// Mutable controls in force of one environment.
     pub(super) fn ctrl_mut(&mut self, env: usize) -> &mut [f64] {
         let nu = self.model.nu();
         &mut self.ctrl[env * nu..(env + 1) * nu]
     }
 
-    /// Sets the index under which an environment draws random numbers. By default it is the place in the batch.
+    /// Sets the index of the random stream from which an environment draws its random numbers. The default is the environment's index in
+    /// the batch.
     ///
     /// # Panics
     /// When there is no such environment.
@@ -188,7 +192,8 @@ impl Simulation {
         self.engine_mut().set_random_stream(env, stream);
     }
 
-    /// Begins a new episode of one environment for random numbers: the next under its seed, or the first under a new one.
+    /// Begins a new episode of random numbers in one environment: the next episode of the present seed, or the first episode of the seed
+    /// `seed`.
     ///
     /// # Panics
     /// When there is no such environment.
@@ -199,7 +204,7 @@ impl Simulation {
     }
 }
 
-/// Fields of the state in a keyframe.
+/// State fields of a keyframe, with their values.
 fn fields_of(keyframe: &Keyframe) -> [(Field, &[f64]); 3] {
     [(Field::Qpos, &keyframe.qpos), (Field::Qvel, &keyframe.qvel), (Field::Act, &keyframe.act)]
 }

@@ -1,4 +1,5 @@
-//! Actuators, and the entries of the mass matrix to which springs and dampers among them contribute.
+//! Compiled actuators: their moments and bounds, and the entries of the mass matrix to which their implicit stiffness and damping
+//! contribute.
 
 use std::f64::consts::PI;
 
@@ -9,107 +10,111 @@ use crate::compile::merging::{Merged, matrix, quaternion, vector};
 use crate::compile::tree::{CompiledFriction, Dof, scalars};
 use crate::model::{Activation, Actuator, JointKind, Model, Transmission};
 
-/// Actuator on a linear combination of scalar joints, or on a site.
+/// Compiled actuator: on a linear combination of scalar joints (a joint or a fixed tendon), or on a site.
 #[derive(Clone, Debug)]
 pub struct CompiledActuator<S> {
-    /// Terms of the moment: address in q, degree of freedom, moment arm (gear included). Empty for an actuator on a site.
+    /// Terms of the constant moment: address in q, degree of freedom, and moment arm with the gear. Empty for an actuator on a site.
     pub moment: Vec<(usize, usize, S)>,
-    /// Wrench of the actuator on a site, if it acts on one.
+    /// Wrench of an actuator on a site; `None` for an actuator on a joint or tendon.
     pub wrench: Option<CompiledWrench<S>>,
-    /// Bounds of the control.
+    /// Lowest and highest control; `None` without bounds.
     pub ctrl_range: Option<[S; 2]>,
-    /// Bounds of the force.
+    /// Lowest and highest force; `None` without bounds.
     pub force_range: Option<[S; 2]>,
-    /// Bounds of the activation.
+    /// Lowest and highest activation; `None` without bounds.
     pub act_range: Option<[S; 2]>,
-    /// Address of the actuator's activation.
+    /// Index of the actuator's activation; `None` without one.
     pub act: Option<usize>,
-    /// Dynamics of the activation.
+    /// Differential equation of the activation.
     pub activation: Activation,
-    /// Whether gain or bias depend on length or velocity.
+    /// Whether the force depends on length or velocity, by gain, bias or actuator dynamics.
     pub needs_motion: bool,
-    /// Index among the servos.
+    /// Index in the list of servos, the actuators whose force depends on length or velocity; `None` for another actuator.
     pub servo: Option<usize>,
-    /// Part of the actuator's dynamics that acts within a step.
+    /// Part of the actuator dynamics that acts within a step; `None` if there is none.
     pub dynamics: Option<CompiledActuatorDynamics<S>>,
-    /// Index of the force range of the joint that it drives, if that joint has one. Actuators on tendons have none.
+    /// Index of the force range (`actuatorfrcrange`) of the joint that the actuator drives; `None` without one, and for actuators on
+    /// tendons.
     pub joint_force_range: Option<usize>,
 }
 
-/// Place of a site.
+/// Pose of a site in a frame of the compiled model.
 #[derive(Clone, Copy, Debug)]
 pub struct Spot<S> {
-    /// Frame of the compiled model.
+    /// Index of the frame in the compiled model.
     pub frame: usize,
     /// Position in the frame, m.
     pub pos: [S; 3],
-    /// Orientation in the frame.
+    /// Rotation matrix from the site's axes to the frame's, row-major.
     pub mat: [S; 9],
 }
 
-/// Wrench at a site: an actuator whose moment depends on the configuration.
+/// Wrench of an actuator on a site. Its moment depends on the configuration.
 #[derive(Clone, Debug)]
 pub struct CompiledWrench<S> {
-    /// Site on which the wrench acts.
+    /// Pose of the site on which the wrench acts.
     pub site: Spot<S>,
-    /// Reference site, in whose frame the wrench is given and on which the reaction acts.
+    /// Pose of the reference site, which receives the opposite wrench, and whose axes the wrench has. `None` without one.
     pub reference: Option<Spot<S>>,
-    /// Force and torque per unit of the actuator's force, gear included.
+    /// Force and torque per unit of the actuator's force, including the gear.
     pub wrench: [S; 6],
-    /// Change of the length by a whole turn, if the length is an angle.
+    /// Change of the actuator's length by a full rotation, if the length is an angle.
     pub turn: Option<S>,
-    /// Dofs that move the site (1) or the reference (-1), but not both.
+    /// Degrees of freedom that move only the site (sign 1) or only the reference site (sign -1), with the sign.
     pub dofs: Vec<(usize, S)>,
-    /// Offset of its arms in the list of arms of all wrenches. Its length has the index of the wrench.
+    /// Index of the actuator's first moment arm in the list of arms of all wrenches.
     pub arms: usize,
-    /// Index among the wrenches.
+    /// Index in the list of wrenches, and of the actuator's length in the list of their lengths.
     pub index: usize,
 }
 
-/// Part of an actuator's dynamics that acts within a step: bounds and force laws that differ between environments.
+/// Part of an actuator's dynamics that acts within a step: force bounds and affine forces, which may differ between environments.
 #[derive(Clone, Copy, Debug)]
 pub struct CompiledActuatorDynamics<S> {
     /// Index among the actuator dynamics that act within a step.
     pub index: usize,
-    /// Whether it is a continuous servo.
+    /// Whether the dynamics are a continuous servo (a PD law that acts within the step).
     pub servo: bool,
-    /// Whether it is a motor with a torque-speed curve, and whether the control is its voltage.
+    /// Whether the control is a voltage, for a motor with a torque-speed curve; `None` for other actuators.
     pub motor: Option<bool>,
-    /// Whether the effort has limits.
+    /// Whether the force has limits.
     pub limited: bool,
-    /// Row of dry friction with its losses, and the moment arm there.
+    /// Index of the dry friction row that contains the actuator's friction losses, and moment arm on its joint. `None` without losses.
     pub losses: Option<(usize, S)>,
 }
 
-/// Actuator whose force depends on its length or velocity.
+/// Servo: actuator whose force depends on its length or velocity, with the entries of the mass matrix to which it adds inertia.
 #[derive(Clone, Debug)]
 pub struct CompiledServo<S> {
     /// Index of the actuator.
     pub actuator: usize,
-    /// Entries of the mass matrix for pairs of dofs on one branch, and the factors of the added inertia there.
+    /// Pairs of degrees of freedom on one kinematic branch: entry of the mass matrix, and factor of the added inertia.
     pub entries: Vec<(usize, S)>,
-    /// Entries of an actuator on a site: entries and the two arms whose product is the factor.
+    /// Pairs of degrees of freedom on one branch, for an actuator on a site. They give the entry of the mass matrix, and the indices of the
+    /// two moment arms whose product is the factor.
     pub products: Vec<(usize, [usize; 2])>,
-    /// Diagonal bound of a moment across branches, used instead of `entries`: entries and factors; empty for a moment on one branch.
+    /// Diagonal upper bound of the added inertia for a moment across branches, used instead of `entries`: entries and factors. Empty for a
+    /// moment on one branch.
     pub bound: Vec<(usize, S)>,
-    /// Diagonal bound of an actuator on a site, used instead of `products`: entries and their arms.
+    /// Diagonal upper bound of the added inertia for an actuator on a site across branches, used instead of `products`: entries and indices
+    /// of their moment arms.
     pub spread: Vec<(usize, usize)>,
 }
 
-/// Bounds of the sum of actuator forces on a dof.
+/// Bounds of the sum of all actuator forces on one degree of freedom (`actuatorfrcrange`).
 #[derive(Clone, Debug)]
 pub struct CompiledForceRange<S> {
-    /// Degree of freedom.
+    /// Index of the degree of freedom.
     pub dof: usize,
-    /// Lowest and highest sum.
+    /// Lowest and highest sum, N or N m.
     pub bounds: [S; 2],
-    /// Actuators that act on it, and their moment arms.
+    /// Actuators on this degree of freedom: index, and moment arm.
     pub actuators: Vec<(usize, S)>,
     /// Whether any of these actuators is a servo.
     pub has_servos: bool,
 }
 
-/// Parts of the scene that actuators refer to.
+/// Parts of the model and of the compiled model that actuators refer to.
 #[derive(Clone, Copy)]
 pub(super) struct Scene<'a> {
     pub(super) model: &'a Model,
@@ -125,7 +130,7 @@ pub(super) struct Drives<S> {
     pub(super) actuators: Vec<CompiledActuator<S>>,
     pub(super) servos: Vec<CompiledServo<S>>,
     pub(super) force_ranges: Vec<CompiledForceRange<S>>,
-    /// Number of arms of all wrenches, and number of wrenches.
+    /// Number of moment arms of all wrenches; below it the number of wrenches.
     pub(super) arms: usize,
     pub(super) wrenches: usize,
     /// Number of actuator dynamics that act within a step.
@@ -133,7 +138,7 @@ pub(super) struct Drives<S> {
 }
 
 impl<S: Scalar> Drives<S> {
-    /// Compiler of actuators. `specs` has an entry for every actuator of the model, or none at all.
+    /// Compiles the actuators of the model. `specs` has an entry for every actuator, or is empty.
     pub(super) fn new(scene: Scene<'_>, specs: &[Option<ActuatorSpec>]) -> Self {
         let model = scene.model;
         let mut drives = Self { actuators: vec![], servos: vec![], force_ranges: vec![], arms: 0, wrenches: 0, actuator_dynamics: 0 };
@@ -207,7 +212,8 @@ impl<S: Scalar> Drives<S> {
         Some(compiled)
     }
 
-    /// Part of a spec that acts within a step. Delay, lag and sampled servos act between steps.
+    /// Compiles the part of a spec that acts within a step: delay, lag and sampled servos act between steps. `None` if nothing acts within
+    /// it.
     fn dynamics(&mut self, scene: Scene<'_>, a: &Actuator, spec: Option<&ActuatorSpec>) -> Option<CompiledActuatorDynamics<S>> {
         let spec = spec?;
         let row = |j: usize| scene.frictions.iter().position(|f| f.dof == scene.addresses[j].1);
@@ -246,16 +252,17 @@ fn spot<S: Scalar>(scene: Scene<'_>, site: usize) -> Spot<S> {
     }
 }
 
-/// Entry of the mass matrix for a dof and one above it; `None` if they lie on different branches.
+/// Index of the mass matrix entry for the degrees of freedom `below` and `above`. `None` if `above` is not an ancestor of `below`.
 fn entry(scene: Scene<'_>, below: usize, above: usize) -> Option<usize> {
     let dof = &scene.dofs[below];
     scene.chain[dof.chain..dof.chain + dof.depth].iter().position(|&d| d as usize == above).map(|k| dof.chain + k)
 }
 
-/// Entries of a a^T in the layout of the mass matrix, for a moment of (dof, arm) and its pairs on one branch.
+/// Entries of the matrix a a^T in the layout of the mass matrix, for a moment a given as (degree of freedom, moment arm). The first list
+/// has the pairs on one branch.
 ///
-/// If some pair is on two branches, it also returns the entries of a diagonal matrix that is not smaller (see
-/// [`crate::actuation::forces`]).
+/// If some pair is on two branches, the second list is a diagonal matrix that is an upper bound of a a^T (see
+/// [`crate::actuation::forces`]). Otherwise it is empty.
 fn entries(moment: &[(usize, f64)], scene: Scene<'_>) -> [Vec<(usize, f64)>; 2] {
     let mut arms: Vec<(usize, f64)> = Vec::new();
     for &(dof, arm) in moment {
@@ -264,7 +271,7 @@ fn entries(moment: &[(usize, f64)], scene: Scene<'_>) -> [Vec<(usize, f64)>; 2] 
             None => arms.push((dof, arm)),
         }
     }
-    // The deepest dof first: its chain contains all the others, or the moment goes across branches.
+    // Deepest degree of freedom first. Its chain contains all the others, unless the moment goes across branches.
     arms.sort_by_key(|&(dof, _)| std::cmp::Reverse(scene.dofs[dof].depth));
     let pairs: Vec<_> = arms.iter().enumerate().flat_map(|(k, &below)| arms[k..].iter().map(move |&above| (below, above))).collect();
     let product = |&((i, a), (j, b)): &((usize, f64), (usize, f64))| entry(scene, i, j).map(|entry| (entry, a * b));
@@ -279,7 +286,8 @@ fn entries(moment: &[(usize, f64)], scene: Scene<'_>) -> [Vec<(usize, f64)>; 2] 
 
 type Products = (Vec<(usize, [usize; 2])>, Vec<(usize, usize)>);
 
-/// Entries of a wrench, whose arms change: entries with the two arms of each product, and diagonal entries if it goes across branches.
+/// Entries of the mass matrix for a wrench, whose moment arms change: entries with the two arms of each product. If the wrench acts across
+/// branches, the second list has the diagonal entries with their arms.
 fn products<S: Scalar>(wrench: &CompiledWrench<S>, scene: Scene<'_>) -> Products {
     let mut dofs: Vec<(usize, usize)> = wrench.dofs.iter().enumerate().map(|(k, &(dof, _))| (dof, wrench.arms + k)).collect();
     dofs.sort_by_key(|&(dof, _)| std::cmp::Reverse(scene.dofs[dof].depth));

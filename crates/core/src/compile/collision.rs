@@ -1,4 +1,4 @@
-//! Collision geometry: frames of geoms, and the pairs that can touch.
+//! Compiled collision geometry: geoms with their frames, and the pairs that can collide.
 
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
@@ -18,104 +18,104 @@ use crate::model::{ContactSpring, Filter, Geom, GeomPair, HeightField, Kernel, M
 pub struct CompiledGeom<S> {
     /// Index of the geom in the model.
     pub index: usize,
-    /// Frame to which the geom is fixed.
+    /// Index of the frame to which the geom is fixed.
     pub frame: usize,
-    /// Whether it is a half space.
+    /// Whether the geom is a plane (half space).
     pub is_plane: bool,
-    /// Whether the surface has a constant distance from the nearest point of its axis: a sphere or a capsule.
+    /// Whether the geom is a sphere or a capsule: all surface points have the same distance from the axis.
     pub is_round: bool,
-    /// Orientation of the geom in the frame.
+    /// Rotation matrix from the geom's axes to the frame's, row-major.
     pub mat: [S; 9],
-    /// Whether any pair reads more of the geom's orientation than its z axis.
+    /// Whether a pair uses the geom's whole orientation, and not only its z axis.
     pub full_orientation: bool,
-    /// Solid for [`Kernel::Convex`]; none if no pair needs it.
+    /// Collision shape for [`Kernel::Convex`] and the tunnelling check; `None` if no pair needs it.
     pub solid: Option<Solid>,
 }
 
 impl<S: Scalar> CompiledGeom<S> {
-    /// Creates the solid for [`Kernel::Convex`].
+    /// Sets the solid for [`Kernel::Convex`].
     fn make_solid(&mut self, model: &Model, shape: &Shape) {
         self.keep_solid(model, shape);
         self.full_orientation = true;
     }
 
-    /// Stores the solid for the check of tunnelling.
+    /// Sets the solid for the tunnelling check, if the geom can have one.
     fn keep_solid(&mut self, model: &Model, shape: &Shape) {
         self.solid.get_or_insert_with(|| solid(model, shape));
     }
 }
 
-/// Pair of geoms that can touch.
+/// Pair of geoms that can collide.
 #[derive(Clone, Copy, Debug)]
 pub struct CompiledPair<S> {
     /// Indices of the geoms in the compiled model.
     pub geoms: [usize; 2],
-    /// Kernel of the narrow phase.
+    /// Function of the narrow phase for this pair of shapes.
     pub kernel: Kernel,
-    /// Number of rows of a contact: 1, 3, 4 or 6.
+    /// Number of rows of each contact: 1, 3, 4 or 6.
     pub condim: u8,
-    /// Margin: distance at which the contact pushes, m.
+    /// Margin of the pair: distance at which its contacts begin to push, m.
     pub margin: S,
-    /// Spring of its contacts; `None` for rigid ones.
+    /// Spring of the pair's contacts; `None` for rigid contacts.
     pub spring: Option<Spring<S>>,
 }
 
 impl<S> CompiledPair<S> {
-    /// Whether the pair is a half space and a capsule.
+    /// Whether the first geom is a plane and the second a capsule.
     pub fn is_plane_and_capsule(&self) -> bool {
         matches!(self.kernel, Kernel::PlaneCapsule)
     }
 }
 
-/// Dynamic pairs: pairs of members, geoms that are too many for a list of their pairs. Detection finds the pairs in every step.
+/// Dynamic pairs: pairs among many geoms (the members), too numerous for a list. The broad phase finds those that can touch in every step.
 #[derive(Clone, Debug)]
 pub struct DynamicPairs<S> {
-    /// Geoms with dynamic pairs, ascending. Any two may collide.
+    /// Geoms that form the dynamic pairs, ascending. Any two of them may collide.
     pub members: Vec<Member>,
-    /// Indices of the members that are not fixed to the world. Empty if the pairs among them are listed.
+    /// Indices of the members that are not fixed to the world. Empty if the pairs of moving members are listed instead.
     pub moving: Vec<u32>,
     /// Largest bounding radius of a member plus its margin, m.
     pub widest: f64,
-    /// Number of the first dynamic pair; the pairs before it are listed.
+    /// Index of the first dynamic pair in the compiled model. Listed pairs have the indices before it.
     first: usize,
     filter: Filter,
-    /// Shapes of all geoms of the model.
+    /// Shapes of all geoms of the model, by geom.
     shapes: Vec<Shape>,
     has_rolling_friction: bool,
     scalar: PhantomData<S>,
 }
 
-/// Member: geom with dynamic pairs.
+/// Member of the dynamic pairs: a geom that may collide with any other member.
 #[derive(Clone, Copy, Debug)]
 pub struct Member {
     /// Index of the geom in the compiled model.
     pub geom: usize,
     /// Index of the geom in the model.
     model_geom: usize,
-    /// Part of a pair's margin that this geom contributes, m.
+    /// Contribution of this geom to the margin of a pair, m.
     pub margin: f64,
 }
 
 impl<S: Scalar> DynamicPairs<S> {
-    /// Number of the pair of the members `i` and `j`: ascending with `i`, then `j`.
+    /// Index of the pair of the members `i` and `j` in the compiled model. It ascends with `i`, then `j`.
     pub fn number(&self, i: usize, j: usize) -> usize {
         self.first + i * self.members.len() + j
     }
 
-    /// Members of a pair.
+    /// Members of the dynamic pair with index `number`; `None` if there is no such pair.
     fn members_of(&self, number: usize) -> Option<[&Member; 2]> {
         let (n, k) = (self.members.len(), number.checked_sub(self.first)?);
         Some([self.members.get(k / n)?, &self.members[k % n]])
     }
 
-    /// Geoms of a pair in the compiled model, the simpler shape first.
+    /// Geoms of the dynamic pair with index `number`, as indices in the compiled model, the simpler shape first.
     pub fn geoms(&self, number: usize) -> Option<[usize; 2]> {
         let [a, b] = self.members_of(number)?;
         let swap = self.filter.ordered([a.model_geom, b.model_geom])[0] != a.model_geom;
         Some(if swap { [b.geom, a.geom] } else { [a.geom, b.geom] })
     }
 
-    /// Dynamic pair by its number, if it can collide.
+    /// Compiled form of the dynamic pair with index `number`; `None` if its geoms do not collide.
     pub fn pair(&self, number: usize) -> Option<CompiledPair<S>> {
         let [a, b] = self.members_of(number)?;
         let geoms = self.filter.ordered([a.model_geom, b.model_geom]);
@@ -127,13 +127,13 @@ impl<S: Scalar> DynamicPairs<S> {
         Some(pair_plan(&pair, Kernel::of(shapes[0], shapes[1])?, self.geoms(number)?))
     }
 
-    /// Pair in the terms of the model, if it can collide.
+    /// Collision parameters of the dynamic pair with index `number` in terms of the model; `None` if its geoms do not collide.
     pub(crate) fn geom_pair(&self, number: usize) -> Option<GeomPair> {
         let [a, b] = self.members_of(number)?;
         self.filter.pair(self.filter.ordered([a.model_geom, b.model_geom]))
     }
 
-    /// Contact parameters of a pair, combined from those of its geoms (see [`Filter::precedence`]).
+    /// Contact parameters of the dynamic pair with index `number`, combined from those of its geoms (see [`Filter::precedence`]).
     #[inline(always)]
     pub(super) fn contact<R: Real<Scalar = S>>(&self, number: usize, params: &Params<R>) -> ContactParams<R> {
         let [a, b] = self.members_of(number).expect("a pair of the dynamic pairs").map(|m| m.model_geom);
@@ -154,27 +154,27 @@ impl<S: Scalar> DynamicPairs<S> {
         }
     }
 
-    /// Whether any of the pairs can have more than sliding friction.
+    /// Whether any dynamic pair can have torsional or rolling friction.
     pub fn has_rolling_friction(&self) -> bool {
         self.has_rolling_friction
     }
 
-    /// Bound on the number of contacts at once: every member has at most as many neighbours as fit around it.
+    /// Upper bound of the number of contacts of dynamic pairs: each member has at most as many neighbours as fit around it.
     pub fn contact_points(&self) -> usize {
         self.members.len() * NEIGHBOUR_POINTS
     }
 }
 
-/// Number of contacts that a geom among many similar ones adds: half of twelve neighbours (the kissing number), up to eight points each.
+/// Number of contacts per geom among many similar geoms. Half of twelve neighbours (the kissing number), up to eight points each.
 const NEIGHBOUR_POINTS: usize = 48;
-/// Number of pairs of ordinary-sized geoms above which detection finds these pairs in every step.
+/// Number of pairs of ordinary-sized geoms above which these pairs are dynamic: the broad phase finds them in every step.
 ///
-/// If the pairs of moving geoms are fewer, they are listed. Detection then finds only the pairs with geoms that are fixed to the world.
+/// If the pairs of moving geoms are fewer, those are listed, and only the pairs with static geoms are dynamic.
 const LISTED_PAIRS: usize = 3000;
-/// Ratio of a geom's size to the median above which its pairs are listed. A grid with cells of its size would have all geoms in one cell.
+/// Ratio of a geom's size to the median size above which its pairs are listed. Grid cells of its size would contain all geoms.
 const LARGE: f64 = 8.0;
 
-/// Geoms, listed pairs and dynamic pairs.
+/// Compiled collision geometry: geoms, listed pairs and dynamic pairs.
 pub(crate) type Collision<S> = (Vec<CompiledGeom<S>>, Vec<CompiledPair<S>>, Option<DynamicPairs<S>>);
 
 pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S> {
@@ -230,12 +230,12 @@ pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S>
     (geoms, pairs, dynamic_pairs)
 }
 
-/// Number that marks a pair without a contact group.
+/// Contact group of a pair that belongs to none.
 pub const NO_CONTACT_GROUP: u32 = u32::MAX;
 
-/// Contact group of every listed pair: pairs that join the same two frames share a group, and a single pair has none.
+/// Contact groups of the listed pairs. Pairs that join the same two frames have the same number; a single pair has [`NO_CONTACT_GROUP`].
 ///
-/// Pairs with torsional or rolling friction or with contact springs have none. Empty if no pair has a group.
+/// Pairs with torsional or rolling friction or with contact springs have no group. The list is empty if no pair has a group.
 pub(super) fn contact_groups<S>(geoms: &[CompiledGeom<S>], pairs: &[CompiledPair<S>]) -> Vec<u32> {
     let mut of_frames: BTreeMap<_, Vec<usize>> = BTreeMap::new();
     for (i, pair) in pairs.iter().enumerate().filter(|(_, pair)| pair.condim <= 3 && pair.spring.is_none()) {
@@ -249,7 +249,7 @@ pub(super) fn contact_groups<S>(geoms: &[CompiledGeom<S>], pairs: &[CompiledPair
     contact_groups
 }
 
-/// Whether the pairs of each geom are dynamic. None are if the list of pairs is short.
+/// Whether each geom's pairs are dynamic. All are false if the number of pairs is small.
 fn dynamic(model: &Model) -> Vec<bool> {
     let can = |g: &Geom| (g.contype | g.conaffinity) != 0 && !g.shape.is_surface() && !matches!(g.shape, Shape::Plane);
     let size = |g: &Geom| bounding_radius(model, &g.shape);
@@ -266,10 +266,10 @@ fn number_of_pairs(n: usize) -> usize {
     n * n.saturating_sub(1) / 2
 }
 
-/// Pairs that can collide, without the dynamic ones: those with torsional or rolling friction first, ascending by their geoms.
+/// Pairs that can collide and are not dynamic. Those with torsional or rolling friction come first; each part ascends by its geoms.
 ///
-/// The pairs of the geoms `listed_moving` are among them. Contacts are in the order of their pairs, so that those with six rows have the
-/// same slots in all lanes.
+/// `among` marks the geoms of dynamic pairs. The pairs of the geoms `listed_moving` are included. Contacts follow the order of the pairs,
+/// so that contacts with six rows have the same slots in all lanes.
 fn listed_pairs(model: &Model, filter: &Filter, among: &[bool], listed_moving: &[usize]) -> Vec<GeomPair> {
     let all = 0..model.geoms.len();
     let one_outside = all.clone().filter(|&a| !among[a]).flat_map(|a| all.clone().filter(move |&b| among[b] || b > a).map(move |b| [a, b]));
@@ -281,7 +281,7 @@ fn listed_pairs(model: &Model, filter: &Filter, among: &[bool], listed_moving: &
     pairs
 }
 
-/// Size and thickness of a geom.
+/// Radii of a geom: bounding radius and inscribed radius, m.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bulk {
     pub(super) bounding_radius: f64,
@@ -314,7 +314,7 @@ fn geom<S: Scalar>(model: &Model, merged: &Merged, index: usize) -> CompiledGeom
     }
 }
 
-/// Size of a shape: radius, half length (capsule, cylinder), half sizes (box) or half axes (ellipsoid), m.
+/// Size of a shape, m: radius, half length (capsule, cylinder), half sizes (box) or half axes (ellipsoid).
 pub(super) fn size(shape: &Shape) -> [f64; 3] {
     match *shape {
         Shape::Sphere { radius } => [radius, 0.0, 0.0],
@@ -325,7 +325,7 @@ pub(super) fn size(shape: &Shape) -> [f64; 3] {
     }
 }
 
-/// Radius of a ball about the middle that fits into the shape, m: half the least width. 0 for a surface.
+/// Inscribed radius of a shape, m: half the least width. Infinite for a plane, 0 for a surface.
 fn inscribed_radius(model: &Model, shape: &Shape) -> f64 {
     let least = |sizes: &[f64]| sizes.iter().copied().fold(f64::INFINITY, f64::min);
     match *shape {
@@ -362,14 +362,14 @@ fn solid(model: &Model, shape: &Shape) -> Solid {
     })
 }
 
-/// Reason why an asset exists.
+/// Message for a missing mesh or height field, which would be an error of this program.
 const CHECKED: &str = "a finished model has the form of every geom that can touch others";
 
-/// Radius of a ball about the geom's origin that contains the geom.
+/// Bounding radius of a shape, m: radius of the ball about the geom's origin that contains the geom. Infinite for a plane.
 fn bounding_radius(model: &Model, shape: &Shape) -> f64 {
     match *shape {
         Shape::Plane => f64::INFINITY,
-        // A mesh that no geom can touch has no form.
+        // A mesh that collides with nothing has no vertices here.
         Shape::Mesh { .. } => model.mesh_of(shape).map_or(f64::INFINITY, Mesh::radius),
         Shape::HeightField { .. } => {
             let field = model.height_field_of(shape).expect(CHECKED);

@@ -1,7 +1,7 @@
-//! Compiled model: the numbers that the step reads, and no more than this scene needs.
+//! Compiled model: the numbers that the step reads, and only those that this scene needs.
 //!
 //! Bodies that cannot move relative to their parent are merged into one *link*. A *frame* is anything to which a geom can be fixed: frame 0
-//! is the world, frames `1..=links` the links, the rest mocap bodies. Pairs that can never collide are not in the list.
+//! is the world, frames `1..=links` the links, the rest mocap bodies. Pairs that can never collide are left out.
 
 use std::ops::Deref;
 
@@ -23,7 +23,7 @@ use crate::compile::tree::{
 /// Compiled model: everything that a step reads of a model, in the scalar type of its lanes.
 #[derive(Clone, Debug)]
 pub struct CompiledModel<S: Scalar> {
-    /// Part that all environments share.
+    /// Part of the model that all environments share.
     pub structure: ModelStructure<S>,
     /// Parameters of the model. Environments may override them, see [`LaneModel`](crate::compile::LaneModel).
     pub params: Params<S>,
@@ -38,7 +38,7 @@ impl<S: Scalar> Deref for CompiledModel<S> {
     }
 }
 
-/// Compiled model without its parameters: its structure, and the numbers that are the same in all environments.
+/// Structure of a compiled model: everything except the parameters that can differ between environments.
 #[derive(Clone, Debug)]
 pub struct ModelStructure<S: Scalar> {
     /// Number of configuration coordinates.
@@ -49,86 +49,87 @@ pub struct ModelStructure<S: Scalar> {
     pub na: usize,
     /// Number of kinematic trees.
     pub ntree: usize,
-    /// Velocity of the medium, m/s.
+    /// Velocity of the surrounding fluid in world axes, m/s.
     pub wind: [S; 3],
-    /// Bodies on which the medium acts.
+    /// Bodies and geoms on which the surrounding fluid exerts forces.
     pub fluid: Vec<CompiledFluid<S>>,
-    /// Single bodies that can tumble.
+    /// Links alone on a free or ball joint. Their gyroscopic torque is integrated separately.
     pub spinners: Vec<CompiledSpinner<S>>,
-    /// Forces against gravity.
+    /// Gravity compensation forces (`gravcomp`).
     pub compensation: Vec<GravityCompensation>,
-    /// Surfaces that no degree of freedom moves.
+    /// Conveyor surfaces, and surfaces of mocap bodies: they move without a degree of freedom.
     pub surfaces: Vec<CompiledSurface<S>>,
-    /// Moving bodies, parents first; link l is frame l + 1.
+    /// Links: moving bodies, parents first; link l is frame l + 1.
     pub links: Vec<Link<S>>,
-    /// Joints, by link.
+    /// Joints, in the order of their links.
     pub joints: Vec<CompiledJoint<S>>,
     /// Degrees of freedom.
     pub dofs: Vec<Dof>,
-    /// Chains: `chain[dof.chain..][..dof.depth]` is the dof and its ancestors, towards the root. It is also the layout of the mass matrix's
-    /// entries.
+    /// Chains of all degrees of freedom: `chain[dof.chain..][..dof.depth]` is the dof and its ancestors, towards the root. Entry k of this
+    /// list belongs to entry k of the mass matrix.
     pub chain: Vec<u32>,
-    /// Descendants of the dofs: the range `dof.descendants` has those with the dof in their chain, without the dof itself, the last first.
+    /// Descendants of all degrees of freedom. The range `dof.descendants` has the dofs with this dof in their chain, without the dof
+    /// itself, the last first.
     pub descendants: Vec<Descendant>,
-    /// For every frame, the set of dofs that move it, as 64-bit words.
+    /// Set of dofs that move each frame, as bits of 64-bit words.
     pub moved_dofs: Vec<Vec<u64>>,
-    /// Frames of mocap bodies and the bodies themselves.
+    /// Mocap bodies and their frames.
     pub mocap: Vec<CompiledMocap<S>>,
-    /// Frame of every body, and its pose in the frame.
+    /// Bodies of the model: frame, and pose in that frame.
     pub bodies: Vec<CompiledBody<S>>,
-    /// Geoms that take part in collision.
+    /// Geoms that can collide.
     pub geoms: Vec<CompiledGeom<S>>,
-    /// Indices of the geoms that are not fixed to the world.
+    /// Indices in `geoms` of those that are not fixed to the world.
     pub moving_geoms: Vec<usize>,
-    /// Listed pairs: those that can collide, have a kernel and are not dynamic, in a fixed order.
+    /// Listed pairs: pairs that can collide, have a collision function and are not dynamic, in a fixed order.
     pub pairs: Vec<CompiledPair<S>>,
     /// Contact group of every listed pair: pairs with the same number join the same two frames. Empty if no pair has a group.
     pub contact_groups: Vec<u32>,
-    /// Whether the contacts of any pair are springs.
+    /// Whether any pair has contact springs.
     pub has_contact_springs: bool,
-    /// Dynamic pairs: pairs of geoms that are too many to list.
+    /// Dynamic pairs: pairs of geoms that are too numerous to list. `None` if all pairs are listed.
     pub dynamic_pairs: Option<DynamicPairs<S>>,
     /// Static pairs: a moving geom and one that is fixed to the world.
     pub static_pairs: StaticPairs,
-    /// Whether each link floats freely; empty if none does.
+    /// Whether each link is alone on a free joint; empty if none is.
     pub floating: Vec<bool>,
     /// Whether any pair can have torsional or rolling friction.
     pub has_rolling_friction: bool,
-    /// Joint limits.
+    /// Limits of hinge and slide joints.
     pub limits: Vec<CompiledLimit>,
-    /// Dry friction.
+    /// Dry friction (`frictionloss`) of degrees of freedom.
     pub frictions: Vec<CompiledFriction>,
-    /// Equalities of the model, in blocks.
+    /// Equalities of the model, grouped in blocks of equalities that are solved together.
     pub equalities: Vec<EqualityBlock<S>>,
     /// Limits of ball joints.
     pub ball_limits: Vec<CompiledBallLimit>,
     /// Fixed tendons with limits, dry friction, springs, dampers or inertia.
     pub tendons: Vec<CompiledTendon<S>>,
-    /// Number of impulses that survive a step, one for every possible scalar row: limits, dry friction, then the rows with an `owner`.
+    /// Number of stored impulses of scalar rows: joint limits, dry friction, then the rows whose elements have an `owner` index.
     pub scalar_impulses: usize,
     /// Actuators.
     pub actuators: Vec<CompiledActuator<S>>,
-    /// Actuators whose force depends on their length or velocity.
+    /// Servos: actuators whose force depends on their length or velocity.
     pub servos: Vec<CompiledServo<S>>,
-    /// Bounds of the sum of actuator forces on a dof.
+    /// Bounds of the sum of actuator forces on one dof (`actuatorfrcrange`).
     pub actuator_force_ranges: Vec<CompiledForceRange<S>>,
-    /// Whether joint damping is explicit with Euler's rule.
+    /// Whether Euler's rule treats joint damping explicitly.
     pub explicit_damping: bool,
-    /// Whether any servo has a bound, of its force or of the sum of forces on a joint.
+    /// Whether any servo's force is bounded, directly or by the sum of forces on its joint.
     pub servos_are_bounded: bool,
-    /// Number of arms of all wrenches at sites, and number of wrenches.
+    /// Number of moment arms of all wrenches on sites, and number of wrenches.
     pub wrench_arms: [usize; 2],
     /// Number of actuator dynamics that act within a step.
     pub actuator_dynamics: usize,
-    /// Whether actuator dynamics lose effort to friction.
+    /// Whether any actuator dynamics have friction losses.
     pub lossy: bool,
-    /// Sensors, with their readings.
+    /// Sensors of the model.
     pub sensing: CompiledSensing<S>,
-    /// Whether there are pairs that can pass through each other: anything but half spaces and height fields.
+    /// Whether the scene has pairs that can pass through each other: any pair without a plane or a height field.
     pub can_tunnel: bool,
-    /// Largest number of contacts at once.
+    /// Upper bound of the number of contacts of an environment.
     pub contact_points: usize,
-    /// Softness of constraints, with MuJoCo's contact law.
+    /// Constraint parameters of MuJoCo's contact law; `None` with hard contact.
     pub softness: Option<CompiledSoftness<S>>,
     pub(crate) merged: Merged,
 }
@@ -139,14 +140,14 @@ impl<S: Scalar> ModelStructure<S> {
         1 + self.links.len() + self.mocap.len()
     }
 
-    /// Tree of the degrees of freedom that move a frame, if any.
+    /// Kinematic tree of the frame `frame`; `None` if no degree of freedom moves the frame.
     #[inline(always)]
     pub fn tree_of(&self, frame: usize) -> Option<usize> {
         let (w, word) = self.moved_dofs[frame].iter().enumerate().find(|(_, word)| **word != 0)?;
         Some(self.dofs[64 * w + word.trailing_zeros() as usize].tree)
     }
 
-    /// Pair by its number.
+    /// Pair with the index `number`, listed or dynamic.
     ///
     /// # Panics
     /// When there is none.
@@ -158,7 +159,7 @@ impl<S: Scalar> ModelStructure<S> {
         }
     }
 
-    /// Geoms of a pair, the simpler shape first; `None` if there is no pair of this number.
+    /// Geoms of the pair with index `number` as indices in the compiled model, the simpler shape first; `None` if there is no such pair.
     #[inline(always)]
     pub fn pair_geoms(&self, number: usize) -> Option<[usize; 2]> {
         match self.pairs.get(number) {
@@ -167,21 +168,21 @@ impl<S: Scalar> ModelStructure<S> {
         }
     }
 
-    /// Whether any actuator's effort has bounds.
+    /// Whether the effort of any actuator has bounds.
     pub fn efforts_are_bounded(&self) -> bool {
         let bounded = |t: &CompiledActuatorDynamics<S>| t.limited || t.motor.is_some();
         let own = self.actuators.iter().any(|a| a.force_range.is_some() || a.dynamics.as_ref().is_some_and(bounded));
         own || !self.actuator_force_ranges.is_empty()
     }
 
-    /// Chain of a dof: the dof and its ancestors, towards the root.
+    /// Chain of a degree of freedom: the dof itself and its ancestors, towards the root.
     #[inline(always)]
     pub fn chain_of(&self, dof: usize) -> &[u32] {
         let d = &self.dofs[dof];
         &self.chain[d.chain..d.chain + d.depth]
     }
 
-    /// Descendants of a dof, the last first.
+    /// Descendants of a degree of freedom, the last first.
     #[inline(always)]
     pub fn descendants(&self, dof: usize) -> &[Descendant] {
         &self.descendants[self.dofs[dof].descendants.clone()]

@@ -1,4 +1,4 @@
-//! Compiler: from a finished model to its compiled form.
+//! Compiler: converts a finished model to a compiled model.
 
 use stepper_real::Scalar;
 
@@ -19,7 +19,7 @@ impl<S: Scalar> CompiledModel<S> {
         Self::with_actuator_specs(model, &[])
     }
 
-    /// Compiles a model with actuator dynamics, one entry for every actuator. The model is the result of [`ActuatorSpec::fold`].
+    /// Compiles a model with actuator dynamics, one spec for every actuator. The model must be the result of [`ActuatorSpec::fold`].
     pub fn with_actuator_specs(model: &Model, specs: &[Option<ActuatorSpec>]) -> Self {
         let merged = Merged::new(model);
         let addresses = model.joint_addresses();
@@ -105,7 +105,7 @@ impl<S: Scalar> CompiledModel<S> {
         Self { structure: ModelStructure { static_pairs, ..structure }, params }
     }
 
-    /// Links that are alone on a free or ball joint.
+    /// Finds the links that are alone on a free or ball joint.
     fn spinners(links: &[Link<S>], joints: &[CompiledJoint<S>]) -> Vec<CompiledSpinner<S>> {
         let alone = |l: usize| links[l].is_root && !links.iter().any(|other| !other.is_root && other.parent == l + 1);
         let spinner = |l: usize| {
@@ -120,7 +120,7 @@ impl<S: Scalar> CompiledModel<S> {
         (0..links.len()).filter_map(spinner).collect()
     }
 
-    /// Whether each of `links` links is alone on a free joint; empty if none is.
+    /// Whether each of the `links` links is alone on a free joint; empty if none is.
     fn floating(spinners: &[CompiledSpinner<S>], links: usize) -> Vec<bool> {
         let mut floating = vec![];
         for spinner in spinners.iter().filter(|s| s.kind == JointKind::Free) {

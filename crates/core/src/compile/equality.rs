@@ -1,4 +1,4 @@
-//! Compiled equalities and tendons: the inputs of their rows, and the blocks that are solved together.
+//! Compiled equalities and tendons: inputs of their rows, and blocks of equalities that are solved together.
 
 use std::ops::Range;
 
@@ -9,17 +9,17 @@ use crate::compile::merging::{Merged, quaternion, vector};
 use crate::compile::tree::scalars;
 use crate::model::{Equality, EqualityKind, Model};
 
-/// Linear combination of scalar joints: a fixed tendon, or one joint.
+/// Linear combination of scalar joint positions: a fixed tendon, or a single joint.
 #[derive(Clone, Debug)]
 pub struct Combination<S> {
-    /// Terms: address in q, degree of freedom, coefficient.
+    /// Terms of the sum: address in q, degree of freedom, and coefficient.
     pub terms: Vec<(usize, usize, S)>,
-    /// Value of the combination at `qpos0`.
+    /// Value of the combination at the configuration `qpos0`.
     pub reference: S,
 }
 
 impl<S: Scalar> Combination<S> {
-    /// Value of the combination at a configuration.
+    /// Value of the combination at the configuration `q`.
     #[inline(always)]
     pub fn value<R: Real<Scalar = S>>(&self, q: &[R]) -> R {
         let mut x = R::zero();
@@ -29,7 +29,7 @@ impl<S: Scalar> Combination<S> {
         x
     }
 
-    /// Rate of the combination at a velocity.
+    /// Time derivative of the combination at the generalized velocity `v`.
     #[inline(always)]
     pub fn rate<R: Real<Scalar = S>>(&self, v: &[R]) -> R {
         let mut x = R::zero();
@@ -40,48 +40,48 @@ impl<S: Scalar> Combination<S> {
     }
 }
 
-/// Path of links between a frame and the nearest frame that it has in common with another one.
+/// Kinematic path to a frame, from the nearest frame that it shares with another frame.
 #[derive(Clone, Debug, Default)]
 pub struct FramePath {
-    /// Index of the mocap body at the beginning of the path; `None` if it begins at the world or at the common frame.
+    /// Index of the mocap body at the start of the path; `None` if the path starts at the world or at the shared frame.
     pub mocap: Option<usize>,
-    /// Links along the path to the frame.
+    /// Links on the path, from its start to the frame.
     pub links: Vec<u32>,
 }
 
-/// Inputs of an equality's rows.
+/// Inputs of the rows of an equality.
 #[derive(Clone, Debug)]
 pub enum EqualityRows<S> {
-    /// Two points that meet, and two orientations that agree, if any.
+    /// Two coincident points (connect), and two aligned orientations (weld).
     Points {
-        /// Frames to which the points are fixed.
+        /// Frames in which the two points are given.
         frames: [usize; 2],
-        /// Points in these frames, m.
+        /// Positions of the points in these frames, m.
         anchors: [[S; 3]; 2],
-        /// Orientations in these frames that agree, and the weight of a radian, m.
+        /// Orientations in these frames that must be aligned, and length that weighs a rotation, m/rad; `None` for connect.
         turn: Option<([[S; 9]; 2], S)>,
-        /// Paths of links that determine the relative pose of the two frames.
+        /// Kinematic paths to the two frames from the nearest frame that they share.
         paths: [FramePath; 2],
     },
-    /// Coupling `x - ref = polynomial(other - ref)`.
+    /// Coupling `x - x_ref = polynomial(y - y_ref)` of two combinations of joints.
     Coupling {
         /// Combination x.
         first: Combination<S>,
-        /// Combination on the other side.
+        /// Combination y; `None` if x has a constant target.
         second: Option<Combination<S>>,
-        /// Coefficients of the powers 0 to 4.
+        /// Coefficients of the polynomial, of powers 0 to 4.
         polynomial: [S; 5],
     },
 }
 
-/// Spring with a damper and inertia along a row.
+/// Spring with damper and inertia along a constraint row. u is the unit of the row, m or rad.
 #[derive(Clone, Copy, Debug)]
 pub struct Spring<S> {
-    /// Stiffness, N/u.
+    /// Stiffness, N/u (N m/rad for a rotation).
     pub stiffness: S,
-    /// Damping, N s/u.
+    /// Damping, N s/u (N m s/rad for a rotation).
     pub damping: S,
-    /// Inertia, N s^2/u.
+    /// Inertia that acts along the row, N s^2/u.
     pub inertia: S,
 }
 
@@ -92,18 +92,18 @@ pub struct CompiledEquality<S> {
     pub index: usize,
     /// Whether the equality is active by default.
     pub active: bool,
-    /// Inputs of its rows.
+    /// Inputs of the equality's rows.
     pub rows: EqualityRows<S>,
-    /// Degrees of freedom that the equality moves, with their ancestors, ascending.
+    /// Degrees of freedom that the equality moves, and all their ancestors, ascending.
     pub support: Vec<u32>,
-    /// Spring of a soft equality; `None` for a hard one.
+    /// Spring of a soft equality; `None` for a hard equality.
     pub spring: Option<Spring<S>>,
-    /// Index of the first row's impulse.
+    /// Index of the impulse of the first row in the list of impulses of scalar rows.
     pub owner: usize,
 }
 
 impl<S> CompiledEquality<S> {
-    /// Indices of the impulses of its rows.
+    /// Range of the equality's rows in the list of impulses of scalar rows.
     pub(crate) fn impulses(&self) -> Range<usize> {
         let rows = match &self.rows {
             EqualityRows::Points { turn: Some(_), .. } => 6,
@@ -114,43 +114,45 @@ impl<S> CompiledEquality<S> {
     }
 }
 
-/// Equalities whose rows are assembled together: on the same support, and orthogonal if they are hard.
+/// Block: equalities whose rows are assembled together. They have the same support; the rows of hard equalities are made orthogonal.
 #[derive(Clone, Debug)]
 pub struct EqualityBlock<S> {
     /// Equalities of the block.
     pub equalities: Vec<CompiledEquality<S>>,
-    /// Degrees of freedom that any of them moves, with their ancestors, ascending.
+    /// Degrees of freedom that any equality of the block moves, with their ancestors, ascending.
     pub support: Vec<u32>,
     /// Number of rows of the block.
     pub rows: usize,
-    /// Whether all equalities are hard, so that their rows become orthogonal.
+    /// Whether all equalities of the block are hard. Their rows are then made orthogonal.
     pub hard: bool,
-    /// Whether the rows are hard and share no degree of freedom with other hard rows. They are then eliminated from all other rows.
+    /// Whether the block is hard and shares no degree of freedom with another hard block. The solver then eliminates its rows from all
+    /// other rows.
     pub eliminated: bool,
-    /// Set of `support`, in 64-bit words.
+    /// Set of the dofs in `support`, as bits of 64-bit words.
     pub set: Vec<u64>,
 }
 
-/// Fixed tendon with rows in the constraint problem.
+/// Fixed tendon with constraint rows: a limit, dry friction, or a spring.
 #[derive(Clone, Debug)]
 pub struct CompiledTendon<S> {
     /// Index of the tendon in the model.
     pub index: usize,
-    /// Length of the tendon.
+    /// Length of the tendon as a combination of joints.
     pub length: Combination<S>,
     /// Degrees of freedom that the tendon moves, with their ancestors, ascending.
     pub support: Vec<u32>,
-    /// Lowest and highest length, u.
+    /// Lowest and highest length, m or rad; `None` without a limit.
     pub range: Option<[S; 2]>,
-    /// Dry friction, N; 0 for none.
+    /// Dry friction, N or N m; 0 for none.
     pub friction: S,
-    /// Spring, damper and inertia, and the lengths between which the spring is slack.
+    /// Spring, damper and inertia, and lowest and highest length at which the spring is slack. `None` without any of them.
     pub spring: Option<(Spring<S>, [S; 2])>,
-    /// Index of the impulses of limit, dry friction and spring: three.
+    /// Index of the tendon's first impulse in the list of impulses of scalar rows. The three impulses belong to limit, dry friction and
+    /// spring.
     pub owner: usize,
 }
 
-/// Largest number of rows that are orthogonalised together: the cost grows with its square.
+/// Largest number of rows that are made orthogonal together. The cost grows with the square of the number.
 const MOST_ROWS: usize = 48;
 
 /// Compiler of equalities and tendons.
@@ -167,7 +169,7 @@ impl Compiler<'_> {
         Combination { terms, reference: S::from_f64(reference) }
     }
 
-    /// Degrees of freedom with their ancestors, ascending.
+    /// The given degrees of freedom and all their ancestors, ascending.
     fn with_ancestors(&self, dofs: impl Iterator<Item = usize>) -> Vec<u32> {
         let mut all: Vec<u32> = dofs.flat_map(|d| self.merged.chain_of(d).to_vec()).collect();
         all.sort_unstable();
@@ -203,7 +205,7 @@ impl Compiler<'_> {
         (EqualityRows::Points { frames, anchors: [place(a, anchors[0]), place(b, anchors[1])], turn, paths }, support)
     }
 
-    /// Paths from the nearest common frame of two frames to each of them.
+    /// Kinematic paths to the two frames, from the nearest frame that they share.
     fn paths(&self, frames: [usize; 2]) -> [FramePath; 2] {
         let nlink = self.merged.leaders.len();
         let mut paths = frames.map(|mut frame| {
@@ -237,7 +239,10 @@ impl Compiler<'_> {
         (EqualityRows::Coupling { first, second, polynomial: scalars(*polynomial) }, support)
     }
 
-    /// Equalities in blocks. Hard equalities that share a degree of freedom are in one block, up to [`MOST_ROWS`]. `owner` counts impulses.
+    /// Compiles the equalities and groups them in blocks. Hard equalities that share a degree of freedom are in one block, up to
+    /// [`MOST_ROWS`] rows.
+    ///
+    /// `owner` is the index of the next free impulse.
     pub(super) fn equalities<S: Scalar>(&self, owner: &mut usize) -> Vec<EqualityBlock<S>> {
         let mut blocks: Vec<EqualityBlock<S>> = Vec::new();
         for (index, equality) in self.model.equalities.iter().enumerate() {
@@ -269,7 +274,7 @@ impl Compiler<'_> {
         blocks
     }
 
-    /// Tendons with rows.
+    /// Compiles the tendons that have a limit, dry friction, spring, damper or inertia. `owner` is the index of the next free impulse.
     pub(super) fn tendons<S: Scalar>(&self, owner: &mut usize) -> Vec<CompiledTendon<S>> {
         let mut plans = Vec::new();
         for (index, tendon) in self.model.tendons.iter().enumerate() {
@@ -308,7 +313,7 @@ fn join<S: Scalar>(blocks: Vec<EqualityBlock<S>>, last: EqualityBlock<S>, rows: 
     out
 }
 
-/// Marks the hard blocks that share no degree of freedom with another hard block as eliminated, and puts them first.
+/// Marks the hard blocks that share no degree of freedom with another hard block as eliminated, and sorts them to the front.
 fn mark_eliminated<S: Scalar>(blocks: &mut [EqualityBlock<S>], nv: usize) {
     let mut takers = vec![0; nv];
     for block in blocks.iter().filter(|b| b.hard) {

@@ -1,4 +1,4 @@
-//! Compiled model with a number for every lane of each of its parameters.
+//! Lane model: compiled model whose parameters have one value per lane.
 
 use std::ops::Deref;
 
@@ -8,14 +8,14 @@ use crate::compile::compiled_model::{CompiledModel, ModelStructure};
 use crate::compile::parameters::*;
 use crate::compile::softness::{CompiledSoftness, SoftContactLaw};
 
-/// Compiled model of a group of lanes: the structure that all environments share, and the parameters of each lane.
+/// Compiled model of a group of lanes: structure that all environments share, and parameters of each lane.
 ///
-/// The shared parameters cannot be read through it.
+/// The type gives no access to the shared parameters, so that a step cannot use them by mistake.
 #[derive(Clone, Debug)]
 pub struct LaneModel<R: Real> {
-    /// Part that all environments share. It is stored in place, so that a step finds it as fast as in a compiled model alone.
+    /// Structure that all environments share. It is stored inline, so that a step reads it as fast as from a compiled model.
     structure: ModelStructure<R::Scalar>,
-    /// Parameters, lane by lane.
+    /// Parameters with one value per lane.
     pub params: Params<R>,
 }
 
@@ -29,12 +29,12 @@ impl<R: Real> Deref for LaneModel<R> {
 }
 
 impl<R: Real> LaneModel<R> {
-    /// Lane model with the parameters of the model in every lane.
+    /// Creates a lane model with the shared parameters of the model in every lane.
     pub fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
         Self { structure: compiled.structure.clone(), params: compiled.params.in_lanes() }
     }
 
-    /// Contact parameters of a pair.
+    /// Contact parameters of the pair with index `pair`: friction and restitution.
     #[inline(always)]
     pub fn contact(&self, pair: usize) -> ContactParams<R> {
         match self.structure.dynamic_pairs.as_ref() {
@@ -43,7 +43,7 @@ impl<R: Real> LaneModel<R> {
         }
     }
 
-    /// Law of the contacts of a pair.
+    /// MuJoCo's contact law for the pair with index `pair`.
     #[inline(always)]
     pub fn soft_contact(&self, softness: &CompiledSoftness<R::Scalar>, pair: usize) -> SoftContactLaw<R::Scalar> {
         match softness.pairs.get(pair) {
@@ -60,7 +60,7 @@ impl<R: Real> LaneModel<R> {
         softness.unlisted(&pair)
     }
 
-    /// Mobility of a frame's body without constraints, 1/kg; 0 for the world and mocap bodies.
+    /// Inverse mass of a frame's body without constraints, 1/kg; 0 for the world and mocap bodies.
     #[inline(always)]
     pub fn mobility(&self, frame: usize) -> R {
         if frame == 0 || frame > self.links.len() {
@@ -71,7 +71,7 @@ impl<R: Real> LaneModel<R> {
         R::select(heavy, R::one() / R::select(heavy, mass, R::one()), R::zero())
     }
 
-    /// Mass of everything that moves, kg.
+    /// Total mass of all moving bodies, kg.
     #[inline(always)]
     pub fn moving_mass(&self) -> R {
         let mut sum = R::zero();
@@ -81,16 +81,16 @@ impl<R: Real> LaneModel<R> {
         sum
     }
 
-    /// Sum of the bounding radii of a pair, m. If the first geom is a plane, the bounding radius of the second alone.
+    /// Sum of the bounding radii of two geoms, m. If the first geom is a plane, only the bounding radius of the second.
     #[inline(always)]
     pub fn reach(&self, [a, b]: [usize; 2]) -> R {
         let second = self.params.bounding_radius(b);
         if self.structure.geoms[a].is_plane { second } else { self.params.bounding_radius(a) + second }
     }
 
-    /// Relative displacement up to which two geoms cannot penetrate so far that the shortest way out leads to the far side, m.
+    /// Tunnelling distance of a pair, m: relative displacement up to which contacts still push the geoms out on the near side.
     ///
-    /// It is half the sum of their inscribed radii; infinite with a plane.
+    /// The distance is half the sum of their inscribed radii; infinite with a plane.
     #[inline(always)]
     pub fn tunnelling_distance(&self, [a, b]: [usize; 2]) -> R {
         R::of(0.5) * (self.params.inscribed_radius(a) + self.params.inscribed_radius(b))

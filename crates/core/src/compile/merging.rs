@@ -1,4 +1,4 @@
-//! Merging of bodies that cannot move relative to their parent, and the tree of degrees of freedom.
+//! Merging of bodies that cannot move relative to their parent into links, and the tree of degrees of freedom.
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use stepper_real::Scalar;
@@ -6,19 +6,19 @@ use stepper_real::Scalar;
 use crate::compile::tree::{CompiledBody, CompiledJoint, CompiledMocap, Descendant, Dof, Link, scalars};
 use crate::model::{JointKind, Model, simple_bodies};
 
-/// Frame to which every body is fixed, and its pose in the frame.
+/// Merged bodies: frame of every body with the body's pose in that frame, and the tree of degrees of freedom.
 #[derive(Clone, Debug)]
 pub(crate) struct Merged {
     pub(crate) frame: Vec<usize>,
     pub(crate) pos: Vec<Vector3<f64>>,
     pub(crate) quat: Vec<UnitQuaternion<f64>>,
-    /// Body whose joints move each link.
+    /// Body of each link that has the link's joints.
     pub(crate) leaders: Vec<usize>,
     pub(crate) mocap: Vec<usize>,
     pub(crate) link_tree: Vec<usize>,
     pub(crate) ntree: usize,
     dof_link: Vec<usize>,
-    /// Start in `chain` and length, for every dof.
+    /// Range of each dof's chain in `chain`: start and length.
     dof_chain: Vec<(usize, usize)>,
     pub(crate) chain: Vec<u32>,
     last_dof_of_frame: Vec<Option<usize>>,
@@ -32,13 +32,13 @@ pub(crate) fn quaternion(q: [f64; 4]) -> UnitQuaternion<f64> {
     UnitQuaternion::from_quaternion(Quaternion::new(q[0], q[1], q[2], q[3]))
 }
 
-/// Row-major rotation matrix.
+/// Rotation matrix of a unit quaternion, row-major.
 pub(crate) fn matrix<S: Scalar>(q: &UnitQuaternion<f64>) -> [S; 9] {
     let m = q.to_rotation_matrix();
     std::array::from_fn(|k| S::from_f64(m[(k / 3, k % 3)]))
 }
 
-/// Quaternion as (w, x, y, z).
+/// Components (w, x, y, z) of a unit quaternion.
 pub(crate) fn wxyz<S: Scalar>(q: &UnitQuaternion<f64>) -> [S; 4] {
     scalars([q.w, q.i, q.j, q.k])
 }
@@ -79,7 +79,7 @@ impl Merged {
         merged
     }
 
-    /// Parent frame of a link.
+    /// Parent frame of the link with index `link`.
     pub(crate) fn parent_frame(&self, model: &Model, link: usize) -> usize {
         self.frame[model.bodies[self.leaders[link]].parent]
     }
@@ -113,18 +113,18 @@ impl Merged {
         }
     }
 
-    /// Last of the dofs that move a frame.
+    /// Last degree of freedom that moves a frame, nearest to the frame; `None` if the frame cannot move.
     pub(crate) fn last_dof(&self, frame: usize) -> Option<usize> {
         self.last_dof_of_frame[frame]
     }
 
-    /// Chain of a dof: the dof and its ancestors, towards the root.
+    /// Chain of a degree of freedom: the dof itself and its ancestors, towards the root.
     pub(crate) fn chain_of(&self, dof: usize) -> &[u32] {
         let (start, len) = self.dof_chain[dof];
         &self.chain[start..start + len]
     }
 
-    /// For each frame, the set of dofs that move it.
+    /// Set of dofs that move each frame, as bits of 64-bit words.
     pub(crate) fn moved_dofs(&self, nv: usize) -> Vec<Vec<u64>> {
         let set = |last: &Option<usize>| {
             let mut words = vec![0u64; nv.div_ceil(64)];
@@ -166,7 +166,7 @@ pub(crate) fn links<S: Scalar>(model: &Model, merged: &Merged) -> Vec<Link<S>> {
     merged.leaders.iter().enumerate().map(link).collect()
 }
 
-/// Mass, centre of mass and central inertia of the chosen bodies of one frame.
+/// Mass, centre of mass and inertia about it of the bodies `chosen`, which are all fixed to one frame. Result in the frame's axes.
 pub(crate) fn combined(model: &Model, merged: &Merged, chosen: impl Fn(usize) -> bool) -> (f64, Vector3<f64>, [f64; 6]) {
     let parts: Vec<usize> = (0..model.bodies.len()).filter(|&b| chosen(b) && model.bodies[b].mass > 0.0).collect();
     let com_of = |b: usize| merged.pos[b] + merged.quat[b] * vector(model.bodies[b].ipos);
@@ -208,7 +208,7 @@ pub(crate) fn joints<S: Scalar>(model: &Model, addresses: &[(usize, usize)]) -> 
     model.joints.iter().zip(addresses).map(joint).collect()
 }
 
-/// Degrees of freedom, and the descendants of each.
+/// Degrees of freedom of the model, and the list of descendants of all dofs.
 pub(crate) fn dofs(model: &Model, merged: &Merged) -> (Vec<Dof>, Vec<Descendant>) {
     let mut under = vec![vec![]; model.nv()];
     for d in (0..model.nv()).rev() {

@@ -1,4 +1,4 @@
-//! Compiled model: from the scene of its author to the numbers that the step reads.
+//! Compiler and compiled model: converts the user's model to the numbers that the step reads.
 
 mod actuators;
 mod collision;

@@ -1,4 +1,4 @@
-//! Layout of the parameters of a model for a compiled model.
+//! Parameters of a model, in the layout of a compiled model.
 
 use stepper_real::Scalar;
 
@@ -13,7 +13,7 @@ use crate::compile::passive::{FluidShape, inertia_box};
 use crate::model::{Body, Filter, GeomPair, Joint, JointKind, Model, Object};
 
 impl<S: Scalar> ModelStructure<S> {
-    /// Parameters of a model with this structure: the compiled model's source, or one with other numbers.
+    /// Parameters of `model` in the layout of this structure. The model is the one that was compiled, or a variant with other values.
     pub fn params_of(&self, model: &Model) -> Params<f64> {
         let source = Source { structure: self, model };
         let joints = model.joints.iter();
@@ -51,14 +51,14 @@ fn dofs(joint: &Joint) -> impl Iterator<Item = DofParams<f64>> {
     std::iter::repeat_n(DofParams { damping, stiffness: stiffness.max(0.0), armature }, joint.kind.nv())
 }
 
-/// Source of the numbers, and their destination.
+/// Model that provides the parameters, and structure that defines their layout.
 struct Source<'a, S: Scalar> {
     structure: &'a ModelStructure<S>,
     model: &'a Model,
 }
 
 impl<S: Scalar> Source<'_, S> {
-    /// Inertial parameters of links, then of the parts that sensors read.
+    /// Inertial parameters of all links, followed by those of the subtree parts that sensors read.
     fn inertials(&self) -> impl Iterator<Item = Inertial<f64>> {
         let merged = &self.structure.merged;
         let links = (1..=self.structure.links.len()).map(move |frame| combined(self.model, merged, |b| merged.frame[b] == frame));
@@ -68,7 +68,7 @@ impl<S: Scalar> Source<'_, S> {
         links.chain(parts).map(|(mass, com, inertia)| Inertial { mass, com: com.into(), inertia })
     }
 
-    /// Masses of the subtrees that sensors read.
+    /// Total masses of the subtrees that sensors read, kg.
     fn totals(&self) -> impl Iterator<Item = f64> {
         let bodies = &self.model.bodies;
         self.structure.sensing.subtrees.iter().map(|tree| bodies.iter().zip(&tree.bodies).filter(|b| *b.1).map(|b| b.0.mass).sum())
@@ -94,7 +94,7 @@ impl<S: Scalar> Source<'_, S> {
         listed.map(contact)
     }
 
-    /// Contact parameters of every geom, in models with dynamic pairs.
+    /// Contact parameters of every geom, if the model has dynamic pairs; otherwise nothing.
     fn members(&self) -> impl Iterator<Item = ContactParams<f64>> {
         let geoms = if self.structure.dynamic_pairs.is_some() { &self.model.geoms[..] } else { &[] };
         geoms.iter().map(|g| {
@@ -117,7 +117,7 @@ impl<S: Scalar> Source<'_, S> {
         FluidParams { pos: self.place(object), viscous, quadratic }
     }
 
-    /// Position of an object in its frame.
+    /// Position of an object in the frame to which it is fixed, m.
     fn place(&self, object: Object) -> [f64; 3] {
         let (body, pos) = match object {
             Object::XBody(b) => (b, [0.0; 3]),

@@ -1,14 +1,14 @@
 //! Rows of tables of parameters.
 
-/// Row of a table of parameters. It defines how many numbers the row has, and their order in memory.
+/// Row of a table of parameters. The type defines how many numbers the row has, and their order in memory.
 pub(super) trait ParameterRow<T: Copy>: Copy {
-    /// Length of a row.
+    /// Number of values in a row.
     const WIDTH: usize;
 
-    /// Row from the first numbers of a slice.
+    /// Reads a row from the first values of `numbers`.
     fn read(numbers: &[T]) -> Self;
 
-    /// Appends the numbers of the row.
+    /// Appends the values of the row to `numbers`.
     fn write(self, numbers: &mut Vec<T>);
 }
 
@@ -38,7 +38,7 @@ impl<T: Copy, const N: usize> ParameterRow<T> for [T; N] {
     }
 }
 
-/// Declares rows with named parts: their structs, and how they are read and written.
+/// Declares row types with named fields: the structs, and how they are read and written.
 macro_rules! parameter_rows {
     ($($(#[$doc:meta])* $name:ident { $($(#[$part_doc:meta])* $part:ident: $kind:ty,)* })*) => { $(
         $(#[$doc])*

@@ -1,73 +1,73 @@
 //! Parameters: the numbers of a compiled model that can differ between environments.
 //!
-//! They are one flat list of tables, so that an index identifies each. A batch stores (index, a number for every lane) of the overridden
-//! ones alone. A worker writes these over the shared numbers before it steps a group. Stages read all through a
-//! [`LaneModel`](crate::compile::LaneModel), one number per lane.
+//! The parameters are one flat list, made of tables, so that one index identifies each number. A batch stores only the overridden ones:
+//! index, and a value for every lane. A worker overwrites the shared values with them before it steps a group. The stages of a step read
+//! all parameters through a [`LaneModel`](crate::compile::LaneModel), one value per lane.
 //!
-//! The type of a row defines its width and how it is read and written. The list of the tables defines the types of their rows.
+//! Each table has a row type, which defines the width of its rows and how they are read and written.
 
 use stepper_real::{Real, Scalar};
 
 use crate::compile::parameter_row::{ParameterRow, parameter_rows};
 
 parameter_rows! {
-    /// Friction and restitution of a contact.
+    /// Friction and restitution coefficients of a contact.
     ContactParams {
-        /// Sliding friction; 0 for a frictionless contact.
+        /// Sliding friction coefficient; 0 for a frictionless contact.
         mu: T,
-        /// Torsional friction, m; 0 for none.
+        /// Torsional friction coefficient, m; 0 for none.
         torsion: T,
-        /// Rolling friction, m; 0 for none.
+        /// Rolling friction coefficient, m; 0 for none.
         rolling: T,
         /// Coefficient of restitution.
         restitution: T,
     }
 
-    /// Mass, centre of mass and inertia of a link or of a part of one.
+    /// Mass, centre of mass and inertia of a link, or of a part of a subtree that sensors read.
     Inertial {
         /// Mass, kg.
         mass: T,
         /// Centre of mass in the link's frame, m.
         com: [T; 3],
-        /// Inertia about the centre of mass: xx, yy, zz, xy, xz, yz, kg m^2.
+        /// Inertia about the centre of mass in the link's axes: xx, yy, zz, xy, xz, yz, kg m^2.
         inertia: [T; 6],
     }
 
-    /// Terms that a degree of freedom adds to the mass matrix.
+    /// Parameters of a degree of freedom that contribute to the (effective) mass matrix.
     DofParams {
-        /// Viscous damping.
+        /// Viscous damping, N s/m or N m s/rad.
         damping: T,
-        /// Implicit stiffness of the joint's spring: 0 for a negative stiffness.
+        /// Stiffness of the joint's spring in the implicit rule, N/m or N m/rad; 0 for a negative stiffness.
         stiffness: T,
-        /// Added inertia.
+        /// Armature inertia, kg or kg m^2.
         armature: T,
     }
 
-    /// Affine force of an actuator.
+    /// Coefficients of an actuator's affine force.
     ActuatorParams {
-        /// Force per unit of control or activation: constant, per length, per velocity.
+        /// Coefficients of the control or activation (`gainprm`): constant, per length, and per velocity.
         gain: [T; 3],
-        /// Force without control: constant, per length, per velocity.
+        /// Coefficients of the force without control (`biasprm`): constant, per length, and per velocity.
         bias: [T; 3],
     }
 
-    /// Placement and sizes of a geom of the compiled model.
+    /// Position and sizes of a geom of the compiled model.
     GeomParams {
-        /// Origin in its frame, m.
+        /// Origin of the geom in its frame, m.
         pos: [T; 3],
-        /// Size: radius, half length (capsule, cylinder), half sizes (box) or half axes (ellipsoid), m.
+        /// Size, m: radius, half length (capsule, cylinder), half sizes (box) or half axes (ellipsoid).
         size: [T; 3],
-        /// Radius of a ball about the origin that contains the geom; infinite for a plane, m.
+        /// Radius of the ball about the origin that contains the geom, m; infinite for a plane.
         bounding_radius: T,
-        /// Half the least width of the geom, m: infinite for a plane, 0 for a surface, a tenth of the bounding radius for a mesh.
+        /// Half the least width of the geom, m: infinite for a plane, 0 for a surface.
         inscribed_radius: T,
-        /// Lever arm with which a rotation moves the geom's surface, m: bounding radius minus inscribed radius.
+        /// Lever arm with which a rotation displaces the geom's surface, m: bounding radius minus inscribed radius.
         ///
-        /// 0 for a plane, and for a sphere, whose rotation moves nothing.
+        /// 0 for a plane, and for a sphere, which does not change when it rotates.
         rotation_reach: T,
     }
 
-    /// Force against gravity on a body.
+    /// Gravity compensation force on a body.
     CompensationParams {
         /// Point of application in the link's frame, m.
         pos: [T; 3],
@@ -75,27 +75,27 @@ parameter_rows! {
         force: [T; 3],
     }
 
-    /// Drag of a body in the medium, as a box; torques before forces.
+    /// Drag coefficients of a body in the surrounding fluid, as a box; rotation before translation.
     FluidParams {
-        /// Centre of the body in its link's frame, m.
+        /// Centre of mass of the body in its link's frame, m.
         pos: [T; 3],
-        /// Viscous drag, N m s and N s/m.
+        /// Viscous drag coefficients, N m s and N s/m.
         viscous: [T; 6],
-        /// Quadratic drag, N m s^2 and N s^2/m^2.
+        /// Quadratic drag coefficients, N m s^2 and N s^2/m^2.
         quadratic: [T; 6],
     }
 }
 
-/// Declares the tables: their ranges, the types of their rows, and how one is read.
+/// Declares the parameter tables: their ranges, row types, and functions that read a row.
 macro_rules! parameter_tables {
     ($($(#[$doc:meta])* $table:ident: $row:ident($($index:ident)?) -> $kind:ty;)*) => {
-        /// Beginning and end of each table.
+        /// Range (start and end) of each table in the list of parameters.
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
         struct Tables {
             $($table: [usize; 2],)*
         }
 
-        /// Rows of every table.
+        /// Rows of every table, before they become one list.
         pub(super) struct ParameterRows<T> {
             $($(#[$doc])* pub(super) $table: Vec<$kind>,)*
         }
@@ -123,45 +123,45 @@ macro_rules! parameter_tables {
 parameter_tables! {
     /// Gravitational acceleration, m/s^2.
     gravity: gravity() -> [T; 3];
-    /// Inertial parameters of link `i`, or of part `i - links` of those that sensors read.
+    /// Inertial parameters of link `i`, or of subtree part `i - links` that sensors read.
     inertials: inertial(i) -> Inertial<T>;
-    /// Mass of a subtree that sensors read, kg.
+    /// Mass of the subtree with index `subtree` that sensors read, kg.
     totals: total(subtree) -> T;
-    /// Parameters of a degree of freedom.
+    /// Parameters of degree of freedom `i`.
     dofs: dof(i) -> DofParams<T>;
-    /// Stiffness of a joint's spring, N/m or N m/rad.
+    /// Stiffness of the spring of joint `joint`, N/m or N m/rad.
     springs: spring(joint) -> T;
-    /// Lowest and highest position of a limit of the compiled model.
+    /// Lowest and highest position of limit `i` of the compiled model, m or rad.
     limits: limit(i) -> [T; 2];
-    /// Largest angle of a ball joint with a limit, rad.
+    /// Largest rotation angle of ball joint limit `i`, rad.
     ball_limits: ball_limit(i) -> T;
-    /// Dry friction, N or N m.
+    /// Dry friction of row `i`, N or N m.
     frictions: friction(i) -> T;
-    /// Affine force of an actuator.
+    /// Affine force coefficients of actuator `i`.
     actuators: actuator(i) -> ActuatorParams<T>;
-    /// Placement and sizes of a geom of the compiled model.
+    /// Position and sizes of geom `i` of the compiled model.
     geoms: geom(i) -> GeomParams<T>;
-    /// Contact parameters of a listed pair.
+    /// Contact parameters of the listed pair `pair`.
     pairs: listed_contact(pair) -> ContactParams<T>;
-    /// Contact parameters of a geom of dynamic pairs, by its index in the model.
+    /// Contact parameters of geom `geom` of the model, which dynamic pairs combine.
     members: member(geom) -> ContactParams<T>;
-    /// Centre of mass of a body of the model in its frame, m.
+    /// Centre of mass of a body of the model in the frame of its link, m.
     bodies: body_com(body) -> [T; 3];
     /// Mass of a body of the model, kg.
     masses: mass(body) -> T;
     /// Inertia of a body of the model about its centre of mass in the axes of its frame: xx, yy, zz, xy, xz, yz, kg m^2.
     moments: body_inertia(body) -> [T; 6];
-    /// Force against gravity on a body.
+    /// Gravity compensation force number `i`.
     compensations: compensation(i) -> CompensationParams<T>;
-    /// Drag of a body in the medium.
+    /// Drag coefficients of body number `i` in the surrounding fluid.
     fluid: fluid(i) -> FluidParams<T>;
-    /// Position in its frame of an object that sensors read, m.
+    /// Position of object `i` that sensors read, in its frame, m.
     places: place(i) -> [T; 3];
-    /// Size of a shape that sensors read: radius, half length; or semi-axes; or half sizes; m.
+    /// Size of shape `i` that sensors read, m: radius and half length, or half axes, or half sizes.
     sizes: size(i) -> [T; 3];
 }
 
-/// Numbers that can differ between environments, for all environments (`T` a scalar) or for the lanes of a group.
+/// Parameters of a compiled model: shared values (`T` a scalar), or one value per lane (`T` a SIMD type).
 #[derive(Clone, Debug, Default)]
 pub struct Params<T> {
     numbers: Vec<T>,
@@ -175,22 +175,22 @@ fn write_table<T: Copy, Row: ParameterRow<T>>(rows: Vec<Row>, numbers: &mut Vec<
 }
 
 impl<T: Copy> Params<T> {
-    /// Total number of parameters.
+    /// Total number of values.
     pub fn len(&self) -> usize {
         self.numbers.len()
     }
 
-    /// Whether there are no numbers.
+    /// Whether there are no values.
     pub fn is_empty(&self) -> bool {
         self.numbers.is_empty()
     }
 
-    /// All numbers, in the order of the tables.
+    /// All values, in the order of the tables.
     pub fn numbers(&self) -> &[T] {
         &self.numbers
     }
 
-    /// Converts the numbers to another type.
+    /// Converts every value to another type by `f`.
     pub fn map<U>(&self, f: impl FnMut(T) -> U) -> Params<U> {
         Params { numbers: self.numbers.iter().copied().map(f).collect(), tables: self.tables }
     }
@@ -201,44 +201,44 @@ impl<T: Copy> Params<T> {
         Row::read(&self.numbers[at..at + Row::WIDTH])
     }
 
-    /// Numbers of all degrees of freedom, those of a [`DofParams`] each: damping, stiffness, armature.
+    /// Parameters of all degrees of freedom, in the order of [`DofParams`]: damping, stiffness, armature.
     #[inline(always)]
     pub fn dofs(&self) -> &[[T; 3]] {
         let [start, end] = self.tables.dofs;
         self.numbers[start..end].as_chunks().0
     }
 
-    /// Whether any of some places, ascending, is in the table of geoms.
+    /// Whether any of the parameter indices `places`, ascending, is in the table of geoms.
     pub fn has_geoms(&self, places: &[u32]) -> bool {
         let [start, end] = self.tables.geoms.map(|at| places.partition_point(|&place| (place as usize) < at));
         start < end
     }
 
-    /// Origin of a geom of the compiled model in its frame, m.
+    /// Origin of geom `geom` of the compiled model in its frame, m.
     #[inline(always)]
     pub fn geom_pos(&self, geom: usize) -> [T; 3] {
         self.geom(geom).pos
     }
 
-    /// Size of a geom: radius, half length (capsule, cylinder), half sizes (box) or half axes (ellipsoid), m.
+    /// Size of geom `geom`, m: radius, half length (capsule, cylinder), half sizes (box) or half axes (ellipsoid).
     #[inline(always)]
     pub fn geom_size(&self, geom: usize) -> [T; 3] {
         self.geom(geom).size
     }
 
-    /// Radius of a ball about a geom's origin that contains the geom; infinite for a plane, m.
+    /// Radius of the ball about the geom's origin that contains the geom, m; infinite for a plane.
     #[inline(always)]
     pub fn bounding_radius(&self, geom: usize) -> T {
         self.geom(geom).bounding_radius
     }
 
-    /// Half the least width of a geom, m; see [`GeomParams`].
+    /// Half the least width of geom `geom`, m; see [`GeomParams`].
     #[inline(always)]
     pub fn inscribed_radius(&self, geom: usize) -> T {
         self.geom(geom).inscribed_radius
     }
 
-    /// Lever arm with which a rotation moves a geom's surface, m; see [`GeomParams`].
+    /// Lever arm with which a rotation displaces the surface of geom `geom`, m; see [`GeomParams`].
     #[inline(always)]
     pub fn rotation_reach(&self, geom: usize) -> T {
         self.geom(geom).rotation_reach
@@ -246,21 +246,21 @@ impl<T: Copy> Params<T> {
 }
 
 impl Params<f64> {
-    /// Writes numbers to their places.
+    /// Sets parameters, given as pairs of index and value.
     pub fn set(&mut self, numbers: &[(u32, f64)]) {
         numbers.iter().for_each(|&(place, x)| self.numbers[place as usize] = x);
     }
 }
 
 impl<S: Scalar> Params<S> {
-    /// Copies the numbers to every lane.
+    /// Parameters with the shared values in every lane.
     pub fn in_lanes<R: Real<Scalar = S>>(&self) -> Params<R> {
         self.map(R::splat)
     }
 }
 
 impl<R: Real> Params<R> {
-    /// Writes the numbers of a group of lanes to their places, (places, lanes).
+    /// Sets the parameters with the indices `places` to per-lane values, (places, lanes).
     pub fn load_lanes(&mut self, places: &[u32], numbers: &[R::Scalar]) {
         for (&place, lanes) in places.iter().zip(numbers.chunks_exact(R::LANES)) {
             self.numbers[place as usize] = R::load(lanes);

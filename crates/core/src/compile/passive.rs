@@ -1,4 +1,4 @@
-//! Forces of the medium, gravity compensation, and moving surfaces.
+//! Compiled forces of the surrounding fluid, gravity compensation, and surfaces that move without a degree of freedom.
 
 use std::f64::consts::PI;
 
@@ -10,58 +10,58 @@ use crate::compile::merging::{Merged, matrix, quaternion};
 use crate::compile::tree::scalars;
 use crate::model::{Body, Ellipsoid, Medium, Model, Object};
 
-/// Body or geom on which the medium acts.
+/// Body or geom on which the surrounding fluid exerts forces.
 #[derive(Clone, Debug)]
 pub struct CompiledFluid<S> {
-    /// Link of the body.
+    /// Index of the link to which the body or geom belongs.
     pub link: usize,
     /// Body or geom of the model.
     pub object: Object,
-    /// Axes of the body in the link's frame.
+    /// Rotation matrix from the principal axes of the body or geom to the link's axes, row-major.
     pub mat: [S; 9],
-    /// Shape of the body for the medium.
+    /// Fluid model: box or ellipsoid.
     pub shape: FluidShape<S>,
 }
 
-/// Shape of a body for the medium. Torques before forces.
+/// Shape that determines the fluid forces (MuJoCo's inertia box or ellipsoid model).
 #[derive(Clone, Debug)]
 pub enum FluidShape<S> {
-    /// Box: force or torque -(viscous + drag |v|) v along every axis.
+    /// Inertia box: force or torque -(viscous + quadratic |v|) v along every axis.
     Box,
     /// Ellipsoid with added mass, lift and drag.
     Ellipsoid(Box<CompiledEllipsoid<S>>),
 }
 
-/// Ellipsoid in a medium; the names are those of [`crate::dynamics::fluid`].
+/// Coefficients of the ellipsoid fluid model; the names are those of [`crate::dynamics::fluid`].
 #[derive(Clone, Debug)]
 pub struct CompiledEllipsoid<S> {
-    /// Factor of all forces.
+    /// Factor of all forces and torques.
     pub share: S,
-    /// Density of the medium, kg/m^3.
+    /// Density of the fluid, kg/m^3.
     pub density: S,
-    /// Added mass, kg.
+    /// Added mass along each axis, kg.
     pub added_mass: [S; 3],
-    /// Added inertia, kg m^2.
+    /// Added inertia about each axis, kg m^2.
     pub added_inertia: [S; 3],
-    /// Magnus coefficient times the mass of the displaced medium, kg.
+    /// Magnus coefficient times the mass of the displaced fluid, kg.
     pub magnus: S,
-    /// Kutta coefficient times density.
+    /// Kutta coefficient times the density of the fluid.
     pub kutta: S,
-    /// Products of two semi-axes b c, c a, a b over the largest of them.
+    /// Products of two semi-axes, b c, c a and a b, divided by the largest of the three.
     pub areas: [S; 3],
-    /// Sum of squares of `areas` along the direction of the velocity, below which the projected area is zero.
+    /// Bound below which the projected area is zero: of the sum of squares of `areas` times the velocity's direction.
     pub no_area: S,
     /// Largest projected area, m^2.
     pub widest: S,
-    /// Coefficients of blunt and slender drag.
+    /// Coefficients of blunt and of slender drag.
     pub drag: [S; 2],
-    /// Viscous drag of rotation and translation in Stokes flow, N m s, N s/m.
+    /// Viscous drag coefficients in Stokes flow: of rotation, N m s, and of translation, N s/m.
     pub viscous: [S; 2],
-    /// Moments of quadratic drag per axis, m^5.
+    /// Moments of area about each axis that determine the quadratic drag of a rotation, m^5.
     pub moments: [S; 3],
 }
 
-/// Force against gravity.
+/// Gravity compensation of a body (`gravcomp`).
 #[derive(Clone, Debug)]
 pub struct GravityCompensation {
     /// Link on which the force acts.
@@ -70,14 +70,14 @@ pub struct GravityCompensation {
     pub body: usize,
 }
 
-/// Geom whose surface moves without its links: a conveyor, or part of a mocap body.
+/// Surface that moves without a degree of freedom: a conveyor, or a geom of a mocap body.
 #[derive(Clone, Debug)]
 pub struct CompiledSurface<S> {
     /// Index of the geom in the compiled model.
     pub geom: usize,
     /// Index of the mocap body that carries the surface, in the compiled model.
     pub mocap: Option<usize>,
-    /// Velocity of a moving surface in the frame's axes (m/s at the geom's origin, rad/s); `None` for one at rest.
+    /// Velocity of a conveyor in the frame's axes: linear at the geom's origin, m/s, and angular, rad/s. `None` without a conveyor.
     pub own: Option<[[S; 3]; 2]>,
 }
 
@@ -110,7 +110,8 @@ pub(super) fn fluid<S: Scalar>(model: &Model, merged: &Merged) -> Vec<CompiledFl
     found
 }
 
-/// Viscous and quadratic drag of the box of a body's mass and inertia, in the medium (MuJoCo's documentation, "Inertia model").
+/// Viscous and quadratic drag coefficients of a body's equivalent inertia box (MuJoCo's documentation, "Inertia model"). Rotation comes
+/// before translation.
 pub(super) fn inertia_box(&Body { mass, inertia: [ix, iy, iz], .. }: &Body, medium: &Medium) -> [[f64; 6]; 2] {
     let side = |sum: f64| (sum.max(TINY) / mass * 6.0).sqrt();
     let b = [side(iy + iz - ix), side(ix + iz - iy), side(ix + iy - iz)];

@@ -1,4 +1,4 @@
-//! Surfaces of meshes and height fields that rays hit, each created once.
+//! Cache of the meshes and height fields that rays hit: each is created once.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -7,7 +7,7 @@ use stepper_geometry::{Grid, RaySurface};
 
 use crate::model::{HeightField, Model, Shape};
 
-/// Surfaces by the name of their mesh or height field.
+/// Cache of ray surfaces, by the name of their mesh or height field.
 #[derive(Clone, Debug, Default)]
 pub struct RaySurfaces {
     meshes: BTreeMap<String, Arc<RaySurface>>,
@@ -15,9 +15,10 @@ pub struct RaySurfaces {
 }
 
 impl RaySurfaces {
-    /// Surface of a shape, cached or new; `None` for a simple shape, or one without a form in the model.
+    /// Ray surface of a shape, from the cache or new. `None` for a simple shape, and for a mesh or height field that the model does not
+    /// contain.
     ///
-    /// The surface of a mesh is its triangles, also if contacts use its hull. Without triangles it is the hull.
+    /// A mesh is its triangles, even if contacts use its hull. A mesh without triangles is its hull.
     pub(crate) fn get_or_make(&mut self, model: &Model, shape: &Shape) -> Option<Arc<RaySurface>> {
         let (known, name) = match shape {
             Shape::Mesh { asset, .. } => (&mut self.meshes, asset),

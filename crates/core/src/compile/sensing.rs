@@ -1,4 +1,4 @@
-//! Compiled sensors: objects become places in frames, and bodies with their descendants become parts.
+//! Compiled sensors: objects become positions in frames, and subtrees become lists of masses.
 
 use std::cell::RefCell;
 use std::sync::Arc;
@@ -15,41 +15,42 @@ use crate::model::{
     Shape, Transmission,
 };
 
-/// Sensors of a model, and the parts of a step that they need.
+/// Compiled sensors of a model, and the results of a step that they need.
 #[derive(Clone, Debug)]
 pub struct CompiledSensing<S> {
     /// Sensors in the model's order.
     pub sensors: Vec<CompiledSensor<S>>,
-    /// Total length of all readings.
+    /// Total number of readings (nsensordata).
     pub width: usize,
-    /// Magnetic field in the world, T.
+    /// Magnetic flux density in world axes, T.
     pub magnetic: [S; 3],
-    /// Whether any sensor reads a quaternion.
+    /// Whether any sensor's reading is a quaternion.
     pub quaternions: bool,
     /// Body of every geom of the model.
     pub geom_body: Vec<usize>,
-    /// Quantities that the sensors need.
+    /// Quantities of a step that the sensors need.
     pub needs: Needs,
-    /// Bodies with their descendants whose masses are read.
+    /// Subtrees whose mass or motion sensors read: a body with all its descendants.
     pub subtrees: Vec<Subtree>,
-    /// Frames at which sensors read the force and torque of the parent on a subtree, and the subtree.
+    /// Force and torque sensors: frame of the site, and index of the subtree on which the parent exerts the force.
     pub carried: Vec<(SensorFrame<S>, usize)>,
     /// Frames of the model's geoms.
     pub geoms: Vec<SensorFrame<S>>,
     /// Frames of the model's sites.
     pub sites: Vec<SensorFrame<S>>,
-    /// Places that sensors read, those of all geoms and sites last: rows of [`Params::place`](crate::compile::Params::place).
+    /// Objects whose positions sensors read, all geoms and sites last. Object k has row k of
+    /// [`Params::place`](crate::compile::Params::place).
     pub places: Vec<Object>,
-    /// Simple shapes of the geoms, with their index among all shapes; `None` for a mesh or height field.
+    /// Simple shape of each geom, and its index in `shapes`; `None` for a mesh or height field.
     pub forms: Vec<Option<(Form, usize)>>,
-    /// Geoms and sites whose shape sensors read, all geoms last: rows of [`Params::size`](crate::compile::Params::size).
+    /// Geoms and sites whose size sensors read, all geoms last. Shape k has row k of [`Params::size`](crate::compile::Params::size).
     pub shapes: Vec<Object>,
 }
 
-/// Quantities that sensors need besides q, v and the activations.
+/// Quantities that the sensors of a model need in addition to q, v and activations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Needs {
-    /// Whether sensors need poses.
+    /// Whether sensors need the poses of frames.
     pub poses: bool,
     /// Whether sensors need the velocities of links.
     pub velocities: bool,
@@ -57,7 +58,7 @@ pub struct Needs {
     pub acceleration: bool,
     /// Whether sensors need actuator forces, and with them the controls of the last step.
     pub actuators: bool,
-    /// Whether sensors need the wrenches that the user applied in the last step.
+    /// Whether sensors need the forces on bodies (`xfrc_applied`) that the user applied in the last step.
     pub wrenches: bool,
     /// Whether sensors need the contacts of the last step.
     pub contacts: bool,
@@ -65,188 +66,188 @@ pub struct Needs {
     pub step: bool,
 }
 
-/// Compiled sensor.
+/// Sensor in terms of the compiled model.
 #[derive(Clone, Debug)]
 pub struct CompiledSensor<S> {
-    /// Address of the first reading.
+    /// Index of the sensor's first reading.
     pub at: usize,
-    /// Length of the reading.
+    /// Number of the sensor's readings.
     pub dim: usize,
-    /// Kind of quantity, which determines how errors act on it.
+    /// Kind of quantity (scalar, positive number, quaternion ...). It determines how error models act on the readings.
     pub quantity: Quantity,
-    /// Reading of the sensor.
+    /// Measured quantity and its inputs.
     pub read: Read<S>,
 }
 
-/// Frame fixed to a link, the world or a mocap body.
+/// Frame of a sensor: a pose fixed to a link, the world or a mocap body.
 #[derive(Clone, Copy, Debug)]
 pub struct SensorFrame<S> {
-    /// Frame of the compiled model.
+    /// Index of the frame in the compiled model.
     pub frame: usize,
-    /// Index among all places, for its position in the frame.
+    /// Index of the row of [`Params::place`](crate::compile::Params::place) with the position in that frame.
     pub index: usize,
-    /// Orientation in the frame.
+    /// Rotation matrix from the sensor's axes to the frame's, row-major.
     pub mat: [S; 9],
-    /// Orientation as a quaternion.
+    /// Same orientation as a unit quaternion (w, x, y, z).
     pub quat: [S; 4],
 }
 
-/// Shape at a place.
+/// Simple shape with its pose.
 #[derive(Clone, Debug)]
 pub struct Solid<S> {
-    /// Place of the shape.
+    /// Pose of the shape.
     pub place: SensorFrame<S>,
     /// Kind of shape.
     pub form: Form,
-    /// Index among all shapes, for its size.
+    /// Index of the row of [`Params::size`](crate::compile::Params::size) with the shape's size.
     pub index: usize,
 }
 
-/// Pair of shapes whose distance is read.
+/// Pair of shapes whose distance a sensor reads.
 pub type Pair<S> = (Solid<S>, Solid<S>);
 
-/// Shape that rays hit or that zones have.
+/// Kind of a simple shape: a geom that rays hit, or the volume of a site.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
     /// Half space z <= 0.
     Plane,
-    /// Sphere, by its radius.
+    /// Sphere; its size is the radius.
     Sphere,
-    /// Capsule, by radius and half length along z.
+    /// Capsule; its size is radius and half length along z.
     Capsule,
-    /// Ellipsoid, by its semi-axes.
+    /// Ellipsoid; its size is the three semi-axes.
     Ellipsoid,
-    /// Cylinder, by radius and half length along z.
+    /// Cylinder; its size is radius and half length along z.
     Cylinder,
-    /// Box, by its half sizes.
+    /// Box; its size is the three half sizes.
     Box,
 }
 
 /// Geom that rays can hit.
 #[derive(Clone, Debug)]
 pub struct Target<S> {
-    /// Place of the target.
+    /// Pose of the geom.
     pub place: SensorFrame<S>,
-    /// Shape of the target.
+    /// Shape of the geom.
     pub form: TargetForm,
 }
 
 /// Shape of a geom that rays hit.
 #[derive(Clone, Debug)]
 pub enum TargetForm {
-    /// Simple shape, with its index among all shapes, for its size.
+    /// Simple shape, and its row of [`Params::size`](crate::compile::Params::size).
     Simple(Form, usize),
     /// Mesh or height field.
     Surface(Arc<RaySurface>),
 }
 
-/// Body with its descendants, by frame.
+/// Subtree: a body with all its descendants, as masses in frames.
 #[derive(Clone, Debug)]
 pub struct Subtree {
-    /// Index among all subtrees, for its mass.
+    /// Index of the row of [`Params::total`](crate::compile::Params::total) with the subtree's mass.
     pub index: usize,
-    /// Masses of the subtree.
+    /// Parts of the subtree: one mass per frame.
     pub parts: Vec<Part>,
     /// Whether the subtree contains each body of the model.
     pub bodies: Vec<bool>,
 }
 
-/// Mass fixed to a frame.
+/// Part of a subtree: the mass of its bodies that are fixed to one frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Part {
-    /// Frame of the compiled model.
+    /// Index of the frame in the compiled model.
     pub frame: usize,
-    /// Row of [`Params::inertial`](crate::compile::Params::inertial).
+    /// Index of the row of [`Params::inertial`](crate::compile::Params::inertial) with mass, centre of mass and inertia.
     pub index: usize,
 }
 
-/// One side of the contacts of a contact sensor.
+/// Side of a contact sensor. It selects contacts by their geoms or positions.
 #[derive(Clone, Debug)]
 pub enum Side<S> {
-    /// Whether each geom of the model is in the set.
+    /// Set of geoms: whether it contains each geom of the model.
     Geoms(Vec<bool>),
-    /// Volume: all geoms that touch in it.
+    /// Volume of a site: selects the contacts inside it.
     Zone(Solid<S>),
 }
 
-/// Reading of a sensor, in terms of the compiled model; subtrees by their number.
+/// Measured quantity of a sensor, in terms of the compiled model. Subtrees are given by their index.
 #[derive(Clone, Debug)]
 pub enum Read<S> {
-    /// Entries of q.
+    /// Entries of q, starting at this address.
     Position(usize),
-    /// Entries of v.
+    /// Entries of v, starting at this address.
     Velocity(usize),
-    /// Sum of coefficients times q.
+    /// Sum of coefficients times entries of q: (address, coefficient) of each term.
     Length(Vec<(usize, S)>),
-    /// Sum of coefficients times v.
+    /// Sum of coefficients times entries of v: (address, coefficient) of each term.
     Rate(Vec<(usize, S)>),
-    /// Sum of the forces of actuators.
+    /// Sum of the forces of these actuators.
     ActuatorForce(Vec<usize>),
-    /// Force of all actuators on a dof.
+    /// Generalized force of all actuators on this degree of freedom.
     JointForce(usize),
-    /// Length of an actuator on a site.
+    /// Length of this actuator, which acts on a site.
     ActuatorLength(usize),
-    /// Rate of the length of an actuator.
+    /// Time derivative of the length of this actuator, which acts on a site.
     ActuatorRate(usize),
-    /// Violation of the nearer end of the range of a sum of coefficients times q.
+    /// Distance of a sum of coefficients times q beyond the nearer end of a range.
     LimitPos(Vec<(usize, S)>, Bounds<S>),
-    /// Rate of the violation of a limit.
+    /// Time derivative of the distance beyond the nearer end of a range. The first sum is of q, the second of v.
     LimitVel([Vec<(usize, S)>; 2], Bounds<S>),
-    /// Impulse of a limit, by its index in the compiled model.
+    /// Force of a limit, from the impulse of its row with this index.
     LimitForce(usize),
-    /// Zero, for a limit that does not exist.
+    /// Constant zero: the limit that the sensor reads does not exist.
     Nothing,
-    /// Motion or pose of a frame, possibly relative to another.
+    /// Pose, velocity or acceleration of a frame; relative to another frame, if there is one.
     Frame(FrameReading, SensorFrame<S>, Option<SensorFrame<S>>),
-    /// Magnetic field.
+    /// Magnetic flux density in the sensor's axes.
     Magnetometer(SensorFrame<S>),
-    /// Linear velocity in the sensor's frame.
+    /// Linear velocity in the sensor's axes.
     Velocimeter(SensorFrame<S>),
-    /// Angular velocity in the sensor's frame.
+    /// Angular velocity in the sensor's axes.
     Gyro(SensorFrame<S>),
-    /// Linear acceleration less gravity in the sensor's frame.
+    /// Linear acceleration minus gravity, in the sensor's axes.
     Accelerometer(SensorFrame<S>),
-    /// Force of the parent on a subtree, by its index among the subtree forces that sensors read.
+    /// Force of the parent on a subtree: index in [`CompiledSensing::carried`].
     Force(usize),
-    /// Torque of the parent on a subtree.
+    /// Torque of the parent on a subtree: index in [`CompiledSensing::carried`].
     Torque(usize),
-    /// Sum of the normal forces on a body of the model whose lines meet a volume.
+    /// Touch sensor: sum of the normal forces on this body whose lines of action intersect the volume.
     Touch(usize, Solid<S>),
-    /// Distances along rays.
+    /// Rangefinder: distances along rays. The inputs are sensor frame, directions, fields of the reading, and geoms that rays can hit.
     Range(SensorFrame<S>, Vec<[S; 3]>, Vec<RayField>, Vec<Target<S>>),
-    /// Whether a place is inside a volume.
+    /// Whether the frame's origin is inside the volume.
     Inside(SensorFrame<S>, Solid<S>),
-    /// Distance between closest points, up to a cutoff.
+    /// Distance, normal or nearest points of two sets of geoms: kind of reading, pairs, and cutoff distance, m.
     Proximity(ProximityReading, Vec<Pair<S>>, S),
-    /// Contacts between two sides.
+    /// Contacts between two sides: fields of the reading, selection among the contacts, and number of contacts.
     Contact([Side<S>; 2], Vec<ContactField>, ContactReduction, usize),
-    /// Centre of mass.
+    /// Centre of mass of the subtree with this index.
     Com(usize),
-    /// Velocity of a centre of mass.
+    /// Velocity of the centre of mass of the subtree with this index.
     ComVelocity(usize),
-    /// Angular momentum about a centre of mass.
+    /// Angular momentum of the subtree with this index about its centre of mass.
     AngularMomentum(usize),
-    /// Potential energy of gravity and springs.
+    /// Potential energy of gravity and springs; the index is that of the subtree of the world.
     Potential(usize),
-    /// Kinetic energy.
+    /// Kinetic energy; the index is that of the subtree of the world.
     Kinetic(usize),
     /// Simulated time.
     Clock,
-    /// Sum of coefficients times readings, which begin at these addresses.
+    /// Sum of coefficients times readings of other sensors: (index of the first reading, coefficient) of each term.
     Combination(Vec<(usize, S)>),
 }
 
-/// Bounds of a range.
+/// Bounds of a limited joint or tendon.
 #[derive(Clone, Copy, Debug)]
 pub enum Bounds<S> {
-    /// Range of a joint's limit, by its index in the compiled model.
+    /// Bounds of a joint: index of the limit in the compiled model.
     Limit(usize),
-    /// Constant range.
+    /// Bounds of a tendon: lowest and highest length, the same in all environments.
     Range([S; 2]),
 }
 
 impl Form {
-    /// Form of a shape; `None` for a mesh and a height field.
+    /// Kind of a shape; `None` for a mesh and a height field.
     pub(crate) fn of(shape: &Shape) -> Option<Self> {
         match *shape {
             Shape::Plane => Some(Self::Plane),
@@ -261,7 +262,7 @@ impl Form {
 }
 
 impl<S: Scalar> CompiledSensing<S> {
-    /// Compiles the sensors of a model. `lossy` marks models in which the impulses of a step determine part of the actuator forces.
+    /// Compiles the sensors of a model. `lossy` is set if the impulses of a step determine part of the actuator forces, by friction losses.
     pub(super) fn new(model: &Model, merged: &Merged, tendons: &[CompiledTendon<S>], lossy: bool) -> Self {
         let owners = tendons.iter().map(|t| (t.index, t.owner)).collect();
         let compiler = Compiler { model, merged, addresses: model.joint_addresses(), owners, found: RefCell::default() };
@@ -338,16 +339,16 @@ struct Compiler<'a> {
     model: &'a Model,
     merged: &'a Merged,
     addresses: Vec<(usize, usize)>,
-    /// Tendons of the model with rows, and the indices of their impulses.
+    /// Tendons with constraint rows: index in the model, and index of the first impulse.
     owners: Vec<(usize, usize)>,
     found: RefCell<Found>,
 }
 
-/// Objects found so far that need separate numbers in the compiled model.
+/// Objects that the sensors compiled so far refer to, each stored once.
 #[derive(Default)]
 struct Found {
     subtrees: Vec<Subtree>,
-    /// Sites at which forces and torques are read.
+    /// Sites of force and torque sensors.
     carried: Vec<usize>,
     places: Vec<Object>,
     shapes: Vec<Object>,
@@ -408,18 +409,18 @@ impl Compiler<'_> {
         }
     }
 
-    /// Addresses in q and v, and coefficients.
+    /// Terms of a sum of joints: address in q, address in v, and coefficient times `gear`. `arms` are pairs of joint and coefficient.
     fn arms<'a, S: Scalar>(&'a self, arms: &'a [(usize, f64)], gear: f64) -> impl Iterator<Item = (usize, usize, S)> + 'a {
         arms.iter().map(move |&(j, c)| (self.addresses[j].0, self.addresses[j].1, S::from_f64(c * gear)))
     }
 
-    /// Terms of a sum in q and in v.
+    /// Terms of a sum of joints in q, and its terms in v. `arms` are pairs of joint and coefficient.
     fn sums<S: Scalar>(&self, arms: &[(usize, f64)], gear: f64) -> [Vec<(usize, S)>; 2] {
         let arms = || self.arms(arms, gear);
         [arms().map(|(q, _, c)| (q, c)).collect(), arms().map(|(_, v, c)| (v, c)).collect()]
     }
 
-    /// Moment of an actuator, if it is the same in every configuration.
+    /// Terms of the moment of actuator `a`; `None` if the moment depends on the configuration, as on a site.
     fn moment<S: Scalar>(&self, a: usize) -> Option<impl Iterator<Item = (usize, usize, S)>> {
         let actuator = &self.model.actuators[a];
         let arms = match actuator.transmission {
@@ -430,7 +431,7 @@ impl Compiler<'_> {
         Some(self.arms(&arms, actuator.gear).collect::<Vec<_>>().into_iter())
     }
 
-    /// Index in the compiled model of a joint's limit.
+    /// Index of the limit of joint `j` in the compiled model; `None` without a limit.
     fn limit_of(&self, j: usize) -> Option<usize> {
         crate::compile::limits::limits(self.model, &self.addresses).iter().position(|l| l.dof == self.addresses[j].1)
     }
@@ -439,7 +440,7 @@ impl Compiler<'_> {
         self.model.tendons[t].range.map(|range| Bounds::Range(scalars(range)))
     }
 
-    /// Overlap of a joint or tendon with its limits, or the rate of the overlap.
+    /// Reading of the distance of a joint or tendon beyond its bounds, or of its time derivative if `rate` is set.
     fn overlap<S: Scalar>(&self, arms: &[(usize, f64)], bounds: Option<Bounds<S>>, rate: bool) -> Read<S> {
         let Some(bounds) = bounds else { return Read::Nothing };
         let sums = self.sums(arms, 1.0);
@@ -451,7 +452,7 @@ impl Compiler<'_> {
         self.frame_of(object, index)
     }
 
-    /// Frame of an object whose place has this index.
+    /// Sensor frame of an object whose position has the index `index`.
     fn frame_of<S: Scalar>(&self, object: Object, index: usize) -> SensorFrame<S> {
         let (body, quat) = match object {
             Object::XBody(b) => (b, [1.0, 0.0, 0.0, 0.0]),
@@ -469,7 +470,7 @@ impl Compiler<'_> {
         Some(Solid { place: self.place(object), form, index })
     }
 
-    /// Ray target of a geom; `None` if the model does not have its form.
+    /// Ray target of a geom; `None` if the model does not contain its mesh or height field.
     fn target<S: Scalar>(&self, geom: usize) -> Option<Target<S>> {
         let shape = &self.model.geoms[geom].shape;
         let form = match Form::of(shape) {
@@ -483,7 +484,7 @@ impl Compiler<'_> {
         self.solid(Object::Site(site), &self.model.sites[site].shape).expect("the model was checked: sites have simple volumes")
     }
 
-    /// All pairs of two sets of geoms.
+    /// Pairs of the geoms `from` with the geoms `to`, without meshes and height fields.
     fn near<S: Scalar>(&self, from: &[usize], to: &[usize]) -> Vec<Pair<S>> {
         let solid = |g: usize| self.solid(Object::Geom(g), &self.model.geoms[g].shape);
         let pairs = from.iter().flat_map(|&a| to.iter().map(move |&b| (a, b)));
@@ -514,7 +515,7 @@ impl Compiler<'_> {
         among
     }
 
-    /// Index of a body's subtree.
+    /// Index of the subtree of body `root`. The subtree is added if it is new.
     fn subtree(&self, root: usize) -> usize {
         let bodies = self.descendants(root);
         let mut found = self.found.borrow_mut();
@@ -534,7 +535,7 @@ impl Compiler<'_> {
     }
 }
 
-/// Index of a thing in a list, to which it is appended if it is new.
+/// Index of `thing` in `list`. It is appended if it is not in the list.
 fn number<T: Copy + PartialEq>(list: &mut Vec<T>, thing: T) -> usize {
     list.iter().position(|&t| t == thing).unwrap_or_else(|| {
         list.push(thing);

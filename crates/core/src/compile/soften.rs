@@ -1,4 +1,4 @@
-//! Softening of a compiled model: the numbers of MuJoCo's contact law.
+//! Softening of a compiled model: adds the constraint parameters of MuJoCo's contact law.
 
 use stepper_real::Scalar;
 use stepper_solve::soft::SlipEffort;
@@ -11,9 +11,10 @@ use crate::compile::tree::CompiledFriction;
 use crate::model::{Cone, Equality, EqualityKind, Filter, InverseWeights, Joint, JointKind, MIN_VALUE, Model, SoftSettings};
 
 impl<S: Scalar> CompiledModel<S> {
-    /// Adds the numbers of MuJoCo's contact law for steps of `timestep` seconds.
+    /// Adds the constraint parameters of MuJoCo's contact law, for steps of `timestep` seconds.
     ///
-    /// `discrete` steps evaluate constraints at the end of the step. Contact groups are removed, because the law determines all forces.
+    /// With `discrete`, a step evaluates constraints at its end. The function removes contact groups, because the law determines the force
+    /// of every contact.
     pub(crate) fn soften(&mut self, model: &Model, weights: &InverseWeights, timestep: f64, discrete: bool) {
         let SoftSettings { cone, impratio, refsafe, noslip, .. } = model.soft;
         let effort = SlipEffort { sweeps: noslip.iterations, tolerance: S::from_f64(noslip.tolerance) };
@@ -67,10 +68,11 @@ impl<S: Scalar> CompiledModel<S> {
     }
 }
 
-/// Degrees of freedom of all trees, those of the largest trees first.
+/// Elimination order of the degrees of freedom: tree by tree, those of the largest tree first. The solver eliminates from the last to the
+/// first.
 ///
-/// A large tree touches many others. Eliminating it first would couple each of them with every other. The order follows the model and not
-/// the contacts, so that all environments share it.
+/// A large tree touches many others. Eliminating it early would couple each of them with every other. The order depends only on the model,
+/// so that all environments share it.
 fn order_by_size<S: Scalar>(model: &Model, structure: &ModelStructure<S>) -> Vec<u32> {
     let mut sizes = vec![0.0; structure.ntree];
     for geom in &structure.geoms {
@@ -84,7 +86,7 @@ fn order_by_size<S: Scalar>(model: &Model, structure: &ModelStructure<S>) -> Vec
     order
 }
 
-/// Approximate inverse inertia along the rows of an equality: of translation, and of rotation (`mj_diagApprox`).
+/// Approximate inverse inertia along the rows of an equality, 1/kg or 1/(kg m^2): of translation, and of rotation (`mj_diagApprox`).
 fn equality_weights(equality: &Equality, weights: &InverseWeights, addresses: &[(usize, usize)]) -> [f64; 2] {
     use EqualityKind::{Connect, Joint, Tendon, Weld};
     let both = |a: f64, b: Option<f64>| [a + b.unwrap_or(0.0); 2];

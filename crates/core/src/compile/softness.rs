@@ -1,4 +1,4 @@
-//! Compiled softness of constraints: the numbers of MuJoCo's contact law from solref, solimp and the inverse weights of a model.
+//! Compiled softness of constraints: parameters of MuJoCo's contact law, computed from solref, solimp and the inverse weights of a model.
 
 use stepper_real::{Real, Scalar};
 use stepper_solve::soft::{Cone, SlipEffort};
@@ -6,97 +6,98 @@ use stepper_solve::soft::{Cone, SlipEffort};
 use crate::compile::tree::scalars;
 use crate::model::{ContactSpring, GeomPair, MIN_VALUE, Softness};
 
-/// Least and largest impedance (`mjMINIMP`, `mjMAXIMP`).
+/// Smallest and largest impedance (`mjMINIMP`, `mjMAXIMP`).
 const IMPEDANCE: [f64; 2] = [1e-4, 0.9999];
 
-/// Least coefficient of friction (`mjMINMU`).
+/// Smallest coefficient of friction (`mjMINMU`).
 pub(crate) const MIN_FRICTION: f64 = 1e-5;
-/// Mobility below which a row is immovable.
+/// Inverse inertia along a row below which the row counts as immovable, 1/kg or 1/(kg m^2).
 pub(crate) const MIN_MOBILITY: f64 = MIN_VALUE;
 
-/// Law of a soft row: reference acceleration -B v - K d(r) r and regularisation (1 - d(r)) / d(r) times its weight.
+/// Constraint law of a soft row: reference acceleration -B v - K d(r) r, and regularisation (1 - d(r)) / d(r) times an approximate inverse
+/// inertia.
 ///
-/// r is the error of the row, v its rate and d the impedance.
+/// r is the position error of the row, v its time derivative, and d the impedance.
 #[derive(Clone, Copy, Debug)]
 pub struct SoftLaw<S> {
     /// Stiffness K, 1/s^2.
     pub stiffness: S,
     /// Damping B, 1/s.
     pub damping: S,
-    /// Impedance without error, and its growth with the error.
+    /// Impedance at zero error, and its increase up to the full width.
     impedance: [S; 2],
-    /// Inverse of the width over which the impedance grows.
+    /// Inverse of the error at which the impedance reaches its final value, 1/m or 1/rad; 0 for a constant impedance.
     inverse_width: S,
-    /// Midpoint of the impedance curve, and factors of the curve before and after it.
+    /// Midpoint of the impedance curve, as a fraction of the width. Below it the factors of the curve before and after the midpoint.
     midpoint: S,
     factors: [S; 2],
     power: S,
-    /// Approximate inverse inertia along the row.
+    /// Approximate inverse inertia along the row, 1/kg or 1/(kg m^2).
     pub weight: S,
-    /// Whether a discrete step softens the law if its spring is stiffer than the step resolves (`refsafe`).
+    /// Whether a discrete step softens the row if its spring is too stiff for the time step (`refsafe`).
     pub yields: bool,
 }
 
-/// Law of the contacts of a pair of geoms.
+/// Constraint law of the contacts of a pair of geoms.
 #[derive(Clone, Copy, Debug)]
 pub struct SoftContactLaw<S> {
     /// Law of the normal row.
     pub normal: SoftLaw<S>,
     /// Damping B of the friction rows, 1/s.
     pub friction_damping: S,
-    /// Number of rows: 1, 3, 4 or 6.
+    /// Number of rows of a contact: 1, 3, 4 or 6.
     pub condim: u8,
     /// Anisotropy of friction, see [`Pair::anisotropy`](crate::model::Pair::anisotropy).
     pub anisotropy: [S; 2],
-    /// Regularisation R of the normal force of a spring, 1/kg, which the edges of a pyramid share. 0 where the contact has the law of its
-    /// solref and solimp.
+    /// Regularisation R of the normal force of a contact spring, 1/kg. 0 if the contact has no spring, and follows its solref and solimp
+    /// instead.
     pub spring: S,
 }
 
-/// Laws of all constraints of a model.
+/// Constraint laws of all constraints of a model.
 #[derive(Clone, Debug)]
 pub struct CompiledSoftness<S> {
     /// Shape of the friction cones.
     pub cone: Cone,
-    /// Ratio of the impedance of friction to that of normal forces.
+    /// Ratio of frictional to normal impedance (`impratio`).
     pub impratio: S,
-    /// Sweeps that remove slip, if any.
+    /// Number and tolerance of the noslip iterations; `None` without them.
     pub noslip: Option<SlipEffort<S>>,
-    /// Laws of the listed pairs.
+    /// Laws of the listed pairs, by pair.
     pub pairs: Vec<SoftContactLaw<S>>,
-    /// Laws of limits, dry friction and limits of ball joints, as the compiled model lists them.
+    /// Laws of the limits of hinge and slide joints, in the order of the compiled model.
     pub limits: Vec<SoftLaw<S>>,
-    /// Laws of dry friction, see `limits`.
+    /// Laws of the dry friction rows, in the order of the compiled model.
     pub frictions: Vec<SoftLaw<S>>,
-    /// Laws of the limits of ball joints, see `limits`.
+    /// Laws of the limits of ball joints, in the order of the compiled model.
     pub ball_limits: Vec<SoftLaw<S>>,
-    /// Laws of limits and of dry friction of the compiled tendons.
+    /// Laws of each compiled tendon: of its limit, and of its dry friction.
     pub tendons: Vec<[SoftLaw<S>; 2]>,
-    /// Laws of the model's equalities, of translation and of rotation.
+    /// Laws of each equality of the model: of its translational rows, and of its rotational rows.
     pub equalities: Vec<[SoftLaw<S>; 2]>,
-    /// Parameters of the contact laws of dynamic pairs.
+    /// Parameters from which the laws of dynamic pairs are computed.
     pub(super) maker: LawMaker,
-    /// Translational inverse weight of every geom's body.
+    /// Translational inverse weight of the body of every geom, 1/kg.
     pub(super) geom_weights: Vec<f64>,
-    /// Body of every geom of the model.
+    /// Index of the body of every geom of the model.
     pub geom_bodies: Vec<u32>,
-    /// Degrees of freedom in the order of the solver's matrix, which it eliminates from the last to the first.
+    /// Order of the degrees of freedom in the solver's matrix. The solver eliminates from the last to the first.
     pub order: Vec<u32>,
 }
 
-/// Parameters of soft laws that do not depend on the constraint.
+/// Parameters of constraint laws that are the same for all constraints.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LawMaker {
-    /// Smallest time constant, s.
+    /// Smallest time constant that a solref may have, s; 0 for no bound.
     pub(super) least_time: f64,
     /// Time step, s.
     pub(super) timestep: f64,
-    /// Whether limits and contacts yield, see [`SoftLaw::yields`].
+    /// Whether discrete steps soften limits and contacts that are too stiff for the time step, see [`SoftLaw::yields`].
     pub(super) yields: bool,
 }
 
 impl<S: Scalar> SoftLaw<S> {
-    /// Impedance at the error r.
+    /// Impedance d at the position error `r`.
     #[inline(always)]
     pub fn impedance<R: Real<Scalar = S>>(&self, r: R) -> R {
         let [start, growth] = self.impedance.map(R::splat);
@@ -113,19 +114,20 @@ impl<S: Scalar> SoftLaw<S> {
         start + growth * R::select(x.lt(R::one()), y, R::one())
     }
 
-    /// Regularisation R at this impedance, for this weight.
+    /// Regularisation R at an impedance, for a row with the approximate inverse inertia `weight`.
     #[inline(always)]
     pub fn regularisation<R: Real<Scalar = S>>(impedance: R, weight: R) -> R {
         ((R::one() - impedance) * weight / impedance).max(R::of(MIN_VALUE))
     }
 
-    /// Reference acceleration and D = 1 / R of a row at the error r, whose rate is v, in the lanes `active`; D is 0 in the others.
+    /// Reference acceleration, and D = 1 / R, of a row with the position error `r` and its rate `v`. D is 0 outside the lanes `active`.
     #[inline(always)]
     pub fn row<R: Real<Scalar = S>>(&self, r: R, v: R, active: R::Mask) -> [R; 2] {
         self.row_at(self.impedance(r), r, v, active)
     }
 
-    /// Reference acceleration and regularisation at a given impedance, for several errors that share one.
+    /// Reference acceleration, and D = 1 / R, at a given impedance. Used for rows that share one impedance. D is 0 outside the lanes
+    /// `active`.
     #[inline(always)]
     pub fn row_at<R: Real<Scalar = S>>(&self, impedance: R, r: R, v: R, active: R::Mask) -> [R; 2] {
         let reference = -(R::splat(self.damping) * v) - R::splat(self.stiffness) * impedance * r;
@@ -134,22 +136,23 @@ impl<S: Scalar> SoftLaw<S> {
     }
 }
 
-/// Law of a row whose spring and damper are evaluated at the end of a discrete step.
+/// Constraint law of a row whose spring and damper are evaluated at the end of a discrete step.
 ///
-/// a_ref = -(K d r + (B + h K d) v) / f and R / f, with f = 1 + h B + h^2 K d (MuJoCo's documentation, "Integrators").
+/// The reference acceleration is -(K d r + (B + h K d) v) / f, and the regularisation R / f, with f = 1 + h B + h^2 K d (MuJoCo's
+/// documentation, "Integrators").
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct EndLaw<R> {
-    /// Coefficients of the error and of its rate in the reference acceleration, before the division by f.
+    /// Coefficients K d and B + h K d of the position error and of its rate, before the division by f.
     pub(crate) spring: [R; 2],
     /// Factor f = 1 + h B + h^2 K d.
     pub(crate) factor: R,
 }
 
 impl<R: Real> EndLaw<R> {
-    /// Effective law at an impedance, for a step of `h` seconds.
+    /// Law at an impedance, for a step of `h` seconds.
     ///
-    /// A law that is stiffer than the step resolves, h^2 K d > 1, becomes the stiffest law that does not bounce. It keeps its damping ratio
-    /// as far as the largest impedance permits.
+    /// A law that is too stiff for the time step, h^2 K d > 1, becomes the stiffest law that does not bounce. It keeps its damping ratio as
+    /// far as the largest impedance permits.
     #[inline(always)]
     pub(crate) fn new(law: &SoftLaw<R::Scalar>, impedance: R, h: R) -> Self {
         let (mut stiffness, mut damping) = (R::splat(law.stiffness) * impedance, R::splat(law.damping));
@@ -166,21 +169,21 @@ impl<R: Real> EndLaw<R> {
         Self { spring: [stiffness, damping + h * stiffness], factor: R::one() + h * damping + h * h * stiffness }
     }
 
-    /// Regularisation R at this impedance, for this weight, at least that of the largest impedance.
+    /// Regularisation at this impedance, for the approximate inverse inertia `weight`; at least that of the largest impedance.
     #[inline(always)]
     pub(crate) fn regularisation(&self, impedance: R, weight: R) -> R {
         let own = SoftLaw::<R::Scalar>::regularisation(impedance, weight) / self.factor;
         own.max((Self::least() * weight).max(R::of(MIN_VALUE)))
     }
 
-    /// Least regularisation divided by the weight.
+    /// Smallest regularisation, divided by the approximate inverse inertia of the row.
     #[inline(always)]
     pub(crate) fn least() -> R {
         R::of((1.0 - IMPEDANCE[1]) / IMPEDANCE[1])
     }
 }
 
-/// Power x^p, for x in [0, 1].
+/// Power x^p for x in [0, 1].
 #[inline(always)]
 fn power<R: Real>(x: R, p: R::Scalar) -> R {
     let exponent = p.to_f64();
@@ -194,13 +197,13 @@ fn power<R: Real>(x: R, p: R::Scalar) -> R {
     R::select(some, (R::splat(p) * R::select(some, x, R::one()).ln()).exp(), R::zero())
 }
 
-/// Solref with both numbers in one format, or the default.
+/// Solref with both numbers in one format (positive or negative); MuJoCo's default if their signs differ.
 fn in_one_format(solref: [f64; 2]) -> [f64; 2] {
     if (solref[0] > 0.0) == (solref[1] > 0.0) { solref } else { Softness::default().solref }
 }
 
 impl LawMaker {
-    /// Stiffness and damping of a solref, which grow with the inverse of the largest impedance.
+    /// Stiffness K and damping B of a solref. `largest` is the largest impedance.
     fn spring(self, solref: [f64; 2], largest: f64) -> [f64; 2] {
         let [mut time, ratio] = in_one_format(solref);
         if time <= 0.0 {
@@ -232,12 +235,12 @@ impl LawMaker {
         }
     }
 
-    /// Law of an equality, which never yields.
+    /// Constraint law of an equality. Discrete steps never soften it.
     pub(super) fn equality<S: Scalar>(self, softness: &Softness, weight: f64) -> SoftLaw<S> {
         SoftLaw { yields: false, ..self.law(softness, weight) }
     }
 
-    /// Law of dry friction, which has no stiffness.
+    /// Constraint law of dry friction, which has no stiffness.
     pub(super) fn friction<S: Scalar>(self, softness: &Softness, weight: f64) -> SoftLaw<S> {
         SoftLaw { stiffness: S::default(), ..self.equality(softness, weight) }
     }
@@ -254,7 +257,7 @@ impl LawMaker {
         SoftContactLaw { normal, friction_damping, condim: pair.condim, anisotropy: scalars(pair.anisotropy), spring: S::default() }
     }
 
-    /// Spring and damper along the normal, evaluated at the end of the step by Euler's implicit rule.
+    /// Constraint law of a contact spring with damper, evaluated at the end of the step by the implicit Euler rule.
     ///
     /// f = -K (r + h v+) - D v+ is R f = a_ref - a with R = 1 / (h (h K + D)) and a_ref = -v/h - K r R. With an impedance of 1/2, the
     /// regularisation R equals the inverse weight of the row.
@@ -279,7 +282,7 @@ impl LawMaker {
 }
 
 impl<S: Scalar> CompiledSoftness<S> {
-    /// Law of a pair of the compiled model outside the list.
+    /// Constraint law of a dynamic pair.
     pub(crate) fn unlisted(&self, pair: &GeomPair) -> SoftContactLaw<S> {
         let [a, b] = pair.geoms;
         self.maker.contact(pair, self.geom_weights[a] + self.geom_weights[b])

@@ -1,4 +1,5 @@
-//! Static pairs: a moving geom and one that is fixed to the world, both convex. The broad phase finds them with a tree of boxes.
+//! Static pairs: pairs of a moving geom and a geom that is fixed to the world, both convex. The broad phase finds them with a tree of
+//! bounding boxes.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -8,80 +9,81 @@ use stepper_real::Scalar;
 
 use crate::compile::collision::{CompiledGeom, CompiledPair, DynamicPairs};
 
-/// Index that marks a geom that is not a member.
+/// Index that marks the absence of a row, member or leaf.
 const NONE: u32 = u32::MAX;
 
-/// Geom that is fixed to the world.
+/// Geom of static pairs that is fixed to the world.
 #[derive(Clone, Copy, Debug)]
 pub struct StaticGeom {
-    /// Index into the compiled model's geoms.
+    /// Index of the geom in the compiled model.
     pub geom: usize,
-    /// Largest margin of its pairs, m.
+    /// Largest margin of its static pairs, m.
     pub margin: f64,
-    /// Row in the table of listed pairs.
+    /// Row of this geom in `StaticPairs::numbers`; `NONE` without listed pairs.
     row: u32,
-    /// Index among the members of the dynamic pairs.
+    /// Index among the members of the dynamic pairs; `NONE` if the geom is no member.
     member: u32,
 }
 
-/// Geom that moves.
+/// Geom of static pairs that moves.
 #[derive(Clone, Copy, Debug)]
 pub struct MovingGeom {
-    /// Index into the compiled model's geoms.
+    /// Index of the geom in the compiled model.
     pub geom: usize,
-    /// Index among the members of the dynamic pairs.
+    /// Index among the members of the dynamic pairs; `NONE` if the geom is no member.
     member: u32,
 }
 
-/// Node of the tree, whose nodes are in depth-first order.
+/// Node of the tree of bounding boxes over the static geoms. The nodes are in depth-first order.
 #[derive(Clone, Copy, Debug)]
 pub struct TreeNode {
-    /// Index of the first node after the subtree.
+    /// Index of the first node after the subtree of this node.
     pub end: u32,
     leaf: u32,
 }
 
 impl TreeNode {
-    /// Index of the static geom of a leaf.
+    /// Static geom of a leaf, as an index in [`StaticPairs::fixed`]; `None` for an inner node.
     #[inline(always)]
     pub fn leaf(&self) -> Option<usize> {
         (self.leaf != NONE).then_some(self.leaf as usize)
     }
 }
 
-/// Static pairs: a moving geom and one that is fixed to the world. Each is a listed pair or a dynamic pair.
+/// Static pairs: pairs of a moving geom and a geom that is fixed to the world. Each is also a listed pair or a dynamic pair.
 #[derive(Clone, Debug, Default)]
 pub struct StaticPairs {
-    /// Static geoms.
+    /// Geoms of static pairs that are fixed to the world.
     pub fixed: Vec<StaticGeom>,
-    /// Moving geoms, group by group.
+    /// Geoms of static pairs that move, sorted by group.
     pub moving: Vec<MovingGeom>,
-    /// Moving geoms of each kinematic tree and of each body that the user poses.
+    /// Groups of moving geoms, as ranges of `moving`: one per kinematic tree, and one per mocap body.
     pub groups: Vec<Range<usize>>,
-    /// Nodes of the tree over the static geoms.
+    /// Nodes of the tree of bounding boxes over the static geoms.
     pub nodes: Vec<TreeNode>,
     /// Whether each listed pair is a static pair.
     listed: Vec<bool>,
-    /// Numbers of listed pairs: a row of all moving geoms for each static geom that has any.
+    /// Indices of the listed pairs: for each static geom that has any, a row with an entry for every moving geom.
     numbers: Vec<u32>,
-    /// Number of the first dynamic pair, and number of members.
+    /// Index of the first dynamic pair, and number of members of the dynamic pairs.
     dynamic: [u32; 2],
 }
 
-/// Geoms and pairs of a compiled model.
+/// Compiled geoms and pairs, as input of [`StaticPairs::new`].
 pub(super) struct Collision<'a, S> {
     pub(super) geoms: &'a [CompiledGeom<S>],
-    /// Listed pairs.
+    /// Listed pairs of the compiled model.
     pub(super) pairs: &'a [CompiledPair<S>],
     pub(super) dynamic_pairs: Option<&'a DynamicPairs<S>>,
 }
 
 impl StaticPairs {
-    /// Pairs of `collision`. `place` returns the position of a static geom, m, and `group` the number of the group of a moving frame.
+    /// Finds the static pairs of `collision`. `place` returns the position of a static geom, m, and `group` the group number of a moving
+    /// frame.
     pub(super) fn new<S: Scalar>(collision: &Collision<'_, S>, place: impl Fn(usize) -> [f64; 3], group: impl Fn(usize) -> usize) -> Self {
         let Collision { geoms, pairs, dynamic_pairs } = *collision;
         let is_convex = |g: usize| matches!(geoms[g].solid, Some(Solid::Convex(_)));
-        // The static geom first, if there is one.
+        // Order of a pair: the geom that is fixed to the world first, if there is one.
         let sorted = |[a, b]: [usize; 2]| if geoms[a].frame == 0 { [a, b] } else { [b, a] };
         let is_one =
             |[fixed, moving]: [usize; 2]| geoms[fixed].frame == 0 && geoms[moving].frame != 0 && is_convex(fixed) && is_convex(moving);
@@ -145,18 +147,18 @@ impl StaticPairs {
         Self { fixed, moving, groups, nodes, listed, numbers, dynamic: [first, members.len() as u32] }
     }
 
-    /// Whether there are none.
+    /// Whether the model has no static pairs.
     #[inline(always)]
     pub fn is_empty(&self) -> bool {
         self.fixed.is_empty()
     }
 
-    /// Whether a listed pair is a static pair.
+    /// Whether the listed pair with index `pair` is a static pair.
     pub fn is_listed(&self, pair: usize) -> bool {
         self.listed[pair]
     }
 
-    /// Number of the pair of a static and a moving geom; `None` if they do not collide. A dynamic pair may yet be filtered out.
+    /// Index of the pair of a static geom and a moving geom; `None` if they are no pair. A returned dynamic pair may still be filtered out.
     #[inline(always)]
     pub fn number(&self, fixed: &StaticGeom, moving: usize) -> Option<u32> {
         if fixed.row != NONE {
@@ -171,7 +173,8 @@ impl StaticPairs {
     }
 }
 
-/// Adds the nodes of a subtree over some static geoms: halves by their centres along the axis on which these spread most.
+/// Adds the nodes of the subtree over the static geoms `fixed`. It splits them in halves by their centres, along the axis with the largest
+/// spread.
 fn add_nodes(fixed: &mut [usize], centres: &[[f64; 3]], nodes: &mut Vec<TreeNode>) {
     let at = nodes.len();
     nodes.push(TreeNode { end: 0, leaf: if fixed.len() == 1 { fixed[0] as u32 } else { NONE } });

@@ -1,23 +1,23 @@
-//! Parts of a compiled model: links, joints, degrees of freedom, and their attributes.
+//! Elements of a compiled model: links, joints, degrees of freedom, bodies and limits.
 
 use stepper_real::Scalar;
 
 use crate::model::JointKind;
 
-/// Moving body with everything welded to it.
+/// Link: a moving body together with everything welded to it.
 #[derive(Clone, Debug)]
 pub struct Link<S> {
-    /// Parent frame of the link.
+    /// Index of the link's parent frame.
     pub parent: usize,
-    /// Kinematic tree of the link.
+    /// Index of the link's kinematic tree.
     pub tree: usize,
-    /// Whether the link is the root of its tree.
+    /// Whether the link is the root of its kinematic tree.
     pub is_root: bool,
-    /// Position in the parent frame before the link's joints, m.
+    /// Position in the parent frame at the reference configuration of the link's joints, m.
     pub pos: [S; 3],
-    /// Orientation in the parent frame before the link's joints; `None` if it is aligned.
+    /// Rotation matrix to the parent frame at the reference configuration of the link's joints; `None` if it is the identity.
     pub mat: Option<[S; 9]>,
-    /// Orientation as a quaternion.
+    /// Same orientation as a unit quaternion (w, x, y, z).
     pub quat: [S; 4],
     /// Joints of the link.
     pub joints: std::ops::Range<usize>,
@@ -30,23 +30,24 @@ pub struct Link<S> {
 pub struct CompiledJoint<S> {
     /// Kind of the joint.
     pub kind: JointKind,
-    /// Address in q.
+    /// Address of the joint's first coordinate in q.
     pub q: usize,
-    /// Address in v.
+    /// Address of the joint's first degree of freedom in v.
     pub v: usize,
     /// Anchor in the link's frame, m.
     pub anchor: [S; 3],
-    /// Whether the anchor is the link's origin.
+    /// Whether the anchor is at the link's origin.
     pub centred: bool,
-    /// Axis in the link's frame.
+    /// Unit axis of the joint in the link's frame.
     pub axis: [S; 3],
-    /// Axis of the frame that the joint's axis coincides with, if any, and whether its sign is the same.
+    /// Number of the frame axis that is parallel to the joint's axis, and whether their directions are equal; `None` if no axis is
+    /// parallel.
     pub principal: Option<(usize, bool)>,
-    /// Position at which the joint has no effect on the pose.
+    /// Position coordinate at which the joint does not displace its link, m or rad.
     pub reference: S,
     /// Whether the joint has a spring.
     pub sprung: bool,
-    /// Rest position of the spring: one coordinate, or a quaternion, or position and quaternion.
+    /// Rest position of the spring: one coordinate (hinge, slide), a quaternion (ball), or position and quaternion (free).
     pub rest: [S; 7],
 }
 
@@ -57,31 +58,31 @@ pub struct Dof {
     pub link: usize,
     /// Kinematic tree of the degree of freedom.
     pub tree: usize,
-    /// Start of the dof's chain in the list of chains, and of its row among the entries of the mass matrix.
+    /// Start of the dof's chain in the list of chains. It is also the start of its row in the mass matrix.
     pub chain: usize,
-    /// Length of the chain.
+    /// Length of the chain: the dof itself and its ancestors.
     pub depth: usize,
-    /// Whether the body is simple, so that MuJoCo's mass matrix is diagonal there.
+    /// Whether the dof's body is simple, so that MuJoCo stores a diagonal mass matrix for it.
     pub is_simple: bool,
-    /// Range of its descendants in their list.
+    /// Range of the dof's descendants in the list of descendants.
     pub descendants: std::ops::Range<usize>,
 }
 
-/// Descendant of a dof.
+/// Descendant of a degree of freedom, in the list of descendants.
 #[derive(Clone, Copy, Debug)]
 pub struct Descendant {
-    /// Index of the degree of freedom.
+    /// Index of the descendant, a degree of freedom.
     pub dof: u32,
-    /// Entry of the mass matrix with the ancestor, as an index in the chain. The ancestor's ancestors follow, as in its row.
+    /// Index of the mass matrix entry of the descendant with the ancestor. The entries with the ancestor's ancestors follow it.
     pub entry: u32,
 }
 
-/// Link alone on a free or ball joint.
+/// Spinner: a link alone on a free or ball joint, whose gyroscopic torque is integrated separately.
 #[derive(Clone, Debug)]
 pub struct CompiledSpinner<S> {
     /// Index of the link.
     pub link: usize,
-    /// First degree of freedom.
+    /// Index of the joint's first degree of freedom.
     pub dof: usize,
     /// Kind of the joint: free or ball.
     pub kind: JointKind,
@@ -89,64 +90,64 @@ pub struct CompiledSpinner<S> {
     pub anchor: [S; 3],
 }
 
-/// Mocap body, whose pose the user sets.
+/// Mocap body. The user sets its pose.
 #[derive(Clone, Debug)]
 pub struct CompiledMocap<S> {
-    /// Frame of the body.
+    /// Index of the body's frame in the compiled model.
     pub frame: usize,
-    /// Position at reset, m.
+    /// Position at reset in the world frame, m.
     pub pos: [S; 3],
-    /// Orientation at reset.
+    /// Orientation at reset, a unit quaternion (w, x, y, z).
     pub quat: [S; 4],
 }
 
-/// Place of a body of the model.
+/// Body of the model: frame to which it is fixed, and its pose in that frame.
 #[derive(Clone, Debug)]
 pub struct CompiledBody<S> {
-    /// Index of the parent; the world's is 0.
+    /// Index of the parent body; the world's is 0.
     pub parent: usize,
-    /// Frame to which the body is fixed.
+    /// Index of the frame to which the body is fixed.
     pub frame: usize,
     /// Origin of the body in that frame, m.
     pub pos: [S; 3],
-    /// Orientation of the body in that frame.
+    /// Rotation matrix from the body's axes to the frame's, row-major.
     pub mat: [S; 9],
-    /// Orientation as a quaternion.
+    /// Same orientation as a unit quaternion (w, x, y, z).
     pub quat: [S; 4],
 }
 
-/// Range of a hinge or slide.
+/// Limit of a hinge or slide joint.
 #[derive(Clone, Debug)]
 pub struct CompiledLimit {
-    /// Address in q.
+    /// Address of the joint's coordinate in q.
     pub q: usize,
-    /// Degree of freedom.
+    /// Index of the joint's degree of freedom.
     pub dof: usize,
 }
 
-/// Range of a ball joint.
+/// Limit of a ball joint.
 #[derive(Clone, Debug)]
 pub struct CompiledBallLimit {
-    /// Address in q.
+    /// Address of the joint's first coordinate in q.
     pub q: usize,
-    /// First degree of freedom.
+    /// Index of the joint's first degree of freedom.
     pub dof: usize,
-    /// Index of the limit's impulse.
+    /// Index of the limit's impulse in the list of impulses of scalar rows.
     pub owner: usize,
 }
 
-/// Dry friction of a degree of freedom.
+/// Dry friction (`frictionloss`) of a degree of freedom.
 #[derive(Clone, Debug)]
 pub struct CompiledFriction {
-    /// Degree of freedom.
+    /// Index of the degree of freedom.
     pub dof: usize,
-    /// Joint in the model.
+    /// Index of the joint in the model.
     pub joint: usize,
-    /// Whether actuator dynamics add to the friction.
+    /// Whether the friction losses of an actuator are added to this row.
     pub driven: bool,
 }
 
-/// Converts numbers to the scalar type of the lanes.
+/// Converts numbers from f64 to the scalar type of the lanes.
 pub(crate) fn scalars<S: Scalar, const N: usize>(x: [f64; N]) -> [S; N] {
     x.map(S::from_f64)
 }

@@ -195,7 +195,7 @@ mod tests {
         let lengths: Vec<usize> = shares.iter().map(|s| s.status[0].len()).collect();
         assert_eq!(lengths, [3, 3, 1]);
         assert!(shares.iter().all(|s| s.quantities.len() == 1 && s.quantities[0].1 == 2 && s.status.len() == calls));
-// Environment 5 is the last of the second share.
+        // Environment 5 is the last of the second share.
         assert_eq!(shares[1].quantities[0].2[1][4..], [24.0, 25.0]);
     }
 }

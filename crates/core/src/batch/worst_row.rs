@@ -43,29 +43,31 @@ pub enum WorstRow {
 impl WorstRow {
     /// Decodes a [`ConstraintCode`](crate::constraints::worst_row::ConstraintCode); `None` if no row is stored.
     pub(super) fn of_code<S: Scalar>(code: u64, model: &Model, compiled: &CompiledModel<S>) -> Option<Self> {
-        let owner = match ConstraintCode(code).constraint()? {
+        let impulse_index = match ConstraintCode(code).constraint()? {
             CodedConstraint::Contact(pair) => {
                 let geoms = compiled.pair_geoms(pair)?.map(|g| compiled.geoms[g].index);
                 return Some(Self::Contact { geoms });
             }
-            CodedConstraint::Scalar(owner) => owner,
+            CodedConstraint::Scalar(impulse_index) => impulse_index,
         };
         let joint_of = |dof: usize| model.joint_addresses().iter().position(|&(_, first)| first == dof);
-        if let Some(limit) = compiled.limits.get(owner) {
+        if let Some(limit) = compiled.limits.get(impulse_index) {
             return joint_of(limit.dof).map(|joint| Self::Limit { joint });
         }
-        if let Some(friction) = compiled.frictions.get(owner - compiled.limits.len()) {
+        if let Some(friction) = compiled.frictions.get(impulse_index - compiled.limits.len()) {
             return Some(Self::DryFriction { joint: friction.joint });
         }
-        if let Some(limit) = compiled.ball_limits.iter().find(|limit| limit.owner == owner) {
+        if let Some(limit) = compiled.ball_limits.iter().find(|limit| limit.impulse_index == impulse_index) {
             return joint_of(limit.dof).map(|joint| Self::Limit { joint });
         }
-        if let Some(tendon) = compiled.tendons.iter().find(|tendon| (tendon.owner..tendon.owner + 3).contains(&owner)) {
+        if let Some(tendon) =
+            compiled.tendons.iter().find(|tendon| (tendon.impulse_index..tendon.impulse_index + 3).contains(&impulse_index))
+        {
             return Some(Self::Tendon { tendon: tendon.index });
         }
         let mut equalities = compiled.equalities.iter().flat_map(|block| &block.equalities).collect::<Vec<_>>();
-        equalities.sort_unstable_by_key(|equality| equality.owner);
-        let last = equalities.iter().rfind(|equality| equality.owner <= owner)?;
+        equalities.sort_unstable_by_key(|equality| equality.impulse_index);
+        let last = equalities.iter().rfind(|equality| equality.impulse_index <= impulse_index)?;
         Some(Self::Equality { equality: last.index })
     }
 

@@ -232,8 +232,8 @@ impl<R: Real> Contacts<R> {
                 for k in 0..self.slots() {
                     let point = &mut self.data[k].point;
                     let rounding = point.rounding();
-                    let felt = (rounding + metre).gt(drop * R::of(DISTANCE_ROUNDINGS * FORCE_ERROR));
-                    let small = point.distance.lt(rounding + R::select(felt, metre, R::zero()));
+                    let sensed_contacts = (rounding + metre).gt(drop * R::of(DISTANCE_ROUNDINGS * FORCE_ERROR));
+                    let small = point.distance.lt(rounding + R::select(sensed_contacts, metre, R::zero()));
                     point.distance = R::select(small.and(point.distance.gt(R::zero())), R::zero(), point.distance);
                 }
             },

@@ -105,7 +105,7 @@ pub struct ModelStructure<S: Scalar> {
     pub ball_limits: Vec<CompiledBallLimit>,
     /// Fixed tendons with limits, dry friction, springs, dampers or inertia.
     pub tendons: Vec<CompiledTendon<S>>,
-    /// Number of stored impulses of scalar rows: joint limits, dry friction, then the rows whose elements have an `owner` index.
+    /// Number of stored impulses of scalar rows: joint limits, dry friction, then the rows whose elements have an `impulse_index` index.
     pub scalar_impulses: usize,
     /// Actuators.
     pub actuators: Vec<CompiledActuator<S>>,

@@ -99,7 +99,7 @@ pub struct CompiledEquality<S> {
     /// Spring of a soft equality; `None` for a hard equality.
     pub spring: Option<Spring<S>>,
     /// Index of the impulse of the first row in the list of impulses of scalar rows.
-    pub owner: usize,
+    pub impulse_index: usize,
 }
 
 impl<S> CompiledEquality<S> {
@@ -110,7 +110,7 @@ impl<S> CompiledEquality<S> {
             EqualityRows::Points { turn: None, .. } => 3,
             EqualityRows::Coupling { .. } => 1,
         };
-        self.owner..self.owner + rows
+        self.impulse_index..self.impulse_index + rows
     }
 }
 
@@ -149,7 +149,7 @@ pub struct CompiledTendon<S> {
     pub spring: Option<(Spring<S>, [S; 2])>,
     /// Index of the tendon's first impulse in the list of impulses of scalar rows. The three impulses belong to limit, dry friction and
     /// spring.
-    pub owner: usize,
+    pub impulse_index: usize,
 }
 
 /// Largest number of rows that are made orthogonal together. The cost grows with the square of the number.
@@ -242,8 +242,8 @@ impl Compiler<'_> {
     /// Compiles the equalities and groups them in blocks. Hard equalities that share a degree of freedom are in one block, up to
     /// [`MOST_ROWS`] rows.
     ///
-    /// `owner` is the index of the next free impulse.
-    pub(super) fn equalities<S: Scalar>(&self, owner: &mut usize) -> Vec<EqualityBlock<S>> {
+    /// `impulse_index` is the index of the next free impulse.
+    pub(super) fn equalities<S: Scalar>(&self, impulse_index: &mut usize) -> Vec<EqualityBlock<S>> {
         let mut blocks: Vec<EqualityBlock<S>> = Vec::new();
         for (index, equality) in self.model.equalities.iter().enumerate() {
             let (rows, support) = self.rows(&equality.kind);
@@ -254,9 +254,9 @@ impl Compiler<'_> {
                 rows,
                 support: support.clone(),
                 spring: spring(equality),
-                owner: *owner,
+                impulse_index: *impulse_index,
             };
-            *owner += count;
+            *impulse_index += count;
             let hard = compiled.spring.is_none();
             let mut block = EqualityBlock { equalities: vec![compiled], support, rows: count, hard, eliminated: false, set: vec![] };
             let met = |b: &EqualityBlock<S>| hard && b.hard && b.support.iter().any(|d| block.support.binary_search(d).is_ok());
@@ -274,8 +274,8 @@ impl Compiler<'_> {
         blocks
     }
 
-    /// Compiles the tendons that have a limit, dry friction, spring, damper or inertia. `owner` is the index of the next free impulse.
-    pub(super) fn tendons<S: Scalar>(&self, owner: &mut usize) -> Vec<CompiledTendon<S>> {
+    /// Compiles the tendons that have a limit, dry friction, spring, damper or inertia. `impulse_index` is the index of the next free impulse.
+    pub(super) fn tendons<S: Scalar>(&self, impulse_index: &mut usize) -> Vec<CompiledTendon<S>> {
         let mut plans = Vec::new();
         for (index, tendon) in self.model.tendons.iter().enumerate() {
             let sprung = tendon.stiffness > 0.0 || tendon.damping > 0.0 || tendon.armature > 0.0;
@@ -294,9 +294,9 @@ impl Compiler<'_> {
                 range: tendon.range.map(scalars),
                 friction: S::from_f64(tendon.frictionloss),
                 spring: sprung.then(|| (spring, scalars(tendon.spring_length))),
-                owner: *owner,
+                impulse_index: *impulse_index,
             });
-            *owner += 3;
+            *impulse_index += 3;
         }
         plans
     }

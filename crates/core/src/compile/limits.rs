@@ -9,11 +9,11 @@ pub(super) fn limits(model: &Model, addresses: &[(usize, usize)]) -> Vec<Compile
     limited.map(|(_, &(q, dof))| CompiledLimit { q, dof }).collect()
 }
 
-pub(super) fn ball_limits(model: &Model, addresses: &[(usize, usize)], owner: &mut usize) -> Vec<CompiledBallLimit> {
+pub(super) fn ball_limits(model: &Model, addresses: &[(usize, usize)], impulse_index: &mut usize) -> Vec<CompiledBallLimit> {
     let limited = model.joints.iter().zip(addresses).filter(|(j, _)| j.kind == JointKind::Ball && j.range.is_some());
     let compiled = |(_, &(q, dof)): (&crate::model::Joint, &(usize, usize))| {
-        *owner += 1;
-        CompiledBallLimit { q, dof, owner: *owner - 1 }
+        *impulse_index += 1;
+        CompiledBallLimit { q, dof, impulse_index: *impulse_index - 1 }
     };
     limited.map(compiled).collect()
 }

@@ -264,8 +264,8 @@ impl Form {
 impl<S: Scalar> CompiledSensing<S> {
     /// Compiles the sensors of a model. `lossy` is set if the impulses of a step determine part of the actuator forces, by friction losses.
     pub(super) fn new(model: &Model, merged: &Merged, tendons: &[CompiledTendon<S>], lossy: bool) -> Self {
-        let owners = tendons.iter().map(|t| (t.index, t.owner)).collect();
-        let compiler = Compiler { model, merged, addresses: model.joint_addresses(), owners, found: RefCell::default() };
+        let impulse_indices = tendons.iter().map(|t| (t.index, t.impulse_index)).collect();
+        let compiler = Compiler { model, merged, addresses: model.joint_addresses(), impulse_indices, found: RefCell::default() };
         let at = model.sensor_addresses();
         let compile = |(i, s): (usize, &Sensor)| CompiledSensor {
             at: at[i],
@@ -340,7 +340,7 @@ struct Compiler<'a> {
     merged: &'a Merged,
     addresses: Vec<(usize, usize)>,
     /// Tendons with constraint rows: index in the model, and index of the first impulse.
-    owners: Vec<(usize, usize)>,
+    impulse_indices: Vec<(usize, usize)>,
     found: RefCell<Found>,
 }
 
@@ -372,8 +372,9 @@ impl Compiler<'_> {
             K::TendonLimitPos(t) => self.overlap(&self.model.tendons[t].joints, self.range_of(t), false),
             K::TendonLimitVel(t) => self.overlap(&self.model.tendons[t].joints, self.range_of(t), true),
             K::TendonLimitForce(t) => {
-                let owner = self.owners.iter().find(|owner| owner.0 == t && self.model.tendons[t].range.is_some());
-                owner.map_or(Read::Nothing, |owner| Read::LimitForce(owner.1))
+                let impulse_index =
+                    self.impulse_indices.iter().find(|impulse_index| impulse_index.0 == t && self.model.tendons[t].range.is_some());
+                impulse_index.map_or(Read::Nothing, |impulse_index| Read::LimitForce(impulse_index.1))
             }
             K::TendonActuatorForce(t) => {
                 let pulls = |a: &usize| self.model.actuators[*a].transmission == Transmission::Tendon(t);

@@ -133,7 +133,7 @@ pub struct CompiledBallLimit {
     /// Index of the joint's first degree of freedom.
     pub dof: usize,
     /// Index of the limit's impulse in the list of impulses of scalar rows.
-    pub owner: usize,
+    pub impulse_index: usize,
 }
 
 /// Dry friction (`frictionloss`) of a degree of freedom.

@@ -1,20 +1,20 @@
-//! Active equalities of the model in each environment.
+//! Activity of the equalities of the model, in each lane.
 
 use stepper_real::{Mask, Real};
 
 use crate::compile::{CompiledEquality, ModelStructure};
 
-/// Lanes in which each equality is active.
+/// Activity of the equalities: the lanes in which each one is active.
 #[derive(Clone, Debug)]
 pub(crate) struct ActiveEqualities<R: Real> {
-    /// Lanes, by equality of the model.
+    /// Lanes in which each equality of the model is active.
     lanes: Vec<R::Mask>,
-    /// Whether any equality of a block is active in any lane, by block of the compiled model.
+    /// Whether each block of the compiled model has an equality that is active in any lane.
     blocks: Vec<bool>,
 }
 
 impl<R: Real> ActiveEqualities<R> {
-    /// Default activity of the model in every lane.
+    /// Creates the default activity of the model, in every lane.
     pub(crate) fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         let equalities = compiled.equalities.iter().map(|block| block.equalities.len()).sum();
         let none = R::Mask::splat(false);
@@ -23,8 +23,8 @@ impl<R: Real> ActiveEqualities<R> {
         active
     }
 
-    /// Loads the user's `rows` of the environments `first..first + used`, (num_envs, neq); 0 disables an equality. An empty array selects
-    /// the defaults of the model.
+    /// Loads the user's activity for the environments `first..first + used`: `rows` is (num_envs, neq), and 0 disables an equality. An
+    /// empty array selects the defaults of the model.
     pub(crate) fn load(&mut self, compiled: &ModelStructure<R::Scalar>, rows: &[f64], first: usize, used: usize) {
         let count = self.lanes.len();
         for (block, any) in compiled.equalities.iter().zip(&mut self.blocks) {
@@ -41,13 +41,13 @@ impl<R: Real> ActiveEqualities<R> {
         }
     }
 
-    /// Lanes in which an equality is active.
+    /// Lanes in which the equality is active.
     #[inline(always)]
     pub(crate) fn lanes(&self, equality: &CompiledEquality<R::Scalar>) -> R::Mask {
         self.lanes[equality.index]
     }
 
-    /// Whether a block has rows, because one of its equalities is active in some lane.
+    /// Whether the block with index `block` has rows: one of its equalities is active in some lane.
     #[inline(always)]
     pub(crate) fn has_rows(&self, block: usize) -> bool {
         self.blocks[block]

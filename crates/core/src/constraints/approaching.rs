@@ -1,12 +1,13 @@
-//! Approaching contacts, whose rows are deferred until the solved motion closes their gap.
+//! Approaching contacts. Their rows are deferred: the solver leaves them out until the solved motion closes their gap.
 //!
-//! A contact row keeps a gap open along one fixed normal. That is right for surfaces that collide and wrong for surfaces that pass each
+//! A contact row keeps a gap open along one fixed normal. That is right for surfaces that collide, and wrong for surfaces that pass each
 //! other. The nearest points of two bodies that fly past approach without touching. Stage 4 therefore assembles the rows of an approaching
-//! contact and defers them: the solver leaves them out. The solution without them gives the motion of the step. Stage 5 activates the rows
-//! of the pairs that collide in this motion and solves their lanes again ([`crate::integrators::contact_activation`]).
+//! contact and marks them as deferred, so that the solver leaves them out. The solution without them gives the motion of the step. Stage 5
+//! activates the rows of the pairs that collide in this motion, and solves their lanes again ([`crate::integrators::contact_activation`]).
 //!
-//! Contacts that rest, slide or roll are never deferred. Nor are contacts with a half space, which has one normal everywhere, or of a ball
-//! that stays over one face of a box. A face of a surface is a triangle, with the neighbours that do not fall away from it.
+//! Contacts that rest, slide or roll are never deferred. Contacts with a half space, which has one normal everywhere, are not deferred
+//! either. Nor are contacts of a ball that stays over one face of a box. A face of a surface is a triangle together with those neighbours
+//! that do not slope away from it.
 
 use stepper_real::{Mask, Real, Scalar};
 
@@ -26,10 +27,11 @@ pub(crate) fn resting_speed(options: &StepSettings) -> f64 {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Lanes of `lanes` in which the contact of slot `k` is deferred: its surfaces approach each other and may pass.
+    /// Lanes of `lanes` in which the rows of the contact of slot `k` are deferred, because its surfaces approach each other and may pass
+    /// without touching.
     ///
-    /// `before` is the normal velocity before the step. `free` is the contact velocity after it without the forces of constraints, except
-    /// hard equalities, m/s.
+    /// `before` is the normal velocity before the step, m/s. `free` is the contact velocity after the step without constraint forces other
+    /// than those of hard equalities, m/s.
     #[inline(always)]
     pub(crate) fn approaching_lanes(
         &self,
@@ -54,9 +56,9 @@ impl<R: Real> Assembler<'_, R> {
         if deferred.none() { deferred } else { self.without_certain_hits(input, contacts, k, deferred, free) }
     }
 
-    /// Lanes of `lanes` without those in which two round geoms certainly collide in the free motion.
+    /// Lanes of `lanes` without those in which two round geoms (spheres, capsules) certainly collide in the free motion.
     ///
-    /// A sphere or a capsule contains the ball about the contact's centre of curvature. The geoms collide if these two balls do.
+    /// A round geom contains the ball about the contact's centre of curvature. The geoms collide if these two balls do.
     #[inline(never)]
     fn without_certain_hits(&self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: R::Mask, free: V3<R>) -> R::Mask {
         R::vectorize(
@@ -81,7 +83,7 @@ impl<R: Real> Assembler<'_, R> {
 }
 
 impl<R: Real> ConstraintProblem<R> {
-    /// Lanes of `lanes` with at least one deferred contact.
+    /// Lanes of `lanes` with at least one deferred contact, whose rows the solver leaves out.
     #[inline(always)]
     pub(crate) fn deferred_lanes(&self, lanes: R::Mask) -> R::Mask {
         let mut deferred = R::Mask::splat(false);
@@ -91,7 +93,8 @@ impl<R: Real> ConstraintProblem<R> {
         deferred.and(lanes)
     }
 
-    /// Largest overlap of a lane among its active contacts that share a moving frame with `frames`, m.
+    /// Largest overlap in lane `lane` among the active contacts of the moving frames in `frames`, m. `frames_of` returns the two frames of
+    /// a pair.
     pub(crate) fn resting_overlap(
         &self,
         contacts: &Contacts<R>,
@@ -110,9 +113,10 @@ impl<R: Real> ConstraintProblem<R> {
         deepest
     }
 
-    /// Activates the deferred contacts of colliding pairs in the lanes `lanes`.
+    /// Activates the deferred contacts of colliding pairs in the lanes `lanes`, so that the solver includes their rows.
     ///
-    /// `lanes_of` returns the lanes in which a pair collides, and the ones of these in which [`Self::defer_doubtful`] defers it again.
+    /// `lanes_of` returns the lanes in which a pair collides, and those of them in which the collision is doubtful.
+    /// [`Self::defer_doubtful`] later defers doubtful contacts again.
     pub(crate) fn activate(
         &mut self,
         velocity: &mut VelocitySolution<R>,
@@ -139,15 +143,15 @@ impl<R: Real> ConstraintProblem<R> {
         self.rows.redundant = self.rows.redundant.and_not(lanes).or(new.and(lanes));
     }
 
-    /// Whether a doubtful collision of the prediction activated a contact.
+    /// Whether a doubtful collision, found in the predicted motion, activated a contact.
     #[inline(always)]
     pub(crate) fn has_doubtful_contacts(&self) -> bool {
         self.deferred.iter().any(|contact| contact.doubtful.any())
     }
 
-    /// Defers again the contacts that a doubtful collision of the prediction activated. The solved motion decides whether they act.
+    /// Defers the contacts again that a doubtful collision of the predicted motion activated. The solved motion decides whether they act.
     ///
-    /// The impulses of the estimate become their initial impulses.
+    /// The predicted impulses of these contacts become their initial impulses.
     #[inline(never)]
     pub(crate) fn defer_doubtful(&mut self, velocity: &mut VelocitySolution<R>) {
         R::vectorize(
@@ -165,9 +169,10 @@ impl<R: Real> ConstraintProblem<R> {
         );
     }
 
-    /// Activates, with zero impulse, the deferred contacts that the solution satisfies. Stage 8 and the next step then keep them.
+    /// Activates the deferred contacts whose gap does not close in the solution, with zero impulse. Stage 8 and the next step then include
+    /// their rows.
     ///
-    /// Deferred contacts that it violates without a collision stay deferred: their surfaces pass each other.
+    /// Deferred contacts whose gap closes without a collision remain deferred: their surfaces pass each other.
     #[inline(always)]
     pub(crate) fn activate_satisfied(&mut self, velocity: &mut VelocitySolution<R>) {
         R::vectorize(
@@ -182,7 +187,7 @@ impl<R: Real> ConstraintProblem<R> {
         )
     }
 
-    /// Activates the deferred contacts that are also in `reference`, the contacts of a completed step.
+    /// Activates those deferred contacts that are also in `reference`, the contacts of a completed step.
     pub(crate) fn activate_matching(&mut self, velocity: &mut VelocitySolution<R>, contacts: &Contacts<R>, reference: &Contacts<R>) {
         for i in 0..self.deferred.len() {
             let deferred = self.deferred[i];
@@ -195,9 +200,9 @@ impl<R: Real> ConstraintProblem<R> {
         }
     }
 
-    /// Activates the deferred contacts of pairs that also have an active contact with the same normal.
+    /// Activates the deferred contacts of those pairs that also have an active contact with the same normal.
     ///
-    /// The two faces lie on each other and share their load among all of these contacts.
+    /// Such contacts belong to two faces that lie on each other, and share their load.
     #[inline(never)]
     pub(crate) fn activate_coplanar(&mut self, velocity: &mut VelocitySolution<R>, contacts: &Contacts<R>) {
         R::vectorize(
@@ -225,9 +230,9 @@ impl<R: Real> ConstraintProblem<R> {
         }
     }
 
-    /// Activates deferred contact `i` in the lanes `lanes` with the initial impulse `impulse`.
+    /// Activates deferred contact number `i` in the lanes `lanes`, with the initial impulse `impulse`, N s and N m s.
     ///
-    /// [`VelocitySolution::saved_impulses`] gets the same value, so that restoring the impulses keeps it.
+    /// The function also stores the impulse in [`VelocitySolution::saved_impulses`], so that restoring the impulses keeps it.
     #[inline(always)]
     fn activate_contact(&mut self, velocity: &mut VelocitySolution<R>, i: usize, lanes: R::Mask, impulse: [R; 6]) {
         if lanes.any() {
@@ -237,12 +242,12 @@ impl<R: Real> ConstraintProblem<R> {
             velocity.impulses.set_first_impulse(rows, deferred.contact, lanes, impulse);
             velocity.saved_impulses.set_first_impulse(rows, deferred.contact, lanes, impulse);
             deferred.lanes = deferred.lanes.and_not(lanes);
-            // Contacts in doubt are deferred again before the solve.
+            // Doubtful contacts are deferred again before the solve, so that they do not count as constraints yet.
             self.constrained = self.constrained.or(lanes.and_not(deferred.doubtful));
         }
     }
 
-    /// Removes the contacts that are still deferred from `contacts`: their surfaces have passed each other.
+    /// Removes the contacts that are still deferred from `contacts`, because their surfaces have passed each other.
     #[inline(always)]
     pub(crate) fn remove_deferred(&self, contacts: &mut Contacts<R>) {
         let lanes = self.deferred_lanes(R::Mask::splat(true));

@@ -11,58 +11,58 @@ use crate::constraints::velocity_solution::VelocitySolution;
 use crate::dynamics::inertia::NewtonEuler;
 use crate::tuning::WIDE_GAP_RATIO;
 
-/// Assembler of a step's rows. Each element of the model has a file with its rows.
+/// Assembler of the constraint rows of a step. The rows of each kind of element (contacts, limits ...) are in a separate file.
 pub(crate) struct Assembler<'a, R: Real> {
-    /// Problem to which the rows are added.
+    /// Constraint problem to which the assembler adds rows.
     pub(crate) problem: &'a mut ConstraintProblem<R>,
-    /// Solution, which gets the initial impulse of every row.
+    /// Velocity solution, to which the assembler adds the initial impulse of every row.
     pub(crate) velocity: &'a mut VelocitySolution<R>,
-    /// Row under construction.
+    /// Workspace with the row under construction.
     pub(crate) builder: &'a mut RowBuilder<R>,
 }
 
-/// Input of the assembly of rows.
+/// Inputs of the assembly of constraint rows.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AssemblyInput<'a, R: Real> {
     /// Configuration at which the rows are evaluated.
     pub q: &'a [R],
-    /// Velocity before the step.
+    /// Generalized velocity before the step.
     pub v: &'a [R],
-    /// Velocities of the links, and their accelerations if no joint accelerates (both of `v`, at `q`).
+    /// Velocities of the links at `v` and `q`, and their accelerations if no joint accelerates.
     pub motion: &'a NewtonEuler<R>,
-    /// Velocity after the step without constraints.
+    /// Generalized velocity after the step without constraints.
     pub v_free: &'a [R],
-    /// Friction of actuator dynamics (against forward motion, against backward motion), N or N m, per row of dry friction; empty without
-    /// any.
+    /// Friction losses of actuator dynamics for every row of dry friction, N or N m: against forward motion, and against backward motion.
+    /// Empty without losses.
     pub losses: &'a [[R; 2]],
     /// Time step, s.
     pub h: R,
     /// Time from the configuration before the step to that of the rows, s.
     pub time_before: R,
-    /// Whether the step is evaluated in its middle, with impacts at their times.
+    /// Whether the step evaluates forces and contacts in its middle, with impacts at the times at which they occur.
     pub in_the_middle: bool,
-    /// Fraction of a gap that may close in the step.
+    /// Fraction of a contact gap that may close in the step.
     pub closing_fraction: R,
-    /// Lanes that are evaluated at the beginning of the step because their bodies are very fast, without an impact within the step.
+    /// Lanes that evaluate contacts at the beginning of the step because their bodies are very fast, without an impact within the step.
     pub very_fast: R::Mask,
-    /// Overlaps of the nominal step, if the step is differentiated: rows follow them instead of the present overlaps.
+    /// Overlaps of the step that is differentiated. Rows then use these instead of the present overlaps; `None` in a normal step.
     pub solved_overlaps: Option<&'a SolvedOverlaps<R>>,
     /// Lanes that hold an environment.
     pub alive: R::Mask,
 }
 
 impl<R: Real> AssemblyInput<'_, R> {
-    /// Part of the distance `phi` that may close in the step, m. An overlap is returned unchanged.
+    /// Part of the gap `phi` that may close in the step, m. An overlap (negative gap) is returned unchanged.
     #[inline(always)]
     pub(crate) fn gap(&self, phi: R) -> R {
         R::select(phi.gt(R::zero()), phi * self.closing_fraction, phi)
     }
 
-    /// Part of the distance of slot `k` that may close in the step, m: [`AssemblyInput::gap`], or the whole gap if it is wide.
+    /// Part of the gap of slot `k` that may close in the step, m: that of [`AssemblyInput::gap`], or the whole gap if it is wide.
     ///
-    /// A very fast body may close a wide gap ([`WIDE_GAP_RATIO`]) within this step. It is then still very fast, so that the next step is
-    /// evaluated at its beginning too, where the body touches. With [`AssemblyInput::gap`] it would close two thirds of its gap in each
-    /// step, and slow down long before it touches.
+    /// A very fast body may close a wide gap ([`WIDE_GAP_RATIO`]) within this step. It is then still very fast, so that the next step also
+    /// evaluates contacts at its beginning, where the body touches. With [`AssemblyInput::gap`] the body would close two thirds of its gap
+    /// in each step, and slow down long before it touches.
     #[inline(always)]
     pub(crate) fn gap_of_slot(&self, compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> R {
         let slot = &contacts.data[k];
@@ -76,7 +76,7 @@ impl<R: Real> AssemblyInput<'_, R> {
     }
 }
 
-/// Tunnelling distance of the geoms of slot `k` in the lanes `lanes` (bits), m. Infinite in the other lanes.
+/// Tunnelling distance of the two geoms in slot `k`, in the lanes `lanes` (bits), m. Infinite in the other lanes.
 #[inline(always)]
 pub(crate) fn tunnelling_distance<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> R {
     let mut distance = R::of(f64::INFINITY);

@@ -1,4 +1,4 @@
-//! Constraint problem of a step. Stage 4 assembles it, and stages 5 and 8 solve it, for velocities and for positions.
+//! Constraint problem of a step. Stage 4 assembles it; stage 5 solves it for velocities, and stage 8 for positions.
 
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::{Capacity, Problem};
@@ -9,98 +9,100 @@ use crate::constraints::soft::SoftSystem;
 use crate::dynamics::inertia::MassMatrix;
 use crate::math::spatial::*;
 
-/// Constraint problem of a step, with the element of the model that each row belongs to.
+/// Constraint problem of a step, with the model element of each row.
 ///
-/// Rows are fixed once stage 4 has assembled them. The passes of a step change two things: the offsets g, which contain the free velocity
-/// ([`ConstraintProblem::shift`]), and the deferred contacts that are active ([`ConstraintProblem::activate`]).
+/// The rows do not change after stage 4 has assembled them. A step later changes two things. It updates the offsets g of the rows, which
+/// contain the free velocity ([`ConstraintProblem::shift`]). And it activates deferred contacts, whose rows the solver left out at first
+/// ([`ConstraintProblem::activate`]).
 #[derive(Clone, Debug)]
 pub struct ConstraintProblem<R: Real> {
-    /// Rows in the form of the solver.
+    /// Rows of the problem, as input of the solver.
     pub rows: Problem<R>,
-    /// Index of the impulse of every scalar row, in [`VelocitySolution::scalar_impulse`].
+    /// Index of the impulse of every scalar row in [`VelocitySolution::scalar_impulse`].
     ///
     /// [`VelocitySolution::scalar_impulse`]: crate::constraints::velocity_solution::VelocitySolution::scalar_impulse
-    pub owners: Vec<usize>,
-    /// Slot of every contact of three rows, and the lanes in which it exists.
+    pub impulse_indices: Vec<usize>,
+    /// Contacts with three rows: index of the slot, and lanes in which the contact exists.
     pub slots: Vec<(usize, R::Mask)>,
-    /// Slot and lanes of every contact of six rows, and the lengths by which its three rotation rows are scaled, m.
+    /// Contacts with six rows: index of the slot, lanes in which the contact exists, and lengths that scale the three rotation rows, m.
     pub rolling_slots: Vec<(usize, R::Mask, V3<R>)>,
     /// Lanes with at least one row.
     pub constrained: R::Mask,
-    /// Lanes with position errors, which need a separate solve in stage 8. Lanes with impacts need it too.
+    /// Lanes with position errors, which stage 8 corrects in a separate solve. Lanes with impacts also need this solve.
     pub needs_position_solve: R::Mask,
-    /// Lanes in which Baumgarte's bias is part of the velocities.
+    /// Lanes whose velocities contain a Baumgarte position correction.
     pub biased: R::Mask,
-    /// Lanes in which a contact bounces by Euler's rule; [`Self::midpoint_impact_lanes`] returns those of the midpoint rule. In stage 8,
-    /// only the speeds of the step bound their correction.
+    /// Lanes with an impact by Euler's rule; [`Self::midpoint_impact_lanes`] returns those of the midpoint rule. In stage 8, only the
+    /// speeds of the step bound their position correction.
     pub euler_impact_lanes: R::Mask,
-    /// Whether the problem may have immovable rows: rows without mobility.
+    /// Whether some rows may be immovable: no degree of freedom moves along them.
     pub(crate) may_have_immovable_rows: bool,
-    /// Impacts of the contacts, in their order: contacts of three rows first. Empty if no contact is elastic.
+    /// Impact of every contact, contacts with three rows first. Empty if no contact is elastic.
     pub(crate) impacts: Vec<Impact<R>>,
-    /// Whether some contact is elastic.
+    /// Whether some contact is elastic (restitution above zero).
     pub(crate) elastic: bool,
-    /// Whether the step resolves times of impacts: the scheme does, and some contact is elastic.
+    /// Whether the step determines the times of impacts: the integrator does so, and some contact is elastic.
     pub(crate) resolves_impacts: bool,
-    /// Approaching contacts, whose rows are deferred until the solved motion closes their gap.
+    /// Approaching contacts, whose rows the solver leaves out (defers) until the solved motion closes their gap.
     pub(crate) deferred: Vec<DeferredContact<R>>,
-    /// Curvature terms in the offsets of friction rows.
+    /// Curvature terms that the offsets of friction rows contain.
     pub(crate) curvature_terms: Vec<CurvatureTerms<R>>,
-    /// Time to the evaluation point of the next step, within which a row lets its gap close, s.
+    /// Time from the rows' evaluation point to that of the next step, within which a gap may close, s.
     pub(crate) closing_time: R,
     /// Lanes in which each equality of the model is active.
     pub(crate) active_equalities: ActiveEqualities<R>,
-    /// Rows of MuJoCo's contact law. With that law `rows` is empty.
+    /// Problem of MuJoCo's contact law; `None` with hard contact. With that law `rows` is empty.
     pub(crate) soft: Option<Box<SoftSystem<R>>>,
 }
 
-/// Contact that bounces within the step.
+/// Impact of a contact that bounces within the step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Impact<R: Real> {
     /// Lanes in which the contact bounces.
     pub(crate) lanes: R::Mask,
     /// Time of the impact after the beginning of the step, as a fraction of the step. 1 with Euler's rule.
     pub(crate) time_fraction: R,
-    /// Factor 1 + e of the normal velocity; 1 once [`ConstraintProblem::drop_restitution`] made the impact inelastic.
+    /// Factor 1 + e of the normal velocity, e being the coefficient of restitution. 1 after [`ConstraintProblem::drop_restitution`] made
+    /// the impact inelastic.
     pub(crate) normal_factor: R,
-    /// Rebound velocity that Euler's rule adds to the offset of the normal row, m/s. 0 with the midpoint rule, of which `normal_factor`
-    /// scales the whole offset.
+    /// Rebound velocity that Euler's rule adds to the offset of the normal row, m/s. 0 with the midpoint rule, which multiplies the whole
+    /// offset by `normal_factor`.
     pub(crate) rebound: R,
 }
 
-/// Contact whose rows are deferred in some lanes.
+/// Deferred contact: in some lanes the solver leaves out its rows.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct DeferredContact<R: Real> {
-    /// Index of the contact in the problem: those of three rows come first, then those of six.
+    /// Index of the contact in the problem. Contacts with three rows come first, then those with six.
     pub(crate) contact: usize,
-    /// Slot of the contact in the contact set.
+    /// Index of the contact's slot in the contact set.
     pub(crate) slot: usize,
-    /// Lanes in which the rows are deferred.
+    /// Lanes in which the solver leaves out the rows.
     pub(crate) lanes: R::Mask,
-    /// Lanes in which a doubtful collision of the prediction activated the rows.
+    /// Lanes in which a doubtful collision of the predicted motion activated the rows.
     pub(crate) doubtful: R::Mask,
-    /// Lanes in which the contact bounces. The bias there is the rebound velocity.
+    /// Lanes in which the contact bounces, so that `bias` is the rebound velocity.
     pub(crate) bounces: R::Mask,
-    /// Bias of the normal row, m/s: its offset g minus its velocity without impulses.
+    /// Bias of the normal row, m/s: the row's offset g minus its velocity without impulses.
     pub(crate) bias: R,
-    /// Initial impulse of the rows at activation, N s and N m s.
+    /// Initial impulse of the rows when they are activated, N s and N m s.
     pub(crate) impulse: [R; 6],
 }
 
-/// Curvature terms in the offsets of one contact.
+/// Curvature terms that the offsets of one contact's friction rows contain.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CurvatureTerms<R: Real> {
-    /// Index of the contact in the problem: those of three rows come first, then those of six.
+    /// Index of the contact in the problem. Contacts with three rows come first, then those with six.
     pub(crate) contact: usize,
-    /// Term in the offset of each tangent, m/s. 0 where it is removed.
+    /// Curvature term of each tangent, m/s. 0 where it was removed.
     pub(crate) terms: [R; 2],
 }
 
 impl<R: Real> ConstraintProblem<R> {
-    /// Problem for a compiled model with at most `max_contacts` contacts per environment.
+    /// Workspace for a compiled model with at most `max_contacts` contacts per environment.
     pub fn new(compiled: &ModelStructure<R::Scalar>, max_contacts: usize) -> Self {
-        // With MuJoCo's law a slot is one contact for the lanes that touch the same trees. With several trees there is at most one contact
-        // per lane, with that lane's coordinates.
+        // With MuJoCo's law, each slot has one contact for all lanes whose geoms belong to the same trees. With several trees there may be
+        // one contact per lane, with the coordinates of that lane.
         let parts = if compiled.softness.is_some() && compiled.ntree > 1 { R::LANES } else { 1 };
         let (soft_contacts, soft_support) = (max_contacts * parts, capacity_of(compiled, 0, R::LANES / parts).contact_support);
         let capacity = capacity_of(compiled, max_contacts, R::LANES);
@@ -108,7 +110,7 @@ impl<R: Real> ConstraintProblem<R> {
         let none = R::Mask::splat(false);
         Self {
             rows: Problem::new(&capacity),
-            owners: Vec::with_capacity(capacity.scalars),
+            impulse_indices: Vec::with_capacity(capacity.scalars),
             slots: Vec::with_capacity(soft_contacts),
             rolling_slots: Vec::with_capacity(if compiled.has_rolling_friction { soft_contacts } else { 0 }),
             constrained: none,
@@ -127,12 +129,12 @@ impl<R: Real> ConstraintProblem<R> {
         }
     }
 
-    /// Slot of contact `i` of the problem in the contact set. The index counts contacts of three rows, then of six.
+    /// Index of the slot of contact `i` of the problem. The contacts with three rows come first, then those with six.
     pub(crate) fn slot_of(&self, i: usize) -> usize {
         i.checked_sub(self.slots.len()).map_or_else(|| self.slots[i].0, |k| self.rolling_slots[k].0)
     }
 
-    /// Adds a change of the free velocity, in the lanes `lanes`, to the offsets g of the rows. Overwrites `change`.
+    /// Adds a change of the free velocity, in the lanes `lanes`, to the offsets g of all rows. Overwrites `change`.
     pub fn shift(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, change: &mut [R], lanes: R::Mask) {
         if self.rows.is_empty() {
             return;
@@ -148,9 +150,10 @@ impl<R: Real> ConstraintProblem<R> {
     }
 }
 
-/// Capacity for all rows of a compiled model.
+/// Capacity of the solver for all rows that a compiled model can have.
 ///
-/// A contact touches the ancestors of two frames in each of its lanes, and every row the degrees of freedom that equalities couple to it.
+/// A contact involves the ancestors of two frames in each of its lanes. Every row also involves the degrees of freedom that equalities
+/// couple to it.
 pub(crate) fn capacity_of<S: Scalar>(compiled: &ModelStructure<S>, contacts: usize, lanes: usize) -> Capacity {
     let coupled = compiled.equalities.iter().filter(|b| b.eliminated).map(|b| b.support.len()).sum::<usize>();
     let with_coupled = |entries: usize| (entries + coupled).min(compiled.nv);

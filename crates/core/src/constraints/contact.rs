@@ -1,4 +1,4 @@
-//! Contacts with sliding friction: three rows each.
+//! Rows of contacts with sliding friction: one along the normal and two along the tangents.
 
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::velocity_rounding;
@@ -13,28 +13,29 @@ use crate::math::spatial::*;
 use crate::options::StepSettings;
 use crate::tuning::MIN_UNMET_TARGET;
 
-/// Least mobility along a contact's normal, as a fraction of that of all moving mass as one body.
+/// Smallest inverse inertia along a contact's normal with which it counts as movable, as a fraction of that of the whole moving mass as one
+/// body.
 ///
-/// Below it the lever arm with which a hinge moves along the normal is rounding error: less than 1e-7 of its length in 64 bits, 3e-5 in 32.
+/// Below this, the lever arm of a hinge along the normal is rounding error: less than 1e-7 of its length in 64 bits, 3e-5 in 32.
 pub(crate) fn least_mobility<R: Real>() -> f64 {
     1e-14_f64.max((256.0 * <R::Scalar as Scalar>::EPSILON.to_f64()).powi(2))
 }
 
-/// Least lever arm of a degree of freedom along a contact's normal, as a fraction of the length of the terms that cancel in it.
+/// Smallest lever arm of a degree of freedom along a contact's normal that counts as nonzero, as a fraction of the terms that cancel in it.
 ///
-/// With a smaller lever arm, holding a body takes 1e5 times the force that turns it, or the result is rounding error.
+/// With a smaller lever arm, holding a body needs 1e5 times the force that rotates it, or the result is rounding error.
 fn least_lever<R: Real>() -> f64 {
     f64::max(1e-5, 1e3 * <R::Scalar as Scalar>::EPSILON.to_f64())
 }
 
-/// Approach speed that is negligible for an immovable contact with the offsets g in the velocity and position solves, m/s.
+/// Approach speed that is negligible for an immovable contact, m/s. `velocity` and `position` are its offsets g in the velocity and
+/// position solves, m/s.
 ///
-/// An immovable contact has no rows. Its approach speed counts as residual unless it is negligible. Up to the rounding of the model file,
+/// An immovable contact has no rows. Its approach speed counts as residual unless it is negligible. Within the rounding of the model file,
 /// such contacts exist where a face is normal to a hinge axis or parallel to a slide.
 ///
-/// The resting speed is negligible: at that speed a touching contact stays within the slop for about a second. The result is 0 if nothing
-/// else reports that an overlap grows. Stage 8 reports position targets above [`MIN_UNMET_TARGET`]; an overlap with a smaller target needs
-/// the residual.
+/// The resting speed is negligible: at that speed a touching contact stays within the slop for about a second. The result is 0 if only the
+/// residual can report that an overlap grows. Stage 8 reports position targets above [`MIN_UNMET_TARGET`], but none below.
 #[inline(always)]
 fn negligible_approach<R: Real>(options: &StepSettings, [velocity, position]: [R; 2]) -> R {
     let (resting, correction) = (R::of(resting_speed(options)), (velocity - position).abs());
@@ -42,24 +43,25 @@ fn negligible_approach<R: Real>(options: &StepSettings, [velocity, position]: [R
     R::select(reported_by_residual, R::zero(), resting)
 }
 
-/// Rows of a slot along the normal and the tangents. Their entries are in the column of the row builder.
+/// Rows of one slot along the normal and the tangents. Their entries are in `column` of the row builder.
 pub(crate) struct SlidingRows<R: Real> {
     /// Offset g of each row in the velocity solve and in the position solve, m/s: its velocity without impulses, plus its bias.
     pub(crate) offsets: [[R; 2]; 3],
-    /// Curvature terms in the offsets of the tangents, m/s, if computed.
+    /// Curvature terms that the offsets of the tangents contain, m/s; `None` if they were not computed.
     pub(crate) curve: Option<[R; 2]>,
-    /// Squared lengths of the rows, if equalities are eliminated from them.
+    /// Squared lengths of the rows before and after equalities were eliminated from them; `None` without elimination.
     pub(crate) lengths: Option<SquaredLengths<R, 3>>,
-    /// Lanes in which the contact has rows, active or deferred.
+    /// Lanes in which the contact has rows, whether the solver includes them or not.
     pub(crate) exists: R::Mask,
-    /// Lanes in which the rows are deferred. The caller sets the contact, slot and impulse.
+    /// Lanes in which the solver leaves out the rows (a deferred contact). The caller sets the fields `contact`, `slot` and `impulse`.
     pub(crate) deferred: DeferredContact<R>,
-    /// Compliance of the normal row, 1/kg, where the model has soft surfaces.
+    /// Compliance of the normal row, 1/kg; `None` if no surface of the model is soft.
     pub(crate) compliance: Option<R>,
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds slot `k` in the lanes `lanes`, whose contacts have sliding friction or none. `support` is gathered before.
+    /// Adds the rows of slot `k` in the lanes `lanes` (bits), whose contacts have sliding friction or none. The caller has gathered
+    /// `support`.
     #[inline(always)]
     pub(crate) fn add_contact(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         let (slot, mass) = (&contacts.data[k], input.mass);
@@ -91,9 +93,9 @@ impl<R: Real> Assembler<'_, R> {
         if let Some(compliance) = compliance {
             self.problem.rows.contacts.set_compliance(compliance);
         }
-        // The position solve replaces g of the normal row. It adds to g of the tangents, so that later changes of g count in both solves.
+        // The position solve replaces g of the normal row. For the tangents it adds to g, so that later changes of g apply in both solves.
         self.problem.rows.contacts.set_position_target([g[0][1], g[1][1] - g[1][0], g[2][1] - g[2][0]]);
-        // An immovable contact has no rows that the solve could activate.
+        // The solver has no rows for an immovable contact, and could not activate them.
         let immovable = self.problem.rows.contacts.last_is_immovable();
         let waiting = deferred.lanes.and_not(immovable);
         let solved = exists.and_not(waiting);
@@ -103,17 +105,17 @@ impl<R: Real> Assembler<'_, R> {
             let impulse = [n, a, b, R::zero(), R::zero(), R::zero()];
             self.problem.deferred.push(DeferredContact { contact, slot: k, lanes: waiting, impulse, ..deferred });
         }
-        // An immovable contact starts without impulse: no row of the solve could remove that of the last step.
+        // An immovable contact starts with zero impulse, because the solver could not remove the impulse of the last step.
         self.velocity.impulses.contacts.push(select(solved.and_not(immovable), slot.impulse, zero()));
         self.problem.slots.push((k, R::Mask::from_bits(lanes)));
         self.problem.constrained = self.problem.constrained.or(solved);
     }
 
-    /// Lanes in which the contact of slot `k` can move along its normal, although the solver counts it as immovable. The second result is
-    /// the approach speed that is negligible in the other lanes, m/s.
+    /// Finds the lanes in which the contact of slot `k` can move along its normal, although the solver counts it as immovable. The second
+    /// result is the approach speed that is negligible in the other lanes, m/s.
     ///
-    /// The solver compares the normal mobility with the mobilities along the tangents, and with that of a body of the whole moving mass.
-    /// Below these the mobility may still be real: some degree of freedom then has a lever arm above [`least_lever`]. `offsets` are the
+    /// The solver compares the inverse inertia along the normal with those along the tangents, and with that of a body of the whole moving
+    /// mass. Below these, the contact can still move if some degree of freedom has a lever arm above [`least_lever`]. `offsets` are the
     /// offsets g of the normal row in the two solves. Overwrites `column`.
     #[cold]
     #[inline(never)]
@@ -139,7 +141,7 @@ impl<R: Real> Assembler<'_, R> {
                     let arm = sub(contacts.data[k].point.pos, kinematics.origin[compiled.dofs[d].tree]);
                     let (motion, turn) = (velocity_at(axis, arm), dot(angular(axis), angular(axis)));
                     let square = (dot(motion, motion) + turn * dot(arm, arm)) * sign.square();
-                    // At a joint the arm is rounding error. The added term keeps such a contact immovable.
+                    // At a joint, the lever arm is rounding error. The added term makes such a contact immovable.
                     self.builder.scales[d] = [square + turn * (arm_rounding * sign).square(); 3];
                     speed += square * assembly.v_free[d].square();
                 }
@@ -159,7 +161,7 @@ impl<R: Real> Assembler<'_, R> {
         )
     }
 
-    /// Builds the rows of slot `k` in the lanes `lanes` along its normal and its tangents. `support` is gathered before.
+    /// Builds the rows of slot `k` in the lanes `lanes` (bits) along its normal and its tangents. The caller has gathered `support`.
     #[inline(always)]
     pub(crate) fn sliding_rows(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> SlidingRows<R> {
         let RowInput { compiled, options, mass, assembly, .. } = input;
@@ -173,7 +175,7 @@ impl<R: Real> Assembler<'_, R> {
         let solved = assembly.solved_overlaps.map(|solved| solved.distance(contacts, k));
         let (mut bias, mut position) = self.biases(options, assembly.gap_of_slot(compiled, contacts, k, lanes), solved, assembly.h, rigid);
         if let Some(row) = &springs {
-            // The spring determines the position, and no correction is added.
+            // The spring determines the position, so that no position correction is added.
             [bias, position] = [bias, position].map(|x| R::select(row.lanes, row.bias, x));
         }
         // Restitution: `bounce_euler` and its correction after the elimination are for Euler's rule. `bounce_midpoint` is for the midpoint

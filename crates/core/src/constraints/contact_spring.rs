@@ -1,8 +1,8 @@
-//! Contacts with soft surfaces: a spring and a damper along the normal, implicit in the step as those of equalities are.
+//! Contacts with soft surfaces: a spring and a damper along the normal, implicit in the step like those of equalities.
 //!
-//! The contact stays a complementarity problem: 0 <= lambda, complementary to v+ + R lambda + P R >= 0. R is the compliance and P R the
+//! The contact remains a complementarity problem: 0 <= lambda, complementary to v+ + R lambda + P R >= 0. R is the compliance and P R the
 //! target velocity of [`spring_law`], so that a spring pushes and never pulls. A gap closes as between rigid surfaces. Only an overlap at
-//! the end of the step loads the spring. The force of the spring bounds friction.
+//! the end of the step loads the spring. The spring's force limits friction.
 
 use stepper_real::{Mask, Real};
 
@@ -12,19 +12,19 @@ use crate::constraints::row_builder::RowBuilder;
 
 /// Normal row of a contact with soft surfaces.
 pub(crate) struct CompliantRow<R: Real> {
-    /// Lanes in which the contact is soft.
+    /// Lanes in which the contact has soft surfaces.
     pub(crate) lanes: R::Mask,
-    /// Bias that is added to the free velocity, m/s.
+    /// Bias to add to the free velocity of the row, m/s.
     pub(crate) bias: R,
-    /// Compliance, 1/kg; 0 in the other lanes.
+    /// Compliance of the row, 1/kg; 0 in the other lanes.
     pub(crate) compliance: R,
 }
 
 impl<R: Real> RowBuilder<R> {
-    /// Compliant normal row of slot `k`, in the lanes whose contact has a spring.
+    /// Computes the normal row of slot `k` in the lanes whose contact has a spring.
     ///
-    /// `free` and `before` are the normal velocities without constraints and before the step. The first component of `column` has the
-    /// half-solved normal row.
+    /// `free` and `before` are the normal velocities without constraints and before the step, m/s. The first component of `column` must
+    /// have the half-solved normal row.
     pub(crate) fn comply(
         &self,
         input: RowInput<'_, R>,

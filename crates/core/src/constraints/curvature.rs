@@ -24,23 +24,23 @@ use crate::constraints::equality::RowInput;
 use crate::math::spatial::*;
 use crate::tuning::MAX_CURVED_OVERLAP;
 
-/// Velocity field of a body at a contact.
+/// Velocity field of a body near a contact.
 #[derive(Clone, Copy)]
 struct Field<R> {
     /// Angular velocity, rad/s.
     turn: V3<R>,
-    /// Velocity at the contact, m/s.
+    /// Linear velocity of the body at the contact, m/s.
     velocity: V3<R>,
-    /// Rate of the velocity field at a fixed place, m/s^2.
+    /// Time derivative of the velocity field at a fixed point in space, m/s^2.
     rate: V3<R>,
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds the curvature term to the offsets of a contact's friction rows, except at impacts. Returns the terms, m/s.
+    /// Adds the curvature terms to the offsets of a contact's friction rows, except at impacts. Returns the terms, m/s.
     ///
-    /// `free` are their velocities without constraints, `change` the change of these by the free motion. The work of such a row's impulse
-    /// is (t^2 - (J v)^2) / 2 G for the target J v+ = t. A target of at most the present speed therefore adds no energy. The function
-    /// is a separate kernel, because few contacts need it, and inlined it would slow down all.
+    /// `free` are the velocities of the rows without constraints, and `change` is the change of these velocities by the free motion, m/s.
+    /// The work of such a row's impulse is (t^2 - (J v)^2) / 2 G for the target J v+ = t. A target of at most the present speed therefore
+    /// adds no energy. The function is compiled separately, because few contacts need it, and inlined it would slow down all.
     #[inline(never)]
     pub(crate) fn add_curve(
         &self,
@@ -80,7 +80,7 @@ impl<R: Real> Assembler<'_, R> {
     }
 }
 
-/// Term kappa of slot `k` in the lanes `lanes`, m/s^2.
+/// Curvature term kappa of slot `k` in the lanes `lanes` (bits), m/s^2.
 #[inline(always)]
 fn rate<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> V3<R> {
     let RowInput { compiled, kinematics, .. } = input;
@@ -128,7 +128,7 @@ fn field<R: Real>(input: RowInput<'_, R>, frame: usize, p: V3<R>) -> Field<R> {
         None => {
             let (velocity, change) = (&assembly.motion.velocity[frame - 1], &assembly.motion.acceleration[frame - 1]);
             let arm = sub(p, kinematics.origin[compiled.links[frame - 1].tree]);
-            // The recursion includes gravity as an upward acceleration of the world.
+            // The recursion represents gravity as an upward acceleration of the world. Adding gravity removes it.
             let rate = add(velocity_at(change, arm), compiled.params.gravity());
             Field { turn: angular(velocity), velocity: velocity_at(velocity, arm), rate }
         }

@@ -1,18 +1,19 @@
-//! Curvature terms in the offsets of friction rows ([`crate::constraints::curvature`]), which the solver can remove.
+//! Removal of curvature terms ([`crate::constraints::curvature`]) from the offsets of friction rows.
 //!
-//! A term is computed for the free motion. In a jam contacts stop this motion, and no impulse meets rows with the terms.
+//! A curvature term is computed for the free motion. If contacts jam a body, this motion does not occur, and no impulse satisfies rows with
+//! the terms.
 
 use stepper_real::{Mask, Real};
 
 use crate::constraints::constraint_problem::{ConstraintProblem, CurvatureTerms};
 
 impl<R: Real> ConstraintProblem<R> {
-    /// Stores the terms (m/s) that were added to the offsets of contact `contact`, so that they can be removed.
+    /// Stores the curvature terms (m/s) in the offsets of contact number `contact`, so that they can be removed later.
     pub(crate) fn store_curvature(&mut self, contact: usize, terms: [R; 2]) {
         self.curvature_terms.push(CurvatureTerms { contact, terms });
     }
 
-    /// Removes term `i` from the offsets of its contact in the lanes `lanes`. Returns the lanes in which this changes an offset.
+    /// Removes stored term number `i` from the offsets of its contact in the lanes `lanes`. Returns the lanes in which an offset changed.
     pub(crate) fn remove_curvature(&mut self, i: usize, lanes: R::Mask) -> R::Mask {
         let (Self { rows, curvature_terms, .. }, mut changed) = (self, R::Mask::splat(false));
         let CurvatureTerms { contact, terms } = &mut curvature_terms[i];
@@ -29,7 +30,7 @@ impl<R: Real> ConstraintProblem<R> {
         changed
     }
 
-    /// Removes all terms in the lanes `lanes`. Returns the lanes in which this changes an offset.
+    /// Removes all curvature terms in the lanes `lanes`. Returns the lanes in which an offset changed.
     pub(crate) fn remove_all_curvature(&mut self, lanes: R::Mask) -> R::Mask {
         (0..self.curvature_terms.len()).fold(R::Mask::splat(false), |changed, i| changed.or(self.remove_curvature(i, lanes)))
     }

@@ -1,4 +1,4 @@
-//! Rows of dry friction in joints.
+//! Rows of dry friction (`frictionloss`) in joints.
 
 use stepper_real::Real;
 
@@ -7,7 +7,8 @@ use crate::constraints::assembler::{Assembler, AssemblyInput};
 use crate::dynamics::inertia::MassMatrix;
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds rows of dry friction: |lambda| <= h f, plus the losses of actuator dynamics, which depend on the direction.
+    /// Adds the rows of dry friction, |lambda| <= h f for a friction force f. Friction losses of actuator dynamics add to f, and depend on
+    /// the direction of motion.
     #[inline(always)]
     pub(crate) fn add_frictions(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, assembly: &AssemblyInput<'_, R>) {
         for (i, friction) in compiled.frictions.iter().enumerate() {

@@ -27,7 +27,8 @@ use crate::math::spatial::*;
 use crate::tuning::MIN_REMAINING_LENGTH;
 
 impl<R: Real> RowBuilder<R> {
-    /// Finds the eliminated equalities that share a degree of freedom with `support`. Adds their support to it, with zeros in `column`.
+    /// Finds the eliminated equalities that share a degree of freedom with `support`. Adds their degrees of freedom to `support`, with
+    /// zeros in `column`.
     #[inline(always)]
     pub(crate) fn couple(&mut self, problem: &ConstraintProblem<R>, compiled: &LaneModel<R>) {
         if problem.rows.scalars.eliminated() > 0 {
@@ -42,8 +43,8 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// Finds the eliminated equalities that share a degree of freedom with the set in `words`, a bit for each degree of freedom, and adds
-    /// their support.
+    /// Finds the eliminated equalities that share a degree of freedom with the set `words` (one bit per degree of freedom). Adds their
+    /// degrees of freedom to the set.
     #[inline(always)]
     pub(crate) fn find_coupled(&mut self, problem: &ConstraintProblem<R>, compiled: &LaneModel<R>) {
         self.coupled.clear();
@@ -52,7 +53,8 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// Searches the blocks of eliminated equalities. Most scenes have none, so that this code is not inlined.
+    /// Searches the blocks of eliminated equalities for degrees of freedom in `words`. Most scenes have none, so that this code is not
+    /// inlined.
     #[inline(never)]
     fn search_blocks(&mut self, problem: &ConstraintProblem<R>, compiled: &LaneModel<R>) {
         let mut start = 0;
@@ -79,7 +81,7 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// Subtracts the coupled equalities from the first `N` components of `column` on `support`, and from the offsets g in `offsets`.
+    /// Eliminates the coupled equalities from the rows in the first `N` components of `column`, and from their offsets g, `offsets`.
     ///
     /// `offsets` has two offsets per row, m/s: of the velocity solve and of the position solve. A row that depends on the equalities
     /// becomes zero. Returns the squared lengths of the rows before and after; `None` without coupled equalities.
@@ -93,7 +95,8 @@ impl<R: Real> RowBuilder<R> {
         if self.coupled.is_empty() { None } else { Some(self.eliminate_coupled(rows, mass, offsets)) }
     }
 
-    /// Elimination as a separate kernel. Inlined it would dominate the row assembly, and few scenes need it.
+    /// Does the work of [`RowBuilder::eliminate`]. It is compiled separately: inlined, it would dominate the row assembly, and few scenes
+    /// need it.
     #[inline(never)]
     fn eliminate_coupled<const N: usize>(
         &mut self,
@@ -107,7 +110,7 @@ impl<R: Real> RowBuilder<R> {
         )
     }
 
-    /// Subtracts the coupled equalities, in chunks of up to four rows, and projects short rows again.
+    /// Subtracts the coupled equalities from the rows, in chunks of up to four, and projects rows that became short a second time.
     #[inline(always)]
     fn eliminate_blocks<const N: usize>(
         &mut self,
@@ -147,11 +150,11 @@ impl<R: Real> RowBuilder<R> {
         lengths
     }
 
-    /// Projects the remaining rows a second time, in the lanes `short`.
+    /// Projects the rows a second time, in the lanes `short` in which little of them remained after the first projection.
     ///
-    /// They are then orthogonal to the equalities relative to the length that remains, and the entries give that length without
-    /// cancellation. A row becomes zero if none of its entries exceeds a thousandth of the terms that were summed in it. Its
-    /// offset becomes zero if it is rounding error.
+    /// The rows are then orthogonal to the equalities relative to their remaining length, and their entries give this length without
+    /// cancellation. A row becomes zero if none of its entries exceeds a thousandth of the terms that were summed in it. Its offset becomes
+    /// zero if it is rounding error.
     #[cold]
     #[inline(never)]
     fn repeat_elimination<const N: usize>(
@@ -199,7 +202,7 @@ impl<R: Real> RowBuilder<R> {
                         }
                     }
                 }
-                // Rounding error that the coefficient transfers to entries without other terms.
+                // Rounding error that the coefficient transfers to entries that have no other terms.
                 for k in coupled.iter().flat_map(Range::clone) {
                     let (row, coefficient) = (&rows.scalars[k], &mut projections[k]);
                     let (support, entries) = rows.scalars.entries(row);
@@ -247,7 +250,7 @@ impl<R: Real> RowBuilder<R> {
         )
     }
 
-    /// Adds the scales of the last elimination's subtractions to those of the first component of `column`.
+    /// Adds the scales of the terms that the last elimination subtracted to the scales of the first component of `column`.
     #[inline(always)]
     pub(crate) fn add_removed_scales(&mut self, rows: &Problem<R>, mass: &MassMatrix<R>) {
         let Self { coupled, projections, scales, .. } = self;
@@ -269,9 +272,10 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// Subtracts `K` equalities of one support, from row `first` on, and their squared lengths from `after`.
+    /// Subtracts `K` equality rows with the same support, starting at row `first`, from the rows in `column`. Subtracts their squared
+    /// lengths from `after`.
     ///
-    /// One pass over the support finds the coefficients and another subtracts. Entries outside the support keep their bits.
+    /// One pass over the support computes the coefficients, and another subtracts. Entries outside the support keep their bits.
     #[inline(always)]
     fn eliminate_rows<const N: usize, const K: usize>(
         &mut self,
@@ -320,7 +324,7 @@ impl<R: Real> RowBuilder<R> {
 }
 
 impl<R: Real> RowBuilder<R> {
-    /// Marks all present rows as eliminated, and stores their entries with both scalings that [`RowBuilder::eliminate`] reads.
+    /// Marks all rows assembled so far as eliminated. Stores their entries with both scalings that [`RowBuilder::eliminate`] reads.
     #[inline(always)]
     pub(crate) fn store_eliminated(
         &mut self,
@@ -340,7 +344,7 @@ impl<R: Real> RowBuilder<R> {
             }
             let end = first + block.rows;
             while first < end {
-                // The entries of up to four rows are interleaved.
+                // Interleave the entries of up to four rows.
                 let chunk = &rows.scalars[first..end.min(first + 4)];
                 for (i, &d) in block.support.iter().enumerate() {
                     for row in chunk {
@@ -355,32 +359,32 @@ impl<R: Real> RowBuilder<R> {
     }
 }
 
-/// Ratio of the squared length of a row after elimination to that before, below which the row is projected twice.
+/// Ratio of a row's squared length after elimination to that before, below which the row is projected a second time.
 ///
-/// In 32 bits one projection leaves an error of 1e-6 along the equalities there. That error moves a light body relative to the heavy one to
+/// In 32 bits, one projection then leaves an error of 1e-6 along the equalities. That error moves a light body relative to the heavy one to
 /// which it is coupled.
 fn reprojection_threshold<R: Real>() -> f64 {
     if <R::Scalar as Scalar>::IS_SINGLE { 1e-2 } else { MIN_REMAINING_LENGTH }
 }
 
-/// Squared lengths of rows in the metric of G, 1/kg.
+/// Squared lengths of rows before and after the elimination of equalities, in the metric of G, 1/kg.
 #[derive(Clone, Copy)]
 pub(crate) struct SquaredLengths<R, const N: usize> {
-    /// Squared lengths before the elimination.
+    /// Squared length of each row before the elimination.
     pub(crate) before: [R; N],
-    /// Squared lengths after the elimination.
+    /// Squared length of each row after the elimination.
     pub(crate) after: [R; N],
 }
 
 impl<R: Real, const N: usize> SquaredLengths<R, N> {
-    /// Ratio of trace(G) before the elimination to that after; see [`trace_ratio`].
+    /// Ratio of the sum of the squared lengths (trace of G) before the elimination to that after; see [`trace_ratio`].
     #[inline(always)]
     pub(crate) fn trace_ratio(self) -> R {
         trace_ratio(&self.before, &self.after)
     }
 }
 
-/// Ratio of trace(G) before the elimination to that after it.
+/// Ratio of trace(G) before the elimination to that after, from the squared lengths of the rows.
 ///
 /// The ratio is 1 if nothing is left, and exactly 1 if nothing was eliminated.
 #[inline(always)]

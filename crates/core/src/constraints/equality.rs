@@ -24,18 +24,18 @@ use crate::math::spatial::*;
 use crate::options::{Stabilization, StepSettings};
 use crate::tuning::{CORRECTION_ARM, DAMPING, NEGLIGIBLE_ERROR};
 
-/// Jacobian of three rows, or of one in the first component.
+/// Jacobian and error of an equality with three rows, or with one row in the first component.
 pub(crate) struct EqualityJacobian<R: Real> {
     pub(crate) error: V3<R>,
     /// Velocity-dependent acceleration J' v of the rows.
     pub(crate) kappa: V3<R>,
-    /// Squared length of the terms whose differences are the entries of each row.
+    /// Sum of squared terms whose differences are the entries of each row. It tells entries from rounding errors.
     size: R,
-    /// Mobility of the bodies without other constraints, for rows of points, 1/kg.
+    /// Inverse inertia of the two bodies along the rows without other constraints, for rows of points, 1/kg.
     bodies: R,
 }
 
-/// Inputs from which rows are assembled.
+/// Inputs of the assembly of rows: model, settings, poses, mass matrix, and velocities.
 #[derive(Clone, Copy)]
 pub(crate) struct RowInput<'a, R: Real> {
     pub(crate) compiled: &'a LaneModel<R>,
@@ -46,14 +46,14 @@ pub(crate) struct RowInput<'a, R: Real> {
 }
 
 impl<R: Real> RowBuilder<R> {
-    /// Sets `support` to the degrees of freedom that an equality moves.
+    /// Sets `support` to the degrees of freedom that the equality moves.
     #[inline(always)]
     pub(crate) fn use_own_support(&mut self, equality: &CompiledEquality<R::Scalar>) {
         self.support.clear();
         self.support.extend_from_slice(&equality.support);
     }
 
-    /// Sets `support` to that of all rows of a block, with zeros in `column` where the equality has no entries.
+    /// Sets `support` to the degrees of freedom of the whole block. Sets `column` to zero at those that the equality itself does not move.
     #[inline(always)]
     fn use_block_support(&mut self, block: &EqualityBlock<R::Scalar>, equality: &CompiledEquality<R::Scalar>) {
         let mut own = equality.support.iter().peekable();
@@ -67,11 +67,12 @@ impl<R: Real> RowBuilder<R> {
         self.support.extend_from_slice(&block.support);
     }
 
-    /// Jacobian of two points that meet, with the error p0 - p1 (MuJoCo's `mjEQ_CONNECT`), written to `column`.
+    /// Computes the Jacobian of two points that must coincide into `column`; the error is p0 - p1 (MuJoCo's `mjEQ_CONNECT`).
     ///
-    /// Joints that move both frames turn the error and keep its length. Their columns are that rotation, as in MuJoCo, or zero if
-    /// `relative`. Without `relative` an open planar loop on an arm would hold the arm. This rotation alone makes the row normal to its
-    /// plane independent of the others. The forces at the two points would also exert a torque on the arm.
+    /// A joint that moves both frames rotates the error and keeps its length. With `relative`, the entries of such a joint are zero;
+    /// otherwise they are that rotation, as in MuJoCo. Hard equalities need `relative`. Without it an open planar loop on an arm would hold
+    /// the arm: only this rotation makes the row normal to the plane independent. The forces at the two points would also exert a torque on
+    /// the arm.
     #[inline(always)]
     pub(crate) fn connect_points(
         &mut self,
@@ -107,10 +108,10 @@ impl<R: Real> RowBuilder<R> {
         EqualityJacobian { error: sub(points[0], points[1]), kappa, size, bodies }
     }
 
-    /// Jacobian of two orientations that agree, written to `column`.
+    /// Computes the Jacobian of two orientations that must agree into `column`.
     ///
-    /// The error is the rotation vector from the second to the first in world axes, times the weight. MuJoCo's `mjEQ_WELD` uses the sine of
-    /// half its length; the manifold is the same.
+    /// The error is the rotation vector from the second to the first orientation in world axes, times `weight` (m/rad). MuJoCo's
+    /// `mjEQ_WELD` uses the sine of half its length; both are zero at the same configurations.
     #[inline(always)]
     fn align(&mut self, input: RowInput<'_, R>, frames: [usize; 2], mats: &[[R::Scalar; 9]; 2], weight: R) -> EqualityJacobian<R> {
         let RowInput { compiled, kinematics, .. } = input;
@@ -137,7 +138,7 @@ impl<R: Real> RowBuilder<R> {
         EqualityJacobian { error: scale(turn, weight), kappa: scale(kappa, weight), size: size * weight * weight, bodies: R::zero() }
     }
 
-    /// Jacobian of x - ref = polynomial(y - ref) (MuJoCo's `mjEQ_JOINT` and `mjEQ_TENDON`), written to `column`.
+    /// Computes the Jacobian of x - x_ref = polynomial(y - y_ref) into `column` (MuJoCo's `mjEQ_JOINT` and `mjEQ_TENDON`).
     #[inline(always)]
     pub(crate) fn couple_joints(
         &mut self,
@@ -167,7 +168,8 @@ impl<R: Real> RowBuilder<R> {
         EqualityJacobian { error: [error, R::zero(), R::zero()], kappa: [kappa, R::zero(), R::zero()], size, bodies: R::zero() }
     }
 
-    /// Adds a combination's Jacobian, times `factor`, to the first row. Returns the squared length of the added terms.
+    /// Adds the Jacobian of a linear combination of joints, times `factor`, to the first row in `column`. Returns the squared length of the
+    /// added terms.
     #[inline(always)]
     pub(crate) fn add_terms(&mut self, input: RowInput<'_, R>, combination: &Combination<R::Scalar>, factor: R) -> R {
         let mut size = R::zero();
@@ -179,7 +181,7 @@ impl<R: Real> RowBuilder<R> {
         size
     }
 
-    /// Adds the squares of a combination's terms, times `factor`, to the scales of the first row.
+    /// Adds the squared terms of a linear combination of joints, times `factor`, to the scales of the first row.
     #[inline(always)]
     fn add_term_scales(&mut self, combination: &Combination<R::Scalar>, factor: R) {
         for &(_, dof, coefficient) in &combination.terms {
@@ -187,7 +189,7 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// Adds the squares of the terms that the half solve subtracted from the first `N` components of `column` on `support` to the scales.
+    /// Adds to `scales` the squares of the terms that the half solve subtracted from the first `N` components of `column` on `support`.
     #[inline(always)]
     pub(crate) fn add_fill_scales<const N: usize>(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>) {
         let Self { support, column, scales, .. } = self;
@@ -202,10 +204,10 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// Passes the scales of the first component of `column` on to ancestors, with the factors of the half solve.
+    /// Propagates the scales of the first component of `column` to ancestors, with the factors of the half solve.
     ///
-    /// An entry that the half solve adds to is then rounding error wherever the entries are that it adds. [`Self::add_fill_scales`] takes
-    /// the latter for exact.
+    /// If all entries that the half solve adds to an entry are rounding errors, that entry then counts as rounding error too. In contrast,
+    /// [`Self::add_fill_scales`] takes the added entries as exact.
     #[inline(always)]
     pub(crate) fn pass_on_scales(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>) {
         let Self { support, scales, .. } = self;
@@ -217,7 +219,7 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// Diagonal entry of G of component `k` of `column`, half solved, on `support`.
+    /// Diagonal entry of G of the half-solved row in component `k` of `column`, 1/kg.
     #[inline(always)]
     pub(crate) fn gram(&self, mass: &MassMatrix<R>, k: usize) -> R {
         let mut sum = R::zero();
@@ -229,7 +231,7 @@ impl<R: Real> RowBuilder<R> {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds the rows of equalities, block by block: the eliminated blocks, or all others.
+    /// Adds the rows of equalities, block by block: of the eliminated blocks if `eliminated` is true, otherwise of all others.
     pub(crate) fn add_equalities(&mut self, input: RowInput<'_, R>, eliminated: bool) {
         R::vectorize(
             #[inline(always)]
@@ -239,8 +241,8 @@ impl<R: Real> Assembler<'_, R> {
                         block.equalities.iter().for_each(|equality| self.velocity.scalar_impulse[equality.impulses()].fill(R::zero()));
                         continue;
                     }
-                    // Nearly dependent rows need scales of their entries, which cost as much as the rows. A block computes them from the
-                    // first step on in which it needs them. Its rows are the same with and without scales.
+                    // The test for nearly dependent rows needs the scales of their entries, which cost as much as the rows. A block
+                    // computes the scales from the first step on in which it needs them. The rows are the same with and without scales.
                     while !self.add_block(input, block, self.builder.needs_scales[k]) {
                         self.builder.needs_scales[k] = true;
                     }
@@ -249,7 +251,8 @@ impl<R: Real> Assembler<'_, R> {
         )
     }
 
-    /// Adds the rows of a block. Returns false, and adds none, if the test for dependent rows needs scales of entries.
+    /// Adds the rows of a block. Returns false, and adds nothing, if the test for dependent rows needs the scales of the entries but
+    /// `with_scales` is false.
     #[inline(always)]
     fn add_block(&mut self, input: RowInput<'_, R>, block: &EqualityBlock<R::Scalar>, with_scales: bool) -> bool {
         let start = self.problem.rows.scalars.len();
@@ -263,8 +266,8 @@ impl<R: Real> Assembler<'_, R> {
         if !block.hard {
             return true;
         }
-        // The largest correction of the block, as a distance, adds compliance to all its rows. A long correction turns the directions of
-        // the other rows. A linearised solve neglects that, and would miss their targets at the end of the step.
+        // The largest position correction of the block, as a distance, adds compliance to all its rows. A long correction rotates the other
+        // rows. The linearised solve neglects that, and would miss their targets at the end of the step.
         let displacement = self.builder.velocity_terms.iter().fold(R::zero(), |most, terms| most.max(terms[2].abs())) * input.assembly.h;
         let split = input.options.stabilization == Stabilization::Split;
         let damping = if split { R::of(DAMPING) + displacement * R::of(1.0 / CORRECTION_ARM) } else { R::zero() };
@@ -279,7 +282,7 @@ impl<R: Real> Assembler<'_, R> {
             &mut self.builder.velocity_terms,
             #[inline(always)]
             |row, [_, _, correction]| {
-                // Baumgarte's bias stays undamped: see `limit_baumgarte` of stage 8.
+                // Baumgarte's position correction is not damped here: see `limit_baumgarte` of stage 8.
                 *correction = row.damp_correction(damping, *correction);
             },
         );
@@ -288,17 +291,18 @@ impl<R: Real> Assembler<'_, R> {
         } else {
             self.problem.rows.scalars.truncate(start);
             self.velocity.impulses.scalars.truncate(start);
-            self.problem.owners.truncate(start);
+            self.problem.impulse_indices.truncate(start);
             self.builder.velocity_scales.truncate(scales);
         }
         decided
     }
 
-    /// Adds the position corrections and curvature terms to the offsets of the orthogonal rows from `start` on, which are J v_free so far.
+    /// Adds the position corrections and curvature terms to the offsets of the orthogonal rows from row `start` on. Before the call, the
+    /// offsets are J v_free.
     ///
     /// The work of such a row's impulse is (t^2 - (J v)^2) / 2 G for the target J v+ = t. A target of at most the present speed adds no
-    /// energy, even where a loop straightens and its curvature is unbounded. A dependent row keeps an offset above the rounding error of
-    /// its velocity, so that the residual contains it. `scales` is the index of the first row's velocity scale.
+    /// energy, even where a loop straightens and its curvature is unbounded. For a dependent row, an offset above the rounding error of its
+    /// velocity remains, so that the residual contains it. `scales` is the index of the first row's velocity scale.
     #[inline(always)]
     fn set_equality_offsets(&mut self, options: &StepSettings, start: usize, scales: usize) {
         let rounding = R::of(velocity_rounding::<R>().powi(2));
@@ -347,7 +351,7 @@ impl<R: Real> Assembler<'_, R> {
         }
     }
 
-    /// Appends the first `N` components of `column` on `support` as rows of an equality on the support of its block.
+    /// Appends the first `N` components of `column` to the problem, as rows of an equality with the support of its block.
     #[inline(always)]
     fn push_rows<const N: usize>(
         &mut self,
@@ -396,7 +400,7 @@ impl<R: Real> Assembler<'_, R> {
         }
         mobility = mobility * R::of(1.0 / N as f64) + rows.bodies;
         for k in 0..N {
-            self.push_row(input.mass, k, equality.owner + first + k, &RowLaw { g: g[k], ..laws[k] });
+            self.push_row(input.mass, k, equality.impulse_index + first + k, &RowLaw { g: g[k], ..laws[k] });
             if let Some(lengths) = &lengths {
                 self.set_trace_ratio(laws[k].compliance, lengths.before[k], lengths.after[k]);
             }
@@ -423,7 +427,7 @@ impl<R: Real> Assembler<'_, R> {
         }
     }
 
-    /// Bias of an equality, minus the velocity that removes a fraction of the error: +rate * error, with a bounded speed.
+    /// Position correction of an equality as a bias of its rows, m/s: rate times error, with a bounded speed.
     #[inline(always)]
     fn correct(&mut self, input: RowInput<'_, R>, rows: &EqualityJacobian<R>, h: R, alive: R::Mask) -> V3<R> {
         let options = input.options;
@@ -441,27 +445,28 @@ impl<R: Real> Assembler<'_, R> {
         scale(error, R::select(wrong, rate.min(most), rate))
     }
 
-    /// Adds the first component of `column` on `support` as a scalar row.
+    /// Adds the row in the first component of `column` to the problem as a scalar row, after the elimination of equalities.
     #[inline(always)]
-    pub(crate) fn add_row(&mut self, mass: &MassMatrix<R>, owner: usize, law: RowLaw<R>) {
+    pub(crate) fn add_row(&mut self, mass: &MassMatrix<R>, impulse_index: usize, law: RowLaw<R>) {
         let mut g = [law.g];
         let lengths = self.builder.eliminate(&self.problem.rows, mass, &mut g);
-        self.push_row(mass, 0, owner, &RowLaw { g: g[0], ..law });
+        self.push_row(mass, 0, impulse_index, &RowLaw { g: g[0], ..law });
         if let Some(lengths) = lengths {
             self.set_trace_ratio(law.compliance, lengths.before[0], lengths.after[0]);
         }
         self.problem.rows.scalars.set_position_target(g[0][1]);
     }
 
-    /// Sets the scale of the residual of the row pushed last, from its squared length before and after the elimination of equalities.
+    /// Sets the scale of the residual of the last row that was added. `whole` and `rest` are its squared lengths before and after the
+    /// elimination of equalities.
     #[inline(always)]
     fn set_trace_ratio(&mut self, compliance: R, whole: R, rest: R) {
         self.problem.rows.scalars.set_trace_ratio(trace_ratio(&[whole, compliance], &[rest, compliance]));
     }
 
-    /// Pushes component `k` of `column` on `support` as a scalar row.
+    /// Appends the row in component `k` of `column` to the problem as a scalar row.
     #[inline(always)]
-    fn push_row(&mut self, mass: &MassMatrix<R>, k: usize, owner: usize, law: &RowLaw<R>) {
+    fn push_row(&mut self, mass: &MassMatrix<R>, k: usize, impulse_index: usize, law: &RowLaw<R>) {
         let column = &self.builder.column;
         self.problem.rows.scalars.push(
             &self.builder.support,
@@ -473,20 +478,20 @@ impl<R: Real> Assembler<'_, R> {
             law.bounds,
         );
         self.problem.rows.scalars.set_compliance(law.compliance);
-        self.warm_start(owner, law.active);
-        self.problem.owners.push(owner);
+        self.warm_start(impulse_index, law.active);
+        self.problem.impulse_indices.push(impulse_index);
         self.problem.constrained = self.problem.constrained.or(law.active);
     }
 }
 
-/// Scalar row: right-hand side, compliance, lanes, and bounds of its impulse.
+/// Law of a scalar row: offset, compliance, lanes, and bounds of its impulse.
 #[derive(Clone, Copy)]
 pub(crate) struct RowLaw<R: Real> {
-    /// Velocity with its bias before any impulse, of the velocity solve and of the position solve.
+    /// Offset g of the row in the velocity solve and in the position solve, m/s: its velocity without impulses, plus its bias.
     pub(crate) g: [R; 2],
     pub(crate) compliance: R,
     pub(crate) active: R::Mask,
-    /// Least and largest impulse.
+    /// Lowest and highest impulse, N s.
     pub(crate) bounds: [R; 2],
 }
 
@@ -496,20 +501,21 @@ fn free_bounds<R: Real>() -> [R; 2] {
     [R::of(f64::NEG_INFINITY), R::of(f64::INFINITY)]
 }
 
-/// Scalar row of a limit with the free velocity `free`, and its biases in the velocity solve and in the position solve.
+/// Law of the row of a limit. `free` is its velocity without constraints, and the array has its biases in the velocity and position solves,
+/// m/s.
 #[inline(always)]
 pub(crate) fn limit_law<R: Real>(free: R, [velocity, position]: [R; 2], active: R::Mask) -> RowLaw<R> {
     RowLaw { g: [free + velocity, free + position], compliance: R::zero(), active, bounds: [R::zero(), R::of(f64::INFINITY)] }
 }
 
-/// Inputs of a spring's row: its error, its velocities before the step and without constraints, and its diagonal entry of G.
+/// Inputs of the row of a spring: position error, velocity before the step, velocity without constraints, and diagonal entry of G.
 #[derive(Clone, Copy)]
 pub(crate) struct SpringRow<R: Real> {
     pub(crate) error: R,
     pub(crate) before: R,
     pub(crate) free: R,
     pub(crate) gram: R,
-    /// Lanes in which the spring is taut. Damper and inertia act in all lanes.
+    /// Lanes in which the spring is taut and exerts a force. Damper and inertia act in all lanes.
     pub(crate) taut: R::Mask,
 }
 
@@ -546,13 +552,13 @@ pub(crate) fn spring_law<R: Real>(assembly: &AssemblyInput<'_, R>, spring: &Spri
     RowLaw { g: [row.free + p * compliance; 2], compliance, active, bounds: free_bounds() }
 }
 
-/// Whether a dof moves a frame.
+/// Whether the degree of freedom `dof` moves the frame `frame`.
 #[inline(always)]
 pub(crate) fn moves<S: Scalar>(compiled: &ModelStructure<S>, frame: usize, dof: usize) -> bool {
     compiled.moved_dofs[frame][dof / 64] >> (dof % 64) & 1 == 1
 }
 
-/// Acceleration of the point `p` of a frame if no joint accelerates; zero for the world and for mocap bodies.
+/// Acceleration of the point `p` of a frame if no joint accelerates, world axes, m/s^2; zero for the world and for mocap bodies.
 #[inline(always)]
 fn acceleration<R: Real>(input: RowInput<'_, R>, frame: usize, p: V3<R>) -> V3<R> {
     let RowInput { compiled, kinematics, assembly, .. } = input;
@@ -562,12 +568,12 @@ fn acceleration<R: Real>(input: RowInput<'_, R>, frame: usize, p: V3<R>) -> V3<R
     let l = frame - 1;
     let (velocity, change) = (&assembly.motion.velocity[l], &assembly.motion.acceleration[l]);
     let arm = sub(p, kinematics.origin[compiled.links[l].tree]);
-    // The recursion includes gravity as an upward acceleration of the world.
+    // The recursion represents gravity as an upward acceleration of the world. Adding gravity removes it.
     let change = spatial(angular(change), add(linear(change), compiled.params.gravity()));
     add(velocity_at(&change, arm), cross(angular(velocity), velocity_at(velocity, arm)))
 }
 
-/// Angular acceleration of a frame if no joint accelerates.
+/// Angular acceleration of a frame if no joint accelerates, world axes, rad/s^2.
 #[inline(always)]
 pub(crate) fn angular_acceleration<R: Real>(input: RowInput<'_, R>, frame: usize) -> V3<R> {
     if frame == 0 || frame > input.compiled.links.len() { zero() } else { angular(&input.assembly.motion.acceleration[frame - 1]) }

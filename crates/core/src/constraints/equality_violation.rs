@@ -1,4 +1,4 @@
-//! Position errors of equality constraints: the certificate of closed loops.
+//! Position errors of equality constraints, which show how well closed loops stay closed.
 
 use stepper_real::Real;
 
@@ -59,7 +59,8 @@ fn violation<R: Real>(
 ) -> R {
     match &equality.rows {
         EqualityRows::Points { anchors, turn, paths, .. } => {
-            // Both poses are relative to the nearest common frame: rounding then does not grow with the distance from the world origin.
+            // Both poses are relative to the nearest common frame, so that the rounding error does not grow with the distance from the
+            // world origin.
             let first = follow_path(compiled, &paths[0], q, mocap, elapsed);
             let second = follow_path(compiled, &paths[1], q, mocap, elapsed);
             let points = [add(first.0, rotate(&first.1, splat(anchors[0]))), add(second.0, rotate(&second.1, splat(anchors[1])))];
@@ -76,7 +77,7 @@ fn violation<R: Real>(
     }
 }
 
-/// Position error of a coupling, x - ref - polynomial(y - ref), in the unit of x.
+/// Position error of a joint or tendon coupling, x - x_ref - polynomial(y - y_ref), in the unit of x.
 #[inline(always)]
 fn coupling_error<R: Real>(first: &Combination<R::Scalar>, second: Option<&Combination<R::Scalar>>, c: [R; 5], q: &[R]) -> R {
     let error = first.value(q) - R::splat(first.reference) - c[0];

@@ -16,39 +16,39 @@ use stepper_real::{Mask, Real};
 use crate::options::StepSettings;
 use crate::tuning::END_TOLERANCE;
 
-/// Flight of a contact through a step.
+/// Motion of an elastic contact's gap during a step.
 #[derive(Clone, Copy, Debug)]
 pub struct Flight<R> {
-    /// Gap at the time at which the step evaluates it, m.
+    /// Gap at the time at which the step evaluates contacts, m.
     pub gap: R,
     /// Normal velocity before the step, m/s; negative where the gap closes.
     pub before: R,
     /// Normal velocity after the step without constraints, m/s.
     pub free: R,
-    /// Time at which the step evaluates the gap, from the beginning of the step, s.
+    /// Time from the beginning of the step to the evaluation of the gap, s.
     pub time_before: R,
     /// Time step, s.
     pub h: R,
 }
 
-/// Behaviour of an elastic contact in a step.
+/// Predicted behaviour of an elastic contact in a step.
 #[derive(Clone, Copy, Debug)]
 pub struct ImpactPrediction<R: Real> {
     /// Lanes in which the contact collides fast enough to bounce.
     pub collides: R::Mask,
-    /// Lanes in which the contact touches and separates. An impact elsewhere may close it, and is shared.
+    /// Lanes in which the contact touches and separates. Another impact elsewhere may close it, and both are then solved as one impact.
     pub parts: R::Mask,
-    /// Lanes in which the contact touches or is about to, and does not bounce.
+    /// Lanes in which the contact touches or is about to touch, and does not bounce.
     pub rests: R::Mask,
     /// Time of the bounce after the beginning of the step, s.
     pub time: R,
 }
 
 impl<R: Real> Flight<R> {
-    /// Predicts the behaviour of the contact in the lanes `lanes`, with the coefficient of restitution `e` and the acceleration `gravity`,
-    /// m/s^2.
+    /// Predicts the behaviour of the contact in the lanes `lanes`. `e` is the coefficient of restitution, and `gravity` the magnitude of
+    /// gravity, m/s^2.
     ///
-    /// A contact whose flight would be shorter than a step rests. That neglects heights of (a h^2) / 8, which are of second order.
+    /// A contact that would fly for less than a step counts as resting. This neglects heights of (a h^2) / 8, which are of second order.
     #[inline(always)]
     pub fn predict(&self, options: &StepSettings, gravity: R, e: R, lanes: R::Mask) -> ImpactPrediction<R> {
         let Self { gap, before, free, time_before, h } = *self;
@@ -59,10 +59,10 @@ impl<R: Real> Flight<R> {
         let square = before * before - two * change * start;
         let speed = square.max(zero).sqrt();
         let (falls, sinks) = (before.lt(zero), change.lt(zero));
-        // Of the two forms of the root, the one whose denominator is not a difference.
+        // Of the two formulas for the root, use the one whose denominator is not a difference of similar numbers.
         let late = R::select(falls, two * start / R::select(falls, speed - before, one), (before + speed) / R::select(sinks, -change, one));
         let overlaps = falls.and(start.le(zero));
-        // A collision at the very end of the step must survive rounding when the contact is evaluated there again.
+        // A collision at the very end of the step must still be found after rounding, when contacts are evaluated there again.
         let meets = falls.or(sinks).and(square.ge(zero)).and(late.le(h * R::of(1.0 + END_TOLERANCE))).or(overlaps);
         let time = late.max(zero).min(h);
         let speed = -(before + change * time);
@@ -70,7 +70,7 @@ impl<R: Real> Flight<R> {
         let collides = lanes.and(meets).and(speed.gt(threshold)).and(flies);
         let (touches, here) = (gap.le(slop), before + change * time_before);
         let parts = lanes.and(touches).and_not(meets).and(here.gt(threshold));
-        // Gaps that a slow contact and gravity close within the step. A fast contact with a gap left collides in the next step.
+        // Gaps that a slow contact and gravity can close within the step. A fast contact with a remaining gap collides in the next step.
         let near = before.abs().le(threshold).and(gap.le(h * (threshold + h * gravity) + slop));
         let lies = touches.and(gap.lt(zero).or(here.abs().le(threshold)));
         let rests = lanes.and(meets.or(lies).or(near)).and_not(collides).and_not(parts);
@@ -91,7 +91,7 @@ mod tests {
 
     #[test]
     fn a_fall_collides_when_it_has_come_down() {
-        // A fall from the height H at the beginning of the step, at the speed v: H - v t - g t^2 / 2 = 0.
+        // Falling from the height H with the initial speed v: H - v t - g t^2 / 2 = 0.
         let (v, t) = (1.0, 0.004);
         let height = v * t + 9.81 * t * t / 2.0;
         let found = predict(height - v * 0.005, -v, -v - 9.81 * 0.01, 0.5);
@@ -100,7 +100,7 @@ mod tests {
 
     #[test]
     fn a_throw_collides_when_it_has_come_back() {
-        // A throw from the surface at the speed v is back after 2 v / g. The contact at the beginning is no impact.
+        // Moving upward from the surface with the speed v, the body is back after 2 v / g. The contact at the beginning is no impact.
         let v = 9.81 * 0.008 / 2.0;
         let found = predict(v * 0.005, v, v - 9.81 * 0.01, 1.0);
         assert!(found.rests.any(), "its flight is shorter than a step");

@@ -1,11 +1,12 @@
-//! Islands: kinematic trees that rows of the constraint problem join.
+//! Islands: sets of kinematic trees that rows of the constraint problem connect.
 
 use stepper_real::Real;
 use stepper_solve::System;
 
 use crate::compile::ModelStructure;
 
-/// Sets of trees (union-find with path halving; Tarjan & van Leeuwen 1984), with a maximum and two sums over each set.
+/// Islands of one lane as disjoint sets of trees (union-find with path halving; Tarjan & van Leeuwen 1984). Each has a maximum and two
+/// sums.
 #[derive(Clone, Debug)]
 pub(crate) struct Islands {
     above: Vec<u32>,
@@ -15,12 +16,12 @@ pub(crate) struct Islands {
 }
 
 impl Islands {
-    /// Workspace for `trees` trees.
+    /// Workspace for a model with `trees` kinematic trees.
     pub(crate) fn new(trees: usize) -> Self {
         Self { above: vec![0; trees], most: vec![0.0; trees], penalties: vec![[0.0; 2]; trees], exempt: vec![false; trees] }
     }
 
-    /// Finds the islands of one lane.
+    /// Finds the islands of lane `lane`: trees that an active row connects are in the same island.
     pub(crate) fn find<R: Real>(&mut self, compiled: &ModelStructure<R::Scalar>, system: System<'_, R>, lane: usize) {
         for (tree, above) in self.above.iter_mut().enumerate() {
             *above = tree as u32;
@@ -44,7 +45,7 @@ impl Islands {
         });
     }
 
-    /// Includes a number of a tree in the maximum of its island; NaN counts as infinite.
+    /// Updates the maximum of the island of `tree` with the value `x`; NaN counts as infinite.
     pub(crate) fn note(&mut self, tree: usize, x: f64) {
         let root = self.root(tree);
         self.most[root] = if x <= self.most[root] {
@@ -56,13 +57,13 @@ impl Islands {
         };
     }
 
-    /// Maximum of the tree's island.
+    /// Maximum of the values that [`Islands::note`] received for the island of `tree`.
     pub(crate) fn most(&mut self, tree: usize) -> f64 {
         let root = self.root(tree);
         self.most[root]
     }
 
-    /// Adds a penalty to the sum `which` of the islands of two trees, and only once if they are one island.
+    /// Adds a penalty to sum number `which` of the islands of two trees. If both trees are in the same island, it is added once.
     pub(crate) fn add_penalty(&mut self, trees: [Option<usize>; 2], which: usize, penalty: f64) {
         let [a, b] = trees.map(|tree| tree.map(|tree| self.root(tree)));
         for root in [a, if a == b { None } else { b }].into_iter().flatten() {
@@ -70,13 +71,13 @@ impl Islands {
         }
     }
 
-    /// Excludes the tree's island from [`Islands::penalties`].
+    /// Excludes the island of `tree` from penalties, so that [`Islands::penalties`] returns `None`.
     pub(crate) fn exempt(&mut self, tree: usize) {
         let root = self.root(tree);
         self.exempt[root] = true;
     }
 
-    /// Both sums of penalties of the tree's island.
+    /// Both sums of penalties of the island of `tree`; `None` if the island is excluded.
     pub(crate) fn penalties(&mut self, tree: usize) -> Option<[f64; 2]> {
         let root = self.root(tree);
         (!self.exempt[root]).then_some(self.penalties[root])

@@ -1,4 +1,5 @@
-//! Columns: J^T of a row on its support (the dofs that it touches), and the half solve L^-T of it.
+//! Jacobians of rows: J^T of a row at the degrees of freedom that it moves (its support), and the half solve L^-T J^T with the factor L of
+//! the mass matrix.
 
 use stepper_real::{Mask, Real};
 
@@ -12,7 +13,8 @@ use crate::dynamics::inertia::{MassMatrix, is_above};
 use crate::math::spatial::*;
 
 impl<R: Real> RowBuilder<R> {
-    /// Writes L^-T times a unit vector to the first component of `column` on `support`, the chain of `dof`.
+    /// Writes L^-T e to the first component of `column`, where e is the unit vector of `dof`. `support` becomes the chain of `dof`: the dof
+    /// and its ancestors.
     #[inline(always)]
     pub(crate) fn unit_column(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, dof: usize) {
         let chain = compiled.chain_of(dof);
@@ -22,7 +24,7 @@ impl<R: Real> RowBuilder<R> {
         path.fill(R::zero());
         path[0] = R::one();
         let mut rest = &mut path[..];
-        // Row k of the chain has the entries of all later rows. Two rows at a time therefore need no index.
+        // Row k of the chain has entries for all later rows. Two rows at a time therefore need no index.
         for pair in chain.chunks(2) {
             let [x, y, tail @ ..] = rest else { break };
             let ((row, _), (above, _)) = (mass.row(compiled, pair[0] as usize), mass.row(compiled, pair[1] as usize));
@@ -37,7 +39,7 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// Half solve `column` <- L^-T `column`, on `support` with all its ancestors, in the first `N` components.
+    /// Half solve: replaces the first `N` components of `column` by L^-T times these, on `support`, which must contain all ancestors.
     #[inline(always)]
     pub(crate) fn half_solve<const N: usize>(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>) {
         let (mut rest, column) = (&self.support[..], &mut self.column);
@@ -54,7 +56,7 @@ impl<R: Real> RowBuilder<R> {
                 }
                 continue;
             }
-            // The parent is the previous dof and has the same ancestors, so that both are computed at once.
+            // The parent is the previous degree of freedom and has the same ancestors, so that both are computed together.
             rest = &before[..before.len() - 1];
             let ((above, chain), mut parent) = (mass.row(compiled, d - 1), column[d - 1]);
             for k in 0..N {
@@ -70,9 +72,10 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// Gathers the dofs that move slot k in any of its lanes, or that are coupled to them, in ascending order.
+    /// Sets `support` to the degrees of freedom that move a geom of slot `k` in any of its lanes, or that equalities couple to them,
+    /// ascending.
     ///
-    /// For each it gives the lanes in which it moves the second geom and those in which it moves the first.
+    /// For each degree of freedom, `signs` gets the lanes in which it moves the second geom, and those in which it moves the first.
     #[inline(always)]
     pub(crate) fn gather_support(
         &mut self,
@@ -97,7 +100,7 @@ impl<R: Real> RowBuilder<R> {
                 while bits != 0 {
                     let i = bits.trailing_zeros();
                     bits &= bits - 1;
-                    // All ones if the dof is in the set.
+                    // All ones if the degree of freedom is in the set.
                     let lanes_of = |set: u64| ((set >> i & 1) as u32).wrapping_neg();
                     let sign = &mut self.signs[64 * w + i as usize];
                     let [plus, minus] = sign.map(|bits| bits & lanes_of(old));
@@ -112,7 +115,7 @@ impl<R: Real> RowBuilder<R> {
         self.list_support();
     }
 
-    /// Lists the dofs in `words`, ascending.
+    /// Sets `support` to the degrees of freedom in the set `words`, ascending.
     #[inline(always)]
     pub(crate) fn list_support(&mut self) {
         self.support.clear();
@@ -125,18 +128,19 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// Sign of a dof: 1 in the lanes in which it moves the second geom of the gathered slot, -1 where it moves the first.
+    /// Sign of degree of freedom `d` in the contact. It is 1 in lanes in which the dof moves the second geom, -1 for the first, 0 for both
+    /// or none.
     #[inline(always)]
     pub(crate) fn sign_of(&self, d: usize) -> R {
         let [plus, minus] = self.signs[d];
         R::select(R::Mask::from_bits(plus), R::one(), R::zero()) - R::select(R::Mask::from_bits(minus), R::one(), R::zero())
     }
 
-    /// Computes J of a contact's rows (n, t1, t2) into `column`.
+    /// Computes the Jacobian rows of a contact along normal and tangents into `column`.
     ///
-    /// Returns the relative velocity of the surfaces along the three axes with the free velocity. The second result is the velocity before
-    /// the step along the normal, with zeros for the tangents. Both include the surfaces' motion (conveyor belts), that of the second
-    /// surface relative to the first.
+    /// The first result is the free velocity of the second surface relative to the first along the three axes, m/s. The second result is
+    /// the velocity before the step along the normal, with zeros for the tangents. Both include the motion of the surfaces themselves
+    /// (conveyor belts).
     #[inline(always)]
     pub(crate) fn contact_columns(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> [V3<R>; 2] {
         let RowInput { compiled, kinematics, assembly, .. } = input;
@@ -144,7 +148,7 @@ impl<R: Real> RowBuilder<R> {
         let n = slot.point.normal;
         let axes = [n, slot.tangent, cross(n, slot.tangent)];
         let carried = linear(&surface_velocity::motion(compiled, kinematics, contacts, k, lanes));
-        // No call of `map`: the library's function would inline it with baseline instructions.
+        // `map` of an array would not be inlined with the instructions of this CPU level.
         let mut free = [dot(axes[0], carried), dot(axes[1], carried), dot(axes[2], carried)];
         let mut before = free[0];
         let (mut arm, mut tree) = (zero(), usize::MAX);
@@ -156,7 +160,7 @@ impl<R: Real> RowBuilder<R> {
             }
             let sign = self.sign_of(d);
             let motion = velocity_at(&kinematics.axes[d], arm);
-            // Adding zero turns -0 into 0, so that the bits of a lane do not depend on the contacts of its neighbours.
+            // Adding zero converts -0 to 0, so that the bits of a lane do not depend on the contacts of its neighbours.
             let j =
                 [dot(axes[0], motion) * sign + R::zero(), dot(axes[1], motion) * sign + R::zero(), dot(axes[2], motion) * sign + R::zero()];
             free = add_scaled(free, j, assembly.v_free[d]);

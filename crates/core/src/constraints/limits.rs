@@ -1,4 +1,4 @@
-//! Rows of joint limits.
+//! Rows of the limits of hinge and slide joints.
 
 use stepper_real::{Mask, Real};
 
@@ -9,7 +9,7 @@ use crate::options::StepSettings;
 use crate::tuning::LIMIT_LOOK_AHEAD;
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds rows of limits: the nearer end of each range, if it can be reached within the step.
+    /// Adds the rows of joint limits: one for the nearer end of each range, if the joint can reach it within the step.
     #[inline(always)]
     pub(crate) fn add_limits(
         &mut self,

@@ -1,4 +1,4 @@
-//! Solution of the position problem: stages 7 and 8.
+//! Solution of the position problem: results of the stages 7 and 8.
 
 use stepper_real::Real;
 use stepper_solve::{PositionRows, Reference};
@@ -9,7 +9,7 @@ use crate::constraints::constraint_problem::{ConstraintProblem, capacity_of};
 use crate::constraints::islands::Islands;
 use crate::dynamics::kinematics::Kinematics;
 
-/// Positions after the step, and the workspace of their correction.
+/// Positions after the step, and the workspace of their correction in stage 8.
 #[derive(Clone, Debug)]
 pub struct PositionSolution<R: Real> {
     /// Configuration after the step, nq.
@@ -18,23 +18,23 @@ pub struct PositionSolution<R: Real> {
     pub act: Vec<R>,
     /// Rows of the position solve.
     pub(crate) rows: PositionRows<R>,
-    /// Mobility that the two bodies of every contact would have without constraints, 1/kg; 0 for scalar rows.
+    /// Inverse inertia of the two bodies of every contact along its normal without constraints, 1/kg; 0 for scalar rows.
     pub(crate) unconstrained_mobility: Vec<R>,
-    /// Reference solution: the impulses of the velocity solution, from which a correction is counted.
+    /// Impulses of the velocity solution. The position correction is counted from them.
     pub(crate) reference: Reference<R>,
-    /// Islands: sets of kinematic trees that rows connect.
+    /// Islands: sets of kinematic trees that constraint rows connect.
     pub(crate) islands: Islands,
     /// Free velocity of the position solve, nv.
     pub(crate) v_free: Vec<R>,
-    /// Velocity that over a step gives the displacement by impacts, which is added to `v_free`, nv.
+    /// Mean velocity over the step of the displacement by impacts, nv. It is added to `v_free`.
     pub(crate) impact_displacement: Vec<R>,
-    /// Velocity of the correction, nv.
+    /// Velocity of the position correction, nv.
     pub(crate) correction: Vec<R>,
-    /// Corrected configuration, nq.
+    /// Configuration after the correction, nq.
     pub(crate) q_corrected: Vec<R>,
-    /// Poses at the corrected configuration.
+    /// Poses at the configuration after the correction.
     pub(crate) kinematics: Kinematics<R>,
-    /// Contacts at the corrected configuration.
+    /// Contacts at the configuration after the correction.
     pub(crate) contacts: Contacts<R>,
 }
 
@@ -59,13 +59,13 @@ impl<R: Real> PositionSolution<R> {
         }
     }
 
-    /// Fills with NaN the vectors that a step computes before it reads them.
+    /// Fills the vectors that a step must compute before it reads them with NaN, for tests.
     pub(crate) fn poison(&mut self) {
         let Self { q, act, v_free, impact_displacement, correction, q_corrected, .. } = self;
         [q, act, v_free, impact_displacement, correction, q_corrected].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
     }
 
-    /// Copies the rows of the problem.
+    /// Copies the rows of the constraint problem as rows of the position solve.
     pub fn copy_rows(&mut self, problem: &ConstraintProblem<R>) {
         R::vectorize(
             #[inline(always)]

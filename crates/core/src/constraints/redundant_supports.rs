@@ -1,14 +1,14 @@
-//! Redundant supports: contact forces that the laws of motion leave open. Their loads are shared evenly.
+//! Redundant supports: contact forces that the equations of motion do not determine. Their loads are shared evenly.
 //!
 //! Three contacts between two bodies have nine unknown force components; a rigid body gives six equations. While all points stick, the
-//! motion is the same for all solutions. When they slip, the torque of friction depends on how the points share the load. Sweeps
-//! (Gauss-Seidel iterations) load the points that they visit first, and such forces turn a box that two fingers hold.
+//! motion is the same for all solutions. When they slip, the torque of friction depends on how the points share the load. Gauss-Seidel
+//! iterations load the contacts that they visit first, and such forces rotate a box that two fingers hold.
 //!
 //! The contacts between two bodies form a contact group. Groups that move a common coordinate form a cluster, whose loads are shared
-//! together. An example is a box between two fingers, whose place on the fingers is open too. Among all nonnegative normal impulses with
-//! the same effect on the joints, those of least norm are chosen. Friction of a slipping contact is recomputed as mu times the normal
-//! impulse, against the motion. If a group slips along a plane without turning, its force, its friction moment and all velocities stay the
-//! same. If it turns, the solver continues from the shared loads.
+//! together. An example is a box between two fingers: the point on each finger where the load acts is undetermined too. Among all
+//! nonnegative normal impulses with the same effect on the joints, those of least norm are used. Friction of a slipping contact is
+//! recomputed as mu times the normal impulse, against the motion. If a group slips along a plane without rotating, its force, its friction
+//! moment and all velocities do not change. If it rotates, the solver continues from the shared loads.
 
 use std::ops::Range;
 
@@ -21,48 +21,48 @@ use crate::constraints::constraint_problem::ConstraintProblem;
 use crate::math::spatial::*;
 use crate::tuning::{DEPENDENT_LENGTH, MAX_NEW_CONTACTS, MAX_SHARED_CONTACTS, MIN_SHARE_CHANGE, MIN_SHARED_CONTACTS, SLIP_SPEED};
 
-/// Contact groups of all lanes: contacts between the same two bodies, of which at least one is loose.
+/// Contact groups of all lanes: sets of contacts between the same two bodies, at least one of which floats freely.
 #[derive(Clone, Debug)]
 pub(crate) struct ContactGroups<R> {
-    /// Slots of the contacts, group by group.
+    /// Slots of the contacts of all groups, group by group.
     slots: Vec<usize>,
-    /// All contact groups, lane by lane.
+    /// Contact groups of all lanes, lane by lane.
     groups: Vec<ContactGroup>,
-    /// Bodies of every group of the lane that is searched, and the number of its contacts.
+    /// Workspace of the search in one lane: the two bodies of each group, and the number of its contacts.
     pairs: Vec<([usize; 2], usize)>,
-    /// Contact group of every contact of that lane.
+    /// Workspace of the search in one lane: group of every contact.
     of_contact: Vec<usize>,
-    /// Contacts of the cluster whose loads are being shared.
+    /// Contacts of the cluster whose loads are being shared (groups that move a common coordinate).
     points: Vec<Point>,
-    /// Rows of the normal impulses: one for each coordinate with an entry, over the points.
+    /// Matrix of the load sharing: effect of each contact's normal impulse on each coordinate, one row per coordinate.
     rows: Vec<f64>,
-    /// Sum of the scaled impulses in each coordinate.
+    /// Effect of all normal impulses together on each coordinate, in the scaling of `rows`.
     sums: Vec<f64>,
-    /// Coordinate of each row.
+    /// Coordinate of each row of `rows`.
     coordinates: Vec<u32>,
-    /// Whether each row is already orthonormal.
+    /// Whether each row of `rows` is already orthonormal.
     done: Vec<bool>,
-    /// Contact group that each coordinate belongs to.
+    /// Contact group that moves each coordinate; used to find groups with a common coordinate.
     owners: Vec<usize>,
-    /// Velocities of all contacts, m/s.
+    /// Velocities of all contacts of the problem, m/s.
     velocities: Vec<V3<R>>,
 }
 
-/// Contacts between two bodies in a lane.
+/// Contact group: contacts between the same two bodies in one lane. At least one of the bodies floats freely.
 #[derive(Clone, Copy, Debug)]
 struct ContactGroup {
     lane: usize,
-    /// Range of its contacts in the list of slots.
+    /// Range of the group's contacts in the list of slots.
     slots: [usize; 2],
-    /// Cluster of the group: the index of one of its groups.
+    /// Cluster of the group (groups that move a common coordinate), given as the index of one of its groups.
     cluster: usize,
-    /// Whether any of its contacts slips under load.
+    /// Whether any contact of the group slips under load.
     slips: bool,
 }
 
 impl ContactGroup {
-    /// Indices of the group's contacts in the problem, without those with six rows and immovable ones. Other lanes may have such a contact
-    /// in the same slot.
+    /// Indices of the group's contacts in the problem. It leaves out contacts with six rows and immovable contacts, which other lanes may
+    /// have in the same slot.
     fn contacts<'a, R: Real>(
         &self,
         slots: &'a [usize],
@@ -76,7 +76,7 @@ impl ContactGroup {
     }
 }
 
-/// Contact of a cluster.
+/// Contact in the cluster whose loads are being shared.
 #[derive(Clone, Copy, Debug)]
 struct Point {
     /// Index of the contact in the problem.
@@ -87,7 +87,7 @@ struct Point {
     before: f64,
     /// Normal impulse after the redistribution, N s.
     shared: f64,
-    /// Whether the point may carry load.
+    /// Whether the contact may carry load.
     free: bool,
 }
 
@@ -110,7 +110,7 @@ impl<R: Real> ContactGroups<R> {
         }
     }
 
-    /// Finds the contact groups of the lanes `lanes` (bits).
+    /// Finds the contact groups in the lanes `lanes` (bits).
     pub(crate) fn find(&mut self, compiled: &ModelStructure<R::Scalar>, contacts: &Contacts<R>, lanes: u32) {
         self.slots.clear();
         self.groups.clear();
@@ -122,7 +122,7 @@ impl<R: Real> ContactGroups<R> {
             self.of_contact.clear();
             for k in 0..contacts.count[lane] {
                 let pair = contacts.ids[k][lane].pair();
-                // Springs determine how loads are shared.
+                // Springs determine how the loads of this contact are shared.
                 if compiled.has_contact_springs && compiled.pair(pair).spring.is_some() {
                     self.of_contact.push(usize::MAX);
                     continue;
@@ -157,7 +157,8 @@ impl<R: Real> ContactGroups<R> {
 
     /// Lanes with a contact group that bears no load yet and closes in this step.
     ///
-    /// The result of sweeps depends on their order, so the first impulses of such a group must be those of least norm.
+    /// The first impulses of such a group must be those of least norm, because the result of Gauss-Seidel iterations depends on their
+    /// order.
     pub(crate) fn new_lanes(
         &self,
         contacts: &Contacts<R>,
@@ -177,7 +178,7 @@ impl<R: Real> ContactGroups<R> {
         R::Mask::from_bits(lanes)
     }
 
-    /// Finds the contact groups of the lanes `lanes` that slip. Returns the lanes with any.
+    /// Finds the contact groups in the lanes `lanes` that slip under load. Returns the lanes with such a group.
     pub(crate) fn find_slips(&mut self, assembled: &ConstraintProblem<R>, iterate: &Iterate<R>, lanes: R::Mask) -> R::Mask {
         if lanes.none() {
             return lanes;
@@ -203,9 +204,10 @@ impl<R: Real> ContactGroups<R> {
         R::Mask::from_bits(slipping)
     }
 
-    /// Shares the loads of the lanes `lanes` after [`ContactGroups::find_slips`]. Returns the lanes in which a share changed.
+    /// Shares the loads of the contact groups evenly in the lanes `lanes`, after [`ContactGroups::find_slips`]. Returns the lanes in which
+    /// a load changed.
     ///
-    /// w of the other lanes may change by rounding.
+    /// The function recomputes `iterate.w`, which may change by rounding in other lanes.
     pub(crate) fn share(&mut self, assembled: &ConstraintProblem<R>, iterate: &mut Iterate<R>, lanes: R::Mask) -> R::Mask {
         let (mut start, mut shared) = (0, 0);
         while start < self.groups.len() {
@@ -225,7 +227,7 @@ impl<R: Real> ContactGroups<R> {
         R::Mask::from_bits(shared)
     }
 
-    /// Shares the loads of the contact groups `groups` of one lane. Returns whether any load has changed.
+    /// Shares the loads of the contact groups with the indices `groups`, all of one lane. Returns whether any load has changed.
     fn share_lane(&mut self, groups: Range<usize>, assembled: &ConstraintProblem<R>, iterate: &mut Iterate<R>) -> bool {
         let lane = self.groups[groups.start].lane;
         self.find_clusters(groups.clone(), assembled);
@@ -247,7 +249,7 @@ impl<R: Real> ContactGroups<R> {
         changed
     }
 
-    /// Gathers the contacts of a group that have three rows.
+    /// Appends the contacts with three rows of group number `group` to `points`.
     fn gather(&mut self, group: usize, assembled: &ConstraintProblem<R>, iterate: &Iterate<R>) {
         let Self { slots, groups, points, velocities, .. } = self;
         let lane = groups[group].lane;
@@ -257,7 +259,7 @@ impl<R: Real> ContactGroups<R> {
         }
     }
 
-    /// Assigns groups that move a common coordinate to the same cluster.
+    /// Finds the clusters: groups that move a common coordinate get the same cluster.
     fn find_clusters(&mut self, groups: Range<usize>, assembled: &ConstraintProblem<R>) {
         let Self { slots, groups: all, owners, .. } = self;
         owners.clear();
@@ -272,7 +274,7 @@ impl<R: Real> ContactGroups<R> {
                     if owner == usize::MAX {
                         owners[c as usize] = cluster;
                     } else if owner != cluster {
-                        // The cluster of an owner is that of its group, which may have changed since.
+                        // The cluster of that group may have changed since it was stored.
                         let known = all[owner].cluster;
                         all[groups.clone()].iter_mut().filter(|other| other.cluster == cluster).for_each(|other| other.cluster = known);
                     }
@@ -281,8 +283,8 @@ impl<R: Real> ContactGroups<R> {
         }
     }
 
-    /// Finds the nonnegative normal impulses of least norm with the same effect on all coordinates. Returns false if there are none, or
-    /// none changes.
+    /// Finds the nonnegative normal impulses of least norm with the same effect on all coordinates. Returns false if there are none, or if
+    /// no load would change.
     fn distribute(&mut self, lane: usize, problem: &Problem<R>) -> bool {
         let (total, most) = self.points.iter().fold((0.0, 0.0_f64), |(sum, most), p| (sum + p.before, most.max(p.before)));
         for _ in 0..self.points.len() {
@@ -301,7 +303,8 @@ impl<R: Real> ContactGroups<R> {
         false
     }
 
-    /// Computes a row of unit length for each coordinate with an entry of a free point, and the sum of its impulses.
+    /// Computes `rows` and `sums`: for each coordinate that a free contact moves, a row of unit length and the effect of all normal
+    /// impulses.
     fn make_rows(&mut self, lane: usize, problem: &Problem<R>) {
         let Self { points, rows, sums, coordinates, .. } = self;
         coordinates.clear();
@@ -334,10 +337,10 @@ impl<R: Real> ContactGroups<R> {
         }
     }
 
-    /// Computes the impulses of least norm of the free points with the same sums in all rows, into `shared`.
+    /// Computes the normal impulses of least norm of the free contacts, with the effects in `sums` on all rows, into `shared`.
     ///
-    /// The rows become orthonormal one by one (modified Gram-Schmidt), and their sums with them. Returns false if the free points cannot
-    /// give the sums.
+    /// The rows become orthonormal one by one (modified Gram-Schmidt), and the sums with them. Returns false if the free contacts cannot
+    /// give these sums.
     fn least_norm(&mut self, total: f64) -> bool {
         let Self { points, rows, sums, done, .. } = self;
         let (n, m) = (points.len(), sums.len());
@@ -363,7 +366,7 @@ impl<R: Real> ContactGroups<R> {
         (0..m).all(|r| done[r] || sums[r].abs() <= 10.0 * dependent * total)
     }
 
-    /// Writes the normal impulses to `iterate`, with friction to match.
+    /// Writes the shared normal impulses to `iterate`, and the friction that belongs to them.
     fn scatter(&self, lane: usize, problem: &Problem<R>, iterate: &mut Iterate<R>) {
         for p in &self.points {
             let lambda = &mut iterate.contacts[p.contact];
@@ -383,12 +386,12 @@ impl<R: Real> ContactGroups<R> {
     }
 }
 
-/// Index of the precision: 0 in 64 bits, 1 in 32.
+/// Index in tables of tolerances: 0 for 64 bits, 1 for 32 bits.
 fn precision<R: Real>() -> usize {
     usize::from(R::Scalar::IS_SINGLE)
 }
 
-/// Slip speed of a contact, m/s.
+/// Slip speed of a contact from its velocity along normal and tangents, m/s.
 fn slip(velocity: [f64; 3]) -> f64 {
     velocity[1].hypot(velocity[2])
 }

@@ -28,11 +28,11 @@ use crate::math::spatial::*;
 use crate::options::StepSettings;
 use crate::tuning::MAX_REBOUND_SPEED_RATIO;
 
-/// Offsets of a contact's rows: g of the velocity solve and of the position solve, m/s.
+/// Offsets g of a contact's three rows in the velocity solve and in the position solve, m/s.
 type Offsets<R> = [[R; 2]; 3];
 
 impl<R: Real> RowBuilder<R> {
-    /// Change of the velocities of the rows in `column` by the free motion.
+    /// Change of the velocities of the three rows in `column` from before the step to the free velocity after it, m/s.
     #[inline(always)]
     pub(crate) fn free_change(&self, assembly: &AssemblyInput<'_, R>) -> V3<R> {
         let mut change = zero();
@@ -45,11 +45,12 @@ impl<R: Real> RowBuilder<R> {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Bias of a normal row with Euler's rule, m/s, and the lanes of `exists` that keep the row. The midpoint rule changes neither.
+    /// Bias of a contact's normal row by Euler's rule, m/s, and the lanes of `exists` in which the row is needed. With the midpoint rule
+    /// both are returned unchanged.
     ///
-    /// In contacts that bounce, the bias is the rebound velocity e v-; in the others it is `bias`. All closed contacts share an impact:
-    /// 0 <= lambda, complementary to v+ + e v- >= 0, also where v- separates. A contact slower than
-    /// the threshold before the step rests. The velocity that gravity adds within the step does not make it bounce.
+    /// In contacts that bounce, the bias is the rebound velocity e v-; in the others it is `bias`. All closed contacts share an impact: 0
+    /// <= lambda, complementary to v+ + e v- >= 0, even if v- separates. A contact that is slower than the threshold before the step rests.
+    /// The velocity that gravity adds within the step does not make it bounce.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "one contact in many parts")]
     pub(crate) fn bounce_euler(
@@ -68,7 +69,7 @@ impl<R: Real> Assembler<'_, R> {
             return (bias, exists);
         }
         let (h, phi, threshold) = (assembly.h, slot.point.distance, R::of(options.restitution_threshold));
-        // Gaps that a slow contact and gravity close within the step.
+        // Gaps that a slow contact and gravity can close within the step.
         let near = phi.le(h * (threshold + h * norm(compiled.params.gravity())) + R::of(options.slop));
         let rests = before.abs().le(threshold).and(near);
         let closed = phi.le(R::of(options.slop)).or((phi + h * free).lt(R::zero()));
@@ -81,10 +82,11 @@ impl<R: Real> Assembler<'_, R> {
         (R::select(bounces, e * free, bias), stays)
     }
 
-    /// Corrects the rebound velocity of [`Assembler::bounce_euler`] after equalities are eliminated. The midpoint rule does not need it.
+    /// Corrects the rebound velocity of [`Assembler::bounce_euler`] after the elimination of equalities. With the midpoint rule it does
+    /// nothing.
     ///
-    /// Newton's law then uses the velocity that the equalities leave, instead of `free`. `offset` is g of the normal row after the
-    /// elimination. Returns the bias that it contains.
+    /// Newton's law then uses the velocity after the elimination, instead of `free`. `offset` is g of the normal row after the elimination.
+    /// Returns the bias that it contains, m/s.
     #[inline(always)]
     pub(crate) fn bounce_euler_eliminated(
         &mut self,
@@ -105,12 +107,12 @@ impl<R: Real> Assembler<'_, R> {
         bias + change
     }
 
-    /// Replaces the `offsets` of a contact that bounces within the step of the midpoint rule. Returns the lanes of `exists` that keep the
-    /// rows.
+    /// Replaces the `offsets` of a contact that bounces within the step, by the midpoint rule. Returns the lanes of `exists` in which the
+    /// rows are needed.
     ///
-    /// The caller skips it with Euler's rule. `free` are the velocities of the rows without constraints, before equalities are eliminated.
-    /// `change` is their change by the free motion in the step. After the elimination the free velocity is `offsets` minus the normal's
-    /// `bias`. The function is a separate kernel, as [`Assembler::add_curve`] is.
+    /// Only the midpoint rule calls it. `free` are the velocities of the rows without constraints, before equalities are eliminated.
+    /// `change` is their change by the free motion in the step. After the elimination, the free velocity is `offsets` minus the normal's
+    /// `bias`. The function is compiled separately, as [`Assembler::add_curve`] is.
     #[inline(never)]
     pub(crate) fn bounce_midpoint(
         &mut self,
@@ -150,8 +152,8 @@ impl<R: Real> Assembler<'_, R> {
         )
     }
 
-    /// Changes the offsets `turns` of torsional and rolling rows to those at the time of the last impact added. `change` is the change of
-    /// their velocities by the free motion.
+    /// Changes the `offsets` of the torsional and rolling rows of the contact added last to those at the time of its impact. `change` is
+    /// the change of their velocities by the free motion.
     #[inline(always)]
     pub(crate) fn turn_at_impact(&self, change: V3<R>, turns: &mut Offsets<R>) {
         if let Some(impact) = self.problem.impacts.last() {
@@ -163,7 +165,9 @@ impl<R: Real> Assembler<'_, R> {
 }
 
 impl<R: Real> ConstraintProblem<R> {
-    /// Subtracts the part after the impacts from a scaled `change` of the velocity after the step.
+    /// Removes from the offsets of contacts that bounce the effect of a velocity change that acts after the impacts, in the lanes `lanes`.
+    ///
+    /// `change` is the scaled change of the velocity after the step.
     #[inline(always)]
     pub(crate) fn undo_change_after_impacts(&mut self, change: &[R], lanes: R::Mask) {
         let Self { rows, impacts, resolves_impacts, .. } = self;
@@ -179,9 +183,9 @@ impl<R: Real> ConstraintProblem<R> {
         );
     }
 
-    /// Updates the offsets after a change of the velocity before the impacts.
+    /// Adds to the offsets of contacts that bounce the effect of a velocity change that acts before the impacts.
     ///
-    /// `change` is the corresponding change of the velocity after the step without impacts. It is overwritten.
+    /// `change` is the corresponding change of the velocity after the step without impacts. The function overwrites it.
     pub fn shift_before_impacts(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, change: &mut [R], lanes: R::Mask) {
         if !self.resolves_impacts {
             return;
@@ -202,7 +206,8 @@ impl<R: Real> ConstraintProblem<R> {
         )
     }
 
-    /// Replaces Newton's law by an inelastic impact where it has no plausible solution: `e` becomes 0. Returns the lanes in which it did.
+    /// Sets the coefficient of restitution to 0 for impacts at which Newton's law has no plausible solution. Returns the lanes with such an
+    /// impact.
     ///
     /// Newton's law fixes the normal velocity after an impact, however hard the friction of another contact pushes. A ball that flies into
     /// a corner with a friction coefficient of 1 or more has no solution, and just below 1 the impulses are enormous. The friction of such
@@ -210,7 +215,7 @@ impl<R: Real> ConstraintProblem<R> {
     /// solution.
     ///
     /// An impact is implausible if its friction adds more than `energy` (J), or if the rounding error of its impulse exceeds `max_rounding`
-    /// (m/s). In the lanes `unsolved` all impacts become inelastic. In the lanes `all_or_none` all do if one is implausible.
+    /// (m/s). In the lanes `unsolved`, all impacts become inelastic. In the lanes `all_or_none`, all do so if one is implausible.
     pub(crate) fn drop_restitution(
         &mut self,
         impulses: &Iterate<R>,
@@ -223,7 +228,7 @@ impl<R: Real> ConstraintProblem<R> {
         )
     }
 
-    /// [`ConstraintProblem::drop_restitution`] as a part of a kernel.
+    /// Does the work of [`ConstraintProblem::drop_restitution`], inside its kernel.
     #[inline(always)]
     fn make_inelastic(&mut self, impulses: &Iterate<R>, [energy, max_rounding]: [R; 2], [unsolved, all_or_none]: [R::Mask; 2]) -> R::Mask {
         let Self { rows, impacts, euler_impact_lanes, deferred, resolves_impacts, .. } = self;
@@ -261,7 +266,7 @@ impl<R: Real> ConstraintProblem<R> {
         changed
     }
 
-    /// Lanes in which the midpoint rule resolves an impact at its time within the step, also if it became inelastic.
+    /// Lanes in which the midpoint rule places an impact at its time within the step, even if the impact became inelastic.
     #[inline(always)]
     pub fn midpoint_impact_lanes(&self) -> R::Mask {
         let mut lanes = R::Mask::splat(false);
@@ -275,9 +280,9 @@ impl<R: Real> ConstraintProblem<R> {
     }
 }
 
-/// Step with impacts, as input of the position solve.
+/// Data of a step with impacts, as input of the position solve.
 pub(crate) struct ImpactStep<'a, R: Real> {
-    /// Problem of the step.
+    /// Constraint problem of the step.
     pub(crate) problem: &'a ConstraintProblem<R>,
     /// Factors of the mass matrix.
     pub(crate) mass: &'a MassMatrix<R>,
@@ -285,23 +290,23 @@ pub(crate) struct ImpactStep<'a, R: Real> {
     pub(crate) contacts: &'a Contacts<R>,
     /// Free velocity, nv.
     pub(crate) free: &'a [R],
-    /// Overlap that is not corrected, m.
+    /// Overlap that position correction leaves, m.
     pub(crate) slop: f64,
     /// Time step, s.
     pub(crate) h: R,
-    /// Time from the beginning of the step to the evaluation point, s.
+    /// Time from the beginning of the step to the evaluation of contacts, s.
     pub(crate) time_before: R,
-    /// Time from the evaluation point to the end of the step, s.
+    /// Time from the evaluation of contacts to the end of the step, s.
     pub(crate) time_after: R,
     /// Lanes with an impact.
     pub(crate) lanes: R::Mask,
 }
 
 impl<R: Real> ImpactStep<'_, R> {
-    /// Sets the normal offset of contact `i` in the position solve, in the lanes `lanes`, to (gap at the end of the step) / h.
+    /// Sets the offset of the normal row of contact `i` in the position solve to (gap at the end of the step) / h, in the lanes `lanes`.
     ///
-    /// Positions move by time_after v+ + h correction after the evaluation point. The end gap is therefore gap + h v_position -
-    /// (h - time_after) v_n+. A contact that overlaps keeps its offset. `impulses` are those of the velocity solution.
+    /// Positions move by time_after v+ + h correction after the evaluation of contacts. The end gap is therefore gap + h v_position - (h -
+    /// time_after) v_n+. For a contact that overlaps, the offset does not change. `impulses` are those of the velocity solution.
     #[inline(always)]
     fn set_end_gap_offset(&self, i: usize, lanes: R::Mask, impulses: &Iterate<R>, positions: &mut PositionRows<R>) {
         let Self { problem, contacts, slop, h, time_after, .. } = *self;
@@ -322,11 +327,11 @@ impl<R: Real> ImpactStep<'_, R> {
         );
     }
 
-    /// Leaves contacts that bounce out of the position solve, except those into which another impact pushes too far.
+    /// Excludes contacts that bounce from the position solve, except those into which another impact pushes too far.
     ///
-    /// A small overlap at the end of a step is harmless if the surfaces separate: the next step finds the impact that came before. Pushing
-    /// it out would change the energy. The limit is half the tunnelling distance, a quarter of the sum of the inscribed radii. A deeper
-    /// overlap could be resolved towards the far side.
+    /// A small overlap at the end of a step is harmless if the surfaces separate: the next step finds the impact that came before.
+    /// Correcting it would change the energy. The limit is half the tunnelling distance, a quarter of the sum of the inscribed radii. The
+    /// correction of a deeper overlap could push the geoms apart on the far side.
     pub(crate) fn leave_out_impacts(&self, compiled: &LaneModel<R>, positions: &mut PositionRows<R>) {
         let Self { problem, contacts, slop, h, .. } = *self;
         R::vectorize(
@@ -351,9 +356,10 @@ impl<R: Real> ImpactStep<'_, R> {
 impl<R: Real> PositionSolution<R> {
     /// Removes the impulses of impacts from the position solve in the lanes `lanes`.
     ///
-    /// `impulses` are those of the velocity solution. Writes to `impact_displacement` the displacement by the impulses, divided by h:
-    /// (1 + (time_before - t) / h) dv for an impact at time t. The term with t can be enormous if large impulses at different times cancel.
-    /// Its speed is therefore bounded by [`MAX_REBOUND_SPEED_RATIO`] times the largest speed, in the metric of the kinetic energy.
+    /// `impulses` are those of the velocity solution. The function writes the displacement by the impulses, divided by h, to
+    /// `impact_displacement`: (1 + (time_before - t) / h) dv for an impact at time t. The term with t can be enormous if large impulses at
+    /// different times cancel. Its speed is therefore bounded by [`MAX_REBOUND_SPEED_RATIO`] times the largest speed, in the metric of the
+    /// kinetic energy.
     pub(crate) fn remove_impacts(&mut self, compiled: &LaneModel<R>, impulses: &mut Iterate<R>, step: &ImpactStep<'_, R>) {
         R::vectorize(
             #[inline(always)]
@@ -393,7 +399,7 @@ impl<R: Real> PositionSolution<R> {
         );
     }
 
-    /// Adds the change `impact_displacement` of the free velocity, in the lanes `lanes`, to the position rows. Overwrites
+    /// Adds `impact_displacement`, as a change of the free velocity, to the offsets of the position rows in the lanes `lanes`. Overwrites
     /// `impact_displacement`.
     pub(crate) fn shift(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, problem: &ConstraintProblem<R>, lanes: R::Mask) {
         R::vectorize(
@@ -414,7 +420,7 @@ impl<R: Real> PositionSolution<R> {
     }
 }
 
-/// Twice the larger kinetic energy of the free velocity and of the solution, J. Overwrites `scaled`.
+/// Twice the kinetic energy of the free velocity or of the solution, whichever is larger, J. Overwrites `scaled`.
 #[inline(always)]
 fn max_twice_energy<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, free: &[R], impulses: &Iterate<R>, scaled: &mut [R]) -> R {
     scaled.copy_from_slice(free);
@@ -427,14 +433,14 @@ fn max_twice_energy<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, free
     before.max(after)
 }
 
-/// Lanes of `lanes` in which the squared length `square` exceeds `most`, and the factor that shrinks the vector to the bound.
+/// Lanes of `lanes` in which the squared length `square` of a vector exceeds `most`, and the factor that shrinks the vector to this bound.
 #[inline(always)]
 pub(crate) fn shrink_factor<R: Real>(square: R, most: R, lanes: R::Mask) -> (R::Mask, R) {
     let lanes = lanes.and(square.gt(most));
     (lanes, (most / R::select(lanes, square, R::one())).sqrt())
 }
 
-/// Bounds the squared distance of the scaled velocity `moved` from `removed` by `most`, in the lanes `lanes`.
+/// Limits the squared distance of the scaled velocity `moved` from `removed` to `most`, in the lanes `lanes`.
 #[inline(always)]
 fn bound_change<R: Real>(moved: &mut [R], removed: &[R], most: R, lanes: R::Mask) {
     let mut square = R::zero();
@@ -450,7 +456,7 @@ fn bound_change<R: Real>(moved: &mut [R], removed: &[R], most: R, lanes: R::Mask
     }
 }
 
-/// Weight of the part of a velocity change that acts after an impact, which the rows of the impact subtract.
+/// Weight with which the rows of an impact must subtract a velocity change that acts after the impact.
 ///
 /// `normal_factor` is 1 + e (or 1 for friction), and `time_fraction` the fraction of the step before the impact.
 #[inline(always)]
@@ -458,13 +464,15 @@ fn after_impact<R: Real>(normal_factor: R, time_fraction: R) -> R {
     normal_factor * time_fraction - R::one()
 }
 
-/// Weight of a velocity change that acts before an impact. The change is given as that of the velocity after the step.
+/// Weight with which the rows of an impact include a velocity change that acts before the impact. The change is given as that of the
+/// velocity after the step.
 #[inline(always)]
 fn before_impact<R: Real>(normal_factor: R, time_fraction: R) -> R {
     normal_factor * time_fraction
 }
 
-/// Calls `shift` for the contacts that bounce in the lanes `lanes`, with these lanes and the weights of the normal row and of friction.
+/// Calls `shift` for each contact that bounces in the lanes `lanes`. The arguments are its index, these lanes, and the weights of the
+/// normal row and of the friction rows.
 #[inline(always)]
 fn shift_impacts<R: Real>(
     impacts: &[Impact<R>],
@@ -480,7 +488,7 @@ fn shift_impacts<R: Real>(
     }
 }
 
-/// Whether any contact is elastic.
+/// Whether any contact is elastic (restitution above zero).
 #[inline(always)]
 pub(crate) fn any_elastic<R: Real>(contacts: &Contacts<R>) -> bool {
     (0..contacts.slots()).any(|k| contacts.elastic(k).any())

@@ -7,47 +7,49 @@ use stepper_real::Real;
 use crate::compile::ModelStructure;
 use crate::math::spatial::*;
 
-/// Builder of rows. It holds the row under construction; [`crate::constraints::assembler::Assembler`] adds the row to the problem.
+/// Builder of constraint rows. It contains the row under construction; [`crate::constraints::assembler::Assembler`] adds the row to the
+/// problem.
 #[derive(Clone, Debug)]
 pub(crate) struct RowBuilder<R: Real> {
-    /// Degrees of freedom of the row, ascending.
+    /// Support of the row: the degrees of freedom at which it may have entries, ascending.
     pub(crate) support: Vec<u32>,
-    /// Entries of up to three rows, by degree of freedom: first J^T, then L^-T J^T.
+    /// Entries of up to three rows, by degree of freedom: first J^T, and L^-T J^T after the half solve.
     pub(crate) column: Vec<V3<R>>,
     /// Entries of the sliding rows while the rotation rows of the same contact are built.
     pub(crate) linear: Vec<V3<R>>,
-    /// Entries of a column along a chain.
+    /// Workspace: entries of a column along a chain of degrees of freedom.
     pub(crate) path: Vec<R>,
     /// Lanes (bits) in which each degree of freedom moves the second geom of a contact, and the first.
     pub(crate) signs: Vec<[u32; 2]>,
-    /// Set of degrees of freedom as bits.
+    /// Set of degrees of freedom, as bits of 64-bit words.
     pub(crate) words: Vec<u64>,
     /// Lanes (bits) in which both surfaces of the contact can move.
     pub(crate) moving: u32,
     /// Lanes (bits) in which the first surface of the contact is a plane.
     pub(crate) flat: u32,
-    /// Eliminated equality rows that share a degree of freedom with the row.
+    /// Ranges of eliminated equality rows that share a degree of freedom with the row.
     pub(crate) coupled: Vec<Range<usize>>,
-    /// Entries of the eliminated equalities, times D^-1/2 and times D^1/2 of the mass matrix factors L^T D L.
+    /// Entries of the eliminated equality rows, times D^-1/2 and times D^1/2, where L^T D L is the mass matrix.
     pub(crate) eliminated_entries: [Vec<R>; 2],
-    /// Coefficients of the last elimination, or their scales, by index of the eliminated row.
+    /// Coefficients of the last elimination, or their scales, for each eliminated row.
     pub(crate) projections: Vec<V3<R>>,
-    /// Squared scales of the entries of a column. A scale is the size of the terms that an entry is the sum of; it tells entries from
+    /// Squared scales of the entries of a column. The scale of an entry is the size of the terms whose sum it is. It tells entries from
     /// rounding errors.
     pub(crate) scales: Vec<V3<R>>,
-    /// Squared scales of the terms that the elimination of equalities removes from each entry of a column.
+    /// Squared scales of the terms that the elimination of equalities subtracts from each entry of a column.
     pub(crate) removed_scales: Vec<V3<R>>,
     /// Squared scales of the target velocities of hard equality rows, (m/s)^2, in the order of these rows.
     pub(crate) velocity_scales: Vec<R>,
-    /// Squared lengths of the terms of each row of a block of equalities.
+    /// Sum of squared terms of each row of a block of equalities.
     pub(crate) sizes: Vec<R>,
-    /// Whether each block of equalities needs scales of its entries; see [`crate::constraints::assembler::Assembler::add_equalities`].
+    /// Whether each block of equalities needs the scales of its entries; see [`crate::constraints::assembler::Assembler::add_equalities`].
     pub(crate) needs_scales: Vec<bool>,
-    /// Squared scales of the entries of the rows of a block.
+    /// Squared scales of the entries of the rows of a block of equalities.
     pub(crate) entry_scales: Vec<R>,
-    /// Squared scales of the projection coefficients of the rows of a block.
+    /// Squared scales of the projection coefficients of the rows of a block of equalities.
     pub(crate) coefficient_scales: Vec<R>,
-    /// Velocity terms of the rows of a block: h/2 J' v, J v before the step, and the bias that corrects the position error.
+    /// Velocity terms of each row of a block of equalities, m/s: h/2 J' v, J v before the step, and the bias that corrects the position
+    /// error.
     pub(crate) velocity_terms: Vec<[R; 3]>,
 }
 

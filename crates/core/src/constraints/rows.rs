@@ -1,4 +1,4 @@
-//! Scalar rows: their entries, their target velocities and the impulses from which the solve starts.
+//! Assembly of scalar rows: entries, target velocities and initial impulses.
 
 use stepper_real::{Mask, Real};
 
@@ -9,11 +9,11 @@ use crate::dynamics::inertia::MassMatrix;
 use crate::math::spatial::*;
 
 impl<R: Real> Assembler<'_, R> {
-    /// Pushes the initial impulse of a scalar row in the lanes `active`. The other lanes discard their warm start.
+    /// Adds the initial impulse of a scalar row to the solution, in the lanes `active`. In the other lanes it clears the stored impulse.
     #[inline(always)]
-    pub(crate) fn warm_start(&mut self, owner: usize, active: R::Mask) {
-        let kept = R::select(active, self.velocity.scalar_impulse[owner], R::zero());
-        self.velocity.scalar_impulse[owner] = kept;
+    pub(crate) fn warm_start(&mut self, impulse_index: usize, active: R::Mask) {
+        let kept = R::select(active, self.velocity.scalar_impulse[impulse_index], R::zero());
+        self.velocity.scalar_impulse[impulse_index] = kept;
         self.velocity.impulses.scalars.push(kept);
     }
 
@@ -24,7 +24,7 @@ impl<R: Real> Assembler<'_, R> {
         compiled: &LaneModel<R>,
         mass: &MassMatrix<R>,
         dof: usize,
-        owner: usize,
+        impulse_index: usize,
         sign: R,
         active: R::Mask,
         mut g: [R; 2],
@@ -52,8 +52,8 @@ impl<R: Real> Assembler<'_, R> {
             self.problem.rows.scalars.set_trace_ratio(ratio);
         }
         self.problem.rows.scalars.set_position_target(g[1]);
-        self.warm_start(owner, active);
-        self.problem.owners.push(owner);
+        self.warm_start(impulse_index, active);
+        self.problem.impulse_indices.push(impulse_index);
         self.problem.constrained = self.problem.constrained.or(active);
     }
 }

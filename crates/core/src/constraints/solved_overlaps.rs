@@ -1,8 +1,8 @@
-//! Overlaps of the solution at which a derivative is computed.
+//! Overlaps of contacts and limits in a solution whose derivative is computed by finite differences.
 //!
 //! The target velocity of a contact or limit has a corner, or with MuJoCo's law a jump, where its gap closes. A robot at rest has gaps of
-//! 1e-17 m of either sign. No displacement is small enough to stay on one side of all corners. At displaced states contacts and limits
-//! therefore stay on the side on which the solution has them.
+//! 1e-17 m of either sign, so that even a tiny displacement can cross a corner. At displaced states, contacts and limits therefore stay on
+//! the side of the corner on which the solution has them.
 
 use stepper_real::{Real, Scalar};
 
@@ -10,11 +10,11 @@ use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
 use crate::math::lanes::each_of;
 
-/// Contacts and limits of a solution, with their distances.
+/// Contacts and limits of a solution, with their distances, for its finite differences.
 #[derive(Clone, Debug)]
 pub(crate) struct SolvedOverlaps<R: Real> {
     contacts: Contacts<R>,
-    /// Distances of limited joints to the nearer end of their range, m or rad.
+    /// Distance of each limited joint to the nearer end of its range in the solution, m or rad.
     limits: Vec<R>,
 }
 
@@ -27,7 +27,7 @@ impl<R: Real> SolvedOverlaps<R> {
         }
     }
 
-    /// Stores the contacts of a solution, and the limits at its configuration `q`.
+    /// Stores the contacts of a solution, and the distances of limits at its configuration `q`.
     pub(crate) fn keep(&mut self, compiled: &LaneModel<R>, contacts: &Contacts<R>, q: &[R]) {
         self.contacts.clone_from(contacts);
         for (i, gap) in self.limits.iter_mut().enumerate() {
@@ -35,7 +35,7 @@ impl<R: Real> SolvedOverlaps<R> {
         }
     }
 
-    /// Distances in the solution of the contacts in slot `k` of a displaced state; infinite where the solution does not have them.
+    /// Distance in the solution of the contacts in slot `k` of a displaced state, m; infinite for contacts that the solution does not have.
     #[inline(never)]
     pub(crate) fn distance(&self, contacts: &Contacts<R>, k: usize) -> R {
         let mut distance = R::of(f64::INFINITY);
@@ -47,7 +47,7 @@ impl<R: Real> SolvedOverlaps<R> {
         distance
     }
 
-    /// Distance of limit `i` in the solution.
+    /// Distance of limit `i` in the solution, m or rad.
     #[inline(always)]
     pub(crate) fn limit(&self, i: usize) -> R {
         self.limits[i]
@@ -62,8 +62,8 @@ impl<R: Real> SolvedOverlaps<R> {
             .fold(0, |found, lane| found | 1 << lane)
     }
 
-    /// Calls `see` for every gap of a displaced state with the configuration `q`. The arguments are whether it is the gap of a limit, its
-    /// distance in the solution, its distance now, and the lanes (bits) that have it.
+    /// Calls `see` for every gap of a displaced state with the configuration `q`. Its arguments are: whether the gap belongs to a limit,
+    /// distance in the solution, present distance, and lanes (bits) that have the gap.
     pub(crate) fn each_gap(&self, compiled: &LaneModel<R>, contacts: &Contacts<R>, q: &[R], mut see: impl FnMut(bool, R, R, u32)) {
         for k in 0..contacts.slots() {
             see(false, self.distance(contacts, k), contacts.data[k].point.distance, contacts.lanes_of(k));
@@ -74,7 +74,7 @@ impl<R: Real> SolvedOverlaps<R> {
     }
 }
 
-/// Distance to the nearer end of a limited joint's range, m or rad.
+/// Distance of limited joint `i` to the nearer end of its range at the configuration `q`, m or rad; negative outside the range.
 pub(crate) fn limit_gap<R: Real>(compiled: &LaneModel<R>, i: usize, q: &[R]) -> R {
     R::vectorize(
         #[inline(always)]

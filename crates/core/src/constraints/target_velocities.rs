@@ -1,4 +1,4 @@
-//! Target velocities of rows from their distance or overlap.
+//! Target velocities of rows, computed from their distance or overlap.
 //!
 //! A row is Y^T w + g >= 0 (for equalities = 0) with g = (its free velocity) + bias. The bias is minus the target velocity at the end of
 //! the step.
@@ -10,17 +10,19 @@ use crate::options::{Stabilization, StepSettings};
 use crate::tuning::LIMIT_RETURN;
 
 impl<R: Real> Assembler<'_, R> {
-    /// Biases of a contact's normal row at distance `phi` (see the module), in the velocity solve and in the position solve.
+    /// Biases of a contact's normal row at the distance `phi` (m), in the velocity solve and in the position solve, m/s. A bias is minus
+    /// the target velocity.
     ///
-    /// While a step is differentiated, `solved` is the distance in its solution.
+    /// `solved` is the distance in the solution if the step is being differentiated.
     #[inline(always)]
     pub(crate) fn biases(&mut self, options: &StepSettings, phi: R, solved: Option<R>, h: R, active: R::Mask) -> (R, R) {
         self.biases_up_to(options, options.max_correction_speed, phi, solved, h, active)
     }
 
-    /// Biases of a limit's row, in the velocity solve and in the position solve.
+    /// Biases of the row of a limit at the distance `phi`, in the velocity solve and in the position solve, m/s or rad/s. A bias is minus
+    /// the target velocity.
     ///
-    /// In the split form a limit returns faster than an overlap, because position corrections add no energy.
+    /// With split stabilisation, a limit is corrected faster than a contact overlap, because position corrections add no energy.
     #[inline(always)]
     pub(crate) fn limit_biases(&mut self, options: &StepSettings, phi: R, solved: Option<R>, h: R, active: R::Mask) -> (R, R) {
         let split = options.stabilization == Stabilization::Split;
@@ -39,7 +41,7 @@ impl<R: Real> Assembler<'_, R> {
         let (wanted, fastest) = (overlap * R::of(options.baumgarte) / h, R::of(fastest));
         let mut correction = wanted.min(fastest);
         if options.stabilization == Stabilization::Split && overlap.gt(R::zero()).any() {
-            // A smooth bound keeps the larger of two contradicting targets the larger one.
+            // A smooth bound preserves the order of two contradicting targets.
             let most = (wanted * wanted + fastest * fastest).sqrt();
             correction = wanted * fastest / most.max(R::of(f64::from(f32::MIN_POSITIVE)));
         }

@@ -27,7 +27,7 @@ impl<R: Real> RowBuilder<R> {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds the rows of all tendons.
+    /// Adds the rows of all tendons: limits, dry friction, and springs.
     pub(crate) fn add_tendons(&mut self, input: RowInput<'_, R>) {
         R::vectorize(
             #[inline(always)]
@@ -37,20 +37,20 @@ impl<R: Real> Assembler<'_, R> {
                     let (length, free) = (tendon.length.value(assembly.q), tendon.length.rate(assembly.v_free));
                     if let Some((spring, rest)) = &tendon.spring {
                         let stretch = length - length.max(R::splat(rest[0])).min(R::splat(rest[1]));
-                        // Between its two lengths the spring is slack; damper and inertia are not.
+                        // Between its two rest lengths the spring is slack, but damper and inertia act.
                         let taut = stretch.abs().gt(R::zero()).or(R::splat(rest[0]).ge(R::splat(rest[1])));
                         let before = tendon.length.rate(assembly.v);
                         self.builder.tendon_columns(self.problem, input, tendon, R::one());
                         let gram = self.builder.gram(input.mass, 0);
                         let row = SpringRow { error: stretch, before, free, gram, taut };
                         let law = spring_law(assembly, spring, row);
-                        self.add_row(input.mass, tendon.owner + 2, law);
+                        self.add_row(input.mass, tendon.impulse_index + 2, law);
                     }
                     if tendon.friction > <R::Scalar as Default>::default() {
                         let most = R::splat(tendon.friction) * assembly.h;
                         let law = RowLaw { g: [free; 2], compliance: R::zero(), active: assembly.alive, bounds: [-most, most] };
                         self.builder.tendon_columns(self.problem, input, tendon, R::one());
-                        self.add_row(input.mass, tendon.owner + 1, law);
+                        self.add_row(input.mass, tendon.impulse_index + 1, law);
                     }
                     if let Some([low, high]) = tendon.range {
                         self.limit_tendon(input, tendon, [length - R::splat(low), R::splat(high) - length], free);
@@ -60,7 +60,7 @@ impl<R: Real> Assembler<'_, R> {
         )
     }
 
-    /// Adds the limit at the nearer end of a tendon's range, if it can be reached within the step.
+    /// Adds the row of a tendon's limit at the nearer end of its range, if the tendon can reach it within the step.
     #[inline(always)]
     fn limit_tendon(&mut self, input: RowInput<'_, R>, tendon: &CompiledTendon<R::Scalar>, [below, above]: [R; 2], rate: R) {
         let low = below.le(above);
@@ -68,16 +68,17 @@ impl<R: Real> Assembler<'_, R> {
         let phi = R::select(low, below, above);
         let free = rate * sign;
         let Some((active, velocity, position)) = self.reach(input, phi, free) else {
-            self.velocity.scalar_impulse[tendon.owner] = R::zero();
+            self.velocity.scalar_impulse[tendon.impulse_index] = R::zero();
             return;
         };
         self.builder.tendon_columns(self.problem, input, tendon, sign);
-        self.add_row(input.mass, tendon.owner, limit_law(free, [velocity, position], active));
+        self.add_row(input.mass, tendon.impulse_index, limit_law(free, [velocity, position], active));
     }
 
-    /// Lanes in which a limit at distance `phi` can be reached within the step at the free velocity `free`.
+    /// Lanes in which a limit at the distance `phi` (m or rad) is reached within the step at the free velocity `free`; `None` if there are
+    /// none.
     ///
-    /// Also returns its biases in the velocity solve and in the position solve.
+    /// The other results are the limit's biases in the velocity solve and in the position solve.
     #[inline(always)]
     fn reach(&mut self, input: RowInput<'_, R>, phi: R, free: R) -> Option<(R::Mask, R, R)> {
         let h = input.assembly.h;
@@ -90,7 +91,7 @@ impl<R: Real> Assembler<'_, R> {
         Some((active, velocity, position))
     }
 
-    /// Adds limits of ball joints: the rotation vector's length stays below the range (MuJoCo's `mj_instantiateLimit`).
+    /// Adds the rows of ball joint limits: the length of the rotation vector must stay below the range (MuJoCo's `mj_instantiateLimit`).
     pub(crate) fn add_ball_limits(&mut self, input: RowInput<'_, R>) {
         R::vectorize(
             #[inline(always)]
@@ -98,14 +99,14 @@ impl<R: Real> Assembler<'_, R> {
                 for (i, limit) in input.compiled.ball_limits.iter().enumerate() {
                     let turn = quat_log(quat_at(input.assembly.q, limit.q));
                     let angle = norm(turn);
-                    // At the rest orientation the limit has no direction.
+                    // At the reference orientation the limit has no direction.
                     let turned = angle.gt(R::zero());
                     let axis = scale(turn, -(R::one() / R::select(turned, angle, R::one())));
                     let phi = input.compiled.params.ball_limit(i) - angle;
                     let v = input.assembly.v_free;
                     let free = dot(axis, [v[limit.dof], v[limit.dof + 1], v[limit.dof + 2]]);
                     let Some((active, velocity, position)) = self.reach(input, phi, free) else {
-                        self.velocity.scalar_impulse[limit.owner] = R::zero();
+                        self.velocity.scalar_impulse[limit.impulse_index] = R::zero();
                         continue;
                     };
                     self.builder.support.clear();
@@ -118,7 +119,7 @@ impl<R: Real> Assembler<'_, R> {
                         self.builder.column[limit.dof + k][0] = axis[k];
                     }
                     self.builder.half_solve::<1>(input.compiled, input.mass);
-                    self.add_row(input.mass, limit.owner, limit_law(free, [velocity, position], active));
+                    self.add_row(input.mass, limit.impulse_index, limit_law(free, [velocity, position], active));
                 }
             },
         )

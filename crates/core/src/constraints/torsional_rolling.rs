@@ -1,4 +1,5 @@
-//! Contacts with torsional and rolling friction: three more rows, for the rotation about the contact's axes.
+//! Rows of contacts with torsional and rolling friction: in addition to the three sliding rows, three for the rotation about the contact's
+//! axes.
 
 use stepper_real::{Mask, Real};
 
@@ -14,7 +15,8 @@ use crate::constraints::row_builder::RowBuilder;
 use crate::math::spatial::*;
 
 impl<R: Real> RowBuilder<R> {
-    /// Computes J of the relative rotation about the contact's axes, times `weight`, into `column`. Returns its free velocity.
+    /// Computes the Jacobian of the relative rotation about the contact's axes, times `weight` (m), into `column`. Returns the rows' free
+    /// velocity, m/s.
     #[inline(always)]
     fn turn_columns(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32, weight: V3<R>) -> V3<R> {
         let slot = &contacts.data[k];
@@ -31,7 +33,7 @@ impl<R: Real> RowBuilder<R> {
             let axis = angular(&input.kinematics.axes[d]);
             let mut j = zero();
             for i in 0..3 {
-                // Adding zero turns -0 into 0, so that the bits of a lane do not depend on the contacts of its neighbours.
+                // Adding zero converts -0 to 0, so that the bits of a lane do not depend on the contacts of its neighbours.
                 j[i] = dot(axes[i], axis) * sign * weight[i] + R::zero();
             }
             free = add_scaled(free, j, input.assembly.v_free[d]);
@@ -42,7 +44,7 @@ impl<R: Real> RowBuilder<R> {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds slot `k` in the lanes `lanes`, whose contacts have torsional or rolling friction.
+    /// Adds the six rows of slot `k` in the lanes `lanes` (bits), whose contacts have torsional or rolling friction.
     pub(crate) fn add_rolling_contact(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         R::vectorize(
             #[inline(always)]
@@ -102,13 +104,13 @@ impl<R: Real> Assembler<'_, R> {
         if let Some(compliance) = compliance {
             self.problem.rows.rolling_contacts.set_compliance(compliance);
         }
-        // As in `add_contact`: the terms of all rows but the normal one are added to g.
+        // As in `add_contact`: for all rows except the normal one, the position solve adds to g.
         let change = |[velocity, position]: [R; 2]| position - velocity;
         let [spin, roll, other] = turns.map(change);
         self.problem.rows.rolling_contacts.set_position_target([slides[0][1], change(slides[1]), change(slides[2]), spin, roll, other]);
         let (push, torque) = (slot.impulse, friction.unscale(contacts.torque[k]));
         let warm = [push[0], push[1] * rub, push[2] * rub, torque[0], torque[1], torque[2]];
-        // An immovable contact has no rows that the solve could activate.
+        // The solver has no rows for an immovable contact, and could not activate them.
         let immovable = self.problem.rows.rolling_contacts.last_is_immovable();
         let waiting = deferred.lanes.and_not(immovable);
         let solved = exists.and_not(waiting);
@@ -116,20 +118,20 @@ impl<R: Real> Assembler<'_, R> {
             self.problem.rows.rolling_contacts.defer(waiting);
             self.problem.deferred.push(DeferredContact { contact, slot: k, lanes: waiting, impulse: warm, ..deferred });
         }
-        // An immovable contact starts without impulse: no row of the solve could remove that of the last step.
+        // An immovable contact starts with zero impulse, because the solver could not remove the impulse of the last step.
         self.velocity.impulses.rolling_contacts.push(select(solved.and_not(immovable), warm, zero()));
         self.problem.rolling_slots.push((k, R::Mask::from_bits(lanes), friction.scale));
         self.problem.constrained = self.problem.constrained.or(solved);
     }
 }
 
-/// Friction of the contacts in one slot.
+/// Friction coefficients of the contacts in one slot, per lane.
 struct Friction<R: Real> {
     /// Coefficients of torsional and rolling friction, m.
     more: [R; 2],
-    /// Friction coefficient of the scaled rows: that of sliding, or 1 for contacts that slide freely.
+    /// Friction coefficient of the scaled rows: the sliding coefficient, or 1 for contacts without sliding friction.
     mu: R,
-    /// 1 for contacts with sliding friction, else 0.
+    /// 1 for contacts with sliding friction, otherwise 0.
     slides: R,
     /// Factors of the torsional and rolling rows, m.
     scale: V3<R>,
@@ -155,7 +157,7 @@ impl<R: Real> Friction<R> {
         self.scale = [spin / self.mu, roll / self.mu, roll / self.mu];
     }
 
-    /// Converts torques to scaled impulses.
+    /// Converts torques (N m s) to the scaled impulses of the rotation rows.
     #[inline(always)]
     fn unscale(&self, torque: V3<R>) -> V3<R> {
         let mut out = torque;
@@ -167,7 +169,7 @@ impl<R: Real> Friction<R> {
     }
 }
 
-/// Lanes (bits) of slot `k` whose contact has torsional or rolling friction.
+/// Lanes (bits) of slot `k` among `lanes` whose contact has torsional or rolling friction.
 #[inline(always)]
 pub(crate) fn rolling_lanes<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> u32 {
     let mut rolling = 0;
@@ -178,7 +180,7 @@ pub(crate) fn rolling_lanes<R: Real>(compiled: &LaneModel<R>, contacts: &Contact
     rolling
 }
 
-/// Scales the tangential entries to the units of their rows.
+/// Scales the tangential entries of a row by `rub`, and leaves the normal entry.
 #[inline(always)]
 fn scale_tangents<R: Real>([n, a, b]: V3<R>, rub: R) -> V3<R> {
     [n, a * rub, b * rub]

@@ -1,4 +1,4 @@
-//! Solution of the velocity problem: stages 5 and 6.
+//! Solution of the velocity problem: results of the stages 5 and 6.
 
 use stepper_real::Real;
 use stepper_solve::newton::Newton;
@@ -10,33 +10,34 @@ use crate::constraints::redundant_supports::ContactGroups;
 use crate::constraints::worst_row::WorstRows;
 use crate::dynamics::inertia::MassMatrix;
 
-/// Impulses of a step and the velocity that follows from them.
+/// Impulses of all constraints in a step, and the velocity after the step.
 #[derive(Clone, Debug)]
 pub struct VelocitySolution<R: Real> {
-    /// Impulses in the order of the rows. Stage 8 continues from them and overwrites them.
+    /// Impulses in the order of the rows. Stage 8 starts from them and overwrites them.
     pub impulses: Iterate<R>,
     /// Velocity after the step, nv.
     pub v: Vec<R>,
-    /// Impulses of all scalar constraints: limits, dry friction, then equalities and tendons. They start the next step's solve.
+    /// Impulses of all scalar constraints: limits, dry friction, ball joint limits, equalities and tendons. The next step's solve starts
+    /// from them.
     pub scalar_impulse: Vec<R>,
-    /// Contact groups with redundant supports. Their contacts share the load evenly.
+    /// Contact groups: contacts between the same two bodies, which share their load evenly.
     pub(crate) contact_groups: ContactGroups<R>,
-    /// Copy of the impulses before an estimate, before loads are shared, or before stage 8 limits Baumgarte's bias.
+    /// Copy of the impulses from before a prediction, before load sharing, or before stage 8 limits Baumgarte's correction.
     pub(crate) saved_impulses: Snapshot<R>,
-    /// Newton's method with its workspace, which stage 8 uses too.
+    /// Newton's method and its workspace, which stage 8 also uses.
     pub newton: Newton,
-    /// Worst rows of unsolved lanes.
+    /// Row with the largest residual of each unsolved lane.
     pub worst: WorstRows<R>,
-    /// Request to save the problem of a lane.
+    /// Request to save the constraint problem of a lane, and the saved problem.
     pub(crate) capture: Capture,
 }
 
 /// Request to save the constraint problem of a lane at the next solve of stage 5, and the saved problem.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Capture {
-    /// Lane to save; none once it is saved.
+    /// Lane whose problem will be saved; `None` after it is saved.
     pub(crate) lane: Option<usize>,
-    /// Saved problem; see [`stepper_solve::Problem::from_bytes`].
+    /// Saved problem as bytes; see [`stepper_solve::Problem::from_bytes`].
     pub(crate) bytes: Vec<u8>,
 }
 
@@ -56,7 +57,7 @@ impl<R: Real> VelocitySolution<R> {
         }
     }
 
-    /// Fills the impulses with NaN, once stage 8 has overwritten them.
+    /// Fills the impulses with NaN after stage 8 has overwritten them, for tests.
     pub(crate) fn poison_impulses(&mut self) {
         let nan = R::of(f64::NAN);
         let Iterate { w, scalars, contacts, rolling_contacts, .. } = &mut self.impulses;
@@ -65,7 +66,7 @@ impl<R: Real> VelocitySolution<R> {
         rolling_contacts.fill([nan; 6]);
     }
 
-    /// Computes the velocity change of the present impulses into `out`, nv.
+    /// Computes the change of the generalized velocity by the present impulses into `out`, nv.
     pub fn velocity_by_impulses(&self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, out: &mut [R]) {
         R::vectorize(
             #[inline(always)]

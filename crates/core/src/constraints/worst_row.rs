@@ -1,4 +1,4 @@
-//! Worst row of an unsolved step: the constraint with the largest residual.
+//! Worst row of an unsolved step: the constraint row with the largest residual.
 
 use stepper_real::{Mask, Real};
 use stepper_solve::{Iterate, System, worst_constraint};
@@ -7,31 +7,32 @@ use crate::collision::contact_set::Contacts;
 use crate::constraints::constraint_problem::ConstraintProblem;
 use crate::math::lanes::{MAX_LANES, each_of};
 
-/// Code of a constraint, as a state stores it: 0 is none, then scalar rows by the index of their impulse, then contacts by their pair.
+/// Code of a constraint, as a state stores it. 0 means none; then come scalar rows by the index of their impulse, then contacts by their
+/// pair.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ConstraintCode(pub u64);
 
-/// First code of a contact.
+/// Code of the contact of pair 0.
 const CONTACTS: u64 = 1 << 32;
 
-/// Constraint that a code names.
+/// Constraint that a [`ConstraintCode`] represents.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CodedConstraint {
     /// Scalar row, by the index of its impulse in [`crate::constraints::VelocitySolution::scalar_impulse`].
     Scalar(usize),
-    /// Contact, by its pair of geoms.
+    /// Contact, by the index of its pair of geoms.
     Contact(usize),
 }
 
 impl ConstraintCode {
     fn new(constraint: CodedConstraint) -> Self {
         match constraint {
-            CodedConstraint::Scalar(owner) => Self(1 + owner as u64),
+            CodedConstraint::Scalar(impulse_index) => Self(1 + impulse_index as u64),
             CodedConstraint::Contact(pair) => Self(CONTACTS + pair as u64),
         }
     }
 
-    /// Constraint of the code, if any.
+    /// Constraint that the code represents; `None` for code 0.
     pub fn constraint(self) -> Option<CodedConstraint> {
         match self.0 {
             0 => None,
@@ -41,10 +42,10 @@ impl ConstraintCode {
     }
 }
 
-/// Worst rows of the lanes that a solve left unsolved.
+/// Row with the largest residual of each lane that a solve left unsolved.
 #[derive(Clone, Debug)]
 pub struct WorstRows<R: Real> {
-    /// Lanes with a worst row.
+    /// Lanes that have a stored row.
     pub lanes: R::Mask,
     codes: [ConstraintCode; MAX_LANES],
 }
@@ -55,12 +56,12 @@ impl<R: Real> WorstRows<R> {
         Self { lanes: R::Mask::splat(false), codes: [ConstraintCode::default(); MAX_LANES] }
     }
 
-    /// Worst row of a lane, if any.
+    /// Code of the worst row in lane `lane`; code 0 if it has none.
     pub fn of_lane(&self, lane: usize) -> ConstraintCode {
         if self.lanes.bits() >> lane & 1 == 1 { self.codes[lane] } else { ConstraintCode::default() }
     }
 
-    /// Updates the worst rows of the lanes `solved`; those in `unsolved` have one.
+    /// Updates the worst rows after a solve of the lanes `solved`: the lanes `unsolved` get their worst row, the others none.
     #[inline(always)]
     pub(crate) fn update(
         &mut self,
@@ -80,8 +81,8 @@ impl<R: Real> WorstRows<R> {
     #[inline(never)]
     fn find(&mut self, problem: &ConstraintProblem<R>, system: System<'_, R>, iterate: &Iterate<R>, contacts: &Contacts<R>, lanes: u32) {
         for lane in each_of(lanes) {
-            let worst = worst_constraint(system, iterate, lane).map(|(i, _)| match i.checked_sub(problem.owners.len()) {
-                None => CodedConstraint::Scalar(problem.owners[i]),
+            let worst = worst_constraint(system, iterate, lane).map(|(i, _)| match i.checked_sub(problem.impulse_indices.len()) {
+                None => CodedConstraint::Scalar(problem.impulse_indices[i]),
                 Some(i) => {
                     let mut slots = problem.slots.iter().map(|slot| slot.0).chain(problem.rolling_slots.iter().map(|slot| slot.0));
                     CodedConstraint::Contact(contacts.ids[slots.nth(i).expect("every contact has a slot")][lane].pair())

@@ -85,7 +85,7 @@ impl<R: Real> ConstraintNames<'_, R> {
     pub fn of(&self, kind: usize, i: usize, lane: usize) -> u64 {
         let Self { problem, contacts } = self;
         let (k, lanes) = match kind {
-            0 => return problem.owners[i] as u64,
+            0 => return problem.impulse_indices[i] as u64,
             1 => problem.slots[i],
             _ => (problem.rolling_slots[i].0, problem.rolling_slots[i].1),
         };

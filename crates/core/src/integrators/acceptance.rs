@@ -1,4 +1,4 @@
-//! Acceptance of a solution: whether its residual may change the energy, and whether the next state is finite.
+//! Acceptance of a step: whether its residual may change the energy noticeably, and whether the next state is finite.
 
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::Outcome;
@@ -15,9 +15,9 @@ use crate::stages::s05_solve::solve_to;
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::tuning::{MAX_TRUSTED_RESIDUAL, TARGET_RATIO};
 
-/// Lanes in which the effect of the residual on the kinetic energy is not small.
+/// Lanes in which the solver's residual may change the kinetic energy noticeably, so that the energy after the step is ambiguous.
 ///
-/// Either the residual is above [`MAX_TRUSTED_RESIDUAL`], or enormous impulses cancel. The work of such impulses at a small residual
+/// Either the residual is above [`MAX_TRUSTED_RESIDUAL`], or enormous impulses cancel. Even at a small residual, the work of such impulses
 /// exceeds the kinetic energy ([`stepper_solve::energy_is_ambiguous`]).
 pub(crate) fn ambiguous<R: Real>(
     place: Place<'_, R>,
@@ -38,9 +38,9 @@ pub(crate) fn ambiguous<R: Real>(
     )
 }
 
-/// Solves [`ambiguous`] lanes again if their residual meets the tolerance.
+/// Solves the lanes whose kinetic energy is [`ambiguous`] again, if their residual meets the tolerance.
 ///
-/// In a jam, impulses a million times the load cancel, and the residual must be smaller by that factor.
+/// In a jam, impulses a million times the load cancel, so that the residual must be smaller by that factor.
 #[inline(always)]
 pub(crate) fn resolve_ambiguous<R: Real>(
     place: Place<'_, R>,
@@ -56,10 +56,10 @@ pub(crate) fn resolve_ambiguous<R: Real>(
     }
 }
 
-/// Solves the lanes `lanes` to a residual with a small effect on the kinetic energy, as far as rounding permits.
+/// Solves the lanes `lanes` to a residual that changes the kinetic energy only a little, as far as rounding permits.
 ///
-/// Many impulses may give the same motion: a wedge holds itself at any load. The lanes therefore first get the impulses of least norm.
-/// Lanes that stay ambiguous are solved to a smaller residual.
+/// Many impulses may give the same motion: a wedge can hold itself with any load. The function therefore first computes the impulses of
+/// least norm. It then solves the lanes that are still ambiguous to a smaller residual.
 #[cold]
 #[inline(never)]
 fn solve_further<R: Real>(
@@ -84,7 +84,7 @@ fn solve_further<R: Real>(
     integrate_velocity(compiled, &free.smooth.mass, &free.v, velocity);
 }
 
-/// Residual with a small effect on the kinetic energy, m/s: above the rounding of velocities, and at most the tolerance.
+/// Residual that changes the kinetic energy only a little, m/s: above the rounding of velocities, and at most the tolerance.
 fn residual_for_energy<R: Real>(
     place: Place<'_, R>,
     free: &FreeMotion<R>,
@@ -104,7 +104,7 @@ fn residual_for_energy<R: Real>(
     )
 }
 
-/// Stores the impulse of all constraints on the joints in `impulse`, N s or N m s: bounded servos and the user read it.
+/// Stores the generalized impulse of all constraints in `impulse`, N s or N m s. Servos with bounds and the user read it.
 pub(crate) fn store_joint_impulse<R: Real>(
     compiled: &LaneModel<R>,
     mass: &MassMatrix<R>,
@@ -120,10 +120,10 @@ pub(crate) fn store_joint_impulse<R: Real>(
     )
 }
 
-/// Makes the next state the present state, in the lanes where it is finite, `h` seconds later. Returns these lanes.
+/// Accepts the step in the lanes where the next state is finite: it becomes the state, `h` seconds later. Returns these lanes.
 ///
-/// The other lanes keep their state and discard their warm start. Afterwards `velocity.v`, `position.q` and `position.act` hold the state
-/// before the step.
+/// The other lanes keep their state and discard their warm start. After the call, `velocity.v`, `position.q` and `position.act` have the
+/// state before the step.
 #[inline(always)]
 pub(crate) fn accept<R: Real>(
     compiled: &LaneModel<R>,
@@ -141,7 +141,7 @@ pub(crate) fn accept<R: Real>(
             for x in [&position.q, &velocity.v, &position.act] {
                 finite = finite.and(all_finite(x));
             }
-            // A NaN pose of a mocap body would hide its contacts, so that the step is rejected.
+            // A mocap body with a NaN pose would have no contacts. Such a step is rejected.
             let Kinematics { pos, mat, .. } = &evaluation.kinematics;
             for m in &compiled.mocap {
                 finite = finite.and(all_finite(&pos[m.frame])).and(all_finite(&mat[m.frame]));
@@ -164,7 +164,7 @@ pub(crate) fn accept<R: Real>(
     finite
 }
 
-/// Keeps the state of lanes whose next state is not finite, and of unused lanes. The former discard their warm start.
+/// Restores the state of lanes whose next state is not finite, and of unused lanes. The former also discard their warm start.
 #[cold]
 fn keep_state<R: Real>(
     state: &mut State<R>,

@@ -9,7 +9,7 @@ use crate::probe::{Probe, Span};
 use crate::stages::s04_assemble::assemble;
 use stepper_real::{Mask, Real};
 
-/// Assembles the constraint problem, with the impulses from which its solution starts.
+/// Assembles the constraint problem at the evaluation point of the step, and the impulses from which its solution starts.
 #[inline(always)]
 pub(crate) fn assemble_problem<R: Real>(
     place: Place<'_, R>,

@@ -1,4 +1,5 @@
-//! Search for the pairs of geoms with deferred contacts that collide in the motion of a step.
+//! Collision search: finds the pairs of geoms with deferred contacts that collide in the motion of a step. The solver leaves out deferred
+//! contacts.
 
 use stepper_real::{Mask, Real};
 
@@ -15,65 +16,66 @@ use crate::math::lanes::{MAX_LANES, each_of};
 use crate::options::StepSettings;
 use crate::tuning::SIMULTANEOUS_FRACTION;
 
-/// Number of secant steps that estimate the time of first touch. Bisections follow, because secants can stall where a path is curved.
+/// Number of secant steps that approximate the time of first touch. Bisections follow, because secants can stall where the path is curved.
 const SECANTS: usize = 4;
 
-/// Largest number of evaluations of a candidate's distance. Secants need two or three, and ten bisections give 1e-3 of the path.
+/// Largest number of evaluations of a pair's distance along its path. Secants need two or three, and ten bisections give 1e-3 of the path.
 const MAX_EVALUATIONS: usize = SECANTS + 10;
 
-/// Candidate pairs of deferred contacts, and the lanes in which they collide.
+/// Collision search: pairs with deferred contacts, and the lanes in which they collide in the motion of the step.
 #[derive(Clone, Debug)]
 pub(crate) struct CollisionSearch<R: Real> {
     swept: SweptPair<R>,
-    /// Normal velocity of each deferred contact in the motion, m/s, and the lanes in which its linearised gap closes.
+    /// For each deferred contact, normal velocity in the motion, m/s, and lanes in which its linearised gap closes.
     rates: Vec<(R, R::Mask)>,
-    /// Candidate pairs: those whose linearised gap closes in some lane.
+    /// Candidate pairs: pairs whose linearised gap closes in some lane.
     pairs: Vec<CandidatePair<R>>,
-    /// Velocity after the step by the predicted impulses, nv.
+    /// Generalized velocity after the step by the predicted impulses, nv.
     pub(crate) v_predicted: Vec<R>,
-    /// Pairs that are tested side by side.
+    /// Paths of single lanes that share a SIMD register in the tests.
     packed: Vec<PackedPath<R::Scalar>>,
 }
 
-/// Path of a candidate in one lane, tested side by side with others.
+/// Path of a candidate pair in one lane. Paths with the same kernel share a SIMD register in the tests.
 #[derive(Clone, Copy, Debug)]
 struct PackedPath<S> {
-    /// Index of the candidate.
+    /// Index of the candidate pair in the search.
     candidate: usize,
     kernel: Kernel,
     item: Item<S>,
     gap: Gap<S>,
-    /// Overlap on the path that counts, m.
+    /// Overlap on the path above which the pair collides, m.
     tolerance: S,
-    /// Time of the next evaluation, s.
+    /// Time on the path of the next evaluation, s.
     time: S,
 }
 
-/// Candidate pair: its linearised gap closes in some lanes.
+/// Candidate pair: a pair of geoms whose linearised gap closes in some lanes, so that it may collide.
 #[derive(Clone, Copy, Debug)]
 struct CandidatePair<R: Real> {
     /// Index of the pair in the compiled model.
     pair: usize,
     /// Lanes in which the linearised gap closes. The search reduces them to those in which the pair collides.
     lanes: R::Mask,
-    /// Overlap below which the pair does not collide, m.
+    /// Overlap on the path up to which the pair counts as not colliding, m.
     tolerance: R,
-    /// Time at which the pair touches, and a time before its first touch, s: both are narrowed where the order of candidates matters.
+    /// Time at which the pair touches, s; below it a time before the first touch, s. The search narrows both where the order of collisions
+    /// matters.
     time: R,
     before: R,
-    /// Distance plus tolerance at `time` (negative) and at `before`, m.
+    /// Distance plus tolerance at `time` (negative), m; below it the same at `before`.
     distance_at_time: R,
     distance_before: R,
-    /// Lanes in which the order of this candidate and another one is uncertain.
+    /// Lanes in which it is uncertain whether this pair or another one of the same trees touches first.
     uncertain: R::Mask,
-    /// Lanes in which the overlap may be due to the error of the motion.
+    /// Lanes in which the error of the predicted motion may cause the overlap.
     doubtful: R::Mask,
-    /// Lanes in which another pair of the same trees touches earlier.
+    /// Lanes in which another pair of the same kinematic trees touches earlier.
     later: R::Mask,
 }
 
 impl<R: Real> CandidatePair<R> {
-    /// Candidate without a known collision.
+    /// Creates a candidate for the pair with index `pair` in the lanes `lanes`, without a collision yet.
     fn new(pair: usize, lanes: R::Mask) -> Self {
         let (zero, none) = (R::zero(), R::Mask::splat(false));
         Self {
@@ -90,14 +92,14 @@ impl<R: Real> CandidatePair<R> {
         }
     }
 
-    /// Takes over the first touch of the pair. An overlap of at most `error` beyond the tolerance is doubtful.
+    /// Stores the first touch of the pair. An overlap of at most `error` (m) beyond the tolerance is doubtful.
     #[inline(always)]
     fn take(&mut self, touch: &Touch<R>, error: R) {
         (self.lanes, self.time, self.distance_at_time) = (touch.lanes, touch.time, self.tolerance - touch.overlap);
         self.doubtful = touch.lanes.and(touch.overlap.le(self.tolerance + error));
     }
 
-    /// Takes over the first touch of the pair in `lane`, from the place `place` of a packed search.
+    /// Stores the first touch of the pair in lane `lane`. In `touch`, from a packed test, it is in lane `place`.
     #[inline(always)]
     fn take_lane(&mut self, touch: &Touch<R>, place: usize, error: R, lane: usize) {
         let own = R::Mask::from_bits(1 << lane);
@@ -110,8 +112,10 @@ impl<R: Real> CandidatePair<R> {
         }
     }
 
-    /// Time of evaluation number `evaluation`, s. The secant estimates the first touch, because the distance decreases almost linearly.
-    /// Evaluations alternate a quarter of `window`, s, before and after it, so that two of them bracket the touch.
+    /// Time of evaluation number `evaluation` in the search for the first touch, s. A secant approximates the touch, because the distance
+    /// decreases almost linearly.
+    ///
+    /// Evaluations alternate between a quarter of `window` (s) before and after the approximation, so that two of them bracket the touch.
     #[inline(always)]
     fn next_time(&self, evaluation: usize, window: R) -> R {
         let half = R::of(0.5);
@@ -127,17 +131,17 @@ impl<R: Real> CandidatePair<R> {
             window * R::of(0.25)
         };
         let time = self.before + span * fraction.max(R::zero()) + R::select(is_usable, offset, R::zero());
-        // A bracket that is narrower than the offset is halved.
+        // A bracket that is narrower than this offset is bisected.
         R::select(time.gt(self.before).and(time.lt(self.time)), time, self.before + span * half)
     }
 
-    /// Lanes in which the brackets decide whether this pair touches more than `window` (s) before `other`.
+    /// Lanes in which the brackets show whether this pair touches more than `window` (s) before `other`.
     #[inline(always)]
     fn order_is_decided(&self, other: &Self, window: R) -> R::Mask {
         self.time.lt(other.before - window).or(self.before.ge(other.time - window))
     }
 
-    /// Narrows the time of first touch by the `distance` of the pair at `time`, in the lanes `lanes`.
+    /// Narrows the bracket of the first touch in the lanes `lanes`, with the `distance` (m) of the pair at `time` (s).
     #[inline(always)]
     fn narrow(&mut self, lanes: R::Mask, time: R, distance: R) {
         let distance = distance + self.tolerance;
@@ -150,7 +154,7 @@ impl<R: Real> CandidatePair<R> {
     }
 }
 
-/// Contacts and settings of one search.
+/// Inputs of one collision search: model, poses, contacts and settings.
 pub(crate) struct CollisionQuery<'a, R: Real> {
     pub(crate) compiled: &'a LaneModel<R>,
     pub(crate) kinematics: &'a Kinematics<R>,
@@ -159,13 +163,13 @@ pub(crate) struct CollisionQuery<'a, R: Real> {
     pub(crate) options: &'a StepSettings,
     /// Lanes to search.
     pub(crate) lanes: R::Mask,
-    /// Least overlap on the path that counts as a collision, as a fraction of the linearised overlap.
+    /// Smallest overlap on the path that counts as a collision, as a fraction of the linearised overlap.
     ///
-    /// It is 0 for a solved motion, and positive for a prediction, which has an error.
+    /// It is 0 for a solved motion, and positive for a predicted motion, which has an error.
     pub(crate) margin: f64,
-    /// Overlap that the error of the motion may cause, m.
+    /// Overlap that the error of the predicted motion may cause, m.
     pub(crate) error: R,
-    /// Whether every colliding pair counts, also behind an earlier collision of the same trees.
+    /// Whether all colliding pairs count, even those after an earlier collision of the same kinematic trees.
     pub(crate) ignores_order: bool,
 }
 
@@ -182,14 +186,15 @@ impl<R: Real> CollisionSearch<R> {
         }
     }
 
-    /// Fills with NaN the buffers that a step computes before it reads them.
+    /// Fills the buffers that a step must compute before it reads them with NaN, for tests.
     pub(crate) fn poison(&mut self) {
         self.v_predicted.fill(R::of(f64::NAN));
     }
 
-    /// Finds the candidate pairs that collide first. Returns the lanes with any.
+    /// Finds the candidate pairs that collide first. Returns the lanes with a collision.
     ///
-    /// The motion has the velocity `v_predicted` after the step, or `v_solved`. [`CollisionSearch::list_candidates`] must run before.
+    /// The velocity after the step is `v_predicted` if `predicted` is true, otherwise `v_solved`. [`CollisionSearch::list_candidates`] must
+    /// be called first.
     pub(crate) fn find(
         &mut self,
         query: &CollisionQuery<'_, R>,
@@ -209,14 +214,16 @@ impl<R: Real> CollisionSearch<R> {
         self.pairs.iter().fold(R::Mask::splat(false), |lanes, candidate| lanes.or(candidate.lanes))
     }
 
-    /// Lanes in which `pair` collides, and those of them in which the error of the motion may cause the overlap.
+    /// Lanes in which the pair with index `pair` collides, and those of them in which the error of the predicted motion may cause the
+    /// overlap.
     #[inline(always)]
     pub(crate) fn lanes_of(&self, pair: usize) -> [R::Mask; 2] {
         let candidate = self.pairs.iter().find(|candidate| candidate.pair == pair);
         candidate.map_or([R::Mask::splat(false); 2], |candidate| [candidate.lanes, candidate.doubtful])
     }
 
-    /// Lists the pairs whose linearised gap closes. `w` is the scaled velocity change by the impulses. Returns whether there are any.
+    /// Lists the candidate pairs, whose linearised gap closes. `w` is the scaled velocity change by the impulses. Returns whether there are
+    /// any.
     pub(crate) fn list_candidates(&mut self, query: &CollisionQuery<'_, R>, problem: &ConstraintProblem<R>, w: &[R]) -> bool {
         self.rates.clear();
         self.pairs.clear();
@@ -245,7 +252,7 @@ impl<R: Real> CollisionSearch<R> {
         !self.pairs.is_empty()
     }
 
-    /// Reduces the lanes of each candidate to those in which its path collides, and collides first if the order matters.
+    /// Tests the path of each candidate. Its lanes become those in which it collides, and collides first if the order matters.
     #[inline(always)]
     fn test_paths(&mut self, query: &CollisionQuery<'_, R>, problem: &ConstraintProblem<R>) {
         let CollisionQuery { compiled, kinematics, poses, .. } = *query;
@@ -311,7 +318,7 @@ impl<R: Real> CollisionSearch<R> {
         }
     }
 
-    /// Narrows the times of first touch in the lanes `several` until the order of the candidates is certain. `closing_time` is the duration
+    /// Narrows the times of first touch in the lanes `several` until the order of the collisions is certain. `closing_time` is the duration
     /// of the paths, s.
     #[inline(always)]
     fn narrow_times(&mut self, query: &CollisionQuery<'_, R>, several: R::Mask, closing_time: R) {
@@ -359,8 +366,8 @@ impl<R: Real> CollisionSearch<R> {
         }
     }
 
-    /// Finds the candidates of the lanes `several` whose order with another candidate of the same trees is uncertain. Times that differ by
-    /// less than `window`, s, are equal.
+    /// Finds, in the lanes `several`, the candidates for which it is uncertain whether another candidate of the same trees touches first.
+    /// Times that differ by less than `window` (s) count as equal.
     #[inline(always)]
     fn find_uncertain(&mut self, compiled: &LaneModel<R>, several: R::Mask, window: R) {
         for candidate in &mut self.pairs {
@@ -379,9 +386,9 @@ impl<R: Real> CollisionSearch<R> {
         }
     }
 
-    /// Removes candidates from the lanes in which another pair of the same trees touches earlier.
+    /// Removes candidates from the lanes in which another pair of the same kinematic trees touches earlier.
     ///
-    /// The earlier impact changes the motion of these trees.
+    /// That earlier impact changes the motion of these trees, so that the later collision may not occur.
     #[inline(always)]
     fn keep_earliest(&mut self, compiled: &LaneModel<R>, closing_time: R) {
         let window = closing_time * R::of(SIMULTANEOUS_FRACTION);
@@ -402,7 +409,7 @@ impl<R: Real> CollisionSearch<R> {
     }
 }
 
-/// Adds the path of a candidate in the lanes `lanes`.
+/// Adds the path of a candidate in each of the lanes `lanes` to the list of packed paths.
 #[inline(always)]
 fn add_packed<R: Real>(
     packed: &mut Vec<PackedPath<R::Scalar>>,
@@ -424,7 +431,7 @@ fn add_packed<R: Real>(
     }
 }
 
-/// Calls `test` with as many paths of one kernel as a register has lanes, and their items.
+/// Calls `test` for groups of paths with the same kernel, as many as a register has lanes, and for their items.
 #[inline(always)]
 fn for_each_packed<R: Real>(packed: &[PackedPath<R::Scalar>], mut test: impl FnMut(Kernel, &[PackedPath<R::Scalar>], &[Item<R::Scalar>])) {
     for kernel in [Kernel::SphereBox, Kernel::CapsuleBox] {
@@ -440,7 +447,8 @@ fn for_each_packed<R: Real>(packed: &[PackedPath<R::Scalar>], mut test: impl FnM
     }
 }
 
-/// Linearised gap of a pair and its [`touch_tolerance`], m, of the deferred contact that overlaps most at the end of the path.
+/// Linearised gap of a candidate pair, and its [`touch_tolerance`], m. They are those of the deferred contact with the largest overlap at
+/// the end of the path.
 #[inline(always)]
 fn farthest_closing_gap<R: Real>(
     query: &CollisionQuery<'_, R>,
@@ -466,7 +474,8 @@ fn farthest_closing_gap<R: Real>(
     (gap, touch)
 }
 
-/// Overlap of resting contacts nearby, at most the slop, m. A body that slides over flush supports keeps it from one support to the next.
+/// Largest overlap of resting contacts of the same bodies, at most the slop, m. A body that slides over flush supports has this overlap at
+/// the next support too.
 #[inline(always)]
 fn resting_overlap<R: Real>(query: &CollisionQuery<'_, R>, problem: &ConstraintProblem<R>, candidate: &CandidatePair<R>) -> R {
     let compiled = query.compiled;
@@ -479,19 +488,19 @@ fn resting_overlap<R: Real>(query: &CollisionQuery<'_, R>, problem: &ConstraintP
     overlap.min(R::of(query.options.slop))
 }
 
-/// Overlap at the end of the path that counts as touch, m: the motion of a resting contact, or the rounding of positions if larger.
+/// Overlap at the end of the path that counts as touch, m: the displacement of a resting contact, or the rounding of positions if larger.
 #[inline(always)]
 fn touch_tolerance<R: Real>(query: &CollisionQuery<'_, R>, problem: &ConstraintProblem<R>, slot: usize) -> R {
     (problem.closing_time * R::of(resting_speed(query.options))).max(query.contacts.data[slot].point.rounding())
 }
 
-/// Whether two pairs have bodies of one kinematic tree.
+/// Whether the pairs with the indices `first` and `second` have bodies of a common kinematic tree.
 fn share_trees<R: Real>(compiled: &LaneModel<R>, first: usize, second: usize) -> bool {
     let (first, second) = (trees_of_pair(compiled, first), trees_of_pair(compiled, second));
     first.iter().flatten().any(|tree| second.contains(&Some(*tree)))
 }
 
-/// Kinematic trees of the bodies of a pair. `None` for the world and mocap bodies.
+/// Kinematic trees of the two bodies of a pair; `None` for the world and mocap bodies.
 fn trees_of_pair<R: Real>(compiled: &LaneModel<R>, pair: usize) -> [Option<usize>; 2] {
     let geoms = compiled.pair_geoms(pair).expect("made from this compiled");
     geoms.map(|g| compiled.geoms[g].frame.checked_sub(1).and_then(|link| compiled.links.get(link)).map(|link| link.tree))

@@ -1,11 +1,11 @@
-//! Activation of deferred contacts whose gap the motion closes.
+//! Activation of deferred contacts, which the solver leaves out until the motion closes their gap.
 //!
-//! [`crate::constraints::approaching`] defines which rows are deferred. The pairs that touch first are activated first, because an impact
-//! may prevent later ones. Example: a ball that lands on the floor does not hit the ledge behind its landing point.
+//! [`crate::constraints::approaching`] defines which contacts are deferred. The pairs that touch first are activated first, because an
+//! impact may prevent later ones. Example: a ball that lands on the floor does not hit the ledge behind its landing point.
 //!
-//! The predicted motion is that of a rough estimate of the impulses. It sinks a little into the supports of a body, and then collides with
-//! a flush support ahead. A predicted collision is in doubt if the error of the estimate can cause its overlap. Its contact is active in
-//! the prediction alone. Stage 5 starts without it, and the solved motion decides.
+//! The predicted motion has approximate impulses. A body in it sinks a little into its supports, and then collides with a flush support
+//! ahead. A predicted collision is doubtful if the error of the prediction can cause its overlap. Such a contact is active only in the
+//! prediction. Stage 5 starts without it, and the solved motion decides.
 
 use stepper_real::{Mask, Real};
 use stepper_solve::residual;
@@ -13,19 +13,19 @@ use stepper_solve::residual;
 use crate::constraints::{ConstraintProblem, VelocitySolution};
 use crate::integrators::collision_search::{CollisionQuery, CollisionSearch};
 use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
-use crate::stages::s05_solve::Estimate;
+use crate::stages::s05_solve::ImpulsePredictor;
 use crate::tuning::{MAX_PREDICTIONS, PREDICTED_ERROR_RATIO, PREDICTED_MARGIN};
 
-/// Motion of a step along which pairs are tested for a collision.
+/// Motion of a step in which the collision search tests pairs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum SweptMotion {
-    /// Motion by the impulses of the prediction.
+    /// Motion with the predicted impulses.
     Predicted,
-    /// Motion of the solution. With `ignores_order` every colliding pair counts, also behind an earlier collision.
+    /// Motion of the solution. With `ignores_order`, every colliding pair counts, even after an earlier collision.
     Solved { ignores_order: bool },
 }
 
-/// Activates the contacts that collide in the predicted motion, and repeats the estimate with them in the lanes `lanes`.
+/// Activates the contacts that collide in the predicted motion, and repeats the prediction of the impulses with them.
 #[inline(always)]
 pub(crate) fn predict_collisions<R: Real>(
     place: Place<'_, R>,
@@ -33,18 +33,18 @@ pub(crate) fn predict_collisions<R: Real>(
     problem: &mut ConstraintProblem<R>,
     velocity: &mut VelocitySolution<R>,
     collisions: &mut CollisionSearch<R>,
-    (estimate, lanes): (&Estimate<R>, R::Mask),
+    (predictor, lanes): (&ImpulsePredictor<R>, R::Mask),
 ) {
     for _ in 0..MAX_PREDICTIONS {
         let colliding = activate_colliding(place, free, problem, velocity, collisions, SweptMotion::Predicted);
         if colliding.none() {
             return;
         }
-        estimate.repeat(place.input.options, colliding.and(lanes), problem, velocity);
+        predictor.repeat(place.input.options, colliding.and(lanes), problem, velocity);
     }
 }
 
-/// Activates the contacts that collide in a motion. Returns the lanes with any.
+/// Activates the deferred contacts that collide in a motion. Returns the lanes with such a contact.
 #[inline(always)]
 pub(crate) fn activate_colliding<R: Real>(
     place: Place<'_, R>,

@@ -1,4 +1,5 @@
-//! Device models around a step, with their memory: actuator pipelines before its forces, error models of sensors after its state.
+//! Device models around a step, with their memory: actuator pipelines that produce its controls, and error models of sensors that read its
+//! result.
 
 use stepper_real::Scalar;
 
@@ -6,31 +7,31 @@ use crate::actuation::{self, ActuatorPipelines};
 use crate::sensing::errors::Errors;
 use crate::sensing::memory::Memory;
 
-/// Device models of one group of environments.
+/// Device models of one group of environments: actuator pipelines and sensors.
 #[derive(Debug)]
 pub struct Devices<'a, S> {
     /// Index of the group in the batch.
     pub(crate) group: usize,
-    /// Actuator pipelines between controls and forces; none without an actuator model.
+    /// Actuator pipelines between controls and forces; `None` without actuator dynamics.
     pub(crate) actuators: Option<ActuatorDevices<'a, S>>,
-    /// Sensors; none in a trial step, whose result is discarded.
+    /// Sensors; `None` in a trial step, whose result is discarded.
     pub(crate) sensors: Option<SensorDevices<'a, S>>,
 }
 
-/// Actuator pipelines and their memory.
+/// Actuator pipelines, and the group's memory of them.
 #[derive(Debug)]
 pub(crate) struct ActuatorDevices<'a, S> {
     pub(crate) pipelines: &'a ActuatorPipelines<S>,
     pub(crate) memory: &'a mut actuation::memory::Memory<S>,
 }
 
-/// Error models of the sensors and their memory.
+/// Error models of the sensors, and the group's memory of them.
 #[derive(Debug)]
 pub(crate) struct SensorDevices<'a, S> {
-    /// Error models of the sensors; none where all sensors are ideal.
+    /// Error models of the sensors; `None` if all sensors are ideal.
     pub(crate) errors: Option<&'a Errors<S>>,
     pub(crate) memory: &'a mut Memory<S>,
-    /// Whether ideal sensors are read too: error models read every step.
+    /// Whether this step reads the ideal sensors too. Error models read in every step.
     pub(crate) read: bool,
 }
 

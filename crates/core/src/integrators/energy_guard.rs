@@ -1,4 +1,4 @@
-//! Guards of the kinetic energy of a step.
+//! Energy guard: detects and limits unphysical gains of kinetic energy in a step.
 
 use stepper_real::{Mask, Real};
 
@@ -7,9 +7,9 @@ use crate::dynamics::kinematics::displace;
 use crate::integrators::step_resolution::StepResolution;
 use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
 
-/// Lanes in which the error of the midpoint rule adds energy, before positions are corrected.
+/// Lanes in which the error of the midpoint rule adds energy, before the correction of positions.
 ///
-/// The lanes `excluded` do not count: the Runge-Kutta scheme replaces their step.
+/// The lanes `excluded` are left out, because the Runge-Kutta scheme replaces their step.
 #[inline(always)]
 pub(crate) fn find_energy_gain<R: Real>(
     place: Place<'_, R>,
@@ -22,7 +22,8 @@ pub(crate) fn find_energy_gain<R: Real>(
     if !scheme.predicts() || !scheme.in_the_middle {
         return R::Mask::splat(false);
     }
-    // A step that is not evaluated in its middle has an energy error of first order in its rotation.
+    // A step that is evaluated at another time than its middle has an energy error of first order in its rotation, which this test would
+    // report.
     let lanes = free.may_gain.and_not(free.unresolved).and_not(excluded).and(scheme.time_before.eq(scheme.time_after));
     if lanes.none() {
         return lanes;
@@ -32,7 +33,7 @@ pub(crate) fn find_energy_gain<R: Real>(
     lanes.and(guard.gains_energy(compiled, kinematics, [&state.q, &state.v, &velocity.v], free, scheme, negligible))
 }
 
-/// Limits the kinetic energy of the lanes `limited`.
+/// Limits the kinetic energy after the step in the lanes `limited`.
 #[inline(always)]
 pub(crate) fn limit_energy<R: Real>(
     place: Place<'_, R>,

@@ -1,4 +1,4 @@
-//! Euler's rule, semi-implicit: forces and rows at the configuration before the step, then q+ = q (+) h v+.
+//! Euler's rule, semi-implicit: forces and constraint rows at the configuration before the step, then q+ = q (+) h v+.
 //!
 //! First order. Some forces are implicit: damping of joints (unless the model makes it explicit), springs and dampers of tendons and soft
 //! equalities, and servos of actuator dynamics. All other forces use the velocity before the step, as in MuJoCo's `Euler`.
@@ -8,7 +8,7 @@ use stepper_real::Real;
 use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::integrators::scheme::Scheme;
 
-/// Scheme of Euler's rule for a time step of `h` seconds.
+/// Integration scheme of Euler's rule for a time step of `h` seconds.
 pub(crate) fn scheme<R: Real>(h: R) -> Scheme<R> {
     let none = R::zero();
     let weights = ImplicitWeights { damping: h, stiffness: none, step: none };

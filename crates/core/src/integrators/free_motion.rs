@@ -1,4 +1,4 @@
-//! Stages 1 and 2: the velocity after the step without constraints.
+//! Free motion: stages 1 and 2, which compute the velocity after the step without constraints.
 
 use stepper_real::Real;
 
@@ -10,7 +10,7 @@ use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
 use crate::probe::{Counter, Probe, Span};
 use crate::stages::s01_actuate::{actuate, advance_activation};
 
-/// Stages 1 and 2 at the evaluation point, with forces at the velocity before the step.
+/// Computes stages 1 and 2 at the evaluation point, with forces at the velocity before the step.
 #[inline(always)]
 pub(crate) fn compute_free_motion<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R>, probe: impl Probe) {
     let Place { input: StepInput { compiled, state, inputs, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = place;
@@ -33,7 +33,7 @@ pub(crate) fn compute_free_motion<R: Real>(place: Place<'_, R>, free: &mut FreeM
     probe.span(Span::Acceleration, || advance(&state.v, &free.smooth.acc, scheme.h, &mut free.v));
 }
 
-/// Recomputes stages 1 and 2 after velocities, activations or controls have changed, with the same mass matrix.
+/// Recomputes stages 1 and 2 after a change of velocities, activations or controls. The mass matrix does not change.
 pub(crate) fn recompute_free_motion<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>) {
     let StepInput { compiled, state, .. } = input;
     advance_activations(input, evaluation);
@@ -44,7 +44,7 @@ pub(crate) fn recompute_free_motion<R: Real>(input: StepInput<'_, R>, evaluation
     advance(&state.v, &free.smooth.acc, scheme.h, &mut free.v);
 }
 
-/// Advances the activations to the evaluation point.
+/// Advances the activations to the time of the evaluation point.
 #[inline(always)]
 pub(crate) fn advance_activations<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>) {
     let StepInput { compiled, state, inputs, .. } = input;
@@ -55,12 +55,12 @@ pub(crate) fn advance_activations<R: Real>(input: StepInput<'_, R>, evaluation: 
     }
 }
 
-/// Whether servos with bounds are implicit, so that their active bounds change the mass matrix.
+/// Whether the model has servos with bounds whose forces are implicit. Their active bounds then change the mass matrix.
 pub(crate) fn has_bounded_servos<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>) -> bool {
     compiled.servos_are_bounded && (scheme.implicit_forces || compiled.actuator_dynamics > 0)
 }
 
-/// Stage 1 with all velocity-dependent forces at the velocity before the step.
+/// Computes stage 1 with all velocity-dependent forces at the velocity before the step.
 fn actuate_at_velocity_before<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R>) {
     let Place { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, .. } } = place;
     if (scheme.in_the_middle || compiled.servos_are_bounded) && !compiled.servos.is_empty() {
@@ -69,7 +69,7 @@ fn actuate_at_velocity_before<R: Real>(place: Place<'_, R>, free: &mut FreeMotio
     actuate(compiled, &place.forces_at(&state.v), Some(scheme.servos(false)), &mut free.actuator_forces);
 }
 
-/// Implicit terms of the mass matrix: joints, implicit servos and, with `implicit_forces`, the drag of the medium.
+/// Implicit terms of the mass matrix: of joints, of implicit servos, and with `implicit_forces` the drag of the surrounding fluid.
 pub(crate) fn implicit<'a, R: Real>(
     compiled: &LaneModel<R>,
     scheme: &Scheme<R>,

@@ -1,7 +1,7 @@
-//! Impacts: velocities that jump within the step.
+//! Impacts: jumps of the velocity within the step.
 //!
-//! The step evaluates a bouncing contact at the time of its impact: its normal, its arms and the velocity to which Newton's law applies
-//! (see [`crate::constraints::impact_time`] and stage 4).
+//! The step evaluates a bouncing contact at the time of its impact: normal, lever arms, and the velocity to which Newton's law applies (see
+//! [`crate::constraints::impact_time`] and stage 4).
 
 use stepper_real::{Mask, Real};
 use stepper_solve::Iterate;
@@ -25,8 +25,8 @@ use crate::tuning::{
 
 /// Moves the evaluation point of each lane to the time of its first impact. Returns the lanes that moved and must be evaluated again.
 ///
-/// An evaluation point within PLACEMENT_TOLERANCE of the impact stays. `v_free` is the free velocity. A contact that overlaps beyond the
-/// slop while its surfaces separate must have passed through its surface before. On the first pass its lane moves to the beginning of the
+/// An evaluation point within PLACEMENT_TOLERANCE of the impact does not move. `v_free` is the free velocity. If a contact overlaps beyond
+/// the slop while its surfaces separate, they must have touched before. In the call with `first`, its lane moves to the beginning of the
 /// step.
 pub(crate) fn move_to_first_impacts<R: Real>(
     input: StepInput<'_, R>,
@@ -68,7 +68,7 @@ pub(crate) fn move_to_first_impacts<R: Real>(
     )
 }
 
-/// Normal velocities of the contacts in slot `k`, for two sets of the links' velocities.
+/// Normal velocities of the contacts in slot `k` for two sets of link velocities, m/s.
 #[inline(always)]
 fn normal_velocities<R: Real>(
     compiled: &LaneModel<R>,
@@ -98,11 +98,11 @@ fn normal_velocities<R: Real>(
     out
 }
 
-/// Makes impacts inelastic where Newton's law has no plausible solution, and returns their lanes, which must be solved again.
+/// Makes impacts inelastic where Newton's law has no plausible solution. Returns the lanes with such an impact, which must be solved again.
 ///
-/// See [`ConstraintProblem::drop_restitution`]. `residual` is that of the solution. In the lanes `inelastic` an earlier call already made
-/// some impacts inelastic. There all impacts become inelastic if one is still implausible or the residual is above one tolerance.
-/// Enormous impulses are no start for the next solve, so contacts start from zero.
+/// See [`ConstraintProblem::drop_restitution`]. `residual` is that of the solution. In the lanes `inelastic`, an earlier call already made
+/// some impacts inelastic. There all impacts become inelastic if one is still implausible or the residual exceeds the tolerance. The
+/// contact impulses of the returned lanes become zero, because enormous impulses are a bad start for the next solve.
 pub(crate) fn drop_restitution<R: Real>(
     place: Place<'_, R>,
     free: &mut FreeMotion<R>,
@@ -126,12 +126,12 @@ pub(crate) fn drop_restitution<R: Real>(
     lanes
 }
 
-/// Prepares the position solve if any lane needs it: its rows and its free velocity. Returns the lanes with impacts, which need it.
+/// Prepares the rows and the free velocity of the position solve, if any lane needs it. Returns the lanes with impacts, which need it.
 ///
 /// Positions advance from `time_before` with the velocity after the step. The free velocity of the position solve therefore contains two
 /// more terms. The first is 1 + (time_before - t) / h times the velocity change by each impulse, where t is the time of its impact and the
 /// 1 replaces the removed impulse. The second is (time_before / h - 1/2) times the change by smooth forces, because the step was not
-/// evaluated in its middle. `impulses` are those of the velocity solution. Impacts are removed from them.
+/// evaluated in its middle. `impulses` are those of the velocity solution; the function removes the impulses of impacts from them.
 #[inline(always)]
 pub(crate) fn prepare_position_solve<R: Real>(
     place: Place<'_, R>,
@@ -182,9 +182,9 @@ pub(crate) fn prepare_position_solve<R: Real>(
 /// Recomputes the free velocity in lanes in which contacts made the velocity jump, elastic or not. Returns these lanes, which must be
 /// solved again.
 ///
-/// The midpoint rule moves half of the step with the velocity before it and half with the velocity after it. Inertial forces are therefore
-/// the mean of those at both velocities. The first solution evaluates them at the mean of the velocities. At an impact that is an error of
-/// first order in momentum and energy. `first` marks the first call in a step.
+/// The midpoint rule moves half of the step with the velocity before it, and half with the velocity after it. Inertial forces are therefore
+/// the mean of those at both velocities. The first solution evaluates them at the mean velocity. At an impact, that is an error of first
+/// order in momentum and energy. `first` is true in the first call of a step.
 pub(crate) fn correct_impact_forces<R: Real>(
     place: Place<'_, R>,
     free: &mut FreeMotion<R>,
@@ -200,10 +200,10 @@ pub(crate) fn correct_impact_forces<R: Real>(
     lanes
 }
 
-/// Lanes whose velocity after the step differs from that at which inertial forces were evaluated.
+/// Lanes with an impact whose velocity after the step, `v_next`, differs from that at which inertial forces were evaluated.
 ///
-/// The `first` solution evaluated them at the mean of the velocities and not half at each. Lanes in which constraints made the velocity
-/// jump then count too.
+/// If `first` is true, the inertial forces were evaluated at the mean velocity instead of half at each. Lanes in which constraints made the
+/// velocity jump then count too.
 fn lanes_with_impacts<R: Real>(
     place: Place<'_, R>,
     free: &FreeMotion<R>,
@@ -226,7 +226,7 @@ fn lanes_with_impacts<R: Real>(
             let change = jump.max(pushed);
             let impact = change.gt(smooth * R::of(MIN_IMPACT_RATIO)).and((scheme.h * change).lt(R::of(MAX_RESOLVED_ROTATION)));
             let matters = impact.and((scheme.h * (jump * fastest).max(apart)).gt(R::of(MIN_VELOCITY_ERROR)));
-            // Equalities near singular positions change as suddenly, but without an impact.
+            // Equalities near singular configurations change the velocity just as suddenly, but without an impact.
             let slots = problem.slots.iter().map(|slot| slot.1).chain(problem.rolling_slots.iter().map(|slot| slot.1));
             let touching = slots.fold(R::Mask::splat(false), |all, lanes| all.or(lanes));
             touching.and(alive).and_not(free.unresolved).and(matters)
@@ -236,8 +236,8 @@ fn lanes_with_impacts<R: Real>(
 
 /// Computes the free velocity with inertial forces at the velocity before the step and at `v_next`.
 ///
-/// Each acts for half of the step, or until the impact and after it. The forces of stage 1 stay those at the predicted mean velocity; only
-/// inertial forces are recomputed.
+/// Each of the two acts for half of the step, or in lanes with an impact before and after its time. Only inertial forces are recomputed.
+/// The forces of stage 1 are still those at the predicted mean velocity.
 fn compute_inertial_forces<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R>, problem: &ConstraintProblem<R>, v_next: &[R]) {
     let Place { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, kinematics, impacts, .. } } = place;
     let half = scheme.h * R::of(0.5);
@@ -262,10 +262,10 @@ fn compute_inertial_forces<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R
     }
 }
 
-/// Replaces the free velocity of the lanes `lanes`, and shifts the target velocities by the change.
+/// Replaces the free velocity in the lanes `lanes`, and shifts the offsets of the rows by the change.
 ///
-/// The rows of impacts depend on the velocity before the impact. The `first` call computes it with inertial forces at the velocity before
-/// the step. Later calls keep it.
+/// The rows of impacts depend on the velocity before the impact. With `first`, this velocity has inertial forces at the velocity before the
+/// step. Later calls do not change it.
 fn update_free_velocity<R: Real>(
     place: Place<'_, R>,
     free: &mut FreeMotion<R>,

@@ -1,16 +1,16 @@
-//! Lanes with impacts within the step, and the link velocities that predict them.
+//! Lanes with impacts within the step, and the link velocities from which impacts are predicted.
 
 use stepper_real::{Mask, Real};
 
 use crate::compile::ModelStructure;
 use crate::math::spatial::*;
 
-/// Lanes with impacts within the step, and the link velocities that predict them.
+/// Lanes with impacts within the step, and the link velocities from which impacts are predicted.
 #[derive(Clone, Debug)]
 pub(crate) struct Impacts<R: Real> {
-    /// Lanes that are evaluated at the time of an impact, or were moved away from the middle of the step by the search for it.
+    /// Lanes whose evaluation point is at an impact, or was moved away from the middle of the step by the search for impacts.
     pub(crate) lanes: R::Mask,
-    /// Velocities of the links before the step, and after it without constraints.
+    /// Spatial velocities of the links: before the step, and after it without constraints.
     pub(super) velocities: [Vec<V6<R>>; 2],
 }
 

@@ -7,7 +7,7 @@ use stepper_real::Real;
 use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::integrators::scheme::Scheme;
 
-/// Scheme of the implicit rule for a time step of `h` seconds.
+/// Integration scheme of the implicit rule for a time step of `h` seconds.
 pub(crate) fn scheme<R: Real>(h: R) -> Scheme<R> {
     let none = R::zero();
     let weights = ImplicitWeights { damping: h, stiffness: h * h, step: none };

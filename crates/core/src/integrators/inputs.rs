@@ -1,4 +1,4 @@
-//! Inputs of a step.
+//! Inputs of a step: controls, applied forces and mocap trajectories.
 
 use stepper_real::Real;
 
@@ -8,13 +8,13 @@ use crate::dynamics::mocap::MocapTrajectory;
 /// Controls, applied forces and mocap trajectories of a step.
 #[derive(Clone, Debug)]
 pub struct Inputs<R: Real> {
-    /// Controls after the actuator pipelines, nu.
+    /// Controls after the actuator pipelines (delay, lag ...), nu.
     pub ctrl: Vec<R>,
     /// Actuator dynamics that act within a step.
     pub actuator_dynamics: Vec<ActuatorDynamics<R>>,
-    /// Forces on the joints, nv, N or N m; empty when there are none.
+    /// Applied generalized forces (`qfrc_applied`), nv, N or N m; empty without any.
     pub qfrc: Vec<R>,
-    /// Wrenches on the bodies (force, torque), 6 nbody, N and N m; empty when there are none.
+    /// Applied force and torque on each body (`xfrc_applied`), 6 nbody, N and N m; empty without any.
     pub xfrc: Vec<R>,
     /// Trajectories of the mocap bodies during the call.
     pub(crate) mocap_trajectories: Vec<MocapTrajectory<R>>,

@@ -12,11 +12,11 @@ use crate::probe::{Probe, Span};
 use crate::stages::s03_detect::detect;
 use crate::tuning::MAX_PLACEMENTS;
 
-/// Stages 1 to 3 at the evaluation point: forces, the free velocity and the contacts.
+/// Computes stages 1 to 3 at the evaluation point of the step: forces, free velocity and contacts.
 ///
-/// Euler's rule evaluates a step at its beginning, the midpoint rule in its middle. The loop moves the evaluation point of some lanes. Very
+/// Euler's rule evaluates a step at its beginning, the midpoint rule in its middle. A loop moves the evaluation point of some lanes. Very
 /// fast bodies could pass a thin geom before the middle, so their lanes move to the beginning of the step. Lanes with an elastic impact
-/// move to the time of the first one.
+/// move to the time of the first impact.
 #[inline(always)]
 pub(crate) fn locate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>, probe: impl Probe) {
     evaluation.scheme = scheme(input.options);
@@ -44,12 +44,12 @@ pub(crate) fn locate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluati
     }
 }
 
-/// Stages 1 to 3 at the present evaluation point. Returns the lanes whose contacts are unreliable because the point is too far from the
-/// beginning of the step.
+/// Computes stages 1 to 3 at the present evaluation point. Returns the lanes whose contacts are unreliable because the evaluation point is
+/// too late in the step.
 #[inline(always)]
 fn evaluate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>, probe: impl Probe) -> R::Mask {
     place_bodies(input, evaluation, free, probe);
-    // Only steps for derivatives have solved overlaps. They keep the active bounds of servos in the solution.
+    // A step for derivatives has solved overlaps, and keeps the active servo bounds of the solution.
     if evaluation.solved_overlaps.is_none() {
         free.actuator_forces.reset_active_bounds();
     }
@@ -59,7 +59,7 @@ fn evaluate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, fr
     detect(compiled, kinematics, [&state.v, &free.v], [scheme.h, scheme.time_before], alive, poses, contacts, probe)
 }
 
-/// Moves the bodies to the evaluation point, and computes poses and transmissions there.
+/// Moves the bodies to the evaluation point: computes configuration, poses and actuator transmissions there.
 #[inline(always)]
 fn place_bodies<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>, probe: impl Probe) {
     let StepInput { compiled, state, inputs, .. } = input;

@@ -1,4 +1,4 @@
-//! Moreau's midpoint rule: forces and rows at q_mid = q (+) h/2 v, then q+ = q_mid (+) h/2 v+ (Moreau 1988).
+//! Moreau's midpoint rule: forces and constraint rows at q_mid = q (+) h/2 v, then q+ = q_mid (+) h/2 v+ (Moreau 1988).
 //!
 //! Second order in free flight and between impacts, which are evaluated at their times ([`super::impact`]). Springs, dampers and servos
 //! follow the implicit midpoint rule, which is A-stable and keeps the energy of linear springs ([`crate::actuation::forces`]).
@@ -8,7 +8,7 @@ use stepper_real::Real;
 use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::integrators::scheme::Scheme;
 
-/// Scheme of the midpoint rule for a time step of `h` seconds.
+/// Integration scheme of the midpoint rule for a time step of `h` seconds.
 pub(crate) fn scheme<R: Real>(h: R) -> Scheme<R> {
     let half = h * R::of(0.5);
     let weights = ImplicitWeights { damping: half, stiffness: half * half, step: h };

@@ -1,5 +1,4 @@
-//! Integration schemes over shared stages: evaluation point, assembly, solution, impacts, and guards of steps that are too long for the
-//! motion.
+//! Integration schemes: where in a step forces and contacts are evaluated, and the parts of a step that all schemes share.
 
 pub(crate) mod acceptance;
 pub(crate) mod assemble;
@@ -34,7 +33,7 @@ use stepper_real::Real;
 use crate::options::{Integrator, StepSettings};
 use scheme::Scheme;
 
-/// Scheme of the integrator in the options.
+/// Integration scheme of the integrator that the options select.
 pub(crate) fn scheme<R: Real>(options: &StepSettings) -> Scheme<R> {
     let h = R::of(options.timestep);
     match options.integrator {

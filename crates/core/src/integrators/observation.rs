@@ -1,4 +1,5 @@
-//! Stages 1 and 9 at the ends of a step: controls pass through actuator pipelines, and the new state becomes readings and observations.
+//! Devices around a step: actuator pipelines that convert the user's controls before it, and sensor readings after it (parts of stages 1
+//! and 9).
 
 use stepper_real::{Real, Scalar};
 
@@ -18,7 +19,8 @@ use crate::sensing::memory::Memory;
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s09_sense::sense;
 
-/// Passes the user's controls through the actuators' pipelines, which read the state before the step. Part of stage 1.
+/// Computes the actuators' controls from the user's controls by the actuator pipelines, which read the state before the step. Part of stage
+/// 1.
 pub(crate) fn pass_controls<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
@@ -35,7 +37,7 @@ pub(crate) fn pass_controls<R: Real>(
     }
 }
 
-/// Writes the outputs of the pipelines at the end of the step to `inputs`, for sensors and quantities of the new state.
+/// Writes the outputs of the actuator pipelines at the end of the step to `inputs`, for sensors and derived quantities of the new state.
 pub(crate) fn hold_outputs<R: Real>(compiled: &LaneModel<R>, inputs: &mut Inputs<R>, devices: &mut Devices<'_, R::Scalar>) {
     if let Some(actuators) = &mut devices.actuators {
         let outputs = (&mut inputs.ctrl[..], &mut inputs.actuator_dynamics[..]);
@@ -43,9 +45,9 @@ pub(crate) fn hold_outputs<R: Real>(compiled: &LaneModel<R>, inputs: &mut Inputs
     }
 }
 
-/// Stage 9: computes the acceleration of the step, reads the sensors if they are requested, and applies their error models.
+/// Computes stage 9: the acceleration of the step, sensor readings if they are requested, and their error models.
 ///
-/// The state of `input` is that after the step, and `velocity.v` the velocity before it.
+/// The state of `input` is the state after the step, and `velocity.v` is the velocity before it.
 pub(crate) fn observe<R: Real>(
     input: StepInput<'_, R>,
     velocity: &VelocitySolution<R>,
@@ -73,7 +75,8 @@ pub(crate) fn observe<R: Real>(
     }
 }
 
-/// Computes the forces of the actuators at the state of `input` into `forces`. The caller places mocap frames in `kinematics`.
+/// Computes the forces of the actuators at the state of `input` into `forces`. The caller must set the poses of mocap frames in
+/// `kinematics`.
 pub(crate) fn read_actuator_forces<R: Real>(
     input: StepInput<'_, R>,
     scalar_impulse: &[R],
@@ -93,7 +96,7 @@ pub(crate) fn read_actuator_forces<R: Real>(
     }
 }
 
-/// Writes the true readings of the state of `input` to `sensors.workspace.truth`.
+/// Computes the true readings of all sensors at the state of `input` into `sensors.workspace.truth`.
 pub(crate) fn read_sensors<R: Real>(
     input: StepInput<'_, R>,
     scalar_impulse: &[R],

@@ -25,7 +25,7 @@ use crate::probe::NoProbe;
 use crate::stages::s03_detect::detect;
 use crate::tuning::{CORRECTION_ARM, DAMPING, MIN_BAUMGARTE, MIN_DECREASE, MIN_DECREASE_ROUNDINGS};
 
-/// Reverts the correction in `position.q_corrected`, in the lanes `infeasible`, for islands whose overlap it does not reduce.
+/// Reverts the position correction of islands whose overlap it does not reduce, in the lanes `infeasible` of `position.q_corrected`.
 #[cold]
 #[inline(never)]
 pub(crate) fn revert_ineffective_corrections<R: Real>(
@@ -40,10 +40,10 @@ pub(crate) fn revert_ineffective_corrections<R: Real>(
     let time = R::of(state.elapsed) + evaluation.scheme.time_before;
     mocap::pose_bodies(compiled, &inputs.mocap_trajectories, time, kinematics);
     kinematics.update(compiled, q_corrected);
-    // The velocity of the correction is no longer used.
+    // The buffer of the correction velocity is no longer needed.
     correction.fill(R::zero());
     let times = [R::of(options.timestep), R::zero()];
-    // This detection starts from the separations of stage 3, and discards the separations that it finds.
+    // This detection starts from the separating planes of stage 3, and discards those that it finds.
     evaluation.poses.search.exchange();
     detect(compiled, kinematics, [&*correction; 2], times, infeasible, &mut evaluation.poses, contacts, NoProbe);
     evaluation.poses.search.exchange();
@@ -51,7 +51,7 @@ pub(crate) fn revert_ineffective_corrections<R: Real>(
     let min_decrease = MIN_DECREASE.max(MIN_DECREASE_ROUNDINGS * <R::Scalar as Scalar>::EPSILON.to_f64());
     for lane in each_of(infeasible.bits()) {
         islands.find(compiled, system, lane);
-        // An island with an open loop keeps its correction: closing the loop has priority over overlaps.
+        // An island with an open loop always keeps its correction, because closing the loop has priority over overlaps.
         for row in problem.rows.scalars.iter().filter(|row| row.lo.lane(lane).to_f64() < 0.0) {
             let correction = (row.g.lane(lane).to_f64() - row.position_g.lane(lane).to_f64()).abs();
             if correction * options.timestep > options.slop {
@@ -59,7 +59,7 @@ pub(crate) fn revert_ineffective_corrections<R: Real>(
                 support.iter().for_each(|&d| islands.exempt(compiled.dofs[d as usize].tree));
             }
         }
-        // The sums have no penalties of ball limits and tendons, so their islands keep the correction.
+        // The sums do not include ball joint limits and tendons, so that islands with these keep the correction.
         compiled.ball_limits.iter().for_each(|limit| islands.exempt(compiled.dofs[limit.dof].tree));
         for tendon in &compiled.tendons {
             tendon.support.iter().for_each(|&d| islands.exempt(compiled.dofs[d as usize].tree));
@@ -70,7 +70,7 @@ pub(crate) fn revert_ineffective_corrections<R: Real>(
         add_limits(compiled, options, q_corrected, lane, islands, 1);
         for joint in &compiled.joints {
             let Some([before, after]) = islands.penalties(compiled.dofs[joint.v].tree) else { continue };
-            // A NaN counts as no decrease.
+            // With NaN, the penalties do not count as decreased.
             if before > 0.0 && after.partial_cmp(&(before * (1.0 - min_decrease))) != Some(std::cmp::Ordering::Less) {
                 for k in joint.q..joint.q + joint.kind.nq() {
                     q_corrected[k].set_lane(lane, q[k].lane(lane));
@@ -80,13 +80,14 @@ pub(crate) fn revert_ineffective_corrections<R: Real>(
     }
 }
 
-/// Penalty of an overlap, or of a joint limit violation as a length, of `x` m.
+/// Penalty of `x` m of overlap, or of a joint limit violation converted to a length.
 fn penalty(options: &StepSettings, x: f64) -> f64 {
     let x0 = DAMPING * CORRECTION_ARM / options.baumgarte.max(MIN_BAUMGARTE);
     x - x0 * (x / x0).ln_1p()
 }
 
-/// Adds to each island the penalty of the deepest overlap of every pair beyond the slop. `pose` is 0 before and 1 after the correction.
+/// Adds the penalty of the deepest overlap of every pair, beyond the slop, to the pair's islands. `pose` selects the sum: 0 before the
+/// correction, 1 after it.
 fn add_overlaps<R: Real>(
     compiled: &ModelStructure<R::Scalar>,
     options: &StepSettings,
@@ -115,7 +116,7 @@ fn add_overlaps<R: Real>(
     }
 }
 
-/// Adds to each island the penalties of joint limit violations. One radian counts as the length [`CORRECTION_ARM`].
+/// Adds the penalties of joint limit violations to the islands. One radian counts as the length [`CORRECTION_ARM`].
 fn add_limits<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, q: &[R], lane: usize, islands: &mut Islands, pose: usize) {
     for (i, limit) in compiled.limits.iter().enumerate() {
         let [lowest, highest] = compiled.params.limit(i);

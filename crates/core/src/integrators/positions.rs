@@ -1,4 +1,4 @@
-//! Stages 7 and 8: the configuration after the step.
+//! Stages 7 and 8 of a step: the configuration after it, and its correction.
 
 use stepper_real::{Mask, Real};
 
@@ -13,7 +13,7 @@ use crate::stages::s01_actuate::advance_activation;
 use crate::stages::s07_integrate_position::integrate_position;
 use crate::stages::s08_stabilise::{PositionInput, stabilise};
 
-/// Stage 7: integrates positions with the new velocity, and actuator activations, over the step.
+/// Computes stage 7: integrates positions with the new velocity, and the actuator activations.
 #[inline(always)]
 pub(crate) fn integrate_positions<R: Real>(
     place: Place<'_, R>,
@@ -28,20 +28,18 @@ pub(crate) fn integrate_positions<R: Real>(
     });
 }
 
-/// Lanes that the position solve corrects.
+/// Lanes that stage 8 corrects.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CorrectedLanes<R: Real> {
-    /// Lanes with a correction.
+    /// Lanes with a position correction.
     all: R::Mask,
-    /// Lanes in which a contact bounces. Their correction leads to the position after the rebound.
+    /// Lanes in which a contact bounces. Their corrected position is the one after the rebound.
     rebounding: R::Mask,
-    /// Lanes that are proven infeasible.
+    /// Lanes whose constraints are proven infeasible.
     pub(crate) infeasible: R::Mask,
 }
 
-/// Stage 8: solves for corrected positions after the step, in `position.q_corrected`.
-///
-/// The solve starts from the impulses of the velocity solution and overwrites them.
+/// Computes stage 8: corrected positions after the step, in `position.q_corrected`.
 #[inline(always)]
 pub(crate) fn correct_positions<R: Real>(
     place: Place<'_, R>,
@@ -62,10 +60,10 @@ pub(crate) fn correct_positions<R: Real>(
     CorrectedLanes { all: lanes, rebounding, infeasible }
 }
 
-/// Lanes in which a geom may have passed through a thin one.
+/// Lanes in which one geom may have passed through another (tunnelling check).
 ///
-/// The displacement after a rebound is that of the corrected positions, as a velocity over the whole step. It is stored in
-/// `position.impact_displacement`.
+/// In lanes with a rebound, the checked displacement is that of the corrected positions. It is stored in `position.impact_displacement` as
+/// a velocity over the whole step.
 #[inline(always)]
 pub(crate) fn find_tunnelling<R: Real>(
     input: StepInput<'_, R>,
@@ -90,8 +88,8 @@ pub(crate) fn find_tunnelling<R: Real>(
     };
     let step = TakenStep { velocity: v, is_free, h: scheme.h, contacts_at_end: false };
     let passed = may_have_passed(input.compiled, kinematics, step, input.alive, poses);
-    // Each time step tests the path from its evaluation point to the expected one of the next step. The search for an impact may have moved
-    // this step's point later, so the path from the beginning of the step to it is tested here.
+    // Each time step checks the path from its evaluation point to the expected one of the next step. The search for an impact may have
+    // moved the evaluation point later, so that the path from the beginning of the step to it is checked here.
     let moved = impacts.lanes.and(input.alive).and(scheme.time_before.gt(R::zero()));
     if moved.none() {
         return passed;
@@ -100,7 +98,7 @@ pub(crate) fn find_tunnelling<R: Real>(
     passed.or(may_have_passed(input.compiled, kinematics, flight, moved, poses))
 }
 
-/// Replaces the configuration after the step by the corrected one, except where a jam makes the correction ineffective.
+/// Replaces the configuration after the step by the corrected one. If a jam makes the correction of an island ineffective, it is reverted.
 #[inline(always)]
 pub(crate) fn accept_corrections<R: Real>(
     input: StepInput<'_, R>,
@@ -113,7 +111,7 @@ pub(crate) fn accept_corrections<R: Real>(
     if all.none() {
         return;
     }
-    // Bouncing contacts keep their correction.
+    // Lanes with a rebound always keep their correction.
     let jammed = infeasible.and_not(rebounding);
     if jammed.any() {
         revert_ineffective_corrections(input, evaluation, problem, position, jammed);

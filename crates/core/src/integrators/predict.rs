@@ -1,4 +1,4 @@
-//! Prediction of the velocity after the step, and the forces that depend on it.
+//! Prediction of the velocity after the step, and of the forces that depend on it.
 
 use stepper_real::{Mask, Real};
 
@@ -13,13 +13,13 @@ use crate::integrators::step_values::{Evaluation, FreeMotion, Place, Scratch, St
 use crate::probe::{Probe, Span};
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s04_assemble::shift_offsets;
-use crate::stages::s05_solve::Estimate;
+use crate::stages::s05_solve::ImpulsePredictor;
 use crate::tuning::MAX_IMPACT_ROTATION;
 
-/// Predicts the velocity after the step by an estimate of the impulses, and recomputes the forces that depend on it.
+/// Predicts the velocity after the step from approximate impulses, and recomputes the forces that depend on it.
 ///
-/// The prediction includes the impulses, so that a robot at rest feels no force of a motion that its contacts prevent. In
-/// moving lanes the estimate depends on the previous impulses only within its tolerance.
+/// Because the prediction includes impulses, a robot at rest gets no forces of a motion that its contacts prevent. In moving lanes the
+/// prediction depends on the previous impulses only within its tolerance.
 pub(crate) fn predict<R: Real>(
     place: Place<'_, R>,
     free: &mut FreeMotion<R>,
@@ -33,26 +33,26 @@ pub(crate) fn predict<R: Real>(
         return;
     }
     let constrained = problem.constrained.or(problem.deferred_lanes(alive));
-    let estimate = Estimate::new(compiled, options, &state.v, scheme.h, velocity);
+    let predictor = ImpulsePredictor::new(compiled, options, &state.v, scheme.h, velocity);
     if constrained.any() {
         probe.span(Span::EstimateImpulses, || {
-            estimate.make(options, constrained, problem, velocity);
-            predict_collisions(place, free, problem, velocity, collisions, (&estimate, constrained));
+            predictor.make(options, constrained, problem, velocity);
+            predict_collisions(place, free, problem, velocity, collisions, (&predictor, constrained));
         });
     }
     correct_free_velocity(place, free, problem, velocity, probe);
     if constrained.any() {
-        probe.span(Span::EstimateImpulses, || estimate.choose_start(constrained, problem, velocity));
+        probe.span(Span::EstimateImpulses, || predictor.choose_start(constrained, problem, velocity));
         if problem.has_doubtful_contacts() {
             problem.defer_doubtful(velocity);
         }
     }
 }
 
-/// Computes the free velocity with velocity-dependent forces at the mean velocity of the step, which follows from the present impulses.
+/// Computes the free velocity with velocity-dependent forces at the mean velocity of the step, which includes the present impulses.
 ///
-/// The implicit rule evaluates these forces at the velocity after the step instead of the mean. One such pass keeps the second order of the
-/// midpoint rule. The offsets g of `problem` change with the free velocity.
+/// The implicit rule evaluates these forces at the velocity after the step instead of the mean. One such correction keeps the second order
+/// of the midpoint rule. The offsets g of `problem` are updated with the free velocity.
 pub(crate) fn correct_free_velocity<R: Real>(
     place: Place<'_, R>,
     free: &mut FreeMotion<R>,
@@ -67,7 +67,7 @@ pub(crate) fn correct_free_velocity<R: Real>(
     ignore_large_impacts(scheme, v, velocity_by_impulses);
     advance(v, velocity_by_impulses, R::one(), v_expected);
     blend(&state.v, v_expected, scheme.velocity_weight, v_mean);
-    // Without servos no force of stage 1 depends on the velocity. With servos their explicit parts do.
+    // Without servos, no force of stage 1 depends on the velocity. With servos, their explicit parts do.
     if !compiled.servos.is_empty() {
         probe.span(Span::Actuate, || actuate(compiled, &place.forces_at(v_mean), Some(scheme.servos(true)), actuator_forces));
     }
@@ -88,9 +88,9 @@ pub(crate) fn correct_free_velocity<R: Real>(
     shift_offsets(compiled, &free.smooth.mass, problem, &mut free.scratch.free_change, None, everywhere);
 }
 
-/// Removes the `change` by impulses from the prediction in lanes in which it makes the motion faster than the step resolves.
+/// Sets the velocity change by the predicted impulses to zero in lanes in which it makes the motion too fast for the time step.
 ///
-/// Forces of such a motion would add energy to it.
+/// Velocity-dependent forces at such a velocity would add energy to the motion.
 fn ignore_large_impacts<R: Real>(scheme: &Scheme<R>, v_free: &[R], change: &mut [R]) {
     R::vectorize(
         #[inline(always)]
@@ -111,12 +111,12 @@ fn ignore_large_impacts<R: Real>(scheme: &Scheme<R>, v_free: &[R], change: &mut 
     )
 }
 
-/// Computes the free velocity of unresolved lanes without velocity-dependent inertial forces.
+/// Computes the free velocity without velocity-dependent inertial forces in the lanes whose motion is too fast for the time step.
 fn leave_out_inertial_forces<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R>) {
     let Place { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = place;
     let FreeMotion { smooth, actuator_forces, applied, v, v_expected, unresolved, scratch, .. } = free;
     let Scratch { v_mean: zero_velocity, v_forces, v_free_corrected, free_change, .. } = scratch;
-    // The forces of the other lanes stay those of their mean velocity, to the bit, because further solutions read them.
+    // The forces in the other lanes must remain those at their mean velocity, to the bit, because further solutions read them.
     R::vectorize(
         #[inline(always)]
         || {

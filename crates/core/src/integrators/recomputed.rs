@@ -1,4 +1,4 @@
-//! Part of a state that changed since stages 1 to 4 were last computed, as in mj_forwardSkip of MuJoCo.
+//! Part of a state that changed since stages 1 to 4 were last computed, as in MuJoCo's mj_forwardSkip.
 
 /// Part of the state that changed, which determines the stages to recompute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,4 +1,4 @@
-//! Runge-Kutta-Munthe-Kaas of order 4 for smooth motion.
+//! Runge-Kutta-Munthe-Kaas method of order 4 for smooth motion (integrator `rk4` with hard contact).
 
 use stepper_real::Real;
 
@@ -15,14 +15,14 @@ use crate::model::JointKind;
 use crate::stages::s01_actuate::{activation_rate, actuate, clamp_activation};
 use crate::stages::s02_smooth::Smooth;
 
-/// Scheme of a midpoint step of `h` seconds, for environments with an active constraint.
+/// Integration scheme for environments with an active constraint: the midpoint rule for a time step of `h` seconds.
 pub(crate) fn scheme<R: Real>(h: R) -> Scheme<R> {
     midpoint::scheme(h)
 }
 
-/// Workspace of the four stages.
+/// Workspace of the four Runge-Kutta stages.
 ///
-/// The unknowns are a displacement theta from the configuration at the beginning, the velocity and the activations. A displacement of a
+/// The unknowns are a displacement theta from the configuration before the step, the velocity and the activations. A displacement of a
 /// rotation follows `theta' = dexpinv(omega)` with angular velocities in the body's frame (Munthe-Kaas 1998).
 #[derive(Clone, Debug)]
 pub(crate) struct Rk4<R: Real> {
@@ -57,9 +57,9 @@ impl<R: Real> Rk4<R> {
         }
     }
 
-    /// Makes one step of `h` seconds from `state` = (q, v, act) into (q, v, act) of this workspace.
+    /// Makes one step of `h` seconds from `state` = (q, v, act). The result is in (q, v, act) of this workspace.
     ///
-    /// Mocap bodies have their poses in `kinematics`.
+    /// The poses of mocap bodies are those in `kinematics`.
     pub(crate) fn step(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, inputs: &Inputs<R>, state: [&[R]; 3], h: R) {
         for mocap in &compiled.mocap {
             self.kinematics.pos[mocap.frame] = kinematics.pos[mocap.frame];
@@ -75,7 +75,7 @@ impl<R: Real> Rk4<R> {
         self.go(compiled, state, h * R::of(1.0 / 6.0));
     }
 
-    /// Adds `weight * rate` to `sum`.
+    /// Adds `weight` times the present rates to the sums of rates.
     fn accumulate(&mut self, weight: R) {
         R::vectorize(
             #[inline(always)]
@@ -89,7 +89,7 @@ impl<R: Real> Rk4<R> {
         )
     }
 
-    /// Writes state + time * rate; exactly the state when `time` is zero, whatever the rates are.
+    /// Sets the present state to `state` + `time` * rate; exactly to `state` if `time` is zero.
     fn go(&mut self, compiled: &LaneModel<R>, state: [&[R]; 3], time: R) {
         R::vectorize(
             #[inline(always)]
@@ -108,7 +108,7 @@ impl<R: Real> Rk4<R> {
         )
     }
 
-    /// Rates at (theta, v, act).
+    /// Computes the rates of displacement, velocity and activations at the present state.
     fn rates(&mut self, compiled: &LaneModel<R>, inputs: &Inputs<R>) {
         self.angular_rates(compiled);
         self.kinematics.update(compiled, &self.q);
@@ -126,7 +126,7 @@ impl<R: Real> Rk4<R> {
         activation_rate(compiled, &self.act, &inputs.ctrl, &mut self.rate[2]);
     }
 
-    /// theta' at (theta, v).
+    /// Computes the displacement rate theta' at (theta, v).
     fn angular_rates(&mut self, compiled: &LaneModel<R>) {
         R::vectorize(
             #[inline(always)]
@@ -140,7 +140,7 @@ impl<R: Real> Rk4<R> {
                     };
                     let rotation = [self.rotation[at], self.rotation[at + 1], self.rotation[at + 2]];
                     let omega = [self.v[at], self.v[at + 1], self.v[at + 2]];
-                    // dexpinv to the order that the method needs: omega + theta x omega / 2 + theta x (theta x omega) / 12.
+                    // dexpinv up to the order that the method needs: omega + theta x omega / 2 + theta x (theta x omega) / 12.
                     let once = cross(rotation, omega);
                     let rate = add(add_scaled(omega, once, R::of(0.5)), scale(cross(rotation, once), R::of(1.0 / 12.0)));
                     self.rate[0][at..at + 3].copy_from_slice(&rate);
@@ -149,7 +149,7 @@ impl<R: Real> Rk4<R> {
         )
     }
 
-    /// Replaces the step in the lanes `lanes`, which have no active constraint.
+    /// Replaces the midpoint step by a Runge-Kutta step in the lanes `lanes`, which have no active constraint.
     pub(crate) fn replace_step(
         &mut self,
         place: Place<'_, R>,

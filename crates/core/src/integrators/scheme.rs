@@ -1,4 +1,4 @@
-//! Scheme of integration: where in the step forces and rows are evaluated. Each scheme has a file in this folder.
+//! Integration scheme: the times in the step at which forces and constraint rows are evaluated. Each scheme has a file in this folder.
 
 use stepper_real::{Mask, Real};
 
@@ -15,34 +15,35 @@ pub(crate) struct Scheme<R> {
     pub(crate) time_before: R,
     /// Time from the evaluation point to the configuration after the step, s.
     pub(crate) time_after: R,
-    /// Time from the evaluation point to that of springs and servos, s. Their change with the velocity is implicit, in the mass matrix.
+    /// Time from the evaluation point to the point at which springs and servos are evaluated, s. Their change with the velocity is
+    /// implicit, in the mass matrix.
     pub(crate) time_ahead: R,
     /// Weights of implicit damping and stiffness in the mass matrix.
     pub(crate) weights: ImplicitWeights<R>,
-    /// Point at which velocity-dependent forces are evaluated: 0 is the velocity before the step, 1 the velocity after it.
+    /// Velocity at which velocity-dependent forces are evaluated, as a weight: 0 is the velocity before the step, 1 the velocity after it.
     pub(crate) velocity_weight: R,
-    /// Whether forces and rows are evaluated in the middle of the step, with impacts at their times.
+    /// Whether the scheme evaluates forces and rows in the middle of the step, and impacts at their times.
     pub(crate) in_the_middle: bool,
-    /// Whether springs and servos are evaluated later than the other forces.
+    /// Whether springs and servos are evaluated at a later point than the other forces.
     pub(crate) looks_ahead: bool,
-    /// Whether the mass matrix has implicit terms of joint springs, all servos and the drag of the medium. Otherwise it has those of joint
-    /// damping and the servos of actuator dynamics alone.
+    /// Whether the mass matrix has implicit terms of joint springs, all servos and fluid drag. Otherwise it has only those of joint damping
+    /// and of the servos of actuator dynamics.
     pub(crate) implicit_forces: bool,
 }
 
 impl<R: Real> Scheme<R> {
-    /// Whether the step predicts the velocity after it, and recomputes velocity-dependent forces at that prediction.
+    /// Whether the step predicts the velocity after it, and evaluates velocity-dependent forces with this prediction.
     ///
-    /// All schemes with `implicit_forces` do, and no others.
+    /// Exactly the schemes with `implicit_forces` do so.
     pub(crate) fn predicts(&self) -> bool {
         self.implicit_forces
     }
 
-    /// Fraction of a gap that may close in a step: the time step over the time to the evaluation point of the next step. A body then meets
-    /// the surface at that point and not before.
+    /// Fraction of a gap that may close in a step: time step divided by the time to the evaluation point of the next step. A body then
+    /// meets the surface at that point and not before.
     ///
-    /// Two thirds where the midpoint rule evaluates the beginning of a step and the middle of the next one. `impacts` marks lanes that
-    /// are evaluated at the time of an impact instead.
+    /// It is two thirds if the midpoint rule evaluates this step at its beginning and the next one in its middle. The lanes `impacts` are
+    /// evaluated at the time of an impact instead.
     #[inline(always)]
     pub(crate) fn closing_fraction(&self, at_beginning: R::Mask, impacts: R::Mask) -> R {
         let whole = R::select(at_beginning, R::of(2.0 / 3.0), R::one());
@@ -55,19 +56,19 @@ impl<R: Real> Scheme<R> {
         )
     }
 
-    /// Implicit servos of stage 1: all servos with `implicit_forces`, else those of actuator dynamics alone. `predicted`: explicit forces
-    /// use the predicted velocity at [`Scheme::velocity_weight`].
+    /// Selection of the servos with implicit forces in stage 1: all servos with `implicit_forces`, otherwise only those of actuator
+    /// dynamics. If `predicted` is true, explicit forces use the predicted velocity at [`Scheme::velocity_weight`].
     pub(crate) fn servos(&self, predicted: bool) -> ImplicitServos<R> {
         ImplicitServos { weights: self.weights, h: self.h, all: self.implicit_forces, predicted }
     }
 
-    /// Weights of joint damping and stiffness. Without `implicit_forces`, damping is explicit in models that select it.
+    /// Weights of implicit joint damping and stiffness. Without `implicit_forces`, damping is explicit in models that select it.
     pub(crate) fn joints(&self, compiled: &LaneModel<R>) -> ImplicitWeights<R> {
         let explicit = compiled.explicit_damping && !self.implicit_forces;
         ImplicitWeights { damping: if explicit { R::zero() } else { self.weights.damping }, ..self.weights }
     }
 
-    /// Configuration at which springs and servos are evaluated.
+    /// Configuration at which springs and servos are evaluated: `ahead` if the scheme evaluates them later, otherwise `here`.
     pub(crate) fn springs_at<'a>(&self, here: &'a [R], ahead: &'a [R]) -> &'a [R] {
         if self.looks_ahead { ahead } else { here }
     }

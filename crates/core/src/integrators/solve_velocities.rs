@@ -1,4 +1,4 @@
-//! Stages 5 and 6: impulses and the velocity after the step.
+//! Stages 5 and 6 of a step: impulses of the constraints, and the velocity after the step.
 
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::Outcome;
@@ -22,15 +22,16 @@ use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::stages::s08_stabilise::{PositionInput, limit_baumgarte};
 use crate::tuning::{IMPACT_PASSES, MIN_NEWTON_STEPS_FOR_RETRY, ORDERED_PASSES, ROUGH_ITERATIONS, SATURATION_PASSES};
 
-/// Solves for the velocity after the step until it agrees with the problem.
+/// Solves for the velocity after the step, and repeats the solve until the solution is consistent with the assembled problem.
 ///
-/// In the motion of a solution no deferred contact may collide. After an impact, half of the inertial forces act at the velocity before the
-/// step, half at that of the solution. If either fails, colliding contacts become active or the free velocity is recomputed. The lanes
-/// are then solved again, for impacts at most three times. Impacts for which Newton's law of restitution has no plausible solution become
-/// inelastic. Their lanes are the second result: a shorter step resolves them.
+/// Three conditions must hold. No deferred contact, which the solver leaves out, may collide in the solved motion; colliding ones become
+/// active. After an impact, half of the inertial forces act at the velocity before the step and half at the solved velocity. If not, the
+/// free velocity is recomputed, at most three times. Impacts must have a plausible solution by Newton's law; otherwise they become
+/// inelastic.
 ///
-/// The assumed active bounds of stiff servos must be those of the solution. Another active bound changes the mass matrix, so that the
-/// problem is assembled and solved again, at most four times. Lanes that still disagree are in the second result too.
+/// The assumed active bounds of stiff servos must also be those of the solution. Another active bound changes the mass matrix, so that the
+/// problem is assembled and solved again, at most four times. The second result has the lanes that are still inconsistent, and those with
+/// impacts made inelastic. A shorter step resolves them.
 #[inline(always)]
 pub(crate) fn solve_velocities<R: Real>(
     place: Place<'_, R>,
@@ -44,7 +45,7 @@ pub(crate) fn solve_velocities<R: Real>(
     let Place { input: StepInput { compiled, .. }, evaluation: Evaluation { scheme, .. } } = place;
     let none = R::Mask::splat(false);
     let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };
-    // An assembly sets the lanes to solve and all of these but the number of reassemblies.
+    // Each assembly resets these variables; the number of reassemblies below is kept.
     let (mut lanes, mut inelastic, mut passes, mut impacts) = (none, none, 0, 0);
     let (mut begins, mut reassemblies) = (true, 0);
     let disagrees = loop {
@@ -54,7 +55,7 @@ pub(crate) fn solve_velocities<R: Real>(
             (lanes, inelastic, passes, impacts) = (problem.constrained, none, 0, 0);
         }
         let solved = probe.span(Span::Solve, || solve_lanes(place, lanes, problem, velocity));
-        // The effort of earlier assemblies does not count: another lane may have caused them.
+        // The effort of earlier assemblies is not counted, because another lane may have caused them.
         if begins {
             outcome = solved;
         } else {
@@ -79,7 +80,7 @@ pub(crate) fn solve_velocities<R: Real>(
                 break changed;
             }
             compute_free_motion(place, free, probe);
-            // All lanes are solved again. Those in which no active bound changed get the same bits.
+            // All lanes are solved again. Lanes in which no active bound changed get the same bits.
             (begins, reassemblies) = (true, reassemblies + 1);
         }
     };
@@ -89,9 +90,9 @@ pub(crate) fn solve_velocities<R: Real>(
     (outcome, inelastic.or(disagrees))
 }
 
-/// Updates the active bounds of servos to those of the solution. Returns the lanes in which any changed.
+/// Updates the active bounds of servos to those of the solution. Returns the lanes in which any bound changed.
 ///
-/// Without `may_change` they stay, and the result has the lanes in which any would change.
+/// If `may_change` is false, nothing is updated, and the result has the lanes in which a bound would change.
 fn update_active_bounds<R: Real>(
     place: Place<'_, R>,
     free: &mut FreeMotion<R>,
@@ -110,7 +111,7 @@ fn update_active_bounds<R: Real>(
 
 /// Solves the lanes `lanes`. Lanes that Newton's method leaves unsolved are solved again without curvature terms.
 ///
-/// In a jam the first solve cannot reach the targets, and its impulses diverge. The second solve starts from zero impulses.
+/// In a jam, the first solve cannot reach the target velocities, and its impulses diverge. The second solve starts from zero impulses.
 fn solve_lanes<R: Real>(
     place: Place<'_, R>,
     lanes: R::Mask,
@@ -131,7 +132,8 @@ fn solve_lanes<R: Real>(
     outcome
 }
 
-/// Bounds the velocity in lanes with a large Baumgarte bias, with a motion that is too fast for the step, or with an ambiguous energy.
+/// Limits the velocity in lanes with a large Baumgarte correction, with a motion that is too fast for the time step, or with an ambiguous
+/// energy.
 #[inline(always)]
 pub(crate) fn bound_velocities<R: Real>(
     place: Place<'_, R>,
@@ -152,11 +154,11 @@ pub(crate) fn bound_velocities<R: Real>(
     StepOutcome { solver: outcome, impulses_act, ambiguous, limited, infeasible, tunnelled: none, energy_unresolved: none }
 }
 
-/// Limits joint speeds in lanes whose motion is too fast for the step or whose energy is ambiguous.
+/// Limits joint speeds in lanes whose motion is too fast for the time step or whose energy is ambiguous.
 ///
 /// [`limit_energy`](crate::integrators::energy_guard::limit_energy) limits their energy after stage 8.
 ///
-/// Returns the ambiguous lanes and all limited lanes.
+/// Returns the lanes with ambiguous energy, and all limited lanes.
 #[inline(always)]
 fn limit_speed<R: Real>(
     place: Place<'_, R>,
@@ -177,10 +179,10 @@ fn limit_speed<R: Real>(
     [ambiguous, limited]
 }
 
-/// Counts the rows of the problem and the effort of the solver.
+/// Reports the number of rows and of solver iterations to the probe.
 #[inline(always)]
 fn count_effort<R: Real>(outcome: &Outcome<R>, problem: &ConstraintProblem<R>, probe: impl Probe) {
-    probe.count(Counter::ScalarRows, || problem.owners.len() as f64);
+    probe.count(Counter::ScalarRows, || problem.impulse_indices.len() as f64);
     probe.count(Counter::ContactSlots, || (problem.slots.len() + problem.rolling_slots.len()) as f64);
     let lanes = |x: R| (0..R::LANES).map(move |l| x.lane(l).to_f64());
     probe.count(Counter::Sweeps, || lanes(outcome.sweeps).sum());

@@ -1,4 +1,4 @@
-//! Outcome of a step, from which stage 10 makes its record.
+//! Outcome of a step, from which stage 10 computes its record.
 
 use stepper_real::{Mask, Real};
 use stepper_solve::{Outcome, System};
@@ -8,31 +8,31 @@ use crate::constraints::equality_violation::max_equality_violation;
 use crate::integrators::step_values::{FreeMotion, StepInput};
 use crate::stages::s10_record::{DEEP, EQUALITY_VIOLATED, OVER_LIMIT, Record, depth, limit_overshoot};
 
-/// Outcome of the solver and lane sets of a step.
+/// Outcome of the solver in a step, and sets of lanes with problems.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StepOutcome<R: Real> {
-    /// Residual and effort of the solver.
+    /// Residual and number of iterations of the solver.
     pub(crate) solver: Outcome<R>,
     /// Whether constraint impulses changed any velocity.
     pub(crate) impulses_act: bool,
-    /// Lanes in which the effect of the residual on the kinetic energy is not small.
+    /// Lanes in which the residual may change the kinetic energy noticeably.
     pub(crate) ambiguous: R::Mask,
-    /// Lanes whose speed and energy are limited: the ambiguous ones, and those whose motion is too fast for the step.
+    /// Lanes whose speed and energy were limited: those with ambiguous energy, and those whose motion is too fast for the time step.
     pub(crate) limited: R::Mask,
-    /// Lanes in which impulses prove that no bounded correction removes the position errors.
+    /// Lanes in which the impulses prove that no bounded correction can remove the position errors.
     pub(crate) infeasible: R::Mask,
-    /// Lanes in which a geom may have passed through a thin one.
+    /// Lanes in which one geom may have passed through another.
     pub(crate) tunnelled: R::Mask,
-    /// Lanes with an untrustworthy kinetic energy after the step.
+    /// Lanes with an unreliable kinetic energy after the step.
     ///
-    /// Either the integration error adds energy because the time step is too large, or the engine replaced impacts without a plausible
+    /// Either the integration error adds energy because the time step is too large, or the step replaced impacts without a plausible
     /// elastic solution by inelastic ones.
     pub(crate) energy_unresolved: R::Mask,
 }
 
-/// Residual, or the largest unmet target velocity of a row that cannot move, whichever is larger.
+/// Larger of the solver's residual and the largest unmet target velocity of an immovable row, m/s.
 ///
-/// Rows without mobility and dependent rows are not part of the solve.
+/// Rows that nothing can move and dependent rows are not part of the solve.
 #[inline(always)]
 fn with_blocked_rows<R: Real>(problem: &ConstraintProblem<R>, residual: R) -> R {
     if !problem.may_have_immovable_rows {
@@ -47,7 +47,8 @@ fn with_blocked_rows<R: Real>(problem: &ConstraintProblem<R>, residual: R) -> R 
     )
 }
 
-/// Stage 10: status and record of the step whose next state is that of `input`. `finite` marks the lanes in which the step was accepted.
+/// Computes stage 10: status and record of the step. `input` has the state after the step; `finite` marks the lanes in which the step was
+/// accepted.
 #[inline(always)]
 pub(crate) fn record<R: Real>(
     input: StepInput<'_, R>,
@@ -61,7 +62,7 @@ pub(crate) fn record<R: Real>(
     let active = &problem.active_equalities;
     let violation = max_equality_violation(compiled, active, &state.q, &inputs.mocap_trajectories, state.elapsed);
     let violation = R::select(finite, violation, R::zero());
-    // A rejected step has no residual: its value would depend on which numbers are NaN.
+    // A rejected step has no residual, because its value would depend on which numbers are NaN.
     let residual = R::select(finite, with_blocked_rows(problem, outcome.solver.residual), R::zero());
     let unsolved = outcome.ambiguous.or(alive.and_not(residual.le(R::of(options.tolerance))));
     Record {

@@ -1,12 +1,12 @@
-//! Motion that is too fast for the time step.
+//! Guard against motion that is too fast for the time step.
 //!
-//! Inertial forces are quadratic in the velocity. The step evaluates them explicitly, with one corrector pass. If a joint rotates by a
-//! large part of a radian per step, this pass may diverge. The forces of a wrong velocity then produce a larger one, until the numbers
+//! Inertial forces are quadratic in the velocity. The step evaluates them explicitly, with one corrector iteration. If a joint rotates by a
+//! large part of a radian per step, the corrector may diverge. The forces of a wrong velocity then produce a larger one, until the numbers
 //! overflow.
 //!
-//! Such a step omits the inertial forces and sets status UNRESOLVED. Two bounds then hold by rescaling the velocity. The kinetic energy is
-//! at most that before the step plus the work of all other forces, without positive work of contacts. No joint except a slide leaves the
-//! step with more than one radian per step.
+//! Such a step omits the inertial forces and sets status UNRESOLVED. In addition, the velocity is scaled down so that two bounds hold. The
+//! kinetic energy is at most that before the step plus the work of all other forces, without positive work of contacts. No joint except a
+//! slide leaves the step with more than one radian per step.
 //!
 //! A step that passes this test may still gain energy, because its inertial forces use an estimated velocity. The whip of a chain may gain
 //! a tenth within 0.1 s. If the corrector changes the velocity by a twentieth, the step computes its energy balance
@@ -31,7 +31,8 @@ use crate::tuning::{
 
 /// Lanes in which the corrector has not converged, and lanes that need an energy balance.
 ///
-/// `v` and `v_free` are the velocity before the step and the free velocity, `change` is the change of `v_free` by the corrector.
+/// `v` and `v_free` are the velocity before the step and the free velocity; `change` is the change of `v_free` by the corrector. All are
+/// generalized velocities.
 pub fn assess_corrector<R: Real>(compiled: &LaneModel<R>, v: &[R], v_free: &[R], change: &[R], h: R) -> [R::Mask; 2] {
     R::vectorize(
         #[inline(always)]
@@ -44,7 +45,7 @@ pub fn assess_corrector<R: Real>(compiled: &LaneModel<R>, v: &[R], v_free: &[R],
             let (mut speed, mut largest_change) = (R::zero(), R::zero());
             for i in 0..compiled.nv {
                 speed = speed.max(v[i].abs()).max(v_free[i].abs());
-                // Unlike max, this keeps a NaN.
+                // Unlike `max`, this propagates a NaN.
                 largest_change = R::select(change[i].abs().le(largest_change), largest_change, change[i].abs());
             }
             let fast = turn.gt(R::of(FAST_ROTATION));
@@ -58,7 +59,8 @@ pub fn assess_corrector<R: Real>(compiled: &LaneModel<R>, v: &[R], v_free: &[R],
 
 /// Lanes in which constraint impulses rotate a hinge or ball joint by more than half a turn per step.
 ///
-/// The joint must also be faster than any joint in `v`, before the step, and in `v_free`, without constraints.
+/// In addition, the joint must be faster than every joint in `v`, the velocity before the step, and in `v_free`, the velocity without
+/// constraints.
 pub fn diverging<R: Real>(compiled: &LaneModel<R>, [v, v_free]: [&[R]; 2], v_next: &[R], h: R) -> R::Mask {
     R::vectorize(
         #[inline(always)]
@@ -78,7 +80,7 @@ pub fn diverging<R: Real>(compiled: &LaneModel<R>, [v, v_free]: [&[R]; 2], v_nex
     )
 }
 
-/// Largest angular velocity of a joint, rad/s.
+/// Largest angular velocity of any joint, rad/s.
 #[inline(always)]
 fn max_joint_rate<R: Real>(compiled: &LaneModel<R>, v: &[R]) -> R {
     let mut turn = R::zero();
@@ -91,7 +93,7 @@ fn max_joint_rate<R: Real>(compiled: &LaneModel<R>, v: &[R]) -> R {
     turn
 }
 
-/// Scales `v` down in `lanes` until the fastest joint rotates by at most one radian per step.
+/// Scales `v` down in the lanes `lanes`, so that the fastest joint rotates by at most one radian per step.
 pub fn limit_joint_rates<R: Real>(compiled: &LaneModel<R>, lanes: R::Mask, h: R, v: &mut [R]) {
     R::vectorize(
         #[inline(always)]
@@ -106,7 +108,7 @@ pub fn limit_joint_rates<R: Real>(compiled: &LaneModel<R>, lanes: R::Mask, h: R,
     )
 }
 
-/// Kinetic energy of bodies and rotors at the configuration of `kinematics`, J.
+/// Kinetic energy of bodies and armatures at the configuration of `kinematics`, J.
 fn kinetic_energy_with_rotors<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], velocity: &mut [V6<R>]) -> R {
     R::vectorize(
         #[inline(always)]
@@ -124,7 +126,7 @@ fn kinetic_energy_with_rotors<R: Real>(compiled: &LaneModel<R>, kinematics: &Kin
 /// Workspace of the energy balance and of the energy limit.
 #[derive(Clone, Debug)]
 pub struct StepResolution<R: Real> {
-    /// Configuration after the step before corrections, nq.
+    /// Configuration after the step before position corrections, nq.
     pub(crate) q_end: Vec<R>,
     /// Limited velocity after the step, nv.
     pub(crate) v_limited: Vec<R>,
@@ -133,7 +135,7 @@ pub struct StepResolution<R: Real> {
     kinematics: Kinematics<R>,
     velocity: Vec<V6<R>>,
     change: Vec<V6<R>>,
-    /// Mean velocity of the step and its change, nv each.
+    /// Mean velocity of the step, and change of the velocity in it, nv each.
     mean: [Vec<R>; 2],
     newton_euler: NewtonEuler<R>,
     /// Whether each link is alone in its tree, on a free or ball joint.
@@ -158,7 +160,7 @@ impl<R: Real> StepResolution<R> {
         }
     }
 
-    /// Lanes in which the error of a step of `h` seconds adds enough kinetic energy to make the step unresolved.
+    /// Lanes in which the error of a step of `h` seconds adds so much kinetic energy that the step counts as unresolved.
     ///
     /// The work of forces and impulses f is f . (v + v+) / 2, and f = M (v+ - v) + h c. M is the mass matrix and c the inertial force, both
     /// in the `middle` and at the velocity `v_mean`. The energy gained by the error of the step is therefore
@@ -223,7 +225,7 @@ impl<R: Real> StepResolution<R> {
         )
     }
 
-    /// Fills with NaN what a step computes before it reads it.
+    /// Fills the vectors that a step must compute before it reads them with NaN, for tests.
     pub(crate) fn poison(&mut self) {
         [&mut self.q_end, &mut self.v_limited, &mut self.v_forces].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
     }
@@ -236,7 +238,7 @@ impl<R: Real> StepResolution<R> {
         }
     }
 
-    /// Kinetic energy of rotors and of the links that are not alone in their tree, J.
+    /// Kinetic energy of armatures, and of the links that are not alone in their tree, J.
     #[inline(always)]
     fn kinetic_energy_of_chains(&mut self, compiled: &LaneModel<R>, [q, v]: [&[R]; 2]) -> R {
         self.kinematics.update(compiled, q);
@@ -253,10 +255,10 @@ impl<R: Real> StepResolution<R> {
         twice * R::of(0.5)
     }
 
-    /// Scales the velocity `v` after the step down, in `lanes`, until the energy balance holds, and writes it to `v_limited`.
+    /// Scales the velocity `v` after the step down, in the lanes `lanes`, until the energy bound holds. Writes it to `v_limited`.
     ///
-    /// The allowed kinetic energy is that of the state `before` plus the work of the step with the inertia of `middle`. Constraints changed
-    /// `v_free` to `v`; their work counts only if it is negative. States are (q, v).
+    /// The allowed kinetic energy is that of the state `before` plus the work of forces in the step, with the mass matrix of `middle`.
+    /// Constraints changed `v_free` to `v`; their work counts only if it is negative. States are (q, v).
     pub fn limit_energy(
         &mut self,
         compiled: &LaneModel<R>,

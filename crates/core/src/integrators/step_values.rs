@@ -1,4 +1,4 @@
-//! Values of a step up to its constraint problem: state, input, evaluation point and free motion.
+//! Values of a step up to its constraint problem: state, inputs, evaluation point and free motion.
 
 use stepper_real::{Mask, Real};
 
@@ -16,8 +16,8 @@ use crate::math::spatial::*;
 use crate::options::StepSettings;
 use crate::stages::s02_smooth::Smooth;
 
-/// State of a group of lanes. A step passes it to the next, with the impulses of scalar rows ([`VelocitySolution::scalar_impulse`]) and
-/// the memories of sensors and actuator pipelines.
+/// State of a group of lanes, which a step hands over to the next. The impulses of scalar rows ([`VelocitySolution::scalar_impulse`]) and
+/// the memories of sensors and actuator pipelines are stored elsewhere.
 ///
 /// [`VelocitySolution::scalar_impulse`]: crate::constraints::VelocitySolution::scalar_impulse
 #[derive(Clone, Debug)]
@@ -28,28 +28,28 @@ pub(crate) struct State<R: Real> {
     pub(crate) v: Vec<R>,
     /// Activations, na.
     pub(crate) act: Vec<R>,
-    /// Contacts of the last step: the warm start of the next.
+    /// Contacts of the last step with their impulses, the warm start of the next.
     pub(crate) contacts: Contacts<R>,
-    /// Impulse of all constraints of the last step on the joints, nv.
+    /// Generalized impulse of all constraints in the last step, nv.
     pub(crate) impulse: Vec<R>,
-    /// Simulated time of every lane, s: in 64 bits, since it is a sum of many steps.
+    /// Simulated time of every lane, s, in 64 bits because it is a sum of many steps.
     pub(crate) time: Vec<f64>,
-    /// Time since the call began, s. The poses of mocap bodies follow from it.
+    /// Time since the beginning of the call, s. It determines the poses of mocap bodies.
     pub(crate) elapsed: f64,
 }
 
-/// Input of a step: model, settings, state and inputs. After the step is accepted, `state` is the next state.
+/// Input of a step: model, settings, state and user inputs. After the step is accepted, `state` is the next state.
 #[derive(Clone, Copy)]
 pub(crate) struct StepInput<'a, R: Real> {
     pub(crate) compiled: &'a LaneModel<R>,
     pub(crate) options: &'a StepSettings,
     pub(crate) state: &'a State<R>,
     pub(crate) inputs: &'a Inputs<R>,
-    /// Lanes that hold an environment.
+    /// Lanes that have an environment.
     pub(crate) alive: R::Mask,
 }
 
-/// Evaluation point of a step, with the step's input. Stages 4 to 8 do not move it.
+/// Input of a step together with its evaluation point, which stages 4 to 8 do not move.
 #[derive(Clone, Copy)]
 pub(crate) struct Place<'a, R: Real> {
     pub(crate) input: StepInput<'a, R>,
@@ -57,7 +57,7 @@ pub(crate) struct Place<'a, R: Real> {
 }
 
 impl<'a, R: Real> Place<'a, R> {
-    /// State at which forces are evaluated. Velocity-dependent forces that are not implicit use the velocity `v_at`.
+    /// State at which forces are evaluated. Explicit velocity-dependent forces use the velocity `v_at`.
     pub(crate) fn forces_at(&self, v_at: &'a [R]) -> ForceState<'a, R> {
         let Place { input: StepInput { state, inputs, .. }, evaluation: Evaluation { scheme, q, q_ahead, act, .. } } = *self;
         let Inputs { ctrl, actuator_dynamics, .. } = inputs;
@@ -65,28 +65,28 @@ impl<'a, R: Real> Place<'a, R> {
     }
 }
 
-/// Point in the step at which forces, contacts and rows are evaluated.
+/// Evaluation point of a step: the time at which forces, contacts and rows are evaluated, and the poses there.
 #[derive(Clone, Debug)]
 pub(crate) struct Evaluation<R: Real> {
     /// Scheme of the step, with the evaluation time of each lane.
     pub(crate) scheme: Scheme<R>,
-    /// Lanes that are evaluated at the start of the step in spite of the midpoint rule, because their bodies are fast.
+    /// Lanes that are evaluated at the beginning of the step despite the midpoint rule, because their bodies are fast.
     pub(crate) at_start: R::Mask,
-    /// Configuration at which everything is evaluated, nq.
+    /// Configuration at the evaluation point, nq.
     pub(crate) q: Vec<R>,
     /// Configuration at which the implicit rule evaluates springs and servos, nq.
     pub(crate) q_ahead: Vec<R>,
-    /// Activations at which forces are evaluated, na.
+    /// Activations at the evaluation point, na.
     pub(crate) act: Vec<R>,
     /// Poses at `q`.
     pub(crate) kinematics: Kinematics<R>,
-    /// Poses of the geoms, with the cache of collision detection.
+    /// Poses of the geoms, and the workspace of collision detection.
     pub(crate) poses: GeomPoses<R>,
     /// Contacts at `q`.
     pub(crate) contacts: Contacts<R>,
-    /// Impacts of the step.
+    /// Impacts within the step.
     pub(crate) impacts: Impacts<R>,
-    /// Overlaps of the nominal step, while the step is differentiated.
+    /// Overlaps of the step that is being differentiated; `None` in a normal step.
     pub(crate) solved_overlaps: Option<Box<SolvedOverlaps<R>>>,
 }
 
@@ -108,14 +108,14 @@ impl<R: Real> Evaluation<R> {
         }
     }
 
-    /// Fills with NaN the vectors that a step computes before it reads them.
+    /// Fills the vectors that a step must compute before it reads them with NaN, for tests.
     pub(super) fn poison(&mut self) {
         let Self { q, q_ahead, act, .. } = self;
         [q, q_ahead, act].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
     }
 
-    /// Closes gaps of rounding in single precision, chooses the tangents of the contacts, and copies the impulses of the same contacts in
-    /// `last`. Overwrites `last`.
+    /// Sets gaps within rounding to zero in single precision, chooses the tangents of the contacts, and copies the impulses of the same
+    /// contacts from `last`. Overwrites `last`.
     #[inline(always)]
     pub(crate) fn match_contacts(&mut self, compiled: &LaneModel<R>, last: &mut Contacts<R>) {
         self.contacts.close_rounded_gaps(norm(compiled.params.gravity()) * self.scheme.h * self.scheme.h);
@@ -123,23 +123,23 @@ impl<R: Real> Evaluation<R> {
     }
 }
 
-/// Motion without constraints and the forces that cause it, with what the step expects of its constraints.
+/// Free motion of the step (without constraints), the forces that cause it, and the predicted effect of the constraints.
 #[derive(Clone, Debug)]
 pub(crate) struct FreeMotion<R: Real> {
     /// Mass matrix, bias forces and acceleration.
     pub(crate) smooth: Smooth<R>,
-    /// Forces of actuators and springs.
+    /// Forces of actuators and joint springs.
     pub(crate) actuator_forces: ActuatorForces<R>,
-    /// Generalized forces that the user applies, nv.
+    /// Generalized forces that the user applied, nv.
     pub(crate) applied: Vec<R>,
     /// Velocity after the step without constraints, nv.
     pub(crate) v: Vec<R>,
-    /// Predicted velocity after the step, nv. Velocity-dependent forces are evaluated between the velocity before the step and this one
+    /// Predicted velocity after the step, nv. Velocity-dependent forces are evaluated between this and the velocity before the step
     /// ([`Scheme::velocity_weight`]).
     pub(crate) v_expected: Vec<R>,
-    /// Impulse of the step's constraints on the joints, nv.
+    /// Generalized impulse of the step's constraints, nv.
     pub(crate) impulse: Vec<R>,
-    /// Lanes whose motion the time step does not resolve.
+    /// Lanes whose motion is too fast for the time step.
     pub(crate) unresolved: R::Mask,
     /// Lanes whose motion is so fast that the error of the time step may add energy.
     pub(crate) may_gain: R::Mask,
@@ -147,31 +147,31 @@ pub(crate) struct FreeMotion<R: Real> {
     pub(crate) scratch: Scratch<R>,
 }
 
-/// Scratch buffers of the free motion, each named after its usual content, nv. A function that reads one has filled it before.
+/// Scratch buffers of the free motion, each named after its usual content, nv. A function fills a buffer before it reads it.
 #[derive(Clone, Debug)]
 pub(crate) struct Scratch<R: Real> {
-    /// Change of the velocity by the impulses of constraints.
+    /// Change of the velocity by constraint impulses.
     pub(crate) velocity_by_impulses: Vec<R>,
-    /// Change of the velocity in the step.
+    /// Change of the velocity from before to after the step.
     pub(crate) velocity_change: Vec<R>,
-    /// Impulses on the joints.
+    /// Generalized impulses.
     pub(crate) impulse: Vec<R>,
     /// Velocity at which velocity-dependent forces are evaluated.
     pub(crate) v_mean: Vec<R>,
-    /// Mean velocity of the step, or the velocity before it in lanes without inertial forces.
+    /// Mean velocity of the step; in lanes without inertial forces the velocity before the step.
     pub(crate) v_forces: Vec<R>,
     /// Free velocity with recomputed forces.
     pub(crate) v_free_corrected: Vec<R>,
-    /// Difference between the corrected and the previous free velocity.
+    /// Difference between the recomputed and the previous free velocity.
     pub(crate) free_change: Vec<R>,
-    /// Free velocity after the first half of the step, or at an impact, nv.
+    /// Free velocity after the first half of the step, or at an impact.
     pub(crate) v_half: Vec<R>,
     /// Velocity before impacts, or its change.
     pub(crate) before_impact: Vec<R>,
 }
 
 impl<R: Real> Scratch<R> {
-    /// Fills all buffers with NaN.
+    /// Fills all buffers with NaN, for tests.
     pub(crate) fn poison(&mut self) {
         let Self { velocity_by_impulses, velocity_change, impulse, v_mean, v_forces, v_free_corrected, free_change, v_half, before_impact } =
             self;
@@ -208,7 +208,7 @@ impl<R: Real> FreeMotion<R> {
         }
     }
 
-    /// Fills with NaN the vectors that a step computes before it reads them.
+    /// Fills the vectors that a step must compute before it reads them with NaN, for tests.
     pub(super) fn poison(&mut self) {
         let Self { applied, v, v_expected, impulse, scratch, .. } = self;
         [applied, v, v_expected, impulse].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));

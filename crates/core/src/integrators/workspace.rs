@@ -1,4 +1,4 @@
-//! Workspace of a step: all of its values, each in a buffer that a worker allocates once.
+//! Workspace of a step: all of its values, in buffers that a worker allocates once.
 
 use stepper_real::{Mask, Real};
 
@@ -19,29 +19,29 @@ use crate::math::spatial::*;
 use crate::options::{ContactLaw, Integrator, StepSettings};
 use crate::sensing::{SensorWorkspace, errors};
 
-/// Workspace of the sensors.
+/// Workspace of the sensors in a step.
 #[derive(Clone, Debug)]
 pub(crate) struct Sensors<R: Real> {
-    /// Readings, and intermediate results that sensors share.
+    /// Readings, and intermediate results that several sensors share.
     pub(crate) workspace: SensorWorkspace<R>,
-    /// Forces of the actuators at the state that is read.
+    /// Forces of the actuators at the state that the sensors read.
     pub(crate) actuator_forces: ActuatorForces<R>,
     /// Acceleration (v+ - v) / h of the last step, nv.
     pub(crate) acceleration: Vec<R>,
-    /// Workspace of the error models, made with the first.
+    /// Workspace of the error models; `None` until the first reading.
     pub(crate) error_work: Option<errors::Work<R>>,
 }
 
-/// Workspace of a step: its state, its input and the value of every pass. A worker makes it once and uses it for every group.
+/// Workspace of a step: state, inputs and all intermediate results. A worker creates it once and uses it for every group.
 #[derive(Clone, Debug)]
 pub struct Workspace<R: Real> {
     pub(crate) state: State<R>,
     pub(crate) inputs: Inputs<R>,
-    /// Controls before the actuator pipelines, nu. Without pipelines the controls are in `inputs` alone.
+    /// Controls before the actuator pipelines, nu. Without pipelines, the controls are in `inputs` only.
     pub(crate) user_controls: Vec<R>,
-    /// Lanes that hold an environment.
+    /// Lanes that have an environment.
     pub(crate) alive: R::Mask,
-    /// Whether the workspace already holds the state of the group that is stepped.
+    /// Whether the workspace already contains the state of the group that will be stepped next.
     pub(crate) current: bool,
     pub(crate) evaluation: Evaluation<R>,
     pub(crate) free_motion: FreeMotion<R>,
@@ -50,13 +50,13 @@ pub struct Workspace<R: Real> {
     pub(crate) velocity: VelocitySolution<R>,
     pub(crate) position: PositionSolution<R>,
     pub(crate) sensors: Sensors<R>,
-    /// Search for the contacts that the solved motion closes.
+    /// Search for the deferred contacts (left out of the solve) whose gap the solved motion closes.
     pub(crate) collisions: CollisionSearch<R>,
-    /// Energy balance of motions that are too fast for the step.
+    /// Energy balance and limits of motions that are too fast for the time step.
     pub(crate) step_resolution: StepResolution<R>,
-    /// Runge-Kutta scheme with hard contact.
+    /// Runge-Kutta method with hard contact; `None` with other integrators.
     pub(crate) rk4: Option<Rk4<R>>,
-    /// Integrators of MuJoCo's contact law.
+    /// Integrators for MuJoCo's contact law.
     pub(crate) mujoco: MujocoWorkspace<R>,
 }
 
@@ -98,15 +98,15 @@ impl<R: Real> Workspace<R> {
         }
     }
 
-    /// Updates the poses of the geoms of the world, after their parameters have changed.
+    /// Updates the poses of geoms that are fixed to the world, after a change of their parameters.
     pub(crate) fn update_static_poses(&mut self, compiled: &LaneModel<R>) {
         self.evaluation.poses.update_static_poses(compiled);
     }
 
-    /// Fills with NaN the vectors that a step computes before it reads them, as Drake's `icf_data.h` does.
+    /// Fills the vectors that a step must compute before it reads them with NaN, as Drake's `icf_data.h` does.
     ///
-    /// Numbers of the last step are then not mistaken for those of this step. Kinematics, contacts, mass matrix, actuator forces and
-    /// constraint rows are not filled.
+    /// A test then detects reads of results of the last step. Kinematics, contacts, mass matrix, actuator forces and constraint rows are
+    /// not filled.
     pub(crate) fn poison(&mut self) {
         self.evaluation.poison();
         self.free_motion.poison();

@@ -1,33 +1,33 @@
-//! List of the contacts of a step for the sensors.
+//! List of the contacts of a step, as input of the contact sensors.
 
 use crate::math::lanes::MAX_LANES;
 
-/// Contact of one lane.
+/// Contact in one lane, as input of the contact sensors.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Contact {
-    /// Geoms of the model, and their bodies.
+    /// Indices of the two geoms in the model; below it the indices of their bodies.
     pub(super) geoms: [usize; 2],
     pub(super) bodies: [usize; 2],
     pub(super) distance: f64,
     pub(super) pos: [f64; 3],
-    /// Normal and tangents.
+    /// Unit axes of the contact in world axes: the normal and the two tangents.
     pub(super) axes: [[f64; 3]; 3],
-    /// Force along these axes on the second body, N.
+    /// Force on the second body along these axes, N.
     pub(super) force: [f64; 3],
-    /// Torque about these axes, N m.
+    /// Torque on the second body about these axes, N m.
     pub(super) torque: [f64; 3],
 }
 
-/// Contacts of a step for the sensors, lane by lane.
+/// Contacts of a step in all lanes, as input of the sensors.
 #[derive(Clone, Debug)]
-pub(crate) struct Felt {
+pub(crate) struct SensedContacts {
     pub(super) contacts: Vec<Contact>,
-    /// Offsets of the contacts of every lane.
+    /// Offset of each lane's contacts in the list; the last entry is its length.
     pub(super) ends: [usize; MAX_LANES + 1],
 }
 
-impl Felt {
-    /// Workspace for `most` contacts of all lanes.
+impl SensedContacts {
+    /// Workspace for at most `most` contacts in all lanes together.
     pub(super) fn new(most: usize) -> Self {
         Self { contacts: Vec::with_capacity(most), ends: [0; MAX_LANES + 1] }
     }

@@ -25,7 +25,7 @@ pub use crate::sensing::errors::observe::{Slots, Work};
 pub use crate::sensing::errors::transfer::Transfer;
 use crate::sensing::errors::transfer::any;
 
-/// Number of a sensor that may differ between environments, in the order of the table.
+/// Parameter of a sensor's transfer function that may differ between environments, in the order of the table.
 #[derive(Clone, Copy)]
 enum Number {
     Scale,
@@ -47,13 +47,13 @@ enum Number {
 
 const NUMBERS: usize = 15;
 
-/// Sensor with errors.
+/// Sensor with a transfer function: its sizes, options, and addresses.
 #[derive(Clone, Debug)]
 struct Imperfect<S> {
     sensor: usize,
     at: usize,
     dim: usize,
-    /// Number of components of bias, drift and noise: three if they are a rotation.
+    /// Number of components of bias, drift and noise: three if the error is a rotation, otherwise the number of channels.
     freedom: usize,
     quantity: Quantity,
     matrix: Vec<S>,
@@ -68,42 +68,43 @@ struct Imperfect<S> {
     sampled: bool,
     lossy: bool,
     jittery: bool,
-    /// Address of the sensor's numbers in the memory: matrix, bias, drift, phase, delay line or held sample.
+    /// Address of the sensor's stored values: matrix, bias, drift, phase, and delay line or previous sample.
     memory: usize,
-    /// Address of the sensor's random numbers in a step.
+    /// Offset of the sensor's random numbers among those of a step.
     draws: usize,
-    /// Number of samples of the delay line; 0 without one.
+    /// Length of the delay line in samples; 0 without a delay.
     line: usize,
-    /// Whether delays between two samples are interpolated. Staircases and readings that may be absent have no values in between.
+    /// Whether delayed readings are interpolated between two samples. False for quantised or held readings and for those that may be
+    /// missing.
     smooth: bool,
 }
 
-/// Transfer functions of a model's sensors in a batch.
+/// Transfer functions of a model's sensors, for all environments of a batch.
 #[derive(Clone, Debug)]
 pub struct Errors<S> {
     sensors: Vec<Imperfect<S>>,
-    /// Addresses of the readings of ideal sensors.
+    /// Addresses of the readings of ideal sensors, which are copied.
     ideal: Vec<usize>,
-    /// Numbers of every sensor: lane-interleaved for every group of lanes, or once if they are the same in all environments.
+    /// Parameters of every sensor: one table for every group of lanes, or one table for all environments.
     tables: Vec<Vec<S>>,
-    /// Number of lanes of a row of the tables: 1 if all environments have the same numbers.
+    /// Number of values per parameter in a table: 1 if all environments have the same, otherwise the number of lanes.
     lanes: usize,
-    /// Memory that survives a step, in numbers per lane.
+    /// Number of stored values per lane that persist between steps.
     pub memory: usize,
     /// Number of delay lines.
     pub lines: usize,
-    /// Number of random numbers of a step.
+    /// Number of random numbers that a step draws per lane.
     draws: usize,
 }
 
-/// Numbers of a group of lanes, of all sensors or of one.
+/// Parameters of the transfer functions for a group of lanes, of all sensors or of one.
 struct Numbers<'a, S> {
     rows: &'a [S],
     lanes: usize,
 }
 
 impl<S: Scalar> Numbers<'_, S> {
-    /// Numbers of one sensor.
+    /// Parameters of the sensor with number `sensor` among those with errors.
     #[inline(always)]
     fn of(&self, sensor: usize) -> Self {
         Numbers { rows: &self.rows[sensor * NUMBERS * self.lanes..], lanes: self.lanes }
@@ -116,12 +117,12 @@ impl<S: Scalar> Numbers<'_, S> {
 }
 
 impl<S: Scalar> Errors<S> {
-    /// Delay lines of the sensors that are not ideal, as places in the memory; without samples for sensors without delay.
+    /// Position of each sensor's delay line in the stored values, for all sensors with errors. A sensor without delay has an empty line.
     pub fn delay_lines(&self) -> impl Iterator<Item = DelayLine> {
         self.sensors.iter().map(|s| DelayLine { at: s.line_at(), samples: s.line, width: s.dim })
     }
 
-    /// Transfer functions from `transfers`, with an entry for every sensor of the model, `None` for ideal ones.
+    /// Creates the transfer functions from `transfers`, with one entry for every sensor of the model; `None` is an ideal sensor.
     ///
     /// # Errors
     /// The first number out of its range, with the sensor's name.
@@ -151,12 +152,12 @@ impl<S: Scalar> Errors<S> {
         Ok(errors)
     }
 
-    /// Numbers of a group of lanes.
+    /// Parameters of all sensors for the group with index `group`.
     fn table(&self, group: usize) -> Numbers<'_, S> {
         Numbers { rows: &self.tables[if self.tables.len() == 1 { 0 } else { group }], lanes: self.lanes }
     }
 
-    /// Sensors that are not ideal, by their index in the model.
+    /// Indices in the model of the sensors with errors.
     pub fn sensors(&self) -> impl Iterator<Item = usize> {
         self.sensors.iter().map(|s| s.sensor)
     }
@@ -167,7 +168,7 @@ impl<S: Scalar> Errors<S> {
     }
 }
 
-/// Table row of one environment.
+/// Row of the parameter table for environment `env`. `h` is the time step, s.
 fn numbers(t: &Transfer, env: usize, h: f64) -> [f64; NUMBERS] {
     let of = |x: &[f64]| x[env % x.len()];
     let (drift, tau) = (of(&t.drift_std), of(&t.drift_time));
@@ -221,16 +222,16 @@ impl<S: Scalar> Imperfect<S> {
             jittery: any(&t.jitter),
             memory,
             draws,
-            // Samples from the newest to the oldest one that is read.
+            // Number of samples from the newest one to the oldest one that a delayed reading needs.
             line: if delay > 0.0 { delay.ceil() as usize + 1 } else { 0 },
             smooth: !any(&t.period) && quantity != Quantity::Positive,
         }
     }
 
-    /// Number of random numbers that a step needs, and number of normal ones among them, which come first.
+    /// Number of random numbers that the sensor needs in a step, and number of normal ones among them, which come first.
     ///
-    /// The normal numbers are those of the drift, then the Gaussian noise of a sample. Two uniform ones for dropout and jitter follow, then
-    /// those of uniform noise.
+    /// The normal numbers are for the drift, then for Gaussian noise if the sensor is `sampling`. Two uniform ones for dropout and jitter
+    /// follow, then those for uniform noise.
     #[inline(always)]
     fn draws_of(&self, sampling: bool) -> (usize, usize) {
         let drift = self.noise_at();
@@ -243,19 +244,20 @@ impl<S: Scalar> Imperfect<S> {
         }
     }
 
-    /// Offset of the Gaussian noise among the random numbers.
+    /// Offset of the numbers for Gaussian noise among the sensor's random numbers of a step.
     #[inline(always)]
     fn noise_at(&self) -> usize {
         if self.drifts { self.freedom } else { 0 }
     }
 
-    /// Offset of the two numbers for dropout and jitter. Normal numbers come in pairs.
+    /// Offset of the two numbers for dropout and jitter among the sensor's random numbers. It is even, because normal numbers are drawn in
+    /// pairs.
     #[inline(always)]
     fn timing_at(&self) -> usize {
         (self.noise_at() + if self.noisy && !self.uniform { self.freedom } else { 0 }).next_multiple_of(2)
     }
 
-    /// Offset of the uniform noise.
+    /// Offset of the numbers for uniform noise among the sensor's random numbers of a step.
     #[inline(always)]
     fn uniform_at(&self) -> usize {
         self.timing_at() + if self.lossy || self.jittery { 2 } else { 0 }
@@ -281,7 +283,7 @@ impl<S: Scalar> Imperfect<S> {
         self.drift_at() + if self.drifts { self.freedom } else { 0 }
     }
 
-    /// Address of the delay line, or of the held sample.
+    /// Address of the sensor's delay line, or of its previous sample without a delay.
     fn line_at(&self) -> usize {
         self.phase_at() + usize::from(self.sampled)
     }

@@ -1,4 +1,4 @@
-//! Poses, velocities and accelerations of frames.
+//! Poses, velocities and accelerations of sensor frames.
 
 use stepper_real::Real;
 
@@ -9,7 +9,7 @@ use crate::math::spatial::*;
 use crate::model::{FrameReading, JointKind};
 use crate::sensing::{SensorInput, SensorWorkspace};
 
-/// Orientation of every link as a quaternion: products along the tree, so that the sign is that of the coordinates.
+/// Computes the orientation of every link as a quaternion: a product along the tree, so that its sign follows that of the coordinates `q`.
 pub fn orientations<R: Real>(compiled: &LaneModel<R>, q: &[R], out: &mut [[R; 4]]) {
     R::vectorize(
         #[inline(always)]
@@ -34,7 +34,8 @@ pub fn orientations<R: Real>(compiled: &LaneModel<R>, q: &[R], out: &mut [[R; 4]
     )
 }
 
-/// Velocities and accelerations of the links: the forward half of recursive Newton-Euler (Featherstone 2008, section 5.3).
+/// Computes the velocities and accelerations of all links: forward pass of the recursive Newton-Euler algorithm (Featherstone 2008, section
+/// 5.3).
 pub(super) fn accelerations<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -52,7 +53,7 @@ pub(super) fn accelerations<R: Real>(
                 for joint in &compiled.joints[link.joints.clone()] {
                     let mut rotations = joint.v..joint.v + joint.kind.nv();
                     if joint.kind == JointKind::Free {
-                        // The axes of the world do not turn with the body.
+                        // The translation axes of a free joint are world axes, which do not rotate with the body.
                         for d in joint.v..joint.v + 3 {
                             motion = add_scaled(motion, kinematics.axes[d], input.v[d]);
                             change = add_scaled(change, kinematics.axes[d], input.acceleration[d]);
@@ -74,13 +75,13 @@ pub(super) fn accelerations<R: Real>(
     )
 }
 
-/// Gravity as an upward acceleration of the world.
+/// Spatial acceleration of the world that represents gravity: upward.
 #[inline(always)]
 pub(super) fn ground<R: Real>(compiled: &LaneModel<R>) -> V6<R> {
     spatial(zero(), scale(compiled.params.gravity(), -R::one()))
 }
 
-/// Position of a place in the world.
+/// Position of a sensor frame's origin in the world frame, m.
 pub(super) fn position<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, place: &SensorFrame<R::Scalar>) -> V3<R> {
     R::vectorize(
         #[inline(always)]
@@ -88,7 +89,7 @@ pub(super) fn position<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics
     )
 }
 
-/// Orientation of a place in the world.
+/// Rotation matrix from a sensor frame to the world frame.
 pub(super) fn orientation<R: Real>(kinematics: &Kinematics<R>, place: &SensorFrame<R::Scalar>) -> M3<R> {
     R::vectorize(
         #[inline(always)]
@@ -96,7 +97,8 @@ pub(super) fn orientation<R: Real>(kinematics: &Kinematics<R>, place: &SensorFra
     )
 }
 
-/// Motion of a frame, and the point to which it refers; zero for the world and mocap bodies.
+/// Spatial velocity or acceleration of a frame, and the point to which it refers. `motions` has those of the links, and `still` is used for
+/// the world and mocap bodies.
 #[inline(always)]
 pub fn motion_of<R: Real>(
     compiled: &LaneModel<R>,
@@ -111,7 +113,7 @@ pub fn motion_of<R: Real>(
     }
 }
 
-/// Velocity (angular, linear) at a place, world axes.
+/// Velocity of a sensor frame in world axes: angular, rad/s, and linear at its origin, m/s.
 fn velocity<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -127,7 +129,8 @@ fn velocity<R: Real>(
     )
 }
 
-/// Acceleration (angular, linear) at a place, minus gravity, world axes: the spatial acceleration there plus omega x v.
+/// Acceleration of a sensor frame minus gravity, in world axes: angular, rad/s^2, and linear at its origin, m/s^2. The linear part is the
+/// spatial acceleration plus omega x v.
 fn acceleration<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -145,7 +148,7 @@ fn acceleration<R: Real>(
     )
 }
 
-/// Velocity and acceleration of a site in site axes: [angular velocity, linear velocity] or [angular, linear acceleration].
+/// Angular velocity and linear velocity of a site in the site's axes. With `accelerations`, angular velocity and linear acceleration.
 pub fn site_motion<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -167,7 +170,7 @@ pub fn site_motion<R: Real>(
     )
 }
 
-/// Reading of a frame: three numbers, or the four of a quaternion.
+/// Writes the reading of a frame sensor to `out`: three values, or the four of a quaternion.
 pub fn frame<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -203,7 +206,7 @@ pub fn frame<R: Real>(
                 F::LinVel => {
                     let [_, v] = velocity(compiled, kinematics, workspace, object);
                     reference.map_or(v, |r| {
-                        // Velocity in the rotating frame of the reference.
+                        // Velocity as seen in the rotating frame of the reference.
                         let [w, u] = velocity(compiled, kinematics, workspace, r);
                         sub(sub(v, u), cross(w, arm(r)))
                     })

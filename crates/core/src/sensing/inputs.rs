@@ -1,4 +1,4 @@
-//! Inputs of stage 9: poses and motions of frames, masses, rays, contacts; random numbers and the errors of real sensors.
+//! Inputs and workspace of the sensors in stage 9.
 
 use stepper_real::Real;
 
@@ -6,45 +6,46 @@ use crate::actuation::forces::ActuatorForces;
 use crate::collision::contact_set::Contacts;
 use crate::compile::ModelStructure;
 use crate::math::spatial::*;
-use crate::sensing::contact_list::Felt;
+use crate::sensing::contact_list::SensedContacts;
 
 /// Inputs of the sensors: the state after a step, and the results of the step.
 #[derive(Debug)]
 pub struct SensorInput<'a, R: Real> {
-    /// Configuration.
+    /// Configuration after the step, nq.
     pub q: &'a [R],
-    /// Velocity.
+    /// Velocity after the step, nv.
     pub v: &'a [R],
-    /// Simulated time, s.
+    /// Simulated time after the step, s.
     pub time: R,
     /// Length of the step, s.
     pub h: R,
-    /// Acceleration (v+ - v) / h of the step, impulses included.
+    /// Mean acceleration (v+ - v) / h of the step, which includes impulses, nv.
     pub acceleration: &'a [R],
-    /// Forces of the actuators.
+    /// Forces of the actuators in the step.
     pub actuator_forces: &'a ActuatorForces<R>,
-    /// Applied wrenches (force, torque), 6 nbody; empty without any.
+    /// Force (N) and torque (N m) that the user applied to every body (`xfrc_applied`), 6 nbody; empty if none.
     pub xfrc: &'a [R],
-    /// Impulses of limits and dry friction.
+    /// Impulses of scalar constraint rows, such as limits and dry friction.
     pub scalar_impulse: &'a [R],
-    /// Contacts with their impulses.
+    /// Contacts of the step with their impulses.
     pub contacts: &'a Contacts<R>,
 }
 
-/// Workspace that all sensors share. The caller places mocap frames in `kinematics` and in `orientation`.
+/// Workspace that all sensors share. The caller writes the poses of mocap frames to `kinematics` and `orientation`.
 #[derive(Clone, Debug)]
 pub struct SensorWorkspace<R: Real> {
-    /// Readings of ideal sensors.
+    /// True readings of all sensors.
     pub truth: Vec<R>,
-    /// Orientation of every frame as a quaternion; empty when no sensor reads one.
+    /// Orientation of every frame as a quaternion (w, x, y, z); empty if no sensor reads one.
     pub orientation: Vec<[R; 4]>,
-    /// Velocity of every link about its tree's reference point.
+    /// Spatial velocity of every link at the reference point of its tree, world axes.
     pub velocity: Vec<V6<R>>,
-    /// Acceleration of every link about its tree's reference point. Gravity is included as an upward acceleration of the world.
+    /// Spatial acceleration of every link at the reference point of its tree, world axes. Gravity is included as an upward acceleration of
+    /// the world.
     pub acceleration: Vec<V6<R>>,
-    /// Force and torque of the parent on every subtree of the compiled model's list.
+    /// Force and torque of the parent on each subtree with a force or torque sensor, N and N m.
     pub carried: Vec<[V3<R>; 2]>,
-    pub(crate) felt: Felt,
+    pub(crate) sensed_contacts: SensedContacts,
     pub(crate) order: Vec<(f64, usize)>,
 }
 
@@ -61,7 +62,7 @@ impl<R: Real> SensorWorkspace<R> {
             velocity: vec![zero(); links],
             acceleration: vec![zero(); links],
             carried: vec![[zero(); 2]; sensing.carried.len()],
-            felt: Felt::new(if sensing.needs.contacts { max_contacts * R::LANES } else { 0 }),
+            sensed_contacts: SensedContacts::new(if sensing.needs.contacts { max_contacts * R::LANES } else { 0 }),
             order: Vec::with_capacity(if sensing.needs.contacts { max_contacts } else { 0 }),
         }
     }

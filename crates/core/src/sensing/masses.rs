@@ -1,4 +1,4 @@
-//! Momentum, energy, and the force that carries a part of the tree.
+//! Mass-related sensor quantities: momentum, energy, and the force of the parent on a subtree.
 
 use stepper_real::Real;
 
@@ -10,7 +10,7 @@ use crate::model::JointKind;
 use crate::sensing::frames::{ground, motion_of, orientation, position};
 use crate::sensing::{SensorInput, SensorWorkspace};
 
-/// Centre of mass of a subtree, m.
+/// Centre of mass of a subtree in the world frame, m. `empty` is the result for a subtree without mass.
 pub fn com<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, subtree: &Subtree, empty: V3<R>) -> V3<R> {
     R::vectorize(
         #[inline(always)]
@@ -28,7 +28,7 @@ pub fn com<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, subtree
     )
 }
 
-/// Inertia of a part about its reference point, its motion, and that point.
+/// Inertia of a subtree part about its reference point, its spatial velocity, and that point.
 fn moving<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -46,7 +46,7 @@ fn moving<R: Real>(
     )
 }
 
-/// Velocity of the centre of mass of a subtree, m/s.
+/// Velocity of the centre of mass of a subtree, world axes, m/s.
 pub fn com_velocity<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -71,7 +71,7 @@ pub fn com_velocity<R: Real>(
     )
 }
 
-/// Angular momentum of a subtree about its centre of mass, kg m^2/s.
+/// Angular momentum of a subtree about its centre of mass, world axes, kg m^2/s.
 pub fn angular_momentum<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -93,9 +93,10 @@ pub fn angular_momentum<R: Real>(
     )
 }
 
-/// Force and torque of the parent on a subtree, about a place and in its axes.
+/// Force, N, and torque, N m, of the parent on a subtree, at the origin of a sensor frame and in its axes.
 ///
-/// They accelerate its masses, minus the forces of contacts and of the user on it (Newton's and Euler's laws for the whole subtree).
+/// Newton's and Euler's laws for the whole subtree give the sum of all forces. The result is this sum minus the forces of contacts and of
+/// the user.
 pub(super) fn parent_force<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -125,14 +126,14 @@ pub(super) fn parent_force<R: Real>(
                     torque = sub(torque, add(t, cross(arm, f)));
                 }
             }
-            let (f, t) = workspace.felt.wrench_on(point, &subtree.bodies);
+            let (f, t) = workspace.sensed_contacts.wrench_on(point, &subtree.bodies);
             let axes = orientation(kinematics, place);
             [rotate_back(&axes, sub(force, f)), rotate_back(&axes, sub(torque, t))]
         },
     )
 }
 
-/// Potential energy of gravity and of the springs of joints and tendons, J.
+/// Potential energy of gravity and of the springs of joints and tendons, J. `all` is the subtree of the world.
 pub fn potential<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, q: &[R], all: &Subtree) -> R {
     R::vectorize(
         #[inline(always)]
@@ -170,7 +171,7 @@ pub fn potential<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, q
     )
 }
 
-/// Kinetic energy, including rotors and the inertia of tendons, J.
+/// Kinetic energy, J. It includes armature and the inertia of tendons. `all` is the subtree of the world.
 pub fn kinetic<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, workspace: &SensorWorkspace<R>, v: &[R], all: &Subtree) -> R {
     R::vectorize(
         #[inline(always)]

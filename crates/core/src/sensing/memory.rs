@@ -1,4 +1,4 @@
-//! Memory of the sensors, lane-interleaved.
+//! Memory of the sensors that persists between steps, lane-interleaved.
 
 use serde::{Deserialize, Serialize};
 use stepper_real::Scalar;
@@ -8,39 +8,39 @@ use crate::math::lanes::MAX_LANES;
 use crate::math::lanes::{Target, columns, lane_bits, set_columns, set_lane_bits};
 use crate::sensing::errors::Keys;
 
-/// Memory of the sensors of a group of environments.
+/// Memory of the sensors of a group of environments: random number state, results of the last step, and values of the transfer functions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Memory<S> {
-    /// Lanes (bits) without a step since their state was set: there is no last step to read.
+    /// Lanes (bits) whose state was set after the last step, so that its results do not apply.
     pub fresh: u32,
-    /// Lanes (bits) whose transfer functions have not begun.
+    /// Lanes (bits) in which the transfer functions have not made the first observation of the episode yet.
     pub waiting: u32,
-    /// Seed of every lane.
+    /// Seed of the random numbers, per lane.
     pub seed: Vec<u64>,
-    /// Environment of every lane, for random numbers.
+    /// Index of the random stream, per lane.
     pub stream: Vec<u32>,
-    /// Number of earlier episodes of every lane.
+    /// Number of earlier episodes under the present seed, per lane.
     pub episode: Vec<u32>,
-    /// Number of steps of every lane since the beginning of its episode.
+    /// Number of steps since the beginning of the episode, per lane.
     pub step: Vec<u32>,
     /// Acceleration (v+ - v) / h of the last step, nv per lane.
     pub acceleration: Vec<S>,
-    /// Controls of the last step, nu per lane; empty if no sensor needs them, as all buffers of the last step.
+    /// Controls of the last step, nu per lane. Buffers of the last step are empty if no sensor needs them.
     pub ctrl: Vec<S>,
-    /// Applied wrenches of the last step, 6 nbody per lane.
+    /// Forces and torques on bodies that the user applied in the last step, 6 nbody per lane.
     pub xfrc: Vec<S>,
-    /// Numbers of the transfer functions.
+    /// Stored values of the transfer functions, such as biases and delay lines.
     pub numbers: Vec<S>,
-    /// Position of the last sample in every delay line.
+    /// Position of the newest sample in every delay line, the same in all lanes.
     pub cursors: Vec<u32>,
     /// Readings after the transfer functions; empty when all sensors are ideal.
     pub observation: Vec<S>,
-    /// Number of clipped readings in the last call and number of lost samples, per lane, for every sensor with errors.
+    /// Number of clipped readings and number of lost samples in the last call, per lane, for every sensor with errors.
     pub faults: Vec<u32>,
 }
 
 impl<S: Scalar> Memory<S> {
-    /// Memory of ideal sensors. `first` is the first environment of the group.
+    /// Creates the memory for ideal sensors. `first` is the index of the first environment of the group.
     pub fn new(compiled: &ModelStructure<S>, lanes: usize, first: usize) -> Self {
         let needs = compiled.sensing.needs;
         let zeros = |there: bool, n: usize| vec![S::default(); if there { n * lanes } else { 0 }];
@@ -61,7 +61,8 @@ impl<S: Scalar> Memory<S> {
         }
     }
 
-    /// Allocates the buffers of transfer functions.
+    /// Allocates the buffers of transfer functions: `numbers` stored values per lane, `lines` delay lines, and `readings` readings per
+    /// lane.
     pub fn with_errors(&mut self, numbers: usize, lines: usize, readings: usize) {
         let lanes = self.seed.len();
         self.numbers = vec![S::default(); numbers * lanes];
@@ -74,12 +75,12 @@ impl<S: Scalar> Memory<S> {
         [&self.acceleration, &self.ctrl, &self.xfrc, &self.numbers, &self.observation]
     }
 
-    /// Marks the state of a lane as set: there is no last step to read. All else stays.
+    /// Marks the state of a lane as set by the user, so that the results of the last step do not apply. Nothing is cleared.
     pub fn refresh(&mut self, lane: usize) {
         self.fresh |= 1 << lane;
     }
 
-    /// Clears the last step of a lane.
+    /// Clears the results of the last step in a lane, and requests a new first observation of its transfer functions.
     pub fn forget(&mut self, lane: usize) {
         let lanes = self.seed.len();
         for numbers in [&mut self.acceleration, &mut self.xfrc] {
@@ -90,9 +91,9 @@ impl<S: Scalar> Memory<S> {
         self.waiting |= 1 << lane;
     }
 
-    /// Begins a new episode of a lane, the first one under a new seed.
+    /// Begins a new episode of a lane: the next one under the present seed, or the first one under the seed `seed`.
     pub fn begin(&mut self, lane: usize, seed: Option<u64>) {
-        // Ideal sensors draw no random numbers, so that all their episodes are equal.
+        // Ideal sensors draw no random numbers. Their episode number does not increase, so that equal episodes have equal states.
         let counts = seed.is_none() && !self.observation.is_empty();
         self.episode[lane] = if counts { self.episode[lane].wrapping_add(1) } else { 0 };
         self.seed[lane] = seed.unwrap_or(self.seed[lane]);
@@ -101,7 +102,7 @@ impl<S: Scalar> Memory<S> {
         self.forget(lane);
     }
 
-    /// Clears the entries of an unused lane that cannot be read.
+    /// Clears the entries of an unused lane, so that equal states have equal bytes.
     pub fn clear(&mut self, lane: usize) {
         let lanes = self.seed.len();
         let all = [&mut self.acceleration, &mut self.ctrl, &mut self.xfrc, &mut self.numbers, &mut self.observation];
@@ -114,7 +115,7 @@ impl<S: Scalar> Memory<S> {
         self.waiting &= !(1 << lane);
     }
 
-    /// Memory of `n` lanes from `first` on.
+    /// Copy of the memory of the `n` lanes from `first` on.
     pub fn part(&self, first: usize, n: usize) -> Self {
         let lanes = self.seed.len();
         let numbers = |x: &[S]| columns(x, lanes, first, n);
@@ -136,7 +137,7 @@ impl<S: Scalar> Memory<S> {
         }
     }
 
-    /// Copies the memory of `n` lanes of a part to some lanes.
+    /// Copies `part`, the memory of `n` lanes, to the lanes `target`.
     pub(crate) fn set_part(&mut self, target: Target, n: usize, part: &Self) {
         let lanes = self.seed.len();
         set_lane_bits(&mut self.fresh, target, n, part.fresh);
@@ -159,24 +160,24 @@ impl<S: Scalar> Memory<S> {
         ] {
             set_columns(to, lanes, target, n, from);
         }
-        // All environments step together, and share the cursors.
+        // All environments step together, and share the positions of the delay lines.
         self.cursors.copy_from_slice(&part.cursors);
     }
 
-    /// Memory of the buffers, bytes.
+    /// Size of the buffers, bytes.
     pub fn bytes(&self) -> usize {
         let scalars: usize = self.arrays().into_iter().map(|x| size_of_val(&x[..])).sum();
         scalars + self.seed.len() * 20 + (self.cursors.len() + self.faults.len()) * 4
     }
 
-    /// Whether two memories have the same shape.
+    /// Whether another memory has buffers of the same sizes.
     pub fn fits(&self, other: &Self) -> bool {
         let words = |m: &Self| [&m.stream, &m.episode, &m.step, &m.cursors, &m.faults].map(Vec::len);
         let sizes = |m: &Self| (m.arrays().map(Vec::len), m.seed.len(), words(m));
         sizes(self) == sizes(other)
     }
 
-    /// Keys of the next random numbers.
+    /// Inputs of the random number generator for the next step.
     #[inline(always)]
     pub fn keys(&self) -> Keys {
         let lane = |x: &[u32]| {

@@ -1,4 +1,4 @@
-//! Intermediate results that sensors share, computed once for all of them.
+//! Intermediate results of a step that several sensors share, computed once.
 
 use stepper_real::Real;
 
@@ -8,7 +8,7 @@ use crate::sensing::inputs::{SensorInput, SensorWorkspace};
 use crate::sensing::{frames, masses};
 
 impl<R: Real> SensorWorkspace<R> {
-    /// Computes the intermediate results that sensors share.
+    /// Computes the intermediate results that several sensors share: velocities, accelerations, contacts and forces on subtrees.
     pub fn prepare(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, input: &SensorInput<'_, R>) {
         if !self.orientation.is_empty() {
             frames::orientations(compiled, input.q, &mut self.orientation);
@@ -22,7 +22,7 @@ impl<R: Real> SensorWorkspace<R> {
             );
         }
         if compiled.sensing.needs.contacts {
-            self.felt.load_contacts(compiled, input);
+            self.sensed_contacts.load_contacts(compiled, input);
         }
         for (k, (site, subtree)) in compiled.sensing.carried.iter().enumerate() {
             self.carried[k] = masses::parent_force(compiled, kinematics, self, input, site, &compiled.sensing.subtrees[*subtree]);

@@ -1,4 +1,4 @@
-//! Closest points of two shapes: of a plane and any simple shape, and of balls and capsules.
+//! Closest points of two shapes: a plane and any simple shape, or balls and capsules.
 
 use stepper_geometry::pairs::{Segment, segments};
 use stepper_real::{Mask, Real};
@@ -10,7 +10,7 @@ use crate::math::spatial::*;
 use crate::model::ProximityReading;
 use crate::sensing::frames::{orientation, position};
 
-/// Signed distance, and the two closest points.
+/// Signed distance of two shapes, and their closest points.
 #[derive(Clone, Copy)]
 struct Nearest<R> {
     distance: R,
@@ -18,7 +18,9 @@ struct Nearest<R> {
     normal: V3<R>,
 }
 
-/// Closest points of all pairs, with the least distance.
+/// Writes the reading of a proximity sensor to `out`: distance, normal or closest points of the closest pair in `pairs`.
+///
+/// If no pair is closer than `cutoff`, m, the distance is the cutoff.
 pub fn proximity<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -72,7 +74,7 @@ fn between<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, a: &Sol
                 Segment { centre: position(compiled, kinematics, &s.place), axis, half_length, radius }
             };
             let ([first, second], two) = segments(&segment(a), &segment(b));
-            // For parallel capsules both ends have the same distance up to rounding; the lesser is chosen.
+            // For parallel capsules both ends have the same distance up to rounding. The smaller one is used.
             let swap = two.and(second.distance.lt(first.distance));
             let distance = R::select(swap, second.distance, first.distance);
             let (pos, normal) = (select(swap, second.pos, first.pos), select(swap, second.normal, first.normal));
@@ -82,7 +84,7 @@ fn between<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, a: &Sol
     )
 }
 
-/// Deepest point of a shape below a plane.
+/// Closest points of a plane and a shape: the shape's deepest point, and its projection on the plane.
 fn from_plane<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -103,7 +105,7 @@ fn from_plane<R: Real>(
     )
 }
 
-/// Support point of a shape: the furthest along a unit direction, in the shape's frame.
+/// Support point of a shape in the unit direction `d`: the farthest point of the shape. Both are in the shape's frame.
 #[inline(always)]
 fn support<R: Real>(form: Form, size: V3<R>, d: V3<R>) -> V3<R> {
     let ball = scale(d, size[0]);

@@ -1,8 +1,8 @@
-//! Rays, and points within simple shapes.
+//! Intersections of rays with shapes, and tests whether points are inside simple shapes.
 //!
-//! The surface of a simple shape consists of pieces, whose intersections with the line are roots of linear or quadratic equations. The
-//! nearest root on its piece, and not behind the origin of the ray, counts. A ray that begins inside hits the point where it leaves. Meshes
-//! and height fields are hit lane by lane.
+//! The surface of a simple shape consists of pieces, whose intersections with a line are roots of linear or quadratic equations. The result
+//! is the nearest root that is on its piece and not behind the ray's origin. A ray that begins inside hits the point where it leaves. For
+//! meshes and height fields, the rays are cast lane by lane.
 
 use stepper_geometry::{Pose, RaySurface};
 use stepper_real::{Mask, Real, Scalar};
@@ -15,7 +15,7 @@ use crate::math::spatial::*;
 use crate::model::RayField;
 use crate::sensing::frames::{orientation, position};
 
-/// Distance to a shape along a unit direction, both in the shape's frame; infinite where it is not hit.
+/// Distance from the origin `o` to a simple shape along the unit direction `d`, both in the shape's frame, m. Infinite without a hit.
 pub(super) fn ray<R: Real>(form: Form, size: V3<R>, o: V3<R>, d: V3<R>) -> R {
     R::vectorize(
         #[inline(always)]
@@ -39,10 +39,10 @@ fn nothing<R: Real>() -> R {
     R::of(f64::INFINITY)
 }
 
-/// Intersections of a line with a quadric: the roots t of a t^2 + 2 b t + c, ascending.
+/// Intersections of a line with a quadric: the two roots t of a t^2 + 2 b t + c, ascending.
 ///
-/// The caller tests whether they are on the surface. Passing a function would be slow, because a closure that is called twice is not
-/// inlined into the kernel.
+/// The caller tests whether the roots are on the surface, and passes the result as masks. Passing a closure would be slow, because a
+/// closure that is called twice is not inlined into the kernel.
 struct Roots<R: Real> {
     real: R::Mask,
     at: [R; 2],
@@ -59,7 +59,7 @@ impl<R: Real> Roots<R> {
         Self { real, at: [(-b - root) * inverse, (root - b) * inverse] }
     }
 
-    /// Smallest root on the piece that is not behind the origin of the ray.
+    /// Smallest root that is on its piece of the surface and not behind the ray's origin; infinite if there is none.
     #[inline(always)]
     fn nearest(&self, on_piece: [R::Mask; 2]) -> R {
         let ([near, far], z) = (self.at, R::zero());
@@ -69,7 +69,7 @@ impl<R: Real> Roots<R> {
     }
 }
 
-/// Intersection of the line with the plane of constant coordinate k, and the lanes in which it is not behind the origin of the ray.
+/// Distance to the plane where coordinate `k` equals `level`, and the lanes in which it is not behind the ray's origin.
 #[inline(always)]
 fn crossing<R: Real>(o: V3<R>, d: V3<R>, k: usize, level: R) -> (R, R::Mask) {
     let z = R::zero();
@@ -78,7 +78,7 @@ fn crossing<R: Real>(o: V3<R>, d: V3<R>, k: usize, level: R) -> (R, R::Mask) {
     (t, crosses.and(t.ge(z)))
 }
 
-/// Distance to the front of a plane without end.
+/// Distance to the front side of an infinite plane z = 0.
 #[inline(always)]
 fn plane<R: Real>(o: V3<R>, d: V3<R>) -> R {
     let (t, hits) = crossing(o, d, 2, R::zero());
@@ -92,7 +92,7 @@ fn capsule<R: Real>(size: V3<R>, o: V3<R>, d: V3<R>) -> R {
     for end in [half, -half] {
         let from = [o[0], o[1], o[2] - end];
         let roots = Roots::new(dot(d, d), dot(from, d), dot(from, from) - radius.square());
-        // Points beyond the end of the segment.
+        // Points beyond the end of the capsule's segment.
         let side = R::one().copysign(end);
         let [near, far] = roots.at;
         t = t.min(roots.nearest([((o[2] + d[2] * near) * side).ge(half), ((o[2] + d[2] * far) * side).ge(half)]));
@@ -100,7 +100,7 @@ fn capsule<R: Real>(size: V3<R>, o: V3<R>, d: V3<R>) -> R {
     t
 }
 
-/// Distance to the side of a cylinder.
+/// Distance to the curved side of a cylinder.
 #[inline(always)]
 fn wall<R: Real>([radius, half, _]: V3<R>, o: V3<R>, d: V3<R>) -> R {
     let (a, b, c) = (d[0] * d[0] + d[1] * d[1], o[0] * d[0] + o[1] * d[1], o[0] * o[0] + o[1] * o[1] - radius.square());
@@ -158,7 +158,7 @@ pub(super) fn holds<R: Real>(form: Form, size: V3<R>, p: V3<R>) -> R::Mask {
     )
 }
 
-/// Whether the origin of a place is inside a volume: 1 or 0.
+/// 1 in the lanes in which the origin of a sensor frame is inside a volume, otherwise 0.
 pub fn inside<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, place: &SensorFrame<R::Scalar>, zone: &Solid<R::Scalar>) -> R {
     R::vectorize(
         #[inline(always)]
@@ -170,7 +170,7 @@ pub fn inside<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, plac
     )
 }
 
-/// Geom that rays can hit, at its pose.
+/// Ray target at its pose in each lane.
 pub(crate) struct Placed<'a, R: Real> {
     centre: V3<R>,
     mat: M3<R>,
@@ -178,15 +178,15 @@ pub(crate) struct Placed<'a, R: Real> {
 }
 
 impl<'a, R: Real> Placed<'a, R> {
-    /// Ray target at the poses of `kinematics`.
+    /// Creates the ray target at the poses in `kinematics`.
     #[inline(always)]
     pub(crate) fn new(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, target: &'a Target<R::Scalar>) -> Self {
         Self { centre: position(compiled, kinematics, &target.place), mat: orientation(kinematics, &target.place), form: &target.form }
     }
 
-    /// Distance from `origin` along a unit `direction`, both in the world, in the lanes `lanes`.
+    /// Distance from `origin` along the unit vector `direction` to the geom, in the lanes `lanes` (bits), m. Both are in the world frame.
     ///
-    /// Infinite where the geom is not hit. It may also be infinite for a hit beyond `within`.
+    /// Infinite without a hit. Beyond `within`, the result may be infinite despite a hit.
     #[inline(always)]
     pub(crate) fn distance(&self, compiled: &LaneModel<R>, lanes: u32, origin: V3<R>, direction: V3<R>, within: R) -> R {
         match self.form {
@@ -201,13 +201,13 @@ impl<'a, R: Real> Placed<'a, R> {
         }
     }
 
-    /// Lanes in which a ray comes to the ball about a surface, up to rounding, and not beyond `within`.
+    /// Lanes in which a ray meets the bounding ball of a surface at a distance up to `within`, m, with an allowance for rounding.
     #[inline(always)]
     fn may_meet(&self, surface: &RaySurface, origin: V3<R>, direction: V3<R>, within: R) -> R::Mask {
         let (centre, radius) = surface.ball();
         let offset = sub(add(self.centre, rotate(&self.mat, centre.map(R::of))), origin);
         let (along, square) = (dot(offset, direction), dot(offset, offset));
-        // Rounding error of places, squares and the direction's length: some units in the last place.
+        // Rounding error of positions, squares and the direction's length: some units in the last place.
         let rounding = R::splat(<R::Scalar as Scalar>::EPSILON) * R::of(32.0);
         let reach = R::of(radius) + rounding * (R::of(radius) + norm(origin) + norm(self.centre));
         let beside = (square - along * along).gt(reach * reach + rounding * square);
@@ -215,7 +215,7 @@ impl<'a, R: Real> Placed<'a, R> {
         R::Mask::splat(true).and_not(beside.or(behind))
     }
 
-    /// Distance to a mesh or height field, lane by lane, so that no lane depends on another.
+    /// Distance to a mesh or height field, computed lane by lane, so that no lane depends on another.
     #[inline(never)]
     fn to_surface(&self, surface: &RaySurface, lanes: u32, origin: V3<R>, direction: V3<R>) -> R {
         let mut t = nothing::<R>();
@@ -228,8 +228,8 @@ impl<'a, R: Real> Placed<'a, R> {
     }
 }
 
-/// Distance to the nearest of some geoms along a unit `direction`, in the lanes `lanes`, and its number: -1 without a hit. Of two at one
-/// distance the first.
+/// Distance to the nearest geom along the unit vector `direction`, m, and its number in `placed`; -1 without a hit. If two geoms have the
+/// same distance, the first is returned.
 pub(crate) fn nearest<R: Real>(
     compiled: &LaneModel<R>,
     placed: &[(usize, Placed<'_, R>)],
@@ -252,7 +252,7 @@ pub(crate) fn nearest<R: Real>(
     )
 }
 
-/// Readings of a range finder.
+/// Writes the readings of a rangefinder to `out`: for every ray, the given fields.
 pub fn range<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,

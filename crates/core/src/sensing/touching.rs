@@ -1,4 +1,4 @@
-//! Contact sensors. Contacts are few and differ from lane to lane, so that each lane is read separately.
+//! Contact sensors. They read lane by lane, because contacts are few and differ between lanes.
 
 use stepper_real::{Real, Scalar};
 
@@ -8,12 +8,12 @@ use crate::compile::sensing::{Side, Solid};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 use crate::model::{ContactField, ContactReduction};
-use crate::sensing::contact_list::{Contact, Felt};
+use crate::sensing::contact_list::{Contact, SensedContacts};
 use crate::sensing::frames::{orientation, position};
 use crate::sensing::inputs::{SensorInput, SensorWorkspace};
 use crate::sensing::rays::{holds, ray};
 
-/// Geoms of the model in a contact, and their bodies.
+/// Geoms of a contact, as indices in the model, and their bodies.
 fn parties<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, slot: usize, lane: usize) -> [[usize; 2]; 2] {
     let pair = compiled.pair_geoms(contacts.ids[slot][lane].pair()).expect("a contact belongs to a pair");
     let geoms = pair.map(|g| compiled.geoms[g].index);
@@ -36,7 +36,7 @@ impl Contact {
         }
     }
 
-    /// Vector along the axes of the contact, in world axes.
+    /// Converts a vector from the contact's axes to world axes.
     fn world(&self, x: [f64; 3]) -> [f64; 3] {
         let [n, a, b] = self.axes;
         add_scaled(add_scaled(scale(n, x[0]), a, x[1]), b, x[2])
@@ -47,7 +47,7 @@ impl Contact {
     }
 }
 
-/// Volume of a site in all lanes: position (m) and orientation in the world, and size (m).
+/// Volume of a site in all lanes: position in the world, m, orientation, and size, m.
 struct Volume<R: Real> {
     origin: V3<R>,
     axes: M3<R>,
@@ -66,14 +66,14 @@ impl<R: Real> Volume<R> {
         )
     }
 
-    /// Position, orientation and size of this volume in one lane.
+    /// Volume of the site in lane `lane`.
     #[inline(always)]
     fn zone(&self, lane: usize) -> Zone {
         Zone { origin: of_lane(&self.origin, lane), axes: of_lane(&self.axes, lane), size: of_lane(&self.size, lane) }
     }
 }
 
-/// Volume of a site in one lane: position (m) and orientation in the world, and size (m).
+/// Volume of a site in one lane: position in the world, m, orientation, and size, m.
 struct Zone {
     origin: [f64; 3],
     axes: [f64; 9],
@@ -86,14 +86,14 @@ impl Zone {
     }
 }
 
-/// Quotient x / h, rounded once.
+/// Quotient of a vector and `h`, each component rounded once.
 #[inline(always)]
 fn over([x, y, z]: [f64; 3], h: f64) -> [f64; 3] {
     [x / h, y / h, z / h]
 }
 
-impl Felt {
-    /// Loads the contacts that all sensors read.
+impl SensedContacts {
+    /// Loads the contacts of all lanes, which all contact sensors read.
     pub(super) fn load_contacts<R: Real>(&mut self, compiled: &LaneModel<R>, input: &SensorInput<'_, R>) {
         self.contacts.clear();
         for lane in 0..R::LANES {
@@ -104,12 +104,12 @@ impl Felt {
         }
     }
 
-    /// Contacts of one lane, as [`Felt::load_contacts`] stored them.
+    /// Contacts of lane `lane`.
     fn lane(&self, lane: usize) -> &[Contact] {
         &self.contacts[self.ends[lane]..self.ends[lane + 1]]
     }
 
-    /// Force of all contacts on some bodies, and its torque about a point.
+    /// Sum of the contact forces on the bodies marked in `bodies`, N, and its torque about `point`, N m, in world axes.
     pub(super) fn wrench_on<R: Real>(&self, point: V3<R>, bodies: &[bool]) -> (V3<R>, V3<R>) {
         let (mut force, mut torque): (V3<R>, V3<R>) = ([R::default(); 3], [R::default(); 3]);
         for lane in 0..R::LANES {
@@ -135,9 +135,9 @@ impl Felt {
     }
 }
 
-/// Force (N) and torque (N m) of all contacts on every body of the model, world axes, six numbers each.
+/// Computes the force (N) and torque (N m) of all contacts on every body of the model in world axes, six values each.
 ///
-/// The torque is about the body's centre of mass, one of `centres` (m). `h` is the length of the step of the impulses, s.
+/// The torque is about the body's centre of mass in `centres` (m). `h` is the time step, s, that converts impulses to forces.
 pub fn contact_wrenches<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, h: R, centres: &[V3<R>], out: &mut [[R; 6]]) {
     for lane in 0..R::LANES {
         for slot in 0..contacts.count[lane] {
@@ -156,7 +156,7 @@ pub fn contact_wrenches<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>
     }
 }
 
-/// Sum of the normal forces on a body whose lines meet a volume, N.
+/// Reading of a touch sensor: sum of the normal forces on a body whose lines of action intersect a volume, N.
 pub fn touch<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -168,7 +168,7 @@ pub fn touch<R: Real>(
     let mut volume = None;
     for lane in 0..R::LANES {
         let mut sum = 0.0;
-        for contact in workspace.felt.lane(lane) {
+        for contact in workspace.sensed_contacts.lane(lane) {
             if !contact.bodies.contains(&body) || contact.force[0] <= 0.0 {
                 continue;
             }
@@ -185,7 +185,7 @@ pub fn touch<R: Real>(
     reading
 }
 
-/// Readings of a contact sensor.
+/// Writes the readings of a contact sensor, which begin at address `at`.
 pub fn contacts<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -201,7 +201,7 @@ pub fn contacts<R: Real>(
         (0..width * slots).for_each(|k| put(k, 0.0));
         let order = &mut workspace.order;
         order.clear();
-        for (slot, contact) in workspace.felt.lane(lane).iter().enumerate() {
+        for (slot, contact) in workspace.sensed_contacts.lane(lane).iter().enumerate() {
             if matches(compiled, kinematics, sides, contact, lane).is_some() {
                 let key = match reduction {
                     ContactReduction::MinDistance => contact.distance,
@@ -221,21 +221,21 @@ pub fn contacts<R: Real>(
         }
         let found = order.len();
         if found > 0 && reduction == ContactReduction::NetForce {
-            let all = order.iter().map(|&(_, slot)| seen(compiled, kinematics, sides, workspace.felt.lane(lane)[slot], lane));
+            let all = order.iter().map(|&(_, slot)| seen(compiled, kinematics, sides, workspace.sensed_contacts.lane(lane)[slot], lane));
             let net = net_force(all);
             let mut put = |k: usize, x: f64| workspace.truth[at + k].set_lane(lane, Scalar::from_f64(x));
             report(&net, fields, found, &mut put);
             continue;
         }
         for k in 0..found.min(slots) {
-            let contact = seen(compiled, kinematics, sides, workspace.felt.lane(lane)[workspace.order[k].1], lane);
+            let contact = seen(compiled, kinematics, sides, workspace.sensed_contacts.lane(lane)[workspace.order[k].1], lane);
             let mut put = |i: usize, x: f64| workspace.truth[at + k * width + i].set_lane(lane, Scalar::from_f64(x));
             report(&contact, fields, found, &mut put);
         }
     }
 }
 
-/// Whether a contact is between the sides, and whether its order must be reversed for that.
+/// Tests whether a contact is between the two sides of a sensor. Returns whether its geoms must be swapped for that; `None` if it is not.
 fn matches<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -260,7 +260,7 @@ fn matches<R: Real>(
     }
 }
 
-/// Matching contact, as seen from the first side.
+/// Contact as seen from the first side of the sensor: swapped, if the first side has its second geom.
 fn seen<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -269,7 +269,7 @@ fn seen<R: Real>(
     lane: usize,
 ) -> Contact {
     if matches(compiled, kinematics, sides, &contact, lane) == Some(true) {
-        // Normal and first tangent are reversed, and so is the force. Its components along both stay.
+        // Swapping reverses normal and first tangent, and the force. The components of the force along both are therefore unchanged.
         let [n, t, s] = contact.axes;
         contact.axes = [scale(n, -1.0), scale(t, -1.0), s];
         contact.force[2] = -contact.force[2];
@@ -278,7 +278,8 @@ fn seen<R: Real>(
     contact
 }
 
-/// Sum of all forces at the mean of their positions, weighted by force, in world axes, with their torque about that point.
+/// Sum of all contacts as one contact in world axes. Its position is the mean of the positions, weighted by force, and its torque is about
+/// that point.
 fn net_force(all: impl Iterator<Item = Contact> + Clone) -> Contact {
     let (mut force, mut weighted, mut weight, mut plain, mut count) = ([0.0; 3], [0.0; 3], 0.0, [0.0; 3], 0.0);
     let mut nearest = f64::INFINITY;

@@ -1,4 +1,4 @@
-//! Ten stages of a step, in order, one file each. No stage imports another: they share only small structs.
+//! Stages of a step, numbered in their order, one file each. No stage imports another: they share only small structs.
 
 pub mod s01_actuate;
 pub mod s02_smooth;

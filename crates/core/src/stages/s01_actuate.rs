@@ -1,4 +1,4 @@
-//! Stage 1: actions and state become generalized forces.
+//! Stage 1: computes generalized forces from controls and state.
 
 use stepper_real::{Mask, Real};
 
@@ -10,10 +10,10 @@ use crate::dynamics::kinematics::quat_at;
 use crate::math::spatial::*;
 use crate::model::{Activation, JointKind};
 
-/// Computes the forces of actuators and springs, N or N m, and the added inertia of servos. Stage 2 adds joint damping, and the
-/// implicit terms of both to the mass matrix.
+/// Computes the forces of actuators and springs, N or N m, and the added inertia of servos.
 ///
-/// The assumed active bounds of servos stay until [`ActuatorForces::reset_active_bounds`]. Without `implicit` all terms are explicit.
+/// Stage 2 adds joint damping, and the implicit terms of both to the mass matrix. The assumed active bounds of servos do not change until
+/// [`ActuatorForces::reset_active_bounds`]. If `implicit` is `None`, all terms are explicit.
 pub fn actuate<R: Real>(
     compiled: &LaneModel<R>,
     at: &ForceState<'_, R>,
@@ -24,7 +24,7 @@ pub fn actuate<R: Real>(
         #[inline(always)]
         || {
             for (i, (actuator, &u)) in compiled.actuators.iter().zip(at.ctrl).enumerate() {
-                // `at.act` is already at the evaluation point (`advance_activations`): the control acts through it alone.
+                // `at.act` is already the activation at the evaluation point (`advance_activations`). The control acts only through it.
                 let input = match actuator.act {
                     Some(a) => at.act[a],
                     None => control(u, actuator.ctrl_range),
@@ -80,7 +80,7 @@ pub fn actuate<R: Real>(
                     }
                 }
                 if let Some(implicit) = implicit.filter(|implicit| implicit.predicted && compiled.servos_are_bounded) {
-                    // `motion.velocity` is v + (weights.damping / h) (v+ - v), so that this is the predicted change v+ - v.
+                    // `motion.velocity` is v + (weights.damping / h) (v+ - v), so that this expression is the predicted change v+ - v.
                     let dv = (motion.velocity - motion.before) * (implicit.h / implicit.weights.damping);
                     actuator_forces.clamp_at_predicted_velocity(compiled, at.actuator_dynamics, implicit, (k, dv));
                 }
@@ -97,9 +97,9 @@ pub fn actuate<R: Real>(
     )
 }
 
-/// Added inertia of every servo along its moment if only its damping is implicit: `h` times its damping, of either sign.
+/// Computes the added inertia of every servo along its moment if only its damping is implicit: `h` times its damping, of either sign.
 ///
-/// Zero where its force is at a bound. [`actuate`] must have been called before, with explicit terms.
+/// The added inertia is zero if the force is at a bound. [`actuate`] must have been called before, with explicit terms.
 pub(crate) fn servo_damping<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, h: R, forces: &mut ActuatorForces<R>) {
     R::vectorize(
         #[inline(always)]
@@ -112,9 +112,7 @@ pub(crate) fn servo_damping<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_
     )
 }
 
-/// Stiffness and damping of a servo where they oppose its motion and its force is not at a bound; else 0.
-///
-/// [`actuate`] must have been called before, with explicit terms.
+/// Stiffness and damping of a servo, if they oppose its motion and its force is not at a bound; otherwise 0.
 #[inline(always)]
 pub(crate) fn servo_slopes<R: Real>(
     compiled: &LaneModel<R>,
@@ -149,16 +147,16 @@ fn slopes<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, actuator: us
     )
 }
 
-/// Control clamped to its range. An infinite control becomes NaN, and the step is rejected.
+/// Control `u`, clamped to its range. An infinite control becomes NaN, so that the step is rejected.
 #[inline(always)]
 fn control<R: Real>(u: R, range: Option<[R::Scalar; 2]>) -> R {
     R::select(u.is_finite(), within(u, range), R::of(f64::NAN))
 }
 
-/// Setpoint of an angle, shifted by whole turns to the one nearest to `angle`, as in MuJoCo. A servo then need not turn back after more
-/// than half a turn.
+/// Setpoint of an angle, shifted by full rotations to the equivalent angle nearest to `angle`, as in MuJoCo. A servo then need not rotate
+/// back after more than half a turn.
 ///
-/// It applies only to inputs that are setpoints: those whose gain equals minus the bias of the length.
+/// Only inputs that are setpoints are shifted: those whose gain equals minus the bias coefficient of the length.
 #[inline(always)]
 fn nearest_equivalent_angle<R: Real>(
     actuator: &CompiledActuator<R::Scalar>,
@@ -176,7 +174,7 @@ fn nearest_equivalent_angle<R: Real>(
     R::select(alone.and(gain[0].eq(-bias[1])), nearest, input)
 }
 
-/// Setpoint of an activation filter: the control, or for an angular servo the equivalent angle nearest to the activation `at`.
+/// Setpoint of an activation filter: the control `u`, or for an angular servo the equivalent angle nearest to the activation `at`.
 #[inline(always)]
 fn setpoint<R: Real>(compiled: &LaneModel<R>, i: usize, actuator: &CompiledActuator<R::Scalar>, u: R, at: R) -> R {
     let u = control(u, actuator.ctrl_range);
@@ -186,9 +184,9 @@ fn setpoint<R: Real>(compiled: &LaneModel<R>, i: usize, actuator: &CompiledActua
     }
 }
 
-/// Force of an actuator: gain . (1, length, velocity) input + bias . (1, length, velocity).
+/// Affine force of an actuator: gain . (1, length, velocity) input + bias . (1, length, velocity).
 ///
-/// Actuator dynamics replace this formula with a continuous servo, or with a motor whose control is a fraction of its voltage.
+/// With actuator dynamics, it is instead the force of a continuous servo, or of a motor whose control is a fraction of its voltage.
 #[inline(always)]
 fn affine_force<R: Real>(
     actuator: &CompiledActuator<R::Scalar>,
@@ -232,11 +230,10 @@ fn add_springs<R: Real>(compiled: &LaneModel<R>, q: &[R], tau: &mut [R]) {
     }
 }
 
-/// Advances the activations `act` by `h` seconds, clamped to their ranges, into `out`.
+/// Advances the activations `act` by `h` seconds into `out`, clamped to their ranges.
 ///
-/// `rate_at` holds the activations at which the function evaluates the rate: `act` for Euler's rule, those in the middle of the step for
-/// the midpoint rule. MuJoCo's `filterexact` needs no rate: its solution from `act`, with decay exp(-h/tau), is exact for a constant
-/// setpoint.
+/// `rate_at` are the activations at which the function evaluates the rate: `act` for Euler's rule, those in the middle of the step for the
+/// midpoint rule. MuJoCo's `filterexact` needs no rate: its solution from `act`, with decay exp(-h/tau), is exact for a constant setpoint.
 pub fn advance_activation<R: Real>(compiled: &LaneModel<R>, act: &[R], rate_at: &[R], ctrl: &[R], h: R, out: &mut [R]) {
     if out.is_empty() {
         return;
@@ -259,7 +256,7 @@ pub fn advance_activation<R: Real>(compiled: &LaneModel<R>, act: &[R], rate_at: 
     )
 }
 
-/// Clamps activations to their ranges.
+/// Clamps the activations `act` to their ranges.
 #[inline(always)]
 pub fn clamp_activation<R: Real>(compiled: &LaneModel<R>, act: &mut [R]) {
     for actuator in &compiled.actuators {
@@ -269,7 +266,7 @@ pub fn clamp_activation<R: Real>(compiled: &LaneModel<R>, act: &mut [R]) {
     }
 }
 
-/// Rates of the activations at `act`, 1/s.
+/// Computes the time derivatives of the activations at `act`, 1/s, into `out`.
 pub fn activation_rate<R: Real>(compiled: &LaneModel<R>, act: &[R], ctrl: &[R], out: &mut [R]) {
     R::vectorize(
         #[inline(always)]

@@ -1,4 +1,4 @@
-//! Stage 2: smooth dynamics, the motion without constraints.
+//! Stage 2: smooth dynamics, which is the motion without constraints.
 
 use stepper_real::Real;
 
@@ -10,21 +10,20 @@ use crate::dynamics::inertia::{MassMatrix, NewtonEuler, link_forces, project_for
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 
-/// Smooth dynamics at one configuration.
+/// Smooth dynamics at one configuration: mass matrix, bias force and acceleration without constraints.
 #[derive(Clone, Debug)]
 pub struct Smooth<R: Real> {
-    /// Factors of M with the implicit parts of damping and stiffness.
+    /// Factored mass matrix, with the implicit terms of damping and stiffness.
     pub mass: MassMatrix<R>,
-    /// Bias force c(q, v), minus the forces of the medium and of gravity compensation.
+    /// Bias force c(q, v), minus the forces of the surrounding fluid and of gravity compensation, nv.
     pub bias: Vec<R>,
-    /// Acceleration without constraints.
+    /// Acceleration without constraints, nv.
     pub acc: Vec<R>,
-    /// Velocities and accelerations of the links, left by [`Smooth::acceleration`].
+    /// Velocities and accelerations of the links from the last call of [`Smooth::acceleration`].
     pub newton_euler: NewtonEuler<R>,
-    /// Diagonal of M without implicit terms, in models with servos.
+    /// Diagonal of the mass matrix without implicit terms, nv; empty in models without servos.
     pub inertia: Vec<R>,
-    /// Damping that stiff joint springs receive in addition to joint damping, nv; empty in models without joint springs. See
-    /// [`crate::actuation::forces`].
+    /// Additional damping of stiff joint springs, nv; empty in models without joint springs. See [`crate::actuation::forces`].
     spring_damping: Vec<R>,
     composite: Vec<Inertia<R>>,
     fluid: Fluid<R>,
@@ -45,7 +44,7 @@ impl<R: Real> Smooth<R> {
         }
     }
 
-    /// Assembles the mass matrix with the implicit terms of joint damping and stiffness.
+    /// Assembles the mass matrix, with the implicit terms of joint damping and stiffness.
     pub fn assemble_mass(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, weights: ImplicitWeights<R>) {
         R::vectorize(
             #[inline(always)]
@@ -53,7 +52,7 @@ impl<R: Real> Smooth<R> {
         )
     }
 
-    /// Completes the mass matrix after [`Smooth::assemble_mass`]: adds the other implicit terms and factors it.
+    /// Completes and factors the mass matrix after [`Smooth::assemble_mass`]: adds the implicit terms of servos and fluid drag first.
     pub fn complete_mass(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, implicit: Implicit<'_, R>) {
         R::vectorize(
             #[inline(always)]
@@ -93,9 +92,10 @@ impl<R: Real> Smooth<R> {
         self.mass.factor(compiled);
     }
 
-    /// Computes `acc = A^-1 (tau + applied - c(q, v_bias) - D v)` with the matrix A of [`Smooth::factor_mass`].
+    /// Computes `acc = A^-1 (tau + applied - c(q, v_bias) - D v)` with the matrix A of [`Smooth::factor_mass`]. `forces` are tau and
+    /// applied.
     ///
-    /// A step with it is implicit in the damping D and the springs that A contains (see [`crate::actuation::forces`]).
+    /// A step with this acceleration is implicit in the damping D and in the springs that A contains (see [`crate::actuation::forces`]).
     pub fn acceleration(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, forces: [&[R]; 2], v: &[R], v_bias: &[R]) {
         R::vectorize(
             #[inline(always)]
@@ -127,7 +127,7 @@ impl<R: Real> Smooth<R> {
         self.mass.solve(compiled, &mut self.acc);
     }
 
-    /// Adds the added inertia of servos within branches and `h` times the drag of the medium to the entries of the mass matrix.
+    /// Adds the added inertia of servos, for pairs of dofs on one branch, and `h` times the fluid drag to the entries of the mass matrix.
     pub fn damp(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, [added_inertias, arms]: [&[R]; 2], v: &[R], h: R) {
         R::vectorize(
             #[inline(always)]
@@ -141,10 +141,10 @@ impl<R: Real> Smooth<R> {
         )
     }
 
-    /// Applied forces of the user as generalized forces.
+    /// Computes the generalized forces of the user's applied forces into `out`.
     ///
-    /// `qfrc` acts on the joints. `xfrc` are wrenches (force, torque; six numbers per body, at its centre of mass, world axes). Either may
-    /// be empty.
+    /// `qfrc` acts on the joints. `xfrc` has force and torque on each body (six numbers, at its centre of mass, world axes). Either may be
+    /// empty.
     pub fn apply(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, [qfrc, xfrc]: [&[R]; 2], out: &mut [R]) {
         if qfrc.is_empty() {
             out.fill(R::zero());

@@ -20,8 +20,8 @@ use crate::compile::LaneModel;
 use crate::dynamics::kinematics::Kinematics;
 use crate::probe::{Counter, Probe, Span};
 
-/// Finds the contacts of the lanes `alive` at poses `time_before` seconds after the beginning of the step. Returns the lanes whose
-/// contacts are unreliable at this time.
+/// Finds the contacts of the lanes `alive`, at the poses `time_before` seconds after the beginning of the step. Returns the lanes whose
+/// contacts are unreliable at this time, because geoms may already have passed each other.
 #[expect(clippy::too_many_arguments, reason = "poses, contacts and probe are separate buffers")]
 #[inline(always)]
 pub fn detect<R: Real>(
@@ -52,9 +52,10 @@ pub fn detect<R: Real>(
     })
 }
 
-/// Broad phase: poses of the geoms, and the pairs that can touch within two steps at the free velocity `v_free`.
+/// Broad phase: computes the poses of the geoms, and finds the pairs that can touch within two steps at the free velocity `v_free`.
 ///
-/// With `checks_passing`, it also finds the static pairs whose geoms may have passed each other since the beginning of the step.
+/// With `checks_passing`, it also finds the static pairs (moving geom and world geom) whose geoms may have passed each other since the
+/// beginning of the step.
 fn find_pairs<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -82,7 +83,7 @@ fn find_pairs<R: Real>(
     poses.find_dynamic(compiled, alive, |placed| &placed.travel);
 }
 
-/// Narrow phase: contacts of the pairs from [`find_pairs`].
+/// Narrow phase: finds the contacts of the pairs from [`find_pairs`].
 ///
 /// With `checks_passing`, returns the lanes whose contacts are unreliable, because geoms may have passed each other since the beginning of
 /// the step.

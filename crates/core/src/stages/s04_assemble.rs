@@ -72,14 +72,14 @@ pub(crate) fn assemble<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, 
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Removes the rows of the last step.
+    /// Removes the rows of the last step from the problem.
     #[inline(always)]
     fn clear(&mut self, input: RowInput<'_, R>) {
         let (compiled, assembly, none) = (input.compiled, input.assembly, R::Mask::splat(false));
         let Self { problem, velocity, builder } = self;
         problem.rows.clear();
         velocity.impulses.clear();
-        problem.owners.clear();
+        problem.impulse_indices.clear();
         builder.velocity_scales.clear();
         problem.slots.clear();
         problem.rolling_slots.clear();
@@ -92,7 +92,7 @@ impl<R: Real> Assembler<'_, R> {
         problem.rows.least_mobility = R::of(least_mobility::<R>()) / compiled.moving_mass();
     }
 
-    /// Activates contacts of faces that already rest on each other, and finds redundant supports.
+    /// Activates contacts between faces that already rest on each other, and finds contact groups with redundant supports.
     #[inline(always)]
     fn finish(&mut self, compiled: &LaneModel<R>, contacts: &Contacts<R>) {
         let Self { problem, velocity, .. } = self;
@@ -105,9 +105,9 @@ impl<R: Real> Assembler<'_, R> {
     }
 }
 
-/// Adds a change of the free velocity, in the lanes `lanes`, to the offsets g of the rows.
+/// Adds a change of the free velocity, in the lanes `lanes`, to the offsets g of the rows. Overwrites `change` and `before_impacts`.
 ///
-/// `before_impacts` is the change of the velocity before impacts, if a contact bounces within the step. Overwrites both changes.
+/// `before_impacts` is the change of the velocity before impacts, if a contact bounces within the step.
 pub(crate) fn shift_offsets<R: Real>(
     compiled: &LaneModel<R>,
     mass: &MassMatrix<R>,

@@ -1,4 +1,4 @@
-//! Stage 5: solves the constraint problem for impulses, with the residual that certifies them.
+//! Stage 5: solves the constraint problem for impulses, and computes the residual.
 
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::{Outcome, Settings, System, residual};
@@ -13,7 +13,7 @@ use crate::tuning::{
     ROUGH_MOTION, STRUCTURE_MOTION,
 };
 
-/// Solves the lanes `lanes` to the tolerance. [`store_impulses`] keeps the impulses for the next step.
+/// Solves the lanes `lanes` to the tolerance. Afterwards, [`store_impulses`] can store the impulses for the next step.
 ///
 /// The tolerance of slow lanes is a fraction of their speed `v`. Otherwise a robot at rest would creep at the speed of the tolerance.
 #[inline(always)]
@@ -54,17 +54,16 @@ pub fn solve_to<R: Real>(
     outcome
 }
 
-/// Stores the impulses of all rows: those of contacts in `contacts`, those of scalar rows in the velocity solution. The next step starts
-/// from them.
+/// Stores the impulses of all rows, from which the next step starts: of contacts in `contacts`, of scalar rows in the velocity solution.
 #[inline(always)]
 pub fn store_impulses<R: Real>(problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>, contacts: &mut Contacts<R>) {
-    let ConstraintProblem { owners, slots, rolling_slots, .. } = problem;
+    let ConstraintProblem { impulse_indices, slots, rolling_slots, .. } = problem;
     let VelocitySolution { impulses, scalar_impulse, .. } = velocity;
     R::vectorize(
         #[inline(always)]
         || {
-            for (&owner, &lambda) in owners.iter().zip(&impulses.scalars) {
-                scalar_impulse[owner] = lambda;
+            for (&impulse_index, &lambda) in impulse_indices.iter().zip(&impulses.scalars) {
+                scalar_impulse[impulse_index] = lambda;
             }
             for (&(k, lanes), &lambda) in slots.iter().zip(&impulses.contacts) {
                 contacts.data[k].impulse = select(lanes, lambda, contacts.data[k].impulse);
@@ -77,10 +76,10 @@ pub fn store_impulses<R: Real>(problem: &ConstraintProblem<R>, velocity: &mut Ve
     );
 }
 
-/// Distributes the loads of redundant supports that slip in the lanes `solved` evenly (see [`crate::constraints::redundant_supports`]).
+/// Shares the loads of redundant supports that slip evenly, in the lanes `solved` (see [`crate::constraints::redundant_supports`]).
 ///
-/// This changes the velocity of a contact group that turns while it slips. The lanes of such groups are solved again from the shared
-/// loads.
+/// This changes the velocity of a contact group that rotates while it slips. The lanes of such groups are solved again, starting from the
+/// shared loads.
 #[inline(always)]
 fn share_loads<R: Real>(
     problem: &ConstraintProblem<R>,
@@ -110,24 +109,23 @@ fn share_loads<R: Real>(
     }
 }
 
-/// Predictor of this step's contact impulses, before velocity-dependent forces are evaluated.
+/// Predictor of this step's constraint impulses, before velocity-dependent forces are evaluated.
 #[derive(Clone, Copy, Debug)]
-pub struct Estimate<R: Real> {
-    /// Lanes whose estimate does not depend on the previous impulses, except within its tolerance. Lanes at rest keep the previous impulses
-    /// as their estimate.
+pub struct ImpulsePredictor<R: Real> {
+    /// Lanes that move. Their prediction depends on the previous impulses only within its tolerance. Lanes at rest keep the previous
+    /// impulses as their prediction.
     moving: R::Mask,
-    /// Predicted lanes in which a few Gauss-Seidel iterations from zero are accurate enough. The other predicted lanes are solved to the
-    /// tolerance.
+    /// Lanes that a few Gauss-Seidel iterations from zero predict accurately enough. The other moving lanes iterate to `tolerance`.
     rough: R::Mask,
-    /// Largest change of a contact velocity per sweep at which the other lanes stop, m/s.
+    /// Largest change of a contact velocity per iteration at which the other lanes stop, m/s.
     tolerance: R,
 }
 
-impl<R: Real> Estimate<R> {
-    /// Predictor for a step of `h` seconds from the velocity `v`.
+impl<R: Real> ImpulsePredictor<R> {
+    /// Creates the predictor for a step of `h` seconds from the velocity `v`.
     ///
-    /// A rough estimate causes an error of up to [`ESTIMATE_ERROR`]. The estimate is solved if a smaller error is required. It is also
-    /// solved where loads are shared, and with Newton's method.
+    /// A rough prediction causes an error of up to [`ESTIMATE_ERROR`]. If a smaller error is required, the predictor iterates to a
+    /// tolerance. It also does so in lanes with shared loads, and with Newton's method.
     #[inline(always)]
     pub fn new(compiled: &LaneModel<R>, options: &StepSettings, v: &[R], h: R, velocity: &VelocitySolution<R>) -> Self {
         let error = ESTIMATE_ERROR / options.refinement();
@@ -146,7 +144,7 @@ impl<R: Real> Estimate<R> {
         )
     }
 
-    /// Estimates the impulses in the lanes `lanes`.
+    /// Predicts the impulses in the lanes `lanes`.
     #[inline(always)]
     pub fn make(&self, options: &StepSettings, lanes: R::Mask, problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>) {
         let VelocitySolution { impulses, saved_impulses, contact_groups, .. } = &mut *velocity;
@@ -154,7 +152,7 @@ impl<R: Real> Estimate<R> {
         self.repeat(options, lanes, problem, velocity);
     }
 
-    /// Repeats the estimate of the impulses in the lanes `lanes`, after more rows have become active.
+    /// Repeats the prediction of the impulses in the lanes `lanes`, after more rows have become active.
     #[inline(always)]
     pub fn repeat(&self, options: &StepSettings, lanes: R::Mask, problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>) {
         let (rows, impulses) = (&problem.rows, &mut velocity.impulses);
@@ -163,7 +161,7 @@ impl<R: Real> Estimate<R> {
             stepper_solve::gauss_seidel::sweep_from_zero(rows, impulses, ROUGH_ITERATIONS, rough);
         }
         if solved.any() {
-            // Rounding may prevent a small tolerance from being met, so the limit of the solve applies too.
+            // Rounding may prevent a small tolerance from being met, so that the iteration limit of the solver applies too.
             let limit = f64::from(options.iterations).max(ESTIMATE_ITERATIONS);
             let sweeps = (ESTIMATE_ITERATIONS * options.refinement()).min(limit) as u32;
             let settings = stepper_solve::gauss_seidel::SweepSettings { sweeps, tolerance: self.tolerance };
@@ -171,10 +169,10 @@ impl<R: Real> Estimate<R> {
         }
     }
 
-    /// Selects the impulses from which the solve of the lanes `lanes` starts.
+    /// Selects the impulses from which the solve of the lanes `lanes` starts: the predicted or the previous ones.
     ///
-    /// Lanes with shared loads start from the impulses before the estimate, because sweeps would change the shares. So do lanes in which
-    /// these impulses are as close to the solution as the rough estimate.
+    /// Lanes with shared loads start from the previous impulses, because Gauss-Seidel iterations would change the shares. So do lanes in
+    /// which the previous impulses are as close to the solution as the rough prediction.
     #[inline(always)]
     pub fn choose_start(&self, lanes: R::Mask, problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>) {
         let VelocitySolution { impulses, saved_impulses, contact_groups, .. } = velocity;
@@ -184,7 +182,7 @@ impl<R: Real> Estimate<R> {
     }
 }
 
-/// Lanes whose impulses are estimated at the velocity `v`. The others keep the impulses of the last step.
+/// Lanes that move at the velocity `v`, so that their impulses are predicted. The others keep the impulses of the last step.
 pub(crate) fn is_estimated<R: Real>(v: &[R], h: R) -> R::Mask {
     R::vectorize(
         #[inline(always)]
@@ -192,7 +190,7 @@ pub(crate) fn is_estimated<R: Real>(v: &[R], h: R) -> R::Mask {
     )
 }
 
-/// Lanes that are not at rest, by their fastest motion within a step.
+/// Lanes that are not at rest. `turn` is the largest displacement of a degree of freedom within the step, m or rad.
 #[inline(always)]
 fn is_moving<R: Real>(turn: R) -> R::Mask {
     turn.gt(R::of(REST_MOTION))
@@ -207,10 +205,10 @@ pub(crate) fn fastest<R: Real>(v: &[R]) -> R {
     fastest
 }
 
-/// Residual at which each lane stops, m/s: a fraction of its speed, above the rounding of velocities and at most the tolerance.
+/// Residual at which each lane stops, m/s: a fraction of its speed, but above the rounding of velocities, and at most the tolerance.
 ///
-/// In 32 bits velocities of 1 m/s round at 1e-3 m/s, above the default tolerance. Heavy boxes would creep into light ones at that residual,
-/// so lanes with redundant supports stop at a smaller one.
+/// In 32 bits, velocities of 1 m/s round at 1e-3 m/s, above the default tolerance. Heavy boxes would creep into light ones at that
+/// residual, so that lanes with redundant supports (`has_groups`) stop at a smaller one.
 fn tolerance<R: Real>(options: &StepSettings, v: &[R], has_groups: R::Mask) -> R {
     R::vectorize(
         #[inline(always)]

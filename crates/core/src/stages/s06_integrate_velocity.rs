@@ -1,4 +1,4 @@
-//! Stage 6: computes the next velocity from the impulses.
+//! Stage 6: computes the velocity after the step from the impulses.
 
 use stepper_real::Real;
 

@@ -28,12 +28,12 @@ use crate::tuning::{
     DAMPING, MAX_CORRECTION_ROTATION, MAX_REBOUND_SPEED_RATIO, MAX_SPEED_RATIO, MIN_UNMET_TARGET, NEGLIGIBLE_CORRECTION,
 };
 
-/// Bounds of the motion of a correction.
+/// Bounds of the speed of a position correction.
 #[derive(Clone, Copy, Debug)]
 struct Bounds<R> {
-    /// Speed of a shift, m/s.
+    /// Bound of a translation, m/s.
     shift: R,
-    /// Speed of a turn, rad/s.
+    /// Bound of a rotation, rad/s.
     turn: R,
 }
 
@@ -44,21 +44,21 @@ impl<R: Real> Bounds<R> {
         Self { shift, turn: (shift * R::of(1.0 / CORRECTION_ARM)).min(R::of(MAX_CORRECTION_ROTATION) / h) }
     }
 
-    /// Bounds of the velocity change for any time step. A larger change is attributed to the bias of Baumgarte's method.
+    /// Bounds of the velocity change by constraints, independent of the time step. A larger change is attributed to Baumgarte's correction.
     #[inline(always)]
     fn absurd(options: &StepSettings) -> Self {
         let shift = R::of((BAUMGARTE_LIMIT * MAX_SPEED_RATIO * options.max_correction_speed).max(1e-9));
         Self { shift, turn: shift * R::of(1.0 / CORRECTION_ARM) }
     }
 
-    /// Bound of each degree of freedom of a joint: shifts come first in a free joint.
+    /// Bound of degree of freedom `dof` of a joint, m/s or rad/s. In a free joint, translations come first.
     #[inline(always)]
     fn of(&self, kind: JointKind, dof: usize) -> R {
         if kind == JointKind::Slide || kind == JointKind::Free && dof < 3 { self.shift } else { self.turn }
     }
 }
 
-/// Input of the position solve.
+/// Inputs of the position solve.
 pub struct PositionInput<'a, R: Real> {
     /// Problem of the step.
     pub problem: &'a ConstraintProblem<R>,
@@ -68,18 +68,18 @@ pub struct PositionInput<'a, R: Real> {
     pub contacts: &'a Contacts<R>,
     /// Lanes whose positions are corrected.
     pub lanes: R::Mask,
-    /// Lanes in which a contact bounces. Their correction leads to the position after the rebound, and only the speeds of the step bound
-    /// it.
+    /// Lanes in which a contact bounces. Their corrected position is the one after the rebound, and only the speeds of the step bound the
+    /// correction.
     pub rebounding: R::Mask,
     /// Time step, s.
     pub h: R,
 }
 
 /// Corrects the configuration `position.q`, which has advanced with `velocity.v`, and writes the result to `position.q_corrected`. Returns
-/// the lanes in which the position errors cannot be removed.
+/// the lanes whose position errors provably cannot be removed.
 ///
-/// The position rows and the free velocity of `position` are those of [`prepare_position_solve`]. The solve starts from the impulses of the
-/// velocity solution and overwrites them.
+/// The caller has computed the position rows and the free velocity with [`prepare_position_solve`]. The solve starts from the impulses of
+/// the velocity solution and overwrites them.
 ///
 /// [`prepare_position_solve`]: crate::integrators::impact::prepare_position_solve
 #[inline(always)]
@@ -171,7 +171,7 @@ pub fn limit_baumgarte<R: Real>(
             for (v, &more) in v.iter_mut().zip(&*correction) {
                 *v += R::select(lanes, more, R::zero());
             }
-            // The impulses that cause this velocity, for the user.
+            // Impulses that belong to this velocity, for the user.
             for (change, (&v, &free)) in correction.iter_mut().zip(v.iter().zip(&*v_free)) {
                 *change = v - free;
             }
@@ -184,8 +184,8 @@ pub fn limit_baumgarte<R: Real>(
     infeasible
 }
 
-/// Solves the position rows, and writes to `position.correction` the bounded velocity that removes position errors if it is added to
-/// `velocity.v`. Returns the lanes that are proven infeasible.
+/// Solves the position rows. Writes the bounded velocity that, added to `velocity.v`, removes position errors to `position.correction`.
+/// Returns the lanes that are proven infeasible.
 fn correct<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
@@ -207,7 +207,7 @@ fn correct<R: Real>(
     let VelocitySolution { impulses, v: v_next, newton, saved_impulses, .. } = velocity;
     let PositionSolution { rows, reference, islands, v_free, correction: out, impact_displacement: scratch, .. } = position;
     let system = rows.system(&input.problem.rows);
-    // The residual of a correction is not reported. Only a smaller tolerance needs its certificate.
+    // The residual of a correction is not reported. Its certificate is needed only for a smaller tolerance.
     let system = if tolerance < CORRECTION_TOLERANCE { system } else { system.uncertified() };
     stepper_solve::solve(system, impulses, settings, lanes, newton);
     let bounds = Bounds::new(options, input.h);
@@ -228,15 +228,15 @@ fn correct<R: Real>(
     let infeasible =
         if lacking.any() { prove_infeasible(compiled, input.mass, system, impulses, reference, lacking, bounds) } else { lacking };
     if fast.any() {
-        // With Baumgarte's method the impulses, which users read, slow down with the motion.
+        // With Baumgarte's method, the user can read the impulses. They are reduced in the same ratio as the motion.
         let blended = (options.stabilization == Stabilization::Baumgarte).then_some(&*saved_impulses);
         bound_islands(compiled, system, islands, (impulses, blended), fast, bounds, out);
     }
     infeasible
 }
 
-/// Turns the copied rows into those of the position solve: damped, counted from the impulses of the velocity solution, with position errors
-/// as targets.
+/// Converts the copied rows to those of the position solve. These are damped, have position errors as targets, and count impulses from
+/// those of the velocity solution.
 #[inline(always)]
 pub(crate) fn damp_rows<R: Real>(
     compiled: &LaneModel<R>,
@@ -257,8 +257,8 @@ pub(crate) fn damp_rows<R: Real>(
     );
 }
 
-/// Computes the velocity that the impulses of the position solve add to `v_next`, into `position.correction`. Returns its largest ratio to
-/// its bounds; above 1 [`stabilise`] slows it down.
+/// Computes the velocity that the position solve adds to that of the velocity solution, into `position.correction`. Returns the largest
+/// ratio of a joint's velocity to its bound; above 1, [`stabilise`] slows the correction down.
 pub(crate) fn find_correction<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
@@ -277,7 +277,7 @@ pub(crate) fn find_correction<R: Real>(
     )
 }
 
-/// Computes the velocity that impulses of the position solve add to `v_next`, without bounds.
+/// Computes the velocity that the impulses of the position solve add to `v_next`, without bounds, into `out`.
 #[inline(always)]
 fn find_motion<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, impulses: &Iterate<R>, [v_free, v_next]: [&[R]; 2], out: &mut [R]) {
     out.copy_from_slice(&impulses.w);
@@ -287,10 +287,10 @@ fn find_motion<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, impulses:
     }
 }
 
-/// Bounds the correction `v` of the lanes `lanes` by [`MAX_REBOUND_SPEED_RATIO`] times the larger speed of two velocities, in the metric of
+/// Limits the correction `v` in the lanes `lanes` to [`MAX_REBOUND_SPEED_RATIO`] times the larger speed of two velocities, in the metric of
 /// the kinetic energy.
 ///
-/// Friction in a corner can make the correction itself enormous. Overwrites `scratch`.
+/// Friction in a corner can make the correction itself enormous. The function overwrites `scratch`.
 #[inline(always)]
 fn bound_rebound<R: Real>(
     compiled: &LaneModel<R>,
@@ -308,7 +308,7 @@ fn bound_rebound<R: Real>(
     }
 }
 
-/// Largest ratio of a motion to its bounds.
+/// Largest ratio of a joint's velocity in `v` to its bound.
 #[inline(always)]
 fn excess<R: Real>(compiled: &ModelStructure<R::Scalar>, v: &[R], bounds: Bounds<R>) -> R {
     let mut most = R::zero();
@@ -318,7 +318,7 @@ fn excess<R: Real>(compiled: &ModelStructure<R::Scalar>, v: &[R], bounds: Bounds
     most
 }
 
-/// Ratio of the velocity `v` of one joint to its bounds, for any direction of its shift or axis of its turn.
+/// Ratio of the velocity `v` of one joint to its bound, independent of the direction of its translation or the axis of its rotation.
 #[inline(always)]
 fn excess_of<R: Real>(kind: JointKind, v: &[R], bounds: Bounds<R>) -> R {
     match kind {
@@ -328,10 +328,10 @@ fn excess_of<R: Real>(kind: JointKind, v: &[R], bounds: Bounds<R>) -> R {
     }
 }
 
-/// Slows the motion `v` down, in the lanes `lanes`, if an island (bodies that rows join) exceeds its bounds.
+/// Slows the correction `v` down in islands (bodies that rows connect) that exceed their bounds, in the lanes `lanes`.
 ///
-/// The whole island slows down by the same factor, so that loops stay closed. Impulses with a snapshot are blended with it in the same
-/// ratio.
+/// A whole island slows down by the same factor, so that loops stay closed. If there is a snapshot of the impulses, they are blended with
+/// it in the same ratio.
 #[cold]
 fn bound_islands<R: Real>(
     compiled: &ModelStructure<R::Scalar>,
@@ -387,15 +387,15 @@ fn prove_infeasible<R: Real>(
                     most += momentum[joint.v + k].abs() * bounds.of(joint.kind, k);
                 }
             }
-            // A contact that is immovable along its normal is a witness by itself.
+            // A contact that is immovable along its normal proves this by itself.
             let held = system.immovable_target().gt(R::of(MIN_UNMET_TARGET));
             lanes.and(held.or(lack.gt(most)))
         },
     )
 }
 
-/// Computes the mobility that the two bodies of every contact would have without constraints, 1/kg; 0 for scalar rows. It is the lower
-/// bound of the mobility that scales the damping of the contact.
+/// Computes the inverse mass of the two bodies of every contact without constraints, 1/kg; 0 for scalar rows. It is the lower bound of the
+/// inverse inertia that scales the damping of the contact.
 #[inline(always)]
 fn find_unconstrained_mobility<R: Real>(compiled: &LaneModel<R>, input: &PositionInput<'_, R>, unconstrained_mobility: &mut Vec<R>) {
     let ConstraintProblem { rows, slots, rolling_slots, .. } = input.problem;

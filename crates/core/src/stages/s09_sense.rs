@@ -1,7 +1,7 @@
 //! Stage 9: computes sensor readings of the new state.
 //!
-//! Ideal readings are a function of the state after the step and of the results of the step: its impulses and its acceleration (v+ - v) /
-//! h, impulses included. Positions and velocities are those after the step, so that all readings belong to one time.
+//! True readings are a function of the state after the step and of the step's results: its impulses, and its acceleration (v+ - v) / h,
+//! which includes impulses. Positions and velocities are those after the step, so that all readings belong to one time.
 
 use stepper_real::Real;
 
@@ -11,8 +11,8 @@ use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 use crate::sensing::*;
 
-/// Computes the true readings of all sensors into `workspace.truth`. Updates `kinematics` to the present configuration, except mocap
-/// frames.
+/// Computes the true readings of all sensors into `workspace.truth`. Updates `kinematics` to the present configuration, except for the
+/// poses of mocap frames.
 pub fn sense<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &mut Kinematics<R>,
@@ -23,13 +23,13 @@ pub fn sense<R: Real>(
         kinematics.update(compiled, input.q);
     }
     workspace.prepare(compiled, kinematics, input);
-    // Ordinary code that calls a kernel for each sensor.
+    // Each sensor is a separate kernel, called from ordinary code.
     for sensor in &compiled.sensing.sensors {
         read(compiled, kinematics, workspace, input, sensor);
     }
 }
 
-/// Reading of one sensor.
+/// Writes the true reading of one sensor to `workspace.truth`.
 fn read<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -84,7 +84,7 @@ fn read<R: Real>(
     workspace.truth[at] = scalar;
 }
 
-/// Readings of sensors with three numbers.
+/// True reading of a sensor with three numbers.
 fn three<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, workspace: &SensorWorkspace<R>, read: &Read<R::Scalar>) -> V3<R> {
     let tree = |index: &usize| &compiled.sensing.subtrees[*index];
     match read {
@@ -101,7 +101,7 @@ fn three<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, workspace
     }
 }
 
-/// Magnetic field in a site's axes.
+/// Magnetic flux density in a site's axes, T.
 fn magnetic_field<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, site: &SensorFrame<R::Scalar>) -> V3<R> {
     R::vectorize(
         #[inline(always)]
@@ -109,7 +109,7 @@ fn magnetic_field<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, 
     )
 }
 
-/// Sum of c x.
+/// Sum of coefficients times entries of `x`. `terms` are pairs of index and coefficient.
 fn weighted<R: Real>(terms: &[(usize, R::Scalar)], x: &[R]) -> R {
     R::vectorize(
         #[inline(always)]
@@ -123,7 +123,7 @@ fn weighted<R: Real>(terms: &[(usize, R::Scalar)], x: &[R]) -> R {
     )
 }
 
-/// Sum of x over `which`.
+/// Sum of the entries of `x` with the indices `which`.
 fn total<R: Real>(which: &[usize], x: &[R]) -> R {
     R::vectorize(
         #[inline(always)]
@@ -137,7 +137,8 @@ fn total<R: Real>(which: &[usize], x: &[R]) -> R {
     )
 }
 
-/// Combines `dim` readings at `at`: coefficients times the readings that begin at the addresses of the terms.
+/// Writes the combination of `dim` readings to address `at`: the sum of coefficients times readings of other sensors. `terms` are pairs of
+/// address and coefficient.
 fn combine<R: Real>(terms: &[(usize, R::Scalar)], at: usize, dim: usize, truth: &mut [R]) {
     R::vectorize(
         #[inline(always)]
@@ -160,7 +161,7 @@ fn bounds<R: Real>(compiled: &LaneModel<R>, bounds: &Bounds<R::Scalar>) -> [R; 2
     }
 }
 
-/// Distance of q beyond the nearer end of its range and its rate at velocity v; zeros within the range.
+/// Distance of `q` beyond the nearer end of its range, and its time derivative at the velocity `v`; zeros within the range.
 fn overlap<R: Real>(q: R, v: R, [low, high]: [R; 2]) -> [R; 2] {
     R::vectorize(
         #[inline(always)]

@@ -1,4 +1,4 @@
-//! Stage 10: record of how well the step was solved.
+//! Stage 10: record of how well the step was solved, and status flags.
 
 use std::fmt;
 
@@ -12,19 +12,19 @@ use crate::dynamics::kinematics::quat_at;
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 
-/// Overlap of a contact above which a step is [`Status::DEEP`], m.
+/// Overlap of a contact above which a step gets the flag [`Status::DEEP`], m.
 ///
 /// It is a hundred times the default slop, above the overlap of any solved contact, and visible between a foot and the floor.
 pub const DEEP: f64 = 1e-3;
 
-/// Distance beyond its range above which a joint is [`Status::OVER_LIMIT`], rad or m.
+/// Distance beyond its range above which a joint or tendon gets the flag [`Status::OVER_LIMIT`], rad or m.
 ///
-/// It is half a degree, which a hard stop does not give. From this distance on the limit has a row in every step.
+/// It is half a degree, more than a hard stop yields. Above this distance, the limit has a row in every step.
 pub const OVER_LIMIT: f64 = 1e-2;
 
-/// Position error of an equality above which a step is [`Status::EQUALITY_VIOLATED`], m or rad.
+/// Position error of an equality above which a step gets the flag [`Status::EQUALITY_VIOLATED`], m or rad.
 ///
-/// Linkages whose bodies turn by up to 0.03 rad a step keep 2e-4. A four-bar that turns by 0.17 rad a step opens by 2.3e-3.
+/// Evidence: linkages whose bodies rotate by up to 0.03 rad a step have errors of 2e-4. A four-bar linkage with 0.17 rad a step has 2.3e-3.
 pub const EQUALITY_VIOLATED: f64 = 1e-3;
 
 bitflags! {
@@ -79,14 +79,14 @@ impl fmt::Display for Status {
     }
 }
 
-/// Record of one step, lane by lane.
+/// Record of one step: residual, iterations, largest errors and status flags of each lane.
 #[derive(Clone, Copy, Debug)]
 pub struct Record<R: Real> {
-    /// Residual, or the largest target velocity of an immovable row if that is larger, m/s. 0 where the step was not finite.
+    /// Larger of the residual and the largest target velocity of an immovable row, m/s. 0 if the step was not finite.
     pub residual: R,
-    /// Sweeps of the solver.
+    /// Number of Gauss-Seidel iterations (sweeps).
     pub sweeps: R,
-    /// Newton steps of the solver, over all islands.
+    /// Number of Newton iterations, summed over all islands.
     pub newton_steps: R,
     /// Largest overlap of the step's contacts beyond their margins at the evaluation point, m.
     pub depth: R,
@@ -96,15 +96,15 @@ pub struct Record<R: Real> {
     pub equality_violation: R,
     /// Lanes whose residual is above the tolerance, or whose impulses do not determine the energy.
     pub not_converged: R::Mask,
-    /// Lanes that kept their last finite state.
+    /// Lanes that kept their last finite state, because the step was not finite.
     pub non_finite: R::Mask,
-    /// Lanes (bits) that left contacts out.
+    /// Lanes (bits) with more contacts than the capacity, so that some were left out.
     pub contacts_full: u32,
-    /// Lanes whose motion was too fast for the step.
+    /// Lanes whose motion was too fast for the time step.
     pub unresolved: R::Mask,
-    /// Lanes in which a geom may have passed through a thin one.
+    /// Lanes in which one geom may have passed through another.
     pub tunnelled: R::Mask,
-    /// Lanes in which a witness proves that the constraints are infeasible.
+    /// Lanes in which impulses prove that the constraints are infeasible.
     pub infeasible: R::Mask,
     /// Lanes whose `depth` is above [`DEEP`].
     pub deep: R::Mask,
@@ -115,7 +115,7 @@ pub struct Record<R: Real> {
 }
 
 impl<R: Real> Record<R> {
-    /// Adds the flags of every lane to `statuses`, bits of [`Status`] one per lane.
+    /// Adds the flags of every lane to `statuses`, which has the bits of one [`Status`] per lane.
     pub fn add_flags(&self, statuses: &mut [u32]) {
         R::vectorize(
             #[inline(always)]
@@ -140,7 +140,7 @@ impl<R: Real> Record<R> {
     }
 }
 
-/// Largest overlap of the contacts beyond their margins, m, in the lanes `lanes`; 0 without any.
+/// Largest overlap of the contacts beyond their margins in the lanes `lanes`, m; 0 without contacts.
 pub fn depth<R: Real>(problem: &ConstraintProblem<R>, contacts: &Contacts<R>, lanes: R::Mask) -> R {
     R::vectorize(
         #[inline(always)]
@@ -155,7 +155,7 @@ pub fn depth<R: Real>(problem: &ConstraintProblem<R>, contacts: &Contacts<R>, la
     )
 }
 
-/// Largest distance of a joint or tendon beyond its range at the configuration `q`, rad or m; 0 if all are inside.
+/// Largest distance of a joint or tendon beyond its range at the configuration `q`, rad or m; 0 if all are within their ranges.
 pub fn limit_overshoot<R: Real>(compiled: &LaneModel<R>, q: &[R]) -> R {
     R::vectorize(
         #[inline(always)]

@@ -1,4 +1,4 @@
-//! Assembly of all soft rows of a step, and storage of their forces.
+//! Assembly of all rows of MuJoCo's contact law in a step, and storage of their forces.
 
 use stepper_real::{Mask, Real};
 
@@ -10,7 +10,8 @@ use crate::constraints::soft::input::SoftInput;
 use crate::math::spatial::*;
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds the soft rows of all constraints. Velocities of rows are those of `row.assembly.v_free`, before the step.
+    /// Adds the rows of all constraints with MuJoCo's contact law. The velocity of a row is that of `row.assembly.v_free`, the velocity
+    /// before the step.
     pub(crate) fn assemble_soft(&mut self, input: SoftInput<'_, R>, contacts: &mut Contacts<R>) {
         let Some(mut system) = self.problem.soft.take() else { return };
         align_tangents(input.row.compiled, input.row.kinematics, contacts);
@@ -18,7 +19,7 @@ impl<R: Real> Assembler<'_, R> {
             #[inline(always)]
             || {
                 system.problem.clear();
-                self.problem.owners.clear();
+                self.problem.impulse_indices.clear();
                 self.problem.slots.clear();
                 self.problem.rolling_slots.clear();
                 self.problem.constrained = R::Mask::splat(false);
@@ -39,9 +40,9 @@ impl<R: Real> Assembler<'_, R> {
 }
 
 impl<R: Real> ConstraintProblem<R> {
-    /// Stores the impulses of the solution, which are `h` times its forces.
+    /// Stores the impulses of the solution, which are its forces times `h`, the time step in s.
     ///
-    /// Those of contacts go to `contacts`, those of scalar rows to `scalar_impulse`, and their sum on the joints to `impulse`. The next
+    /// Impulses of contacts go to `contacts`, those of scalar rows to `scalar_impulse`, and their sum on the joints to `impulse`. The next
     /// step starts from them.
     pub fn store_soft_impulses(&self, h: R, contacts: &mut Contacts<R>, scalar_impulse: &mut [R], impulse: &mut [R]) {
         let Some(system) = &self.soft else { return };
@@ -55,16 +56,16 @@ impl<R: Real> ConstraintProblem<R> {
                         *impulse = R::select(self.constrained, force * h, R::zero());
                     }
                 }
-                // Rows without an owner are couplings of the mass matrix, not constraints.
-                for i in self.owners.len()..system.problem.rows.len() {
+                // Further rows are couplings of the mass matrix, not constraints.
+                for i in self.impulse_indices.len()..system.problem.rows.len() {
                     let (dofs, arms) = system.problem.row(i);
                     let force = R::select(self.constrained, system.solver.row_force(&system.problem, i), R::zero()) * h;
                     for (&d, &arm) in dofs.iter().zip(arms) {
                         impulse[d as usize] -= arm * force;
                     }
                 }
-                for (i, &owner) in self.owners.iter().enumerate() {
-                    scalar_impulse[owner] = system.solver.row_force(&system.problem, i) * h;
+                for (i, &impulse_index) in self.impulse_indices.iter().enumerate() {
+                    scalar_impulse[impulse_index] = system.solver.row_force(&system.problem, i) * h;
                 }
                 for (i, &(k, lanes)) in self.slots.iter().enumerate() {
                     let force = system.solver.contact_force(&system.problem, i);
@@ -83,8 +84,8 @@ impl<R: Real> ConstraintProblem<R> {
     }
 }
 
-/// Converts a vector from the axes of a slot to standard axes, in which contacts are stored: the normal, and tangents that follow from it
-/// alone.
+/// Converts a vector from the axes of a slot to the standard axes, in which contacts are stored. These are the normal, and tangents that
+/// depend only on the normal.
 #[inline(always)]
 fn in_standard_frame<R: Real>(slot: &Slot<R>, [x, a, b]: V3<R>) -> V3<R> {
     let [n, t1, t2] = contact_frame(slot.point.normal);

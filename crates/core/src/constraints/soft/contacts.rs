@@ -1,4 +1,4 @@
-//! Soft rows of contacts.
+//! Rows of contacts with MuJoCo's contact law.
 
 use stepper_real::{Mask, Real};
 use stepper_solve::soft::Cone;
@@ -12,23 +12,24 @@ use crate::constraints::soft::input::SoftInput;
 use crate::constraints::soft::system::SoftSystem;
 use crate::math::spatial::*;
 
-/// Parameters of the contacts in one slot, per lane.
+/// Parameters of MuJoCo's contact law for the contacts in one slot, per lane.
 struct ContactLaw<R: Real> {
-    /// Impedance times stiffness, and damping, of the normal row.
+    /// Stiffness K times impedance d, 1/s^2, and damping B, 1/s, of the normal row.
     spring: [R; 2],
     /// Impedance d of the normal row.
     impedance: R,
-    /// Approximate inverse inertia.
+    /// Approximate inverse inertia along the normal, 1/kg.
     weight: R,
-    /// Regularisation of a spring's normal force, 0 for other contacts.
+    /// Regularisation of the normal force of a contact spring, 1/kg; 0 for contacts without a spring.
     spring_weight: R,
-    /// Damping of friction rows.
+    /// Damping B of the friction rows, 1/s.
     friction_damping: R,
     /// Coefficients of friction: sliding twice, torsional, rolling twice.
     friction: [R; 5],
-    /// Number of friction rows.
+    /// Number of friction rows of each contact: condim - 1.
     frictions: R,
-    /// Divisor of the normal row's regularisation and its lower bound, over its weight: 1 and 0 except in discrete steps.
+    /// Divisor of the normal row's regularisation, and lower bound of the regularisation per weight. They are 1 and 0 except in discrete
+    /// steps.
     end: [R; 2],
 }
 
@@ -59,7 +60,8 @@ impl<R: Real> ContactLaw<R> {
             law.impedance = R::select(there, impedance, law.impedance);
             let mut spring = [R::splat(own.normal.stiffness) * impedance, R::splat(own.normal.damping)];
             let mut friction_damping = R::splat(own.friction_damping);
-            // Springs in N/m are at the end of the step in every scheme.
+            // Contact springs in N/m are evaluated at the end of the step by every integrator, so that the discrete law does not apply to
+            // them.
             if let Some(effective) = input.effective.filter(|_| own.spring == <R::Scalar as Default>::default()) {
                 let end = EndLaw::new(&own.normal, impedance, effective.h);
                 spring = end.spring.map(|x| x / end.factor);
@@ -79,7 +81,7 @@ impl<R: Real> ContactLaw<R> {
         law
     }
 
-    /// Reference accelerations of `N` rows at the velocities `v`.
+    /// Reference accelerations of `N` rows with the velocities `v`, m/s^2. `distance` is the distance of the contact, m.
     #[inline(always)]
     fn reference<const N: usize>(&self, cone: Cone, distance: R, v: [R; N]) -> [R; N] {
         let mut reference = [R::zero(); N];
@@ -92,7 +94,7 @@ impl<R: Real> ContactLaw<R> {
         reference
     }
 
-    /// Weights D and scales of `N` rows in the lanes `active`; see [`stepper_solve::soft::SoftContact`].
+    /// Weights D = 1 / R and scales of `N` rows in the lanes `active`; see [`stepper_solve::soft::SoftContact`].
     #[inline(always)]
     fn weights<const N: usize>(&self, cone: Cone, impratio: R, discrete: bool, active: R::Mask) -> [[R; N]; 2] {
         let (zero, one) = (R::zero(), R::one());
@@ -110,9 +112,9 @@ impl<R: Real> ContactLaw<R> {
         }
         scale[0] = R::select(rubs, cone_mu, one);
         weight[0] = R::select(active, one / normal, zero);
-        // Edges of a pyramid without friction are both the normal.
+        // Without friction, the two edges of a pyramid both are the normal.
         let edge = R::select(rubs, R::of(2.0) * cone_mu * cone_mu * normal, normal + normal);
-        // All edges together carry the load of the spring.
+        // All edges of the pyramid together carry the load of the spring.
         let edges = R::of(2.0) * self.frictions.max(one);
         let edge = R::select(self.spring_weight.gt(zero), edges * self.spring_weight, edge);
         for i in 1..N {
@@ -132,7 +134,7 @@ impl<R: Real> ContactLaw<R> {
         [weight, scale]
     }
 
-    /// Weights in the matrix of a discrete step. All rows of a contact use that of its first.
+    /// Weights of the rows in the effective mass matrix of a discrete step. All rows of a contact use the correction of the first row.
     #[inline(always)]
     fn in_metric<const N: usize>(
         &self,
@@ -161,10 +163,10 @@ impl<R: Real> ContactLaw<R> {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds contacts that are closer than their margin, rolling ones last.
+    /// Adds the rows of contacts that are closer than their margin; those with rolling friction come last.
     ///
-    /// A slot may hold contacts of different trees in every lane. It makes one contact for the lanes with the same trees, so that no row
-    /// joins trees that touch in no lane.
+    /// A slot may have contacts of different trees in every lane. It becomes one contact for all lanes with the same trees, so that no row
+    /// connects trees that do not touch in its lanes.
     pub(super) fn add_soft_contacts(&mut self, input: SoftInput<'_, R>, contacts: &Contacts<R>, system: &mut SoftSystem<R>) {
         let compiled = input.row.compiled;
         for rolls in [false, true] {
@@ -279,7 +281,7 @@ impl<R: Real> Assembler<'_, R> {
     }
 }
 
-/// Lanes of `lanes` in which slot `k` joins the same trees as in the first of them.
+/// Lanes of `lanes` (bits) in which the contact in slot `k` connects the same trees as in the first of these lanes.
 fn lanes_of_same_trees<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> u32 {
     if compiled.ntree < 2 {
         return lanes;

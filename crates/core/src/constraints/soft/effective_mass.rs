@@ -1,4 +1,4 @@
-//! Matrix of a discrete step, M + h D + h^2 K, and its effect on constraint rows.
+//! Effective mass matrix of a discrete step, M + h D + h^2 K, and its effect on constraint rows.
 
 use std::ops::Range;
 
@@ -7,21 +7,21 @@ use stepper_real::Real;
 use crate::compile::{EndLaw, LaneModel, MIN_MOBILITY, ModelStructure, SoftLaw};
 use crate::constraints::soft::system::SoftSystem;
 
-/// Effective mass matrix of a discrete step.
+/// Effective mass matrix of a discrete step, M + h D + h^2 K.
 ///
-/// Terms with the sparsity of the trees are among the entries that the solver receives. This struct has M, and the couplings of several
-/// degrees of freedom as rows (w / 2) (arms . a)^2 of the objective.
+/// Terms with the sparsity of the kinematic trees are added to the entries that the solver receives. This struct stores M, and the
+/// couplings of several degrees of freedom, which become rows (w / 2) (arms . a)^2 of the objective.
 #[derive(Clone, Debug)]
 pub struct EffectiveMass<R: Real> {
     /// Length of the step, s.
     pub(crate) h: R,
-    /// Entries of M.
+    /// Entries of the mass matrix M.
     pub(crate) mass: Vec<R>,
-    /// Diagonals of M, and of the matrix of the step.
+    /// Diagonal of M, and diagonal of the effective mass matrix.
     pub(crate) diagonals: [Vec<R>; 2],
-    /// Ranges of the terms of each coupling, with its weight w.
+    /// Couplings: range of its terms in `dofs` and `arms`, and weight w.
     couplings: Vec<(Range<usize>, R)>,
-    /// Degrees of freedom of each coupling, ascending, and their arms.
+    /// Degrees of freedom of all couplings, ascending within each; below them the moment arms.
     dofs: Vec<u32>,
     arms: Vec<R>,
 }
@@ -42,7 +42,7 @@ impl<R: Real> EffectiveMass<R> {
         }
     }
 
-    /// Stores the `entries` of M, and the length of the step.
+    /// Stores `entries`, the entries of M, and the time step `h`. Clears all couplings.
     pub(crate) fn begin(&mut self, compiled: &LaneModel<R>, entries: &[R], h: R) {
         self.h = h;
         self.mass.copy_from_slice(entries);
@@ -54,7 +54,8 @@ impl<R: Real> EffectiveMass<R> {
         self.arms.clear();
     }
 
-    /// Adds w (arms)(arms)^T: on one degree of freedom to the `entries` of the mass matrix, on several as a coupling.
+    /// Adds the matrix w (arms)(arms)^T. `parts` are pairs of degree of freedom and arm. A single degree of freedom goes to `entries` of
+    /// the mass matrix, several become a coupling.
     #[inline(always)]
     pub(crate) fn add(&mut self, compiled: &LaneModel<R>, parts: impl Iterator<Item = (usize, R)>, w: R, entries: &mut [R]) {
         let start = self.dofs.len();
@@ -76,7 +77,7 @@ impl<R: Real> EffectiveMass<R> {
         }
     }
 
-    /// Stores the diagonal of the step's matrix, once its `entries` are complete.
+    /// Computes the diagonal of the effective mass matrix, after `entries` have all terms.
     pub(crate) fn finish(&mut self, compiled: &LaneModel<R>, entries: &[R]) {
         for (dof, own) in compiled.dofs.iter().zip(&mut self.diagonals[1]) {
             *own = entries[dof.chain];
@@ -100,8 +101,8 @@ impl<R: Real> EffectiveMass<R> {
         !self.couplings.is_empty()
     }
 
-    /// Fraction of a row's approximate inverse inertia that remains in the step's matrix. It uses diagonals, at the entries `of` the row's
-    /// Jacobian on `support`.
+    /// Ratio of a row's inverse inertia with the effective mass matrix to that with M, approximated from the diagonals. `of` returns the
+    /// entries of the row's Jacobian on `support`.
     #[inline(always)]
     pub(super) fn mobility(&self, support: &[u32], of: impl Fn(usize) -> R) -> R {
         let (mut own, mut bare) = (R::zero(), R::zero());
@@ -116,16 +117,16 @@ impl<R: Real> EffectiveMass<R> {
     }
 }
 
-/// Weight D of a row whose inverse inertia is the fraction `mobility` of the approximation in its law.
+/// Weight D of a row, corrected by `mobility`: the ratio of its inverse inertia to the approximation in its law.
 #[inline(always)]
 pub(super) fn in_metric<R: Real>(weight: R, mobility: R) -> R {
     (weight / mobility).min(R::of(1.0 / MIN_MOBILITY))
 }
 
-/// Reference acceleration and weight D of a row at the error r.
+/// Reference acceleration and weight D of a row with the position error r.
 ///
-/// `v` is the rate of r, and `shift` the acceleration of the row if no joint accelerates. With `effective` the row is evaluated at the end
-/// of a discrete step. Otherwise it follows MuJoCo's continuous integrators.
+/// `v` is the time derivative of r, and `shift` the acceleration of the row if no joint accelerates. With `effective`, the row is evaluated
+/// at the end of a discrete step. Otherwise it follows MuJoCo's continuous integrators.
 #[inline(always)]
 pub(super) fn law_at<R: Real>(
     law: &SoftLaw<R::Scalar>,

@@ -1,4 +1,4 @@
-//! Soft rows of equalities.
+//! Rows of equalities with MuJoCo's contact law.
 
 use stepper_real::{Mask, Real};
 
@@ -7,24 +7,24 @@ use crate::constraints::assembler::Assembler;
 use crate::constraints::equality::{angular_acceleration, moves};
 use crate::constraints::soft::effective_mass::law_at;
 use crate::constraints::soft::input::SoftInput;
-use crate::constraints::soft::rows::{RowOf, row_law};
+use crate::constraints::soft::rows::{SoftRow, row_law};
 use crate::constraints::soft::system::SoftSystem;
 use crate::math::spatial::*;
 
-/// Errors of three rows, and their J' v.
+/// Position errors of three rows, and their velocity-dependent accelerations J' v.
 struct Errors<R: Real> {
     error: V3<R>,
     kappa: V3<R>,
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds the rows of equalities. All errors of an equality share one impedance.
+    /// Adds the rows of all active equalities. All position errors of an equality share one impedance.
     #[inline(always)]
     pub(super) fn add_soft_equalities(&mut self, input: SoftInput<'_, R>, system: &mut SoftSystem<R>) {
         for (k, block) in input.row.compiled.equalities.iter().enumerate() {
             if self.problem.active_equalities.has_rows(k) {
                 for equality in &block.equalities {
-                    // A separate kernel, because few models have equalities.
+                    // Compiled separately, because few models have equalities.
                     R::vectorize(
                         #[inline(always)]
                         || self.add_soft_equality(input, equality, system),
@@ -73,16 +73,17 @@ impl<R: Real> Assembler<'_, R> {
                     rate += self.builder.column[d as usize][0] * input.row.assembly.v_free[d as usize];
                 }
                 let active = input.row.assembly.alive.and(self.problem.active_equalities.lanes(equality));
-                // MuJoCo omits J' v of couplings.
+                // MuJoCo neglects the acceleration J' v of couplings.
                 let law = row_law(law, input, [rows.error[0], rate], active);
                 system.terms.clear();
                 system.terms.extend_from_slice(&equality.support);
-                self.push_soft_row(input, system, RowOf { law, bounds: unbounded(), active, owner: equality.owner });
+                self.push_soft_row(input, system, SoftRow { law, bounds: unbounded(), active, impulse_index: equality.impulse_index });
             }
         }
     }
 
-    /// Appends three rows whose Jacobian is in `column` on the support of the equality. `first` is the index of the first row's impulse.
+    /// Appends three rows to the problem. Their Jacobians are in `column` on the support of the equality; `first` is the offset of their
+    /// impulses.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "three rows, every part of them named at the call")]
     fn push_soft_triple(
@@ -104,8 +105,8 @@ impl<R: Real> Assembler<'_, R> {
         system.terms.extend_from_slice(&equality.support);
         for k in 0..3 {
             let law = law_at(law, input.effective, impedance, [error[k], rate[k], kappa[k]], active);
-            let owner = equality.owner + first + k;
-            self.push_soft_row(input, system, RowOf { law, bounds: unbounded(), active, owner });
+            let impulse_index = equality.impulse_index + first + k;
+            self.push_soft_row(input, system, SoftRow { law, bounds: unbounded(), active, impulse_index });
             for &d in &equality.support {
                 let [_, b, c] = self.builder.column[d as usize];
                 self.builder.column[d as usize] = [b, c, R::zero()];
@@ -121,13 +122,13 @@ fn unbounded<R: Real>() -> [R; 2] {
 
 /// Relative orientation of two frames. MuJoCo's error is the vector part of the quaternion q1^-1 q0, in the second frame's axes.
 struct Turn<R: Real> {
-    /// Scalar part.
+    /// Scalar part of the quaternion.
     scalar: R,
-    /// Vector part.
+    /// Vector part of the quaternion, the error.
     error: V3<R>,
-    /// Second derivative of the vector part if no joint accelerates.
+    /// Second derivative of the vector part if no joint accelerates, 1/s^2.
     kappa: V3<R>,
-    /// Orientation of the second frame.
+    /// Rotation matrix from the second frame to the world.
     second: M3<R>,
 }
 
@@ -152,7 +153,7 @@ impl<R: Real> Turn<R> {
         turn
     }
 
-    /// Rate of the vector part for a relative angular velocity in world axes.
+    /// Time derivative of the vector part for the relative angular velocity `relative` in world axes, rad/s.
     #[inline(always)]
     fn rate(&self, relative: V3<R>) -> V3<R> {
         let w = rotate_back(&self.second, relative);
@@ -160,7 +161,7 @@ impl<R: Real> Turn<R> {
     }
 }
 
-/// Angular velocity of a frame.
+/// Angular velocity of a frame in world axes, rad/s.
 #[inline(always)]
 fn frame_velocity<R: Real>(input: SoftInput<'_, R>, frame: usize) -> V3<R> {
     if frame == 0 || frame > input.row.compiled.links.len() { zero() } else { angular(&input.row.assembly.motion.velocity[frame - 1]) }

@@ -1,4 +1,4 @@
-//! Tangents of contacts for which MuJoCo does not derive them from the normal alone.
+//! Tangents of contacts whose choice in MuJoCo does not follow from the normal alone.
 
 use stepper_real::{Mask, Real};
 
@@ -7,8 +7,8 @@ use crate::compile::LaneModel;
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 
-/// Turns the first tangent of contacts between planes and capsules along the axis of the capsule (`mjc_PlaneCapsule`). A pyramid of
-/// friction depends on it.
+/// Rotates the first tangent of contacts between a plane and a capsule into the direction of the capsule's axis (`mjc_PlaneCapsule`). A
+/// pyramidal friction cone depends on the tangents.
 pub(super) fn align_tangents<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, contacts: &mut Contacts<R>) {
     R::vectorize(
         #[inline(always)]

@@ -1,4 +1,4 @@
-//! Inputs from which soft rows are assembled.
+//! Inputs of the assembly of rows with MuJoCo's contact law.
 
 use stepper_real::Real;
 
@@ -6,11 +6,11 @@ use crate::compile::CompiledSoftness;
 use crate::constraints::equality::RowInput;
 use crate::constraints::soft::effective_mass::EffectiveMass;
 
-/// Inputs from which soft rows are assembled.
+/// Inputs of the assembly of rows with MuJoCo's contact law.
 #[derive(Clone, Copy)]
 pub struct SoftInput<'a, R: Real> {
     pub(crate) row: RowInput<'a, R>,
     pub(crate) softness: &'a CompiledSoftness<R::Scalar>,
-    /// Matrix of a discrete step, which evaluates constraints at its end.
+    /// Effective mass matrix of a discrete step, which evaluates constraints at its end; `None` for continuous integrators.
     pub(crate) effective: Option<&'a EffectiveMass<R>>,
 }

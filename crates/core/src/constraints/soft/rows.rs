@@ -1,4 +1,4 @@
-//! Scalar soft rows: limits of joints and tendons, and dry friction.
+//! Scalar rows with MuJoCo's contact law: limits of joints and tendons, and dry friction.
 
 use stepper_real::{Mask, Real};
 
@@ -11,21 +11,21 @@ use crate::constraints::soft::system::SoftSystem;
 use crate::dynamics::kinematics::quat_at;
 use crate::math::spatial::*;
 
-/// Scalar soft row in the lanes in which it exists.
-pub(super) struct RowOf<R: Real> {
-    /// Reference acceleration and weight D.
+/// Scalar row of MuJoCo's contact law, before it is added to the problem.
+pub(super) struct SoftRow<R: Real> {
+    /// Reference acceleration and weight D = 1 / R.
     pub(super) law: [R; 2],
-    /// Least and largest force.
+    /// Lowest and highest force.
     pub(super) bounds: [R; 2],
     /// Lanes in which the row exists.
     pub(super) active: R::Mask,
-    /// Index of the row's impulse.
-    pub(super) owner: usize,
+    /// Index of the row's impulse in the list of impulses of scalar rows.
+    pub(super) impulse_index: usize,
 }
 
 impl<R: Real> RowBuilder<R> {
-    /// Writes the Jacobian of combinations of joints, each times its factor, to the first component of `column`. Sets `system.terms` to the
-    /// degrees of freedom with entries, ascending.
+    /// Writes the Jacobian of a sum of linear combinations of joints, each times a factor, to the first component of `column`. Sets
+    /// `system.terms` to the degrees of freedom with entries, ascending.
     #[inline(always)]
     pub(super) fn combine(&mut self, system: &mut SoftSystem<R>, parts: &[(&Combination<R::Scalar>, R)]) {
         system.terms.clear();
@@ -46,10 +46,10 @@ impl<R: Real> RowBuilder<R> {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Appends a scalar row. Its Jacobian is in the first component of `column`, at the degrees of freedom `system.terms`.
+    /// Appends a scalar row to the problem. Its Jacobian is in the first component of `column`, at the degrees of freedom `system.terms`.
     #[inline(always)]
-    pub(super) fn push_soft_row(&mut self, input: SoftInput<'_, R>, system: &mut SoftSystem<R>, row: RowOf<R>) {
-        let RowOf { law: [reference, mut weight], bounds, active, owner } = row;
+    pub(super) fn push_soft_row(&mut self, input: SoftInput<'_, R>, system: &mut SoftSystem<R>, row: SoftRow<R>) {
+        let SoftRow { law: [reference, mut weight], bounds, active, impulse_index } = row;
         for &d in &system.terms {
             let entry = R::select(active, self.builder.column[d as usize][0], R::zero());
             self.builder.column[d as usize][0] = entry;
@@ -73,11 +73,11 @@ impl<R: Real> Assembler<'_, R> {
             weight,
             bounds,
         );
-        self.problem.owners.push(owner);
+        self.problem.impulse_indices.push(impulse_index);
         self.problem.constrained = self.problem.constrained.or(active);
     }
 
-    /// Adds rows of dry friction of joints and tendons.
+    /// Adds the rows of dry friction of joints and tendons.
     #[inline(always)]
     pub(super) fn add_soft_frictions(&mut self, input: SoftInput<'_, R>, system: &mut SoftSystem<R>) {
         let (compiled, assembly) = (input.row.compiled, input.row.assembly);
@@ -92,21 +92,21 @@ impl<R: Real> Assembler<'_, R> {
             self.builder.column[friction.dof] = [R::one(), R::zero(), R::zero()];
             system.terms.clear();
             system.terms.push(friction.dof as u32);
-            let owner = compiled.limits.len() + i;
-            self.push_soft_row(input, system, RowOf { law, bounds, active: assembly.alive, owner });
+            let impulse_index = compiled.limits.len() + i;
+            self.push_soft_row(input, system, SoftRow { law, bounds, active: assembly.alive, impulse_index });
         }
         for (tendon, [_, law]) in compiled.tendons.iter().zip(&input.softness.tendons) {
             if tendon.friction > <R::Scalar as Default>::default() {
                 let most = R::splat(tendon.friction);
                 let law = row_law(law, input, [R::zero(), tendon.length.rate(assembly.v_free)], assembly.alive);
                 self.builder.combine(system, &[(&tendon.length, R::one())]);
-                let row = RowOf { law, bounds: [-most, most], active: assembly.alive, owner: tendon.owner + 1 };
+                let row = SoftRow { law, bounds: [-most, most], active: assembly.alive, impulse_index: tendon.impulse_index + 1 };
                 self.push_soft_row(input, system, row);
             }
         }
     }
 
-    /// Adds rows of the violated limits of joints, ball joints and tendons.
+    /// Adds the rows of violated limits of joints, ball joints and tendons.
     #[inline(always)]
     pub(super) fn add_soft_limits(&mut self, input: SoftInput<'_, R>, system: &mut SoftSystem<R>) {
         let (compiled, assembly) = (input.row.compiled, input.row.assembly);
@@ -131,7 +131,7 @@ impl<R: Real> Assembler<'_, R> {
             if active.any() {
                 self.builder.combine(system, &[(&tendon.length, sign)]);
                 let rate = sign * tendon.length.rate(assembly.v_free);
-                self.push_soft_limit(input, system, law, [error, rate], active, tendon.owner);
+                self.push_soft_limit(input, system, law, [error, rate], active, tendon.impulse_index);
             }
         }
     }
@@ -153,12 +153,12 @@ impl<R: Real> Assembler<'_, R> {
                     system.terms.push((limit.dof + k) as u32);
                     self.builder.column[limit.dof + k] = [axis[k], R::zero(), R::zero()];
                 }
-                self.push_soft_limit(input, system, law, [error, dot(axis, v)], active, limit.owner);
+                self.push_soft_limit(input, system, law, [error, dot(axis, v)], active, limit.impulse_index);
             }
         }
     }
 
-    /// Adds a row that only pushes, with this error and its rate.
+    /// Adds the row of a limit, which only pushes, for its position error and the error's time derivative.
     #[inline(always)]
     fn push_soft_limit(
         &mut self,
@@ -167,21 +167,21 @@ impl<R: Real> Assembler<'_, R> {
         law: &SoftLaw<R::Scalar>,
         [error, rate]: [R; 2],
         active: R::Mask,
-        owner: usize,
+        impulse_index: usize,
     ) {
         let bounds = [R::zero(), R::of(f64::INFINITY)];
         let law = row_law(law, input, [error, rate], active);
-        self.push_soft_row(input, system, RowOf { law, bounds, active, owner });
+        self.push_soft_row(input, system, SoftRow { law, bounds, active, impulse_index });
     }
 }
 
-/// Reference acceleration and weight of a scalar row at an error and its rate.
+/// Reference acceleration and weight D of a scalar row, for its position error and the error's time derivative.
 #[inline(always)]
 pub(super) fn row_law<R: Real>(law: &SoftLaw<R::Scalar>, input: SoftInput<'_, R>, [error, rate]: [R; 2], active: R::Mask) -> [R; 2] {
     law_at(law, input.effective, law.impedance(error), [error, rate, R::zero()], active)
 }
 
-/// Direction away from the nearer end of a range, and the signed distance from it, negative beyond.
+/// Direction away from the nearer end of a range (1 or -1), and signed distance from that end, negative outside the range.
 #[inline(always)]
 fn nearer_end<R: Real>(x: R, lowest: R, highest: R) -> (R, R) {
     let (below, above) = (x - lowest, highest - x);

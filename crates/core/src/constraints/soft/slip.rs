@@ -1,7 +1,7 @@
-//! Friction without slip, after the solution: order in which sweeps visit contacts.
+//! Noslip iterations after the solution with MuJoCo's contact law, and the order in which they visit contacts.
 //!
-//! Sweeps that stop before they converge depend on the order. It is MuJoCo's: pairs of bodies ascending, then pairs of geoms, in every lane
-//! separately. Points of one pair are in stepper's order.
+//! Iterations that stop before they converge depend on the order. It is MuJoCo's: ascending pairs of bodies, then pairs of geoms, in every
+//! lane separately. The points of one pair are in stepper's order.
 
 use stepper_real::{Mask, Real};
 use stepper_solve::soft::{ContactVisit, SlipEffort};
@@ -13,7 +13,7 @@ use crate::constraints::soft::visit_order::{Key, VisitOrder};
 use crate::dynamics::inertia::MassMatrix;
 
 impl<R: Real> ConstraintProblem<R> {
-    /// Removes slip in the lanes with constraints, after the soft problem is solved. Returns the sweeps of each lane.
+    /// Removes slip of contacts by noslip iterations, after the problem is solved. Returns the number of iterations in each lane.
     pub fn remove_slip(
         &mut self,
         compiled: &LaneModel<R>,
@@ -24,18 +24,18 @@ impl<R: Real> ConstraintProblem<R> {
     ) -> R {
         let Some(mut system) = self.soft.take() else { return R::zero() };
         self.order_contacts(compiled, contacts, &mut system.order);
-        let sweeps = system.remove_slip(compiled, factors, free, self.owners.len(), effort, self.constrained);
+        let sweeps = system.remove_slip(compiled, factors, free, self.impulse_indices.len(), effort, self.constrained);
         self.soft = Some(system);
         sweeps
     }
 
-    /// Lists the contacts that push, in their order.
+    /// Determines the order in which noslip iterations visit the contacts that push, and writes it to `order`.
     fn order_contacts(&self, compiled: &LaneModel<R>, contacts: &Contacts<R>, order: &mut VisitOrder<R>) {
         let VisitOrder { visits, places, keyed, order } = order;
         let slots = contacts.slots();
         places.clear();
         places.resize(slots, [0..0, 0..0]);
-        // Contacts of a slot follow one another.
+        // The contacts of a slot follow one another.
         let mut place = |slot: usize, rolling: usize, index: usize| {
             let range = &mut places[slot][rolling];
             *range = if range.start == range.end { index } else { range.start }..index + 1;
@@ -49,7 +49,7 @@ impl<R: Real> ConstraintProblem<R> {
             for k in (0..slots).filter(|&k| contacts.lanes_of(k) >> l & 1 == 1) {
                 keyed.push((self.visit_key(compiled, contacts.ids[k][l].pair()), k as u32));
             }
-            // The lower slot of equal keys comes first. The list is mostly sorted already.
+            // If two keys are equal, the lower slot comes first. The list is usually sorted already.
             keyed.sort_unstable();
             for (to, &(_, k)) in order[l * slots..].iter_mut().zip(&*keyed) {
                 *to = k;

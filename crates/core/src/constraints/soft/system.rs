@@ -1,4 +1,4 @@
-//! Soft constraint problem of a step with its solver.
+//! Constraint problem of MuJoCo's contact law in a step, and its solver.
 
 use stepper_real::Real;
 use stepper_solve::soft::{Effort, LaneSolver, Metric, SlipCapacity, SlipEffort, SoftOutcome, SoftProblem, SoftSolver};
@@ -8,31 +8,31 @@ use crate::constraints::soft::visit_order::VisitOrder;
 use crate::dynamics::inertia::MassMatrix;
 use crate::math::spatial::*;
 
-/// Soft constraint problem, its solver, and the unknown.
+/// Constraint problem of MuJoCo's contact law, its solver, and the unknown acceleration.
 #[derive(Clone, Debug)]
 pub struct SoftSystem<R: Real> {
-    /// Rows of the problem.
+    /// Rows of the constraint problem.
     pub problem: SoftProblem<R>,
-    /// Newton's method over lanes.
+    /// Solver for all lanes at once (Newton's method).
     pub solver: SoftSolver<R>,
-    /// Solver of single lanes, for models with several trees, which may touch differently in every lane.
+    /// Solver for one lane at a time; `Some` only for models with several trees, where each lane may have other contacts between trees.
     in_turn: Option<Box<LaneSolver<R>>>,
-    /// Acceleration, nv: the initial value of the solver, then the solution.
+    /// Acceleration, nv: initial value of the solver, and after the solve the solution.
     pub acceleration: Vec<R>,
-    /// Entries of the mass matrix, not factored.
+    /// Entries of the mass matrix.
     pub mass: Vec<R>,
-    /// Contacts in the order in which sweeps without slip visit them.
+    /// Order in which noslip iterations visit the contacts.
     pub(super) order: VisitOrder<R>,
-    /// Angular parts of the rows of a contact.
+    /// Workspace: angular parts of the rows of a contact.
     pub(super) angular: Vec<V3<R>>,
-    /// Degrees of freedom of a row, ascending.
+    /// Workspace: degrees of freedom of a row, ascending.
     pub(super) terms: Vec<u32>,
 }
 
 impl<R: Real> SoftSystem<R> {
-    /// Workspace for a compiled model; none without softness.
+    /// Workspace for a compiled model; `None` with hard contact.
     ///
-    /// `slots` is the capacity of contact slots, `contacts` that of contacts in them, and `support` the largest number of degrees of
+    /// `slots` is the capacity of contact slots, `contacts` that of contacts in the problem, and `support` the largest number of degrees of
     /// freedom of a row.
     pub fn new(compiled: &ModelStructure<R::Scalar>, slots: usize, contacts: usize, support: usize) -> Option<Box<Self>> {
         let softness = compiled.softness.as_ref()?;
@@ -42,7 +42,7 @@ impl<R: Real> SoftSystem<R> {
         let mut solver = SoftSolver::new(&softness.order);
         let visited = if softness.noslip.is_some() { slots } else { 0 };
         if softness.noslip.is_some() {
-            // A contact joins two trees.
+            // A contact connects at most two trees.
             let mut sizes: Vec<usize> = vec![0; compiled.nv];
             (0..compiled.nv).for_each(|d| sizes[*compiled.chain_of(d).last().expect("a dof is in its own chain") as usize] += 1);
             sizes.sort_unstable();
@@ -61,7 +61,7 @@ impl<R: Real> SoftSystem<R> {
         }))
     }
 
-    /// Solves the lanes `lanes` for the acceleration. `free` is the acceleration without constraints.
+    /// Solves for the acceleration in the lanes `lanes`. `free` is the acceleration without constraints.
     pub fn solve(
         &mut self,
         compiled: &LaneModel<R>,
@@ -80,8 +80,8 @@ impl<R: Real> SoftSystem<R> {
         solver.solve(problem, &metric, free, effort, lanes, acceleration)
     }
 
-    /// Removes slip in the lanes `lanes`, once they are solved. Rows from `constraints` on are couplings of the mass matrix. Returns the
-    /// sweeps of each lane.
+    /// Removes slip by noslip iterations in the lanes `lanes`, after the solve. Rows from index `constraints` on are couplings of the mass
+    /// matrix. Returns the number of iterations in each lane.
     pub fn remove_slip(
         &mut self,
         compiled: &LaneModel<R>,
@@ -96,19 +96,19 @@ impl<R: Real> SoftSystem<R> {
         solver.remove_slip(problem, &TreeMass { compiled, mass, factors }, free, constraints, visits, effort, lanes, acceleration)
     }
 
-    /// Stores the response of the acceleration to rows and forces at the present solution; see [`SoftSolver::settle`].
+    /// Stores the derivative of the acceleration with respect to rows and forces at the present solution; see [`SoftSolver::settle`].
     pub fn settle(&mut self, compiled: &LaneModel<R>, factors: &MassMatrix<R>, free: &[R]) {
         let Self { problem, solver, acceleration, mass, .. } = self;
         solver.settle(problem, &TreeMass { compiled, mass, factors }, free, acceleration);
     }
 
-    /// Replaces the stored solution by that of the present rows to first order; see [`SoftSolver::respond`].
+    /// Replaces the stored solution by the first-order solution of the present rows; see [`SoftSolver::respond`].
     pub fn respond(&mut self, compiled: &LaneModel<R>, factors: &MassMatrix<R>, free: &[R]) {
         let Self { problem, solver, acceleration, mass, .. } = self;
         solver.respond(problem, &TreeMass { compiled, mass, factors }, free, acceleration);
     }
 
-    /// Sets the acceleration of the lanes without constraints to `free`.
+    /// Sets the acceleration to `free` in all lanes outside `constrained`, which have no constraints.
     pub fn accelerate_freely(&mut self, free: &[R], constrained: R::Mask) {
         R::vectorize(
             #[inline(always)]
@@ -120,7 +120,7 @@ impl<R: Real> SoftSystem<R> {
         )
     }
 
-    /// Computes M a into `out`, with the mass matrix of the step and the acceleration.
+    /// Computes the product of the mass matrix and the acceleration into `out`.
     #[inline(always)]
     pub fn multiply_mass(&self, compiled: &LaneModel<R>, out: &mut [R]) {
         out.fill(R::zero());
@@ -136,7 +136,7 @@ impl<R: Real> SoftSystem<R> {
         }
     }
 
-    /// Sets the initial acceleration to that by the `impulse` of all constraints on the joints in the last step of `h` seconds.
+    /// Sets the initial acceleration from `impulse`, the generalized impulse of all constraints in the last step of `h` seconds.
     pub fn start_from_impulse(&mut self, compiled: &LaneModel<R>, factors: &MassMatrix<R>, free: &[R], impulse: &[R], h: R) {
         R::vectorize(
             #[inline(always)]
@@ -152,7 +152,7 @@ impl<R: Real> SoftSystem<R> {
     }
 }
 
-/// Mass matrix of a tree as a metric: its entries, and its factors.
+/// Mass matrix of one tree, as the metric of the lane solver: entries and factors.
 struct TreeMass<'a, R: Real> {
     compiled: &'a LaneModel<R>,
     mass: &'a [R],

@@ -1,4 +1,4 @@
-//! Constrained acceleration at one state: stages 1 to 5.
+//! Constrained acceleration at one state with MuJoCo's contact law: stages 1 to 5.
 
 use stepper_real::{Mask, Real};
 use stepper_solve::Outcome;
@@ -23,32 +23,32 @@ use crate::stages::s01_actuate::actuate;
 use crate::stages::s03_detect::detect;
 use crate::tuning::LOOK_AHEAD;
 
-/// Values that the acceleration determines, and the buffers of its constraint problem.
+/// Results and buffers of the constrained acceleration at one state.
 pub(super) struct Acceleration<'a, R: Real> {
     pub(super) evaluation: &'a mut Evaluation<R>,
     pub(super) free: &'a mut FreeMotion<R>,
     pub(super) problem: &'a mut ConstraintProblem<R>,
     pub(super) velocity: &'a mut VelocitySolution<R>,
     pub(super) builder: &'a mut RowBuilder<R>,
-    /// Matrix of the discrete rule.
+    /// Effective mass matrix of the discrete rule; `None` with other integrators.
     pub(super) effective: &'a mut Option<EffectiveMass<R>>,
 }
 
 impl<R: Real> Acceleration<'_, R> {
-    /// Computes the constrained acceleration at the state `stage` (stages 1 to 5) into the soft system.
+    /// Computes the constrained acceleration at the state `stage` (stages 1 to 5), and stores it in the soft system.
     ///
-    /// With `from_impulse` the solve starts from the impulse of the last step, else from the previous acceleration.
+    /// With `from_impulse` the solver starts from the impulse of the last step, otherwise from the previous acceleration.
     pub(super) fn compute(&mut self, input: StepInput<'_, R>, stage: &StageState<R>, from_impulse: bool, probe: impl Probe) -> Outcome<R> {
         self.prepare(input, stage, Recomputed::Configuration, probe);
         probe.span(Span::Solve, || self.solve(input, from_impulse))
     }
 
-    /// Constrained acceleration of the last [`Acceleration::compute`], nv.
+    /// Constrained acceleration from the last call of [`Acceleration::compute`], nv.
     pub(super) fn constrained(&self) -> &Vec<R> {
         self.problem.soft.as_ref().map_or(&self.free.smooth.acc, |system| &system.acceleration)
     }
 
-    /// Stages 1 to 4 at the state `stage`, as far as it has changed since the last call.
+    /// Computes stages 1 to 4 at the state `stage`. `recomputed` is the part of the state that changed since the last call.
     pub(super) fn prepare(&mut self, input: StepInput<'_, R>, stage: &StageState<R>, recomputed: Recomputed, probe: impl Probe) {
         let StepInput { compiled, options, state, inputs, .. } = input;
         let moved = recomputed == Recomputed::Configuration;
@@ -68,13 +68,13 @@ impl<R: Real> Acceleration<'_, R> {
         if moved {
             self.find_contacts(input, stage, probe);
         }
-        // Losses of actuator dynamics bound rows of dry friction.
+        // Friction losses of actuator dynamics bound the rows of dry friction.
         if recomputed != Recomputed::Forces || compiled.lossy {
             probe.span(Span::Assemble, || self.assemble(input, stage));
         }
     }
 
-    /// Stages 1 and 2: explicit forces, and the free acceleration.
+    /// Computes stages 1 and 2: explicit forces, and the acceleration without constraints.
     fn free_acceleration(&mut self, input: StepInput<'_, R>, stage: &StageState<R>, recomputed: Recomputed, probe: impl Probe) {
         probe.count(Counter::Evaluations, || 1.0);
         let (compiled, kinematics, smooth) = (input.compiled, &self.evaluation.kinematics, &mut self.free.smooth);
@@ -84,7 +84,7 @@ impl<R: Real> Acceleration<'_, R> {
         if let Some(system) = &mut self.problem.soft {
             match recomputed {
                 Recomputed::Configuration => system.mass.copy_from_slice(&smooth.mass.entries),
-                // Stage 6 has added its implicit terms to the entries.
+                // Stage 6 added its implicit terms to the entries. This restores them.
                 Recomputed::Velocity | Recomputed::Forces => smooth.mass.entries.copy_from_slice(&system.mass),
             }
         }
@@ -93,7 +93,7 @@ impl<R: Real> Acceleration<'_, R> {
         probe.span(Span::Acceleration, || self.move_freely(input, stage));
     }
 
-    /// Stages 1 and 2 of a discrete step, with springs, dampers, servos and drag at its end.
+    /// Computes stages 1 and 2 of a discrete step, which evaluates springs, dampers, servos and drag at its end.
     fn free_acceleration_at_end(&mut self, input: StepInput<'_, R>, stage: &StageState<R>, probe: impl Probe) {
         probe.count(Counter::Evaluations, || 1.0);
         let explicit = Implicit::<R>::none().weights;
@@ -107,7 +107,7 @@ impl<R: Real> Acceleration<'_, R> {
         probe.span(Span::Acceleration, || self.move_freely(input, stage));
     }
 
-    /// Stage 1: all forces at the state, explicit.
+    /// Computes stage 1: all forces at the state, explicit.
     fn compute_forces(&mut self, input: StepInput<'_, R>, stage: &StageState<R>) {
         let StepInput { compiled, inputs, .. } = input;
         let (free, kinematics) = (&mut *self.free, &self.evaluation.kinematics);
@@ -121,14 +121,14 @@ impl<R: Real> Acceleration<'_, R> {
         add_tendon_springs(compiled, &stage.q, &stage.v, &mut free.applied);
     }
 
-    /// Stage 2: free acceleration by the factored matrix, and the free velocity after the step.
+    /// Computes stage 2: the acceleration without constraints by the factored matrix, and the free velocity after the step.
     fn move_freely(&mut self, input: StepInput<'_, R>, stage: &StageState<R>) {
         let free = &mut *self.free;
         free.accelerate(input.compiled, &self.evaluation.kinematics, &stage.v, &stage.v);
         advance(&stage.v, &free.smooth.acc, R::of(input.options.timestep), &mut free.v);
     }
 
-    /// Stage 3: contacts at the configuration. While the step is differentiated, also those that close soon.
+    /// Computes stage 3: contacts at the configuration. If the step is being differentiated, also contacts that will close soon.
     fn find_contacts(&mut self, input: StepInput<'_, R>, stage: &StageState<R>, probe: impl Probe) {
         let Evaluation { kinematics, poses, contacts, solved_overlaps, .. } = &mut *self.evaluation;
         let ahead = R::of(if solved_overlaps.is_some() { LOOK_AHEAD } else { 0.0 });
@@ -137,7 +137,7 @@ impl<R: Real> Acceleration<'_, R> {
         probe.count(Counter::Contacts, || contacts.count[..R::LANES].iter().sum::<usize>() as f64);
     }
 
-    /// Stage 4: assembles the soft rows.
+    /// Computes stage 4: assembles the rows of MuJoCo's contact law.
     fn assemble(&mut self, input: StepInput<'_, R>, stage: &StageState<R>) {
         let StepInput { compiled, options, alive, .. } = input;
         let Self { evaluation, free, problem, velocity, builder, effective } = self;
@@ -161,7 +161,8 @@ impl<R: Real> Acceleration<'_, R> {
         Assembler { problem, velocity, builder }.assemble_soft(input, &mut evaluation.contacts);
     }
 
-    /// Stage 5: solves the soft problem. The residual is the velocity that the remaining imbalance of forces causes in a step.
+    /// Computes stage 5: solves for the acceleration. The residual is the velocity that the remaining force imbalance would cause in a
+    /// step, m/s.
     fn solve(&mut self, input: StepInput<'_, R>, from_impulse: bool) -> Outcome<R> {
         let StepInput { compiled, options, state, .. } = input;
         let Self { evaluation, free, problem, velocity, .. } = self;
@@ -186,7 +187,7 @@ impl<R: Real> Acceleration<'_, R> {
     }
 }
 
-/// Adds the explicit forces of springs and dampers of fixed tendons.
+/// Adds the forces of springs and dampers of fixed tendons to `forces`, explicit in `q` and `v`.
 fn add_tendon_springs<R: Real>(compiled: &LaneModel<R>, q: &[R], v: &[R], forces: &mut [R]) {
     R::vectorize(
         #[inline(always)]

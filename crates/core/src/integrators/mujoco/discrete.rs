@@ -20,8 +20,8 @@ use crate::integrators::step_values::{FreeMotion, StepInput};
 use crate::model::JointKind;
 use crate::stages::s01_actuate::servo_slopes;
 
-/// Computes the effective matrix of the step from the mass matrix, and adds the forces -h K v to the applied forces. Actuator forces must
-/// be computed before.
+/// Computes the effective mass matrix of the step from the mass matrix, and adds the forces -h K v to the applied forces. Actuator forces
+/// must be computed before.
 pub(super) fn assemble_effective_mass<R: Real>(
     input: StepInput<'_, R>,
     stage: &StageState<R>,
@@ -83,7 +83,7 @@ pub(super) fn assemble_effective_mass<R: Real>(
     );
 }
 
-/// Stage 6: v+ = v + h a.
+/// Computes stage 6 of the discrete rule: v+ = v + h a.
 pub(super) fn integrate_velocity<R: Real>(
     input: StepInput<'_, R>,
     kinematics: &Kinematics<R>,
@@ -103,7 +103,7 @@ pub(super) fn integrate_velocity<R: Real>(
             R::vectorize(
                 #[inline(always)]
                 || {
-                    // Forces of the acceleration without constraints.
+                    // Forces that belong to the acceleration without constraints.
                     for i in 0..6 {
                         let mut sum = R::zero();
                         for j in 0..6 {

@@ -1,4 +1,4 @@
-//! Stage 6 of Euler's rule and of implicitfast, with its implicit terms.
+//! Stage 6 of MuJoCo's integrators Euler, implicitfast and implicit, with their implicit terms.
 
 use stepper_real::{Mask, Real};
 
@@ -14,11 +14,11 @@ use crate::model::JointKind;
 use crate::options::Integrator;
 use crate::stages::s01_actuate::servo_damping;
 
-/// Integrates the velocity: v+ = v + h (M + h D)^-1 M a.
+/// Computes the velocity after the step: v+ = v + h (M + h D)^-1 M a.
 ///
-/// With Euler's rule D is the damping of the joints. The other rules add the damping of tendons, actuators and the medium. ImplicitFast
-/// also adds the derivative of the gyroscopic force of a single body on a free joint, in a separate system. Implicit adds the derivative of
-/// all Coriolis forces.
+/// With Euler's rule, D is the damping of the joints. The other rules add the damping of tendons, actuators and the surrounding fluid.
+/// ImplicitFast also adds the derivative of the gyroscopic force of a single body on a free joint, in a separate system. Implicit adds the
+/// derivative of all Coriolis forces.
 ///
 /// D has the sparsity of MuJoCo's matrix. Tendons and actuators contribute the products of dofs on one branch. ImplicitFast has no entries
 /// between the dofs of a simple body, because MuJoCo's mass matrix has none.
@@ -89,7 +89,7 @@ pub(super) fn integrate_velocity<R: Real>(
     advance(v, work, h, v_next);
 }
 
-/// Adds h times the damping of fixed tendons to those entries that the mass matrix has.
+/// Adds h times the damping of fixed tendons to the mass matrix, at pairs of dofs for which it has an entry.
 #[inline(always)]
 fn add_tendon_damping<R: Real>(compiled: &LaneModel<R>, h: R, entries: &mut [R]) {
     for tendon in &compiled.tendons {
@@ -106,10 +106,10 @@ fn add_tendon_damping<R: Real>(compiled: &LaneModel<R>, h: R, entries: &mut [R])
     }
 }
 
-/// Solves the six equations of a single body on a free joint, with the derivative of its gyroscopic force.
+/// Solves the six equations of a single body on a free joint, including the derivative of its gyroscopic force.
 ///
-/// The matrix is unsymmetric, so that the factors of the tree cannot hold it (`mjd_freeMhat`). `entries` are those of M, and those of M + h
-/// D.
+/// The matrix is unsymmetric, so that the factors of the mass matrix cannot represent it (`mjd_freeMhat`). `entries` are those of M, and
+/// those of M + h D.
 #[inline(always)]
 pub(super) fn solve_alone<R: Real>(compiled: &LaneModel<R>, entries: [&[R]; 2], mat: &M3<R>, v: &[R], h: R, first: usize, x: &mut [R]) {
     let mut a = [[R::zero(); 6]; 6];
@@ -131,7 +131,7 @@ pub(super) fn solve_alone<R: Real>(compiled: &LaneModel<R>, entries: [&[R]; 2], 
     for c in 0..3 {
         momentum = [add_scaled(momentum[0], column_of(0, c), omega[c]), add_scaled(momentum[1], column_of(3, c), omega[c])];
     }
-    // The bias force is (R w) x (P w) along the axes of the world, and w x (I w) about those of the body.
+    // The bias force is (R w) x (P w) in world axes, and w x (I w) in the body's axes.
     for c in 0..3 {
         let mut unit = zero();
         unit[c] = R::one();

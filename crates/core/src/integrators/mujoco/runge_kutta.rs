@@ -1,6 +1,6 @@
-//! Classical Runge-Kutta method of order 4 with constraints.
+//! Classical Runge-Kutta method of order 4 with constraints, for MuJoCo's contact law.
 //!
-//! The unknowns are a displacement theta from the configuration at the beginning, the velocity and the activations. A displacement of a
+//! The unknowns are a displacement theta from the configuration before the step, the velocity and the activations. A displacement of a
 //! rotation follows theta' = dexpinv(omega) with angular velocities in the body's frame (Munthe-Kaas 1998; MuJoCo uses it since 4.0).
 
 use stepper_real::Real;
@@ -18,10 +18,10 @@ use crate::model::JointKind;
 use crate::probe::Probe;
 use crate::stages::s01_actuate::{activation_rate, clamp_activation};
 
-/// Stages of the Runge-Kutta method: the time of each, as a fraction of the step, and its weight.
+/// Four stages of the Runge-Kutta method: time of each, as a fraction of the step, and its weight.
 const STAGES: [[f64; 2]; 4] = [[0.0, 1.0 / 6.0], [0.5, 1.0 / 3.0], [0.5, 1.0 / 3.0], [1.0, 1.0 / 6.0]];
 
-/// Stages 1 to 7 of the classical Runge-Kutta method of order 4. Writes the next state to `acceleration.velocity` and
+/// Makes stages 1 to 7 of a step by the classical Runge-Kutta method of order 4. Writes the next state to `acceleration.velocity` and
 /// `position`.
 pub(super) fn runge_kutta<R: Real>(
     input: StepInput<'_, R>,
@@ -72,8 +72,8 @@ pub(super) fn runge_kutta<R: Real>(
     outcome
 }
 
-/// Computes the displacement rates at a stage, with the velocity `v`. `rates` holds those of the previous stage, which led to this one in
-/// `time` seconds.
+/// Computes the displacement rates at a Runge-Kutta stage with the velocity `v`. On entry, `rates` has those of the previous stage, which
+/// led to this one in `time` seconds.
 fn find_rates<R: Real>(compiled: &LaneModel<R>, time: R, v: &[R], rates: &mut [R]) {
     R::vectorize(
         #[inline(always)]
@@ -88,7 +88,7 @@ fn find_rates<R: Real>(compiled: &LaneModel<R>, time: R, v: &[R], rates: &mut [R
                     }
                 };
                 rates[joint.v..at].copy_from_slice(&v[joint.v..at]);
-                // The displacement at the beginning is zero, whatever the rates are.
+                // The displacement at the beginning is zero, independent of the rates.
                 let moved = time.gt(R::zero());
                 let rotation = select(moved, scale([rates[at], rates[at + 1], rates[at + 2]], time), zero());
                 rates[at..at + 3].copy_from_slice(&rotation_rate(rotation, [v[at], v[at + 1], v[at + 2]]));
@@ -97,7 +97,7 @@ fn find_rates<R: Real>(compiled: &LaneModel<R>, time: R, v: &[R], rates: &mut [R
     )
 }
 
-/// Moves the stage to `time` seconds after the beginning of the step, with the rates of the last stage.
+/// Moves the Runge-Kutta stage to `time` seconds after the beginning of the step, with the rates of the previous stage.
 fn move_stage<R: Real>(
     compiled: &LaneModel<R>,
     time: R,

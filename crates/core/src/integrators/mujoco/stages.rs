@@ -2,12 +2,12 @@
 
 use stepper_real::Real;
 
-/// Workspace of the Runge-Kutta method.
+/// Workspace of the Runge-Kutta method: sums and rates.
 #[derive(Clone, Debug)]
 pub(crate) struct RungeKuttaStages<R: Real> {
-    /// Weighted sums of displacement rates, accelerations and rates of activations.
+    /// Weighted sums over the stages: of displacement rates, of accelerations, and of rates of the activations.
     pub(super) sum: [Vec<R>; 3],
-    /// Displacement rate of the last stage, and its rate of activations.
+    /// Displacement rates, and rates of the activations, at the last stage.
     pub(super) rate: [Vec<R>; 2],
 }
 

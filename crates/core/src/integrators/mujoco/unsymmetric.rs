@@ -1,4 +1,4 @@
-//! Matrix of the integrator `implicit`: unsymmetric, because it has the derivative of the Coriolis forces.
+//! Unsymmetric matrix of the integrator `implicit`, which contains the derivative of the Coriolis forces.
 
 use stepper_real::Real;
 
@@ -6,15 +6,15 @@ use crate::compile::{LaneModel, ModelStructure};
 use crate::dynamics::inertia::{NewtonEuler, link_forces, project_forces};
 use crate::dynamics::kinematics::Kinematics;
 
-/// Dense matrix, row by row, with the buffers that compute it.
+/// Dense matrix, row-major, with the buffers that compute it.
 #[derive(Clone, Debug)]
 pub(crate) struct Unsymmetric<R: Real> {
     entries: Vec<R>,
     newton_euler: NewtonEuler<R>,
-    /// Velocity at which the derivative evaluates the bias force, and the bias force there.
+    /// Velocity at which the bias force is evaluated; below it the bias force there.
     velocity: Vec<R>,
     bias: Vec<R>,
-    /// Bias force at rest minus that at the velocity.
+    /// Bias force at zero velocity minus that at the present velocity.
     difference: Vec<R>,
 }
 
@@ -26,10 +26,11 @@ impl<R: Real> Unsymmetric<R> {
         Self { entries: zeros(n * n), newton_euler: NewtonEuler::new(compiled), velocity: zeros(n), bias: zeros(n), difference: zeros(n) }
     }
 
-    /// Solves x <- (A + h dc/dv)^-1 x with the symmetric matrix A of these entries and the Coriolis forces c at the velocity `v`.
+    /// Solves x <- (A + h dc/dv)^-1 x, where `a` has the entries of the symmetric matrix A, and c are the Coriolis forces at the velocity
+    /// `v`.
     ///
-    /// They are quadratic in v, so that dc/dv e = c(v + e) - c(v) - c(e) exactly. Gravity and other forces that do not depend on v cancel
-    /// in b(v + e) - b(v) - b(e) + b(0).
+    /// c is quadratic in v, so that dc/dv e = c(v + e) - c(v) - c(e) exactly. Gravity and other forces that do not depend on v cancel in
+    /// b(v + e) - b(v) - b(e) + b(0).
     pub(super) fn solve(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, a: &[R], v: &[R], h: R, x: &mut [R]) {
         let n = compiled.nv;
         R::vectorize(
@@ -73,7 +74,7 @@ impl<R: Real> Unsymmetric<R> {
         );
     }
 
-    /// Bias force at the velocity `self.velocity`.
+    /// Computes the bias force at the velocity `self.velocity`, into `self.bias`.
     fn find_bias(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) {
         let Self { newton_euler, velocity, bias, .. } = self;
         R::vectorize(
@@ -85,7 +86,7 @@ impl<R: Real> Unsymmetric<R> {
         );
     }
 
-    /// Computes difference <- bias - difference.
+    /// Replaces `difference` by `bias` - `difference`.
     fn subtract(&mut self) {
         R::vectorize(
             #[inline(always)]
@@ -121,7 +122,7 @@ impl<R: Real> Unsymmetric<R> {
         );
     }
 
-    /// Gaussian elimination without pivots: the mass matrix is positive definite, and the other terms are of order h.
+    /// Solves the system by Gaussian elimination without pivots. The mass matrix is positive definite, and the other terms are of order h.
     #[inline(always)]
     fn eliminate(&mut self, n: usize, x: &mut [R]) {
         for k in 0..n {

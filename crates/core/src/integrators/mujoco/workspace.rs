@@ -11,7 +11,7 @@ use crate::integrators::mujoco::unsymmetric::Unsymmetric;
 use crate::integrators::step_values::State;
 use crate::options::{ContactLaw, Integrator, StepSettings};
 
-/// State at which the acceleration is evaluated: that before the step, or that of a Runge-Kutta stage.
+/// State at which the acceleration is evaluated: the state before the step, or a Runge-Kutta stage.
 #[derive(Clone, Debug)]
 pub(crate) struct StageState<R: Real> {
     /// Configuration, nq.
@@ -30,22 +30,22 @@ impl<R: Real> StageState<R> {
         self.act.copy_from_slice(&state.act);
     }
 
-    /// State at which explicit forces are evaluated.
+    /// Inputs of the explicit forces at this state.
     pub(crate) fn forces<'a>(&'a self, inputs: &'a Inputs<R>) -> ForceState<'a, R> {
         ForceState::state(&self.q, &self.v, &self.act, &inputs.ctrl, &inputs.actuator_dynamics)
     }
 }
 
-/// Workspace of the integrator that the options select.
+/// Workspace of the MuJoCo integrator that the options select.
 #[derive(Clone, Debug)]
 pub(crate) struct MujocoWorkspace<R: Real> {
     /// State at which the acceleration is evaluated.
     pub(crate) stage: StageState<R>,
-    /// Stages of the Runge-Kutta method.
+    /// Runge-Kutta stages; `None` with other integrators.
     pub(crate) runge_kutta: Option<RungeKuttaStages<R>>,
-    /// Matrix of the fully implicit rule.
+    /// Matrix of the integrator `implicit`; `None` with other integrators.
     pub(crate) unsymmetric: Option<Unsymmetric<R>>,
-    /// Matrix of the discrete rule.
+    /// Effective mass matrix of the integrator `discrete`; `None` with other integrators.
     pub(crate) effective: Option<EffectiveMass<R>>,
 }
 

@@ -1,4 +1,4 @@
-//! Delay lines: samples of a sensor from some steps ago, or between two of them.
+//! Delay of a sensor's readings: samples from an earlier step, or interpolated between two steps.
 
 use stepper_real::{Mask, Real, Scalar};
 
@@ -8,9 +8,10 @@ use crate::sensing::errors::observe::{Slots, get, put};
 use crate::sensing::errors::{Imperfect, Number, Numbers};
 
 impl<S: Scalar> Imperfect<S> {
-    /// Addresses of the samples held so far and of those to keep now. One line serves all lanes: its end advances with every step.
+    /// Addresses of the previous sample and of the new sample in the memory of the sensor. Advances the delay line's position by one step,
+    /// the same in all lanes.
     #[inline(always)]
-    pub(super) fn turn_line(&self, start: bool, cursors: &mut [u32], index: usize) -> (usize, usize) {
+    pub(super) fn advance_delay_line(&self, start: bool, cursors: &mut [u32], index: usize) -> (usize, usize) {
         if self.line == 0 {
             return (self.line_at(), self.line_at());
         }
@@ -22,7 +23,10 @@ impl<S: Scalar> Imperfect<S> {
         (held, self.line_at() + cursors[index] as usize * self.dim)
     }
 
-    /// Reads the sample from `delay` steps ago. A lane that starts fills its line with its first sample.
+    /// Writes the delayed reading of the sensor to the observation, in the lanes `lanes`. With `start` it first fills the delay line with
+    /// the first sample.
+    ///
+    /// `chance` is a uniform random number per lane, for the jitter of the delay.
     #[inline(always)]
     pub(super) fn delay<R: Real<Scalar = S>>(
         &self,
@@ -50,14 +54,15 @@ impl<S: Scalar> Imperfect<S> {
             let steps = steps.min(line - 1);
             self.line_at() + dim * if steps > cursor { cursor + line - steps } else { cursor - steps }
         };
-        // One element at a time: lanes that differ, by jitter or per-environment numbers, read few samples.
+        // Delays differ between lanes by jitter and per-environment parameters. The loop handles one delay at a time, for all lanes that
+        // have it.
         let mut asked = [S::default(); MAX_LANES];
         whole.store(&mut asked);
         let mut left = R::Mask::splat(true).bits();
         while left != 0 {
             let steps = asked[left.trailing_zeros() as usize];
             let same = whole.eq(R::splat(steps));
-            // A NaN is not even equal to itself.
+            // A NaN does not equal itself, so that its lane must be removed explicitly.
             left &= (left - 1) & !same.bits();
             let steps = steps.to_f64() as u32 as usize;
             let (new, old) = (place(steps), place(steps + 1));
@@ -75,7 +80,7 @@ impl<S: Scalar> Imperfect<S> {
         }
     }
 
-    /// Normalises unit vectors or quaternions of the readings in some lanes.
+    /// Normalises the reading of the sensor, a unit vector or quaternion, in the lanes `lanes`.
     #[inline(always)]
     fn normalise<R: Real<Scalar = S>>(&self, lanes: R::Mask, observation: &mut [S]) {
         let mut square = R::zero();
@@ -90,7 +95,8 @@ impl<S: Scalar> Imperfect<S> {
     }
 }
 
-/// Whole and fractional part of a delay in steps. Without interpolation (zero-order hold) the delay is rounded up.
+/// Integer and fractional part of a delay in steps. Without interpolation (`smooth` is false) the delay is rounded up, and the fraction is
+/// 0.
 #[inline(always)]
 fn parts<R: Real>(steps: R, smooth: bool) -> (R, R) {
     let steps = steps.max(R::zero());

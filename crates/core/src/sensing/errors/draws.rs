@@ -1,34 +1,36 @@
-//! Streams of random numbers: the purpose and the environment of each draw.
+//! Random numbers of the sensor errors: the generator's key and counter identify purpose, environment, episode and step of each draw.
 
 use stepper_real::Real;
 
 use crate::math::lanes::MAX_LANES;
 use crate::math::random::{Word, normals, philox4x32_10, uniform};
 
-/// Purpose of a random number: part of the counter.
+/// Purpose of a random number, which is part of the generator's counter.
 #[derive(Clone, Copy)]
 pub(super) enum Purpose {
-    /// Drift, noise, jitter and dropout of a step.
+    /// Drift, noise, jitter and dropout of one step.
     Step,
     Bias,
     Mixing,
 }
 
-/// Part of the key and counter of the random number generator, for one environment in each lane.
+/// Seed, environment, episode and step: inputs of the random number generator, for one environment in each lane.
 #[derive(Clone, Copy, Debug)]
 pub struct Keys {
-    /// Low and high half of the seed.
+    /// Low and high half of the seed, 32 bits each.
     pub seed: [Word; 2],
-    /// Environment of the lane.
+    /// Index of the environment's random stream.
     pub stream: Word,
     /// Number of earlier episodes of the environment.
     pub episode: Word,
-    /// Number of steps since the beginning of the episode.
+    /// Number of steps since the beginning of the episode, at which the numbers are drawn.
     pub step: Word,
 }
 
 impl Keys {
-    /// Draws numbers for a purpose: `normal` standard normal numbers, two from every two words, then uniform ones in (0, 1).
+    /// Draws random numbers for a purpose and a sensor into `out`: first `normal` standard normal numbers, then uniform ones in (0, 1).
+    ///
+    /// Normal numbers are made in pairs from pairs of random words.
     #[inline(always)]
     pub(super) fn draw<R: Real>(&self, purpose: Purpose, sensor: usize, normal: usize, out: &mut [R]) {
         for (block, out) in out.chunks_mut(4).enumerate() {
@@ -41,11 +43,11 @@ impl Keys {
         }
     }
 
-    /// Block of random words of a purpose.
+    /// Four random words per lane for a purpose: number `block` of the sensor with index `sensor`.
     #[inline(always)]
     fn words(&self, purpose: Purpose, sensor: usize, block: usize, lanes: usize) -> [Word; 4] {
         let label = (purpose as u32) << 29 | (block as u32 & 0x1FFF) << 16 | (sensor as u32 & 0xFFFF);
-        // The upper half of the episode's number, which no simulation reaches, has the rest of a long label.
+        // The high bits of the block and of the sensor's index go into the high bits of the episode number. No simulation reaches these.
         let beyond = ((block >> 13) as u32) << 24 | ((sensor >> 16) as u32) << 16;
         let mut episode = self.episode;
         episode[..lanes].iter_mut().for_each(|e| *e ^= beyond);

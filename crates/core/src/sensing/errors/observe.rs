@@ -1,4 +1,4 @@
-//! Application of transfer functions to the sensors of a group of lanes, one after the other.
+//! Application of the transfer functions of all sensors, for a group of lanes.
 
 use stepper_real::{Mask, Real, Scalar};
 
@@ -8,39 +8,39 @@ use crate::model::Quantity;
 use crate::sensing::errors::draws::{Keys, Purpose};
 use crate::sensing::errors::{Errors, Imperfect, Number, Numbers};
 
-/// Workspace of the random draws of sensors.
+/// Workspace of the transfer functions of all sensors.
 #[derive(Clone, Debug)]
 pub struct Work<R: Real> {
-    /// Lanes in which a sensor is due for a sample.
+    /// Lanes in which each sensor takes a sample in this step.
     due: Vec<R::Mask>,
-    /// Random numbers of all sensors.
+    /// Random numbers of this step, of all sensors.
     drawn: Vec<R>,
 }
 
-/// Memory of the sensors, lane-interleaved, and their readings.
+/// Stored values of the sensors with errors, lane-interleaved, and the readings.
 #[derive(Debug)]
 pub struct Slots<'a, S> {
-    /// Numbers of the transfer functions.
+    /// Values of the transfer functions that persist between steps, such as biases and delay lines.
     pub numbers: &'a mut [S],
-    /// Position of the last sample in each delay line.
+    /// Position of the newest sample in each delay line.
     pub cursors: &'a mut [u32],
-    /// Number of readings that each sensor clipped and dropped.
+    /// Numbers of clipped readings and of lost samples, for each sensor with errors.
     pub faults: &'a mut [u32],
-    /// Readings.
+    /// Readings of all sensors after the transfer functions.
     pub observation: &'a mut [S],
 }
 
 impl<S: Scalar> Errors<S> {
-    /// Workspace for all sensors.
+    /// Creates the workspace for all sensors.
     pub fn work<R: Real<Scalar = S>>(&self) -> Work<R> {
-        // All numbers of a step, or those that mix the channels of one sensor.
+        // Enough for all numbers of a step, and for the scale and misalignment matrix of one sensor.
         let drawn = self.sensors.iter().map(|s| (s.dim * s.dim).max(s.freedom)).fold(self.draws, usize::max);
         Work { due: vec![R::Mask::splat(false); self.sensors.len()], drawn: vec![R::zero(); drawn] }
     }
 
-    /// Computes the readings of the lanes `lanes` of a group from the truth.
+    /// Computes the readings in the lanes `lanes` of a group from the true readings `truth`.
     ///
-    /// With `start` they are the first ones of their episodes, else those of the next step of length `h`.
+    /// With `start` these are the first readings of an episode, otherwise those of the next step of `h` seconds.
     #[expect(clippy::too_many_arguments, reason = "what is read, by whom, and what is remembered")]
     pub fn observe<R: Real<Scalar = S>>(
         &self,
@@ -59,7 +59,7 @@ impl<S: Scalar> Errors<S> {
                 sensor.begin(&table.of(k), keys, lanes, work, slots.numbers);
             }
         }
-        // All sensors run in one kernel, stage by stage, so that the waits of one are filled by others.
+        // One kernel computes all sensors, stage by stage, so that the processor overlaps their latencies.
         R::vectorize(
             #[inline(always)]
             || {
@@ -84,7 +84,7 @@ pub(super) fn get<R: Real>(numbers: &[R::Scalar], at: usize) -> R {
     R::load(&numbers[at * R::LANES..])
 }
 
-/// Writes a number in some lanes.
+/// Writes the value `x` at address `at` in the lanes `lanes`.
 #[inline(always)]
 pub(super) fn put<R: Real>(numbers: &mut [R::Scalar], at: usize, lanes: R::Mask, x: R) {
     let old = get::<R>(numbers, at);
@@ -115,7 +115,7 @@ impl<S: Scalar> Imperfect<S> {
         if self.drifts && !start {
             self.drift(table, lanes, drawn, slots.numbers);
         }
-        let (held, kept) = self.turn_line(start, slots.cursors, index);
+        let (held, kept) = self.advance_delay_line(start, slots.cursors, index);
         let mut clipped = R::Mask::splat(false);
         if taken.any() {
             clipped = self.sample(table, &truth[self.at..], [taken, lanes], drawn, [held, kept], slots.numbers);
@@ -126,7 +126,7 @@ impl<S: Scalar> Imperfect<S> {
         }
         let faults = &mut slots.faults[2 * index * R::LANES..];
         count(lost.bits(), &mut faults[R::LANES..]);
-        // The first reading of an episode belongs to no step.
+        // The first reading of an episode belongs to no step, and is not counted.
         if !start {
             count(clipped.and(taken).bits(), faults);
         }
@@ -140,21 +140,21 @@ impl<S: Scalar> Imperfect<S> {
         }
     }
 
-    /// Lanes that are due for a sample.
+    /// Lanes in which the sensor takes a sample in this step. Updates the time since the last sample.
     #[inline(always)]
     fn due<R: Real<Scalar = S>>(&self, table: &Numbers<'_, S>, lanes: R::Mask, start: bool, h: f64, memory: &mut [S]) -> R::Mask {
         if !self.sampled {
             return lanes;
         }
         let (phase, period) = (get::<R>(memory, self.phase_at()) + R::of(h), table.number::<R>(Number::Period));
-        // Times are sums of steps, so the comparison allows for rounding.
+        // The phase is a sum of time steps, so that the comparison allows for rounding.
         let due = phase.ge(period - R::of(1e-6 * h));
         let rest = R::select(due, (phase - period).min(R::of(h)), phase);
         put(memory, self.phase_at(), lanes, if start { R::zero() } else { rest });
         if start { lanes } else { lanes.and(due) }
     }
 
-    /// Draws the numbers that stay constant in an episode.
+    /// Draws the random values that are constant in an episode: scale errors, misalignment and bias. Sets the drift to zero.
     fn begin<R: Real<Scalar = S>>(&self, table: &Numbers<'_, S>, keys: &Keys, lanes: R::Mask, work: &mut Work<R>, memory: &mut [S]) {
         R::vectorize(
             #[inline(always)]
@@ -190,7 +190,7 @@ impl<S: Scalar> Imperfect<S> {
         )
     }
 
-    /// Advances the drift by a step with the drawn numbers.
+    /// Advances the drift by one step, with the random numbers `drawn`.
     #[inline(always)]
     fn drift<R: Real<Scalar = S>>(&self, table: &Numbers<'_, S>, lanes: R::Mask, drawn: &[R], memory: &mut [S]) {
         let (decay, kick): (R, R) = (table.number(Number::Decay), table.number(Number::Kick));
@@ -201,8 +201,8 @@ impl<S: Scalar> Imperfect<S> {
         }
     }
 
-    /// Takes samples: scale and misalignment, bias, drift, noise, quantisation and clip. Lanes that are not due keep their held sample.
-    /// Returns the lanes with a clipped reading.
+    /// Takes a sample: applies scale and misalignment, bias, drift, noise, quantisation and clip. Lanes outside `taken` repeat the previous
+    /// sample. Returns the lanes with a clipped reading.
     #[inline(always)]
     fn sample<R: Real<Scalar = S>>(
         &self,
@@ -229,7 +229,7 @@ impl<S: Scalar> Imperfect<S> {
         clipped
     }
 
-    /// Bias, drift and noise of channel k.
+    /// Sum of bias, drift and noise of channel `k`.
     #[inline(always)]
     fn error<R: Real<Scalar = S>>(&self, table: &Numbers<'_, S>, k: usize, drawn: &[R], memory: &[S]) -> R {
         let mut error = R::zero();
@@ -247,7 +247,7 @@ impl<S: Scalar> Imperfect<S> {
         (bias + drift) + error
     }
 
-    /// Row k of scale A x + error.
+    /// Channel `k` of A x + error, where A is the scale and misalignment matrix.
     #[inline(always)]
     fn shift<R: Real<Scalar = S>>(&self, table: &Numbers<'_, S>, truth: &[R], k: usize, error: R, memory: &[S]) -> R {
         let dim = self.dim;
@@ -263,13 +263,13 @@ impl<S: Scalar> Imperfect<S> {
         }
         x += error;
         if self.quantity == Quantity::Positive {
-            // A missing distance or zero force has no error.
+            // A distance of -1 (no hit) and a force of zero have no error.
             x = R::select(truth[k].le(R::zero()), truth[k], x.max(R::zero()));
         }
         x
     }
 
-    /// Quantised and clipped reading, and the lanes in which it was clipped.
+    /// Quantises and clips the reading `x`. Also returns the lanes in which it was clipped.
     #[inline(always)]
     fn read_off<R: Real<Scalar = S>>(&self, table: &Numbers<'_, S>, mut x: R) -> (R, R::Mask) {
         let mut clipped = R::Mask::splat(false);
@@ -288,7 +288,7 @@ impl<S: Scalar> Imperfect<S> {
     }
 }
 
-/// Unit vector or quaternion turned by a rotation vector; for a quaternion in the turned frame.
+/// Rotates a unit vector or quaternion by the rotation vector `error`. For a quaternion, the vector is in the rotated frame's axes.
 #[inline(always)]
 fn turn<R: Real>(truth: &[R], error: V3<R>) -> [R; 4] {
     let twist = quat_exp(error);

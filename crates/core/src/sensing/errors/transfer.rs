@@ -1,52 +1,52 @@
-//! Parameters of a sensor, with their checks.
+//! Parameters of a sensor's transfer function, with their checks.
 
 use serde::{Deserialize, Serialize};
 
 use crate::model::{DeviceError, Quantity};
 
-/// Transfer function of one sensor. Every list has one number for all environments, or one for each.
+/// Transfer function of one sensor. Every list has one value for all environments, or one value for each.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Transfer {
-    /// Factor of every channel.
+    /// Factor of all channels.
     pub scale: Vec<f64>,
-    /// Matrix that mixes the channels before the factor: (dim, dim), row by row; empty is the identity.
+    /// Matrix that multiplies the channels before the factor, (dim, dim), row-major; empty for the identity.
     pub matrix: Vec<f64>,
-    /// Standard deviation of the relative error of each channel's factor, drawn at reset.
+    /// Standard deviation of each channel's relative scale error, which is drawn at reset.
     pub scale_std: Vec<f64>,
-    /// Standard deviation of the fraction that each channel reads of every other, drawn at reset, rad.
+    /// Standard deviation of the fraction of another channel that a channel reads, drawn at reset, rad.
     pub misalignment_std: Vec<f64>,
-    /// Bias of every channel, the same in every episode.
+    /// Constant bias of all channels, in the sensor's unit.
     pub bias: Vec<f64>,
-    /// Standard deviation of the random bias that is drawn at reset and added.
+    /// Standard deviation of an additional bias that is drawn at reset.
     pub bias_std: Vec<f64>,
-    /// Growth of the drift, per sqrt(s).
+    /// Random walk density of the drift, in the sensor's unit per sqrt(s).
     pub drift_std: Vec<f64>,
     /// Correlation time of the drift, s; infinite for a random walk.
     pub drift_time: Vec<f64>,
-    /// Standard deviation of a sample's noise, or its half width if uniform.
+    /// Standard deviation of a sample's noise, in the sensor's unit. Half width if the noise is uniform.
     pub noise_std: Vec<f64>,
     /// Whether the noise is uniform instead of Gaussian.
     pub uniform: bool,
-    /// Density of white noise, per sqrt(Hz).
+    /// Density of white noise, in the sensor's unit per sqrt(Hz).
     pub noise_density: Vec<f64>,
-    /// Step of the quantisation; 0 is none.
+    /// Quantisation step of the readings; 0 for none.
     pub quantum: Vec<f64>,
-    /// Lowest reading.
+    /// Lowest reading; lower ones are clipped.
     pub low: Vec<f64>,
-    /// Highest reading.
+    /// Highest reading; higher ones are clipped.
     pub high: Vec<f64>,
-    /// Time between samples, s; 0 is every step.
+    /// Sampling period, s; 0 for a sample in every step.
     pub period: Vec<f64>,
     /// Delay of the readings, s.
     pub delay: Vec<f64>,
     /// Half width of the random variation of the delay from step to step, s.
     pub jitter: Vec<f64>,
-    /// Probability that a sample is lost and the last one held.
+    /// Probability that a sample is lost, so that the reading repeats the previous sample.
     pub dropout: Vec<f64>,
 }
 
-/// Longest delay, in steps.
+/// Longest delay that is allowed, in steps.
 const LONGEST: f64 = 100_000.0;
 
 impl Transfer {
@@ -71,12 +71,13 @@ impl Transfer {
         ]
     }
 
-    /// Whether all environments have the same numbers.
+    /// Whether all environments have the same parameters.
     pub(super) fn is_shared(&self) -> bool {
         self.fields().iter().all(|(_, x)| x.len() == 1)
     }
 
-    /// Checks that all numbers are in their ranges. The error names the first that is not.
+    /// Checks the ranges of all parameters. The error names the first one that is out of range. `dim` is the number of channels, `h` the
+    /// time step, s.
     pub(super) fn check(&self, dim: usize, quantity: Quantity, num_envs: usize, h: f64) -> Result<(), DeviceError> {
         for (name, x) in self.fields() {
             if x.len() != 1 && x.len() != num_envs {

@@ -1,4 +1,4 @@
-//! Errors of calls with invalid arguments, in types and in words.
+//! Errors of calls with invalid arguments.
 
 use stepper_real::LevelError;
 use thiserror::Error;
@@ -6,33 +6,33 @@ use thiserror::Error;
 use crate::math::precision::Precision;
 use crate::model::{ActuatorError, ModelError, Parameter, SensorError};
 
-/// Error of a call. The call changed nothing.
+/// Error of a call with invalid arguments. The call changed nothing.
 ///
-/// The text names the thing, the value found and the value that it must have. An unsolved step is no error: its environment gets a flag,
+/// The message names the thing, the value found and the value that it must have. An unsolved step is no error: its environment gets a flag,
 /// see [`Status`](crate::Status).
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// Setting of [`Options`](crate::Options) out of its range.
+    /// Option that is out of its range.
     #[error("option {name} is {found}, must be {must}")]
     Option {
-        /// Name of the setting, which is that of the field.
+        /// Name of the option: the field of [`Options`](crate::Options).
         name: &'static str,
-        /// Value of the option.
+        /// Value that was given.
         found: String,
         /// Range of the option, in words.
         must: &'static str,
     },
-    /// Integrator of the model's source that does not exist here.
+    /// Integrator of a model file that stepper does not have.
     #[error("the source asks for {found}, which stepper does not have; choose ContactLaw::Mujoco and an integrator")]
     SourceIntegrator {
-        /// Name of the integrator in the source.
+        /// Name of the integrator in the file.
         found: String,
     },
-    /// Simulation of no environments.
+    /// Simulation with zero environments.
     #[error("num_envs is 0, must be 1 or more, or None for a single environment")]
     NoEnvironments,
-    /// Environment that does not exist.
+    /// Index of an environment that does not exist.
     #[error("env is {env}, must be below {num_envs}")]
     Environment {
         /// Index that was given.
@@ -48,7 +48,7 @@ pub enum Error {
         /// Reason from the operating system.
         reason: String,
     },
-    /// List of environments that is not ascending.
+    /// List of environments that is not in ascending order.
     #[error("environment {env} comes after {before} in the list; name every environment once, in ascending order")]
     Order {
         /// Environment that is out of order.
@@ -68,7 +68,7 @@ pub enum Error {
         /// Explanation of the required length, for the message; may be empty.
         detail: String,
     },
-    /// List without one entry for every element of the model.
+    /// List that does not have one entry for every element of the model.
     #[error("there are {found} {name}, must be {must}, one for every {element}")]
     Count {
         /// Name of the list.
@@ -80,7 +80,7 @@ pub enum Error {
         /// Kind of element.
         element: &'static str,
     },
-    /// Element of the model that does not exist.
+    /// Index of an element of the model that does not exist.
     #[error("{element} is {found}, must be below {count}")]
     Element {
         /// Kind of element: "body", "site".
@@ -90,50 +90,50 @@ pub enum Error {
         /// Number of elements of that kind.
         count: usize,
     },
-    /// Ray without a direction.
+    /// Ray whose direction is zero or not finite.
     #[error("directions[{ray}] of environment {env} is {found:?}, must be a direction: finite, and not zero")]
     Direction {
-        /// Number of the ray.
+        /// Index of the ray.
         ray: usize,
-        /// Environment.
+        /// Index of the environment.
         env: usize,
-        /// Value that was given.
+        /// Direction that was given.
         found: [f64; 3],
     },
-    /// Geom of a ray query whose mesh or height field the model does not have.
+    /// Geom of a ray query whose mesh or height field the model does not contain.
     #[error("geom {geom:?} is a {shape} whose form the model does not have, as nothing can touch it; leave it out of the geoms of rays")]
     NoForm {
         /// Name of the geom, or its index as "#3".
         geom: String,
-        /// Name of the shape.
+        /// Name of the shape in MJCF.
         shape: &'static str,
     },
     /// Number that is not finite.
     #[error("{place} of environment {env} is {value}, must be finite")]
     NotFinite {
-        /// Place of the number: `qpos[3]`, `time`.
+        /// Name of the array and index: `qpos[3]`, `time`.
         place: String,
-        /// Environment.
+        /// Index of the environment.
         env: usize,
-        /// Value of the number: infinite or NaN.
+        /// Value that was given: infinite or NaN.
         value: f64,
     },
-    /// Number that 32 bits cannot hold, in a simulation of that precision.
+    /// Number that is too large for 32 bits, in a simulation of that precision.
     #[error("{place} of environment {env} is {value:e}, must be at most {:e} in 32 bits", f32::MAX)]
     TooLarge {
-        /// Place of the number: `qpos[3]`.
+        /// Name of the array and index: `qpos[3]`.
         place: String,
-        /// Environment.
+        /// Index of the environment.
         env: usize,
-        /// Value of the number.
+        /// Value that was given.
         value: f64,
     },
-    /// Parameter that 32 bits cannot hold, in a simulation of that precision.
+    /// Parameter that is too large for 32 bits, in a simulation of that precision.
     #[error("{parameter} has {value:e}, which 32 bits cannot hold; give a smaller number")]
     ParameterTooLarge {
         /// Name of the parameter.
         parameter: Parameter,
-        /// Value of the number.
+        /// Value that was given.
         value: f64,
     },
     /// Quaternion of zeros, or one whose length overflows.
@@ -142,7 +142,7 @@ pub enum Error {
         address + 4
     )]
     Quaternion {
-        /// Environment.
+        /// Index of the environment.
         env: usize,
         /// Name of the joint, or its index as "#3".
         joint: String,
@@ -156,7 +156,7 @@ pub enum Error {
     /// Positions of mocap bodies without orientations, or the reverse.
     #[error("mocap_pos and mocap_quat go together: give both or none")]
     MocapPoses,
-    /// Array for a rollout in the other precision.
+    /// Array of a rollout or ray query in another precision than the simulation.
     #[error("the array for {name} is {found:?}, must be {must:?}")]
     ArrayPrecision {
         /// Name of the quantity.
@@ -166,24 +166,24 @@ pub enum Error {
         /// Precision of the simulation.
         must: Precision,
     },
-    /// Bytes that are no saved state, of another format version, cut off or damaged.
+    /// Bytes that are not a saved state, or are of another format version, cut off or damaged.
     #[error("not a state: {0}")]
     NotAState(String),
-    /// State of another model. Digests are those of [`Model::digest`](crate::Model::digest).
+    /// Saved state of another model. The digests are those of [`Model::digest`](crate::Model::digest).
     #[error(
         "this state belongs to another model, {}; this one is \"{name}\", {}: give a state of the same model",
         abbreviated(state),
         abbreviated(model)
     )]
     OtherModel {
-        /// Digest of the model that the state belongs to.
+        /// Digest of the model to which the state belongs.
         state: [u8; 32],
         /// Digest of this simulation's model.
         model: [u8; 32],
         /// Name of this simulation's model.
         name: String,
     },
-    /// State of the other precision.
+    /// Saved state of the other precision.
     #[error("this state does not fit: it has numbers in {found:?}, this stepper in {must:?}")]
     StatePrecision {
         /// Precision of the state.
@@ -191,19 +191,20 @@ pub enum Error {
         /// Precision of the simulation.
         must: Precision,
     },
-    /// State of the same model that does not fit: another number of environments, other sensors or drives, damaged contents.
+    /// Saved state of the same model that does not fit this simulation: another number of environments, other sensors or actuators, or
+    /// damaged contents.
     #[error("this state does not fit: {0}")]
     StateMisfit(StateMisfit),
-    /// Error model that a sensor cannot have.
+    /// Invalid error model of a sensor.
     #[error(transparent)]
     Sensor(#[from] SensorError),
-    /// Dynamics that an actuator cannot have.
+    /// Invalid dynamics of an actuator.
     #[error(transparent)]
     Actuator(#[from] ActuatorError),
-    /// Actuator dynamics for environments with per-environment parameters.
+    /// Actuator dynamics, set while environments have per-environment parameters.
     #[error("environments have parameters of their own: give drives first, or take the parameters back")]
     DrivesAfterParameters,
-    /// More environments than there is memory for.
+    /// More environments than the memory can hold.
     #[error("{num_envs} environments of {bytes_per_env} bytes each are more than the memory here; make num_envs smaller")]
     Memory {
         /// Number of environments.
@@ -211,7 +212,7 @@ pub enum Error {
         /// Memory of each environment, bytes.
         bytes_per_env: usize,
     },
-    /// Threads that the system refuses to start.
+    /// Threads that the operating system refuses to start.
     #[error("{threads} threads cannot be started ({reason}); make threads smaller")]
     Threads {
         /// Number of requested threads, including the calling one.
@@ -219,7 +220,7 @@ pub enum Error {
         /// Reason from the operating system.
         reason: String,
     },
-    /// CPU level in the environment variable `STEPPER_CPU_LEVEL` that does not exist.
+    /// Invalid CPU level in the environment variable `STEPPER_CPU_LEVEL`.
     #[error(transparent)]
     Level(#[from] LevelError),
     /// Invalid model, or parameters that make a model invalid.
@@ -227,22 +228,22 @@ pub enum Error {
     Model(#[from] ModelError),
 }
 
-/// Checks the length of an array.
+/// Checks that the array `name` has the required length.
 pub(crate) fn check_length(name: &'static str, found: usize, must: usize) -> Result<(), Error> {
     if found == must { Ok(()) } else { Err(Error::Length { name, found, must, detail: String::new() }) }
 }
 
-/// Mismatch between a saved state and a simulation of the same model and precision.
+/// Reason why a saved state does not fit a simulation of the same model and precision.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum StateMisfit {
-    /// Contents that this version does not read.
+    /// Contents that this version cannot read, with the decoder's reason.
     #[error("not readable by this version, though undamaged: {0}")]
     Unreadable(String),
-    /// Contents with that many surplus bytes.
+    /// Contents with surplus bytes at the end, and their number.
     #[error("not readable by this version, though undamaged: {0} bytes too many")]
     TooManyBytes(usize),
-    /// State of another number of environments.
+    /// State with another number of environments.
     #[error("a state of {found} environments, this simulation has {must}; give one of as many, or of one for all")]
     NumEnvs {
         /// Number of environments of the state.
@@ -250,7 +251,7 @@ pub enum StateMisfit {
         /// Number of environments of the simulation.
         must: usize,
     },
-    /// Arrays of other lengths.
+    /// Arrays of other lengths: other sensors or actuators, or another contact capacity.
     #[error("a state with other sensors or actuators, or another max_contacts")]
     Shape,
     /// A position, velocity, activation or time that is infinite or NaN.
@@ -264,7 +265,7 @@ pub enum StateMisfit {
     DelayLines,
 }
 
-/// First digits of a digest, which distinguish models.
+/// Abbreviation of a digest: its first digits.
 fn abbreviated(digest: &[u8; 32]) -> String {
     digest[..6].iter().map(|byte| format!("{byte:02x}")).collect()
 }

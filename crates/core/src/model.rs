@@ -1,7 +1,7 @@
-//! Model of a scene, as its author sees it.
+//! Models of scenes, from the crate `stepper-model`.
 //!
 //! A [`Description`] is a scene with editable fields. [`Description::finish`] checks it and makes a read-only [`Model`] of it, so that
-//! every model is valid. The code is in the crate `stepper-model`.
+//! every model is valid.
 
 pub use stepper_model::actuator_spec;
 pub use stepper_model::{

@@ -1,4 +1,4 @@
-//! Options of a step: [`Options`] as a user gives them, [`StepSettings`] as they are in force.
+//! Options of a step: [`Options`] as a user gives them, [`StepSettings`] with all values resolved.
 
 use std::fmt::Display;
 
@@ -8,13 +8,13 @@ use crate::error::Error;
 use crate::math::precision::Precision;
 use crate::model::Description;
 
-/// Law of contacts, limits, dry friction and equalities.
+/// Contact law: the force law of contacts, limits, dry friction and equalities.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum ContactLaw {
     /// Rigid contact: Signorini's condition and Coulomb's cone, each step solved to the tolerance.
     Hard,
-    /// MuJoCo's contact law: a convex problem, soft by each constraint's solref and solimp, whose forces follow from the accelerations.
+    /// MuJoCo's contact law: a convex problem, soft by each constraint's solref and solimp. Forces follow from the accelerations.
     Mujoco,
 }
 
@@ -22,33 +22,35 @@ pub enum ContactLaw {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Integrator {
-    /// Semi-implicit Euler: forces and rows at q, then q+ = q (+) h v+. First order. Springs and dampers of tendons are implicit. Joint
-    /// damping is implicit as MuJoCo's, unless the model makes it explicit.
+    /// Semi-implicit Euler rule: forces and constraint rows at q, then q+ = q (+) h v+. First order.
+    ///
+    /// Springs and dampers of tendons are implicit. Joint damping is implicit as in MuJoCo, unless the model makes it explicit.
     Euler,
-    /// Moreau's midpoint: forces and rows at q_mid = q (+) h/2 v, then q+ = q_mid (+) h/2 v+. Second order in free flight.
+    /// Moreau's midpoint rule: forces and constraint rows at q_mid = q (+) h/2 v, then q+ = q_mid (+) h/2 v+. Second order in free flight.
     ///
     /// Springs, dampers and servos follow the implicit midpoint rule (A-stable). If the step does not resolve them, more of the damping is
     /// evaluated at the end of the step.
     Midpoint,
-    /// Euler's rule with springs, dampers and servos at the end of the step (L-stable) and velocity-dependent forces at the expected
+    /// Implicit Euler rule: springs, dampers and servos at the end of the step (L-stable), and velocity-dependent forces at the predicted
     /// velocity there.
     ///
-    /// First order; it dissipates the energy of motions that it cannot resolve. With MuJoCo's law it is MuJoCo's `implicit`.
+    /// First order; it dissipates the energy of motions that it cannot resolve. With MuJoCo's contact law it is MuJoCo's `implicit`.
     Implicit,
-    /// Runge-Kutta-Munthe-Kaas of order 4 for environments without an active constraint in this step; the others make a midpoint step.
+    /// Runge-Kutta-Munthe-Kaas method of order 4 for environments without an active constraint in this step; the others make a midpoint
+    /// step.
     ///
-    /// With MuJoCo's law it is the classical method of order 4, constraints included.
+    /// With MuJoCo's contact law it is the classical method of order 4, including constraints.
     Rk4,
-    /// MuJoCo's `implicitfast`, with its law alone: Euler's rule with the symmetric part of the forces' derivatives with respect to
-    /// velocity.
+    /// MuJoCo's `implicitfast`, only with MuJoCo's contact law: Euler's rule with the symmetric part of the forces' derivatives with
+    /// respect to velocity.
     ImplicitFast,
-    /// MuJoCo's `discrete`, with its contact law alone. Springs, dampers, servos and constraint rows are evaluated at the end of the step,
-    /// and the constraints are solved with the resulting mass matrix.
+    /// MuJoCo's `discrete`, only with MuJoCo's contact law. Springs, dampers, servos and constraint rows are evaluated at the end of the
+    /// step, and the constraints are solved with the resulting mass matrix.
     Discrete,
 }
 
 impl Integrator {
-    /// Integrator with the name that a model's source uses, if there is one.
+    /// Integrator with the name that a model file uses; `None` if there is none of this name.
     pub(crate) fn of_source(name: &str) -> Option<Self> {
         match name {
             "Euler" => Some(Self::Euler),
@@ -60,7 +62,7 @@ impl Integrator {
         }
     }
 
-    /// Name in messages and in Python.
+    /// Name of the integrator in messages and in Python.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Euler => "euler",
@@ -73,15 +75,15 @@ impl Integrator {
     }
 }
 
-/// Method that removes the remaining overlap.
+/// Stabilisation method: how a step removes remaining overlap and other position errors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Stabilization {
     /// Velocity bias beta (overlap - slop) / h in the normal row (Baumgarte 1972), with an upper bound.
     Baumgarte,
-    /// Second solve of the same rows, whose velocity moves positions only.
+    /// Second solve of the same rows for a velocity that changes only positions (split stabilisation).
     Split,
-    /// No correction.
+    /// No correction of position errors.
     None,
 }
 
@@ -89,11 +91,11 @@ pub enum Stabilization {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Solver {
-    /// Sweeps (Gauss-Seidel iterations), then Newton's method for environments whose residual stays above the tolerance.
+    /// Gauss-Seidel iterations (sweeps), followed by Newton's method for environments whose residual is still above the tolerance.
     Auto,
-    /// Projected Gauss-Seidel alone, with Anderson's acceleration.
+    /// Projected Gauss-Seidel iterations only, with Anderson's acceleration.
     Pgs,
-    /// Augmented-Lagrangian Newton for all environments that the first sweeps do not solve.
+    /// Augmented-Lagrangian Newton method for all environments that the first Gauss-Seidel iterations do not solve.
     Newton,
 }
 
@@ -104,56 +106,57 @@ pub enum Solver {
 /// force.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Options {
-    /// Time step, s; `None` selects that of the model.
+    /// Time step, s; `None` selects the model's.
     pub timestep: Option<f64>,
     /// Contact law.
     pub contact: ContactLaw,
-    /// Integrator. `None` is midpoint with hard contact. With MuJoCo's law it is that of the model's source, and Euler's rule if the source
-    /// has none.
+    /// Integrator. `None` selects midpoint with hard contact. With MuJoCo's contact law it selects the integrator of the model file, and
+    /// Euler's rule if the file has none.
     pub integrator: Option<Integrator>,
     /// Solver of the constraint problem.
     pub solver: Solver,
-    /// Largest number of sweeps (Gauss-Seidel iterations) of the solver, and of Newton steps for each island of an environment.
+    /// Largest number of Gauss-Seidel iterations (sweeps), and of Newton iterations for each island of an environment.
     ///
-    /// [`Solver::Auto`] makes at most 50 sweeps, and in 64 bits at most 25 before the first Newton step.
+    /// [`Solver::Auto`] makes at most 50 sweeps, and in 64 bits at most 25 before the first Newton iteration.
     pub iterations: u32,
     /// Residual at which the solver stops, m/s. `None` selects [`Precision::tolerance`].
     ///
-    /// With MuJoCo's law the default is at most 0.6 % of the velocity that gravity adds in a step.
+    /// With MuJoCo's contact law the default is at most 0.6 % of the velocity that gravity adds in a step.
     pub tolerance: Option<f64>,
     /// Stabilisation method.
     pub stabilization: Stabilization,
-    /// Fraction of the overlap beyond the slop removed per step.
+    /// Fraction of the overlap beyond the slop that a step removes.
     pub baumgarte: f64,
-    /// Overlap that stabilisation leaves, m or rad.
+    /// Overlap or position error that stabilisation leaves, m or rad.
     pub slop: f64,
     /// Largest speed of an overlap correction, m/s.
     pub max_correction_speed: f64,
-    /// Approach speed below which a contact does not bounce, m/s.
+    /// Approach speed below which a contact with restitution does not bounce, m/s.
     pub restitution_threshold: f64,
     /// Contact capacity of an environment; `None` selects an estimate from the model.
     pub max_contacts: Option<u32>,
 }
 
-/// Number of sweeps after which [`Solver::Auto`] continues with Newton's method.
+/// Number of Gauss-Seidel iterations (sweeps) after which [`Solver::Auto`] continues with Newton's method.
 ///
 /// Measured on 128 humanoids under random control, then at rest (microseconds of an environment's step on one core; sweeps alone: 5.2,
-/// 9.9): 12 sweeps 6.8, 22.1; 20 sweeps 6.4, 15.9; 30 sweeps 5.9, 13.1; 50 sweeps 5.8, 14.8, and the fewest unsolved. A sweep serves eight
-/// lanes at once. A Newton step serves one lane and costs as much as ten sweeps.
+/// 9.9): 12 sweeps 6.8, 22.1; 20 sweeps 6.4, 15.9; 30 sweeps 5.9, 13.1; 50 sweeps 5.8, 14.8, and the fewest unsolved. A sweep processes
+/// eight lanes at once. A Newton iteration processes one lane and costs as much as ten sweeps.
 const AUTO_SWEEPS: u32 = 50;
-/// Number of sweeps before [`Solver::Newton`] begins. They find which contacts hold, for less than a Newton step.
+/// Number of Gauss-Seidel iterations before [`Solver::Newton`] begins. They find which contacts are active, and cost less than a Newton
+/// iteration.
 const NEWTON_SWEEPS: u32 = 2;
 
-/// Fraction of gravity that the default tolerance may leave as an acceleration. It bounds the error of contact forces at rest, at any time
-/// step.
+/// Fraction of gravity that the default tolerance may leave as an acceleration. It bounds the error of contact forces at rest, independent
+/// of the time step.
 ///
-/// f32 at 0.1 ms: a cube of 98.1 N reads 97.7 to 98.6 N; with the tolerance of a long step 88.9 to 106.7 N.
+/// Evidence: f32 at 0.1 ms: a cube of 98.1 N reads 97.7 to 98.6 N; with the tolerance of a long step 88.9 to 106.7 N.
 const SHARE_OF_GRAVITY: f64 = 6e-3;
 
-/// Gravity for a model without any, and upper bound of the gravity that counts, m/s^2.
+/// Gravity assumed for a model without gravity, and upper bound of the gravity that [`default_tolerance`] uses, m/s^2.
 const USUAL_GRAVITY: f64 = 10.0;
 
-/// Default tolerance, m/s.
+/// Default tolerance of the solver, m/s.
 ///
 /// A velocity error in every step of length h is a force error in proportion to 1 / h. Short steps are therefore solved to a smaller
 /// tolerance, but not below the default of 64 bits.
@@ -186,10 +189,10 @@ impl Default for Options {
 }
 
 impl Options {
-    /// Settings of a model's source: MuJoCo's contact law with the numbers of the model, and the source's integrator.
+    /// Options that a model's source file requests: MuJoCo's contact law with the model's parameters, and the integrator of the file.
     ///
-    /// Iterations are at least those of the source. Solver and tolerance of the source are ignored: the problem is the same, and is solved
-    /// to this engine's tolerance in m/s. A model that was made in code has no such settings and gets `Options::default()`.
+    /// Iterations are at least those of the file. Solver and tolerance of the file are ignored: the problem is the same, and is solved to
+    /// stepper's tolerance in m/s. A model that was made in code has no such settings and gets `Options::default()`.
     ///
     /// # Errors
     /// [`Error::SourceIntegrator`] when the source selects an integrator that does not exist here.
@@ -202,9 +205,9 @@ impl Options {
         Ok(Self { contact: ContactLaw::Mujoco, integrator: Some(integrator), iterations, ..usual })
     }
 
-    /// Resolves the settings in force for a model with time step `timestep`, s, and gravity `gravity`, m/s^2.
+    /// Resolves these options to settings, for a model with time step `timestep`, s, and magnitude of gravity `gravity`, m/s^2.
     ///
-    /// `asked` is the integrator of the model's source, if any.
+    /// `asked` is the integrator of the model file; `None` without one.
     ///
     /// # Errors
     /// [`Error::Option`] for an integrator that the contact law does not have.
@@ -282,10 +285,10 @@ impl Options {
     }
 }
 
-/// Settings of a step in force: [`Options`] with the time step of the model and the tolerance of the precision where these are `None`.
+/// Settings of a step: [`Options`] with all values resolved from the model and the precision.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepSettings {
-    /// Time step, s.
+    /// Time step in force, s.
     pub timestep: f64,
     /// Contact law, see [`Options::contact`].
     pub contact: ContactLaw,
@@ -299,30 +302,30 @@ pub struct StepSettings {
     pub tolerance: f64,
     /// Stabilisation method, see [`Options::stabilization`].
     pub stabilization: Stabilization,
-    /// Fraction of an overlap that a step removes, see [`Options::baumgarte`].
+    /// Fraction of the overlap beyond the slop that a step removes, see [`Options::baumgarte`].
     pub baumgarte: f64,
-    /// Overlap that stabilisation leaves, m or rad, see [`Options::slop`].
+    /// Overlap or position error that stabilisation leaves, m or rad, see [`Options::slop`].
     pub slop: f64,
-    /// Largest speed of a correction, m/s, see [`Options::max_correction_speed`].
+    /// Largest speed of an overlap correction, m/s, see [`Options::max_correction_speed`].
     pub max_correction_speed: f64,
-    /// Speed below which contacts do not bounce, m/s, see [`Options::restitution_threshold`].
+    /// Approach speed below which contacts do not bounce, m/s, see [`Options::restitution_threshold`].
     pub restitution_threshold: f64,
     /// Contact capacity of an environment, see [`Options::max_contacts`].
     pub max_contacts: Option<u32>,
-    /// Whether a step fills its buffers with NaN first: in debug builds, and in tests that enable it.
+    /// Whether a step first fills its buffers with NaN, to detect reads of old values. True in debug builds, and in tests that enable it.
     pub poison: bool,
 }
 
 impl StepSettings {
-    /// Factor by which the tolerance is smaller than the default one of double precision, at least 1.
+    /// Ratio of the default tolerance of double precision to the tolerance in force, at least 1.
     ///
-    /// Constants of estimates and corrections are those at the default tolerance. Their tolerances are divided by this factor, and their
+    /// The tolerances of predictions and corrections in `tuning` apply at the default tolerance. They are divided by this factor, and their
     /// iteration limits multiplied by it.
     pub(crate) fn refinement(&self) -> f64 {
         (Precision::F64.tolerance() / self.tolerance).max(1.0)
     }
 
-    /// Largest numbers of Gauss-Seidel iterations and of Newton steps.
+    /// Largest numbers of Gauss-Seidel iterations and of Newton iterations in a solve.
     pub fn effort(&self) -> [u32; 2] {
         match self.solver {
             Solver::Auto => [self.iterations.min(AUTO_SWEEPS), self.iterations],

@@ -1,9 +1,9 @@
-//! Probe of the step, which measures times, counts and operations, and costs nothing when it is off.
+//! Probe of the step: measures times, counts and operations, and costs nothing when it is off.
 //!
 //! The probe is a type parameter of the step. The engine steps with [`NoProbe`], which has no size and does nothing. Its step is compiled
-//! as if there were no probe. The benches use other probes.
+//! as if there were no probe. The benchmarks use other probes.
 
-/// Declares an enumeration whose variants have names in reports.
+/// Declares an enumeration whose variants have names for reports.
 macro_rules! reported {
     ($(#[$about:meta])* $name:ident { $($(#[$doc:meta])* $variant:ident = $text:literal,)+ }) => {
         $(#[$about])*
@@ -12,13 +12,13 @@ macro_rules! reported {
             $($(#[$doc])* $variant,)+
         }
 
-        // Only the benches make reports.
+        // Only the benchmarks make reports.
         #[cfg(feature = "internals")]
         impl $name {
-            /// All variants, in the order of a step.
+            /// List of all variants, in the order of a step.
             pub const ALL: &[Self] = &[$(Self::$variant,)+];
 
-            /// Name in reports.
+            /// Name of the variant in reports.
             pub const fn name(self) -> &'static str {
                 match self {
                     $(Self::$variant => $text,)+
@@ -29,75 +29,75 @@ macro_rules! reported {
 }
 
 reported! {
-    /// Part of a step, or of a worker's work around its steps.
+    /// Part of a step, or of a worker's work around its steps, whose time a probe measures.
     ///
-    /// Spans can be nested. The report of a span excludes the inner ones.
+    /// Spans can be nested. The reported time of a span excludes the inner ones.
     Span {
         /// Loading of state, parameters and inputs of a group into the workspace.
         Load = "load",
-        /// Dynamics of actuators between the steps: delay, lag, limits.
+        /// Dynamics of actuators between steps: delay, sampled servos and lag.
         ActuatorPipelines = "actuator pipelines",
-        /// Configuration at which a scheme evaluates the step.
+        /// Configuration at the evaluation point of the step.
         Displace = "displace",
-        /// Poses, axes and inertias.
+        /// Poses, joint axes and link inertias.
         Kinematics = "kinematics",
-        /// Forces of actuators and springs, and applied forces.
+        /// Forces of actuators and springs, and forces that the user applies.
         Actuate = "actuate",
-        /// Mass matrix.
+        /// Assembly of the mass matrix.
         MassMatrix = "mass matrix",
-        /// Factors of the mass matrix.
+        /// Factorisation of the mass matrix.
         MassFactors = "mass factors",
-        /// Bias force and free acceleration.
+        /// Bias force and acceleration without constraints.
         Acceleration = "bias force and acceleration",
-        /// Poses of geoms, and candidate pairs.
+        /// Broad phase: poses of geoms, and candidate pairs.
         BroadPhase = "broad phase",
-        /// Contacts of the candidate pairs.
+        /// Narrow phase: contacts of the candidate pairs.
         NarrowPhase = "narrow phase",
-        /// Times of impacts within the step.
+        /// Search for the times of impacts within the step.
         ImpactTimes = "impact times",
-        /// Impulses of the same contacts in the last step.
+        /// Lookup of the impulses that the same contacts had in the last step.
         WarmStart = "warm start",
-        /// Rows of the constraint problem.
+        /// Assembly of the constraint rows.
         Assemble = "assemble",
-        /// Estimate of the impulses.
+        /// Prediction of the impulses.
         EstimateImpulses = "estimate impulses",
-        /// Forces at the expected velocity, and the change of the problem by them.
+        /// Recomputation of forces at the predicted velocity, and the resulting change of the constraint problem.
         CorrectForces = "correct forces",
-        /// Solution of the constraint problem.
+        /// Solve of the constraint problem.
         Solve = "solve",
-        /// Repeated solution of the problem where impacts made the velocity jump.
+        /// Repeated solves in lanes where impacts made the velocity jump.
         SolveImpacts = "solve again at impacts",
-        /// Velocities from impulses.
+        /// Computation of velocities from impulses.
         IntegrateVelocity = "integrate velocity",
-        /// Guard of steps that are too long for the motion, or whose impulses leave the energy ambiguous.
+        /// Guards for steps that are too long for the motion, or whose impulses leave the kinetic energy ambiguous.
         GuardEnergy = "guard energy",
-        /// Check for geoms that may have passed through thin ones.
+        /// Check for geoms that may have passed through others.
         Tunnelling = "tunnelling",
-        /// Configurations from velocities.
+        /// Computation of configurations from velocities.
         IntegratePosition = "integrate position",
-        /// Position targets: the second solution of the problem.
+        /// Position correction: the second solve of the constraint problem.
         Stabilise = "stabilise: second solve",
-        /// Runge-Kutta method of order 4.
+        /// Runge-Kutta steps of order 4.
         Rk4 = "rk4",
-        /// Acceptance of the next state where it is finite.
+        /// Acceptance of the next state in lanes where it is finite.
         Accept = "accept",
-        /// Sensors and their errors.
+        /// Sensor readings and their error models.
         Sense = "sense",
         /// Record of a step, with its status flags.
         Record = "record",
-        /// Recording of a rollout.
+        /// Recording of a rollout's quantities.
         Rollout = "rollout",
-        /// Storing of a group's state.
+        /// Storing of the state of a group.
         Store = "store",
     }
 }
 
 reported! {
-    /// Counter of a step of a group. The counts of its environments are summed, unless the lanes share what is counted.
+    /// Counter of events in a step of a group. The counts of its environments are summed, unless the lanes share what is counted.
     Counter {
-        /// Number of steps of a group.
+        /// Number of steps of groups.
         GroupSteps = "steps of a group",
-        /// Number of evaluations of a step's forces, in all of its lanes.
+        /// Number of evaluations of a step's forces, each in all lanes.
         Evaluations = "evaluations",
         /// Number of candidate pairs in the narrow phase, shared by all lanes.
         NearPairs = "near pairs",
@@ -107,11 +107,11 @@ reported! {
         ContactSlots = "contact slots",
         /// Number of rows of limits, dry friction, equalities and tendons, shared by all lanes.
         ScalarRows = "scalar rows",
-        /// Number of sweeps of the solver.
+        /// Number of Gauss-Seidel iterations (sweeps) of the solver.
         Sweeps = "sweeps",
-        /// Number of sweeps of the slowest lane of a group.
+        /// Number of Gauss-Seidel iterations (sweeps) in the slowest lane of a group.
         SlowestSweeps = "sweeps of the slowest lane",
-        /// Number of Newton steps of the solver.
+        /// Number of Newton iterations of the solver.
         NewtonSteps = "Newton steps",
     }
 }
@@ -124,11 +124,11 @@ impl Counter {
     }
 }
 
-/// Probe of a step. It is passed by value: one without size costs no register.
+/// Probe of a step. It is passed by value: a probe without size takes no register.
 pub trait Probe: Copy + Send + 'static {
-    /// Runs a part of the step.
+    /// Runs `work`, a part of the step, and measures it.
     fn span<T>(self, span: Span, work: impl FnOnce() -> T) -> T;
-    /// Adds a number to a counter. A probe that does not count never computes it.
+    /// Adds a number to a counter. A probe that does not count never computes the number.
     fn count(self, counter: Counter, number: impl FnOnce() -> f64);
 }
 

@@ -1,4 +1,4 @@
-//! One step of a group of environments, stage by stage.
+//! One step of a group of environments: the sequence of its ten stages.
 
 use stepper_real::{Mask, Real};
 
@@ -19,7 +19,8 @@ use crate::probe::{Counter, Probe, Span};
 use crate::stages::s05_solve::store_impulses;
 use crate::stages::s10_record::Record;
 
-/// Advances a group of environments by `options.timestep` seconds: state and inputs to next state, observation and record.
+/// Advances a group of environments by `options.timestep` seconds. `s` has state and inputs, and receives the next state; the result is the
+/// record.
 ///
 /// Each stage is a kernel, compiled once for every lane type and CPU level. The code between the stages is compiled into this kernel,
 /// because lane masks are vectors too. Outside a kernel every operation on them is a function call.
@@ -36,7 +37,7 @@ pub fn step<R: Real>(
     )
 }
 
-/// Runs stages 1 to 10, and accepts the next state before stage 9.
+/// Makes stages 1 to 10, and accepts the next state before stage 9.
 #[inline(always)]
 fn run_stages<R: Real>(
     compiled: &LaneModel<R>,
@@ -50,14 +51,15 @@ fn run_stages<R: Real>(
         s.poison();
     }
     s.evaluation.poses.begin();
-    // 1 actuate: controls pass through the actuators' pipelines.
+    // 1 actuate: the actuator pipelines convert the user's controls.
     probe.span(Span::ActuatorPipelines, || {
         let Workspace { state, user_controls, inputs, alive, .. } = s;
         pass_controls(compiled, options, state, user_controls, inputs, *alive, devices);
     });
     let outcome = match options.contact {
         ContactLaw::Hard => solve_step(compiled, options, s, probe),
-        // Stages 1 to 7 with MuJoCo's contact law. It needs no stage 8, because remaining depth and loop errors are its softness.
+        // Stages 1 to 7 with MuJoCo's contact law. Stage 8 is not needed, because remaining depth and loop errors are the softness of this
+        // law.
         ContactLaw::Mujoco => mujoco::solve_step(compiled, options, s, probe),
     };
     let finite = probe.span(Span::Accept, || {
@@ -71,12 +73,12 @@ fn run_stages<R: Real>(
     probe.span(Span::Sense, || observe(input, velocity, &mut evaluation.kinematics, sensors, devices));
     // 10 record
     let record = probe.span(Span::Record, || record(input, free_motion, problem, &outcome, finite));
-    // Their surfaces have passed each other: the next step does not start from these contacts.
+    // The surfaces of these contacts have passed each other, so that the next step must not start from them.
     problem.remove_deferred(&mut state.contacts);
     record
 }
 
-/// Stages 1 to 8 with hard contact.
+/// Makes stages 1 to 8 with hard contact.
 #[inline(always)]
 fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, probe: impl Probe) -> StepOutcome<R> {
     let Workspace { state, inputs, evaluation, free_motion: free, problem, builder, velocity, position, .. } = s;
@@ -91,7 +93,7 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     // After an assembly, stages 1 and 2 recompute the forces that depend on the predicted velocity.
     let (solver, inelastic) = solve_velocities(place, free, problem, velocity, builder, collisions, probe);
     let mut outcome = bound_velocities(place, free, problem, velocity, position, solver, probe);
-    // With the Runge-Kutta method, lanes without constraints replace this solution below.
+    // With the Runge-Kutta method, the solution of lanes without constraints is replaced below.
     let excluded = if s.rk4.is_some() { problem.constrained.not() } else { R::Mask::splat(false) };
     outcome.energy_unresolved = probe.span(Span::GuardEnergy, || find_energy_gain(place, free, velocity, guard, excluded)).or(inelastic);
     if options.poison {
@@ -114,7 +116,7 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
         velocity.poison_impulses();
     }
     if let Some(rk4) = &mut s.rk4 {
-        // Resolved lanes without constraints take the result of the Runge-Kutta scheme.
+        // Resolved lanes without constraints get the result of the Runge-Kutta method.
         let lanes = alive.and_not(problem.constrained.or(free.unresolved));
         probe.span(Span::Rk4, || rk4.replace_step(Place { input, evaluation }, lanes, velocity, position));
     }

@@ -1,265 +1,275 @@
-//! Constants of constraints, stages and integrators: thresholds, bounds and iteration counts, with units and, where measured, the evidence.
+//! Tuning constants of constraints, stages and integrators: thresholds, bounds and iteration counts, with units and, where measured, the
+//! evidence.
 //!
 //! Users cannot change these numbers. [`crate::options`] has those that they can.
 
-// Stage 5: the estimate of impulses before forces that depend on the velocity are computed. A rough estimate makes two Gauss-Seidel
-// iterations from zero. A solved estimate iterates to a tolerance.
+// Stage 5: the prediction of impulses before forces that depend on the velocity are computed. A rough prediction makes two Gauss-Seidel
+// iterations from zero. A solved prediction iterates to a tolerance.
 
-/// Gauss-Seidel iterations of a rough estimate. Trajectories have the same errors as with a solved estimate
-/// (docs/development/decisions/visible_state.md).
+/// Number of Gauss-Seidel iterations of a rough impulse prediction. Evidence: trajectories have the same errors as with a prediction that
+/// iterates to a tolerance (docs/development/decisions/visible_state.md).
 pub(crate) const ROUGH_ITERATIONS: u32 = 2;
 
-/// Motion per step below which a model with several trees uses a solved estimate, rad or m. A stack needs the impulses of the last
-/// step.
+/// Displacement per step below which a model with several trees predicts impulses by iterating to a tolerance, rad or m. A stack at rest
+/// needs the impulses of the last step.
 pub(crate) const STRUCTURE_MOTION: f64 = 1e-3;
 
-/// Motion per step above which the estimate is solved, rad or m. In a longer step an error of the velocity changes the next one.
+/// Displacement per step above which impulses are predicted by iterating to a tolerance, rad or m. In such a step an error of the velocity
+/// changes the next step.
 pub(crate) const ROUGH_MOTION: f64 = 0.3;
 
-/// Largest number of Gauss-Seidel iterations of a solved estimate (see above), when the step has its default tolerance.
+/// Largest number of Gauss-Seidel iterations of an impulse prediction that iterates to a tolerance, when the step has its default
+/// tolerance.
 pub(crate) const ESTIMATE_ITERATIONS: f64 = 16.0;
 
-/// Error of the free velocity by an estimate, m/s, at the default tolerance of the step.
+/// Error of the free velocity that the impulse prediction may cause, m/s, at the default tolerance of the step.
 ///
-/// An error d of the estimated velocity changes the effect of inertial forces by about h |v| d. The iterations therefore stop at
+/// An error d of the predicted velocity changes the effect of inertial forces by about h |v| d. The iterations therefore stop at
 /// `ESTIMATE_ERROR / (h |v|)`.
 pub(crate) const ESTIMATE_ERROR: f64 = 1e-5;
 
-/// Motion within a step below which inertial forces are negligible, rad or m. Such a lane is at rest and keeps its impulses as estimate.
+/// Displacement within a step below which inertial forces are negligible, rad or m. A lane below it counts as at rest, and uses the
+/// impulses of the last step as prediction.
 pub(crate) const REST_MOTION: f64 = 1e-6;
 
-/// Largest tolerance of a solved estimate, m/s.
+/// Largest tolerance to which an impulse prediction iterates, m/s.
 pub(crate) const MAX_ESTIMATE_TOLERANCE: f64 = 1e-2;
 
 // Stage 5: the solve.
 
-/// Tolerance of the solve relative to the speed of the fastest degree of freedom. A residual r causes joint speeds up to 60 r (ants at
-/// rest). With 1e-3 the speed of creep decreases in every step.
+/// Tolerance of the solve as a fraction of the speed of the fastest degree of freedom. Evidence: a residual r causes joint speeds up to 60
+/// r (ants at rest). With 1e-3 the speed of creep decreases in every step.
 pub(crate) const RELATIVE_TOLERANCE: f64 = 1e-3;
 
-/// Smallest tolerance of lanes with shared loads, m/s, in double precision.
+/// Smallest tolerance of lanes with shared loads (redundant supports), m/s, in double precision.
 pub(crate) const MIN_TOLERANCE: f64 = 1e4 * f64::EPSILON;
 
-/// Smallest limit of Newton steps at which unsolved lanes are solved again without curvature terms.
+/// Smallest limit of Newton iterations with which unsolved lanes are solved again without curvature terms.
 ///
-/// With a smaller limit, lanes stay unsolved for lack of steps, and their residual is that of the complete problem. The default is 50.
+/// With a smaller limit, lanes are unsolved because they lack iterations, and their residual is that of the complete problem. The default
+/// limit is 50.
 pub(crate) const MIN_NEWTON_STEPS_FOR_RETRY: u32 = 50;
 
-/// Time that contact detection looks ahead in finite differences, s. A displaced state then still has the contacts that the
+/// Time by which contact detection looks ahead in finite differences, s. A displaced state then still has the contacts that the
 /// displacement opens. Gravity alone closes gaps of ten displacements in this time.
 pub(crate) const LOOK_AHEAD: f64 = 1e-3;
 
-// Servos on the bounds of their force.
+// Servos whose force is at a bound.
 
-/// Largest number of repeated solutions because the active bound of a servo changed.
+/// Largest number of repeated solutions after the active bound of a servo changed.
 pub(crate) const SATURATION_PASSES: usize = 4;
 
 // Contacts that approach each other within the step.
 
-/// Approach speed below which a touching contact counts as resting, in solver tolerances. A solved contact at rest moves by at most one.
+/// Approach speed below which a touching contact counts as resting, as a multiple of the solver tolerance. A solved contact at rest moves
+/// by at most one tolerance.
 pub(crate) const RESTING_SPEED_RATIO: f64 = 10.0;
 
-/// Cosine of the angle between two normals of a pair above which both contacts are coplanar. 0.9999 is 0.8 degrees.
+/// Cosine of the angle between two contact normals of a pair above which both contacts count as coplanar. 0.9999 is 0.8 degrees.
 pub(crate) const COPLANAR_COSINE: f64 = 0.9999;
 
-/// Difference of two times of first touch, as a fraction of the path, below which both pairs count as first.
+/// Difference between the times of first touch of two pairs, as a fraction of the path, below which both count as first.
 pub(crate) const SIMULTANEOUS_FRACTION: f64 = 2e-3;
 
-/// Width of a gap, in tunnelling distances of its pair, above which a very fast body may close it within one step.
+/// Width of a gap, as a multiple of its pair's tunnelling distance, above which a very fast body may close it within one step.
 ///
-/// Half of a step then covers more than one tunnelling distance, so that the next step is evaluated at its beginning too. A body that
-/// another contact slows to less does not reach the surface before the middle of the next step.
+/// Half of a step then covers more than one tunnelling distance, so that the next step is also evaluated at its beginning. A body that
+/// another contact slows down below this does not reach the surface before the middle of the next step.
 pub(crate) const WIDE_GAP_RATIO: f64 = 3.0;
 
-/// Number of solves that activate pairs in order of first touch. Later solves activate every colliding pair.
+/// Number of solves that activate colliding pairs in the order of first touch. Later solves activate every colliding pair.
 pub(crate) const ORDERED_PASSES: usize = 6;
 
-/// Largest number of predictions that activate pairs. The solves of stage 5 activate the others.
+/// Largest number of predictions that activate colliding pairs. The solves of stage 5 activate the others.
 pub(crate) const MAX_PREDICTIONS: usize = 3;
 
-/// Fraction of the linearised overlap that the true overlap must exceed in a predicted motion. Predicted impulses are not converged:
-/// their error is below a tenth of a fast approach.
+/// Fraction of the linearised overlap that the true overlap must exceed in a predicted motion for a collision. Predicted impulses are not
+/// converged: their error is below a tenth of a fast approach.
 pub(crate) const PREDICTED_MARGIN: f64 = 0.1;
 
-/// Overlap of a predicted collision in doubt, relative to the path that the residual of the estimate covers.
+/// Overlap up to which a predicted collision is doubtful, relative to the path that the residual of the prediction covers.
 ///
-/// Of 2,500 bodies that slide over tiles without friction, 24 lose speed with 0, and none with 1 or more. With 2 the step of a quadruped
-/// takes 2 % longer on boxes and 6 % on a height field, with 10 up to 15 %.
+/// Evidence: of 2,500 bodies that slide over tiles without friction, 24 lose speed with 0, and none with 1 or more. With 2 the step of a
+/// quadruped takes 2 % longer on boxes and 6 % on a height field, with 10 up to 15 %.
 pub(crate) const PREDICTED_ERROR_RATIO: f64 = 2.0;
 
 // Impacts within the step.
 
-/// Change of a link's velocity by the jump of inertial forces above which the step is solved again, rad/s or m/s.
+/// Error of a link's velocity by the jump of inertial forces at an impact, above which the step is solved again, rad/s or m/s.
 pub(crate) const MIN_VELOCITY_ERROR: f64 = 1e-5;
 
-/// Ratio of a velocity change to that by smooth forces above which it is an impact. Below it, smooth motion causes the error of the rule.
+/// Ratio of a velocity change to the change by smooth forces above which it counts as an impact. Below it, smooth motion causes the error
+/// of the rule.
 pub(crate) const MIN_IMPACT_RATIO: f64 = 10.0;
 
-/// Largest velocity change by an impact, times the time step, for which the step is solved again, rad. Above it another solution is no
-/// better.
+/// Largest velocity change by an impact, times the time step, for which the step is solved again, rad. Above it another solution would not
+/// be better.
 pub(crate) const MAX_RESOLVED_ROTATION: f64 = 0.02;
 
-/// Largest velocity change by estimated impulses, times the time step, that enters the expected velocity, rad. A larger one is left out
-/// if it speeds the motion up.
+/// Largest velocity change by predicted impulses, times the time step, that is used in the predicted velocity, rad. A larger change is left
+/// out if it speeds the motion up.
 pub(crate) const MAX_IMPACT_ROTATION: f64 = 0.1;
 
-/// Residual of the first solution, in tolerances, above which impacts become inelastic.
+/// Residual of the first solution, as a multiple of the tolerance, above which impacts become inelastic.
 ///
-/// Without a solution the residual in a corner is 300 tolerances or more (`tests/laws/test_corners.py`). A heap that does not converge in
-/// time stays below 10.
+/// Evidence: in a corner without a solution the residual is 300 tolerances or more (`tests/laws/test_corners.py`). A heap that does not
+/// converge within the iteration limit stays below 10.
 pub(crate) const MAX_IMPACT_RESIDUAL: f64 = 100.0;
 
-/// Largest speed of a displacement between impacts, and of a correction after a rebound, relative to the largest speed of the step.
+/// Largest speed of a displacement between impacts, and of a correction after a rebound, as a multiple of the largest speed in the step.
 ///
 /// With the speeds v_k between the impacts, sum_k t_k (v_k - v_(k-1)) is at most twice the largest of them, for times t_k that grow within
 /// the step.
 pub(crate) const MAX_REBOUND_SPEED_RATIO: f64 = 2.0;
 
-/// Largest number of impact solves after the first solve.
+/// Largest number of repeated solves for impacts, after the first solve of a step.
 ///
-/// Each evaluates inertial forces at the velocity of the last one. Its error is smaller by a factor of the time step.
+/// Each evaluates inertial forces at the velocity of the previous solve. Its error is smaller by a factor of the time step.
 pub(crate) const IMPACT_PASSES: usize = 3;
 
-/// Largest number of placements at the time of the first impact. Newton's method: bodies that pass each other obliquely approach on a
-/// curve.
+/// Largest number of times that the evaluation point of a step is moved to the time of its first impact. Newton's method needs several,
+/// because bodies that pass each other obliquely approach on a curve.
 pub(crate) const MAX_PLACEMENTS: usize = 4;
 
-/// Difference between the time of an impact and that of the placement below which the placement is accepted, as a fraction of the step.
+/// Difference between the time of an impact and the evaluation point below which the point is accepted, as a fraction of the step.
 pub(crate) const PLACEMENT_TOLERANCE: f64 = 1e-3;
 
 /// Time after the end of the step until which an impact still belongs to it, as a fraction of the step.
 pub(crate) const END_TOLERANCE: f64 = 1e-6;
 
-// Steps that are too long for the motion.
+// Steps in which the motion is too fast for the time step.
 
 /// Joint rotation per step above which the convergence of the corrector is checked, rad.
 pub(crate) const FAST_ROTATION: f64 = 0.5;
 
-/// Largest joint rotation per step after an unresolved step, rad.
+/// Largest joint rotation per step after a step that was too long for the motion, rad.
 pub(crate) const MAX_ROTATION: f64 = 1.0;
 
-/// Change of the velocity by the corrector, relative to the velocity, above which it has not converged.
+/// Change of the velocity by the corrector, as a fraction of the velocity, above which the corrector has not converged.
 pub(crate) const MAX_RELATIVE_CHANGE: f64 = 0.25;
 
-/// Joint rotation per step above which the energy balance may be computed, rad. Chains that gain energy rotate by 0.07 and more.
+/// Joint rotation per step above which the energy balance may be computed, rad. Evidence: chains that gain energy rotate by 0.07 and more.
 pub(crate) const BALANCE_ROTATION: f64 = 0.05;
 
-/// Change of the velocity by the corrector, relative to the velocity, above which the energy balance is computed. Robots under random
-/// control exceed it in less than 1 % of their steps. Chains of 5 to 40 links exceed it in the steps in which they gain most energy.
+/// Change of the velocity by the corrector, as a fraction of the velocity, above which the energy balance is computed. Evidence: robots
+/// under random control exceed it in less than 1 % of their steps. Chains of 5 to 40 links exceed it in the steps in which they gain most
+/// energy.
 pub(crate) const BALANCE_RELATIVE_CHANGE: f64 = 0.05;
 
-/// Relative growth rate of the kinetic energy by the error of the step above which the step is unresolved, 1/s. Eleven chains that gain
-/// more than a tenth within 0.1 s reach 10 to 300 / s. Twelve robots under random control at 2, 5 and 10 ms stay below 8 / s without
-/// impacts.
+/// Relative growth rate of the kinetic energy by the error of the step above which the step counts as unresolved, 1/s. Evidence: eleven
+/// chains that gain more than a tenth within 0.1 s reach 10 to 300 / s. Twelve robots under random control at 2, 5 and 10 ms stay below 8 /
+/// s without impacts.
 pub(crate) const MAX_GROWTH_RATE: f64 = 10.0;
 
-/// Upper bound on the relative growth of the kinetic energy by the error of one step; see [`MAX_GROWTH_RATE`].
+/// Upper bound of the relative growth of the kinetic energy by the error of one step; see [`MAX_GROWTH_RATE`].
 pub(crate) const MAX_GROWTH: f64 = 0.1;
 
-/// Change of the velocity by constraints, relative to the velocity, above which the allowed growth is doubled. Impulses act at one
-/// configuration of the step, so that an impact changes the energy with either sign: up to 15 / s at 10 ms.
+/// Change of the velocity by constraints, as a fraction of the velocity, above which the allowed growth of the energy is doubled. Impulses
+/// act at one configuration of the step, so that an impact changes the energy with either sign: up to 15 / s at 10 ms.
 pub(crate) const IMPACT_RELATIVE_CHANGE: f64 = 0.1;
 
-/// Joint rotation per step by constraint impulses above which the step is unresolved, rad.
+/// Joint rotation per step by constraint impulses above which the step counts as unresolved, rad.
 pub(crate) const MAX_IMPULSE_ROTATION: f64 = std::f64::consts::PI;
 
-/// Residual above which the impulses are not trusted, m/s. The energy of the lane is then limited, as in a step that is too long.
+/// Residual above which the impulses are unreliable, m/s. The energy of the lane is then limited, as in a step that is too long.
 pub(crate) const MAX_TRUSTED_RESIDUAL: f64 = 1e-2;
 
-/// Residual of the solve for the energy, relative to the largest residual at which the impulses determine the kinetic energy
+/// Residual to which ambiguous lanes are solved, as a fraction of the largest residual at which the impulses determine the kinetic energy
 /// (`acceptance.rs`).
 pub(crate) const TARGET_RATIO: f64 = 0.1;
 
-// Stage 8: the correction of positions.
+// Stage 8: the position correction.
 
-/// Residual of a correction, m/s, at the default tolerance. It is a fraction of a micrometre per step, and the next step corrects the rest.
+/// Residual to which a position correction is solved, m/s, at the default tolerance. It is a fraction of a micrometre per step, and the
+/// next step corrects the rest.
 pub(crate) const CORRECTION_TOLERANCE: f64 = 1e-4;
 
-/// Correction below which a row has no damping, m/s or rad/s.
+/// Position correction below which a row has no damping, m/s or rad/s.
 ///
 /// Rounding makes equal targets differ by 1e-14. Damping a contact that corrects nothing changes the step where other contacts move it
 /// (1e-8 m for a quadruped).
 pub(crate) const NEGLIGIBLE_CORRECTION: f64 = 1e-12;
 
-/// Residual above which Newton's method continues after Gauss-Seidel iterations, m/s.
+/// Residual of a position correction above which Newton's method continues after Gauss-Seidel iterations, m/s.
 ///
 /// Iterations alone can leave a hundredth of a radian per step where two limbs are jammed. Below the threshold, Newton's method costs more
 /// than it corrects (humanoids under random control: 4 % of the step).
 pub(crate) const CORRECTION_NEWTON_THRESHOLD: f64 = 1e-2;
 
-/// Largest number of Gauss-Seidel iterations of a correction at the default tolerance. They begin with the impulses of stage 5.
+/// Largest number of Gauss-Seidel iterations of a position correction at the default tolerance. They start from the impulses of stage 5.
 pub(crate) const CORRECTION_ITERATIONS: f64 = 10.0;
 
-/// Largest number of Newton steps of a corrected island at the default tolerance.
+/// Largest number of Newton iterations of an island's position correction at the default tolerance.
 ///
-/// With 5 a gripper that begins within its palm stays there, with 6 it opens (test_impossible_demands.py). Of 120 jammed pairs of arms 8
-/// and 50 steps leave the same overlaps after a second, within 0.1 %.
+/// Evidence: with 5 a gripper that begins within its palm stays there, with 6 it opens (test_impossible_demands.py). Of 120 jammed pairs of
+/// arms, 8 and 50 iterations leave the same overlaps after a second, within 0.1 %.
 pub(crate) const CORRECTION_NEWTON_STEPS: f64 = 8.0;
 
-/// Largest displacement rate by a correction relative to `max_correction_speed`, and largest rotation rate over [`CORRECTION_ARM`]: 5 m/s
-/// and 50 rad/s by default.
+/// Largest speed of a position correction, as a multiple of `max_correction_speed`. Divided by [`CORRECTION_ARM`] it bounds rotations: 5
+/// m/s and 50 rad/s by default.
 pub(crate) const MAX_SPEED_RATIO: f64 = 5.0;
 
-/// Largest joint rotation by the correction of one step, rad. The rows are linear and invalid beyond it.
+/// Largest joint rotation by the position correction of one step, rad. The rows are linear and invalid beyond it.
 pub(crate) const MAX_CORRECTION_ROTATION: f64 = 1.0;
 
-/// Velocity change by constraints, relative to the bounds of a correction, that Baumgarte's bias may cause: 20 m/s or 200 rad/s by default.
+/// Largest velocity change that Baumgarte's correction may cause, as a multiple of the bounds of a position correction: 20 m/s or 200 rad/s
+/// by default.
 pub(crate) const BAUMGARTE_LIMIT: f64 = 4.0;
 
-/// Unmet target velocity above which the engine tries to prove that the position targets are infeasible, m/s.
+/// Unmet target velocity above which stage 8 tries to prove that the position targets are infeasible, m/s.
 pub(crate) const MIN_UNMET_TARGET: f64 = 1e-2;
 
-/// Compliance of a position target relative to its mobility.
+/// Compliance of a position target, relative to the inverse inertia along its row.
 ///
-/// A row of average mobility keeps 0.1 % of its error per correction. No row moves by more than 1 / (2 sqrt(DAMPING)), 16 times, its
+/// A row of average inverse inertia keeps 0.1 % of its error per correction. No row moves by more than 1 / (2 sqrt(DAMPING)), 16 times, its
 /// correction.
 pub(crate) const DAMPING: f64 = 1e-3;
 
-/// Lever arm assumed for a correction, m: it converts displacements to rotations and adds displacement / arm to the relative
+/// Lever arm assumed for a position correction, m. It converts displacements to rotations, and adds displacement / arm to the relative
 /// compliance.
 ///
-/// Without it, an arm that is stretched towards a place out of reach oscillates: Gauss and Newton's linearisation leaves out the
-/// product of curvature and residual (Nocedal & Wright 2006, section 10.3).
+/// Without it, an arm that is stretched towards an unreachable target oscillates: Gauss and Newton's linearisation leaves out the product
+/// of curvature and residual (Nocedal & Wright 2006, section 10.3).
 pub(crate) const CORRECTION_ARM: f64 = 0.1;
 
-/// Largest rate of return to a joint's range by the split form, relative to that of an overlap. It moves positions alone. With the default
-/// of 1 m/s, half a radian takes 0.07 s.
+/// Largest speed at which split stabilisation returns a joint to its range, as a multiple of that for an overlap. It only changes
+/// positions. With the default of 1 m/s, half a radian takes 0.07 s.
 pub(crate) const LIMIT_RETURN: f64 = 10.0;
 
-/// Error of an equality below which the step does not correct it, m or rad. A loop at rest then needs no position solve.
+/// Position error of an equality below which the step does not correct it, m or rad. A loop at rest then needs no position solve.
 pub(crate) const NEGLIGIBLE_ERROR: f64 = 1e-11;
 
-/// Smallest relative decrease of the overlap penalty (`overlap_progress.rs`) with which a correction is kept. A wheel 0.1 m inside the
-/// base of Unitree's G1-D decreases it by less than 1e-7 per step. With 0.1 ms, a slide between two walls still reaches 0.5 % of their
-/// middle.
+/// Smallest relative decrease of the overlap penalty (`overlap_progress.rs`) with which a position correction is accepted. Evidence: a
+/// wheel 0.1 m inside the base of Unitree's G1-D decreases it by less than 1e-7 per step. With 0.1 ms, a slide between two walls still
+/// reaches 0.5 % of their middle.
 pub(crate) const MIN_DECREASE: f64 = 2e-7;
 
-/// Lower bound on this relative decrease, in machine epsilons of the lanes. Depths carry the rounding of positions.
+/// Lower bound of [`MIN_DECREASE`], in machine epsilons of the lane type. Depths contain the rounding of positions.
 pub(crate) const MIN_DECREASE_ROUNDINGS: f64 = 1e3;
 
-/// Lower bound on `options.baumgarte` in the overlap penalty. It prevents a division by zero.
+/// Lower bound of `options.baumgarte` in the overlap penalty. It prevents a division by zero.
 pub(crate) const MIN_BAUMGARTE: f64 = 2e-7;
 
-// Rows.
+// Constraint rows.
 
-/// Distance of a joint from its limit, beyond the motion in the free velocity, within which the limit has a row, rad or m. Impulses of
-/// contacts can rotate a joint towards its limit in the same step.
+/// Distance of a joint from its limit, beyond the displacement at the free velocity, within which the limit has a row, rad or m. Impulses
+/// of contacts can rotate a joint towards its limit in the same step.
 pub(crate) const LIMIT_LOOK_AHEAD: f64 = 0.01;
 
-/// Smallest ratio of a row's squared length after elimination to that before. Below it, equalities may block the row, and each of its
-/// entries is tested with the same ratio.
+/// Smallest ratio of a row's squared length after the elimination of equalities to that before. Below it, the equalities may block the row,
+/// and each of its entries is tested with the same ratio.
 ///
-/// With a thousandth of the mobility left, impulses are a million times too large and depend on rounding. A light body coupled to a
+/// With a thousandth of the inverse inertia left, impulses are a million times too large and depend on rounding. A light body coupled to a
 /// heavy one leaves the same ratio without being blocked.
 pub(crate) const MIN_REMAINING_LENGTH: f64 = 1e-6;
 
-/// Overlap of a contact above which its curvature has no effect, m: the depth of [`Status::DEEP`](crate::Status::DEEP).
+/// Overlap of a contact above which its curvature is neglected, m: the depth of [`Status::DEEP`](crate::Status::DEEP).
 ///
-/// Such bodies are jammed and do not roll. No impulse meets the targets of friction rows there, unless they are the motion of some joints.
-/// Of 16 unsolved problems of jammed arms, 14 are solved at once without curvature.
+/// Such bodies are jammed and do not roll. No impulse reaches the target velocities of friction rows there, unless these are the motion of
+/// some joints. Evidence: of 16 unsolved problems of jammed arms, 14 are solved at once without curvature.
 pub(crate) const MAX_CURVED_OVERLAP: f64 = 1e-3;
 
-// Loads that redundant supports share.
+// Redundant supports, whose loads are shared.
 
 /// Smallest number of contacts between two bodies at which statics does not determine their forces.
 pub(crate) const MIN_SHARED_CONTACTS: usize = 3;
@@ -270,13 +280,14 @@ pub(crate) const SLIP_SPEED: f64 = 1e-6;
 /// Remaining length of a unit row after elimination of others below which the row is dependent, in double and in single precision.
 pub(crate) const DEPENDENT_LENGTH: [f64; 2] = [1e-7, 1e-6];
 
-/// Smallest change of a share, relative to the largest normal impulse, that is applied, in double and in single precision.
+/// Smallest change of a contact's share of the load that is applied, relative to the largest normal impulse, in double and in single
+/// precision.
 pub(crate) const MIN_SHARE_CHANGE: [f64; 2] = [1e-12, 1e-5];
 
-/// Largest number of contacts that share their loads. The work grows with the cube of it.
+/// Largest number of contacts that share their loads. The work grows with the cube of the number.
 pub(crate) const MAX_SHARED_CONTACTS: usize = 64;
 
-/// Largest number of contacts in an environment in which Newton's method solves a newly loaded contact group.
+/// Largest number of contacts in an environment with which Newton's method solves a newly loaded contact group.
 ///
-/// In a heap of ten boxes with 45 contacts it would take half of the step.
+/// Evidence: in a heap of ten boxes with 45 contacts it would take half of the step.
 pub(crate) const MAX_NEW_CONTACTS: usize = 24;

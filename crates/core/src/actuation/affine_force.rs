@@ -1,30 +1,30 @@
-//! Affine forces of actuators, f = level + slope length + rate velocity, and their split into an explicit part and added inertia.
+//! Affine forces of actuators, f = level + slope * length + rate * velocity, and their split into an explicit part and added inertia.
 
 use stepper_real::{Mask, Real};
 
 use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::math::spatial::*;
 
-/// Numbers of the part of an actuator's dynamics that acts within a step, per lane, on the actuator's side of its gear.
+/// Parameters of the part of an actuator's dynamics that acts within a step, per lane, before the actuator's gear.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ActuatorDynamics<R> {
-    /// Force of a continuous servo per unit of length, N or N m per unit.
+    /// Coefficient of the length in the force of a continuous servo, N or N m per unit of length.
     pub slope: R,
-    /// Force of a continuous servo per unit of velocity.
+    /// Coefficient of the velocity in the force of a continuous servo, N s or N m s per unit of length.
     pub rate: R,
-    /// Bounds of the effort, N or N m.
+    /// Lowest and highest force, N or N m.
     pub limits: [R; 2],
     /// Stall torque of the motor, N or N m.
     pub stall: R,
-    /// Torque that the motor loses to its back-EMF per unit of velocity.
+    /// Torque that the motor loses to its back-EMF per unit of velocity, N s or N m s per unit of length.
     pub drag: R,
-    /// Efficiency of the gear.
+    /// Efficiency of the gear, from 0 to 1.
     pub efficiency: R,
-    /// Dry friction, N or N m.
+    /// Dry friction of the gear, N or N m.
     pub friction: R,
 }
 
-/// Force as an affine function of length and velocity.
+/// Force of an actuator as an affine function of its length and velocity.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AffineForce<R> {
     pub(crate) level: R,
@@ -41,16 +41,16 @@ pub(crate) struct Motion<R> {
 }
 
 impl<R: Real> AffineForce<R> {
-    /// Force at the motion.
+    /// Force at the length and velocity of `motion`.
     #[inline(always)]
     pub(crate) fn force(&self, motion: &Motion<R>) -> R {
         self.level + self.slope * motion.length + self.rate * motion.velocity
     }
 
-    /// Explicit part of the force, N or N m, and the added inertia w that supplies the implicit part, kg or kg m^2.
+    /// Splits the force into an explicit part, N or N m, and an added inertia w, kg or kg m^2, which supplies the implicit part.
     ///
     /// The whole force in the step is the explicit part minus w/h times the change of velocity. Stiffness and damping that oppose the
-    /// motion are implicit, all else is explicit (see [`crate::actuation::forces`]).
+    /// motion are implicit, everything else is explicit (see [`crate::actuation::forces`]).
     #[inline(always)]
     pub(crate) fn explicit_part_and_added_inertia(
         &self,
@@ -67,19 +67,19 @@ impl<R: Real> AffineForce<R> {
     }
 }
 
-/// Effective inertia of an actuator: the inertia that it moves.
+/// Inertia that an actuator moves, as its inverse, and other properties of the joints that it drives.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct EffectiveInertia<R> {
-    /// Inverse of the inertia along the actuator's moment, 1/kg or 1/(kg m^2) over the square of its gear.
+    /// Inverse of the inertia along the actuator's moment (gear included), 1/kg or 1/(kg m^2).
     pub(super) mobility: R,
-    /// Rate at which joint damping slows the actuator down, 1/s.
+    /// Ratio of joint damping to inertia, 1/s: the rate at which joint damping slows the actuator down.
     pub(super) slowing: R,
-    /// Velocity that the impulses of constraints in the last step give to the actuator, without coupling of its joints.
+    /// Change of the actuator's velocity by the constraint impulses of the last step, without the coupling of its joints.
     pub(super) pushed: R,
 }
 
 impl<R: Real> EffectiveInertia<R> {
-    /// Sum with another dof. `slowing` is weighted by the mobilities.
+    /// Sum with another degree of freedom, whose moment arm is `arm`. `slowing` becomes a sum weighted by the inverse inertias.
     #[inline(always)]
     pub(super) fn with(self, arm: R, [inertia, impulse]: [R; 2], damping: R) -> Self {
         let inverse = inertia.recip();
@@ -91,14 +91,15 @@ impl<R: Real> EffectiveInertia<R> {
         }
     }
 
-    /// Rate of damping with that of the actuator.
+    /// Ratio of damping to inertia, 1/s: of joint damping, and of the actuator's damping `damping`.
     #[inline(always)]
     pub(crate) fn rate(self, damping: R) -> R {
         self.mobility * damping + self.slowing
     }
 }
 
-/// Number `x` clamped to a range. A NaN stays NaN, so that the acceptance of the step rejects it (`integrators/acceptance.rs`).
+/// Number `x`, clamped to a range if there is one. A NaN stays NaN, so that the acceptance of the step rejects it
+/// (`integrators/acceptance.rs`).
 #[inline(always)]
 pub(crate) fn within<R: Real>(x: R, range: Option<[R::Scalar; 2]>) -> R {
     match range {
@@ -110,20 +111,20 @@ pub(crate) fn within<R: Real>(x: R, range: Option<[R::Scalar; 2]>) -> R {
     }
 }
 
-/// Lanes in which `x` is outside its range, if it has one.
+/// Lanes in which `x` is outside its range; none without a range.
 #[inline(always)]
 pub(crate) fn exceeds_range<R: Real>(x: R, range: Option<[R::Scalar; 2]>) -> R::Mask {
     range.map_or(R::Mask::splat(false), |range| outside(x, range))
 }
 
-/// Lanes in which `x` is outside a range.
+/// Lanes in which `x` is outside the range, ends excluded.
 #[inline(always)]
 pub(crate) fn outside<R: Real>(x: R, range: [R::Scalar; 2]) -> R::Mask {
     let [lo, hi] = splat(range);
     x.lt(lo).or(x.gt(hi))
 }
 
-/// Lanes in which `x` is at an end of a range or outside.
+/// Lanes in which `x` is at an end of the range or outside.
 #[inline(always)]
 pub(crate) fn reaches<R: Real>(x: R, range: [R::Scalar; 2]) -> R::Mask {
     let [lo, hi] = splat(range);

@@ -1,4 +1,4 @@
-//! Force limits of an actuator's dynamics, and its active bound: none, a limit of its effort, or the torque-speed curve of its motor.
+//! Force limits of an actuator's dynamics, and its active bound: none, a force limit, or the torque-speed curve of its motor.
 
 use stepper_real::{Mask, Real};
 
@@ -6,24 +6,24 @@ use crate::actuation::affine_force::{ActuatorDynamics, EffectiveInertia};
 use crate::compile::CompiledActuatorDynamics;
 use crate::dynamics::implicit_weights::ImplicitWeights;
 
-/// Force of an actuator within a step: the affine force of its control, clamped to its effort and to the curve of its motor.
+/// Force of an actuator within a step: its affine force, clamped to the force limits and to the torque-speed curve of its motor.
 ///
-/// The force is `f = clamp(clamp(affine, limits), +-stall - drag v)`. It is piecewise affine in the motion, and decreasing where the
-/// affine force opposes the motion. The active bound selects the piece, which the step treats implicitly. Semismooth Newton finds it:
-/// solve with the present active bound, then replace it with that of the solution (Qi & Sun 1993).
+/// The force is `f = clamp(clamp(affine, limits), +-stall - drag v)`. It is piecewise affine in the motion, and decreasing where the affine
+/// force opposes the motion. The active bound selects the piece, which the step treats implicitly. The step finds the active bound by
+/// semismooth Newton iterations: solve with the assumed active bound, then replace it with that of the solution (Qi & Sun 1993).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BoundedForce<R: Real> {
     /// Explicit part and added inertia of the affine force, before clamping.
     affine: (R, R),
-    /// Velocity before the step.
+    /// Velocity of the actuator before the step.
     before: R,
-    /// Effective inertia that the actuator moves.
+    /// Inertia that the actuator moves.
     effective_inertia: EffectiveInertia<R>,
-    /// Lanes whose active bound is a limit of the effort.
+    /// Lanes whose active bound is a force limit.
     at_limit: R::Mask,
     /// Lanes whose active bound is the torque-speed curve of the motor.
     on_curve: R::Mask,
-    /// Lanes whose active bound is an upper one.
+    /// Lanes whose active bound is the upper limit or the upper side of the curve.
     at_upper: R::Mask,
 }
 
@@ -42,10 +42,10 @@ impl<R: Real> BoundedForce<R> {
         (self.affine, self.before, self.effective_inertia) = (affine, before, effective_inertia);
     }
 
-    /// Guesses the active bound before the first estimate of the velocity after the step.
+    /// Guesses the active bound before the first prediction of the velocity after the step.
     ///
-    /// A force without added inertia gets the active bound at the velocity before the step, any other force gets none. The resulting force
-    /// serves [`ActuatorForces::guess_active_bounds`], which then replaces the guess.
+    /// A force without added inertia gets the active bound at the velocity before the step; any other force gets none. The resulting force
+    /// is the input of [`ActuatorForces::guess_active_bounds`], which then replaces the guess.
     ///
     /// [`ActuatorForces::guess_active_bounds`]: crate::actuation::forces::ActuatorForces::guess_active_bounds
     #[inline(always)]
@@ -57,8 +57,8 @@ impl<R: Real> BoundedForce<R> {
         (self.at_limit, self.on_curve, self.at_upper) = (at_limit.and(is_explicit), curve.and(is_explicit), upper.and(is_explicit));
     }
 
-    /// Updates the active bound to that of the force in a step with the mean acceleration `acceleration` of the actuator's length.
-    /// Returns the lanes in which it changed.
+    /// Updates the active bound to that of a step in which the actuator's length has the mean acceleration `acceleration`. Returns the
+    /// lanes in which the active bound changed.
     #[inline(always)]
     pub(super) fn update_active_bound(
         &mut self,
@@ -75,13 +75,13 @@ impl<R: Real> BoundedForce<R> {
         changed
     }
 
-    /// Largest added inertia of any active bound, kg or kg m^2.
+    /// Largest added inertia of all possible active bounds, kg or kg m^2.
     #[inline(always)]
     pub(super) fn max_added_inertia(&self, numbers: &ActuatorDynamics<R>, weights: ImplicitWeights<R>) -> R {
         self.affine.1.max(self.curve_added_inertia(numbers, weights))
     }
 
-    /// Added inertia of the torque-speed curve, kg or kg m^2.
+    /// Added inertia of a force on the torque-speed curve, kg or kg m^2.
     #[inline(always)]
     fn curve_added_inertia(&self, numbers: &ActuatorDynamics<R>, weights: ImplicitWeights<R>) -> R {
         numbers.drag * weights.damping * (R::one() + weights.extra_share(self.effective_inertia.rate(numbers.drag)))
@@ -95,13 +95,13 @@ impl<R: Real> BoundedForce<R> {
             (new(other.at_limit, self.at_limit), new(other.on_curve, self.on_curve), new(other.at_upper, self.at_upper));
     }
 
-    /// Lanes with an active bound.
+    /// Lanes in which a bound is active: a force limit or the torque-speed curve.
     #[inline(always)]
     pub(super) fn is_saturated(&self) -> R::Mask {
         self.at_limit.or(self.on_curve)
     }
 
-    /// Explicit part of the force with the present active bound, and the added inertia that supplies the rest.
+    /// Explicit part of the force with the present active bound, N or N m, and its added inertia, kg or kg m^2.
     #[inline(always)]
     pub(super) fn force(&self, numbers: &ActuatorDynamics<R>, weights: ImplicitWeights<R>) -> (R, R) {
         let limit = R::select(self.at_upper, numbers.limits[1], numbers.limits[0]);
@@ -112,7 +112,8 @@ impl<R: Real> BoundedForce<R> {
     }
 }
 
-/// Active bound of a force before clamping, at a velocity: lanes at a limit, lanes on the motor's curve, and lanes at an upper bound.
+/// Finds the active bound of an unclamped force at a velocity: lanes at a force limit, lanes on the motor's curve, and lanes at the upper
+/// one.
 #[inline(always)]
 fn active_bound<R: Real>(
     compiled: &CompiledActuatorDynamics<R::Scalar>,
@@ -139,7 +140,7 @@ fn active_bound<R: Real>(
     [at_limit, curve, upper]
 }
 
-/// Lanes in which a limit reduces the force at a velocity.
+/// Lanes in which a force limit or the torque-speed curve reduces the force at a velocity.
 #[inline(always)]
 pub(crate) fn exceeds_limits<R: Real>(
     compiled: &CompiledActuatorDynamics<R::Scalar>,
@@ -151,7 +152,7 @@ pub(crate) fn exceeds_limits<R: Real>(
     at_limit.or(curve)
 }
 
-/// Force of an actuator clamped to its limits and to the torque-speed curve of its motor.
+/// Force of an actuator, clamped to its limits and to the torque-speed curve of its motor.
 #[inline(always)]
 pub(crate) fn clamp_to_limits<R: Real>(
     compiled: &CompiledActuatorDynamics<R::Scalar>,

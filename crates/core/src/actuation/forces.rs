@@ -48,62 +48,62 @@ use crate::compile::{CompiledActuator, CompiledActuatorDynamics, CompiledForceRa
 use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::math::spatial::*;
 
-/// Added inertia of a servo, relative to the inertia that it moves, from which on it is stiff.
+/// Ratio of a servo's added inertia to the inertia that it moves, at or above which the servo counts as stiff.
 ///
-/// A G1 with a third of its efforts takes 1.7 times as long with 0.3. With infinity, a stiff arm has up to 2.5 times the error
+/// Evidence: with 0.3, a G1 with a third of its efforts takes 1.7 times as long. With infinity, a stiff arm has up to 2.5 times the error
 /// (docs/development/decisions/stiff_servos.md).
 const STIFF_SERVO: f64 = 1.0;
 
-/// Implicit terms of the mass matrix.
+/// Implicit terms that a step adds to the mass matrix.
 #[derive(Clone, Copy, Debug)]
 pub struct Implicit<'a, R: Real> {
-    /// Weights of joint damping and stiffness.
+    /// Weights of joint damping and stiffness in the mass matrix.
     pub weights: ImplicitWeights<R>,
-    /// Added inertia of each servo along its moment, kg m^2 or kg. Empty: servos are explicit.
+    /// Added inertia of each servo along its moment, kg m^2 or kg. Empty if servos are explicit.
     pub servos: &'a [R],
-    /// Arms of actuators on sites.
+    /// Moment arms of the actuators on sites.
     pub arms: &'a [R],
-    /// Velocity before the step, at which the drag of the medium is linearised. `None`: drag is explicit.
+    /// Velocity before the step, at which the fluid drag is linearised. `None` if drag is explicit.
     pub drag_at: Option<&'a [R]>,
 }
 
 impl<R: Real> Implicit<'_, R> {
-    /// No implicit terms: the mass matrix itself.
+    /// Implicit terms of the mass matrix itself: none.
     pub fn none() -> Self {
         let weights = ImplicitWeights { damping: R::zero(), stiffness: R::zero(), step: R::zero() };
         Self { weights, servos: &[], arms: &[], drag_at: None }
     }
 }
 
-/// Implicit treatment of servos in stage 1.
+/// Selection of the servos with implicit forces in stage 1, and their weights.
 #[derive(Clone, Copy, Debug)]
 pub struct ImplicitServos<R> {
-    /// Weights of the damping and stiffness of servos.
+    /// Weights of the damping and stiffness of servos in their added inertia.
     pub weights: ImplicitWeights<R>,
     /// Time step, s.
     pub h: R,
-    /// Whether all servos are implicit, or those of actuator dynamics alone.
+    /// Whether all servos are implicit; otherwise only those of actuator dynamics are.
     pub all: bool,
-    /// Whether the explicit forces are those at the predicted mean velocity.
+    /// Whether explicit forces are evaluated at the predicted mean velocity of the step.
     pub predicted: bool,
 }
 
 impl<R: Real> ImplicitServos<R> {
-    /// Whether the servo of an actuator is implicit.
+    /// Whether the servo of this actuator is implicit.
     #[inline(always)]
     fn has(&self, actuator: &CompiledActuator<R::Scalar>) -> bool {
         self.all || actuator.dynamics.is_some()
     }
 }
 
-/// Evaluation point of the forces.
+/// State at which the forces of actuators and springs are evaluated.
 #[derive(Clone, Copy, Debug)]
 pub struct ForceState<'a, R: Real> {
-    /// Configuration of springs and servos.
+    /// Configuration at which springs and servos are evaluated.
     pub q: &'a [R],
     /// Velocity before the step.
     pub v: &'a [R],
-    /// Velocity of the explicit forces.
+    /// Velocity at which explicit forces are evaluated.
     pub v_at: &'a [R],
     /// Activations.
     pub act: &'a [R],
@@ -114,56 +114,56 @@ pub struct ForceState<'a, R: Real> {
 }
 
 impl<'a, R: Real> ForceState<'a, R> {
-    /// Evaluation point with all quantities at one state, and explicit servos.
+    /// Evaluation with all quantities at one state, and with explicit servos.
     pub fn state(q: &'a [R], v: &'a [R], act: &'a [R], ctrl: &'a [R], actuator_dynamics: &'a [ActuatorDynamics<R>]) -> Self {
         Self { q, v, v_at: v, act, ctrl, actuator_dynamics }
     }
 }
 
-/// Forces of one group of lanes.
+/// Forces of actuators and springs in one group of lanes.
 #[derive(Clone, Debug)]
 pub struct ActuatorForces<R: Real> {
-    /// Generalized forces of actuators and springs, N or N m: the explicit parts alone. Stage 2 adds joint damping.
+    /// Generalized forces of actuators and springs, N or N m. They exclude implicit parts, and joint damping, which stage 2 adds.
     pub tau: Vec<R>,
-    /// Generalized forces of actuators alone, clamped to the bounds of joints. Computed with explicit servos only.
+    /// Generalized forces of actuators without springs, within the force ranges of joints, N or N m. Computed only with explicit servos.
     pub joint: Vec<R>,
-    /// Force of every actuator, N or N m: the explicit part of an implicit force, the whole of any other force.
+    /// Force of every actuator, N or N m: only the explicit part of an implicit force, otherwise the whole force.
     pub force: Vec<R>,
-    /// Added inertia of each servo, kg m^2 or kg; zero for explicit and fixed forces.
+    /// Added inertia of each servo, kg m^2 or kg; zero for an explicit force or a force at a bound.
     pub added_inertia: Vec<R>,
-    /// Effective inertia of each servo. Only the midpoint rule and models with bounded servos compute it; elsewhere its mobility is zero.
+    /// Inertia that each servo moves. Only the midpoint rule and models with bounded servos compute it; otherwise its mobility is zero.
     pub(crate) effective_inertias: Vec<EffectiveInertia<R>>,
-    /// Lanes in which the step assumes a servo at a bound of the actuator's `force_range`.
+    /// Lanes in which the step assumes that a servo is at a bound of its `force_range`.
     assumed_saturated: Vec<R::Mask>,
-    /// Lanes in which the step assumes a fixed force of a servo, without added inertia. There the servo, or a sum that contains it, is at a
-    /// bound.
+    /// Lanes in which the step assumes a constant force of a servo, without added inertia. There the servo, or a sum that contains its
+    /// force, is at a bound.
     fixed: Vec<R::Mask>,
-    /// Force of each servo in these lanes, N or N m.
+    /// Force of each servo in the lanes `fixed`, N or N m.
     fixed_force: Vec<R>,
-    /// Lanes in which a servo is stiff (see [`STIFF_SERVO`]).
+    /// Lanes in which each servo is stiff: its added inertia is at least [`STIFF_SERVO`] times the inertia that it moves.
     stiff: Vec<R::Mask>,
-    /// Lanes in which the step assumes the sum of actuator forces on a dof at its bound, for every bounded dof.
+    /// Lanes in which the step assumes that the sum of actuator forces on a dof is at its bound, for every bounded sum.
     assumed_sum_saturated: Vec<R::Mask>,
-    /// Explicit part and added inertia of every servo before clamping to `force_range`. Empty in models without bounded servos.
+    /// Explicit part and added inertia of every servo before clamping to its `force_range`. Empty in models without bounded servos.
     pub(crate) unclamped: Vec<[R; 2]>,
-    /// Whole force of every actuator at the last trial velocity, clamped to `force_range`, N or N m.
+    /// Whole force of every actuator at the velocity that was tried last, clamped to its `force_range`, N or N m.
     trial_force: Vec<R>,
-    /// Lanes in which the last evaluation found an actuator force outside its bounds.
+    /// Lanes in which the last evaluation found the force of an actuator outside its bounds.
     ///
-    /// Explicit forces are evaluated at their motion, implicit ones at the trial velocity.
+    /// Explicit forces are evaluated at their motion, implicit ones at the velocity that was tried last.
     pub(crate) found_saturated: Vec<R::Mask>,
-    /// Lanes in which the last evaluation found the sum of actuator forces on a dof outside its bounds, for every bounded dof. If stage 1
-    /// evaluates a sum with implicit servos, it keeps the assumed lanes.
+    /// Lanes in which the last evaluation found the sum of actuator forces on a dof outside its bounds, for every bounded sum. For sums
+    /// with implicit servos, stage 1 does not evaluate them, and copies the assumed lanes.
     found_sum_saturated: Vec<R::Mask>,
-    /// Arms of all actuators on sites.
+    /// Moment arms of all actuators on sites.
     pub arms: Vec<R>,
-    /// Lengths of actuators on sites.
+    /// Lengths of all actuators on sites.
     pub(crate) lengths: Vec<R>,
-    /// Force of each actuator dynamics with the assumed active bound.
+    /// Force of each actuator dynamics, with the active bound that the step assumes.
     pub(super) bounded_forces: Vec<BoundedForce<R>>,
-    /// Force of each actuator dynamics with the active bound at the last trial velocity.
+    /// Force of each actuator dynamics, with the active bound at the velocity that was tried last.
     trial_bounded_forces: Vec<BoundedForce<R>>,
-    /// Whether this step has not yet assumed active bounds.
+    /// Whether this step has not assumed any active bounds yet.
     pub(crate) active_bounds_unknown: bool,
     /// Friction losses of actuator dynamics, see [`crate::constraints::assembler::AssemblyInput::losses`].
     pub losses: Vec<[R; 2]>,
@@ -198,7 +198,7 @@ impl<R: Real> ActuatorForces<R> {
         }
     }
 
-    /// Resets the active bounds of servos, so that the next call of stage 1 guesses them.
+    /// Resets the active bounds of servos. The next call of stage 1 then guesses them.
     #[inline(always)]
     pub fn reset_active_bounds(&mut self) {
         if !self.assumed_saturated.is_empty() {
@@ -209,8 +209,8 @@ impl<R: Real> ActuatorForces<R> {
         self.active_bounds_unknown = true;
     }
 
-    /// Computes the effective inertias of servos from the mass matrix's diagonal `inertia`, and the velocities that the last `impulse` of
-    /// constraints gives to them.
+    /// Computes the inertia that each servo moves, and its velocity change by the constraint impulses of the last step, `impulse`.
+    /// `inertia` is the diagonal of the mass matrix.
     pub fn compute_effective_inertia(&mut self, compiled: &LaneModel<R>, inertia: &[R], impulse: &[R]) {
         R::vectorize(
             #[inline(always)]
@@ -223,7 +223,7 @@ impl<R: Real> ActuatorForces<R> {
         )
     }
 
-    /// Effective inertia of several dofs: a mean, weighted by their part in the mobility.
+    /// Inertia that an actuator moves. For several degrees of freedom, the damping rate is a mean, weighted by their inverse inertias.
     #[inline(always)]
     fn effective_inertia_of(
         &self,
@@ -246,13 +246,14 @@ impl<R: Real> ActuatorForces<R> {
         EffectiveInertia { slowing, ..sum }
     }
 
-    /// Effective inertia that a servo moves.
+    /// Inertia that servo number `servo` moves.
     #[inline(always)]
     pub(crate) fn effective_inertia_at(&self, servo: usize) -> EffectiveInertia<R> {
         self.effective_inertias[servo]
     }
 
-    /// Stores the explicit part `force` of a servo's force and its added inertia. Lanes with a fixed force store that one, without inertia.
+    /// Stores the explicit part `force` and the added inertia of a servo. In lanes with a force at a bound, it stores that force without
+    /// added inertia.
     #[inline(always)]
     pub(crate) fn set_servo(&mut self, actuator: usize, servo: usize, force: R, added_inertia: R) {
         if let Some(unclamped) = self.unclamped.get_mut(servo) {
@@ -264,7 +265,7 @@ impl<R: Real> ActuatorForces<R> {
         self.added_inertia[servo] = R::select(fixed, R::zero(), added_inertia);
     }
 
-    /// Stores the affine force of an actuator's dynamics, and the explicit part and added inertia with its active bound.
+    /// Stores the affine force of an actuator's dynamics, and its explicit part and added inertia with the active bound.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "one actuator, every part of it named at the call")]
     pub(crate) fn set_actuator_dynamics(
@@ -295,7 +296,7 @@ impl<R: Real> ActuatorForces<R> {
     /// Clamps the force of a servo at the predicted velocity, in the lanes in which it is not stiff. `dv` is the predicted change of the
     /// actuator's velocity in the step.
     ///
-    /// The added inertia stays, because the mass matrix is factored.
+    /// The added inertia does not change, because the mass matrix is already factored.
     #[inline(always)]
     pub(crate) fn clamp_at_predicted_velocity(
         &mut self,
@@ -310,11 +311,11 @@ impl<R: Real> ActuatorForces<R> {
         let (clamped, is_outside) = (within(force, range), exceeds_range(force, range));
         self.trial_force[a] = clamped;
         let changes = changed.or(is_outside).or(self.fixed[servo]).and_not(self.stiff[servo]);
-        // The mass matrix subtracts w/h dv from the explicit part, so that the whole force is the clamped one.
+        // The mass matrix subtracts w/h dv from the explicit part, so that the whole force becomes the clamped one.
         self.force[a] = R::select(changes, clamped + self.added_inertia[servo] / implicit.h * dv, self.force[a]);
     }
 
-    /// Whole force of a servo if the actuator's velocity changes by `dv`, with the active bound at that velocity.
+    /// Whole force of a servo if the actuator's velocity changes by `dv`, with the active bound at the resulting velocity.
     #[inline(always)]
     fn trial_servo_force(
         &self,
@@ -331,11 +332,11 @@ impl<R: Real> ActuatorForces<R> {
             updated = Some((dynamics.index, bounded_force));
         }
         let [explicit_part, added_inertia] = split;
-        // The velocity changes by dv, so that the implicit part is -w/h dv.
+        // The velocity changes by dv, so that the implicit part of the force is -w/h dv.
         ServoForce { bounded_force: updated, changed, split, force: explicit_part - added_inertia / h * dv }
     }
 
-    /// Sums the actuators' forces on every dof, within the bounds of joints.
+    /// Sums the forces of all actuators on every degree of freedom into `tau`, and clamps the sums to the force ranges of joints.
     #[inline(always)]
     pub(crate) fn gather(&mut self, compiled: &LaneModel<R>, implicit: Option<ImplicitServos<R>>) {
         self.active_bounds_unknown = false;
@@ -367,10 +368,10 @@ impl<R: Real> ActuatorForces<R> {
         }
     }
 
-    /// Explicit part of the sum of actuator forces on a dof.
+    /// Explicit part of the sum of actuator forces on a degree of freedom, N or N m.
     ///
-    /// Lanes without a stiff servo have the sum clamped at the predicted velocity. The others have `assumed`, the sum with the assumed
-    /// active bound.
+    /// In lanes without a stiff servo, the sum is clamped at the predicted velocity. In the others it is `assumed`, the sum with the
+    /// assumed active bound.
     #[inline(always)]
     fn clamp_sum_at_predicted_velocity(&self, compiled: &LaneModel<R>, range: &CompiledForceRange<R::Scalar>, [sum, assumed]: [R; 2]) -> R {
         let (mut stiff, mut expected) = (R::Mask::splat(false), R::zero());
@@ -384,7 +385,7 @@ impl<R: Real> ActuatorForces<R> {
         R::select(stiff, assumed, clamped)
     }
 
-    /// Lanes in which the last evaluation found the effort of an actuator, or a sum on its joint, outside its bounds.
+    /// Lanes in which the last evaluation found the force of an actuator, or a sum of forces on its joint, outside its bounds.
     #[inline(always)]
     pub(crate) fn is_saturated(&self, compiled: &LaneModel<R>, actuator: usize) -> R::Mask {
         let (of_it, mut saturated) = (&compiled.actuators[actuator], self.found_saturated[actuator]);
@@ -394,9 +395,9 @@ impl<R: Real> ActuatorForces<R> {
         saturated.or(lanes_of_sums(compiled, &self.found_sum_saturated, actuator))
     }
 
-    /// Lanes in which the force of an actuator, or of the joint that it drives, is at a bound or beyond.
+    /// Lanes in which the force of an actuator, or the sum of forces on its joint, is at a bound or outside.
     ///
-    /// MuJoCo has no derivative of such a force. Explicit forces must have been computed before.
+    /// MuJoCo has no derivative of such a force. The explicit forces must have been computed before.
     #[inline(always)]
     pub(crate) fn is_at_bound(&self, compiled: &LaneModel<R>, actuator: usize) -> R::Mask {
         let of_it = &compiled.actuators[actuator];
@@ -416,9 +417,9 @@ impl<R: Real> ActuatorForces<R> {
         self.active_bounds_unknown && !self.unclamped.is_empty()
     }
 
-    /// Sets the active bounds of servos by a guess of the velocity after the step.
+    /// Sets the active bounds of servos from a guess of the velocity after the step.
     ///
-    /// The guess neglects the coupling of joints: each servo moves its effective inertia, and constraints have the impulses of the last
+    /// The guess neglects the coupling of joints. Each servo moves its effective inertia, and constraints have the impulses of the last
     /// step.
     #[inline(always)]
     pub(crate) fn guess_active_bounds(
@@ -441,11 +442,11 @@ impl<R: Real> ActuatorForces<R> {
         );
     }
 
-    /// Updates the active bounds of servos to those at the change `dv` of the generalized velocity in the step. Returns the lanes in which
-    /// an active bound changed: their forces must be recomputed.
+    /// Updates the active bounds of servos, if the generalized velocity changes by `dv` in the step. Returns the lanes in which an active
+    /// bound changed, so that their forces must be recomputed.
     ///
-    /// If all servos are implicit, the function counts stiff servos alone. Stage 1 clamps the others at the predicted velocity. Without
-    /// `may_change` the active bounds stay, and the function only finds the saturated actuators.
+    /// If all servos are implicit, only stiff servos count. Stage 1 clamps the others at the predicted velocity. If `may_change` is false,
+    /// the active bounds do not change, and the function only finds the saturated actuators.
     pub(crate) fn update_active_bounds(
         &mut self,
         compiled: &LaneModel<R>,
@@ -469,9 +470,10 @@ impl<R: Real> ActuatorForces<R> {
         )
     }
 
-    /// Sets the active bound of each servo to that in the step. `dv_of` returns the change of an actuator's velocity.
+    /// Sets the active bound of each servo to that at the end of the step. `dv_of` returns the change of an actuator's velocity in the
+    /// step.
     ///
-    /// The first call in a step sets all lanes. Later calls set, and all calls return, the lanes in which an active bound changed.
+    /// Returns the lanes in which an active bound changed. The first call in a step sets all lanes, later calls only the returned ones.
     #[inline(always)]
     fn set_active_bounds(
         &mut self,
@@ -494,7 +496,7 @@ impl<R: Real> ActuatorForces<R> {
                 self.unclamped[k] = trial.split;
                 changed = changed.or(trial.changed.and(decides).and_not(self.fixed[k]));
             }
-            // Stage 1 has clamped an explicit force, which adds no inertia at any velocity.
+            // An explicit force is already clamped by stage 1, and adds no inertia at any velocity.
             if let Some(bounds) = actuator.force_range.filter(|_| implicit.has(actuator)) {
                 let (found, assumed) = (outside(force, bounds), self.assumed_saturated[k]);
                 force = within(force, Some(bounds));
@@ -533,7 +535,7 @@ impl<R: Real> ActuatorForces<R> {
                 self.assumed_saturated[k] = update(self.assumed_saturated[k], self.found_saturated[a]);
             }
             let fixed = self.assumed_saturated[k].or(lanes_of_sums(compiled, &self.assumed_sum_saturated, a));
-            // Lanes without a change keep what `fixed` depends on.
+            // In lanes without a change, `fixed` does not change either.
             self.fixed[k] = fixed;
             self.fixed_force[k] = R::select(changed, self.trial_force[a], self.fixed_force[k]);
             self.force[a] = R::select(changed, R::select(fixed, self.fixed_force[k], force), self.force[a]);
@@ -544,7 +546,7 @@ impl<R: Real> ActuatorForces<R> {
 
     /// Expected force of a servo at the end of the step, N or N m.
     ///
-    /// The free acceleration `acc` and the impulses of constraints in the last step change its velocity.
+    /// Its velocity changes by the free acceleration `acc` and by the constraint impulses of the last step.
     #[inline(always)]
     pub(super) fn expected_servo_force(
         &self,
@@ -562,20 +564,20 @@ impl<R: Real> ActuatorForces<R> {
     }
 }
 
-/// Whole force of a servo at a trial velocity, with its active bound.
+/// Whole force of a servo at a velocity that is tried, with the active bound there.
 #[derive(Clone, Copy, Debug)]
 struct ServoForce<R: Real> {
-    /// Index of its actuator dynamics, and their force with the updated active bound.
+    /// Index of the servo's actuator dynamics, and their force with the updated active bound; `None` without dynamics.
     bounded_force: Option<(usize, BoundedForce<R>)>,
-    /// Lanes in which the active bound of the dynamics changed.
+    /// Lanes in which the active bound of the actuator dynamics changed.
     changed: R::Mask,
-    /// Explicit part and added inertia with that active bound.
+    /// Explicit part and added inertia of the force with that active bound.
     split: [R; 2],
-    /// Whole force before clamping to the actuator's `force_range`.
+    /// Whole force before clamping to the actuator's `force_range`, N or N m.
     force: R,
 }
 
-/// Lanes in which a mask is set of any sum that has an actuator. `masks` has a mask per sum.
+/// Lanes in which the mask of any bounded sum that contains the actuator's force is set. `masks` has one mask per bounded sum.
 #[inline(always)]
 fn lanes_of_sums<R: Real>(compiled: &LaneModel<R>, masks: &[R::Mask], actuator: usize) -> R::Mask {
     let mut lanes = R::Mask::splat(false);

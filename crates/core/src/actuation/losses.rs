@@ -1,4 +1,4 @@
-//! Friction losses of actuator dynamics.
+//! Friction losses of actuator dynamics: dry friction, and losses of the gear in proportion to the force.
 
 use stepper_real::Real;
 
@@ -8,13 +8,13 @@ use crate::compile::LaneModel;
 use crate::math::spatial::*;
 
 impl<R: Real> ActuatorForces<R> {
-    /// Computes the friction losses of actuator dynamics into `losses`, at the forces `self.force`.
+    /// Computes the friction losses of actuator dynamics at the forces `self.force` into `losses`.
     ///
-    /// With `expected`, a model with bounded servos has the expected forces of its servos at the end of the step instead. The pair is the
-    /// implicit treatment of servos, and the free acceleration.
+    /// `expected` has the implicit treatment of servos and the free acceleration. With it, a model with bounded servos uses the expected
+    /// forces of servos at the end of the step instead.
     ///
-    /// A gear with efficiency e delivers e f to the load, and needs f / e when the load drives it. Against a motion along f it loses (1 -
-    /// e) |f|, against one the other way (1/e - 1) |f|. At rest its friction is anything in between.
+    /// A gear with efficiency e delivers e f to the load, and needs f / e if the load drives it. Against motion along f it loses (1 - e)
+    /// |f|, against the opposite motion (1/e - 1) |f|. At rest its friction is anything in between.
     pub(crate) fn dissipate(
         &mut self,
         compiled: &LaneModel<R>,
@@ -41,7 +41,8 @@ impl<R: Real> ActuatorForces<R> {
         )
     }
 
-    /// Adds the losses of actuator dynamics in a step to the forces, from the impulses of their rows of dry friction.
+    /// Subtracts the friction losses of actuator dynamics in a step from the actuator forces. The losses follow from the impulses of the
+    /// dry friction rows.
     pub fn subtract_losses(&mut self, compiled: &LaneModel<R>, actuator_dynamics: &[ActuatorDynamics<R>], scalar_impulse: &[R], h: R) {
         R::vectorize(
             #[inline(always)]
@@ -51,7 +52,7 @@ impl<R: Real> ActuatorForces<R> {
                     let Some((row, arm)) = dynamics.losses else { continue };
                     let arm = R::splat(arm);
                     let friction = scalar_impulse[compiled.limits.len() + row] / h;
-                    // Part of a shared row, at most the share of these losses in the whole.
+                    // Several losses may share a row. Each gets its fraction of the row's force.
                     let backwards = friction.gt(R::zero());
                     let [own, all] = [losses(&actuator_dynamics[dynamics.index], arm, self.force[a]), self.losses[row]].map(
                         #[inline(always)]
@@ -69,7 +70,7 @@ impl<R: Real> ActuatorForces<R> {
     }
 }
 
-/// Losses on the joint (against forward motion, against backward motion).
+/// Friction losses on the joint, N or N m: against forward motion, and against backward motion.
 #[inline(always)]
 fn losses<R: Real>(numbers: &ActuatorDynamics<R>, arm: R, force: R) -> [R; 2] {
     let torque = arm * force;

@@ -1,4 +1,4 @@
-//! Memory of actuator dynamics, lane-interleaved.
+//! Memory of actuator dynamics that persists between steps, lane-interleaved.
 
 use serde::{Deserialize, Serialize};
 use stepper_real::Scalar;
@@ -8,24 +8,24 @@ use crate::math::lanes::{Target, columns, lane_bits, set_columns, set_lane_bits}
 /// Memory of the actuator dynamics of a group of environments.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Memory<S> {
-    /// Lanes (bits) whose actuator dynamics have not begun: their first control fills their delay lines.
+    /// Lanes (bits) whose actuator dynamics have had no control yet. Their first control fills the delay lines.
     pub waiting: u32,
-    /// Delay lines, lagged efforts, integrals, phases and held samples.
+    /// Values of all actuators: delay lines, lagged efforts, integrals, phases and held samples.
     pub numbers: Vec<S>,
-    /// Position of the last sample in every delay line.
+    /// Position of the newest sample in every delay line, the same in all lanes.
     pub cursors: Vec<u32>,
     /// Controls after the actuator dynamics in the last step, nu per lane.
     pub applied: Vec<S>,
 }
 
 impl<S: Scalar> Memory<S> {
-    /// Memory with allocated buffers.
+    /// Creates the memory with allocated buffers: `numbers` values per lane, `lines` delay lines, and `controls` controls per lane.
     pub fn with_chains(lanes: usize, alive: u32, numbers: usize, lines: usize, controls: usize) -> Self {
         let zeros = |n: usize| vec![S::default(); n * lanes];
         Self { waiting: alive, numbers: zeros(numbers), cursors: vec![0; lines], applied: zeros(controls) }
     }
 
-    /// Clears the memory of a lane; the next control is the first.
+    /// Clears the memory of a lane, so that its next control counts as the first.
     pub fn forget(&mut self, lane: usize, lanes: usize) {
         if !self.applied.is_empty() {
             self.numbers.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = S::default());
@@ -33,19 +33,19 @@ impl<S: Scalar> Memory<S> {
         }
     }
 
-    /// Begins a new episode of a lane, without applied controls yet.
+    /// Begins a new episode of a lane: clears the memory and the applied controls.
     pub fn begin(&mut self, lane: usize, lanes: usize) {
         self.forget(lane, lanes);
         self.applied.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = S::default());
     }
 
-    /// Clears the entries of an unused lane that cannot be read.
+    /// Clears the entries of an unused lane, so that equal states have equal bytes.
     pub fn clear(&mut self, lane: usize, lanes: usize) {
         self.begin(lane, lanes);
         self.waiting &= !(1 << lane);
     }
 
-    /// Memory of `n` of the `lanes` lanes, from `first` on.
+    /// Copy of the memory of the `n` lanes from `first` on, out of `lanes`.
     pub fn part(&self, lanes: usize, first: usize, n: usize) -> Self {
         Self {
             waiting: lane_bits(self.waiting, first, n),
@@ -55,21 +55,21 @@ impl<S: Scalar> Memory<S> {
         }
     }
 
-    /// Copies the memory of `n` lanes of a part to some of the `lanes`.
+    /// Copies `part`, the memory of `n` lanes, to the lanes `to`, out of `lanes`.
     pub(crate) fn set_part(&mut self, lanes: usize, to: Target, n: usize, part: &Self) {
         set_lane_bits(&mut self.waiting, to, n, part.waiting);
         set_columns(&mut self.numbers, lanes, to, n, &part.numbers);
         set_columns(&mut self.applied, lanes, to, n, &part.applied);
-        // All environments step together, and share the cursors.
+        // All environments step together, and share the positions of the delay lines.
         self.cursors.copy_from_slice(&part.cursors);
     }
 
-    /// Memory of the buffers, bytes.
+    /// Size of the buffers, bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(&self.numbers[..]) + size_of_val(&self.applied[..]) + size_of_val(&self.cursors[..])
     }
 
-    /// Whether two memories have the same shape.
+    /// Whether another memory has buffers of the same sizes.
     pub fn fits(&self, other: &Self) -> bool {
         let sizes = |m: &Self| (m.numbers.len(), m.cursors.len(), m.applied.len());
         sizes(self) == sizes(other)

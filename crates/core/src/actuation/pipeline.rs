@@ -1,4 +1,4 @@
-//! Actuator pipelines, which convert the user's controls to those of the step, before every step.
+//! Actuator pipelines: before every step they convert the user's controls to those of the step, by delay, sampled servo and lag.
 
 use stepper_real::{Mask, Real, Scalar};
 
@@ -8,12 +8,12 @@ use crate::compile::{CompiledActuator, ModelStructure};
 use crate::math::lanes::DelayLine;
 use crate::model::actuator_spec::ActuatorSpec;
 
-/// Number of a pipeline that may differ between environments, in the order of the table.
+/// Parameter of a pipeline that may differ between environments, in the order of the table.
 #[derive(Clone, Copy)]
 enum Number {
-    /// Delay in steps.
+    /// Delay, in steps.
     Delay,
-    /// Fraction of a deviation that remains after a step of the lag, and its mean over the step.
+    /// Fraction of a deviation that remains at the end of a step of the lag; below it the mean fraction over the step.
     Decay,
     Mean,
     Low,
@@ -24,7 +24,7 @@ enum Number {
     Kd,
     IntegralLimit,
     Period,
-    /// Bounds of a servo's effort, beyond which its integral does not grow.
+    /// Lower bound of a servo's effort, below which its integral does not decrease; below it the upper bound.
     Least,
     Most,
     Stall,
@@ -35,7 +35,7 @@ enum Number {
 
 const NUMBERS: usize = 16;
 
-/// Kind of servo.
+/// Kind of an actuator's servo.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Servo {
     None,
@@ -43,40 +43,41 @@ enum Servo {
     Sampled,
 }
 
-/// Pipeline of one actuator.
+/// Pipeline of one actuator: its stages, and its places in memory and table.
 #[derive(Clone, Debug)]
 struct ActuatorPipeline {
     actuator: usize,
     servo: Servo,
     lagged: bool,
-    /// Number of samples of the delay line; 0 without one.
+    /// Length of the delay line in samples; 0 without a delay.
     line: usize,
-    /// Delay in steps, if it is the same in all environments.
+    /// Delay as whole and fractional steps, if it is the same in all environments; otherwise `None`.
     delay: Option<(usize, f64)>,
-    /// Address of the pipeline's numbers in the memory: delay line, lagged effort and its goal, integral, phase, held sample.
+    /// Address of the pipeline's stored values: delay line, lagged effort and its goal, integral, phase, held sample.
     memory: usize,
-    /// Index of the delay line.
+    /// Index of the pipeline's delay line.
     cursor: usize,
-    /// Address of the pipeline's numbers in the table.
+    /// Address of the pipeline's parameters in the table.
     table: usize,
 }
 
-/// Pipelines of a model's actuators in a batch.
+/// Pipelines of all actuators of a model, for all environments of a batch.
 #[derive(Clone, Debug)]
 pub struct ActuatorPipelines<S> {
     pipelines: Vec<ActuatorPipeline>,
-    /// Numbers of every pipeline for every group of lanes, lane-interleaved.
+    /// Parameters of every pipeline: one lane-interleaved table for every group of lanes.
     tables: Vec<Vec<S>>,
     lanes: usize,
     num_envs: usize,
-    /// Memory that survives a step, in numbers per lane.
+    /// Number of stored values per lane that persist between steps.
     pub memory: usize,
     /// Number of delay lines.
     pub lines: usize,
 }
 
 impl<S: Scalar> ActuatorPipelines<S> {
-    /// Pipelines of `specs`, the result of [`ActuatorSpec::fold`] with an entry for every actuator of the model.
+    /// Creates the pipelines of `specs`, the result of [`ActuatorSpec::fold`], with one entry for every actuator of the model. `h` is the
+    /// time step, s.
     pub fn new(specs: &[Option<ActuatorSpec>], num_envs: usize, lanes: usize, h: f64) -> Self {
         let mut all = Self { pipelines: vec![], tables: vec![], lanes, num_envs, memory: 0, lines: 0 };
         for (actuator, spec) in specs.iter().enumerate() {
@@ -99,21 +100,21 @@ impl<S: Scalar> ActuatorPipelines<S> {
         all
     }
 
-    /// Delay lines in the memory: the address of each, and its samples of one number each.
+    /// Position of each delay line in the stored values, with its number of samples of one value each.
     pub fn delay_lines(&self) -> impl Iterator<Item = DelayLine> {
         self.pipelines.iter().filter(|c| c.line > 0).map(|c| DelayLine { at: c.memory, samples: c.line, width: 1 })
     }
 
-    /// Sets the numbers of the environments `envs` from `specs`, whose lists have one for all of these or one for each.
+    /// Sets the parameters of the environments `envs` from `specs`. Each list has one value for all of `envs`, or one for each.
     ///
-    /// Actuators without an entry keep their numbers. The memory stays.
+    /// Actuators without an entry keep their parameters. The stored values do not change.
     pub fn assign(&mut self, specs: &[Option<ActuatorSpec>], envs: &[usize], h: f64) {
         let lanes = self.lanes;
         for pipeline in &mut self.pipelines {
             let Some(spec) = &specs[pipeline.actuator] else { continue };
             for (k, &env) in envs.iter().enumerate() {
                 let (table, lane) = (&mut self.tables[env / lanes][pipeline.table * lanes..], env % lanes);
-                // Unused lanes have the numbers of the last environment.
+                // Unused lanes have the parameters of the last environment.
                 let alike = if env + 1 == self.num_envs { lane..lanes } else { lane..lane + 1 };
                 for (row, x) in table.chunks_exact_mut(lanes).zip(numbers(spec, k, h)) {
                     row[alike.clone()].fill(S::from_f64(x));
@@ -126,7 +127,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
         }
     }
 
-    /// Memory of the numbers, bytes.
+    /// Memory of the parameters, bytes.
     pub fn bytes(&self) -> usize {
         self.tables.iter().map(|table| size_of_val(&table[..])).sum()
     }
@@ -136,7 +137,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
         self.pipelines.is_empty()
     }
 
-    /// Loads the numbers of actuator dynamics that act within a step, as they are at the end of the step.
+    /// Loads the parameters of the actuator dynamics that act within a step, with their values at the end of the step.
     pub fn load<R: Real<Scalar = S>>(&self, compiled: &ModelStructure<S>, group: usize, actuator_dynamics: &mut [ActuatorDynamics<R>]) {
         R::vectorize(
             #[inline(always)]
@@ -162,7 +163,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
         )
     }
 
-    /// Numbers of the actuator dynamics of all actuators in one lane.
+    /// Parameters of the actuator dynamics of all actuators in one lane.
     pub fn read(&self, compiled: &ModelStructure<S>, group: usize, lane: usize) -> Vec<ActuatorDynamics<f64>> {
         let mut actuator_dynamics = vec![ActuatorDynamics::default(); compiled.actuator_dynamics];
         for pipeline in &self.pipelines {
@@ -182,9 +183,9 @@ impl<S: Scalar> ActuatorPipelines<S> {
         actuator_dynamics
     }
 
-    /// Advances the pipelines before a step from the state (q, v): converts the controls `given` to those of the step.
+    /// Advances the pipelines before a step from the state (q, v): converts the user's controls `given` to those of the step.
     ///
-    /// If a lane has a control that is not finite, it stores none of its controls and gets NaN, so that its step is rejected.
+    /// If a control of a lane is not finite, the lane stores none of its controls. Its controls become NaN, so that the step is rejected.
     #[expect(clippy::too_many_arguments, reason = "what is given, to whom, and what is remembered")]
     pub fn advance<R: Real<Scalar = S>>(
         &self,
@@ -230,7 +231,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
         )
     }
 
-    /// Writes the outputs of the pipelines at the end of a step.
+    /// Writes the outputs of the pipelines at the end of a step to `ctrl` and `actuator_dynamics`, and stores them in the memory.
     pub fn hold_outputs<R: Real<Scalar = S>>(
         &self,
         compiled: &ModelStructure<S>,
@@ -259,12 +260,12 @@ impl<S: Scalar> ActuatorPipelines<S> {
     }
 }
 
-/// Whether any number is not 0.
+/// Whether any of the numbers is nonzero.
 pub(crate) fn any_nonzero(numbers: &[f64]) -> bool {
     numbers.iter().any(|&x| x != 0.0)
 }
 
-/// Whole and fractional part of a delay in steps. With `staircase` the fraction is rounded away.
+/// Integer and fractional part of a delay in steps. With `staircase` the delay is rounded up, and the fraction is 0.
 fn parts(steps: f64, staircase: bool) -> (usize, f64) {
     // A delay within rounding of a whole number of steps counts as that number.
     let near = (steps + 0.5).floor();
@@ -273,7 +274,7 @@ fn parts(steps: f64, staircase: bool) -> (usize, f64) {
     (whole as usize, if staircase { 0.0 } else { steps - whole })
 }
 
-/// Table row of one environment.
+/// Table row with the parameters of environment `env`. `h` is the time step, s.
 fn numbers(t: &ActuatorSpec, env: usize, h: f64) -> [f64; NUMBERS] {
     let of = |x: &[f64]| x[env % x.len()];
     let (low, high, lag) = (of(&t.low), of(&t.high), of(&t.lag));
@@ -313,20 +314,20 @@ fn get<R: Real>(numbers: &[R::Scalar], at: usize) -> R {
     R::load(&numbers[at * R::LANES..])
 }
 
-/// Writes numbers in some lanes.
+/// Writes the value `x` at address `at` in the lanes `lanes`.
 #[inline(always)]
 fn put<R: Real>(numbers: &mut [R::Scalar], at: usize, lanes: R::Mask, x: R) {
     let old = get::<R>(numbers, at);
     R::select(lanes, x, old).store(&mut numbers[at * R::LANES..]);
 }
 
-/// Effort within its bounds; a NaN stays.
+/// Effort `x`, clamped to its bounds; a NaN stays NaN.
 #[inline(always)]
 fn bounded<R: Real>(x: R, [low, high]: [R; 2]) -> R {
     R::select(x.eq(x), x.clamp(low, high), x)
 }
 
-/// Length and velocity of an actuator on joints.
+/// Length and velocity of an actuator on joints, from q and v.
 #[inline(always)]
 fn motion<R: Real>(actuator: &CompiledActuator<R::Scalar>, [q, v]: [&[R]; 2]) -> [R; 2] {
     let (mut length, mut velocity) = (R::zero(), R::zero());
@@ -346,7 +347,7 @@ impl ActuatorPipeline {
         self.lag_at() + 2 * usize::from(self.lagged)
     }
 
-    /// Sets the gains of a continuous servo behind its lag. `left` is the fraction of the past deviation that remains.
+    /// Sets the gains of a continuous servo as they act through its lag. `left` is the fraction of the past deviation that remains.
     #[inline(always)]
     fn set_gains<R: Real>(&self, table: &[R::Scalar], left: Number, dynamics: &mut ActuatorDynamics<R>) {
         let share: R = if self.lagged { R::one() - get::<R>(table, left as usize) } else { R::one() };
@@ -354,7 +355,7 @@ impl ActuatorPipeline {
         dynamics.rate = -(share * get::<R>(table, Number::Kd as usize));
     }
 
-    /// Control after the delay line, to which the present control is appended. A fraction of a step is the mean of the staircase over it.
+    /// Control after the delay line. Appends the present control `u` to the line. A fractional delay interpolates between two samples.
     #[inline(always)]
     fn delayed<R: Real>(&self, table: &[R::Scalar], u: R, taken: R::Mask, start: R::Mask, memory: &mut Memory<R::Scalar>) -> R {
         let line = self.line;
@@ -362,7 +363,7 @@ impl ActuatorPipeline {
         let cursor = (last + 1) % line;
         memory.cursors[self.cursor] = cursor as u32;
         let numbers = &mut memory.numbers;
-        // Lanes without a new control keep the last one.
+        // Lanes without a valid control repeat the last one.
         let held = get::<R>(numbers, self.memory + last);
         put(numbers, self.memory + cursor, R::Mask::splat(true), R::select(taken, u, held));
         if start.any() {
@@ -388,9 +389,10 @@ impl ActuatorPipeline {
         R::select(part.gt(R::zero()), new + (old - new) * part, new)
     }
 
-    /// Effort of a servo for the set point `u`.
+    /// Effort of a servo for the setpoint `u`.
     ///
-    /// It is the held effort of a sampled servo. For a continuous servo it is the part that does not depend on the motion within the step.
+    /// For a sampled servo it is the held effort. For a continuous servo it is only the part that does not depend on the motion within the
+    /// step.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "what is given, to whom, and what is remembered")]
     fn follow<R: Real>(
@@ -409,7 +411,7 @@ impl ActuatorPipeline {
         let mut due = taken;
         if servo == Servo::Sampled {
             let (phase, period) = (get::<R>(numbers, at + 1) + R::of(h), number(Number::Period));
-            // Times are sums of steps, so the comparison allows for rounding.
+            // The phase is a sum of time steps, so that the comparison allows for rounding.
             let ripe = phase.ge(period - R::of(1e-6 * h));
             let rest = R::select(ripe, (phase - period).min(R::of(h)), phase);
             put(numbers, at + 1, taken, R::select(start, R::zero(), rest));
@@ -435,10 +437,10 @@ impl ActuatorPipeline {
         get(numbers, at + 2)
     }
 
-    /// Mean over the step of an effort that approaches `u` by a first-order lag.
+    /// Mean over the step of an effort that approaches `u` with a first-order lag. The function also advances the stored effort.
     ///
-    /// For a continuous servo, `u` and the result exclude the part that depends on the motion. The function also advances the effort to the
-    /// beginning of the step.
+    /// For a continuous servo, `u` and the result exclude the part that depends on the motion. The stored effort is that at the beginning
+    /// of the step.
     #[inline(always)]
     fn lag<R: Real>(
         &self,

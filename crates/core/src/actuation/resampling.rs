@@ -1,36 +1,36 @@
-//! Resampling of the numbers of actuator dynamics per environment.
+//! Resampling of the parameters of actuator dynamics, per environment.
 //!
-//! The stages of a spec and the length of its delay line are compiled. The numbers of the stages can change.
+//! The stages of a spec and the length of its delay line cannot change after compilation. The parameters of the stages can.
 
 use crate::actuation::pipeline::any_nonzero;
 use crate::model::actuator_spec::ActuatorSpec;
 use crate::model::{ActuatorError, DeviceError, Model, label};
 
-/// Actuator dynamics of a simulation.
+/// Actuator dynamics of a simulation: specs as the user gave them, and per-environment specs.
 #[derive(Clone, Debug)]
 pub struct ActuatorModels {
-    /// Model as the dynamics change it.
+    /// Model that includes the effects of the actuator dynamics, such as armature and gears.
     pub model: Model,
-    /// Compiled specs, with the numbers that they take from the model.
+    /// Specs in the form that the simulation compiles, with the parameters taken from the model.
     pub specs: Vec<Option<ActuatorSpec>>,
     /// Specs as the user gave them.
     made: Vec<Option<ActuatorSpec>>,
-    /// Per-environment specs.
+    /// Per-environment specs; `None` if all environments have the same parameters.
     drawn: Option<Vec<Option<ActuatorSpec>>>,
 }
 
-/// Checked numbers, for [`ActuatorModels::take`].
+/// Checked parameters of some environments, as input of [`ActuatorModels::take`].
 #[derive(Clone, Debug)]
 pub struct ResampledActuators {
-    /// Environments that get the numbers.
+    /// Environments that get the parameters.
     pub envs: Vec<usize>,
-    /// Specs of these environments alone, with the numbers from the model; `None` keeps a spec.
+    /// Specs of these environments alone, with the parameters taken from the model. `None` leaves an actuator unchanged.
     pub specs: Vec<Option<ActuatorSpec>>,
     drawn: Option<Vec<Option<ActuatorSpec>>>,
 }
 
 impl ActuatorModels {
-    /// Actuator dynamics of a model; see [`ActuatorSpec::fold`].
+    /// Creates the actuator dynamics of a model; see [`ActuatorSpec::fold`].
     ///
     /// # Errors
     /// As [`ActuatorSpec::fold`].
@@ -41,7 +41,7 @@ impl ActuatorModels {
         Ok(Self { model: folded, made: made.collect(), specs, drawn: None })
     }
 
-    /// Per-environment specs, if any.
+    /// Per-environment specs; `None` if all environments have the same parameters.
     pub fn drawn(&self) -> Option<&[Option<ActuatorSpec>]> {
         self.drawn.as_deref()
     }
@@ -52,10 +52,10 @@ impl ActuatorModels {
         drawn.iter_mut().flatten().flatten().flat_map(ActuatorSpec::numbers).map(|x| size_of_val(&x[..])).sum()
     }
 
-    /// Resamples the actuator dynamics of the environments `envs`.
+    /// Computes new parameters of actuator dynamics for the environments `envs`, and checks them. This object does not change.
     ///
-    /// There is an entry for every actuator, with lists of one number or one per environment; `None` keeps a spec. Without any entries all
-    /// are restored.
+    /// `given` has one entry for every actuator; each list has one value, or one per environment. `None` as an entry leaves an actuator
+    /// unchanged. `None` for `given` restores the original parameters.
     ///
     /// # Errors
     /// A number out of its range or an unsupported setting, with the actuator's name.
@@ -96,24 +96,26 @@ impl ActuatorModels {
         Ok(ResampledActuators { envs: envs.to_vec(), specs: new, drawn: Some(drawn).filter(|_| given.is_some() || envs.len() < num_envs) })
     }
 
-    /// Stores the resampled numbers.
+    /// Stores resampled parameters.
     pub fn take(&mut self, resampled: ResampledActuators) {
         self.drawn = resampled.drawn;
     }
 }
 
-/// Numbers of a spec that can differ between environments.
+/// Parameters of a spec that can differ between environments.
 trait OwnNumbers: Sized {
-    /// Numbers of the spec, in an order that depends on its stages alone.
+    /// Lists of all parameters of the spec, in an order that depends only on its stages.
     fn numbers(&mut self) -> Vec<&mut Vec<f64>>;
 
-    /// Spec of some environments.
+    /// Spec with the parameters of the environments `envs` only.
     fn of(&self, envs: &[usize]) -> Self;
 
-    /// Copies the numbers of a spec with the same stages, whose lists have one for all of `envs` or one for each.
+    /// Copies the parameters of `given`, a spec with the same stages, to the environments `envs`. Each list has one value for all of them,
+    /// or one for each.
     fn assign(&mut self, given: &mut Self, envs: &[usize], num_envs: usize);
 
-    /// Checks that a spec of `num_envs` environments with the stages of `made` can have these numbers in `n` of them.
+    /// Checks that this spec has the same stages as `made`, and valid parameters for `n` of the `num_envs` environments. `h` is the time
+    /// step, s.
     fn fits(&self, made: &Self, n: usize, num_envs: usize, h: f64) -> Result<(), DeviceError>;
 }
 

@@ -1,4 +1,4 @@
-//! Actuators on sites: a wrench whose arms depend on the configuration.
+//! Actuators on sites: their moment arms depend on the configuration.
 
 use stepper_real::Real;
 
@@ -9,8 +9,8 @@ use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 
 impl<R: Real> ActuatorForces<R> {
-    /// Computes arms and lengths of actuators on sites at the configuration of `kinematics`. Lengths are those after moving with `v` for
-    /// `time`.
+    /// Computes moment arms and lengths of the actuators on sites at the configuration of `kinematics`. Lengths are extrapolated with the
+    /// velocity `v` by `time` seconds.
     pub fn transmit(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
         if self.lengths.is_empty() {
             return;
@@ -30,7 +30,7 @@ impl<R: Real> ActuatorForces<R> {
         )
     }
 
-    /// Projection a . x of a generalized vector onto an actuator's moment a.
+    /// Projection a . x of a generalized vector `x` onto an actuator's moment a.
     #[inline(always)]
     pub(crate) fn project(&self, actuator: &CompiledActuator<R::Scalar>, x: &[R]) -> R {
         let mut sum = R::zero();
@@ -45,7 +45,7 @@ impl<R: Real> ActuatorForces<R> {
         sum
     }
 
-    /// Length of an actuator at the configuration `q`.
+    /// Length of an actuator at the configuration `q`, gear included.
     #[inline(always)]
     pub(crate) fn length_of(&self, actuator: &CompiledActuator<R::Scalar>, q: &[R]) -> R {
         if let Some(wrench) = &actuator.wrench {
@@ -58,13 +58,13 @@ impl<R: Real> ActuatorForces<R> {
         sum
     }
 
-    /// Motion of an actuator at the configuration `q`, the velocity `v_at` of explicit forces, and the velocity `v` before the step.
+    /// Motion of an actuator: length at the configuration `q`, velocity by `v_at` for explicit forces, and velocity by `v` before the step.
     #[inline(always)]
     pub(crate) fn motion(&self, actuator: &CompiledActuator<R::Scalar>, q: &[R], v_at: &[R], v: &[R]) -> Motion<R> {
         Motion { length: self.length_of(actuator, q), velocity: self.project(actuator, v_at), before: self.project(actuator, v) }
     }
 
-    /// Length of an actuator, gear included.
+    /// Length of the actuator with index `actuator` at the configuration `q`, gear included.
     pub fn length(&self, compiled: &LaneModel<R>, actuator: usize, q: &[R]) -> R {
         R::vectorize(
             #[inline(always)]
@@ -72,7 +72,7 @@ impl<R: Real> ActuatorForces<R> {
         )
     }
 
-    /// Rate of the length of a site actuator.
+    /// Time derivative of the length of the actuator with index `actuator` at the velocity `v`.
     pub fn rate(&self, compiled: &LaneModel<R>, actuator: usize, v: &[R]) -> R {
         R::vectorize(
             #[inline(always)]
@@ -81,15 +81,16 @@ impl<R: Real> ActuatorForces<R> {
     }
 }
 
-/// Position and orientation of a site.
+/// Position (m) and rotation matrix of a site in the world frame.
 #[inline(always)]
 fn pose<R: Real>(kinematics: &Kinematics<R>, place: &Spot<R::Scalar>) -> (V3<R>, M3<R>) {
     (kinematics.point(place.frame, splat(place.pos)), mat_mul(&kinematics.mat[place.frame], &splat(place.mat)))
 }
 
-/// Computes the arms of a wrench into `arms`, and returns its length.
+/// Computes the moment arms of a wrench into `arms`, and returns the actuator's length.
 ///
-/// The length is the site's position and rotation vector in the reference's frame times the wrench; 0 without a reference.
+/// The length is the scalar product of the wrench with the site's position and rotation vector in the reference site's frame; 0 without a
+/// reference site.
 #[inline(always)]
 fn place<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, wrench: &CompiledWrench<R::Scalar>, arms: &mut [R]) -> R {
     let (pos, mat) = pose(kinematics, &wrench.site);

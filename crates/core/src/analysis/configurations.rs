@@ -1,16 +1,16 @@
-//! Configurations of a model as points of a manifold: displaced configurations, and displacements between two of them.
+//! Displacements of configurations: the configuration after a displacement, and the displacement between two configurations.
 //!
-//! A displacement has the coordinates of velocities, (nv,). For ball and free joints it has the rotation vector in the body's frame. These
-//! are MuJoCo's `mj_integratePos` and `mj_differentiatePos` over a time of 1.
+//! A displacement has the coordinates of velocities, (nv,). For ball and free joints it has the rotation vector in the body's frame. The
+//! functions are MuJoCo's `mj_integratePos` and `mj_differentiatePos` over a time of 1.
 
 use crate::error::{Error, check_length};
 use crate::math::spatial::*;
 use crate::model::{JointKind, Model};
 
-/// Length of a quaternion below which it gives no orientation.
+/// Norm of a quaternion below which it defines no orientation.
 const NO_LENGTH: f64 = 1e-10;
 
-/// Joint (an index in the model) whose quaternion in `q`, (nq,), has no length, if any.
+/// Index of the first joint whose quaternion in the configuration `q`, (nq,), is zero; `None` if there is none.
 ///
 /// # Errors
 /// [`Error::Length`] when `q` has more or fewer numbers.
@@ -23,7 +23,7 @@ pub fn joint_without_orientation(model: &Model, q: &[f64]) -> Result<Option<usiz
     Ok(quaternions(model).find(|&(_, [at, _])| has_no_length(at)).map(|(joint, _)| joint))
 }
 
-/// Configuration q (+) d, (nq,), with unit quaternions, of a configuration `q`, (nq,), and a displacement `d`, (nv,).
+/// Configuration q (+) d, (nq,), of a configuration `q`, (nq,), and a displacement `d`, (nv,). Quaternions are normalised.
 ///
 /// # Errors
 /// [`Error::Length`] when one of them has more or fewer numbers.
@@ -41,7 +41,7 @@ pub fn integrate(model: &Model, q: &[f64], d: &[f64]) -> Result<Vec<f64>, Error>
     Ok(out)
 }
 
-/// Displacement d, (nv,), the shortest with `from` (+) d = `to`, of two configurations, (nq,).
+/// Shortest displacement d, (nv,), with `from` (+) d = `to`, between two configurations, (nq,).
 ///
 /// # Errors
 /// [`Error::Length`] when one of them has more or fewer numbers.
@@ -68,7 +68,7 @@ fn norm_of(q: [f64; 4]) -> f64 {
     q.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// Addresses in q and v of all scalar coordinates.
+/// Addresses in q and v of all scalar coordinates: hinges, slides, and translations of free joints.
 fn scalars(model: &Model) -> impl Iterator<Item = (usize, usize)> {
     model.joints.iter().zip(model.joint_addresses()).flat_map(|(joint, (q, v))| {
         let n = match joint.kind {
@@ -80,7 +80,7 @@ fn scalars(model: &Model) -> impl Iterator<Item = (usize, usize)> {
     })
 }
 
-/// Joints with an orientation, and their addresses in q and v.
+/// Joints with an orientation (ball and free joints): index, and addresses of the orientation in q and v.
 fn quaternions(model: &Model) -> impl Iterator<Item = (usize, [usize; 2])> {
     model.joints.iter().zip(model.joint_addresses()).enumerate().filter_map(|(i, (joint, (q, v)))| match joint.kind {
         JointKind::Free => Some((i, [q + 3, v + 3])),

@@ -1,24 +1,21 @@
-//! Stiffness of a model's soft contacts in newtons and metres.
+//! Stiffness and damping of a model's soft contacts in SI units.
 
 use crate::analysis::inverse_weights::inverse_weights;
 use crate::compile::{CompiledModel, CompiledPair, SoftContactLaw, SoftLaw};
 use crate::model::Model;
 
-/// Spring and damper that are equivalent to the contacts of two geoms by MuJoCo's law.
+/// Spring and damper that are equivalent to the contacts of two geoms with MuJoCo's contact law.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EquivalentSpring {
-    /// Indices of the geoms, in the order of [`GeomPair`](crate::model::GeomPair).
+    /// Indices of the geoms in the model, in the order of [`GeomPair`](crate::model::GeomPair).
     pub geoms: [usize; 2],
-    /// Normal force per depth at rest, N/m: at first touch, and at the depth from which on the impedance is largest.
+    /// Normal force per depth at rest, N/m: at first touch, and at the depth at which the impedance reaches its final value.
     pub stiffness: [f64; 2],
-    /// Normal force per velocity, N s/m, at the same depths.
+    /// Normal force per velocity, N s/m: at the same two depths.
     pub damping: [f64; 2],
 }
 
-/// Springs and dampers that are equivalent to solref and solimp of every listed pair of geoms, at the model's time step.
-///
-/// Without acceleration, R f = a_ref gives f = -(d k / R) r - (b / R) v. R is (1 - d) / d times the inverse weight of both bodies (MuJoCo's
-/// documentation, computation chapter). In an accelerating contact R also acts as an inertia 1 / R, which no spring has.
+/// Computes the equivalent spring and damper of every listed pair of geoms from solref and solimp, at the model's time step.
 pub fn equivalent_springs(model: &Model) -> Vec<EquivalentSpring> {
     let mut compiled = CompiledModel::<f64>::new(model);
     let weights = model.soft.inverse_weights.clone().unwrap_or_else(|| inverse_weights(model));

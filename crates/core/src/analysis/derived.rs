@@ -1,4 +1,4 @@
-//! Quantities derived from the states of many environments and from their last step, over the lanes of a group.
+//! Derived quantities: computed from the states of many environments and from their last step, for a group of lanes.
 
 use stepper_real::Real;
 
@@ -13,70 +13,69 @@ use crate::model::{MIN_VALUE, Model};
 use crate::options::StepSettings;
 use crate::sensing::{contact_wrenches, motion_of, orientations};
 
-/// Quantity that [`Simulation::derive`](crate::Simulation::derive) computes for every environment, in MuJoCo's vocabulary.
+/// Quantity that [`Simulation::derive`](crate::Simulation::derive) computes for every environment. The names in Python are MuJoCo's.
 ///
-/// Poses and velocities are those of the present state, as after `mj_forward`. Results of a step are those of the last one. If the state
-/// was set since, they are those of a trial step from it.
+/// Poses and velocities are those of the present state, as after `mj_forward`. Results of a step are those of the last step. If the state
+/// was set since then, they are the results of a trial step from it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum DerivedQuantity {
-    /// Positions of the bodies' frames, m: (nbody, 3).
+    /// Positions of the bodies' frames in the world frame, m: (nbody, 3).
     BodyPos,
-    /// Orientations of the bodies' frames: (nbody, 4).
+    /// Orientations of the bodies' frames, quaternions (w, x, y, z): (nbody, 4).
     BodyQuat,
-    /// Velocities of the bodies' frames in world axes, m/s: (nbody, 3). Mocap bodies have zero velocity.
+    /// Linear velocities of the bodies' frame origins in world axes, m/s: (nbody, 3). Mocap bodies have zero velocity.
     BodyLinVel,
     /// Angular velocities of the bodies in world axes, rad/s: (nbody, 3).
     BodyAngVel,
-    /// Positions of the sites, m: (nsite, 3).
+    /// Positions of the sites in the world frame, m: (nsite, 3).
     SitePos,
-    /// Orientations of the sites: (nsite, 4).
+    /// Orientations of the sites, quaternions (w, x, y, z): (nsite, 4).
     SiteQuat,
-    /// Positions of the geoms, m: (ngeom, 3).
+    /// Positions of the geoms in the world frame, m: (ngeom, 3).
     GeomPos,
-    /// Orientations of the geoms: (ngeom, 4).
+    /// Orientations of the geoms, quaternions (w, x, y, z): (ngeom, 4).
     GeomQuat,
-    /// Centres of mass of every body with its descendants, m: (nbody, 3). For massless bodies it is that of the body.
+    /// Centre of mass of every body with its descendants in the world frame, m: (nbody, 3). If these have no mass, the body's centre of
+    /// mass.
     SubtreeCom,
     /// Acceleration (v+ - v) / h of the last step: (nv), m/s^2 or rad/s^2.
     Acceleration,
     /// Forces of the actuators at the present state with the controls in force, before their gears: (nu).
     ActuatorForce,
-    /// Actuator forces on the joints, within their bounds: (nv), N or N m.
+    /// Generalized forces of the actuators, clamped to the force ranges of joints: (nv), N or N m.
     JointActuatorForce,
-    /// Force of all constraints of the last step on the joints, including contacts and limits: (nv), N or N m.
+    /// Generalized force of all constraints in the last step, including contacts and limits: (nv), N or N m.
     JointConstraintForce,
     /// Force (N) and torque (N m) of all contacts of the last step on every body, world axes: (nbody, 6).
     ///
     /// The torque is about the body's present centre of mass.
     BodyContactForce,
-    /// Centres of mass of the bodies, m: (nbody, 3).
+    /// Centres of mass of the bodies in the world frame, m: (nbody, 3).
     BodyCom,
-    /// Inertias of the bodies about the centre of mass of their tree, world axes: (nbody, 10). The world has none.
+    /// Inertias of the bodies about the centre of mass of their tree, in world axes: (nbody, 10); zeros for the world.
     ///
     /// Six numbers are xx, yy, zz, xy, xz, yz in kg m^2. Three are the mass times the position of the body's centre of mass in kg m. The
     /// last is the mass in kg.
     BodyInertia,
-    /// Angular (rad/s) and linear velocities (m/s) of the bodies, the latter at the centre of mass of their tree: (nbody, 6).
+    /// Angular (rad/s) and linear (m/s) velocities of the bodies at the centre of mass of their tree, in world axes: (nbody, 6).
     BodyMotion,
-    /// Torques (N m) and forces (N) of the last step's contacts on the bodies, world axes: (nbody, 6).
-    ///
-    /// Torques are about the centre of mass of the tree. Zero if the state was set since the last step.
+    /// Torques (N m) and forces (N) of the last step's contacts on the bodies, in world axes: (nbody, 6).
     BodyForce,
-    /// Mass matrix without terms that depend on the time step, armature included: (nv, nv), kg, kg m and kg m^2.
+    /// Mass matrix with armature, without terms that depend on the time step: (nv, nv), kg, kg m and kg m^2.
     MassMatrix,
     /// Coriolis, centrifugal and gravitational forces: (nv), N or N m.
     BiasForce,
     /// Acceleration without constraints under the controls in force and the applied inputs: (nv), m/s^2 or rad/s^2.
     SmoothAcceleration,
-    /// Jacobian of the origin of a body's frame in world axes, linear rows above angular ones: (6, nv).
+    /// Jacobian of the origin of a body's frame in world axes: (6, nv), linear rows above angular rows. The field is the body's index.
     BodyJacobian(usize),
-    /// Jacobian of a site in world axes, linear rows above angular ones: (6, nv).
+    /// Jacobian of a site in world axes: (6, nv), linear rows above angular rows. The field is the site's index.
     SiteJacobian(usize),
 }
 
 impl DerivedQuantity {
-    /// Name in Python.
+    /// Name of the quantity in Python.
     pub const fn name(self) -> &'static str {
         match self {
             Self::BodyPos => "xpos",
@@ -104,7 +103,7 @@ impl DerivedQuantity {
         }
     }
 
-    /// Shape of one environment's part.
+    /// Shape of the quantity in one environment.
     pub fn shape(self, model: &Model) -> Vec<usize> {
         let (bodies, sites, geoms) = (model.bodies.len(), model.sites.len(), model.geoms.len());
         match self {
@@ -124,7 +123,8 @@ impl DerivedQuantity {
         }
     }
 
-    /// Whether the quantity depends on the last step, and not on the state alone. If the state was set since, it is that of a trial step.
+    /// Whether the quantity is a result of the last step, not only of the state. If the state was set since, it is the result of a trial
+    /// step.
     pub fn is_of_last_step(self) -> bool {
         matches!(self, Self::Acceleration | Self::JointConstraintForce | Self::BodyContactForce)
     }
@@ -133,30 +133,30 @@ impl DerivedQuantity {
 /// Workspace of derived quantities.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Derivation<R: Real> {
-    /// Orientation of every frame.
+    /// Orientation of every frame, a quaternion (w, x, y, z).
     orientation: Vec<[R; 4]>,
-    /// Velocity of every link about its tree's reference point.
+    /// Spatial velocity of every link at the reference point of its tree.
     velocity: Vec<V6<R>>,
     /// Mass of every subtree, kg.
     mass: Vec<R>,
-    /// Centre of mass of every body, and of every body with its descendants, m.
+    /// Centre of mass of every body, m; below it of every body with its descendants.
     centres: Vec<V3<R>>,
     subtrees: Vec<V3<R>>,
-    /// Centre of mass of the tree that each body belongs to, m.
+    /// Centre of mass of the kinematic tree to which each body belongs, m.
     references: Vec<V3<R>>,
-    /// Contact forces of bodies.
+    /// Sum of the contact forces on every body.
     wrenches: Vec<[R; 6]>,
-    /// Workspace of mass matrices and similar quantities.
+    /// Workspace of mass matrix, bias force and smooth acceleration.
     dynamics: SmoothDynamics<R>,
-    /// Intermediate results that are already computed for the current group of environments.
+    /// Flags of the intermediate results that are already computed for the present group of environments.
     cached: Cached,
-    /// Values of the quantity.
+    /// Values of the quantity, one SIMD vector per entry.
     values: Vec<R>,
     /// Values of the quantity, lane-interleaved.
     interleaved: Vec<R::Scalar>,
 }
 
-/// Intermediate results that several quantities of a group share, and which of them are computed.
+/// Flags of intermediate results that several quantities of a group share: whether each is computed.
 #[derive(Clone, Copy, Debug, Default)]
 struct Cached {
     poses: bool,
@@ -167,13 +167,13 @@ struct Cached {
 }
 
 impl<R: Real> Derivation<R> {
-    /// Begins with a group, whose state, inputs and last step are in `s`.
+    /// Begins with a group of environments, whose state, inputs and last step are in `s`.
     pub(crate) fn begin(&mut self, compiled: &LaneModel<R>, s: &mut Workspace<R>) {
         self.cached = Cached::default();
         self.place_mocap(compiled, s);
     }
 
-    /// Writes a quantity of the environments of the group of [`Derivation::begin`] to the rows of `out`.
+    /// Computes a quantity for the group that [`Derivation::begin`] received, and writes one row per environment to `out`.
     pub(crate) fn derive(
         &mut self,
         compiled: &LaneModel<R>,
@@ -193,7 +193,7 @@ impl<R: Real> Derivation<R> {
         }
     }
 
-    /// Places the mocap frames at their present poses.
+    /// Sets the mocap frames to their present poses.
     fn place_mocap(&mut self, compiled: &LaneModel<R>, s: &mut Workspace<R>) {
         let one = [R::one(), R::zero(), R::zero(), R::zero()];
         self.orientation.resize(compiled.nframe(), one);
@@ -209,7 +209,7 @@ impl<R: Real> Derivation<R> {
         }
     }
 
-    /// Computes a quantity into `values`.
+    /// Computes a quantity into `values`, for all lanes.
     fn evaluate(&mut self, compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, quantity: DerivedQuantity) {
         use DerivedQuantity as Q;
         let h = R::of(options.timestep);
@@ -346,7 +346,7 @@ impl<R: Real> Derivation<R> {
         );
     }
 
-    /// Linear or angular velocities of the bodies' frames.
+    /// Computes linear or angular velocities of the bodies' frames into `values`.
     fn velocities(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], is_linear: bool) {
         self.find_velocities(compiled, kinematics, v);
         self.values.resize(3 * compiled.bodies.len(), R::zero());
@@ -365,7 +365,7 @@ impl<R: Real> Derivation<R> {
         );
     }
 
-    /// Velocities of the bodies about the centres of mass of their trees.
+    /// Computes velocities of the bodies at the centres of mass of their trees into `values`.
     fn motions(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R]) {
         self.find_velocities(compiled, kinematics, v);
         self.values.resize(6 * compiled.bodies.len(), R::zero());
@@ -381,7 +381,7 @@ impl<R: Real> Derivation<R> {
         );
     }
 
-    /// Inertias of the bodies about the centres of mass of their trees.
+    /// Computes inertias of the bodies about the centres of mass of their trees into `values`.
     fn inertias(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) {
         let n = compiled.bodies.len();
         self.values.resize(10 * n, R::zero());
@@ -408,7 +408,7 @@ impl<R: Real> Derivation<R> {
         );
     }
 
-    /// Velocities of the links.
+    /// Computes the spatial velocities of the links, unless they are cached.
     fn find_velocities(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R]) {
         if self.cached.velocities {
             return;
@@ -422,7 +422,7 @@ impl<R: Real> Derivation<R> {
         );
     }
 
-    /// Centres of mass of the bodies.
+    /// Computes the centres of mass of the bodies, unless they are cached.
     fn find_centres(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) {
         if !self.cached.centres {
             centres_of_bodies(compiled, kinematics, &mut self.centres);
@@ -430,7 +430,8 @@ impl<R: Real> Derivation<R> {
         }
     }
 
-    /// Centres of mass of the bodies, of the bodies with their descendants, and of their trees. A tree begins with a child of the world.
+    /// Computes the centres of mass of the bodies, of the bodies with their descendants, and of their trees. A tree begins at a child of
+    /// the world.
     fn find_references(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) {
         if self.cached.references {
             return;
@@ -471,7 +472,7 @@ impl<R: Real> Derivation<R> {
         );
     }
 
-    /// Jacobian of a point of a frame.
+    /// Computes the Jacobian of the point `local` of a frame into `values`.
     fn jacobian(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, frame: usize, local: V3<R>) {
         let nv = compiled.nv;
         self.values.resize(6 * nv, R::zero());
@@ -496,7 +497,7 @@ impl<R: Real> Derivation<R> {
     }
 }
 
-/// Centres of mass of all bodies of the model, m.
+/// Computes the centres of mass of all bodies of the model in the world frame, m.
 fn centres_of_bodies<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, out: &mut Vec<V3<R>>) {
     out.resize(compiled.bodies.len(), zero());
     R::vectorize(

@@ -1,4 +1,4 @@
-//! Mean inverse inertias at the reference configuration, with which MuJoCo's contact law scales its regularisation.
+//! Inverse weights: mean inverse inertias at the reference configuration, which scale the regularisation of MuJoCo's contact law.
 
 use crate::actuation::forces::Implicit;
 use crate::compile::{CompiledModel, LaneModel};
@@ -8,10 +8,10 @@ use crate::math::spatial::*;
 use crate::model::{InverseWeights, Model};
 use crate::stages::s02_smooth::Smooth;
 
-/// Inverse weights of a model, as in MuJoCo's compiler (`mj_setConst`).
+/// Computes the inverse weights of a model, as MuJoCo's compiler does (`mj_setConst`), 1/kg or 1/(kg m^2).
 ///
-/// For a body it is the mean diagonal of J M^-1 J^T of its centre of mass. For a degree of freedom it is the diagonal of M^-1, averaged
-/// over a joint's translations and rotations. For a tendon it is J M^-1 J^T.
+/// For a body, the inverse weight is the mean diagonal of J M^-1 J^T of its centre of mass. For a degree of freedom it is the diagonal of
+/// M^-1, averaged over a joint's translations and rotations. For a tendon it is J M^-1 J^T.
 pub fn inverse_weights(model: &Model) -> InverseWeights {
     let compiled: LaneModel<f64> = LaneModel::new(&CompiledModel::new(model));
     let mut kinematics = Kinematics::new(&compiled);
@@ -59,7 +59,7 @@ pub fn inverse_weights(model: &Model) -> InverseWeights {
     InverseWeights { bodies: (0..model.bodies.len()).map(body).collect(), dofs, tendons: model.tendons.iter().map(tendon).collect() }
 }
 
-/// Product J M^-1 J^T of one row.
+/// Product J M^-1 J^T for one row J.
 fn quadratic(compiled: &LaneModel<f64>, mass: &MassMatrix<f64>, row: &[f64]) -> f64 {
     let mut x = row.to_vec();
     mass.solve(compiled, &mut x);

@@ -1,5 +1,5 @@
-//! Quantities outside a step: derived quantities of a batch, matrices and energies of one environment, displacements between
-//! configurations, overlaps at the reference pose.
+//! Quantities outside a step: derived quantities of a batch, matrices and energies of one environment, displacements of configurations, and
+//! overlaps at the reference pose.
 
 pub mod configurations;
 pub mod contact_stiffness;

@@ -1,4 +1,4 @@
-//! Overlaps of geoms and violated joint limits at a model's reference pose.
+//! Report of overlapping geoms and violated joint limits at a model's reference pose.
 //!
 //! Bodies of models for soft contact often overlap at the reference pose. Hard contact pushes them apart, so that the robot moves without
 //! control, or jams. The report names the geoms and a remedy.
@@ -17,11 +17,11 @@ use crate::stages::s03_detect::detect;
 /// Limit violation above which the report has a line, m or rad. Files give lengths with that many digits.
 const WORTH_A_LINE: f64 = 1e-4;
 
-/// Overlap above which a pair is listed and excluded, m: the default of [`Options::slop`](crate::Options), which position correction
+/// Overlap above which a pair is listed and excluded, m. It is the default of [`Options::slop`](crate::Options), which position correction
 /// leaves.
 const NOT_CORRECTED: f64 = 1e-5;
 
-/// Number of lines that the report shows of each kind.
+/// Largest number of lines of each kind in the report.
 const SHOWN: usize = 12;
 
 /// Joint outside its range at the reference pose.
@@ -29,12 +29,12 @@ const SHOWN: usize = 12;
 pub struct OutOfRange {
     /// Index of the joint in the model.
     pub joint: usize,
-    /// Amount of the violation, rad or m.
+    /// Distance beyond the range, rad or m.
     pub by: f64,
 }
 
-/// Pairs of geoms that overlap by more than 0.01 mm at the reference pose, the deepest first: those that [`exclude`] excludes, and those
-/// with the ground.
+/// Pairs of geoms that overlap by more than 0.01 mm at the reference pose, the deepest first. They include pairs that [`exclude`] excludes,
+/// and pairs with the ground.
 pub fn overlaps(model: &Model) -> Vec<Overlap> {
     let compiled: CompiledModel<f64> = CompiledModel::new(model);
     let lanes: LaneModel<f64> = LaneModel::new(&compiled);
@@ -63,13 +63,13 @@ pub fn overlaps(model: &Model) -> Vec<Overlap> {
     found
 }
 
-/// Copy of a model without contact between bodies that overlap at the reference pose (`qpos0`). Keyframes do not count.
+/// Copy of a model in which bodies that overlap at the reference pose (`qpos0`) do not collide. Overlaps at keyframes have no effect.
 ///
 /// [`Description::excluded_overlaps`] lists the overlaps. As with SRDF and `<exclude>`, no geoms of the two bodies collide, because other
 /// geoms of them would jam as soon as a joint moves. World geoms are excluded one by one, because the world is not a link.
 ///
-/// Overlaps with the ground stay, because their remedy is another pose. These are overlaps of planes and height fields with anything, and
-/// of fixed geoms with a body on a free joint.
+/// Overlaps with the ground are not excluded, because their remedy is another pose. These are overlaps of planes and height fields with
+/// anything, and of fixed geoms with a body on a free joint.
 pub fn exclude(model: &Model) -> Model {
     let mut model = model.clone();
     loop {
@@ -78,12 +78,12 @@ pub fn exclude(model: &Model) -> Model {
         if found.is_empty() {
             return model;
         }
-        // Detection finds a limited number of contacts, so that another round may find more.
+        // Each round finds a limited number of contacts, so that another round may find more.
         model.exclude_overlaps(found);
     }
 }
 
-/// Bodies that are fixed to the world, and bodies with a free joint.
+/// Sets of bodies that are fixed to the world, and of bodies with a free joint.
 struct Ground {
     fixed: Vec<bool>,
     free: Vec<bool>,
@@ -100,7 +100,7 @@ impl Ground {
         Self { fixed: group.iter().map(|&g| !moves[g]).collect(), free }
     }
 
-    /// Whether an overlap is one with the ground.
+    /// Whether an overlap is with the ground, so that it is not excluded.
     fn is_in(&self, overlap: &Overlap, model: &Description) -> bool {
         let geoms = overlap.geoms.map(|g| &model.geoms[g]);
         let endless = geoms.iter().any(|g| matches!(g.shape, Shape::Plane | Shape::HeightField { .. }));
@@ -109,7 +109,7 @@ impl Ground {
     }
 }
 
-/// Hinges and slides that are outside their range by more than 1e-4 rad or m at the reference pose, the farthest first.
+/// Hinges and slides that are outside their range by more than 1e-4 rad or m at the reference pose, the largest violation first.
 pub fn out_of_range(model: &Model) -> Vec<OutOfRange> {
     let addresses = model.joint_addresses();
     let mut found: Vec<OutOfRange> = (model.joints.iter().zip(&addresses).enumerate())
@@ -124,7 +124,7 @@ pub fn out_of_range(model: &Model) -> Vec<OutOfRange> {
     found
 }
 
-/// Text of [`Model::explain`] with excluded overlaps, large convex hulls, and overlaps and violated limits at the reference pose.
+/// Text of [`Model::explain`], with excluded overlaps, large convex hulls, and overlaps and violated limits at the reference pose.
 pub fn explain(model: &Model) -> String {
     let excluded = model.excluded_overlaps.iter().map(|o| described(o, model)).collect();
     let hulls = model.wide_hulls().iter().map(|h| hull_line(h, model)).collect();
@@ -143,34 +143,34 @@ pub fn explain(model: &Model) -> String {
     .join("\n\n")
 }
 
-/// Remedy of overlaps at the reference pose.
+/// Remedy that the report gives for overlaps at the reference pose.
 const OVERLAP_REMEDY: &str = "From the first step on, position correction pushes these geoms apart at up to max_correction_speed. Where \
      that is impossible, the status has INFEASIBLE. Remedy: disable contact between these bodies, except with the ground, by \
      analysis::overlaps::exclude(&model); or choose a pose without overlap (qpos0), make the geoms smaller, or exclude pairs yourself \
      (<exclude>, contype and conaffinity).";
 
-/// Remedy of joints outside their range.
+/// Remedy that the report gives for joints outside their range.
 const RANGE_REMEDY: &str = "From the first step on, position correction moves these joints into their range. Remedy: choose a \
      reference pose inside the range (qpos0), or widen the range (jnt_range).";
 
-/// Overlap in words.
+/// Description of an overlap, for the report.
 pub fn described(overlap: &Overlap, model: &Description) -> String {
     let [a, b] = overlap.geoms.map(|g| model.geom_label_with_body(g));
     format!("{a} and {b} overlap by {:.2} mm", 1e3 * overlap.depth)
 }
 
-/// Hull that is larger than its mesh, in words, with the remedy.
+/// Description of a convex hull that is larger than its mesh, with the remedy.
 pub fn hull_line(hull: &WideHull, model: &Description) -> String {
     let name = model.geom_label_with_body(hull.geom);
     let times = if hull.ratio < 100.0 { format!("{:.1}", hull.ratio) } else { "more than 100".into() };
     format!("{name} collides as the convex hull of its mesh, which has {times} times the volume of the mesh")
 }
 
-/// Remedy of hulls that are larger than their mesh.
+/// Remedy that the report gives for hulls that are larger than their mesh.
 pub const HULL_REMEDY: &str = "Remedy: model.replace(\"geom_concave\", ..) lets a mesh collide as its triangles (docs/how-to/terrain.md); for \
      moving bodies, split the mesh into convex pieces.";
 
-/// Lines with their remedy, if there are any lines.
+/// Lines of the report, followed by their remedy; empty if there are no lines.
 fn with_remedy(mut lines: Vec<String>, remedy: &str) -> Vec<String> {
     if !lines.is_empty() {
         lines.push(remedy.into());
@@ -178,7 +178,7 @@ fn with_remedy(mut lines: Vec<String>, remedy: &str) -> Vec<String> {
     lines
 }
 
-/// First [`SHOWN`] lines, and the number of the others.
+/// First [`SHOWN`] lines, and a line with the number of the others.
 fn shortened(mut lines: Vec<String>, what: &str) -> Vec<String> {
     let more = lines.len().saturating_sub(SHOWN);
     lines.truncate(SHOWN);

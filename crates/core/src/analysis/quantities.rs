@@ -1,4 +1,4 @@
-//! Quantities of one environment outside a step, in f64.
+//! Quantities of one environment outside a step, computed in f64.
 
 use std::borrow::Cow;
 
@@ -12,7 +12,7 @@ use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::sensing::orientations;
 
-/// Snapshot of one environment, for quantities outside a step.
+/// Snapshot of one environment's state and inputs, from which quantities outside a step are computed.
 #[derive(Clone, Debug)]
 pub struct Snapshot<'a> {
     /// Compiled model with the environment's parameters.
@@ -23,13 +23,13 @@ pub struct Snapshot<'a> {
     pub(crate) v: Vec<f64>,
     /// Activations, (na,).
     pub(crate) act: Vec<f64>,
-    /// Inputs of the user.
+    /// Inputs of the user: controls and applied forces.
     pub(crate) inputs: Inputs<f64>,
-    /// Poses of the mocap bodies, position and quaternion each.
+    /// Poses of the mocap bodies: position, m, and quaternion.
     pub(crate) mocap: Vec<([f64; 3], [f64; 4])>,
 }
 
-/// Poses of all bodies at a sequence of configurations.
+/// Computation of the poses of all bodies, at one configuration after the other.
 #[derive(Clone, Debug)]
 pub(crate) struct BodyPoses<'a> {
     compiled: &'a LaneModel<f64>,
@@ -43,7 +43,7 @@ impl<'a> BodyPoses<'a> {
         Self { compiled, kinematics: Kinematics::new(compiled), orientation: vec![[1.0, 0.0, 0.0, 0.0]; compiled.nframe()] }
     }
 
-    /// Position (m) and orientation of every body at the configuration `q`, with the mocap bodies at the poses of the user.
+    /// Position (m) and orientation of every body at the configuration `q`. `mocap` has the poses of mocap bodies.
     pub(crate) fn at(
         &mut self,
         q: &[f64],
@@ -73,31 +73,31 @@ impl Snapshot<'_> {
         kinematics
     }
 
-    /// Mass matrix, row by row, (nv, nv), armature included.
+    /// Mass matrix with armature, (nv, nv), row-major: kg, kg m and kg m^2.
     pub fn mass_matrix(&self) -> Vec<f64> {
         SmoothDynamics::default().mass_matrix(&self.compiled, &self.kinematics()).to_vec()
     }
 
-    /// Coriolis, centrifugal and gravitational forces, (nv,).
+    /// Coriolis, centrifugal and gravitational forces, (nv,), N or N m.
     pub fn bias_force(&self) -> Vec<f64> {
         let mut out = vec![0.0; self.compiled.nv];
         SmoothDynamics::default().bias_force(&self.compiled, &self.kinematics(), &self.v, &mut out);
         out
     }
 
-    /// Acceleration without constraints, (nv,).
+    /// Acceleration without constraints, (nv,), m/s^2 or rad/s^2.
     pub fn smooth_acceleration(&self) -> Vec<f64> {
         let state = [&self.q[..], &self.v, &self.act];
         SmoothDynamics::default().acceleration(&self.compiled, &self.kinematics(), state, &self.inputs).to_vec()
     }
 
-    /// Elongation of a tendon beyond the lengths between which its spring is slack; 0 without a spring.
+    /// Elongation of a tendon beyond the lengths between which its spring is slack, m or rad; 0 without a spring.
     fn stretch(&self, tendon: &CompiledTendon<f64>) -> f64 {
         let length = tendon.length.value(&self.q[..]);
         tendon.spring.as_ref().map_or(0.0, |(_, [low, high])| length - f64::min(f64::max(length, *low), *high))
     }
 
-    /// Potential energy (gravity and springs of joints and tendons) and kinetic energy (armature included), J.
+    /// Potential energy (of gravity, and of springs of joints and tendons) and kinetic energy (with armature), J.
     pub fn energy(&self) -> (f64, f64) {
         let compiled = &*self.compiled;
         let kinematics = self.kinematics();
@@ -120,7 +120,7 @@ impl Snapshot<'_> {
         (potential, kinetic_energy(&kinematics, &velocities) + 0.5 * rotors)
     }
 
-    /// Square of a joint's distance from the rest of its spring.
+    /// Square of a joint's distance from the rest position of its spring, m^2 or rad^2.
     fn stretch_squared(&self, joint: &crate::compile::CompiledJoint<f64>) -> f64 {
         let (mut at, mut i, mut sum) = (joint.q, 0, 0.0);
         if joint.kind != JointKind::Ball {
@@ -137,7 +137,7 @@ impl Snapshot<'_> {
         sum
     }
 
-    /// Linear momentum, and angular momentum about the common centre of mass, of everything that moves; rotors are massless here.
+    /// Linear momentum (kg m/s) and angular momentum about the common centre of mass (kg m^2/s) of all moving bodies, without armature.
     pub fn momentum(&self) -> ([f64; 3], [f64; 3]) {
         let compiled = &*self.compiled;
         let kinematics = self.kinematics();

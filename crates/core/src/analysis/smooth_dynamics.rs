@@ -12,7 +12,8 @@ use crate::math::spatial::*;
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s02_smooth::Smooth;
 
-/// Smooth dynamics of some environments outside a step, one per lane. Each workspace is allocated at its first use.
+/// Smooth dynamics (without constraints) of some environments outside a step, one environment per lane. Each workspace is allocated when it
+/// is first used.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SmoothDynamics<R: Real> {
     inertia: Option<FullMass<R>>,
@@ -21,12 +22,12 @@ pub(crate) struct SmoothDynamics<R: Real> {
 }
 
 impl<R: Real> SmoothDynamics<R> {
-    /// Mass matrix, row by row, (nv, nv), with armature and the inertia of tendons.
+    /// Mass matrix with armature and the inertia of tendons, (nv, nv), row-major.
     pub(crate) fn mass_matrix(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) -> &[R] {
         self.inertia.get_or_insert_with(|| FullMass::new(compiled)).assemble(compiled, kinematics)
     }
 
-    /// Coriolis, centrifugal and gravitational forces, (nv,).
+    /// Computes Coriolis, centrifugal and gravitational forces, (nv,), into `out`.
     pub(crate) fn bias_force(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], out: &mut [R]) {
         let work = self.newton_euler.get_or_insert_with(|| NewtonEuler::new(compiled));
         R::vectorize(
@@ -35,7 +36,7 @@ impl<R: Real> SmoothDynamics<R> {
         );
     }
 
-    /// Acceleration without constraints at a state [q, v, act], (nv,).
+    /// Acceleration without constraints at the state [q, v, act], (nv,).
     pub(crate) fn acceleration(
         &mut self,
         compiled: &LaneModel<R>,
@@ -58,7 +59,7 @@ impl<R: Real> SmoothDynamics<R> {
     }
 }
 
-/// Mass matrix with all its entries.
+/// Mass matrix as a dense matrix with the inertia of tendons, and its workspace.
 #[derive(Clone, Debug)]
 struct FullMass<R: Real> {
     mass: MassMatrix<R>,
@@ -117,17 +118,17 @@ impl<R: Real> FreeMotion<R> {
     }
 }
 
-/// Adds the inertia of tendons to the acceleration. The factors of the mass matrix exclude it, because rows of the constraint problem
-/// contain it.
+/// Adds the effect of tendon inertia to the acceleration. The factored mass matrix excludes tendon inertia, because a step has it in rows
+/// of the constraint problem.
 ///
-/// It works lane by lane, because few models need it. `matrix` is the whole mass matrix.
+/// The function works lane by lane, because few models need it. `matrix` is the dense mass matrix.
 #[cold]
 fn add_tendon_inertia<R: Real>(compiled: &LaneModel<R>, matrix: &[R], acceleration: &mut [R]) {
     let nv = compiled.nv;
     for lane in 0..R::LANES {
         let number = |x: &R| x.lane(lane).to_f64();
         let full = DMatrix::from_row_iterator(nv, nv, matrix.iter().map(number));
-        // Joint forces, from the acceleration that they give without that inertia.
+        // Generalized forces, from the acceleration that they cause without tendon inertia.
         let free = DVector::from_iterator(nv, acceleration.iter().map(number));
         let mut force = &full * &free;
         for tendon in &compiled.tendons {
@@ -144,7 +145,7 @@ fn add_tendon_inertia<R: Real>(compiled: &LaneModel<R>, matrix: &[R], accelerati
     }
 }
 
-/// Adds the forces of tendon springs and dampers to the joint forces.
+/// Adds the forces of tendon springs and dampers to the generalized forces `tau`.
 fn pull_tendons<R: Real>(compiled: &LaneModel<R>, q: &[R], v: &[R], tau: &mut [R]) {
     R::vectorize(
         #[inline(always)]

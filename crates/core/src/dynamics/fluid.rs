@@ -1,11 +1,11 @@
-//! Forces of the medium on moving bodies: MuJoCo's two models (its documentation, "Fluid forces"; `engine_passive.c`).
+//! Forces of the surrounding fluid on moving bodies: MuJoCo's two models (its documentation, "Fluid forces"; `engine_passive.c`).
 //!
 //! The box model has, along every principal axis, the force -(a + b |v|) v and the torque -(c + d |w|) w. Here a, c are Stokes' drag of a
 //! ball, and b, d the drag of the faces of the box with the body's inertia. The ellipsoid model has added mass (p x w; p x v + L x w with p
 //! = m_a v, L = I_a w), Magnus' lift w x v, Kutta's lift, and drag.
 //!
-//! Drag dissipates energy, but explicit drag reverses the motion and adds energy once h b |v| > 2 m. Its secant B = a + b |v| at the
-//! velocity before the step therefore goes into the mass matrix, as damping does. Let f be the force, v* the velocity at which forces are
+//! Drag dissipates energy, but explicit drag reverses the motion and adds energy once h b |v| > 2 m. The mass matrix therefore contains its
+//! secant B = a + b |v| at the velocity before the step, like joint damping. Let f be the force, v* the velocity at which forces are
 //! evaluated and u the velocity before the step. The step applies f(v*) + B (v* - u), and the matrix the rest.
 
 use stepper_real::Real;
@@ -14,14 +14,15 @@ use crate::compile::{CompiledEllipsoid, FluidParams, FluidShape, LaneModel, Mode
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 
-/// Forces of the medium, and their workspace; empty for scenes without one.
+/// Forces of the surrounding fluid, with their workspace; empty for scenes without a fluid.
 #[derive(Clone, Debug)]
 pub struct Fluid<R: Real> {
-    /// Velocity of every body before the step in body axes, relative to the medium.
+    /// Velocity of every body before the step relative to the fluid, in body axes.
     before: Vec<V6<R>>,
-    /// Secants of drag at that velocity.
+    /// Secant of each body's drag at that velocity: drag divided by velocity, per axis.
     drag: Vec<V6<R>>,
-    /// Drag of every link with its descendants: moment of rotation, moment of velocity, force of velocity.
+    /// Drag matrices of every link with its descendants: moment per angular velocity, moment per linear velocity, and force per linear
+    /// velocity.
     composite: Vec<[M3<R>; 3]>,
     velocity: Vec<V6<R>>,
 }
@@ -33,14 +34,14 @@ impl<R: Real> Fluid<R> {
         Self { before: vec![zero(); n], drag: vec![zero(); n], composite: vec![[zero(); 3]; links], velocity: vec![zero(); links] }
     }
 
-    /// Makes drag explicit.
+    /// Makes drag explicit in the next step: discards the linearisation.
     #[inline(always)]
     pub fn forget(&mut self) {
         self.before.fill(zero());
         self.drag.fill(zero());
     }
 
-    /// Adds `time` times the drag at velocity `v` to the mass matrix's `entries`.
+    /// Adds `time` times the linearised drag at the velocity `v` to `entries`, the entries of the mass matrix.
     #[inline(always)]
     pub fn linearise(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], time: R, entries: &mut [R]) {
         kinematics.velocities(compiled, v, &mut self.velocity);
@@ -77,7 +78,7 @@ impl<R: Real> Fluid<R> {
         }
     }
 
-    /// Subtracts the medium's forces, at the links' velocities `motion`, from the forces that the links need.
+    /// Subtracts the fluid's forces at the link velocities `motion` from `force`, the forces on the links.
     #[inline(always)]
     pub fn subtract(&self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, motion: &[V6<R>], force: &mut [V6<R>]) {
         for (i, body) in compiled.fluid.iter().enumerate() {
@@ -103,7 +104,7 @@ impl<R: Real> Fluid<R> {
     }
 }
 
-/// Axes of a body, and its centre relative to its tree's reference point.
+/// Rotation matrix of fluid body `i`, and its centre relative to the reference point of its tree, m.
 #[inline(always)]
 fn place<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, i: usize) -> (M3<R>, V3<R>) {
     let body = &compiled.fluid[i];
@@ -112,14 +113,14 @@ fn place<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, i: usize)
     (mat, sub(kinematics.point(frame, compiled.params.fluid(i).pos), kinematics.origin[compiled.links[body.link].tree]))
 }
 
-/// Velocity relative to the medium, in body axes.
+/// Velocity of a body relative to the fluid, in body axes.
 #[inline(always)]
 fn local<R: Real>(compiled: &LaneModel<R>, motion: &V6<R>, mat: &M3<R>, arm: V3<R>) -> V6<R> {
     let velocity = sub(velocity_at(motion, arm), splat(compiled.wind));
     spatial(rotate_back(mat, angular(motion)), rotate_back(mat, velocity))
 }
 
-/// Drag over velocity, per axis.
+/// Drag divided by velocity, per axis, at the velocity `v` in body axes.
 #[inline(always)]
 fn secant<R: Real>(compiled: &LaneModel<R>, i: usize, v: &V6<R>) -> V6<R> {
     match &compiled.fluid[i].shape {
@@ -137,7 +138,7 @@ fn secant<R: Real>(compiled: &LaneModel<R>, i: usize, v: &V6<R>) -> V6<R> {
     }
 }
 
-/// Diagonal drag in the axes `mat` at `arm`, converted to the reference point.
+/// Drag matrices at the reference point, from the diagonal drag in the axes `mat` at the position `arm`.
 #[inline(always)]
 fn at_origin<R: Real>(drag: &V6<R>, mat: &M3<R>, arm: V3<R>) -> [M3<R>; 3] {
     let (spin, slide) = (turned(angular(drag), mat), turned(linear(drag), mat));
@@ -145,7 +146,7 @@ fn at_origin<R: Real>(drag: &V6<R>, mat: &M3<R>, arm: V3<R>) -> [M3<R>; 3] {
     let o = R::zero();
     let lever = [o, -z, y, z, o, -x, -y, x, o];
     let levered = mat_mul(&lever, &slide);
-    // lever^T = -lever
+    // The transpose of lever is -lever.
     [sub(spin, mat_mul(&levered, &lever)), levered, slide]
 }
 
@@ -161,14 +162,14 @@ fn turned<R: Real>(d: V3<R>, x: &M3<R>) -> M3<R> {
     )
 }
 
-/// Wrench of the drag at a velocity, which points against it.
+/// Torque and force of the drag at a velocity, before the sign: drag points against the velocity.
 #[inline(always)]
 fn apply<R: Real>([spin, lever, slide]: &[M3<R>; 3], motion: &V6<R>) -> V6<R> {
     let (w, v) = (angular(motion), linear(motion));
     spatial(add(rotate(spin, w), rotate(lever, v)), add(rotate_back(lever, w), rotate(slide, v)))
 }
 
-/// Projection of the ellipsoid along its velocity.
+/// Projection of an ellipsoid along its velocity.
 #[derive(Clone, Copy, Debug)]
 struct Projection<R> {
     speed: R,
@@ -176,13 +177,14 @@ struct Projection<R> {
     along: V3<R>,
     /// Projected area, m^2.
     area: R,
-    /// Normal of the projected area times the area, over the cosine of the angle between normal and velocity.
+    /// Vector along the normal of the projected area, with the length area / (cosine of the angle between normal and velocity).
     normal: V3<R>,
 }
 
-/// Projected area pi sqrt(sum b_k^4 v_k^2 / sum b_k^2 v_k^2), b_k the product of the two other semi-axes; its normal is along b_k^2 v_k.
+/// Projection of an ellipsoid along the velocity `v`. The area is pi sqrt(sum b_k^4 v_k^2 / sum b_k^2 v_k^2), with b_k the product of the
+/// two other semi-axes; its normal is along b_k^2 v_k.
 ///
-/// It is computed from directions and relative areas. Small bodies, slow bodies and single precision therefore meet no bound with a unit.
+/// The computation uses directions and relative areas, so that small bodies, slow bodies and single precision need no bound with a unit.
 /// Needles that fly along their axis, b / a^2 < 3e-8 with the longest semi-axis a, have no area, as in MuJoCo (4.0).
 #[inline(always)]
 fn projection<R: Real>(e: &CompiledEllipsoid<R::Scalar>, v: V3<R>) -> Projection<R> {
@@ -197,7 +199,7 @@ fn projection<R: Real>(e: &CompiledEllipsoid<R::Scalar>, v: V3<R>) -> Projection
     let there = numerator.gt(R::splat(e.no_area));
     let (numerator, denominator) = (R::select(there, numerator, R::one()), R::select(there, denominator, R::zero()));
     let area = R::splat(e.widest) * (denominator / numerator).sqrt();
-    // With the area this is widest sqrt(numerator / denominator). Where a body has an area, its denominator is not zero.
+    // Together with the area this is widest sqrt(numerator / denominator). A body with an area has a nonzero denominator.
     let inverse = R::splat(e.widest) * (numerator / R::select(there, denominator, numerator)).sqrt();
     let share = R::select(there, inverse, R::zero());
     Projection {
@@ -211,7 +213,7 @@ fn projection<R: Real>(e: &CompiledEllipsoid<R::Scalar>, v: V3<R>) -> Projection
     }
 }
 
-/// Drag over velocity of rotation and translation.
+/// Drag divided by velocity, for rotation and translation of an ellipsoid, and its projection.
 #[inline(always)]
 fn ellipsoid_drag<R: Real>(e: &CompiledEllipsoid<R::Scalar>, v: &V6<R>) -> ([R; 2], Projection<R>) {
     let projection = projection(e, linear(v));

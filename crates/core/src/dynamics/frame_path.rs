@@ -1,4 +1,4 @@
-//! Relative poses of two frames, without the rest of the model.
+//! Relative pose of two frames, computed from the links between them alone.
 
 use stepper_real::Real;
 
@@ -8,10 +8,10 @@ use crate::dynamics::mocap::MocapTrajectory;
 use crate::math::spatial::*;
 use crate::model::JointKind;
 
-/// Pose of the frame at the end of a path, relative to the frame at its beginning.
+/// Pose of the frame at the end of a path, relative to the frame at its start.
 ///
-/// It equals the pose of [`Kinematics::update`](crate::dynamics::kinematics::Kinematics::update), without the rest of the model. `mocap`
-/// has the trajectories of mocap bodies, `elapsed` is the time since the beginning of the call, s.
+/// It equals the pose from [`Kinematics::update`](crate::dynamics::kinematics::Kinematics::update). `mocap` has the trajectories of mocap
+/// bodies, `elapsed` is the time since the beginning of the call, s.
 #[inline(always)]
 pub fn follow_path<R: Real>(
     compiled: &LaneModel<R>,

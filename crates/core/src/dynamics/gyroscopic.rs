@@ -23,14 +23,16 @@ use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 use crate::model::JointKind;
 
-/// Number of iterations.
+/// Number of fixed-point iterations.
 ///
-/// At a turn of 0.1 rad in half a step the last iteration changes w by 1e-8 of the corrector's remaining error, which is some 1e-4 of w.
+/// At a rotation of 0.1 rad in half a step, the last iteration changes w by 1e-8 of the corrector's remaining error, which is about 1e-4 of
+/// w.
 const ITERATIONS: usize = 8;
 
-/// Corrects the free velocities `v_free` of single bodies, which were computed with the gyroscopic force at the velocity `v_eval`.
+/// Corrects the free velocities `v_free` of single bodies to the discrete midpoint rule. They were computed with the gyroscopic force at
+/// the velocity `v_eval`.
 ///
-/// The step was evaluated `times` = (time_before, time_after) seconds after its beginning and before its end.
+/// `times` are the times from the beginning of the step to its evaluation point, and from there to its end, s.
 pub fn correct<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -66,8 +68,8 @@ pub fn correct<R: Real>(
 
 /// Corrects the free velocities `v_free` of single bodies so that contact impulses change their momentum exactly.
 ///
-/// `v_free` was computed with the gyroscopic force at the velocity before the step for the first of `times` seconds. For the second of
-/// `times` seconds it was computed with that at the velocity after the step.
+/// `v_free` was computed with the gyroscopic force at the velocity before the step for the first of `times`, s. For the second of `times`
+/// it was computed with the force at the velocity `after` the step.
 pub fn correct_spin<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -96,7 +98,7 @@ pub fn correct_spin<R: Real>(
     )
 }
 
-/// Velocity (linear in world axes, angular in the body's) of a free or ball joint: the latter has no linear part.
+/// Velocity of a free or ball joint: linear part in world axes, zero for a ball joint; angular part in the body's axes.
 #[inline(always)]
 fn take<R: Real>(v: &[R], at: usize, kind: JointKind) -> V6<R> {
     let mut out = zero();
@@ -105,7 +107,7 @@ fn take<R: Real>(v: &[R], at: usize, kind: JointKind) -> V6<R> {
     out
 }
 
-/// Solves x <- A^-1 x on the dofs of one single body.
+/// Solves x <- A^-1 x for the degrees of freedom of one single body. `mass` has the factors of A.
 #[inline(always)]
 fn solve<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, spinner: &CompiledSpinner<R::Scalar>, x: &mut V6<R>) {
     let (n, at) = (spinner.kind.nv(), spinner.dof);
@@ -135,16 +137,17 @@ fn solve<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, spinner: &Compi
 struct Body<R: Real> {
     mat: M3<R>,
     mass: R,
-    /// Central inertia in body axes: xx, yy, zz, xy, xz, yz.
+    /// Inertia about the centre of mass in body axes: xx, yy, zz, xy, xz, yz, kg m^2.
     inertia: [R; 6],
-    /// Centre of mass relative to the joint, body axes, m.
+    /// Centre of mass relative to the joint in body axes, m.
     arm: V3<R>,
-    /// Whether the joint moves (free joint) or not (ball joint).
+    /// Whether the body is on a free joint; otherwise on a ball joint.
     free: bool,
 }
 
 impl<R: Real> Body<R> {
-    /// Single body with the lanes in which it has a gyroscopic force; `None` if it has none in any lane, as a round body.
+    /// Single body with the lanes in which it has a gyroscopic force. `None` if it has none in any lane, because its inertia is that of a
+    /// ball.
     #[inline(always)]
     fn tumbling(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, spinner: &CompiledSpinner<R::Scalar>) -> Option<(Self, R::Mask)> {
         let Inertial { mass, com, inertia } = compiled.params.inertial(spinner.link);
@@ -159,7 +162,7 @@ impl<R: Real> Body<R> {
         tumbles.any().then_some((body, tumbles))
     }
 
-    /// Lanes in which the body is round, so that it has no gyroscopic force.
+    /// Lanes in which all principal inertias are equal, so that the body has no gyroscopic force.
     #[inline(always)]
     fn is_round(&self) -> R::Mask {
         let [xx, yy, zz, rest @ ..] = self.inertia;
@@ -167,32 +170,33 @@ impl<R: Real> Body<R> {
         zeros.fold(xx.eq(yy).and(yy.eq(zz)), R::Mask::and)
     }
 
-    /// Angular momentum I w in body axes.
+    /// Angular momentum I w in body axes, kg m^2/s.
     #[inline(always)]
     fn spin(&self, w: V3<R>) -> V3<R> {
         let [xx, yy, zz, xy, xz, yz] = self.inertia;
         [xx * w[0] + xy * w[1] + xz * w[2], xy * w[0] + yy * w[1] + yz * w[2], xz * w[0] + yz * w[1] + zz * w[2]]
     }
 
-    /// Momentum `time` seconds after the middle at the velocity v: linear in world axes, angular about the joint in the middle's axes.
+    /// Momentum at the velocity `v`, `time` seconds after the middle of the step. It is linear in world axes, and angular about the joint
+    /// in the body axes of the middle.
     #[inline(always)]
     fn momentum(&self, v: &V6<R>, time: R) -> V6<R> {
         let (u, w) = ([v[0], v[1], v[2]], [v[3], v[4], v[5]]);
         let turn = quat_to_mat(quat_exp(scale(w, time)));
         let own = rotate(&turn, self.spin(w));
-        // All quantities are in the middle's axes.
+        // All quantities are in the body axes at the middle of the step.
         let u = rotate_back(&self.mat, u);
         let arm = rotate(&turn, self.arm);
         let speed = add(u, rotate(&turn, cross(w, self.arm)));
         let p = scale(speed, self.mass);
-        // Only torques about its centre of mass change the spin of a free body, wherever the step has moved that centre.
+        // Only torques about the centre of mass change the spin of a free body, independent of that centre's displacement.
         let place = if self.free { self.arm } else { arm };
         let l = add(own, cross(place, p));
         let p = rotate(&self.mat, p);
         [p[0], p[1], p[2], l[0], l[1], l[2]]
     }
 
-    /// Momentum M v with the mass matrix of the middle.
+    /// Product M v with the mass matrix in the middle of the step.
     #[inline(always)]
     fn inertial(&self, v: &V6<R>) -> V6<R> {
         let (u, w) = (rotate_back(&self.mat, [v[0], v[1], v[2]]), [v[3], v[4], v[5]]);
@@ -202,13 +206,13 @@ impl<R: Real> Body<R> {
         [p[0], p[1], p[2], l[0], l[1], l[2]]
     }
 
-    /// Term N: change of the momentum `before` from the velocity `old` to `new`, beyond M (new - old).
+    /// Term N: change of momentum from `before` to that at the velocity `new`, minus M (new - old).
     #[inline(always)]
     fn transport(&self, [old, new]: [&V6<R>; 2], before: V6<R>, time_after: R) -> V6<R> {
         sub(sub(self.momentum(new, time_after), before), self.inertial(&sub(*new, *old)))
     }
 
-    /// Velocity-dependent part of the bias force.
+    /// Velocity-dependent part of the bias force at the velocity `v`.
     #[inline(always)]
     fn gyroscopic(&self, v: &V6<R>) -> V6<R> {
         let w = [v[3], v[4], v[5]];

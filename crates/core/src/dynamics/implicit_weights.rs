@@ -1,35 +1,34 @@
-//! Weights of implicit damping and stiffness in the mass matrix.
+//! Weights with which damping and stiffness enter the mass matrix, if they are implicit.
 
 use stepper_real::{Mask, Real};
 
-/// Weights that convert damping and stiffness to added inertia: `damping * d + stiffness * k`, kg or kg m^2.
-///
-/// They are h/2 and h^2/4 for the midpoint rule, h and h^2 for the implicit rule (see [`crate::actuation::forces`]).
+/// Weights that convert damping d and stiffness k to added inertia: `damping * d + stiffness * k`, kg or kg m^2.
 #[derive(Clone, Copy, Debug)]
 pub struct ImplicitWeights<R> {
     /// Weight of damping, s; zero makes damping explicit.
     pub damping: R,
     /// Weight of stiffness, s^2; zero makes springs explicit.
     pub stiffness: R,
-    /// Time step for the extra share s of damping that the step does not resolve, s; zero disables it (see [`crate::actuation::forces`]).
+    /// Time step for the extra share s of damping that the step does not resolve, s. Zero disables it (see [`crate::actuation::forces`]).
     pub step: R,
 }
 
 impl<R: Real> ImplicitWeights<R> {
-    /// Whether a damping has an extra share in any lane, so that [`Self::extra_share`] must be computed.
+    /// Whether a damping has an extra share s in any lane, so that [`Self::extra_share`] must be called.
     #[inline(always)]
     pub(crate) fn has_extra_share(self, damping: R) -> bool {
         (self.step * damping).gt(R::zero()).any()
     }
 
-    /// Extra share s = z / (6 + z) of a damping at the end of the step, from 0 to 1. z is the time step times `rate` = d / m, 1/s.
+    /// Extra share s = z / (6 + z) of a damping that is evaluated at the end of the step, from 0 to 1. z is the time step times `rate` = d
+    /// / m, 1/s.
     #[inline(always)]
     pub(crate) fn extra_share(self, rate: R) -> R {
         let z = self.step * rate;
         z / (R::of(6.0) + z)
     }
 
-    /// Damping 3/2 s h k that a spring of stiffness k receives for the extra share s of its damper.
+    /// Additional damping 3/2 s h k of a spring with stiffness k, where s is the extra share of its damper.
     #[inline(always)]
     pub(crate) fn spring_damping(self, share: R, stiffness: R) -> R {
         R::of(1.5) * share * self.step * stiffness

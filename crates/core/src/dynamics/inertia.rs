@@ -1,4 +1,4 @@
-//! Recursive Newton-Euler, composite inertias, and the sparse factorisation of the mass matrix.
+//! Mass matrix and bias force: composite rigid bodies, sparse factorisation, and recursive Newton-Euler.
 
 use stepper_real::Real;
 
@@ -8,18 +8,18 @@ use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 use crate::model::JointKind;
 
-/// Mass matrix of a tree of joints, and its factors M = L^T D L (Featherstone 2008, section 6.5).
+/// Mass matrix M of all kinematic trees, and its factors M = L^T D L (Featherstone 2008, section 6.5).
 ///
-/// Row i has the entries with dof i and its ancestors, towards the root. All other entries are zero.
+/// Row i has entries for dof i and its ancestors, towards the root. All other entries are zero.
 #[derive(Clone, Debug)]
 pub struct MassMatrix<R: Real> {
-    /// Entries of M before [`MassMatrix::factor`], those of L after it, with D on the diagonal.
+    /// Entries of M before [`MassMatrix::factor`]; afterwards entries of L, with D on the diagonal.
     pub entries: Vec<R>,
-    /// Inverse 1 / D.
+    /// Inverse 1 / D of each diagonal entry.
     pub inv_d: Vec<R>,
-    /// Root sqrt(1 / D).
+    /// Square root of 1 / D.
     pub sqrt_inv_d: Vec<R>,
-    /// Root sqrt(D).
+    /// Square root of D.
     pub sqrt_d: Vec<R>,
 }
 
@@ -34,7 +34,7 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// Assembles M by composite rigid bodies, plus armature.
+    /// Assembles M by the composite rigid body algorithm, including armature.
     #[inline(always)]
     pub fn assemble(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, composite: &mut [Inertia<R>]) {
         composite.copy_from_slice(&kinematics.inertia);
@@ -57,8 +57,8 @@ impl<R: Real> MassMatrix<R> {
 
     /// Adds the implicit terms of joint damping and stiffness to the diagonal of M.
     ///
-    /// `spring_damping` gets the damping that stiff springs receive (see [`crate::actuation::forces`]). It may be empty if no joint has a
-    /// spring.
+    /// Writes the additional damping of stiff springs (see [`crate::actuation::forces`]) to `spring_damping`, which may be empty if no
+    /// joint has a spring.
     #[inline(always)]
     pub fn add_joints(&mut self, compiled: &LaneModel<R>, weights: ImplicitWeights<R>, spring_damping: &mut [R]) {
         for (d, dof) in compiled.dofs.iter().enumerate() {
@@ -77,7 +77,7 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// Adds the added inertia of servos along their moments. For a moment across branches it adds a diagonal matrix that is not smaller.
+    /// Adds the added inertia of servos along their moments to M. For a moment across branches, it adds a diagonal upper bound instead.
     #[inline(always)]
     pub fn add_servos(&mut self, compiled: &LaneModel<R>, added_inertias: &[R], arms: &[R]) {
         for (servo, &added_inertia) in compiled.servos.iter().zip(added_inertias) {
@@ -102,7 +102,7 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// Adds the added inertia of servos along their moments, between dofs on one branch alone.
+    /// Adds the added inertia of servos along their moments to M, but only for pairs of dofs on one branch.
     #[inline(always)]
     pub fn add_servos_within_branches(&mut self, compiled: &LaneModel<R>, added_inertias: &[R], arms: &[R]) {
         for (servo, &added_inertia) in compiled.servos.iter().zip(added_inertias) {
@@ -115,9 +115,9 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// Replaces M by its factors.
+    /// Replaces M by its factors L and D.
     ///
-    /// It proceeds from the leaves, a row at a time and up to eight columns of it. The subtractions of all rows below are summed in
+    /// The loop proceeds from the leaves, row by row, with up to eight columns at a time. It sums the subtractions of all rows below in
     /// registers.
     #[inline(always)]
     pub fn factor(&mut self, compiled: &LaneModel<R>) {
@@ -136,7 +136,7 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// Row `i` of L and the dofs of its entries.
+    /// Row `i` of L, and the dofs to which its entries belong.
     #[inline(always)]
     pub(crate) fn row<'a>(&'a self, compiled: &'a LaneModel<R>, i: usize) -> (&'a [R], &'a [u32]) {
         let dof = &compiled.dofs[i];
@@ -156,7 +156,7 @@ impl<R: Real> MassMatrix<R> {
                 }
                 continue;
             }
-            // The parent is the previous row and has the same ancestors, so that both are computed at once.
+            // The parent is the previous row and has the same ancestors, so that both are computed together.
             i -= 1;
             let ((above, chain), parent) = (self.row(compiled, i), x[i] - row[1] * xi);
             x[i] = parent;
@@ -171,7 +171,8 @@ impl<R: Real> MassMatrix<R> {
     pub fn solve_lower(&self, compiled: &LaneModel<R>, x: &mut [R]) {
         let mut i = 0;
         while i < compiled.nv {
-            // Entries go towards the leaves: the newest value, the parent's, comes last, so that the other terms do not wait for it.
+            // The entries are summed towards the leaves. The newest value, the parent's, comes last, so that the other terms need not wait
+            // for it.
             let ((row, chain), mut sum) = (self.row(compiled, i), x[i]);
             if i + 1 == compiled.nv || !is_above(i + 1, compiled.chain_of(i + 1)) {
                 for (&l, &a) in row[1..].iter().zip(&chain[1..]).rev() {
@@ -181,7 +182,7 @@ impl<R: Real> MassMatrix<R> {
                 i += 1;
                 continue;
             }
-            // The next row is a child and has the same ancestors, so that both are computed at once.
+            // The next row is a child and has the same ancestors, so that both are computed together.
             let ((below, _), mut child) = (self.row(compiled, i + 1), x[i + 1]);
             for ((&l, &m), &a) in row[1..].iter().zip(&below[2..]).zip(&chain[1..]).rev() {
                 sum -= l * x[a as usize];
@@ -193,7 +194,8 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// Converts a scaled velocity change: w <- L^-1 D^-1/2 w.
+    /// Converts a scaled velocity change `w`, in coordinates in which the mass matrix is the identity, to a velocity change: w <- L^-1
+    /// D^-1/2 w.
     #[inline(always)]
     pub fn unscale(&self, compiled: &LaneModel<R>, w: &mut [R]) {
         for (w, &scale) in w.iter_mut().zip(&self.sqrt_inv_d) {
@@ -202,7 +204,7 @@ impl<R: Real> MassMatrix<R> {
         self.solve_lower(compiled, w);
     }
 
-    /// Scales a velocity change to coordinates in which the mass matrix is the identity: x <- D^1/2 L x.
+    /// Converts a velocity change `x` to scaled coordinates, in which the mass matrix is the identity: x <- D^1/2 L x.
     #[inline(always)]
     pub fn scale(&self, compiled: &LaneModel<R>, x: &mut [R]) {
         // From the leaves, so that ancestors are still unscaled.
@@ -216,7 +218,7 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// Converts a scaled velocity change to momentum: w <- L^T D^1/2 w.
+    /// Converts a scaled velocity change `w` to generalized momentum: w <- L^T D^1/2 w.
     #[inline(always)]
     pub fn momentum(&self, compiled: &LaneModel<R>, w: &mut [R]) {
         // From the root, so that descendants add to scaled entries.
@@ -230,7 +232,7 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// Kinetic energy of the velocity `v`, J. Overwrites `scaled`.
+    /// Kinetic energy at the generalized velocity `v`, J. Overwrites `scaled`.
     #[inline(always)]
     pub fn kinetic_energy(&self, compiled: &LaneModel<R>, v: &[R], scaled: &mut [R]) -> R {
         scaled.copy_from_slice(v);
@@ -238,7 +240,7 @@ impl<R: Real> MassMatrix<R> {
         scaled.iter().fold(R::zero(), |sum, v| sum + v.square()) * R::of(0.5)
     }
 
-    /// Kinetic energy scale of a speed, J: sum over the degrees of freedom of D speed^2 / 2.
+    /// Kinetic energy that corresponds to a speed, J: sum over all degrees of freedom of D speed^2 / 2.
     ///
     /// The entry of D is the inertia of a degree of freedom whose descendants move freely.
     #[inline(always)]
@@ -261,13 +263,13 @@ impl<R: Real> MassMatrix<R> {
     }
 }
 
-/// Whether the dof before the `i`-th, with the given chain, is its parent.
+/// Whether the dof before dof `i` is its parent. `chain` is the chain of dof `i`: the dof itself and its ancestors.
 #[inline(always)]
 pub(crate) fn is_above(i: usize, chain: &[u32]) -> bool {
     chain.len() > 1 && chain[1] as usize + 1 == i
 }
 
-/// Subtracts the terms of the rows below from up to eight columns of a row, from the `k`-th on.
+/// Subtracts the terms of all rows below from up to eight columns of the row of `dof`, starting at column `k`.
 #[inline(always)]
 fn subtract_columns<R: Real>(entries: &mut [R], inv_d: &[R], dof: &Dof, k: usize, below: &[Descendant]) {
     match dof.depth - k {
@@ -282,9 +284,9 @@ fn subtract_columns<R: Real>(entries: &mut [R], inv_d: &[R], dof: &Dof, k: usize
     }
 }
 
-/// Subtracts the terms of the rows below from entries `k..k + N` of the row that starts at `row`.
+/// Subtracts the terms of all rows below from the entries `k..k + N` of the row that starts at `row`.
 ///
-/// The factor of a row below, its entry of L, is computed with the first columns and replaces its entry of M.
+/// The call for the first columns also computes the entries of L of the rows below, which replace the entries of M.
 #[inline(always)]
 fn subtract<R: Real, const N: usize>(entries: &mut [R], inv_d: &[R], row: usize, k: usize, below: &[Descendant]) {
     let (mut sum, mut other) = ([R::zero(); N], [R::zero(); N]);
@@ -303,17 +305,18 @@ fn subtract<R: Real, const N: usize>(entries: &mut [R], inv_d: &[R], row: usize,
     entries[row + k..row + k + N].copy_from_slice(&sum);
 }
 
-/// Coriolis, centrifugal and gravitational forces: recursive Newton-Euler with zero joint acceleration, world-aligned.
+/// Computes Coriolis, centrifugal and gravitational forces into `out`, by recursive Newton-Euler with zero joint acceleration, in world
+/// axes.
 #[inline(always)]
 pub fn bias_force<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], work: &mut NewtonEuler<R>, out: &mut [R]) {
     link_forces(compiled, kinematics, v, work);
     project_forces(compiled, kinematics, &mut work.force, out);
 }
 
-/// Forward half of [`bias_force`]: the force on every link if its joints do not accelerate, and its velocity.
+/// Forward pass of [`bias_force`]: computes the velocity of every link, and the force on it if its joints do not accelerate.
 #[inline(always)]
 pub fn link_forces<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], work: &mut NewtonEuler<R>) {
-    // Gravity as an upward acceleration of the world.
+    // Gravity is represented as an upward acceleration of the world.
     let ground = spatial(zero(), scale(compiled.params.gravity(), -R::one()));
     for (l, link) in compiled.links.iter().enumerate() {
         let (mut motion, mut change) =
@@ -321,7 +324,7 @@ pub fn link_forces<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>,
         for joint in &compiled.joints[link.joints.clone()] {
             let mut rotations = joint.v..joint.v + joint.kind.nv();
             if joint.kind == JointKind::Free {
-                // The axes of the world do not turn with the body.
+                // The translation axes of a free joint are world axes, which do not rotate with the body.
                 for d in joint.v..joint.v + 3 {
                     motion = add_scaled(motion, kinematics.axes[d], v[d]);
                 }
@@ -342,7 +345,7 @@ pub fn link_forces<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>,
     }
 }
 
-/// Projects forces on the links to the joints: out = sum over links of J^T f. Overwrites `force`.
+/// Projects the forces on the links to generalized forces: out = sum over links of J^T f. Overwrites `force`.
 #[inline(always)]
 pub fn project_forces<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, force: &mut [V6<R>], out: &mut [R]) {
     for l in (0..compiled.links.len()).rev() {
@@ -356,14 +359,14 @@ pub fn project_forces<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<
     }
 }
 
-/// Workspace of a recursion over the links.
+/// Workspace of the recursive Newton-Euler algorithm.
 #[derive(Clone, Debug)]
 pub struct NewtonEuler<R: Real> {
-    /// Velocity of every link.
+    /// Spatial velocity of every link at the reference point of its tree.
     pub velocity: Vec<V6<R>>,
-    /// Acceleration of every link.
+    /// Spatial acceleration of every link at the reference point of its tree.
     pub acceleration: Vec<V6<R>>,
-    /// Force on every link.
+    /// Spatial force on every link at the reference point of its tree.
     pub force: Vec<V6<R>>,
 }
 

@@ -1,4 +1,4 @@
-//! Poses, axes and velocities of all frames and joints.
+//! Kinematics: poses of all frames, joint axes, and link velocities.
 
 use stepper_real::{Real, Scalar};
 
@@ -6,27 +6,27 @@ use crate::compile::{CompiledJoint, Inertial, LaneModel, Link, ModelStructure};
 use crate::math::spatial::*;
 use crate::model::JointKind;
 
-/// Poses of all frames and the motion subspaces of all joints at one configuration, in world axes.
+/// Poses of all frames, and the joint axes, at one configuration, in world axes.
 #[derive(Clone, Debug)]
 pub struct Kinematics<R: Real> {
     /// Origin of every frame, m.
     pub pos: Vec<V3<R>>,
-    /// Orientation of every frame.
+    /// Rotation matrix of every frame, row-major.
     pub mat: Vec<M3<R>>,
-    /// Reference point of every tree: the position of its root, m.
+    /// Reference point of every kinematic tree, m: the position of its root.
     pub origin: Vec<V3<R>>,
-    /// Motion of every dof per unit velocity, about its tree's reference point.
+    /// Spatial velocity per unit velocity of every dof, at the reference point of its tree.
     pub axes: Vec<V6<R>>,
-    /// Velocity (angular, linear at its origin) of every mocap body.
+    /// Velocity of every mocap body: angular, rad/s, and linear at its origin, m/s.
     pub posed: Vec<V6<R>>,
-    /// Inertia of every link about its tree's reference point.
+    /// Inertia of every link about the reference point of its tree.
     pub inertia: Vec<Inertia<R>>,
-    /// Angles of all hinges, in the order of the joints, with their sines and cosines.
+    /// Angles of all hinges in the order of the joints, rad, their sines, and their cosines.
     turns: [Vec<R>; 3],
 }
 
 impl<R: Real> Kinematics<R> {
-    /// Workspace for a compiled model, with the world and the mocap frames placed.
+    /// Workspace for a compiled model. The poses of the world and of mocap frames are set.
     pub fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         let identity = std::array::from_fn(|k| if k % 4 == 0 { R::one() } else { R::zero() });
         let mut kinematics = Self {
@@ -45,7 +45,7 @@ impl<R: Real> Kinematics<R> {
         kinematics
     }
 
-    /// Updates all poses to the configuration `q`.
+    /// Updates all poses and axes to the configuration `q`. Mocap frames do not change.
     pub fn update(&mut self, compiled: &LaneModel<R>, q: &[R]) {
         R::vectorize(
             #[inline(always)]
@@ -69,7 +69,7 @@ impl<R: Real> Kinematics<R> {
         )
     }
 
-    /// Sines and cosines of all hinges, in a separate loop, so that SIMD lanes compute those of one environment too.
+    /// Computes sines and cosines of all hinges in a separate loop, so that the SIMD lanes can also process hinges of one environment.
     #[inline(always)]
     fn turn_all(&mut self, compiled: &LaneModel<R>, q: &[R]) {
         let [angles, sines, cosines] = &mut self.turns;
@@ -81,9 +81,9 @@ impl<R: Real> Kinematics<R> {
         }
     }
 
-    /// Computes the pose of a link, whose first hinge is number `hinge`.
+    /// Computes the pose of a link. `hinge` is the index of its first hinge among all hinges.
     ///
-    /// Writes (axis, anchor) of its rotations and (0, axis) of its translations to `axes`.
+    /// Writes the joint axes to `axes`: (axis, anchor) of rotations, and (0, axis) of translations.
     #[inline(always)]
     fn place(&mut self, compiled: &LaneModel<R>, link: &Link<R::Scalar>, q: &[R], hinge: &mut usize) -> (V3<R>, M3<R>) {
         let (base, frame) = (self.pos[link.parent], self.mat[link.parent]);
@@ -136,7 +136,7 @@ impl<R: Real> Kinematics<R> {
         (pos, mat)
     }
 
-    /// Converts (axis, anchor) of the rotations of a link to motions about the reference point.
+    /// Converts `axes` of the rotations of a link from (axis, anchor) to spatial velocities at the reference point `origin`.
     #[inline(always)]
     fn refer_axes_to(&mut self, compiled: &LaneModel<R>, link: &Link<R::Scalar>, origin: V3<R>) {
         for joint in &compiled.joints[link.joints.clone()] {
@@ -153,7 +153,7 @@ impl<R: Real> Kinematics<R> {
         }
     }
 
-    /// Velocity of every link about its tree's reference point.
+    /// Computes the spatial velocity of every link at the reference point of its tree.
     #[inline(always)]
     pub fn velocities(&self, compiled: &LaneModel<R>, v: &[R], out: &mut [V6<R>]) {
         for (l, link) in compiled.links.iter().enumerate() {
@@ -165,20 +165,20 @@ impl<R: Real> Kinematics<R> {
         }
     }
 
-    /// World position of a point given in a frame.
+    /// World position of the point `local`, given in the axes of a frame, m.
     #[inline(always)]
     pub fn point(&self, frame: usize, local: V3<R>) -> V3<R> {
         add(self.pos[frame], rotate(&self.mat[frame], local))
     }
 }
 
-/// Hinges, in the order of the joints.
+/// Hinge joints of the compiled model, in the order of the joints.
 #[inline(always)]
 fn hinges<S: Scalar>(compiled: &ModelStructure<S>) -> impl Iterator<Item = &CompiledJoint<S>> {
     compiled.joints.iter().filter(|joint| joint.kind == JointKind::Hinge)
 }
 
-/// Axis of a joint in the world, and the frame turned about it.
+/// World axis of a hinge, and rotation matrix of the frame rotated about it. `mat` is the frame before the rotation.
 #[inline(always)]
 pub(super) fn turn<R: Real>(mat: &M3<R>, joint: &CompiledJoint<R::Scalar>, sin: R, cos: R) -> (V3<R>, M3<R>) {
     let Some((k, backwards)) = joint.principal else {
@@ -194,9 +194,9 @@ pub(super) fn turn<R: Real>(mat: &M3<R>, joint: &CompiledJoint<R::Scalar>, sin: 
     (if backwards { scale(axis, -R::one()) } else { axis }, out)
 }
 
-/// Axis `K` of a frame, and the frame turned about it: only the other two columns change.
+/// World axis `K` of a frame, and rotation matrix of the frame rotated about it. Only the other two columns change.
 ///
-/// `K` is constant, because a variable index would keep the frame in memory.
+/// `K` is constant, because a variable index would force the matrix into memory.
 #[inline(always)]
 fn turn_about<R: Real, const K: usize>(mat: &M3<R>, sin: R, cos: R) -> (V3<R>, M3<R>) {
     let (i, j) = ((K + 1) % 3, (K + 2) % 3);
@@ -209,15 +209,13 @@ fn turn_about<R: Real, const K: usize>(mat: &M3<R>, sin: R, cos: R) -> (V3<R>, M
     (column(mat, K), out)
 }
 
-/// Quaternion at `q[at..]`.
+/// Quaternion (w, x, y, z) that begins at `q[at]`.
 #[inline(always)]
 pub fn quat_at<R: Real>(q: &[R], at: usize) -> [R; 4] {
     [q[at], q[at + 1], q[at + 2], q[at + 3]]
 }
 
-/// Computes q (+) d: the configuration after the displacement `d` (nv) in the coordinates of velocities.
-///
-/// Rotations use the exponential map; quaternions are renormalised.
+/// Computes q (+) factor d into `out`: the configuration after the displacement `d`, which has the coordinates of velocities (nv).
 pub fn displace<R: Real>(compiled: &LaneModel<R>, q: &[R], d: &[R], factor: R, out: &mut [R]) {
     R::vectorize(
         #[inline(always)]
@@ -245,7 +243,7 @@ fn turn_quat<R: Real>(q: &[R], at: usize, w: V3<R>, factor: R, out: &mut [R]) {
     out[at..at + 4].copy_from_slice(&turned);
 }
 
-/// Sum of the links' kinetic energy, J.
+/// Sum of the kinetic energies of the links, J. `velocities` are their spatial velocities.
 pub fn kinetic_energy<R: Real>(kinematics: &Kinematics<R>, velocities: &[V6<R>]) -> R {
     R::vectorize(
         #[inline(always)]
@@ -262,7 +260,7 @@ pub fn kinetic_energy<R: Real>(kinematics: &Kinematics<R>, velocities: &[V6<R>])
 /// Lanes in which every entry is finite.
 #[inline(always)]
 pub fn all_finite<R: Real>(x: &[R]) -> R::Mask {
-    // A sum of zeros is zero exactly if every term is finite: one test for the whole array.
+    // The sum of 0 * x over all entries is zero exactly if every entry is finite. One test then covers the whole array.
     let zero = R::zero();
     let mut sum = zero;
     for &x in x {
@@ -283,7 +281,7 @@ pub fn advance<R: Real>(x: &[R], rate: &[R], time: R, out: &mut [R]) {
     )
 }
 
-/// Computes x + share (end - x), entry by entry.
+/// Computes out = x + share * (end - x), entry by entry.
 pub fn blend<R: Real>(x: &[R], end: &[R], share: R, out: &mut [R]) {
     R::vectorize(
         #[inline(always)]

@@ -1,8 +1,8 @@
-//! Trajectories of mocap bodies from one pose to the next.
+//! Trajectories of mocap bodies during a call, from one pose to the next.
 //!
-//! During the steps of a call a mocap body moves to its new pose in a straight line and at a constant rate of rotation. Contacts therefore
-//! meet a moving surface: it pushes bodies before it overlaps them, and friction depends on its speed. At the first call after a reset
-//! there is no previous pose, and the body is at its new pose at once.
+//! A mocap body moves to its new pose along a straight line, with a constant angular velocity. Contacts therefore have a moving surface: it
+//! pushes bodies before it overlaps them, and friction depends on its speed. In the first call after a reset there is no previous pose, and
+//! the body is at its new pose at once.
 
 use stepper_real::{Mask, Real};
 
@@ -16,20 +16,20 @@ pub struct MocapTrajectory<R> {
     /// Position at the beginning of the call, m.
     pos: V3<R>,
     quat: [R; 4],
-    /// Pose at the end of the call, with which the next call begins.
+    /// Pose at the end of the call (position, quaternion), from which the next call starts.
     end: [R; 7],
-    /// Velocity of the body (angular, linear), world axes.
+    /// Velocity of the body in world axes: angular, rad/s, and linear, m/s.
     motion: V6<R>,
 }
 
 impl<R: Real> MocapTrajectory<R> {
-    /// Trajectory of a body at rest.
+    /// Trajectory of a body at rest at the given pose.
     pub fn at(pos: V3<R>, quat: [R; 4]) -> Self {
         let quat = quat_normalize(quat);
         Self { pos, quat, end: [pos[0], pos[1], pos[2], quat[0], quat[1], quat[2], quat[3]], motion: zero() }
     }
 
-    /// Trajectory from `last` (zeros where it is unknown) to a pose in `seconds` seconds.
+    /// Trajectory from the pose `last` (zeros if it is unknown) to a new pose, in `seconds` seconds.
     #[inline(always)]
     pub fn new(last: [R; 7], pos: V3<R>, quat: [R; 4], seconds: R) -> Self {
         let rest = Self::at(pos, quat);
@@ -41,28 +41,28 @@ impl<R: Real> MocapTrajectory<R> {
         Self { pos: select(known, before, pos), quat: select(known, turn, rest.quat), end: rest.end, motion: select(known, motion, zero()) }
     }
 
-    /// Orientation `time` seconds after the beginning of the call.
+    /// Orientation `time` seconds after the beginning of the call, a unit quaternion (w, x, y, z).
     #[inline(always)]
     pub fn quat_at(&self, time: R) -> [R; 4] {
         let turn = quat_exp(scale(angular(&self.motion), time));
         quat_normalize(quat_mul(turn, self.quat))
     }
 
-    /// Pose `time` seconds after the beginning of the call, as it is stored.
+    /// Pose `time` seconds after the beginning of the call: position and quaternion.
     #[inline(always)]
     pub fn pose_at(&self, time: R) -> [R; 7] {
         let (pos, quat) = (add_scaled(self.pos, linear(&self.motion), time), self.quat_at(time));
         [pos[0], pos[1], pos[2], quat[0], quat[1], quat[2], quat[3]]
     }
 
-    /// Last pose of the trajectory.
+    /// Pose at the end of the call: position and quaternion.
     #[inline(always)]
     pub fn end(&self) -> [R; 7] {
         self.end
     }
 }
 
-/// Places the mocap bodies at their poses `time` seconds after the beginning of the call.
+/// Sets the mocap frames of `kinematics` to their poses and velocities `time` seconds after the beginning of the call.
 pub fn pose_bodies<R: Real>(compiled: &LaneModel<R>, mocap_trajectories: &[MocapTrajectory<R>], time: R, kinematics: &mut Kinematics<R>) {
     if mocap_trajectories.is_empty() {
         return;

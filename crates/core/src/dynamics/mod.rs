@@ -1,4 +1,4 @@
-//! Smooth dynamics of trees of bodies: kinematics, the mass matrix, Newton-Euler, gyroscopic motion, the medium, mocap bodies.
+//! Smooth dynamics of articulated bodies: kinematics, mass matrix, Newton-Euler, gyroscopic motion, fluid forces and mocap bodies.
 
 pub mod fluid;
 pub mod frame_path;

@@ -1,4 +1,4 @@
-//! Step of a group, as other crates use it.
+//! Step of a group of environments, as other crates use it.
 
 use std::any::Any;
 use std::fmt;
@@ -12,24 +12,24 @@ use crate::integrators::recomputed::Recomputed;
 use crate::integrators::workspace::Workspace;
 use crate::options::StepSettings;
 
-/// Message of the panic for an evaluation without a solved step.
+/// Panic message for an evaluation before the step was solved.
 const UNSOLVED: &str = "a step is solved before it is evaluated";
 
-/// Visitor of the groups of a simulation, called by several threads at once.
+/// Visitor of the groups of a simulation. Several threads call it at once.
 pub trait GroupVisitor: Sync {
-    /// Visits the group whose first environment is `first`. The visitor may change `step`: the environments keep their state.
+    /// Visits the group whose first environment is `first`. The visitor may change `step`; the states of the environments do not change.
     fn visit<R: Real<Scalar = f64>>(&self, step: &mut GroupStep<R>, first: usize);
 }
 
-/// Step of a group of environments, in the lanes of `R`, with its compiled model and workspace.
+/// Step of a group of environments, in the lane type `R`: compiled model, settings and workspace.
 pub struct GroupStep<R: Real> {
     /// Compiled model with the parameters of the present group.
     pub(crate) compiled: LaneModel<R>,
     pub(crate) workspace: Workspace<R>,
-    /// Settings of the present call.
+    /// Step settings of the present call.
     pub(crate) settings: StepSettings,
     max_contacts: usize,
-    /// Nominal step, allocated at first use.
+    /// Nominal step, around which evaluations are made; allocated when it is first used.
     nominal: Option<Box<Nominal<R>>>,
     functions: Option<GroupFunctions<R>>,
     memory: Option<Box<dyn Any + Send>>,
@@ -43,7 +43,7 @@ type Displace<R> = fn(&mut Nominal<R>, &LaneModel<R>, &mut Workspace<R>, StatePa
 type FindChange<R> = fn(&Nominal<R>, &LaneModel<R>, &Workspace<R>, &mut [R]);
 type SeeGaps<R> = fn(&Nominal<R>, &LaneModel<R>, &Workspace<R>, u32, &mut dyn FnMut(Gap)) -> u32;
 
-/// Functions of a [`GroupStep`], compiled once in this crate: other crates call them and compile no stage.
+/// Functions of a [`GroupStep`], compiled in this crate. Other crates call them and therefore need not compile the stages.
 #[derive(Clone, Copy)]
 pub struct GroupFunctions<R: Real> {
     solve: SolveStep<R>,
@@ -55,7 +55,7 @@ pub struct GroupFunctions<R: Real> {
 }
 
 impl<R: Real> GroupFunctions<R> {
-    /// Functions of the lanes `R`.
+    /// Functions for the lane type `R`.
     pub(crate) fn new() -> Self {
         Self {
             solve: Nominal::solve,
@@ -75,7 +75,7 @@ impl<R: Real> fmt::Debug for GroupStep<R> {
 }
 
 impl<R: Real> GroupStep<R> {
-    /// Step of a compiled model. Without `functions` it cannot be lent.
+    /// Creates the step of a compiled model. Without `functions`, visitors cannot use it.
     pub(crate) fn new(compiled: LaneModel<R>, settings: &StepSettings, max_contacts: usize, functions: Option<GroupFunctions<R>>) -> Self {
         let workspace = Workspace::new(&compiled, settings, max_contacts);
         Self { compiled, workspace, settings: *settings, max_contacts, nominal: None, functions, memory: None }
@@ -89,7 +89,7 @@ impl<R: Real> GroupStep<R> {
         self.nominal.as_ref().expect(UNSOLVED)
     }
 
-    /// Lanes (bits) that are environments.
+    /// Lanes (bits) that have an environment.
     pub fn lanes(&self) -> u32 {
         self.workspace.alive.bits()
     }
@@ -99,7 +99,7 @@ impl<R: Real> GroupStep<R> {
         &self.settings
     }
 
-    /// Numbers of coordinates of a part of the state.
+    /// Number of coordinates of a part of the state: nv, na or nu.
     pub fn width(&self, part: StatePart) -> usize {
         match part {
             StatePart::Qpos | StatePart::Qvel => self.compiled.nv,
@@ -108,7 +108,7 @@ impl<R: Real> GroupStep<R> {
         }
     }
 
-    /// Makes the step from the state and the controls of the group, which are the nominal ones from now on.
+    /// Makes the step from the present state and controls of the group. These become the nominal state and controls.
     pub fn solve(&mut self) -> SolvedStep<R> {
         let functions = self.functions();
         self.finish();
@@ -125,9 +125,9 @@ impl<R: Real> GroupStep<R> {
         self.nominal().after.each_ref().map(|part| &part[..])
     }
 
-    /// Solves the problems of the nominal step again, from the nominal state, and shows the solutions to `rule`.
+    /// Evaluates the step again at the nominal state, with the solver. Passes every constraint problem with its solution to `rule`.
     ///
-    /// With MuJoCo's contact law the soft problem responds to displacements by itself, and `rule` is not called.
+    /// With MuJoCo's contact law the solver itself computes its response to displacements, and `rule` is not called.
     ///
     /// # Panics
     /// Before [`GroupStep::solve`].
@@ -137,7 +137,7 @@ impl<R: Real> GroupStep<R> {
         (functions.evaluate_nominal)(nominal.as_mut().expect(UNSOLVED), compiled, settings, workspace, rule)
     }
 
-    /// Displaces one coordinate of the state, or one control, from its nominal value, by an `offset` per lane.
+    /// Displaces coordinate `i` of a part of the state, or control `i`, from its nominal value by `offset`, one number per lane.
     ///
     /// # Panics
     /// Before [`GroupStep::solve`], and if there is no coordinate `i`.
@@ -147,8 +147,10 @@ impl<R: Real> GroupStep<R> {
         (functions.displace)(nominal.as_mut().expect(UNSOLVED), compiled, workspace, part, i, offset);
     }
 
-    /// Runs stages 1 to 8 at the present state with the impulses of `rule`, then returns to the nominal state. Returns whether contacts and
-    /// rows were computed for the present configuration. Otherwise those of the last evaluation are still valid.
+    /// Evaluates stages 1 to 8 at the present state with impulses from `rule`, then returns to the nominal state.
+    ///
+    /// Returns whether contacts and rows were recomputed for the present configuration. Otherwise those of the last evaluation are still
+    /// valid.
     ///
     /// # Panics
     /// Before [`GroupStep::solve`].
@@ -158,7 +160,8 @@ impl<R: Real> GroupStep<R> {
         (functions.evaluate)(nominal.as_mut().expect(UNSOLVED), compiled, settings, workspace, recomputed, rule)
     }
 
-    /// Writes the displacement from the nominal outcome to that of the last evaluation: configuration and velocity (nv each), activations.
+    /// Writes the displacement from the nominal outcome to that of the last evaluation to `out`: configuration (nv), velocity (nv),
+    /// activations (na).
     ///
     /// # Panics
     /// Before [`GroupStep::solve`], and if `out` has fewer or more than 2 nv + na numbers.
@@ -167,9 +170,7 @@ impl<R: Real> GroupStep<R> {
     }
 
     /// Calls `see` with the gaps at the last evaluation, in the lanes `lanes` (bits). Returns the lanes that have all overlaps of the
-    /// solution.
-    ///
-    /// With hard contact these are the gaps of contacts and limits that push in the nominal step. With MuJoCo's law, they are all gaps.
+    /// nominal solution.
     ///
     /// # Panics
     /// Before [`GroupStep::solve`].
@@ -177,19 +178,19 @@ impl<R: Real> GroupStep<R> {
         (self.functions().gaps)(self.nominal(), &self.compiled, &self.workspace, lanes, see)
     }
 
-    /// Ends the evaluations: rows follow the present gaps of contacts and limits again.
+    /// Ends the evaluations around the nominal step. Constraint rows then follow the present gaps of contacts and limits again.
     pub fn finish(&mut self) {
         if let Some(nominal) = &mut self.nominal {
             nominal.overlaps.release(&mut self.workspace);
         }
     }
 
-    /// Memory of a visitor, which [`GroupStep::store_memory`] stored; `None` if it is of another type.
+    /// Takes the data that a visitor stored with [`GroupStep::store_memory`]; `None` without data, or if it is of another type.
     pub fn take_memory<T: Any + Send>(&mut self) -> Option<Box<T>> {
         self.memory.take()?.downcast().ok()
     }
 
-    /// Stores the memory of a visitor for its next visit on the same thread.
+    /// Stores data of a visitor until its next visit on the same thread.
     pub fn store_memory<T: Any + Send>(&mut self, memory: Box<T>) {
         self.memory = Some(memory);
     }

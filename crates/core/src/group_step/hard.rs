@@ -1,4 +1,4 @@
-//! Evaluation of stages 1 to 8 with hard contact, with impulses that a rule sets in place of the solver.
+//! Evaluation of stages 1 to 8 with hard contact. A rule sets the impulses instead of the solver.
 
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::Settings;
@@ -32,31 +32,31 @@ use crate::stages::s08_stabilise::{PositionInput, damp_rows, find_correction};
 /// Nominal step with hard contact.
 #[derive(Clone, Debug)]
 pub(super) struct HardNominal<R: Real> {
-    /// Contacts of the step.
+    /// Contacts of the nominal step.
     contacts: Contacts<R>,
-    /// Gaps of the step's joint limits, negative beyond the end of a range, rad or m; NaN for limits that do not push.
+    /// Gaps of the joint limits in the nominal step, rad or m, negative beyond the end of a range; NaN for limits that do not push.
     limits: Vec<R>,
-    /// Velocity that the step expected.
+    /// Velocity after the nominal step that it predicted, nv.
     v_expected: Vec<R>,
     /// Lanes (bits) with a position correction.
     corrected: u32,
-    /// Whether a second solution corrects the positions.
+    /// Whether positions are corrected in a separate solve (split stabilisation).
     split: bool,
     /// Largest ratio of the position correction to its bounds in the last evaluation; 0 in lanes without a correction.
     correction: R,
-    /// Free velocity of the present rows.
+    /// Free velocity that the offsets of the present rows contain.
     v_free: Vec<R>,
     change: Vec<R>,
-    /// Scheme of the step, with the evaluation time of each lane.
+    /// Integration scheme of the step, with the evaluation time of each lane.
     scheme: Scheme<R>,
 }
 
-/// Treatment of the problems of an evaluation.
+/// Source of the impulses in an evaluation.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Pass {
-    /// The step's solver solves them.
+    /// The step's solver computes the impulses.
     Nominal,
-    /// The rule sets their impulses.
+    /// The rule sets the impulses.
     Displaced,
 }
 
@@ -76,7 +76,7 @@ impl<R: Real> HardNominal<R> {
         }
     }
 
-    /// Stores the solution of the step that was just made.
+    /// Stores the solution of the step that was just made, as the nominal step.
     pub(super) fn keep(&mut self, compiled: &LaneModel<R>, s: &Workspace<R>) {
         // The step has moved its contacts to the state.
         self.contacts.clone_from(&s.state.contacts);
@@ -91,7 +91,7 @@ impl<R: Real> HardNominal<R> {
         // A bouncing contact has other impulses in the position solve, or none.
         let mut bouncing = s.problem.euler_impact_lanes.or(s.problem.midpoint_impact_lanes()).bits();
         let prediction = self.scheme.predicts().then(|| {
-            // The time of an impact is found by iteration, to a fraction of the step.
+            // The time of an impact is found by iteration, up to a fraction of the step.
             bouncing |= s.evaluation.impacts.lanes.bits();
             Prediction {
                 drives_forces: depends_on_prediction(compiled),
@@ -103,14 +103,14 @@ impl<R: Real> HardNominal<R> {
         NominalEvaluation { bouncing, correction: self.correction, prediction }
     }
 
-    /// Largest difference of an expected velocity from that of the nominal step; NaN if any is NaN.
+    /// Largest difference of the predicted velocity `v_expected` from that of the nominal step, m/s or rad/s; NaN if any is NaN.
     fn prediction_difference(&self, v_expected: &[R]) -> R {
         R::vectorize(
             #[inline(always)]
             || {
                 let mut apart = R::zero();
                 for (&kept, &now) in self.v_expected.iter().zip(v_expected) {
-                    // This form propagates a NaN.
+                    // Unlike `max`, this propagates a NaN.
                     apart = R::select((kept - now).abs().le(apart), apart, (kept - now).abs());
                 }
                 apart
@@ -118,7 +118,7 @@ impl<R: Real> HardNominal<R> {
         )
     }
 
-    /// Calls `see` with the gaps of contacts and limits that push in the nominal step, in the lanes `lanes` (bits).
+    /// Calls `see` with the gaps of the contacts and limits that push in the nominal step, in the lanes `lanes` (bits).
     pub(super) fn each_gap(&self, compiled: &LaneModel<R>, s: &Workspace<R>, lanes: u32, see: &mut impl FnMut(bool, R, R, u32)) {
         let there = &s.evaluation.contacts;
         for lane in each_of(lanes) {
@@ -135,14 +135,14 @@ impl<R: Real> HardNominal<R> {
                 #[inline(always)]
                 || gap.eq(gap).bits(),
             );
-            // Few limits push.
+            // Usually few limits push.
             if lanes & pushing != 0 {
                 see(true, gap, limit_gap(compiled, i, &s.evaluation.q), lanes & pushing);
             }
         }
     }
 
-    /// Stages 1 to 8 from the present state.
+    /// Makes stages 1 to 8 from the present state. `pass` selects the source of the impulses.
     pub(super) fn evaluate(
         &mut self,
         compiled: &LaneModel<R>,
@@ -169,7 +169,7 @@ impl<R: Real> HardNominal<R> {
             advance(&free.v, &self.v_free, -R::one(), &mut self.change);
             shift_offsets(compiled, &free.smooth.mass, problem, &mut self.change, None, R::Mask::splat(true));
         } else {
-            // Stage 4 with the contacts of the step.
+            // Stage 4, with those contacts active that the nominal step has.
             assemble_problem(place, free, problem, velocity, builder, NoProbe);
             problem.activate_matching(velocity, &evaluation.contacts, &self.contacts);
         }
@@ -186,7 +186,7 @@ impl<R: Real> HardNominal<R> {
         }
     }
 
-    /// Stage 8 with the impulses of `pass`.
+    /// Makes stage 8, with impulses from the source `pass`.
     #[expect(clippy::too_many_arguments, reason = "the values of a step, one by one")]
     fn correct_positions(
         &mut self,
@@ -200,7 +200,7 @@ impl<R: Real> HardNominal<R> {
     ) {
         let Place { input: StepInput { compiled, options, .. }, evaluation: Evaluation { contacts, .. } } = place;
         if pass == Pass::Nominal {
-            // Zero equality errors, which the step does not correct, are no longer zero at a displaced state.
+            // Equality errors that are zero, and not corrected in the step, are nonzero at a displaced state.
             let ConstraintProblem { needs_position_solve, constrained, .. } = problem;
             self.corrected = if compiled.equalities.is_empty() { needs_position_solve.bits() } else { constrained.bits() };
             self.correction = R::zero();
@@ -232,10 +232,10 @@ impl<R: Real> HardNominal<R> {
         );
     }
 
-    /// Parts of the rows that must be recomputed for this displacement.
+    /// Parts of the constraint rows that must be recomputed after a displacement of this kind.
     ///
-    /// All rows, if forces change the mass matrix, as implicit servos or drag do. Otherwise a change of velocities changes the free
-    /// velocity alone, unless targets depend on the velocity before the step.
+    /// All rows are recomputed if forces change the mass matrix, as implicit servos or drag do. Otherwise a change of velocities only
+    /// changes the free velocity, unless target velocities depend on the velocity before the step.
     pub(super) fn rows_by(&self, compiled: &LaneModel<R>, recomputed: Recomputed) -> Recomputed {
         let plain = compiled.equalities.is_empty() && compiled.tendons.iter().all(|tendon| tendon.spring.is_none());
         match recomputed {
@@ -250,7 +250,7 @@ impl<R: Real> HardNominal<R> {
 }
 
 impl Pass {
-    /// Stage 5: impulses of the step, or of its prediction.
+    /// Computes or sets the impulses of the step, or of its prediction (`solve` selects which): stage 5.
     fn find_step_impulses<R: Real>(
         self,
         solve: Solve,
@@ -266,7 +266,7 @@ impl Pass {
         self.find_impulses(options, one, newton, problem.constrained, rule);
     }
 
-    /// Impulses of a problem, with rows in the lanes `constrained`.
+    /// Computes or sets the impulses of one problem, whose rows are in the lanes `constrained`.
     fn find_impulses<R: Real>(
         self,
         options: &StepSettings,
@@ -288,8 +288,8 @@ impl Pass {
     }
 }
 
-/// Whether the predicted velocity matters even at rest. Inertial forces are quadratic in it, but drag and driving forces are not. Dampers
-/// are implicit.
+/// Whether the predicted velocity has a first-order effect even at rest. Fluid drag and some servos do; inertial forces are quadratic in
+/// the velocity, and dampers are implicit.
 fn depends_on_prediction<R: Real>(compiled: &LaneModel<R>) -> bool {
     let pushes = |k: usize| {
         let ActuatorParams { gain, bias } = compiled.params.actuator(k);

@@ -1,4 +1,4 @@
-//! Overlaps of a solution, which displaced states keep while the step is evaluated near it.
+//! Storage of a solution's overlaps. Evaluations at displaced states use them instead of the present overlaps.
 
 use stepper_real::Real;
 
@@ -6,7 +6,7 @@ use crate::compile::LaneModel;
 use crate::constraints::solved_overlaps::SolvedOverlaps;
 use crate::integrators::workspace::Workspace;
 
-/// Overlaps of a solution; empty while rows follow them.
+/// Overlaps of a solution, for displaced states; empty while the workspace uses them.
 #[derive(Clone, Debug)]
 pub(super) struct HeldOverlaps<R: Real>(Option<Box<SolvedOverlaps<R>>>);
 
@@ -16,7 +16,7 @@ impl<R: Real> HeldOverlaps<R> {
         Self(Some(Box::new(SolvedOverlaps::new(compiled, max_contacts))))
     }
 
-    /// Makes rows follow the overlaps of the step that was just made, until they are released.
+    /// Stores the overlaps of the step that was just made in the workspace. Constraint rows follow them until [`HeldOverlaps::release`].
     pub(super) fn hold(&mut self, compiled: &LaneModel<R>, s: &mut Workspace<R>) {
         if let Some(mut overlaps) = self.0.take() {
             // The step has moved its contacts to the state.
@@ -25,7 +25,7 @@ impl<R: Real> HeldOverlaps<R> {
         }
     }
 
-    /// Makes rows follow the present overlaps again.
+    /// Takes the stored overlaps out of the workspace, so that constraint rows follow the present overlaps again.
     pub(super) fn release(&mut self, s: &mut Workspace<R>) {
         self.0 = s.evaluation.solved_overlaps.take().or_else(|| self.0.take());
     }

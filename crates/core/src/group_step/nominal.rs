@@ -19,7 +19,7 @@ use crate::options::{ContactLaw, StepSettings};
 use crate::probe::NoProbe;
 use crate::step::step;
 
-/// State before and after the nominal step, with the parts of its solution that evaluations keep.
+/// State before and after the nominal step, and the parts of its solution that evaluations use.
 #[derive(Clone, Debug)]
 pub(super) struct Nominal<R: Real> {
     /// Configuration, velocity, activations and controls before the step.
@@ -31,11 +31,11 @@ pub(super) struct Nominal<R: Real> {
     law: Law<R>,
 }
 
-/// Solution, by contact law.
+/// Solution of the nominal step, for each contact law.
 #[derive(Clone, Debug)]
 enum Law<R: Real> {
     Hard(Box<HardNominal<R>>),
-    /// Acceleration of the solution of MuJoCo's law.
+    /// MuJoCo's contact law: the acceleration of the solution, nv.
     Mujoco(Vec<R>),
 }
 
@@ -70,7 +70,7 @@ impl<R: Real> Nominal<R> {
         }
     }
 
-    /// Stores the solution of the step that was just made, and prepares the workspace for evaluations.
+    /// Stores the solution of the step that was just made as the nominal one, and prepares the workspace for evaluations.
     fn keep(&mut self, compiled: &LaneModel<R>, s: &mut Workspace<R>) {
         for (kept, now) in self.after.iter_mut().zip([&s.state.q, &s.state.v, &s.state.act]) {
             kept.copy_from_slice(now);
@@ -88,7 +88,7 @@ impl<R: Real> Nominal<R> {
         self.overlaps.hold(compiled, s);
     }
 
-    /// Makes the step and stores its solution.
+    /// Makes the step and stores its solution as the nominal one.
     pub(super) fn solve(&mut self, compiled: &LaneModel<R>, settings: &StepSettings, s: &mut Workspace<R>) -> SolvedStep<R> {
         self.store_beginning(s);
         let elapsed = s.state.elapsed;
@@ -102,7 +102,7 @@ impl<R: Real> Nominal<R> {
         SolvedStep { residual: record.residual, statuses, complete: s.alive.bits() & !broken }
     }
 
-    /// Evaluates the nominal step again, with its problems solved.
+    /// Evaluates the step again at the nominal state, with the solver.
     pub(super) fn evaluate_nominal(
         &mut self,
         compiled: &LaneModel<R>,
@@ -119,7 +119,7 @@ impl<R: Real> Nominal<R> {
         }
     }
 
-    /// Evaluates the step at the present state. Returns whether contacts and rows were recomputed.
+    /// Evaluates the step at the present, displaced state. Returns whether contacts and rows were recomputed.
     pub(super) fn evaluate(
         &mut self,
         compiled: &LaneModel<R>,
@@ -146,7 +146,7 @@ impl<R: Real> Nominal<R> {
         recomputed == Recomputed::Configuration
     }
 
-    /// Displaces one coordinate of the state.
+    /// Displaces coordinate `i` of a part of the state by `offset`, one number per lane.
     pub(super) fn displace(&mut self, compiled: &LaneModel<R>, s: &mut Workspace<R>, part: StatePart, i: usize, offset: R) {
         let Self { before, direction, .. } = self;
         match part {
@@ -161,7 +161,7 @@ impl<R: Real> Nominal<R> {
         }
     }
 
-    /// Computes the displacement from the nominal outcome to that of the last evaluation.
+    /// Computes the displacement from the nominal outcome to that of the last evaluation into `out`.
     pub(super) fn change(&self, compiled: &LaneModel<R>, s: &Workspace<R>, out: &mut [R]) {
         let after = &self.after;
         assert_eq!(out.len(), 2 * compiled.nv + compiled.na, "a change has the coordinates of the state");
@@ -192,7 +192,8 @@ impl<R: Real> Nominal<R> {
         )
     }
 
-    /// Calls `see` with the gaps at the last evaluation. Returns the lanes of `lanes` (bits) that have all overlaps of the solution.
+    /// Calls `see` with the gaps at the last evaluation. Returns the lanes of `lanes` (bits) that have all overlaps of the nominal
+    /// solution.
     pub(super) fn gaps(&self, compiled: &LaneModel<R>, s: &Workspace<R>, lanes: u32, see: &mut dyn FnMut(Gap)) -> u32 {
         let mut pair = |is_limit: bool, nominal: R, displaced: R, lanes: u32| {
             for lane in each_of(lanes) {

@@ -1,4 +1,4 @@
-//! Problems of an evaluation, the rule that sets their impulses, and the results of evaluations.
+//! Rule that sets the impulses of evaluations, the constraint problems that it gets, and the results of evaluations.
 
 use stepper_real::{Mask, Real};
 use stepper_solve::{Iterate, System};
@@ -8,10 +8,10 @@ use crate::constraints::ConstraintProblem;
 use crate::integrators::recomputed::Recomputed;
 use crate::math::lanes::MAX_LANES;
 
-/// Part of a state, or the controls.
+/// Part of the state, or the controls, that can be displaced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StatePart {
-    /// Displacements of the configuration, nv.
+    /// Configuration, displaced in the coordinates of velocities, nv.
     Qpos,
     /// Velocities, nv.
     Qvel,
@@ -22,7 +22,7 @@ pub enum StatePart {
 }
 
 impl StatePart {
-    /// Parts of a step that change when a coordinate of this kind is displaced.
+    /// Parts of a step that must be recomputed after a coordinate of this kind is displaced.
     pub fn recomputed(self) -> Recomputed {
         match self {
             Self::Qpos => Recomputed::Configuration,
@@ -32,44 +32,44 @@ impl StatePart {
     }
 }
 
-/// Solved step of a group.
+/// Result of the nominal step of a group.
 #[derive(Clone, Copy, Debug)]
 pub struct SolvedStep<R: Real> {
     /// Residual of the constraint problem, m/s.
     pub residual: R,
-    /// Flags of every lane, bits of [`Status`](crate::Status).
+    /// Flags of every lane, as bits of [`Status`](crate::Status).
     pub statuses: [u32; MAX_LANES],
-    /// Lanes (bits) whose step is finite, feasible and resolved, with all of its contacts.
+    /// Lanes (bits) whose step is finite, feasible and resolved, and has all of its contacts.
     pub complete: u32,
 }
 
-/// Solve within a step, in the order of the step.
+/// Solve within a step, in the order of the step: prediction, velocity, position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Solve {
-    /// Prediction of the velocity after the step, from which velocity-dependent forces follow.
+    /// Prediction of the velocity after the step, which determines velocity-dependent forces.
     Prediction,
-    /// Impulses of the step.
+    /// Solve for the impulses of the step.
     Velocity,
-    /// Impulses of the position correction.
+    /// Solve for the position correction.
     Position,
 }
 
-/// Problem of one solve, and the impulses that are its result.
+/// Constraint problem of one solve, and its impulses.
 #[derive(Debug)]
 pub struct ImpulseProblem<'a, R: Real> {
-    /// Solve of this problem.
+    /// Solve to which the problem belongs.
     pub solve: Solve,
-    /// Rows and targets.
+    /// Constraint rows and target velocities.
     pub system: System<'a, R>,
-    /// Impulses.
+    /// Impulses of the problem, which the solver or the rule sets.
     pub impulses: &'a mut Iterate<R>,
-    /// Lanes (bits) that the step solves.
+    /// Lanes (bits) in which the step solves the problem.
     pub lanes: u32,
-    /// Names of the constraints.
+    /// Names that identify the constraints in the problems of other states.
     pub names: ConstraintNames<'a, R>,
 }
 
-/// Names that identify the constraints of a problem in the problems of other states.
+/// Names of the constraints of a problem. A constraint has the same name in the problems of other states.
 #[derive(Clone, Copy, Debug)]
 pub struct ConstraintNames<'a, R: Real> {
     pub(super) problem: &'a ConstraintProblem<R>,
@@ -77,11 +77,11 @@ pub struct ConstraintNames<'a, R: Real> {
 }
 
 impl<R: Real> ConstraintNames<'_, R> {
-    /// Name where a lane has no constraint.
+    /// Name for a lane without a constraint at this place.
     const NOBODY: u64 = u64::MAX;
 
-    /// Name of constraint `i` of a kind in one lane. The kinds are scalar rows (0), sliding contacts (1), and contacts with torsional or
-    /// rolling friction.
+    /// Name of constraint `i` of a kind in one lane. The kinds are scalar rows (0), contacts with sliding friction (1), and contacts with
+    /// torsional or rolling friction (2).
     pub fn of(&self, kind: usize, i: usize, lane: usize) -> u64 {
         let Self { problem, contacts } = self;
         let (k, lanes) = match kind {
@@ -93,47 +93,47 @@ impl<R: Real> ConstraintNames<'_, R> {
     }
 }
 
-/// Rule that sets the impulses of evaluations.
+/// Rule that sets the impulses of evaluations at displaced states.
 pub trait ImpulseRule<R: Real> {
-    /// Sees a problem of the nominal state with its solution and the residual, m/s.
+    /// Receives a problem at the nominal state with its solution. `residual` is the solver's residual, m/s.
     fn keep(&mut self, problem: ImpulseProblem<'_, R>, residual: R);
-    /// Sets the impulses of the same solve at another state.
+    /// Sets the impulses of the same solve at a displaced state.
     fn set(&mut self, problem: ImpulseProblem<'_, R>);
 }
 
-/// Conditions under which an evaluation at the nominal state is the nominal step.
+/// Comparison of an evaluation at the nominal state with the nominal step: conditions under which they agree.
 #[derive(Clone, Copy, Debug)]
 pub struct NominalEvaluation<R: Real> {
-    /// Lanes (bits) with a contact that bounces or an impact within the step.
+    /// Lanes (bits) with a bouncing contact or an impact within the step.
     pub bouncing: u32,
     /// Largest ratio of the position correction to its bounds; 0 in lanes without a correction.
     pub correction: R,
-    /// Prediction, if velocity-dependent forces use one.
+    /// Prediction of the velocity; `None` if no force of the step uses one.
     pub prediction: Option<Prediction<R>>,
 }
 
 /// Prediction of the velocity after the step, in the evaluation at the nominal state.
 #[derive(Clone, Copy, Debug)]
 pub struct Prediction<R: Real> {
-    /// Whether forces other than inertial ones depend on it, as drag and some servos do.
+    /// Whether forces other than inertial ones depend on the prediction, such as drag and some servos.
     pub drives_forces: bool,
-    /// Lanes (bits) that solve for it. Lanes at rest predict with the impulses of the previous step.
+    /// Lanes (bits) that solve for the prediction. Lanes at rest predict with the impulses of the previous step.
     pub solved: u32,
-    /// Largest difference from the velocity that the nominal step predicted, m/s or rad/s. NaN if any is NaN.
+    /// Largest difference from the prediction of the nominal step, m/s or rad/s. NaN if any is NaN.
     pub difference: R,
-    /// Largest motion of a coordinate within the step at the velocity before it, m or rad.
+    /// Largest displacement of a coordinate within the step at the velocity before it, m or rad.
     pub motion: R,
 }
 
-/// Gap of a contact or a limit, at the nominal state and at a displaced one.
+/// Gap of a contact or limit: its distance at the nominal state and at a displaced state.
 #[derive(Clone, Copy, Debug)]
 pub struct Gap {
     /// Lane of the gap.
     pub lane: usize,
-    /// Whether it is the gap of a limit.
+    /// Whether the gap belongs to a limit; otherwise to a contact.
     pub is_limit: bool,
-    /// Distance at the nominal state, m or rad, negative for an overlap. Infinite for a contact that is not there.
+    /// Distance at the nominal state, m or rad, negative for an overlap. Infinite for a contact that the nominal state does not have.
     pub nominal: f64,
-    /// Distance at the displaced state, m or rad.
+    /// Distance at the displaced state, m or rad, negative for an overlap.
     pub displaced: f64,
 }

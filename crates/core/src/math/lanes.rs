@@ -1,9 +1,9 @@
-//! Numbers of a group of lanes, interleaved (entry i of lane l is at `i * lanes + l`), and sets of lanes, one bit each.
+//! Lane-interleaved values (entry i of lane l is at `i * lanes + l`), and sets of lanes as bits.
 
 /// Largest number of lanes of a group.
 pub const MAX_LANES: usize = 32;
 
-/// Lanes `first` to `first + n` of lane-interleaved numbers.
+/// Copies the lanes `first` to `first + n`, exclusive, of lane-interleaved values.
 pub(crate) fn columns<T: Copy>(rows: &[T], lanes: usize, first: usize, n: usize) -> Vec<T> {
     if n == lanes {
         return rows.to_vec();
@@ -15,16 +15,16 @@ pub(crate) fn columns<T: Copy>(rows: &[T], lanes: usize, first: usize, n: usize)
     out
 }
 
-/// Destination lanes in a group of lanes, to which the columns (numbers of one lane each) of another group are copied.
+/// Destination lanes in a group, to which the columns (the values of one lane each) of another group are copied.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Target {
     /// Consecutive lanes from this index on, one for each copied column.
     From(usize),
-    /// All lanes of this set (bits), each with a copy of the first column.
+    /// All lanes of this set (bits). Each gets a copy of the first column.
     Each(u32),
 }
 
-/// Writes `n` columns to some lanes of lane-interleaved numbers.
+/// Writes `n` columns to the destination lanes of lane-interleaved values.
 pub(crate) fn set_columns<T: Copy>(rows: &mut [T], lanes: usize, to: Target, n: usize, columns: &[T]) {
     for (row, column) in rows.chunks_exact_mut(lanes).zip(columns.chunks_exact(n)) {
         match to {
@@ -34,12 +34,12 @@ pub(crate) fn set_columns<T: Copy>(rows: &mut [T], lanes: usize, to: Target, n: 
     }
 }
 
-/// Bits `first` to `first + n` of a set of lanes.
+/// Bits `first` to `first + n`, exclusive, of a set of lanes.
 pub(crate) fn lane_bits(set: u32, first: usize, n: usize) -> u32 {
     (u64::from(set) >> first) as u32 & ((1u64 << n) - 1) as u32
 }
 
-/// Replaces the bits of some lanes of a set of lanes by those of `n` others.
+/// Replaces the bits of the destination lanes in a set of lanes by the `n` lowest bits of `bits`.
 pub(crate) fn set_lane_bits(set: &mut u32, to: Target, n: usize, bits: u32) {
     let (there, bits) = match to {
         Target::From(first) => ((((1u64 << n) - 1) as u32) << first, bits << first),
@@ -48,7 +48,7 @@ pub(crate) fn set_lane_bits(set: &mut u32, to: Target, n: usize, bits: u32) {
     *set = *set & !there | bits;
 }
 
-/// Lanes of a set, ascending.
+/// Indices of the lanes in a set (bits), ascending.
 #[inline(always)]
 pub(crate) fn each_of(mut set: u32) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
@@ -58,7 +58,7 @@ pub(crate) fn each_of(mut set: u32) -> impl Iterator<Item = usize> {
     })
 }
 
-/// Adds one in the lanes of a set.
+/// Adds one to the counts of the lanes in a set (bits).
 #[inline(always)]
 pub(crate) fn count(set: u32, counts: &mut [u32]) {
     for lane in each_of(set) {
@@ -66,19 +66,19 @@ pub(crate) fn count(set: u32, counts: &mut [u32]) {
     }
 }
 
-/// Ring of samples among the numbers of an environment: sample k of `width` numbers is at `at + k * width`.
+/// Delay line: ring buffer of samples among the stored values of an environment. Sample k of `width` values is at `at + k * width`.
 #[derive(Clone, Copy, Debug)]
 pub struct DelayLine {
-    /// Address of the line's first number.
+    /// Address of the line's first value.
     pub at: usize,
-    /// Number of samples; 0 without a line.
+    /// Number of samples; 0 without a delay line.
     pub samples: usize,
-    /// Length of a sample.
+    /// Number of values in a sample.
     pub width: usize,
 }
 
 impl DelayLine {
-    /// Rotates the line of one environment, so that its newest sample moves from number `newest` to number `place`.
+    /// Rotates the delay line of one environment, so that its newest sample moves from index `newest` to index `place`.
     pub(crate) fn turn<T>(&self, numbers: &mut [T], newest: u32, place: u32) {
         if self.samples > 0 {
             let by = (place as usize + self.samples - newest as usize) % self.samples;

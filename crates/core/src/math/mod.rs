@@ -1,4 +1,4 @@
-//! Mathematics without bodies: vectors, rotations and spatial algebra over lanes, interleaved numbers, random numbers.
+//! Mathematics: vectors, rotations and spatial algebra over lanes, interleaved values, and random numbers.
 
 pub mod lanes;
 pub mod precision;

@@ -1,21 +1,21 @@
-//! Random numbers without a state: Philox4x32-10 (Salmon, Moraes, Dror and Shaw 2011, "Parallel random numbers: as easy as 1, 2, 3",
-//! section 3.3).
+//! Counter-based random numbers: Philox4x32-10 (Salmon, Moraes, Dror and Shaw 2011, "Parallel random numbers: as easy as 1, 2, 3", section
+//! 3.3).
 //!
-//! It maps a 128-bit counter and a 64-bit key to four 32-bit numbers. Every lane has a separate counter.
+//! The function maps a 128-bit counter and a 64-bit key to four 32-bit numbers, without a state. Every lane has a separate counter.
 
 use stepper_real::{Real, Scalar};
 
 use crate::math::lanes::MAX_LANES;
 
 const MULTIPLIERS: [u64; 2] = [0xD251_1F53, 0xCD9E_8D57];
-/// Golden ratio and sqrt(3) - 1: the increments of the keys from round to round.
+/// Increments of the two key words from round to round: golden ratio and sqrt(3) - 1.
 const WEYL: [u64; 2] = [0x9E37_79B9, 0xBB67_AE85];
 const ROUNDS: usize = 10;
 
-/// 32-bit number in every lane.
+/// One 32-bit number per lane.
 pub type Word = [u32; MAX_LANES];
 
-/// Philox4x32-10 of `counter` under `key` in the first `lanes` lanes.
+/// Four random words of Philox4x32-10 for a counter and a key, in the first `lanes` lanes.
 #[inline(always)]
 pub fn philox4x32_10(counter: &[Word; 4], key: &[Word; 2], lanes: usize) -> [Word; 4] {
     const LOWER: u64 = 0xFFFF_FFFF;
@@ -36,7 +36,8 @@ pub fn philox4x32_10(counter: &[Word; 4], key: &[Word; 2], lanes: usize) -> [Wor
     out
 }
 
-/// Numbers from the lanes' words. They go through an array, because the compiler vectorises an array but not lanes that are set one by one.
+/// Converts the words of all lanes to numbers. They go through an array, because the compiler vectorises an array but not lanes that are
+/// set one by one.
 #[inline(always)]
 fn each<R: Real>(word: &Word, number: impl Fn(u32) -> f64) -> R {
     let mut out = [R::Scalar::default(); MAX_LANES];
@@ -46,14 +47,14 @@ fn each<R: Real>(word: &Word, number: impl Fn(u32) -> f64) -> R {
     R::load(&out)
 }
 
-/// Uniform numbers in (0, 1), symmetric about 1/2: the middles of 2^32 equal intervals, rounded to the lanes' precision.
+/// Uniform random numbers in (0, 1), symmetric about 1/2: the midpoints of 2^32 equal intervals, rounded to the lanes' precision.
 #[inline(always)]
 pub fn uniform<R: Real>(word: &Word) -> R {
     let x: R = each(word, f64::from);
     x * R::of(1.0 / 4_294_967_296.0) + R::of(0.5 / 4_294_967_296.0)
 }
 
-/// Words shifted to the left, as signed numbers.
+/// Words shifted to the left by `shift` bits, as signed numbers.
 #[inline(always)]
 fn signed<R: Real>(word: &Word, shift: u32) -> R {
     each(
@@ -63,13 +64,13 @@ fn signed<R: Real>(word: &Word, shift: u32) -> R {
     )
 }
 
-/// Two independent standard normal numbers of two words (Box and Muller 1958). The largest is 6.7.
+/// Two independent standard normal numbers from two words (Box and Muller 1958). The largest is 6.7.
 ///
 /// They are sqrt(-ln u) (cos a - sin a) and sqrt(-ln u) (cos a + sin a) with two signs: the point at pi/4 + a of the first quadrant,
 /// mirrored. The two upper bits of the angle's word are the signs, the others a in (-pi/4, pi/4).
 #[inline(always)]
 pub fn normals<R: Real>(radius: &Word, angle: &Word) -> [R; 2] {
-    /// Scale pi/4 over 2^31.
+    /// Angle per unit of the shifted word: pi/4 divided by 2^31, rad.
     const UNIT: f64 = std::f64::consts::FRAC_PI_4 / 2_147_483_648.0;
     let r = (-uniform::<R>(radius).ln_normal()).sqrt();
     let (a, first, second): (R, R, R) = (signed(angle, 2), signed(angle, 0), signed(angle, 1));

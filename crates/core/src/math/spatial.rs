@@ -7,12 +7,13 @@ use stepper_real::Real;
 
 pub use stepper_geometry::linear_algebra::*;
 
-/// Spatial motion (omega, v at the reference point) or force (moment about the reference point, force).
+/// Spatial motion (angular velocity, velocity at the reference point) or spatial force (moment about the reference point, force), in world
+/// axes.
 pub type V6<R> = [R; 6];
-/// Rigid-body inertia about the reference point: mass, first moment (3), second moment xx, yy, zz, xy, xz, yz.
+/// Rigid-body inertia about the reference point: mass (1), first moment of mass (3), second moment xx, yy, zz, xy, xz, yz (6).
 pub type Inertia<R> = [R; 10];
 
-/// Power of a force on a motion.
+/// Scalar product of a spatial motion and a spatial force: power.
 #[inline(always)]
 pub fn dot6<R: Real>(a: V6<R>, b: V6<R>) -> R {
     (a[0] * b[0] + a[1] * b[1] + a[2] * b[2]) + (a[3] * b[3] + a[4] * b[4] + a[5] * b[5])
@@ -30,31 +31,31 @@ pub fn linear<R: Real>(a: &V6<R>) -> V3<R> {
     [a[3], a[4], a[5]]
 }
 
-/// Spatial vector (angular, linear).
+/// Spatial vector from its angular part `w` and its linear part `v`.
 #[inline(always)]
 pub fn spatial<R: Real>(w: V3<R>, v: V3<R>) -> V6<R> {
     [w[0], w[1], w[2], v[0], v[1], v[2]]
 }
 
-/// Velocity of the point at `r` from the reference point.
+/// Velocity of the point at `r`, relative to the reference point, in a spatial motion.
 #[inline(always)]
 pub fn velocity_at<R: Real>(motion: &V6<R>, r: V3<R>) -> V3<R> {
     add(linear(motion), cross(angular(motion), r))
 }
 
-/// Motion cross motion: the rate of `m` while `v` carries it (Featherstone 2008, eq. 2.31).
+/// Cross product of two spatial motions: time derivative of `m` if it moves with `v` (Featherstone 2008, eq. 2.31).
 #[inline(always)]
 pub fn cross_motion<R: Real>(v: &V6<R>, m: &V6<R>) -> V6<R> {
     spatial(cross(angular(v), angular(m)), add(cross(angular(v), linear(m)), cross(linear(v), angular(m))))
 }
 
-/// Motion cross force (Featherstone 2008, eq. 2.32).
+/// Cross product of a spatial motion and a spatial force (Featherstone 2008, eq. 2.32).
 #[inline(always)]
 pub fn cross_force<R: Real>(v: &V6<R>, f: &V6<R>) -> V6<R> {
     spatial(add(cross(angular(v), angular(f)), cross(linear(v), linear(f))), cross(angular(v), linear(f)))
 }
 
-/// Momentum I m of the motion m.
+/// Spatial momentum of a rigid body: inertia `i` times motion `m`.
 #[inline(always)]
 pub fn apply_inertia<R: Real>(i: &Inertia<R>, m: &V6<R>) -> V6<R> {
     let first = [i[1], i[2], i[3]];
@@ -66,7 +67,7 @@ pub fn apply_inertia<R: Real>(i: &Inertia<R>, m: &V6<R>) -> V6<R> {
 
 /// Inertia about the reference point of a body with mass `m`, kg, and centre of mass at `r` from the reference point, m.
 ///
-/// `c` is the central inertia (xx, yy, zz, xy, xz, yz) in the frame `x`, kg m^2.
+/// `c` is the inertia about the centre of mass (xx, yy, zz, xy, xz, yz) in the axes `x`, kg m^2.
 #[inline(always)]
 pub fn inertia_at<R: Real>(m: R, c: [R; 6], x: &M3<R>, r: V3<R>) -> Inertia<R> {
     let local = [c[0], c[3], c[4], c[3], c[1], c[5], c[4], c[5], c[2]];

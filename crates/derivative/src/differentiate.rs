@@ -1,4 +1,4 @@
-//! Derivatives of a step at the modes of its solution, of all environments at once.
+//! Derivatives of a step in all environments at once, with the contact modes (open, sticking, slipping) of its solution.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -9,8 +9,8 @@ use stepper_real::Real;
 use crate::rows::{DerivativeQuery, DerivativeRows, check_length};
 use crate::step_derivative::StepDerivative;
 
-/// Differentiates the step from the present state with the controls `ctrl`, (num_envs, nu), by the implicit function theorem. The state
-/// stays the same.
+/// Computes the derivatives of the step from the present state with the controls `ctrl`, (num_envs, nu), by the implicit function theorem.
+/// The state does not change.
 ///
 /// # Errors
 /// [`Error::Option`] for settings without implicit derivatives, [`Error::Length`] for arrays of the wrong length, [`Error::Threads`]
@@ -41,10 +41,10 @@ pub fn differentiate(sim: &mut Simulation, ctrl: &[f64], query: &DerivativeQuery
     sim.visit_groups(ctrl, query.tolerance, &visitor)
 }
 
-/// Visitor that differentiates the step of each group.
+/// Visitor that computes the derivatives of the step of each group.
 struct Differentiation<'a> {
     query: DerivativeQuery<'a>,
-    /// Results of each environment. One group alone has an environment, so that no thread waits.
+    /// Results of each environment. Each environment belongs to one group, so that no thread waits for a lock.
     rows: Vec<Mutex<DerivativeRows<'a>>>,
 }
 
@@ -59,7 +59,7 @@ impl GroupVisitor for Differentiation<'_> {
     }
 }
 
-/// Checks that the settings have implicit derivatives: the step must have one solution that determines all else.
+/// Checks that a step with these settings has implicit derivatives: one solution must determine its whole result.
 fn check_settings(sim: &Simulation) -> Result<(), Error> {
     let StepSettings { contact, integrator, .. } = *sim.settings();
     let wrong = |name, found: &str, must| Err(Error::Option { name, found: found.to_owned(), must });

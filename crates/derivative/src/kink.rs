@@ -1,18 +1,18 @@
-//! Flags of kinks near a step, as Python's `stepper.derivatives.Kink` has them.
+//! Flags of kinks near a step: changes at which the step is not differentiable. They are Python's `stepper.derivatives.Kink`.
 
-/// Contacts that push in one step and not in the other.
+/// Contacts that push at one of the compared states and not at the other.
 pub const CONTACT: u32 = 1;
-/// Contacts that stick in one step and slip in the other.
+/// Contacts that stick at one of the compared states and slip at the other.
 pub const SLIP: u32 = 2;
-/// Contacts or limits that are open in one step and overlap in the other.
+/// Contacts or limits that are open at one of the compared states and overlap at the other.
 pub const GAP: u32 = 4;
-/// Joints that are at a limit in one step only.
+/// Joints that are at a limit at only one of the compared states.
 pub const LIMIT: u32 = 8;
-/// Joints that dry friction holds in one step only.
+/// Joints that dry friction holds at only one of the compared states.
 pub const DRY_FRICTION: u32 = 16;
-/// Actuators at the bound of their effort.
+/// Actuators whose force is at its bound at only one of the compared states.
 pub const SATURATION: u32 = 32;
-/// Slopes that differ between the two sides.
+/// Derivatives that differ between the two sides of the nominal state.
 pub const SLOPE: u32 = 64;
-/// Step that was not solved, not finite, or too long for its motion.
+/// Step that was not solved, not finite, or too long for its motion, so that its derivative is unreliable.
 pub const UNSOLVED: u32 = 128;

@@ -1,9 +1,9 @@
-//! Kinks of a step, from the active sets of an environment and its perturbed copies.
+//! Search for kinks of a step: compares the active sets of an environment and its perturbed copies.
 //!
-//! A step with contact is differentiable if all copies have the same active set. These are the contacts that push, stick and slip, the
-//! joints at their limits or held by dry friction, and the saturated actuators. Copies that differ have a kink between them. Its distance,
-//! in widths of the difference, follows to first order from numbers that are zero at a switch. Examples are a normal force, the margin to a
-//! bound of friction, and a gap.
+//! A step with contact is differentiable if all copies have the same active set. The active set lists contacts that push, stick and slip,
+//! joints at their limits or held by dry friction, and saturated actuators. Between copies with different active sets is a kink. The
+//! distance of the kink, as a multiple of the perturbation, follows to first order from switch values. A switch value is a quantity that is
+//! zero at a kink, such as a normal force, the margin to a bound of friction, or a gap.
 
 use std::cmp::Ordering;
 
@@ -13,69 +13,69 @@ use stepper_core::{Contact, ContactLaw, Error, Model, Parameter, Simulation, Sta
 use crate::kink::*;
 use crate::rows::check_length;
 
-/// Kinds of kinks with a list to compare.
+/// Flags of the kinds of kinks for which [`ActiveSet`] has a list of active constraints.
 const LISTED: [u32; 6] = [CONTACT, SLIP, GAP, LIMIT, DRY_FRICTION, SATURATION];
 
-/// Normal force above which a contact counts as pushing, relative to the largest of the environment.
+/// Ratio of a normal force to the largest one of the environment above which the contact counts as pushing.
 const PUSHES: f64 = 1e-9;
-/// Distance of friction from its bound below which a contact counts as slipping, as a fraction of the bound. Solutions are on the bound to
-/// 1e-12.
+/// Distance of friction from its bound below which a contact counts as slipping, as a fraction of the normal force. Evidence: solutions are
+/// on the bound to 1e-12.
 const SLIPS: f64 = 1e-6;
-/// Distance from the end of its range at which a joint counts as being at its limit, rad or m. The position solve of a step ends within
-/// 1e-7.
+/// Distance from the end of its range below which a joint counts as at its limit, rad or m. Evidence: the position solve of a step ends
+/// within 1e-7.
 const AT_LIMIT: f64 = 1e-6;
-/// Speed below which dry friction holds a joint, m/s or rad/s.
+/// Joint speed below which dry friction counts as holding the joint, m/s or rad/s.
 const HELD: f64 = 1e-9;
 
-/// Perturbed copies of environments in a batch, and the inputs of their comparison besides the state.
+/// Layout of the perturbed copies of environments in a batch, and the inputs of their comparison.
 ///
-/// Environment row e * count + k is copy k of environment e. Copy 0 is the environment. Copy 1 + side * columns + column is perturbed along
-/// a column, on one of at most two sides. Copies behind those are only compared.
+/// Environment e * count + k of the batch is copy k of environment e. Copy 0 is unperturbed. Copy 1 + side * columns + column is perturbed
+/// in one coordinate (column), on one of at most two sides. Further copies are compared, but give no distance.
 #[derive(Clone, Copy, Debug)]
 pub struct PerturbedCopies<'a> {
-    /// Copies of each environment.
+    /// Number of copies of each environment, including the unperturbed one.
     pub count: usize,
-    /// Number of columns.
+    /// Number of coordinates that are perturbed (columns of the derivative).
     pub columns: usize,
-    /// Sides on which a column has a copy: 2, or 1.
+    /// Number of sides on which each coordinate has a perturbed copy, 1 or 2.
     pub sides: usize,
-    /// Whether both copies of a column are on one side, at one and two widths, (environments, columns).
+    /// Whether both copies of a column are on one side, at one and two times the perturbation, (environments, columns).
     pub one_sided: &'a [bool],
-    /// Places in qpos and qvel of the joints whose limits are read.
+    /// Addresses in qpos and qvel of the joints whose limits are compared.
     pub limited: &'a [[usize; 2]],
-    /// Ranges of these joints, (num_envs, joints, 2) or (joints, 2) for all.
+    /// Ranges of the joints `limited`, (num_envs, joints, 2), or (joints, 2) for all environments.
     pub ranges: &'a [f64],
-    /// Positions of these joints at which the step evaluated their limits, (num_envs, joints).
+    /// Positions of the joints `limited` at which the step evaluated their limits, (num_envs, joints).
     pub limit_positions: &'a [f64],
-    /// Degrees of freedom whose dry friction is read.
+    /// Degrees of freedom whose dry friction is compared.
     pub rubbing: &'a [usize],
-    /// Whether gaps and overlaps have the same target velocity.
+    /// Whether gaps and overlaps have the same target velocity, so that a closing gap is no kink.
     pub smooth_at_rest: bool,
-    /// Residual above which a step counts as not solved, m/s.
+    /// Residual above which a step counts as unsolved, m/s.
     pub tolerance: f64,
 }
 
-/// Kinks between the copies of environments.
+/// Result of the search for kinks between copies of environments.
 #[derive(Clone, Debug)]
 pub struct Kinks {
-    /// Flags of every column, (environments, columns), as Python's `stepper.derivatives.Kink` has them.
+    /// Flags of every column, (environments, columns), see [`kink`](crate::kink).
     pub causes: Vec<u32>,
-    /// Distance to the nearest kink with a known distance, as a multiple of the finite difference's step; infinite without any.
+    /// Distance to the nearest kink in each environment, as a multiple of the perturbation; infinite if no distance is known.
     pub distance: Vec<f64>,
 }
 
-/// Active set of one environment.
+/// Active set of one environment: its active constraints, and the switch values that are zero at a kink.
 #[derive(Clone, Debug, Default)]
 struct ActiveSet {
-    /// Indices of the active constraints, for each of [`LISTED`].
+    /// Indices of the active constraints, one list for each flag in [`LISTED`].
     lists: [Vec<usize>; 6],
-    /// Numbers that are zero at a switch, NaN where there are none: three for every contact that pushes, then those of the joints.
+    /// Switch values, which are zero at a kink, or NaN: three for every contact that pushes. Below them those of the joints.
     contacts: Vec<[f64; 3]>,
     joints: Vec<f64>,
     unsolved: bool,
 }
 
-/// Compares copies of environments after a step.
+/// Finds the kinks between perturbed copies of environments, after a step.
 ///
 /// # Errors
 /// [`Error::Length`] for an array of the wrong length; [`Error::Element`] for a degree of freedom that does not exist.
@@ -85,7 +85,7 @@ pub fn find_kinks(sim: &Simulation, copies: &PerturbedCopies<'_>) -> Result<Kink
     let environments = sim.num_envs() / count;
     let mut kinks = Kinks { causes: vec![0; environments * columns], distance: vec![f64::INFINITY; environments] };
     let (mut nominal, mut copy) = (ActiveSet::default(), ActiveSet::default());
-    // Changes of the numbers from the nominal environment, of the copies at one or both sides of each column.
+    // Changes of the switch values from the unperturbed copy to the copies on the first side of each column.
     let mut first = vec![Vec::new(); columns];
     for e in 0..environments {
         read_active_set(sim, copies, e * count, &mut nominal);
@@ -99,7 +99,7 @@ pub fn find_kinks(sim: &Simulation, copies: &PerturbedCopies<'_>) -> Result<Kink
             let differs = nominal.difference(&copy);
             causes[column] |= differs | if copy.unsolved { UNSOLVED } else { 0 };
             if differs != 0 {
-                // A switch between the copies is within their reach, whatever the first-order estimate from the nominal copy is.
+                // A kink between the copies is within one perturbation, independent of the first-order estimate.
                 *distance = distance.min(1.0);
             }
             let side = (k - 1) / columns;
@@ -144,7 +144,7 @@ fn read_active_set(sim: &Simulation, copies: &PerturbedCopies<'_>, env: usize, o
     let status = sim.status(env);
     let harmful = Status::NON_FINITE | Status::CONTACTS_FULL | Status::UNRESOLVED | Status::INFEASIBLE;
     let loose = sim.certificate(env).residual > copies.tolerance;
-    // The differences are made for steps with this residual, so that it does no harm, however small the tolerance was.
+    // Differences are computed for steps with this residual, so that a larger residual than the options' tolerance is acceptable.
     out.unsolved = status.intersects(harmful) || (loose && status.intersects(Status::NOT_CONVERGED));
     read_contacts(sim, copies, env, hard, out);
     read_joints(sim, copies, env, hard, out);
@@ -202,10 +202,10 @@ fn read_joints(sim: &Simulation, copies: &PerturbedCopies<'_>, env: usize, hard:
     }
 }
 
-/// Friction of the contacts of one environment.
+/// Friction parameters of the contacts in one environment.
 struct ContactFriction<'a> {
     model: &'a Model,
-    /// Per-environment numbers of geoms (ngeom, 3) and of pairs (npair, 3).
+    /// Per-environment friction of geoms (ngeom, 3), and below it of pairs (npair, 3); `None` if the model's apply.
     geoms: Option<&'a [f64]>,
     pairs: Option<&'a [f64]>,
 }
@@ -224,7 +224,7 @@ fn contact_friction(sim: &Simulation, env: usize) -> ContactFriction<'_> {
 }
 
 impl ContactFriction<'_> {
-    /// Contact dimension (condim) of two geoms, and their friction coefficients: sliding, torsional, rolling.
+    /// Contact dimension (condim) of two geoms, and their sliding, torsional and rolling friction coefficients.
     fn of(&self, geoms: [usize; 2]) -> (u8, [f64; 3]) {
         let explicit = |pair: &Pair| pair.geoms == geoms || pair.geoms == [geoms[1], geoms[0]];
         let row = |own: &[f64], i: usize| [own[3 * i], own[3 * i + 1], own[3 * i + 2]];
@@ -241,9 +241,9 @@ impl ContactFriction<'_> {
         }
     }
 
-    /// Margin of a contact to slipping, N: its normal force minus the least one at which its friction loads cause no slip.
+    /// Margin of a contact to slipping, N: its normal force minus the smallest normal force at which it would not slip.
     ///
-    /// The margin is zero (up to rounding) while the contact slips, and infinite for a contact without friction.
+    /// The margin is zero (within rounding) while the contact slips, and infinite for a contact without friction.
     fn slack(&self, Contact { geoms, force, torque, .. }: &Contact) -> f64 {
         let (condim, mu) = self.of(*geoms);
         if condim == 1 {
@@ -254,7 +254,7 @@ impl ContactFriction<'_> {
     }
 }
 
-/// Row of one environment in an array with a row for each, or with one row for all.
+/// Row of environment `env` in an array with one row per environment, or with one row for all.
 fn row_of(all: &[f64], env: usize, width: usize) -> &[f64] {
     if all.len() == width { all } else { &all[env * width..(env + 1) * width] }
 }
@@ -267,34 +267,34 @@ impl ActiveSet {
         self.unsolved = false;
     }
 
-    /// Flags of the kinds of constraints ([`LISTED`], combined by OR) whose active ones differ between the two sets.
+    /// Flags of the kinds of constraints in [`LISTED`] for which the active constraints of the two sets differ.
     fn difference(&self, other: &Self) -> u32 {
         let pairs = self.lists.iter().zip(&other.lists).zip(LISTED);
         pairs.fold(0, |flags, ((own, other), flag)| if own == other { flags } else { flags | flag })
     }
 
-    /// Numbers of the set `of`, for the contacts of this set and then for the joints; NaN for contacts that `of` does not have.
+    /// Switch values of the set `of`: for each contact of this set, then for the joints; NaN for contacts that `of` does not have.
     fn numbers<'a>(&self, of: &'a Self) -> impl Iterator<Item = f64> + 'a {
         let contacts = (0..self.contacts.len()).flat_map(|i| of.contacts.get(i).copied().unwrap_or([f64::NAN; 3]));
         contacts.chain(of.joints.iter().copied())
     }
 
-    /// Changes of the numbers from this set to another.
+    /// Changes of the switch values from this set to `other`, written to `out`.
     fn changes(&self, other: &Self, out: &mut Vec<f64>) {
         out.clear();
         out.extend(self.numbers(self).zip(self.numbers(other)).map(|(now, there)| there - now));
     }
 
-    /// Distance to the nearest switch along a column, as a multiple of its finite difference's step, to first order.
+    /// Distance to the nearest kink in one column to first order, as a multiple of the perturbation.
     ///
-    /// The slope is the sum of the changes at the first place (of `first`, if there are two) and at the last, times their weights.
+    /// The slope of each switch value is a weighted sum of its changes at the first copy (`first`) and at the last copy.
     fn widths(&self, first: &[f64], last: &Self, weights: [f64; 2]) -> f64 {
         let first = first.iter().copied().chain(std::iter::repeat(0.0));
         let widths = self.numbers(self).zip(self.numbers(last)).zip(first).map(|((now, there), first)| {
             let slope = (there - now) * weights[1] + if weights[0] == 0.0 { 0.0 } else { first * weights[0] };
             (now / slope).abs()
         });
-        // A NaN gives no distance.
+        // `min` ignores a NaN, which gives no distance.
         widths.fold(f64::INFINITY, f64::min)
     }
 }

@@ -1,4 +1,4 @@
-//! Response of a step with hard contact close to a solved one: impulses follow those of the solution to first order.
+//! Response of a step with hard contact near a solved step: impulses as a first-order function of its rows.
 
 use stepper_core::Stabilization;
 use stepper_core::group_step::{
@@ -7,56 +7,56 @@ use stepper_core::group_step::{
 use stepper_real::{Mask, Real};
 use stepper_solve::newton::{Response, Switch, SwitchDistance};
 
-/// Largest residual with which a step counts as solved, m/s, at tolerances below a tenth of it. The modes (open, sticking, slipping)
-/// are then certain, and the error of the response is of this order.
+/// Largest residual with which a step counts as solved, m/s, at tolerances below a tenth of it. The contact modes (open, sticking,
+/// slipping) are then certain, and the error of the response is of this order.
 const SOLVED_RESIDUAL: f64 = 1e-9;
 
-/// Weight of an error of the expected velocity in the test that a step is a solution.
+/// Weight of an error of the predicted velocity in the test whether the prediction is a solution.
 ///
-/// The weight is per rad or m of motion in the step, at most 1. Inertial forces are quadratic in velocities, so that errors of slow motion
-/// have little effect.
+/// The weight is per rad or m of displacement in the step, at most 1. Inertial forces are quadratic in velocities, so that errors of slow
+/// motion have little effect.
 const EXPECTED_VELOCITY_WEIGHT: f64 = 1e2;
 
-/// Relative distance from the bounds of a correction below which its derivative is undefined.
+/// Relative distance of a position correction from its bounds below which its derivative is undefined.
 const BOUND_DISTANCE: f64 = 1e-3;
 
-/// Lanes whose residual is that of a solved step.
+/// Lanes whose residual is small enough for a derivative.
 pub(crate) fn is_solved<R: Real>(settings: &StepSettings, residual: R) -> R::Mask {
     residual.le(R::of(SOLVED_RESIDUAL.max(10.0 * settings.tolerance)))
 }
 
-/// Response of the impulses of a step to its rows.
+/// First-order response of a step's impulses to changes of its constraint rows, with hard contact.
 #[derive(Clone, Debug)]
 pub(crate) struct HardResponse<R: Real> {
     impulses: Impulses<R>,
-    /// Distances at which the target velocity of a contact or a limit has a corner, m or rad.
+    /// Gaps at which the target velocity of a contact or a limit has a corner, m or rad.
     edges: Vec<f64>,
 }
 
-/// Responses of the impulses of all solves of a step.
+/// First-order responses of the impulses of all solves of a step.
 #[derive(Clone, Debug, Default)]
 struct Impulses<R: Real> {
     /// Response of the predicted impulses, which solve the same rows before velocity-dependent forces are evaluated.
     prediction: Response<R>,
-    /// Response of the impulses of the step.
+    /// Response of the impulses of the velocity solve.
     velocity: Response<R>,
-    /// Response of the impulses of stage 8, which correct the positions.
+    /// Response of the impulses of the position solve in stage 8.
     position: Response<R>,
 }
 
-/// Rule of an evaluation: impulses follow the rows by their response.
+/// Rule that sets the impulses of an evaluation from the changed rows by their first-order response.
 pub(crate) struct Rule<'a, R: Real> {
     impulses: &'a mut Impulses<R>,
-    /// Settings of the step, with which solutions are judged.
+    /// Settings of the step, which define when a solution counts as solved.
     settings: StepSettings,
-    /// Lanes (bits) that still have a response and all constraints.
+    /// Lanes (bits) in which there is a response, and all constraints still exist.
     lanes: u32,
-    /// Callback for constraints that have come closer to another mode.
-    near: &'a mut dyn FnMut(SwitchDistance),
+    /// Callback that receives each constraint that has come closer to another mode.
+    near: &'a mut dyn FnMut(Followed),
 }
 
 impl<R: Real> Impulses<R> {
-    /// Response of a solve, and that of the velocities for a position solve, from which it counts.
+    /// Response of a solve. For the position solve, also that of the velocity solve, from whose impulses it counts.
     fn of(&mut self, solve: Solve) -> (&mut Response<R>, Option<&Response<R>>) {
         match solve {
             Solve::Prediction => (&mut self.prediction, None),
@@ -67,7 +67,7 @@ impl<R: Real> Impulses<R> {
 }
 
 impl<R: Real> ImpulseRule<R> for Rule<'_, R> {
-    /// Stores the response of a solution. Lanes without a response are removed.
+    /// Computes and stores the response of a solution. Removes the lanes without a response.
     fn keep(&mut self, problem: ImpulseProblem<'_, R>, residual: R) {
         let ImpulseProblem { solve, system, impulses, lanes, names } = problem;
         let (response, before) = self.impulses.of(solve);
@@ -76,7 +76,7 @@ impl<R: Real> ImpulseRule<R> for Rule<'_, R> {
         self.lanes &= !lanes | response.settle(system, impulses, self.lanes & lanes, name, before);
     }
 
-    /// Sets the impulses that follow from the rows. Lanes that have lost a constraint are removed.
+    /// Sets the impulses by the response to the present rows. Removes the lanes in which a constraint no longer exists.
     fn set(&mut self, problem: ImpulseProblem<'_, R>) {
         let ImpulseProblem { solve, system, impulses, lanes, names } = problem;
         let (response, before) = self.impulses.of(solve);
@@ -92,12 +92,12 @@ impl<R: Real> HardResponse<R> {
         Self { impulses: Impulses::default(), edges: edges(settings) }
     }
 
-    /// Rule of an evaluation in the lanes `lanes` (bits).
-    pub(crate) fn rule<'a>(&'a mut self, settings: &StepSettings, lanes: u32, near: &'a mut dyn FnMut(SwitchDistance)) -> Rule<'a, R> {
+    /// Creates the rule of an evaluation in the lanes `lanes` (bits). `near` receives constraints that have come closer to another mode.
+    pub(crate) fn rule<'a>(&'a mut self, settings: &StepSettings, lanes: u32, near: &'a mut dyn FnMut(Followed)) -> Rule<'a, R> {
         Rule { impulses: &mut self.impulses, settings: *settings, lanes, near }
     }
 
-    /// Computes the responses of the nominal step's solutions in the lanes `lanes` (bits). Returns the lanes with a response.
+    /// Computes the responses of all solves of the nominal step in the lanes `lanes` (bits). Returns the lanes with a response.
     ///
     /// In these lanes the impulses follow from the rows, and velocities and positions follow from the impulses.
     pub(crate) fn settle(&mut self, step: &mut GroupStep<R>, lanes: u32) -> u32 {
@@ -105,29 +105,23 @@ impl<R: Real> HardResponse<R> {
         let mut ignore = |_| {};
         let mut rule = self.rule(&settings, lanes, &mut ignore);
         let NominalEvaluation { bouncing, correction, prediction } = step.evaluate_nominal(&mut rule);
-        // A bounded correction depends on its fastest joint alone.
+        // A correction at its bounds depends only on its fastest joint, and has no response.
         let lanes = rule.lanes & !bouncing & correction.lt(R::of(1.0 - BOUND_DISTANCE)).bits();
         let Some(Prediction { drives_forces, solved, difference, motion }) = prediction else { return lanes };
-        // If the step expected another velocity, the prediction is not a solution and does not respond to its rows as one.
+        // If the nominal step predicted another velocity, the prediction is not a solution of its rows, and has no response.
         let has_expected = |weight: R| is_solved(&settings, difference * weight.min(R::one())).bits();
-        // At rest the expected velocity is that by the impulses of the last step.
+        // At rest, the prediction uses the impulses of the last step.
         if drives_forces {
             return lanes & solved & has_expected(R::one());
         }
         lanes & (!solved | has_expected(motion * R::of(EXPECTED_VELOCITY_WEIGHT)))
     }
 
-    /// Evaluates the step at a displaced state, in the lanes `lanes` (bits). Returns the lanes in which all constraints that pushed still
+    /// Evaluates the step at a displaced state in the lanes `lanes` (bits). Returns the lanes in which all constraints that pushed still
     /// exist.
     ///
-    /// Calls `near` with the constraints that have come closer to another mode.
-    pub(crate) fn follow(
-        &mut self,
-        step: &mut GroupStep<R>,
-        recomputed: Recomputed,
-        lanes: u32,
-        near: &mut dyn FnMut(SwitchDistance),
-    ) -> u32 {
+    /// The function calls `near` with each constraint that has come closer to another mode.
+    pub(crate) fn follow(&mut self, step: &mut GroupStep<R>, recomputed: Recomputed, lanes: u32, near: &mut dyn FnMut(Followed)) -> u32 {
         let settings = *step.settings();
         let mut rule = self.rule(&settings, lanes, near);
         let moved = step.evaluate(recomputed, &mut rule);
@@ -147,10 +141,8 @@ impl<R: Real> HardResponse<R> {
     }
 }
 
-/// Distances at which the target velocity of a contact or a limit has a corner: where it closes, and where the correction of an overlap
-/// begins.
-///
-/// None with Baumgarte's method if gaps and overlaps have the same target.
+/// Gaps at which the target velocity of a contact or a limit has a corner, m or rad. The corners are where the contact closes, and where
+/// the correction of an overlap begins.
 fn edges(options: &StepSettings) -> Vec<f64> {
     let StepSettings { stabilization, baumgarte, slop, .. } = *options;
     match stabilization {

@@ -1,4 +1,4 @@
-//! Arguments and results of derivatives.
+//! Arguments and results of the computation of derivatives.
 
 use stepper_core::Error;
 use stepper_core::group_step::StatePart;
@@ -6,40 +6,40 @@ use stepper_solve::newton::{Switch, SwitchDistance};
 
 use crate::kink::*;
 
-/// Arguments of a derivative; arrays are environment-major.
+/// Arguments of [`differentiate`](crate::differentiate). Arrays are environment-major.
 #[derive(Clone, Copy, Debug)]
 pub struct DerivativeQuery<'a> {
-    /// Parts in the order of their columns.
+    /// Parts of the state (or controls) whose coordinates are the columns of the derivative, in this order.
     pub parts: &'a [StatePart],
-    /// Displacements of every column, (num_envs, points, columns) with one point or two.
+    /// Displacements of the coordinate of every column, (num_envs, points, columns).
     pub offsets: &'a [f64],
-    /// Number of points of a column.
+    /// Number of displaced states per column, 1 or 2.
     pub points: usize,
-    /// Residual to which the step is solved, m/s.
+    /// Residual to which the nominal step is solved, m/s.
     pub tolerance: f64,
 }
 
-/// Results of a derivative, environment-major.
+/// Results of [`differentiate`](crate::differentiate), environment-major.
 #[derive(Debug)]
 pub struct DerivativeRows<'a> {
-    /// Derivatives of displacements of qpos, qvel and act after the step, (num_envs, 2 nv + na, columns).
+    /// Derivatives of qpos (as displacements), qvel and act after the step, (num_envs, 2 nv + na, columns).
     pub slopes: &'a mut [f64],
-    /// Flags of every column, (num_envs, columns), see [`kink`](crate::kink).
+    /// Flags of kinks in every column, (num_envs, columns), see [`kink`](crate::kink).
     pub causes: &'a mut [u32],
-    /// Distance to the nearest kink in widths of the displacements, to first order; infinite without any.
+    /// Distance to the nearest kink as a multiple of the displacement, to first order; infinite if there is none, (num_envs).
     pub distance: &'a mut [f64],
-    /// Whether the derivative is that of the step: 0 where the implicit function theorem does not apply.
+    /// Whether the derivative is valid, (num_envs): 0 if the implicit function theorem does not apply.
     pub sound: &'a mut [u8],
-    /// Residual of the step, m/s.
+    /// Residual of the nominal step, m/s, (num_envs).
     pub residual: &'a mut [f64],
-    /// Flags of the environments, bits of [`Status`](stepper_core::Status).
+    /// Status flags of the nominal step, bits of [`Status`](stepper_core::Status), (num_envs).
     pub status: &'a mut [u32],
-    /// State after the step: nq, nv and na numbers.
+    /// State after the step: nq, nv and na numbers per environment.
     pub state: [&'a mut [f64]; 3],
 }
 
 impl<'a> DerivativeRows<'a> {
-    /// Rows of each of `num_envs` environments.
+    /// Splits the results into the rows of each of `num_envs` environments.
     pub(crate) fn environments(self, num_envs: usize) -> impl Iterator<Item = DerivativeRows<'a>> {
         let Self { slopes, causes, distance, sound, residual, status, state } = self;
         let [mut slopes, mut distance, mut residual] = [slopes, distance, residual].map(|all| each(all, num_envs));
@@ -59,8 +59,8 @@ impl<'a> DerivativeRows<'a> {
         .take(num_envs)
     }
 
-    /// Records, for one environment, the constraint that the displacement of column `c` brings closer to another mode.
-    pub(crate) fn note(&mut self, near: SwitchDistance, c: usize) {
+    /// Records that the displacement of column `c` brings the constraint `near` closer to another mode, in the results of one environment.
+    pub(crate) fn note(&mut self, near: Followed, c: usize) {
         self.distance[0] = self.distance[0].min(near.distance);
         if near.distance <= 1.0 {
             self.causes[c] |= match near.switch {
@@ -74,12 +74,12 @@ impl<'a> DerivativeRows<'a> {
     }
 }
 
-/// Numbers of each of `num_envs` environments, none of each if there are none.
+/// Splits an array into equal parts for `num_envs` environments; empty parts if the array is empty.
 fn each<T>(all: &mut [T], num_envs: usize) -> impl Iterator<Item = &mut [T]> {
     all.chunks_mut((all.len() / num_envs).max(1)).chain(std::iter::repeat_with(Default::default))
 }
 
-/// Checks the length of an array.
+/// Checks that the array `name` has the required length.
 pub(crate) fn check_length(name: &'static str, found: usize, must: usize) -> Result<(), Error> {
     if found == must { Ok(()) } else { Err(Error::Length { name, found, must, detail: String::new() }) }
 }

@@ -1,4 +1,4 @@
-//! Derivative of the step of a group, from evaluations at displaced states.
+//! Derivative of the step of a group, by differences of evaluations at displaced states.
 
 use std::sync::MutexGuard;
 
@@ -11,26 +11,27 @@ use crate::kink::*;
 use crate::response::{HardResponse, is_solved};
 use crate::rows::{DerivativeQuery, DerivativeRows};
 
-/// Change of a slope that smooth motion may have, per unit of a coordinate and relative to the slope, and the largest for any width.
+/// Largest change of a slope per unit of the coordinate that counts as smooth, relative to the slope. `LARGEST_BEND` is the largest
+/// relative change for any displacement.
 const CURVATURE: f64 = 1e4;
 const LARGEST_BEND: f64 = 0.1;
 
-/// Slope with which smaller ones are replaced in a comparison, SI units. Bodies at rest have columns that are 0 except for terms of second
-/// order.
+/// Smallest slope that is compared, SI units; smaller ones are replaced by it. Bodies at rest have columns that are 0 except for terms of
+/// second order.
 const LEAST_SLOPE: f64 = 0.1;
 
-/// Difference of the response at the solution from the solution, relative to its velocities, that counts as rounding and residual. A larger
-/// one means that the step has a part that the response does not model.
+/// Largest difference between the response at the solution and the solution itself, relative to its velocities, that counts as rounding. A
+/// larger one means that the step has a part that the response does not model.
 const FAITHFUL: f64 = 1e-8;
 
-/// Workspace for the derivatives of a group of lanes.
+/// Workspace for the derivatives of the step of a group.
 #[derive(Clone, Debug)]
 pub(crate) struct StepDerivative<R: Real> {
-    /// Response of the solution with hard contact.
+    /// First-order response of the impulses with hard contact.
     response: HardResponse<R>,
-    /// Whether contact is hard. With MuJoCo's law the core follows the solution.
+    /// Whether contact is hard. With MuJoCo's contact law the solver itself computes the response.
     is_hard: bool,
-    /// Changes of the state at the points of a column.
+    /// Changes of the state after the step, at each displaced state of a column.
     changes: [Vec<R>; 2],
 }
 
@@ -45,8 +46,9 @@ impl<R: Real> StepDerivative<R> {
         }
     }
 
-    /// Differentiates the step, with a row of results for every lane that is an environment. The query's `offsets` begin with those of the
-    /// first lane.
+    /// Computes the derivatives of the step, with one row of results for every lane that has an environment.
+    ///
+    /// The query's `offsets` begin with those of the first lane.
     pub(crate) fn differentiate(
         &mut self,
         step: &mut GroupStep<R>,
@@ -56,7 +58,8 @@ impl<R: Real> StepDerivative<R> {
         let solved = self.solve(step, rows);
         let mut sound = self.settle(step, solved);
         let columns: Vec<(StatePart, usize)> = query.parts.iter().flat_map(|&part| (0..step.width(part)).map(move |i| (part, i))).collect();
-        // Coordinates that change forces alone come first, with the rows of the solution. Those that keep the configuration follow.
+        // Coordinates that only change forces come first, because they need no new rows. Coordinates that do not change the configuration
+        // follow.
         for recomputed in [Recomputed::Forces, Recomputed::Velocity, Recomputed::Configuration] {
             for (c, &(part, i)) in columns.iter().enumerate().filter(|(_, (part, _))| part.recomputed() == recomputed) {
                 let offsets = offsets(query, rows.len(), c, columns.len());
@@ -77,7 +80,7 @@ impl<R: Real> StepDerivative<R> {
         }
     }
 
-    /// Makes the step. Returns the lanes in which it is solved.
+    /// Makes the nominal step. Returns the lanes (bits) in which it is solved.
     fn solve(&mut self, step: &mut GroupStep<R>, rows: &mut [MutexGuard<'_, DerivativeRows<'_>>]) -> u32 {
         let solved = step.solve();
         let outcome = step.outcome();
@@ -94,7 +97,7 @@ impl<R: Real> StepDerivative<R> {
         is_solved(step.settings(), solved.residual).bits() & solved.complete
     }
 
-    /// Computes the response of the solution to the state in the lanes `solved`. Returns the lanes in which the response at the solution
+    /// Computes the response of the solution in the lanes `solved` (bits). Returns the lanes in which the response at the nominal state
     /// reproduces the solution.
     fn settle(&mut self, step: &mut GroupStep<R>, solved: u32) -> u32 {
         let sound = if self.is_hard { self.response.settle(step, solved) } else { solved };
@@ -106,7 +109,7 @@ impl<R: Real> StepDerivative<R> {
             || {
                 let (mut apart, mut speed) = (R::zero(), R::one());
                 for &change in &self.changes[0] {
-                    // This form propagates a NaN.
+                    // Unlike `max`, this propagates a NaN.
                     apart = R::select(change.abs().le(apart), apart, change.abs());
                 }
                 for &v in v {
@@ -117,10 +120,10 @@ impl<R: Real> StepDerivative<R> {
         )
     }
 
-    /// Evaluates the step at the present state. Returns the lanes of `lanes` in which all constraints still exist.
+    /// Evaluates the step at the present state. Returns the lanes of `lanes` (bits) in which all constraints still exist.
     ///
-    /// Calls `near` with the constraints that have come closer to another mode in these lanes.
-    fn evaluate(&mut self, step: &mut GroupStep<R>, recomputed: Recomputed, lanes: u32, near: &mut dyn FnMut(SwitchDistance)) -> u32 {
+    /// The function calls `near` with each constraint that has come closer to another mode in these lanes.
+    fn evaluate(&mut self, step: &mut GroupStep<R>, recomputed: Recomputed, lanes: u32, near: &mut dyn FnMut(Followed)) -> u32 {
         if self.is_hard {
             return self.response.follow(step, recomputed, lanes, near);
         }
@@ -136,7 +139,7 @@ impl<R: Real> StepDerivative<R> {
         })
     }
 
-    /// Writes the derivatives of a column from the changes at its points, and flags slopes that differ between the sides.
+    /// Computes the derivatives of a column from the changes at its displaced states, and flags derivatives that differ between the sides.
     fn write_slopes(
         &mut self,
         step: &GroupStep<R>,
@@ -154,7 +157,7 @@ impl<R: Real> StepDerivative<R> {
                     first.iter_mut().for_each(|change| *change /= a);
                     return 0;
                 };
-                // Weights of the parabola through both points and the nominal one.
+                // Weights of a parabola through both displaced states and the nominal one.
                 let weights = [b / (a * (b - a)), a / (b * (a - b))];
                 let floor = R::of(4.0 * noise) / a.abs();
                 let limit = (R::of(CURVATURE) * a.abs()).min(R::of(LARGEST_BEND));
@@ -182,7 +185,7 @@ impl<R: Real> StepDerivative<R> {
     }
 }
 
-/// Displacements of a column at its points, in the first `lanes` lanes.
+/// Displacements of a column at its displaced states, in the first `lanes` lanes.
 fn offsets<R: Real>(query: &DerivativeQuery<'_>, lanes: usize, column: usize, columns: usize) -> [R; 2] {
     let mut offsets = [R::one(); 2];
     for (point, offset) in offsets.iter_mut().enumerate().take(query.points) {

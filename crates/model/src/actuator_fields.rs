@@ -1,23 +1,23 @@
-//! Affine force of an actuator, and its gear and parameters in MuJoCo's shapes.
+//! Fields of an actuator in MuJoCo's shapes: gear, gain parameters and bias parameters.
 
 use crate::{Actuator, BiasType, Description, ForceModel, GainType, ModelError, Transmission, label};
 
-/// Numbers of a row of `actuator_gear`.
+/// Number of values in a row of `actuator_gear`.
 pub(crate) const GEAR: usize = 6;
-/// Numbers of a row of `actuator_gainprm` and of `actuator_biasprm`.
+/// Number of values in a row of `actuator_gainprm` and of `actuator_biasprm`.
 pub(crate) const PARAMETERS: usize = 10;
 
-/// Gain and bias of an affine force: constant, per length, per velocity.
+/// Coefficients of the gain and of the bias of an affine force, each constant, per length, and per velocity.
 pub type AffineForce = ([f64; 3], [f64; 3]);
 
 impl Actuator {
-    /// Whether the force depends on length or velocity.
+    /// Whether the actuator's force depends on its length or velocity.
     pub fn force_depends_on_motion(&self) -> bool {
         let (gain, bias) = self.affine_force();
         [gain[1], gain[2], bias[1], bias[2]].iter().any(|&x| x != 0.0)
     }
 
-    /// Gain and bias of its force: constant, per length, per velocity.
+    /// Coefficients of the gain and of the bias of the actuator's force, each constant, per length, and per velocity.
     pub fn affine_force(&self) -> AffineForce {
         const ZERO: [f64; 3] = [0.0; 3];
         let ForceModel { gain, bias, disabled } = self.force_model;
@@ -48,17 +48,17 @@ impl Actuator {
         }
     }
 
-    /// Parameters of the gain.
+    /// Row of `actuator_gainprm`: parameters of the gain, padded with zeros.
     pub fn gain_row(&self) -> [f64; PARAMETERS] {
         row(&self.gain[..self.force_model.gain.width()])
     }
 
-    /// Parameters of the bias.
+    /// Row of `actuator_biasprm`: parameters of the bias, padded with zeros.
     pub fn bias_row(&self) -> [f64; PARAMETERS] {
         row(&self.bias[..self.force_model.bias.width()])
     }
 
-    /// Property that determines which columns of a field an actuator reads, and the number of columns.
+    /// Description of the property that determines which columns of `field` the actuator uses, and the number of these columns.
     fn reads(&self, field: &str) -> (String, usize) {
         match (field, self.transmission) {
             ("actuator_gainprm", _) => (format!("its gaintype is {:?}", self.force_model.gain.word()), self.force_model.gain.width()),
@@ -103,14 +103,14 @@ pub(crate) fn bias(model: &mut Description, f: &mut dyn FnMut(&mut f64)) {
     }
 }
 
-/// Visits the columns that an actuator reads, and zeros for the other columns.
+/// Visits the columns `read` that an actuator uses, and zeros for the other columns.
 fn visit(read: &mut [f64], f: &mut dyn FnMut(&mut f64)) {
     let others = PARAMETERS - read.len();
     read.iter_mut().for_each(&mut *f);
     (0..others).for_each(|_| f(&mut 0.0));
 }
 
-/// Error for the `k`-th number of `field`, with the new value `value`, if the actuator does not read it.
+/// Error if number `k` of `field` gets the new value `value`, but the actuator does not use that column; `None` if it does.
 pub(crate) fn unread(model: &Description, field: &str, k: usize, value: f64) -> Option<ModelError> {
     let width = match field {
         "actuator_gear" => GEAR,

@@ -1,48 +1,48 @@
-//! Actuator dynamics: delay, lag, servo, motor and friction, their checks, and the parts that the model takes over.
+//! Actuator dynamics: delay, lag, servo, motor and friction. Also their checks, and their effects on the model.
 
 use serde::{Deserialize, Serialize};
 
 use crate::{Activation, Actuator, ActuatorError, Description, DeviceError, ForceModel, Model, Transmission, label};
 
-/// Dynamics of an actuator. Every list has one number for all environments, or one for each.
+/// Dynamics of an actuator between its control and its force. Every list has one value for all environments, or one for each.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ActuatorSpec {
     /// Delay, s.
     pub delay: Vec<f64>,
-    /// Delay in steps, which adds to `delay`.
+    /// Additional delay in steps, which is added to `delay`.
     pub delay_steps: Vec<f64>,
-    /// Time constant of the first-order lag, s; 0 is none.
+    /// Time constant of the first-order lag, s; 0 for none.
     pub lag: Vec<f64>,
-    /// Lowest effort, N or N m.
+    /// Lowest force, N or N m.
     pub low: Vec<f64>,
-    /// Highest effort, N or N m.
+    /// Highest force, N or N m.
     pub high: Vec<f64>,
-    /// Dry friction at the actuator's side, N or N m.
+    /// Dry friction, N or N m, before the actuator's gear.
     pub friction: Vec<f64>,
     /// Servo that replaces the actuator's affine force.
     pub servo: Option<Servo>,
-    /// Motor with its gear.
+    /// Motor with its gear; `None` for an ideal motor.
     pub motor: Option<Motor>,
 }
 
-/// PID servo. The control is the target of the actuator's length.
+/// PID servo. The control is the target of the actuator's length, which is the joint position or tendon length times the gear.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Servo {
     /// Proportional gain, N or N m per unit of length.
     pub kp: Vec<f64>,
-    /// Integral gain, N or N m per unit of length and second.
+    /// Integral gain, N or N m per unit of length and per second.
     pub ki: Vec<f64>,
     /// Derivative gain, N or N m per unit of velocity.
     pub kd: Vec<f64>,
-    /// Largest effort of the integral term, N or N m; may be infinite.
+    /// Largest force of the integral term, N or N m; may be infinite.
     pub integral_limit: Vec<f64>,
-    /// Time between samples, s; empty for a continuous servo.
+    /// Sampling period, s; empty for a continuous servo.
     pub period: Vec<f64>,
 }
 
-/// DC motor behind a gear. Its numbers refer to the motor shaft.
+/// DC motor behind a gear. All values refer to the motor shaft.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Motor {
@@ -52,15 +52,15 @@ pub struct Motor {
     pub no_load_speed: Vec<f64>,
     /// Inertia of the rotor, kg m^2.
     pub rotor_inertia: f64,
-    /// Turns of the shaft per unit of the actuator's length.
+    /// Gear ratio: rotation of the shaft per unit of the actuator's length, rad per unit.
     pub gear: f64,
-    /// Fraction of the power that the gear transmits.
+    /// Efficiency of the gear: fraction of the power that it transmits.
     pub efficiency: Vec<f64>,
-    /// Whether the control is the fraction of the nominal voltage, and not the torque.
+    /// Whether the control is the fraction of the nominal voltage; otherwise it is the torque.
     pub voltage: bool,
 }
 
-/// Longest delay, in steps.
+/// Longest delay that is allowed, in steps.
 const LONGEST: f64 = 100_000.0;
 
 fn any(x: &[f64]) -> bool {
@@ -68,11 +68,11 @@ fn any(x: &[f64]) -> bool {
 }
 
 impl Actuator {
-    /// Delay of the control in steps of length `h`.
+    /// Delay of the control in steps of `h` seconds.
     fn delay_in_steps(&self, h: f64) -> f64 {
         let steps = self.delay / h;
         let near = steps.round();
-        // A delay that is a whole number of steps up to rounding becomes a whole number.
+        // A delay that is an integer number of steps within rounding becomes that integer.
         if (steps - near).abs() < 1e-9 * (1.0 + near) {
             near
         } else if self.delay_holds {
@@ -84,20 +84,20 @@ impl Actuator {
 }
 
 impl ActuatorSpec {
-    /// Dynamics of an ideal actuator, whose controls do not change.
+    /// Dynamics of an ideal actuator: the control passes unchanged.
     pub fn ideal() -> Self {
         let [none, low, high] = [0.0, f64::NEG_INFINITY, f64::INFINITY].map(|x| vec![x]);
         let (delay, delay_steps, lag) = (none.clone(), none.clone(), none.clone());
         Self { delay, delay_steps, lag, low, high, friction: none, servo: None, motor: None }
     }
 
-    /// Delay of one environment in steps of length `h`.
+    /// Delay of environment `env` in steps of `h` seconds.
     pub fn steps(&self, env: usize, h: f64) -> f64 {
         let of = |x: &[f64]| x[env % x.len()];
         of(&self.delay) / h + of(&self.delay_steps)
     }
 
-    /// Longest delay of all environments in whole steps of length `h`.
+    /// Longest delay of all environments, rounded up to whole steps of `h` seconds.
     pub fn longest(&self, num_envs: usize, h: f64) -> usize {
         (0..num_envs).map(|env| self.steps(env, h)).fold(0.0, f64::max).ceil() as usize
     }
@@ -107,23 +107,25 @@ impl ActuatorSpec {
         self.servo.as_ref().is_some_and(|s| s.period.is_empty())
     }
 
-    /// Whether the control is a voltage, if the motor has a torque-speed curve.
+    /// Whether the control of a motor with a torque-speed curve is its voltage; `None` for other actuators.
     pub fn curve(&self) -> Option<bool> {
         self.motor.as_ref().filter(|m| !m.stall_torque.is_empty()).map(|m| m.voltage)
     }
 
-    /// Whether its effort has limits.
+    /// Whether the actuator's force has limits.
     pub fn is_limited(&self) -> bool {
         self.low.iter().chain(&self.high).any(|x| x.is_finite())
     }
 
-    /// Whether friction or the gear dissipates effort.
+    /// Whether dry friction or the gear's efficiency causes losses.
     pub fn loses(&self) -> bool {
         any(&self.friction) || self.motor.as_ref().is_some_and(|m| m.efficiency.iter().any(|&e| e != 1.0))
     }
 
-    /// Model and dynamics in which each number is where the step reads it. Servos replace affine forces, rotor inertia is added to the
-    /// armature, and force limits of both are combined.
+    /// Moves the parts of the dynamics that the model itself can have into the model. Returns the model and the remaining dynamics.
+    ///
+    /// Servos replace affine forces, rotor inertia is added to the armature, and the force limits of both are combined. `h` is the time
+    /// step, s.
     ///
     /// # Errors
     /// The first number out of range, or part that the actuator cannot have, with the actuator's name.
@@ -176,7 +178,7 @@ impl ActuatorSpec {
         Ok(())
     }
 
-    /// Narrows the limits of the effort.
+    /// Narrows the force limits to the range from `low` to `high`.
     pub fn narrow(&mut self, [low, high]: [f64; 2]) {
         self.low.iter_mut().for_each(|x| *x = x.max(low));
         self.high.iter_mut().for_each(|x| *x = x.min(high));
@@ -228,7 +230,7 @@ impl ActuatorSpec {
     }
 }
 
-/// Allowed range of a number.
+/// Allowed range of a value.
 #[derive(Clone, Copy)]
 enum Range {
     Any,

@@ -22,18 +22,18 @@ pub struct Mesh {
 pub struct HeightField {
     /// Name by which geoms refer to the height field.
     pub name: String,
-    /// Numbers of points along y and x.
+    /// Number of grid points along y, and along x.
     pub shape: [usize; 2],
-    /// Half the extent along x and y, m.
+    /// Half sizes along x and y, m.
     pub half: [f64; 2],
-    /// Heights of the points above the geom's origin, m, row by row along x.
+    /// Heights of the grid points above the geom's origin, m. Each row runs along x.
     pub elevation: Vec<f64>,
-    /// Depth of the solid below the geom's origin, m.
+    /// Thickness of the solid below the geom's origin, m.
     pub base: f64,
 }
 
 impl Mesh {
-    /// Convex hull of the vertices, computed at each call. A finished model stores the hulls that it needs, see
+    /// Computes the convex hull of the vertices. A finished model stores the hulls that it needs, see
     /// [`Model::hull_of`](crate::Model::hull_of).
     ///
     /// # Errors
@@ -42,12 +42,12 @@ impl Mesh {
         Hull::new(&self.vertices)
     }
 
-    /// Radius of a ball about the mesh's origin that contains it, m.
+    /// Radius of the ball about the mesh's origin that contains the mesh, m.
     pub fn radius(&self) -> f64 {
         self.vertices.iter().map(|v| Vector3::from(*v).norm()).fold(0.0, f64::max)
     }
 
-    /// Mass properties of the convex hull with a uniform density, kg/m^3; `None` if it has no volume.
+    /// Mass properties of the convex hull with the uniform density `density`, kg/m^3; `None` if the hull has no volume.
     pub fn mass_properties(&self, density: f64) -> Option<MassProperties> {
         Some(solid(&self.hull().ok()?, density))
     }

@@ -1,4 +1,4 @@
-//! Models made in code.
+//! Builder of models in code.
 
 mod actuator;
 mod body;
@@ -18,7 +18,7 @@ pub use crate::builder::geom::GeomBuilder;
 pub use crate::builder::joint::JointBuilder;
 pub use crate::builder::tendon::TendonBuilder;
 
-/// Target of a sensor that was added by name.
+/// Quantity of a sensor that was added by the name of its element.
 #[derive(Clone, Debug)]
 enum Reading {
     Position(String),
@@ -29,7 +29,7 @@ enum Reading {
 /// Index of the world body.
 pub const WORLD: usize = 0;
 
-/// Makes a [`Model`] in code: bodies hang from bodies, geoms give them mass, joints let them move.
+/// Builder of a [`Model`] in code. Bodies are attached to bodies, geoms give them mass, and joints let them move.
 ///
 /// ```
 /// use stepper_model::{ActuatorBuilder, BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
@@ -79,7 +79,7 @@ pub struct ModelBuilder {
 }
 
 impl Model {
-    /// Builder of a model with the world alone, gravity 9.81 m/s^2 along -z, and a time step of 2 ms.
+    /// Starts a model that has only the world, with gravity 9.81 m/s^2 along -z and a time step of 2 ms.
     pub fn builder(name: &str) -> ModelBuilder {
         ModelBuilder {
             model: Description {
@@ -135,26 +135,28 @@ impl ModelBuilder {
         self
     }
 
-    /// Sets the fluid between the bodies: density (kg/m^3), viscosity (Pa s) and velocity (m/s).
+    /// Sets the fluid that surrounds the bodies: density (kg/m^3), viscosity (Pa s) and velocity in the world frame (m/s).
     pub fn medium(&mut self, density: f64, viscosity: f64, wind: [f64; 3]) -> &mut Self {
         self.model.medium = Medium { density, viscosity, wind };
         self
     }
 
-    /// Adds a child body to [`WORLD`] or to a body of an earlier call. Returns its index.
+    /// Adds a body as child of [`WORLD`] or of a body from an earlier call. Returns the index of the body.
     pub fn body(&mut self, parent: usize, mut body: BodyBuilder) -> usize {
         body.body.parent = parent;
         push(&mut self.bodies, body)
     }
 
-    /// Adds a geom to a body or to the [`WORLD`]. Geoms of a finished model are in the order of their bodies; [`Description::geom`] returns
-    /// their index. A body that does not exist is an error of [`ModelBuilder::finish`].
+    /// Adds a geom to a body or to the [`WORLD`]. A body that does not exist is an error of [`ModelBuilder::finish`].
+    ///
+    /// Geoms of a finished model are in the order of their bodies; [`Description::geom`] returns their index.
     pub fn geom(&mut self, body: usize, geom: GeomBuilder) -> &mut Self {
         self.geoms.push((body, geom));
         self
     }
 
-    /// Adds a fixed tendon, a linear combination of the positions of hinges and slides by name. Returns its index.
+    /// Adds a fixed tendon from pairs of joint name and coefficient: its length is a linear combination of hinge and slide positions.
+    /// Returns its index.
     pub fn tendon(&mut self, name: &str, joints: &[(&str, f64)]) -> usize {
         self.fixed_tendon(TendonBuilder::new(name, joints))
     }
@@ -174,41 +176,42 @@ impl ModelBuilder {
         push(&mut self.actuators, actuator)
     }
 
-    /// Adds a sensor of a joint's position. Returns its index.
+    /// Adds a sensor of the position of joint `joint`. Returns the sensor's index.
     pub fn position_sensor(&mut self, name: &str, joint: &str) -> usize {
         push(&mut self.sensors, (name.into(), Reading::Position(joint.into())))
     }
 
-    /// Adds a sensor of a joint's velocity. Returns its index.
+    /// Adds a sensor of the velocity of joint `joint`. Returns the sensor's index.
     pub fn velocity_sensor(&mut self, name: &str, joint: &str) -> usize {
         push(&mut self.sensors, (name.into(), Reading::Velocity(joint.into())))
     }
 
-    /// Adds a site to a body or to the [`WORLD`]. Returns its index for [`SensorKind`]. A body that does not exist is an error of
+    /// Adds a site to a body or to the [`WORLD`]. Returns its index, for use in [`SensorKind`]. A body that does not exist is an error of
     /// [`ModelBuilder::finish`].
     pub fn site(&mut self, body: usize, mut site: Site) -> usize {
         site.body = body;
         push(&mut self.sites, site)
     }
 
-    /// Adds a sensor of any kind, with indices of the finished model. Returns its index.
+    /// Adds a sensor of any kind. The indices in `kind` are those of the finished model. Returns the sensor's index.
     pub fn sensor(&mut self, name: &str, kind: SensorKind) -> usize {
         push(&mut self.sensors, (name.into(), Reading::Kind(kind)))
     }
 
-    /// Adds an explicit pair: two geoms that collide regardless of filters, with this friction (sliding, 1; torsional, m; rolling, m).
-    /// Returns its index.
+    /// Adds an explicit pair: two geoms that collide regardless of filters. `friction` is sliding, torsional (m) and rolling (m). Returns
+    /// its index.
     pub fn pair(&mut self, geom_a: &str, geom_b: &str, friction: [f64; 3]) -> usize {
         push(&mut self.pairs, ([geom_a.into(), geom_b.into()], friction))
     }
 
-    /// Disables collisions between the geoms of two bodies.
+    /// Disables collisions between the geoms of body `body_a` and those of body `body_b`.
     pub fn exclude(&mut self, body_a: &str, body_b: &str) -> &mut Self {
         self.excludes.push([body_a.into(), body_b.into()]);
         self
     }
 
-    /// Adds a mesh for [`GeomBuilder::mesh`]: vertices in m, and faces counter-clockwise seen from outside, which concave geoms need.
+    /// Adds a mesh for [`GeomBuilder::mesh`]: vertices in m, and faces counter-clockwise seen from outside. Only concave geoms need the
+    /// faces.
     pub fn mesh(&mut self, name: &str, vertices: &[[f64; 3]], faces: &[[u32; 3]]) -> &mut Self {
         self.model.meshes.push(Mesh { name: name.into(), vertices: vertices.to_vec(), faces: faces.to_vec() });
         self
@@ -220,12 +223,12 @@ impl ModelBuilder {
         self
     }
 
-    /// Adds a named state for resets. Returns its index.
+    /// Adds a keyframe: a named state for resets. Returns its index.
     pub fn keyframe(&mut self, keyframe: Keyframe) -> usize {
         push(&mut self.model.keyframes, keyframe)
     }
 
-    /// Validated model.
+    /// Checks the scene and returns the model.
     ///
     /// # Errors
     /// [`ModelError`] if a name is missing, for errors of [`Description::finish`], and for elements that are not simulated yet.
@@ -233,7 +236,7 @@ impl ModelBuilder {
         self.describe()?.finish(true)
     }
 
-    /// Description of the scene before its checks.
+    /// Converts the builder to a description, before the checks.
     pub(super) fn describe(&self) -> Result<Description, ModelError> {
         let mut model = self.model.clone();
         let mut bodies = self.bodies.clone();
@@ -308,7 +311,7 @@ impl ModelBuilder {
     }
 }
 
-/// Appends an element to a list. Returns its index.
+/// Appends an element to a list. Returns the index of the element.
 fn push<T>(list: &mut Vec<T>, element: T) -> usize {
     list.push(element);
     list.len() - 1

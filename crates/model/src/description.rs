@@ -1,4 +1,4 @@
-//! Description of a scene, whose fields can be edited.
+//! Description of a scene: all elements, with fields that can be edited.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,9 +12,9 @@ use crate::shape::Shape;
 use crate::softness::{ContactSpring, SoftSettings, Softness};
 use crate::tendon::Tendon;
 
-/// Scene before its checks: bodies in a tree, joints, shapes, actuators and sensors. Body 0 is the world.
+/// Description of a scene before its checks: bodies in a tree, joints, shapes, actuators and sensors. Body 0 is the world.
 ///
-/// [`ModelBuilder`](crate::ModelBuilder) is the convenient way to a model. Descriptions are for readers of files, and for edits that the
+/// [`ModelBuilder`](crate::ModelBuilder) is a more convenient way to a model. Descriptions are for readers of files, and for edits that the
 /// builder does not support.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Description {
@@ -24,9 +24,9 @@ pub struct Description {
     pub timestep: f64,
     /// Gravitational acceleration in the world frame, m/s^2.
     pub gravity: [f64; 3],
-    /// Magnetic field in the world frame, T.
+    /// Magnetic flux density in the world frame, T.
     pub magnetic: [f64; 3],
-    /// Fluid between the bodies.
+    /// Fluid that surrounds the bodies.
     pub medium: Medium,
     /// Whether the integrator `euler` treats joint damping explicitly. The other integrators never do.
     pub explicit_damping: bool,
@@ -44,7 +44,7 @@ pub struct Description {
     pub pairs: Vec<Pair>,
     /// Pairs of bodies whose geoms never collide.
     pub excludes: Vec<[usize; 2]>,
-    /// Overlaps whose geoms and bodies never collide, see [`Model::exclude_overlaps`](crate::Model::exclude_overlaps).
+    /// Overlaps of geoms for which collisions are disabled, see [`Model::exclude_overlaps`](crate::Model::exclude_overlaps).
     #[serde(default, with = "added_fields")]
     pub excluded_overlaps: Vec<Overlap>,
     /// Fixed tendons: linear combinations of joint positions.
@@ -59,19 +59,19 @@ pub struct Description {
     pub sensors: Vec<Sensor>,
     /// Named states for resets.
     pub keyframes: Vec<Keyframe>,
-    /// Configuration at reset and reference of the joint angles, length nq.
+    /// Configuration at reset, and reference of joint positions and tendon lengths, length nq.
     pub qpos0: Vec<f64>,
     /// Configuration in which joint springs are at rest, length nq.
     pub qpos_spring: Vec<f64>,
     /// Settings of MuJoCo's contact law for the whole scene.
     pub soft: SoftSettings,
-    /// Elements of the source that the model leaves out.
+    /// Elements of the source file that stepper does not simulate, and that are left out.
     pub omitted: Vec<Omission>,
-    /// Settings that the source requests and that stepper's default options replace; `None` for models made in code.
+    /// Settings of the source file that stepper's default options replace; `None` for models made in code.
     pub requested: Option<Requested>,
 }
 
-/// Two geoms that overlap at the reference pose.
+/// Overlap of two geoms at the reference pose.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Overlap {
     /// Indices of the geoms in the model.
@@ -89,33 +89,33 @@ pub struct Body {
     pub parent: usize,
     /// Position in the parent's frame, m.
     pub pos: [f64; 3],
-    /// Orientation in the parent's frame.
+    /// Orientation in the parent's frame, a unit quaternion (w, x, y, z).
     pub quat: [f64; 4],
     /// Mass, kg.
     pub mass: f64,
     /// Centre of mass in the body's frame, m.
     pub ipos: [f64; 3],
-    /// Orientation of the principal axes in the body's frame.
+    /// Orientation of the principal axes in the body's frame, a unit quaternion (w, x, y, z).
     pub iquat: [f64; 4],
     /// Principal moments of inertia, kg m^2.
     pub inertia: [f64; 3],
     /// Whether the user sets the body's pose. Such a body is a child of the world without joints.
     pub mocap: bool,
-    /// Fraction of its weight that a force at its centre of mass compensates.
+    /// Fraction of the body's weight that gravity compensation carries.
     pub gravcomp: f64,
 }
 
 /// Kind of joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum JointKind {
-    /// Six degrees of freedom: position and velocity of the body's origin in the world frame, orientation, and angular velocity in the
-    /// body's frame. nq 7, nv 6.
+    /// Free joint with nq 7, nv 6: position and velocity of the body's origin in the world frame, orientation, and angular velocity in the
+    /// body's frame.
     Free,
-    /// Three rotations: orientation relative to the parent, angular velocity in the body's frame. nq 4, nv 3.
+    /// Ball joint with nq 4, nv 3: orientation relative to the parent, and angular velocity in the body's frame.
     Ball,
-    /// Translation along an axis. nq 1, nv 1.
+    /// Slide joint with nq 1, nv 1: translation along an axis.
     Slide,
-    /// Rotation about an axis. nq 1, nv 1.
+    /// Hinge joint with nq 1, nv 1: rotation about an axis.
     Hinge,
 }
 
@@ -154,19 +154,19 @@ pub struct Joint {
     pub pos: [f64; 3],
     /// Unit axis of a slide or hinge in the body's frame.
     pub axis: [f64; 3],
-    /// Spring stiffness towards `qpos_spring`, N/m or N m/rad.
+    /// Stiffness of a spring that pulls towards `qpos_spring`, N/m or N m/rad.
     pub stiffness: f64,
     /// Viscous damping of every degree of freedom, N s/m or N m s/rad.
     pub damping: f64,
-    /// Rotor inertia added to the diagonal of the mass matrix, kg or kg m^2.
+    /// Armature (rotor inertia), which is added to the diagonal of the mass matrix, kg or kg m^2.
     pub armature: f64,
     /// Dry friction, N or N m.
     pub frictionloss: f64,
     /// Lowest and highest position, m or rad; `None` without limits.
     pub range: Option<[f64; 2]>,
-    /// Bounds of the sum of actuator forces on this joint, N or N m.
+    /// Lowest and highest sum of actuator forces on this joint, N or N m; `None` without bounds.
     pub actuator_force_range: Option<[f64; 2]>,
-    /// Largest speed that the source allows, rad/s or m/s. The step does not enforce it.
+    /// Largest speed according to the source file, rad/s or m/s. The step does not enforce it.
     #[serde(default, with = "added_fields")]
     pub velocity_limit: Option<f64>,
     /// Softness of the limit in MuJoCo's contact law.
@@ -175,45 +175,45 @@ pub struct Joint {
     pub friction_softness: Softness,
 }
 
-/// Shape fixed to a body.
+/// Geom: a shape fixed to a body, for collisions, mass and fluid forces.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Geom {
     /// Name; may be empty.
     pub name: String,
-    /// Index of its body.
+    /// Index of the geom's body.
     pub body: usize,
     /// Shape and size.
     pub shape: Shape,
     /// Position in the body's frame, m.
     pub pos: [f64; 3],
-    /// Orientation in the body's frame.
+    /// Orientation in the body's frame, a unit quaternion (w, x, y, z).
     pub quat: [f64; 4],
     /// Bit mask. Two geoms may collide if the contype of one shares a bit with the conaffinity of the other.
     pub contype: u32,
-    /// Bit mask, see `contype`.
+    /// Bit mask that is compared with `contype` of the other geom.
     pub conaffinity: u32,
-    /// Dimension of contacts: 1 frictionless, 3 sliding friction, 4 also torsional, 6 also rolling. A contact of two geoms has the larger
-    /// one.
+    /// Dimension of contacts: 1 frictionless, 3 sliding friction, 4 also torsional, 6 also rolling. A contact has the larger dimension of
+    /// its two geoms.
     pub condim: u8,
     /// Priority. A contact of two geoms has the friction and condim of the geom with the higher priority.
     pub priority: i32,
-    /// Sliding (1), torsional (m) and rolling (m) friction. A contact has the larger value of each.
+    /// Sliding, torsional (m) and rolling (m) friction coefficients. A contact has the larger value of each of its two geoms.
     pub friction: [f64; 3],
-    /// Newton's coefficient of restitution, 0 to 1. A contact has the larger one; compliant contacts have none.
+    /// Newton's coefficient of restitution, 0 to 1. A contact has the larger one of its two geoms; compliant contacts have none.
     pub restitution: f64,
-    /// Distance below which a contact pushes, m. A contact has the sum.
+    /// Margin: distance below which a contact pushes, m. A contact has the sum of its two geoms.
     pub margin: f64,
-    /// Distance beyond the margin up to which MuJoCo reports a contact that does not push, m. A contact has the sum.
+    /// Distance beyond the margin up to which MuJoCo reports a contact that does not push, m. A contact has the sum of its two geoms.
     pub gap: f64,
     /// Velocity of the surface in contacts, in the geom's axes: linear, m/s, and angular about its origin, rad/s.
     pub surface_velocity: [f64; 6],
-    /// Fluid model of the geom. `None` uses the equivalent inertia box of the body.
+    /// Coefficients of the ellipsoid fluid model; `None` uses the equivalent inertia box of the body.
     pub fluid: Option<Ellipsoid>,
     /// Softness of contacts in MuJoCo's contact law. A contact has that of the geom with the higher priority, or a mixture of both.
     pub softness: Softness,
-    /// Weight of the softness in the mixture of two geoms.
+    /// Weight of the geom's softness in the mixture of two geoms.
     pub solmix: f64,
-    /// Compliance of the surface. A contact has both springs in series.
+    /// Compliance of the surface. A contact has the springs of its two geoms in series.
     #[serde(default)]
     pub spring: ContactSpring,
 }
@@ -221,26 +221,26 @@ pub struct Geom {
 /// Explicit pair: two geoms that collide regardless of filters, with separate contact parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Pair {
-    /// Name; may be empty.
+    /// Name of the pair; may be empty.
     pub name: String,
     /// Indices of the geoms.
     pub geoms: [usize; 2],
-    /// Dimension of contacts, as in [`Geom`].
+    /// Dimension of contacts, see [`Geom::condim`].
     pub condim: u8,
-    /// Friction, as in [`Geom`].
+    /// Sliding, torsional (m) and rolling (m) friction coefficients.
     pub friction: [f64; 3],
-    /// Restitution, as in [`Geom`].
+    /// Newton's coefficient of restitution, see [`Geom::restitution`].
     pub restitution: f64,
-    /// Margin, as in [`Geom`], m.
+    /// Distance below which a contact pushes, m, see [`Geom::margin`].
     pub margin: f64,
-    /// Gap, as in [`Geom`], m.
+    /// Distance beyond the margin up to which a contact is reported, m, see [`Geom::gap`].
     pub gap: f64,
     /// Softness in MuJoCo's contact law.
     pub softness: Softness,
-    /// [`Softness::solref`] of the rows of friction; zeros for that of the normal.
+    /// [`Softness::solref`] of the friction rows; zeros select that of the normal row.
     pub solref_friction: [f64; 2],
-    /// Ratio of sliding friction along the second tangent to that along the first, and of rolling friction. Only MuJoCo's contact law uses
-    /// them.
+    /// Ratio of friction along the second tangent to that along the first: of sliding, and of rolling friction. Only MuJoCo's contact law
+    /// uses them.
     pub anisotropy: [f64; 2],
     /// Compliance of the contact.
     #[serde(default)]
@@ -250,28 +250,28 @@ pub struct Pair {
 /// Element on which an actuator acts.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Transmission {
-    /// Index of a hinge or slide.
+    /// Hinge or slide, by its index.
     Joint(usize),
-    /// Index of a fixed tendon.
+    /// Fixed tendon, by its index.
     Tendon(usize),
-    /// Site with a wrench.
+    /// Site on which a wrench acts.
     Site {
         /// Index of the site.
         site: usize,
-        /// Reference site: the wrench is in its frame, and its body has the reaction. Without one the wrench is in the frame of the site,
-        /// and the length is 0.
+        /// Index of the reference site. The wrench is in its frame, and its body receives the reaction. Without one, the wrench is in the
+        /// frame of `site`, and the actuator's length is 0.
         reference: Option<usize>,
-        /// Force and torque (N, N m) per unit of the actuator's force.
+        /// Force and torque (N, N m) per unit of actuator force.
         wrench: [f64; 6],
     },
 }
 
-/// Dynamics between the control and the force.
+/// Activation dynamics: the differential equation between the control and the force.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Activation {
-    /// No dynamics: the control acts immediately.
+    /// No dynamics: the control is the input of the force.
     None,
-    /// Integrator: the control is the rate of the activation.
+    /// Integrator: the control is the time derivative of the activation.
     Integrator,
     /// First-order lag with this time constant (s), integrated by Euler's rule.
     Filter(f64),
@@ -289,11 +289,11 @@ pub struct Actuator {
     pub name: String,
     /// Element on which the actuator acts.
     pub transmission: Transmission,
-    /// Scale of length, velocity and force.
+    /// Gear: factor of length, velocity and force.
     pub gear: f64,
     /// Delay of the control, s.
     pub delay: f64,
-    /// Whether the older of two controls acts between them, instead of an interpolation.
+    /// Whether a delayed control is the older of two samples; otherwise it is interpolated between them.
     pub delay_holds: bool,
     /// Range to which the control is clamped.
     pub ctrl_range: Option<[f64; 2]>,
@@ -301,23 +301,23 @@ pub struct Actuator {
     pub force_range: Option<[f64; 2]>,
     /// Range to which the activation is clamped.
     pub act_range: Option<[f64; 2]>,
-    /// Dynamics of the activation.
+    /// Activation dynamics.
     pub activation: Activation,
     /// Parameters of the gain: constant, per length, per velocity. For a DC motor they are resistance and motor constant.
     pub gain: [f64; 3],
     /// Parameters of the bias: constant, per length, per velocity.
     pub bias: [f64; 3],
-    /// Formula for the force from these parameters.
+    /// Types of gain and bias, which determine how the force follows from these parameters.
     #[serde(default, with = "added_fields")]
     pub force_model: ForceModel,
 }
 
-/// Named state.
+/// Keyframe: a named state with controls.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Keyframe {
     /// Name; may be empty.
     pub name: String,
-    /// Time, s.
+    /// Simulated time, s.
     pub time: f64,
     /// Configuration, length nq.
     pub qpos: Vec<f64>,
@@ -329,7 +329,7 @@ pub struct Keyframe {
     pub ctrl: Vec<f64>,
 }
 
-/// Element of the source that the model leaves out.
+/// Element of a source file that stepper does not simulate, and that the model leaves out.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Omission {
     /// Kind of element, such as "equality connect".
@@ -342,7 +342,7 @@ pub struct Omission {
     pub changes_motion: bool,
 }
 
-/// Settings that a source requests and that stepper's default options replace, in the words of the source.
+/// Settings of a source file that stepper's default options replace, with the names that the file uses.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Requested {
     /// Integrator: "Euler", "RK4", "implicit", "implicitfast" or "discrete".
@@ -351,11 +351,11 @@ pub struct Requested {
     pub solver: String,
     /// Largest number of iterations of that solver.
     pub iterations: u32,
-    /// Shape of the friction cone, "pyramidal" or "elliptic"; `None` if nothing can touch.
+    /// Shape of the friction cone, "pyramidal" or "elliptic"; `None` if no geoms can touch.
     pub cone: Option<String>,
-    /// Whether the source has constraints, which are soft in its simulator.
+    /// Whether the scene has constraints, which are soft in the simulator of the source file.
     pub constrained: bool,
-    /// Elements whose softness differs from the default of the source: "2 geoms: foot, floor".
+    /// Elements whose softness differs from the default, for example "2 geoms: foot, floor".
     pub soft: Vec<String>,
 }
 
@@ -405,27 +405,27 @@ impl Description {
             .collect()
     }
 
-    /// Label of a body such as "torso"; "#3" for a body without a name or an index out of range.
+    /// Label of body `i`, such as "torso"; "#3" for a body without a name or an index out of range.
     pub fn body_label(&self, i: usize) -> String {
         self.bodies.get(i).map_or_else(|| label("", i), |x| label(&x.name, i))
     }
 
-    /// Label of a joint such as "ankle"; "#3" for a joint without a name or an index out of range.
+    /// Label of joint `i`, such as "ankle"; "#3" for a joint without a name or an index out of range.
     pub fn joint_label(&self, i: usize) -> String {
         self.joints.get(i).map_or_else(|| label("", i), |x| label(&x.name, i))
     }
 
-    /// Label of a sensor such as "imu"; "#3" for a sensor without a name or an index out of range.
+    /// Label of sensor `i`, such as "imu"; "#3" for a sensor without a name or an index out of range.
     pub fn sensor_label(&self, i: usize) -> String {
         self.sensors.get(i).map_or_else(|| label("", i), |x| label(&x.name, i))
     }
 
-    /// Label of a geom such as "floor"; "#3" for a geom without a name or an index out of range.
+    /// Label of geom `i`, such as "floor"; "#3" for a geom without a name or an index out of range.
     pub fn geom_label(&self, i: usize) -> String {
         self.geoms.get(i).map_or_else(|| label("", i), |x| label(&x.name, i))
     }
 
-    /// Label of a geom such as "floor"; "#3 of body torso" for a geom without a name, "#3" for an index out of range.
+    /// Label of geom `i`, such as "floor"; "#3 of body torso" for a geom without a name, "#3" for an index out of range.
     pub fn geom_label_with_body(&self, i: usize) -> String {
         match self.geoms.get(i) {
             Some(geom) if geom.name.is_empty() => format!("#{i} of body {}", self.body_label(geom.body)),
@@ -434,13 +434,13 @@ impl Description {
     }
 }
 
-/// Name of an element, or its index if it has none.
+/// Label of an element: its name, or its index such as "#3" if it has none.
 pub fn label(name: &str, index: usize) -> String {
     if name.is_empty() { format!("#{index}") } else { name.to_owned() }
 }
 
 impl Geom {
-    /// Semi-axes of the ellipsoid that approximates a shape, m; `None` for shapes without a finite size.
+    /// Semi-axes of the ellipsoid that approximates the shape in the fluid model, m; `None` for shapes without a finite size.
     pub fn semi_axes(&self) -> Option<[f64; 3]> {
         match self.shape {
             Shape::Sphere { radius } => Some([radius; 3]),
@@ -454,12 +454,12 @@ impl Geom {
 }
 
 impl Description {
-    /// Mesh of a geom's shape.
+    /// Mesh to which the shape refers; `None` for other shapes, or if it does not exist.
     pub fn mesh_of(&self, shape: &Shape) -> Option<&Mesh> {
         Some(&self.meshes[self.mesh_index(shape)?])
     }
 
-    /// Height field of a geom's shape.
+    /// Height field to which the shape refers; `None` for other shapes, or if it does not exist.
     pub fn height_field_of(&self, shape: &Shape) -> Option<&HeightField> {
         match shape {
             Shape::HeightField { asset } => self.height_fields.iter().find(|h| h.name == *asset),
@@ -469,7 +469,7 @@ impl Description {
 }
 
 impl Tendon {
-    /// Length of the tendon in a configuration of the model.
+    /// Length of the tendon in the configuration `qpos` of the model.
     pub fn length(&self, model: &Description, qpos: &[f64]) -> f64 {
         let addresses = model.joint_addresses();
         self.joints.iter().map(|&(j, c)| c * qpos[addresses[j].0]).sum()

@@ -1,19 +1,20 @@
-//! Equalities, which close loops and couple joints.
+//! Equality constraints, which close loops and couple joints.
 
 use serde::{Deserialize, Serialize};
 
 use crate::softness::Softness;
 
-/// Bilateral constraint, whose error is kept at zero by any necessary force.
+/// Equality: a bilateral constraint, which keeps an error at zero with any necessary force.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Equality {
     /// Name; may be empty.
     pub name: String,
     /// Kind of equality, with its elements.
     pub kind: EqualityKind,
-    /// Whether the equality is active. An inactive one costs nothing.
+    /// Whether the equality is active by default. An inactive one costs nothing.
     pub active: bool,
-    /// Stiffness of a soft equality, N/m (N m/rad for rotations; for joints and tendons in their units); infinite for a hard one.
+    /// Stiffness of a soft equality, N/m (N m/rad for rotations; in the units of the joint or tendon for couplings); infinite for a hard
+    /// one.
     pub stiffness: f64,
     /// Damping of a soft equality, N s/m or N m s/rad.
     pub damping: f64,
@@ -24,22 +25,22 @@ pub struct Equality {
 /// Kind of equality (MuJoCo's `mjtEq`).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum EqualityKind {
-    /// Point of one body that coincides with a point of another, as in a ball joint.
+    /// Connection: a point of one body coincides with a point of another, as in a ball joint.
     Connect {
         /// Indices of the bodies; 0 is the world.
         bodies: [usize; 2],
         /// Points in the frames of the bodies, m.
         anchors: [[f64; 3]; 2],
     },
-    /// Connection like [`EqualityKind::Connect`], with equal orientations.
+    /// Weld: a connection like [`EqualityKind::Connect`], with a fixed relative orientation.
     Weld {
         /// Indices of the bodies; 0 is the world.
         bodies: [usize; 2],
         /// Points in the frames of the bodies, m.
         anchors: [[f64; 3]; 2],
-        /// Orientation of the second body in the frame of the first.
+        /// Orientation of the second body in the frame of the first, a unit quaternion (w, x, y, z).
         relpose: [f64; 4],
-        /// Weight of an error of one radian relative to one metre, m. With 0, rotations are free.
+        /// Weight of the rotation error relative to the position error, m/rad. With 0, rotations are free.
         torquescale: f64,
     },
     /// Coupling `q0 - ref0 = polynomial(q1 - ref1)` of hinges and slides, with references from `qpos0`. Without a second joint it is `q0 -
@@ -47,7 +48,7 @@ pub enum EqualityKind {
     Joint {
         /// Index of the first joint.
         joint: usize,
-        /// Index of the second joint.
+        /// Index of the second joint; `None` for a constant target.
         other: Option<usize>,
         /// Coefficients of the powers 0 to 4.
         polycoef: [f64; 5],
@@ -56,7 +57,7 @@ pub enum EqualityKind {
     Tendon {
         /// Index of the first tendon.
         tendon: usize,
-        /// Index of the second tendon.
+        /// Index of the second tendon; `None` for a constant target.
         other: Option<usize>,
         /// Coefficients of the powers 0 to 4.
         polycoef: [f64; 5],
@@ -74,7 +75,7 @@ impl EqualityKind {
         }
     }
 
-    /// Number of rows in the constraint problem.
+    /// Number of rows of the equality in the constraint problem.
     pub const fn rows(&self) -> usize {
         match self {
             Self::Connect { .. } => 3,
@@ -85,8 +86,10 @@ impl EqualityKind {
 }
 
 impl Equality {
-    /// Numbers in MuJoCo's layout (`eq_data`). Connect: both anchors. Weld: anchor in the second body, anchor in the first, relpose,
-    /// torquescale. Couplings: coefficients of the polynomial. Unused entries are 0.
+    /// Parameters in MuJoCo's layout (`eq_data`), with zeros in unused entries.
+    ///
+    /// Connect: both anchors. Weld: anchor in the second body, anchor in the first, relpose, torquescale. Couplings: coefficients of the
+    /// polynomial.
     pub fn data(&self) -> [f64; 11] {
         let mut out = [0.0; 11];
         match &self.kind {
@@ -102,7 +105,7 @@ impl Equality {
         out
     }
 
-    /// Sets the numbers from the layout of [`Equality::data`].
+    /// Sets the parameters from the layout of [`Equality::data`].
     pub fn set_data(&mut self, data: &[f64; 11]) {
         match &mut self.kind {
             EqualityKind::Connect { anchors, .. } => anchors.as_flattened_mut().copy_from_slice(&data[..6]),

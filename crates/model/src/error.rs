@@ -1,40 +1,40 @@
-//! Errors of a model, each with the reason, the place in the model, and the remedy.
+//! Errors of models. Each has the reason, the place in the model, and the remedy.
 
 use thiserror::Error;
 
 use crate::Omission;
 
-/// Error of a model that cannot be used, with the reason, the place in the model, and the remedy.
+/// Error of a model that cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum ModelError {
     /// Invalid value.
     #[error("{place}: {what}; {remedy}")]
     Invalid {
-        /// Reason, with the value.
+        /// Reason, with the invalid value.
         what: String,
         /// Kind and name of the element, such as `body "torso"`.
         place: String,
         /// Remedy.
         remedy: String,
     },
-    /// Elements of the source that are not simulated yet and would change the motion.
+    /// Elements of a source file that stepper does not simulate yet and that would change the motion.
     #[error("{}", list(.0))]
     Unsupported(
         /// All such elements.
         Vec<Omission>,
     ),
-    /// Unknown name: no element of the requested kind has it.
+    /// Name that no element of the given kind has.
     #[error("there is no {kind} {name:?} in the model; {}", there_are(known))]
     NoSuchName {
         /// Kind of element, such as "joint".
         kind: &'static str,
-        /// Given name.
+        /// Name that was given.
         name: String,
         /// Existing names, or the first of many.
         known: Vec<String>,
     },
-    /// File that is not a model of a supported version.
+    /// File or bytes that are not a model of a supported version.
     #[error("{path}: {what}; {remedy}")]
     File {
         /// Reason.
@@ -51,7 +51,7 @@ impl ModelError {
         Self::Invalid { what: what.into(), place: place.into(), remedy: remedy.into() }
     }
 
-    /// Error with the place `whole` before its place.
+    /// Error with `whole` added in front of its place.
     pub fn of(self, whole: &str) -> Self {
         match self {
             Self::Invalid { what, place, remedy } => Self::Invalid { what, place: format!("{whole}: {place}"), remedy },

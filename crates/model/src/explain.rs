@@ -1,4 +1,5 @@
-//! Report of a model in words: simulated elements, omitted ones with reasons, unused features, and phenomena beyond rigid-body simulation.
+//! Report of a model as text: simulated elements, omitted elements with reasons, unused features, and phenomena that rigid-body simulation
+//! does not cover.
 
 use std::collections::BTreeMap;
 use std::fmt::Display;
@@ -19,8 +20,8 @@ const BEYOND: [&str; 7] = [
 ];
 
 impl Model {
-    /// Report in words: simulated elements, omitted elements with reasons, features that the scene does not use, and phenomena that
-    /// rigid-body simulation does not model.
+    /// Report of the model as text. It lists simulated elements, omitted elements with reasons, features that the scene does not use, and
+    /// phenomena that rigid-body simulation does not cover.
     pub fn explain(&self) -> String {
         let name = if self.name.is_empty() { "model" } else { &self.name };
         let sizes = format!(
@@ -54,8 +55,8 @@ impl Model {
         .join("\n\n")
     }
 
-    /// Settings of the source that the default options replace, in words. With `implied` the list includes settings that the source leaves
-    /// at the defaults of its simulator.
+    /// Settings of the source file that the default options replace, one line each. With `implied` the list includes settings that the file
+    /// leaves at the defaults of its simulator.
     pub fn deviations(&self, implied: bool) -> Vec<String> {
         let Some(asked) = &self.requested else { return vec![] };
         let lines = [asked.integrator_line(), asked.softness_line(), asked.cone_line(), self.noslip_line()];
@@ -228,7 +229,8 @@ impl Model {
         (!names.is_empty()).then(line).into_iter().collect()
     }
 
-    /// Omitted elements that change the motion, and those that do not. Elements of a kind with the same reason share a line.
+    /// Lines about omitted elements that change the motion, and about those that do not. Elements of a kind with the same reason share a
+    /// line.
     fn left_out(&self) -> (Vec<String>, Vec<String>) {
         let lines = |changes: bool| {
             let mut grouped: BTreeMap<(&str, &str), Vec<String>> = BTreeMap::new();
@@ -241,12 +243,12 @@ impl Model {
     }
 }
 
-/// Whether the source has the setting explicitly, and the line.
+/// Line about a setting that the default options replace, and whether the source file sets it explicitly; `None` if nothing is replaced.
 type Deviation = Option<(bool, String)>;
 
 impl Requested {
     fn integrator_line(&self) -> Deviation {
-        // Euler's rule is the default of a source without an integrator.
+        // A file without an integrator has MuJoCo's default, Euler's rule.
         let (express, name) = (self.integrator != "Euler", &self.integrator);
         let asked = if express { "asks for" } else { "has the default," };
         let line = format!("integrator: the source {asked} {name}, and midpoint runs. Options::from_model(&model) takes the source's");
@@ -279,7 +281,7 @@ impl Verdict {
     }
 }
 
-/// Feature that a scene has or does not have.
+/// Line of the report about a feature: text if the scene has it, and text if it does not.
 #[derive(Clone)]
 struct Line {
     present: bool,
@@ -298,12 +300,12 @@ impl Line {
     }
 }
 
-/// Labels of those of `count` elements that have a property.
+/// Labels of those of `count` elements for which `has` returns true.
 fn of<'a>(count: usize, has: &'a dyn Fn(usize) -> bool, label: &'a dyn Fn(usize) -> String) -> impl Iterator<Item = String> + 'a {
     (0..count).filter(move |&i| has(i)).map(label)
 }
 
-/// First names of a list.
+/// Text with the first names of a list, and the number of the others.
 fn short(names: impl Iterator<Item = impl Display>) -> String {
     const SHOWN: usize = 12;
     let names: Vec<String> = names.map(|n| n.to_string()).collect();
@@ -322,7 +324,7 @@ mod tests {
     use super::super::{BodyBuilder, GeomBuilder, JointBuilder, WORLD};
     use super::*;
 
-    /// Lines of a section.
+    /// Lines of the report in the section `title`.
     fn lines<'a>(text: &'a str, title: &str) -> Vec<&'a str> {
         let start = text.find(&format!("\n{title}:")).unwrap_or_else(|| panic!("no section {title:?} in\n{text}"));
         let body = text[start + 1..].split("\n\n").next().unwrap();

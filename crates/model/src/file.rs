@@ -1,4 +1,4 @@
-//! Models as files. A read model has the same bits as the written one; every other file is an error.
+//! Files of models. Reading a file gives the same bits as were written; any other content is an error.
 //!
 //! | bytes | what |
 //! |---|---|
@@ -27,22 +27,22 @@ use crate::{Description, ForceModel, Model, ModelError, NoSlip, Overlap};
 /// First bytes of every saved model. The last one is invalid in UTF-8, so that no text file begins with them.
 const MAGIC: [u8; 8] = *b"stepper\xff";
 
-/// Version of the format of saved models. It changes with the payload.
+/// Version of the format of saved models. It increases when the payload changes.
 pub const FORMAT_VERSION: u32 = 15;
-/// Older version that can be read: actuators have the narrowest force models for their parameters.
+/// Oldest version with `Added` fields. It has no force models: the simplest ones that use the actuator's parameters apply.
 const WITHOUT_FORCE_MODELS: u32 = 14;
-/// Older version that can be read, which also has no [`Added`] fields.
+/// Oldest version with noslip iterations. It has no [`Added`] fields.
 const WITHOUT_ADDED: u32 = 13;
-/// Older version that can be read, which also has no noslip iterations.
+/// Oldest version that can be read. It has no noslip iterations.
 const WITHOUT_NOSLIP: u32 = 12;
 
 const HEADER: usize = 8 + 4 + 32;
 const MEMORY: &str = "saved model";
 
-/// Fields of a description that are written after it.
+/// Fields that were added to the description later, and that are written after it.
 #[derive(Default, PartialEq, Serialize, Deserialize)]
 struct Added {
-    /// Speed limits, one for each joint; empty if no joint has one.
+    /// Speed limits of all joints; empty if no joint has one.
     velocity_limits: Vec<Option<f64>>,
     excluded_overlaps: Vec<Overlap>,
 }
@@ -54,19 +54,19 @@ impl Added {
         Self { velocity_limits, excluded_overlaps: model.excluded_overlaps.clone() }
     }
 
-    /// Whether there are as many speed limits as joints, or none.
+    /// Whether there is one speed limit per joint of the model, or none at all.
     fn fits(&self, model: &Description) -> bool {
         self.velocity_limits.is_empty() || self.velocity_limits.len() == model.joints.len()
     }
 
-    /// Writes the fields into a description.
+    /// Sets these fields in a description.
     fn write_to(self, model: &mut Description) {
         model.joints.iter_mut().zip(self.velocity_limits).for_each(|(joint, limit)| joint.velocity_limit = limit);
         model.excluded_overlaps = self.excluded_overlaps;
     }
 }
 
-/// Force models of all actuators; empty if each is the narrowest for its parameters.
+/// Force models of all actuators; empty if each is the simplest one that uses the actuator's parameters.
 #[derive(Default, PartialEq, Serialize, Deserialize)]
 struct ForceModels(Vec<ForceModel>);
 
@@ -76,19 +76,19 @@ impl ForceModels {
         Self(if usual { vec![] } else { model.actuators.iter().map(|a| a.force_model).collect() })
     }
 
-    /// Whether there are as many force models as actuators, or none.
+    /// Whether there is one force model per actuator of the model, or none at all.
     fn fits(&self, model: &Description) -> bool {
         self.0.is_empty() || self.0.len() == model.actuators.len()
     }
 
-    /// Writes the force models into a description.
+    /// Sets the force models in a description.
     fn write_to(self, model: &mut Description) {
         model.actuators.iter_mut().for_each(|a| a.force_model = ForceModel::of_parameters(&a.gain, &a.bias));
         model.actuators.iter_mut().zip(self.0).for_each(|(actuator, own)| actuator.force_model = own);
     }
 }
 
-/// Description with affine forces as parameters of all actuators.
+/// Description in which the parameters of all actuators are those of affine forces.
 fn with_affine_forces(description: &Description) -> Cow<'_, Description> {
     let mut affine = Cow::Borrowed(description);
     for (i, actuator) in description.actuators.iter().enumerate() {
@@ -104,10 +104,10 @@ fn with_affine_forces(description: &Description) -> Cow<'_, Description> {
 impl Model {
     /// SHA-256 of all data that determine the motion. Equal models have equal digests on every machine.
     ///
-    /// Models whose actuators have equal forces by different parameters (see [`ForceModel`]) have equal digests.
+    /// Models whose actuators have equal forces from different parameters (see [`ForceModel`]) have equal digests.
     pub fn digest(&self) -> [u8; 32] {
         let description = with_affine_forces(&self.description);
-        // A model without noslip iterations and added fields has the digest of versions before these fields.
+        // Without noslip iterations and added fields, the digest must be that of versions before these fields.
         let (noslip, added) = (self.soft.noslip, Added::of(self));
         let held = match (noslip == NoSlip::default(), added == Added::default()) {
             (true, true) => encoded(&*description),
@@ -117,14 +117,14 @@ impl Model {
         Sha256::digest(held).into()
     }
 
-    /// Model as bytes, see [`Model::from_bytes`].
+    /// Converts the model to bytes, see [`Model::from_bytes`].
     pub fn to_bytes(&self) -> Vec<u8> {
         let payload = self.payload();
         let digest: [u8; 32] = Sha256::digest(&payload).into();
         [&MAGIC[..], &FORMAT_VERSION.to_le_bytes(), &digest, &payload].concat()
     }
 
-    /// Model from the bytes of [`Model::to_bytes`], bit for bit.
+    /// Reads a model from the bytes of [`Model::to_bytes`], bit for bit.
     ///
     /// # Errors
     /// [`ModelError::File`] if the bytes are not a saved model, have another format version, or are damaged. [`ModelError::Invalid`] if
@@ -144,7 +144,7 @@ impl Model {
         })
     }
 
-    /// Reads a saved model, bit for bit.
+    /// Reads a model from a file that [`Model::save`] wrote, bit for bit.
     ///
     /// # Errors
     /// Those of [`Model::from_bytes`], and if the file cannot be read.
@@ -338,7 +338,7 @@ mod tests {
         assert!(matches!(Model::from_bytes(&model.to_bytes()), Err(ModelError::Invalid { .. })));
     }
 
-    /// Scene with two geoms of a mesh that may fall on a floor, and a mesh whose hull touches nothing.
+    /// Scene with two geoms of a mesh that may fall on a floor, and a mesh that collides with nothing.
     fn stones() -> Model {
         let mut scene = Model::builder("stones");
         scene.geom(WORLD, GeomBuilder::plane("floor"));
@@ -350,7 +350,7 @@ mod tests {
         scene.finish().unwrap()
     }
 
-    /// Saved model with changed triangles of the hulls.
+    /// Bytes of a saved model, in which `change` has edited the triangles of the hulls.
     fn with_surface(model: &Model, change: impl FnOnce(&mut Surfaces)) -> Vec<u8> {
         let mut surfaces = model.hulls.surfaces();
         change(&mut surfaces);

@@ -1,4 +1,4 @@
-//! Checks of a model: every model has passed [`Description::finish`].
+//! Checks of a description, which make it a finished model.
 
 mod check;
 mod element;
@@ -9,17 +9,18 @@ mod sensors;
 use crate::hulls::Source;
 use crate::{Description, EqualityKind, JointKind, Model, ModelError, label};
 
-/// Largest deviation of the norm of a quaternion or axis from 1 that counts as rounding in the source.
+/// Largest deviation of the norm of a quaternion or axis from 1 that counts as rounding in the source file. Such vectors are normalised.
 const SLOPPY: f64 = 1e-3;
 
-/// Largest deviation of a norm from 1 that remains after normalisation, a few rounding errors. Vectors within it do not change, so that
+/// Largest deviation of a norm from 1 at which a vector counts as normalised, a few rounding errors. Such vectors do not change, so that
 /// finishing a finished model changes no bit.
 const EXACT: f64 = 1e-14;
 
 impl Description {
-    /// Checks everything, and normalises vectors whose norm is 1 up to rounding.
+    /// Checks the description and returns the model. Vectors whose norm is 1 within rounding are normalised.
     ///
-    /// Elements that are not simulated yet are an error if `strict`. Otherwise they are left out and added to [`Description::omitted`].
+    /// Elements that are not simulated yet are an error if `strict` is true. Otherwise they are left out and added to
+    /// [`Description::omitted`].
     ///
     /// # Errors
     /// [`ModelError::Invalid`] for the first invalid value, with the element and the remedy; [`ModelError::Unsupported`] with all elements
@@ -28,7 +29,7 @@ impl Description {
         self.finish_with(strict, Source::Vertices)
     }
 
-    /// Finishes like [`Description::finish`], with hulls from a given source.
+    /// Checks the description like [`Description::finish`], with convex hulls from the source `hulls`.
     pub(super) fn finish_with(self, strict: bool, hulls: Source<'_>) -> Result<Model, ModelError> {
         let Model { description: mut model, hulls } = self.check(hulls)?;
         model.omitted.retain(|o| !scope::is_own(o));
@@ -38,7 +39,8 @@ impl Description {
         if strict && !missing.is_empty() { Err(ModelError::Unsupported(missing)) } else { Ok(Model { description: model, hulls }) }
     }
 
-    /// Checks like [`Description::finish`], without a check of support, because that was made when the model was finished.
+    /// Checks the description like [`Description::finish`], without the search for elements that are not simulated. That was done when the
+    /// model was first finished.
     pub(super) fn check(mut self, hulls: Source<'_>) -> Result<Model, ModelError> {
         check::structure(&self)?;
         self.normalise()?;
@@ -47,7 +49,7 @@ impl Description {
         Ok(Model { description: self, hulls })
     }
 
-    /// Checks the numbers of a finished model after a change of some of them.
+    /// Checks those values of a finished model that may differ between environments, after a change.
     pub(super) fn check_parameters(&self) -> Result<(), ModelError> {
         check::parameters(self)
     }
@@ -98,7 +100,7 @@ impl Description {
     }
 }
 
-/// Normalises a vector whose norm is 1 up to rounding.
+/// Normalises a vector whose norm is 1 within rounding, and rejects any other.
 fn unit(x: &mut [f64], place: &str, what: &str) -> Result<(), ModelError> {
     let length = x.iter().map(|v| v * v).sum::<f64>().sqrt();
     let off = (length - 1.0).abs();
@@ -171,7 +173,7 @@ pub(super) mod tests {
         model
     }
 
-    /// Checks the error of the rich model after a change: the element, the value and the remedy.
+    /// Checks that the rich model is rejected after `change`, with an error that contains all of `parts`.
     fn refused(change: impl FnOnce(&mut Description), parts: &[&str]) {
         let mut model = rich();
         change(&mut model);

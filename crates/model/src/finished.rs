@@ -1,4 +1,4 @@
-//! Finished model, which was checked and cannot be edited.
+//! Finished model: a description that was checked and cannot be edited.
 
 use std::ops::Deref;
 use std::sync::Arc;
@@ -56,19 +56,19 @@ impl Deref for Model {
 }
 
 impl Model {
-    /// Description of the model, which can be edited and finished again.
+    /// Converts the model to its description, which can be edited and finished again.
     pub fn into_description(self) -> Description {
         self.description
     }
 
-    /// Description of the model for a change that keeps it valid. Hulls of meshes stay.
+    /// Mutable description, for changes after which the model is still valid. Convex hulls of meshes do not change.
     pub(crate) fn trusted_mut(&mut self) -> &mut Description {
         &mut self.description
     }
 }
 
 impl Model {
-    /// Adds overlaps whose geoms and bodies never collide.
+    /// Disables collisions between the geoms and bodies of the given overlaps.
     ///
     /// # Panics
     /// If the model does not have a geom.
@@ -86,7 +86,7 @@ impl Model {
         model
     }
 
-    /// Convex hull of the mesh of a geom's shape. It exists for every geom that can touch others as a hull.
+    /// Convex hull of the mesh to which the shape refers. It exists for every geom that can touch others as a hull.
     pub fn hull_of(&self, shape: &Shape) -> Option<&Arc<Hull>> {
         self.hulls.0.get(self.mesh_index(shape)?)?.as_ref()
     }

@@ -1,8 +1,8 @@
-//! Fluid around the bodies.
+//! Fluid that surrounds the bodies.
 
 use serde::{Deserialize, Serialize};
 
-/// Fluid between the bodies.
+/// Properties of the fluid that surrounds the bodies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Medium {
     /// Density, kg/m^3.
@@ -14,7 +14,7 @@ pub struct Medium {
 }
 
 impl Medium {
-    /// Whether the fluid causes forces.
+    /// Whether the fluid exerts forces: density or viscosity is above zero.
     pub fn acts(&self) -> bool {
         self.density != 0.0 || self.viscosity != 0.0
     }
@@ -24,22 +24,22 @@ impl Medium {
 /// inertia.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Ellipsoid {
-    /// Factor on all forces.
+    /// Factor of all forces and torques.
     pub share: f64,
-    /// Drag along the direction of motion, blunt part.
+    /// Coefficient of drag, blunt part.
     pub blunt_drag: f64,
-    /// Drag along the direction of motion, slender part.
+    /// Coefficient of drag, slender part.
     pub slender_drag: f64,
-    /// Drag of rotation.
+    /// Coefficient of drag of rotation.
     pub angular_drag: f64,
-    /// Lift by circulation.
+    /// Coefficient of Kutta lift, from circulation.
     pub kutta_lift: f64,
-    /// Lift by spin.
+    /// Coefficient of Magnus lift, from spin.
     pub magnus_lift: f64,
-    /// Volume of the fluid that moves with the geom, per axis, m^3.
+    /// Volume of fluid that moves with the geom (added mass divided by density), per axis, m^3.
     pub virtual_mass: [f64; 3],
-    /// Moment of inertia of that fluid divided by its density, per axis, m^5.
+    /// Added moment of inertia divided by the density of the fluid, per axis, m^5.
     pub virtual_inertia: [f64; 3],
-    /// Semi-axes, m.
+    /// Semi-axes of the ellipsoid, m.
     pub axes: [f64; 3],
 }

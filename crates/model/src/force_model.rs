@@ -12,9 +12,9 @@ pub enum GainType {
     Affine,
     /// DC motor: the parameters are resistance and motor constant, and the control is the voltage.
     DcMotor,
-    /// Position target of a PID controller without integral term; its gain is `-bias[1]`.
+    /// Position input of a PID controller without integral term; its gain is `-bias[1]`.
     PidPosition,
-    /// Velocity target of a PID controller without integral term; its gain is `-bias[2]`.
+    /// Velocity input of a PID controller without integral term; its gain is `-bias[2]`.
     PidVelocity,
 }
 
@@ -26,11 +26,11 @@ pub enum BiasType {
     /// Affine bias: constant, per length, per velocity.
     #[default]
     Affine,
-    /// Back electromotive force of a DC motor, with the parameters of the gain.
+    /// Back-EMF of a DC motor, with the parameters of the gain.
     DcMotor,
 }
 
-/// Formula for an actuator's force from its parameters.
+/// Types of an actuator's gain and bias, which define how its force follows from the parameters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct ForceModel {
@@ -38,12 +38,12 @@ pub struct ForceModel {
     pub gain: GainType,
     /// Type of the bias.
     pub bias: BiasType,
-    /// Whether the source disables the actuator, so that its force is 0.
+    /// Whether the source file disables the actuator, so that its force is 0.
     pub disabled: bool,
 }
 
 impl GainType {
-    /// Name of the type in MJCF.
+    /// Name of the gain type in MJCF.
     pub const fn word(self) -> &'static str {
         match self {
             Self::Fixed => "fixed",
@@ -53,7 +53,7 @@ impl GainType {
         }
     }
 
-    /// Number of parameters of the type.
+    /// Number of parameters of the gain type.
     pub const fn width(self) -> usize {
         match self {
             Self::Fixed => 1,
@@ -65,7 +65,7 @@ impl GainType {
 }
 
 impl BiasType {
-    /// Name of the type in MJCF.
+    /// Name of the bias type in MJCF.
     pub const fn word(self) -> &'static str {
         match self {
             Self::None => "none",
@@ -74,7 +74,7 @@ impl BiasType {
         }
     }
 
-    /// Number of parameters of the type.
+    /// Number of parameters of the bias type.
     pub const fn width(self) -> usize {
         match self {
             Self::Affine => 3,
@@ -84,7 +84,7 @@ impl BiasType {
 }
 
 impl ForceModel {
-    /// Narrowest force model that reads all parameters that are not 0.
+    /// Simplest force model that uses all nonzero parameters.
     pub fn of_parameters(gain: &[f64; 3], bias: &[f64; 3]) -> Self {
         let zero = |x: &[f64]| x.iter().all(|&x| x == 0.0);
         let gain = if zero(&gain[1..]) { GainType::Fixed } else { GainType::Affine };

@@ -1,9 +1,4 @@
-//! Meshes that collide as a convex hull that is much larger than the mesh.
-//!
-//! The enclosed volume is a poor measure of a mesh. A terrain is an open sheet, and a casing from a CAD program has thin walls, but nothing
-//! can get inside. The measure here is the part of the hull that other bodies could enter. A point of the hull is open if a ray along an
-//! axis leaves the hull without a hit. It is not open if more of its six rays hit the back of a triangle than the front, because space
-//! behind a sheet is solid. Pits that no axis enters are missed, so that the open part is a lower bound.
+//! Detection of meshes whose convex hull is much larger than the mesh.
 
 use std::collections::BTreeMap;
 
@@ -11,17 +6,18 @@ use stepper_geometry::Hull;
 
 use crate::{Mesh, Model, Shape, weld_groups};
 
-/// Number of points along each axis. A fraction of one half then has an error of about 2 % (about 2000 of 4096 points are in a hull).
+/// Number of grid points along each axis. A fraction of one half then has an error of about 2 % (about 2000 of 4096 points are in a hull).
 const POINTS: usize = 16;
 
-/// Place of a point in its cell. It is not the middle, so that rays miss the edges of meshes that are symmetric or on a grid.
+/// Position of a grid point in its cell, as fractions. It is not the centre, so that rays miss the edges of meshes that are symmetric or on
+/// a grid.
 const PLACE: [f64; 3] = [0.437_1, 0.541_3, 0.486_7];
 
-/// Smallest ratio of hull volume to mesh volume that is reported for moving geoms. Links of robots often have half the volume of their
-/// hull.
+/// Smallest ratio of hull volume to mesh volume that is reported for moving geoms. The hull of a robot link often has twice the volume of
+/// the link.
 const WIDE: f64 = 2.0;
 
-/// Smallest ratio that is reported for fixed geoms: a trench is a small part of a terrain's hull.
+/// Smallest ratio of hull volume to mesh volume that is reported for fixed geoms, because a trench is a small part of a terrain's hull.
 const WIDE_FIXED: f64 = 1.25;
 
 /// Geom that collides as a convex hull much larger than its mesh.
@@ -29,7 +25,7 @@ const WIDE_FIXED: f64 = 1.25;
 pub struct WideHull {
     /// Index of the geom in the model.
     pub geom: usize,
-    /// Ratio of the hull's volume to the part that other bodies cannot enter; infinite if they can enter all of it.
+    /// Ratio of the hull's volume to the volume that other bodies cannot enter; infinite if they can enter all of it.
     pub ratio: f64,
 }
 
@@ -54,7 +50,7 @@ impl Model {
     }
 }
 
-/// Ratio of the hull's volume to the part that other bodies cannot enter; 1 if the mesh has no faces.
+/// Ratio of the hull's volume to the volume that other bodies cannot enter; 1 if the mesh has no faces.
 fn volume_ratio(mesh: &Mesh, hull: &Hull) -> f64 {
     let grid = Grid::new(mesh);
     let sights = [0, 1, 2].map(|axis| grid.sights(&mesh.vertices, &mesh.faces, axis));
@@ -69,7 +65,7 @@ fn volume_ratio(mesh: &Mesh, hull: &Hull) -> f64 {
     if inside == 0 { 1.0 } else { inside as f64 / (inside - open) as f64 }
 }
 
-/// Side of the first triangle that a ray hits.
+/// Side of the first triangle that a ray hits: none, front or back.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Sight {
     Free,
@@ -83,7 +79,8 @@ struct Grid {
     step: [f64; 3],
 }
 
-/// Crossings of the grid's lines along an axis with triangles: position on the line, and whether the triangle faces against the axis.
+/// Intersections of the grid lines along one axis with triangles: position on the line, m, and whether the triangle's normal points against
+/// the axis.
 struct Sights {
     axis: usize,
     lines: Vec<Vec<(f64, bool)>>,
@@ -106,13 +103,13 @@ impl Grid {
         self.low[k] + (i as f64 + PLACE[k]) * self.step[k]
     }
 
-    /// Indices of the grid lines between two coordinates along axis k.
+    /// Indices of the grid points along axis `k` between two coordinates, m.
     fn between(&self, k: usize, low: f64, high: f64) -> std::ops::Range<usize> {
         let index = |x: f64| ((x - self.low[k]) / self.step[k] - PLACE[k]).ceil().clamp(0.0, POINTS as f64) as usize;
         index(low)..index(high)
     }
 
-    /// Crossings of the lines along an axis with triangles.
+    /// Intersections of the grid lines along `axis` with the triangles.
     fn sights(&self, points: &[[f64; 3]], triangles: &[[u32; 3]], axis: usize) -> Sights {
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
         let mut lines = vec![vec![]; POINTS * POINTS];
@@ -138,7 +135,7 @@ impl Grid {
 }
 
 impl Sights {
-    /// Sides of the mesh that rays from a point along the axis and against it hit.
+    /// Sides of the mesh that two rays from the grid point `cell` hit: along the axis, and against it.
     fn of(&self, grid: &Grid, cell: [usize; 3]) -> [Sight; 2] {
         let (axis, u, v) = (self.axis, (self.axis + 1) % 3, (self.axis + 2) % 3);
         let (here, line) = (grid.at(axis, cell[axis]), &self.lines[cell[u] * POINTS + cell[v]]);

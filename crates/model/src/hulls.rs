@@ -8,21 +8,21 @@ use crate::asset::Mesh;
 use crate::description::Description;
 use crate::shape::Shape;
 
-/// Convex hulls by mesh, for meshes that something can touch as their hull.
+/// Convex hulls, by mesh. A mesh has one if something can touch it as a hull.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Hulls(pub(super) Vec<Option<Arc<Hull>>>);
 
-/// Surfaces of hulls by mesh, as triangles of its vertices. A file stores these of [`Hulls`].
+/// Triangles of the convex hulls, by mesh, as vertex indices. A model file stores these.
 pub(super) type Surfaces = Vec<Option<Vec<[u32; 3]>>>;
 
-/// Source of hulls in the check of a description.
+/// Source of the convex hulls in the check of a description.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Source<'a> {
-    /// Computation from the vertices.
+    /// The hulls are computed from the vertices.
     Vertices,
-    /// Model with the same meshes. Hulls that it lacks are computed from the vertices.
+    /// The hulls are those of a model with the same meshes. Missing hulls are computed from the vertices.
     Same(&'a Hulls),
-    /// File, whose hulls are checked. Hulls that it lacks are computed from the vertices.
+    /// The hulls are read from a file and checked. Missing hulls are computed from the vertices.
     Kept(&'a [Option<Vec<[u32; 3]>>]),
 }
 
@@ -37,7 +37,7 @@ impl Source<'_> {
 }
 
 impl Hulls {
-    /// Finds or computes the hull of a mesh.
+    /// Gets the hull of the mesh with index `index` from the source, unless it is stored already.
     ///
     /// # Errors
     /// [`HullError`] if the mesh has no hull, or that of a file is wrong.
@@ -51,14 +51,14 @@ impl Hulls {
         Ok(())
     }
 
-    /// Triangles of all convex hulls by mesh, which a model file stores. `None` for meshes without a hull.
+    /// Triangles of the convex hulls, by mesh, for a model file; `None` for meshes without a hull.
     pub(super) fn surfaces(&self) -> Surfaces {
         self.0.iter().map(|hull| hull.as_ref().map(|hull| hull.surface())).collect()
     }
 }
 
 impl Description {
-    /// Index of the mesh of a geom's shape.
+    /// Index of the mesh to which the shape refers; `None` for other shapes, or if it does not exist.
     pub(super) fn mesh_index(&self, shape: &Shape) -> Option<usize> {
         match shape {
             Shape::Mesh { asset, .. } => self.meshes.iter().position(|m| m.name == *asset),

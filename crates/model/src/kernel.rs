@@ -1,11 +1,11 @@
-//! Narrow-phase functions by pair of shapes. Pairs without one cannot touch.
+//! Collision functions (kernels) for pairs of shapes. Pairs without one cannot touch.
 
 use crate::Shape;
 
-/// Narrow-phase function of a pair of shapes.
+/// Collision function of the narrow phase for a pair of shapes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kernel {
-    /// Half space and ball: 1 point.
+    /// Half space and ball: one point.
     PlaneSphere,
     /// Half space and capsule: its two ends.
     PlaneCapsule,
@@ -13,26 +13,26 @@ pub enum Kernel {
     PlaneBox,
     /// Half space and cylinder: the lowest points of its rims, and those at quarter turns from them.
     PlaneCylinder,
-    /// Half space and ellipsoid: 1 point.
+    /// Half space and ellipsoid: one point.
     PlaneEllipsoid,
-    /// Ball and box: 1 point.
+    /// Ball and box: one point.
     SphereBox,
-    /// Ball and cylinder: 1 point.
+    /// Ball and cylinder: one point.
     SphereCylinder,
-    /// Ball and ellipsoid: 1 point.
+    /// Ball and ellipsoid: one point.
     SphereEllipsoid,
     /// Capsule and box: up to 2 points.
     CapsuleBox,
     /// Two balls or capsules, as segments of any length: up to 2 points.
     Segments,
-    /// Convex shape and surface of triangles (concave mesh, height field), lane by lane: up to 16 points.
+    /// Convex shape and surface of triangles (concave mesh, height field), computed lane by lane: up to 16 points.
     Surface,
-    /// Other convex shapes, lane by lane: up to 5 points.
+    /// Other pairs of convex shapes, computed lane by lane: up to 5 points.
     Convex,
 }
 
 impl Kernel {
-    /// Largest number of contacts of a pair.
+    /// Largest number of contact points of a pair.
     #[inline]
     pub const fn points(self) -> usize {
         match self {
@@ -44,8 +44,8 @@ impl Kernel {
         }
     }
 
-    /// Narrow-phase function of two shapes in the order of [`Description::collision_pairs`](crate::Description::collision_pairs); `None` if
-    /// there is none yet.
+    /// Collision function of two shapes, in the order of [`Description::collision_pairs`](crate::Description::collision_pairs). `None` if
+    /// stepper has no function for them.
     pub fn of(a: &Shape, b: &Shape) -> Option<Self> {
         match (a, b) {
             (Shape::Plane, Shape::Sphere { .. }) => Some(Self::PlaneSphere),

@@ -1,35 +1,35 @@
-//! Elements of a model by name.
+//! Lookup of elements by name.
 
 use std::ops::Range;
 
 use crate::{Description, ModelError};
 
-/// Joint of a model: its index and its coordinates.
+/// Joint that was found by name: its index, and its ranges in q and v.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct JointPlace {
     /// Index in [`Description::joints`].
     pub index: usize,
-    /// Range of its coordinates in a configuration.
+    /// Range of the joint's coordinates in a configuration (qpos).
     pub qpos: Range<usize>,
-    /// Range of its degrees of freedom in a velocity.
+    /// Range of the joint's degrees of freedom in a velocity (qvel).
     pub qvel: Range<usize>,
 }
 
-/// Sensor of a model: its index and its readings.
+/// Sensor that was found by name: its index, and its range in the readings.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct SensorPlace {
     /// Index in [`Description::sensors`].
     pub index: usize,
-    /// Range of its numbers in the readings of all sensors.
+    /// Range of the sensor's values in the readings of all sensors.
     pub readings: Range<usize>,
 }
 
 /// Largest number of names that an error lists.
 const LISTED: usize = 12;
 
-/// Declares a lookup for a kind of element, from the first sentence of its documentation, its name, and the searched list.
+/// Declares lookup functions, from the documentation, the name and the searched list of each.
 macro_rules! lookups {
     ($($(#[$doc:meta])* $kind:ident: $list:ident;)*) => {
         impl Description {
@@ -47,26 +47,26 @@ macro_rules! lookups {
 }
 
 lookups! {
-    /// Index of a body by its name.
+    /// Index of the body with the name `name`.
     body: bodies;
-    /// Index of a geom by its name.
+    /// Index of the geom with the name `name`.
     geom: geoms;
-    /// Index of an explicit pair of geoms by its name.
+    /// Index of the explicit pair with the name `name`.
     pair: pairs;
-    /// Index of a site by its name.
+    /// Index of the site with the name `name`.
     site: sites;
-    /// Index of an actuator by its name, which is its index in the controls.
+    /// Index of the actuator with the name `name`. It is also its index in the controls.
     actuator: actuators;
-    /// Index of a fixed tendon by its name.
+    /// Index of the fixed tendon with the name `name`.
     tendon: tendons;
-    /// Index of an equality by its name.
+    /// Index of the equality with the name `name`.
     equality: equalities;
-    /// Index of a keyframe by its name.
+    /// Index of the keyframe with the name `name`.
     keyframe: keyframes;
 }
 
 impl Description {
-    /// Index of a joint by its name, and its ranges in configurations and velocities.
+    /// Index of the joint with the name `name`, and its ranges in configurations and velocities.
     ///
     /// # Errors
     /// [`ModelError::NoSuchName`] when there is none of this name.
@@ -76,7 +76,7 @@ impl Description {
         Ok(JointPlace { index, qpos: q..q + kind.nq(), qvel: v..v + kind.nv() })
     }
 
-    /// Index of a sensor by its name, and its range in the readings.
+    /// Index of the sensor with the name `name`, and its range in the readings.
     ///
     /// # Errors
     /// [`ModelError::NoSuchName`] when there is none of this name.
@@ -87,7 +87,7 @@ impl Description {
     }
 }
 
-/// Index of the first element with a name. Elements without a name are never found.
+/// Index of the first element with the name `name`. Elements without a name are never found. `kind` is the kind of element, for the error.
 fn index_of<'a>(names: impl Iterator<Item = &'a str> + Clone, kind: &'static str, name: &str) -> Result<usize, ModelError> {
     names.clone().position(|known| known == name && !name.is_empty()).ok_or_else(|| {
         let mut known: Vec<String> = names.filter(|known| !known.is_empty()).take(LISTED + 1).map(str::to_owned).collect();

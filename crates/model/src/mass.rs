@@ -1,28 +1,28 @@
-//! Mass, centre of mass and inertia of shapes in closed form, and their combination.
+//! Mass properties of shapes in closed form, and their combination.
 
 use nalgebra::{Matrix3, Rotation3, SymmetricEigen, UnitQuaternion, Vector3};
 
 use crate::Shape;
 
-/// Mass, centre of mass and inertia of a body in some frame.
+/// Mass, centre of mass and inertia of a body, in some frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MassProperties {
     /// Mass, kg.
     pub mass: f64,
     /// Centre of mass, m.
     pub com: Vector3<f64>,
-    /// Inertia about the centre of mass, axes of the frame, kg m^2.
+    /// Inertia about the centre of mass in the axes of the frame, kg m^2.
     pub inertia: Matrix3<f64>,
 }
 
 impl MassProperties {
-    /// Mass properties of an empty body.
+    /// Mass properties of a body without mass.
     pub fn zero() -> Self {
         Self { mass: 0.0, com: Vector3::zeros(), inertia: Matrix3::zeros() }
     }
 
-    /// Volume of a shape, m^3. `None` for shapes without a volume (plane, height field) and for meshes, whose asset has it
-    /// ([`Mesh::mass_properties`](crate::Mesh::mass_properties)).
+    /// Volume of a shape, m^3. `None` for shapes without a volume (plane, height field) and for meshes, whose volume
+    /// [`Mesh::mass_properties`](crate::Mesh::mass_properties) computes.
     pub fn volume(shape: &Shape) -> Option<f64> {
         use std::f64::consts::PI;
         match *shape {
@@ -35,7 +35,8 @@ impl MassProperties {
         }
     }
 
-    /// Mass properties of a solid of uniform density with a mass in kg, in its geom's frame; `None` if [`MassProperties::volume`] is.
+    /// Mass properties of a solid of uniform density with the mass `mass`, kg, in its geom's frame. `None` if [`MassProperties::volume`] is
+    /// `None`.
     pub fn solid(shape: &Shape, mass: f64) -> Option<Self> {
         let moments = match *shape {
             Shape::Sphere { radius: r } => [0.4 * r * r; 3],
@@ -51,13 +52,13 @@ impl MassProperties {
         Some(Self { mass, com: Vector3::zeros(), inertia: Matrix3::from_diagonal(&Vector3::from(moments.map(|i| i * mass))) })
     }
 
-    /// Mass properties in a frame in which the present frame is at `pos` with orientation `quat`.
+    /// Mass properties in a parent frame, in which the present frame has the position `pos` (m) and the orientation `quat`.
     pub fn placed(&self, pos: Vector3<f64>, quat: UnitQuaternion<f64>) -> Self {
         let r = quat.to_rotation_matrix();
         Self { mass: self.mass, com: pos + r * self.com, inertia: r.matrix() * self.inertia * r.matrix().transpose() }
     }
 
-    /// Mass properties of two bodies as one, by the parallel axis theorem.
+    /// Mass properties of two bodies combined, by the parallel axis theorem.
     pub fn plus(&self, other: &Self) -> Self {
         let mass = self.mass + other.mass;
         if mass == 0.0 {
@@ -67,13 +68,14 @@ impl MassProperties {
         Self { mass, com, inertia: self.inertia_about(com) + other.inertia_about(com) }
     }
 
-    /// Inertia about a point of the frame, kg m^2.
+    /// Inertia about the point `point` in the axes of the frame, kg m^2.
     pub fn inertia_about(&self, point: Vector3<f64>) -> Matrix3<f64> {
         let d = self.com - point;
         self.inertia + (Matrix3::identity() * d.norm_squared() - d * d.transpose()) * self.mass
     }
 
-    /// Orientation of the principal axes in the frame, and the moments about them, kg m^2. Frame axes that are principal stay.
+    /// Orientation of the principal axes in the frame, and the principal moments, kg m^2. If the frame's axes are principal axes, they are
+    /// kept.
     pub fn principal(&self) -> (UnitQuaternion<f64>, Vector3<f64>) {
         let i = &self.inertia;
         let off = i.m12.abs().max(i.m13.abs()).max(i.m23.abs());
@@ -89,8 +91,9 @@ impl MassProperties {
     }
 }
 
-/// Moments of a capsule per unit of mass: a cylinder and two hemispheres of the same density. The centre of mass of a hemisphere is 3/8 r
-/// from its flat face, and its transverse moment about that centre is (2/5 - 9/64) r^2.
+/// Principal moments of a capsule per unit of mass: a cylinder and two hemispheres of the same density.
+///
+/// The centre of mass of a hemisphere is 3/8 r from its flat face, and its transverse moment about that centre is (2/5 - 9/64) r^2.
 fn capsule(r: f64, h: f64) -> [f64; 3] {
     let (cylinder, ball) = (2.0 * h, 4.0 / 3.0 * r);
     let (cylinder, ball) = (cylinder / (cylinder + ball), ball / (cylinder + ball));

@@ -1,6 +1,6 @@
-//! Orientations as arguments.
+//! Orientation as an argument of builder functions.
 
-/// Orientation as a quaternion [w, x, y, z]. With the feature `nalgebra`, a `UnitQuaternion` converts to one; its array has another order.
+/// Orientation as a quaternion [w, x, y, z]. With the feature `nalgebra`, a `UnitQuaternion` converts to it; nalgebra stores [x, y, z, w].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orientation(pub [f64; 4]);
 

@@ -1,9 +1,9 @@
-//! Fields of geoms that explicit pairs override: contacts of a pair have the pair's numbers.
+//! Check for changes of geom fields that have no effect, because an explicit pair has its value instead.
 
 use crate::pairs::{Filter, Verdict};
 use crate::{Model, ModelError, label};
 
-/// Fields of geoms, each with the field of explicit pairs that replaces it.
+/// Fields of geoms, each with the field of explicit pairs that replaces it in contacts of the pair.
 const OVERRIDES: [(&str, &str); 10] = [
     ("geom_friction", "pair_friction"),
     ("geom_restitution", "pair_restitution"),
@@ -17,7 +17,7 @@ const OVERRIDES: [(&str, &str); 10] = [
     ("geom_damping", "pair_damping"),
 ];
 
-/// Explicit pairs of a model that override fields which are about to change.
+/// Explicit pairs of a model whose fields replace geom fields that are about to change.
 pub(super) struct PairOverrides<'a> {
     model: &'a Model,
     /// Indices of the pairs whose geoms can collide.
@@ -25,7 +25,7 @@ pub(super) struct PairOverrides<'a> {
     fields: Vec<Overridden>,
 }
 
-/// Field of geoms, field of pairs that replaces it, and the model's numbers.
+/// Name of a geom field, name of the pair field that replaces it, and the model's present values of the geom field.
 struct Overridden {
     geom: &'static str,
     pair: &'static str,
@@ -33,7 +33,7 @@ struct Overridden {
 }
 
 impl<'a> PairOverrides<'a> {
-    /// Overrides of the named fields.
+    /// Finds the explicit pairs and fields that replace the geom fields `names`.
     pub(super) fn new<'n>(model: &'a Model, names: impl IntoIterator<Item = &'n str>) -> Self {
         if model.pairs.is_empty() {
             return Self { model, pairs: vec![], fields: vec![] };
@@ -51,8 +51,9 @@ impl<'a> PairOverrides<'a> {
         Self { model, pairs: (0..model.pairs.len()).filter(collides).collect(), fields: fields.collect() }
     }
 
-    /// Checks that no explicit pair overrides a given number of a geom that differs from the model's. Numbers whose field of the pair is
-    /// given too are not checked.
+    /// Checks that no explicit pair replaces a geom value that changes. `given` has the new values by field.
+    ///
+    /// Values whose pair field is also in `given` are not checked.
     ///
     /// # Errors
     /// [`ModelError::Invalid`] with the first geom whose number has no effect, its pair and the remedy.

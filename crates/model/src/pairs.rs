@@ -23,7 +23,7 @@ use std::collections::{BTreeMap, HashSet};
 use crate::softness::{ContactSpring, mixing_share};
 use crate::{Description, Geom, Pair, Shape, Softness};
 
-/// Two geoms that can collide, and the parameters of their contacts.
+/// Pair of geoms that can collide, with the parameters of its contacts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GeomPair {
     /// Indices of the geoms. The simpler shape comes first (plane, height field, sphere, capsule, ellipsoid, cylinder, box, mesh), then the
@@ -31,9 +31,9 @@ pub struct GeomPair {
     pub geoms: [usize; 2],
     /// Dimension of a contact: 1, 3, 4 or 6.
     pub condim: u8,
-    /// Sliding (1), torsional (m) and rolling (m) friction.
+    /// Sliding, torsional (m) and rolling (m) friction coefficients.
     pub friction: [f64; 3],
-    /// Newton's coefficient of restitution.
+    /// Newton's coefficient of restitution, 0 to 1.
     pub restitution: f64,
     /// Distance below which a contact pushes, m.
     pub margin: f64,
@@ -41,15 +41,15 @@ pub struct GeomPair {
     pub gap: f64,
     /// Softness in MuJoCo's contact law.
     pub softness: Softness,
-    /// Softness of friction, see [`Pair::solref_friction`](crate::Pair::solref_friction).
+    /// Time constant and damping ratio of friction, see [`Pair::solref_friction`](crate::Pair::solref_friction).
     pub solref_friction: [f64; 2],
     /// Anisotropy of friction, see [`Pair::anisotropy`](crate::Pair::anisotropy).
     pub anisotropy: [f64; 2],
-    /// Compliance.
+    /// Compliance of the contacts.
     pub spring: ContactSpring,
 }
 
-/// Result of the filters for two geoms: they collide, or the filter that drops them.
+/// Result of the collision filters for two geoms: they collide, or the filter that removes the pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Verdict {
     Collides,
@@ -79,24 +79,24 @@ impl Verdict {
     }
 }
 
-/// Collision filter of a model, which decides whether any two geoms collide, without a list of pairs.
+/// Collision filter of a model: decides whether any two geoms collide, without a list of all pairs.
 #[derive(Clone, Debug)]
 pub struct Filter {
     tags: Vec<Tag>,
     pairs: Vec<Pair>,
     explicit: BTreeMap<[usize; 2], usize>,
     excluded: HashSet<[usize; 2]>,
-    /// Pairs of bodies that overlap, and pairs of geoms if one body is the world; in both orders.
+    /// Pairs of bodies with excluded overlaps, in both orders; below it pairs of geoms, if one body is the world.
     overlapping_bodies: HashSet<[usize; 2]>,
     overlapping_geoms: HashSet<[usize; 2]>,
 }
 
-/// Data of a geom for the filters.
+/// Properties of a geom that the collision filters use.
 #[derive(Clone, Debug)]
 struct Tag {
     rank: u8,
     body: usize,
-    /// Rigid group of the geom, parent group, and whether the group has joints.
+    /// Rigid group of the geom's body; below it the parent group, and whether the group has joints.
     group: usize,
     parent: usize,
     moves: bool,
@@ -118,8 +118,10 @@ struct Surface {
     spring: ContactSpring,
 }
 
-/// Leader of each body's rigid group, and whether the group moves. Bodies with joints and mocap bodies are leaders; others have the leader
-/// of their parent. The world leads all that is fixed to it.
+/// Rigid group of each body, as the index of its leading body, and whether each body has joints.
+///
+/// Bodies with joints and mocap bodies lead a group; others belong to the group of their parent. The world leads the group of everything
+/// that is fixed to it.
 pub fn weld_groups(model: &Description) -> (Vec<usize>, Vec<bool>) {
     let mut moves = vec![false; model.bodies.len()];
     for joint in &model.joints {
@@ -146,7 +148,7 @@ const fn rank(shape: &Shape) -> u8 {
 }
 
 impl Filter {
-    /// Collision filter of a description.
+    /// Creates the collision filter of a description.
     pub fn new(model: &Description) -> Self {
         let (group, moves) = weld_groups(model);
         let tag = |g: &Geom| Tag {
@@ -191,14 +193,15 @@ impl Filter {
         self.overlapping_geoms.contains(&geoms) || self.overlapping_bodies.contains(&geoms.map(|g| self.tags[g].body))
     }
 
-    /// Two geoms in the order of [`GeomPair::geoms`].
+    /// Sorts two geoms into the order of [`GeomPair::geoms`].
     #[inline]
     pub fn ordered(&self, [a, b]: [usize; 2]) -> [usize; 2] {
         let key = |g: usize| (self.tags[g].rank, g);
         if key(a) <= key(b) { [a, b] } else { [b, a] }
     }
 
-    /// Whether two geoms, in the order of [`GeomPair`], collide, and if not, the first filter that drops them.
+    /// Result of the filters for two geoms, in the order of [`GeomPair::geoms`]: whether they collide, and if not, the first filter that
+    /// removes the pair.
     pub(super) fn verdict(&self, geoms: [usize; 2]) -> Verdict {
         let [a, b] = geoms.map(|g| &self.tags[g]);
         if a.group == b.group {
@@ -222,12 +225,12 @@ impl Filter {
         }
     }
 
-    /// Whether two geoms collide by an explicit pair.
+    /// Whether two geoms collide as an explicit pair.
     pub fn is_explicit(&self, geoms: [usize; 2]) -> bool {
         self.explicit.contains_key(&geoms)
     }
 
-    /// Index of the explicit pair of two geoms, in the order of [`GeomPair`].
+    /// Index of the explicit pair of two geoms, in the order of [`GeomPair::geoms`]; `None` without one.
     pub(super) fn explicit_pair(&self, geoms: [usize; 2]) -> Option<usize> {
         self.explicit.get(&geoms).copied()
     }
@@ -237,8 +240,8 @@ impl Filter {
         self.explicit.keys().copied()
     }
 
-    /// Order of the priorities of two geoms, and dimension of their contact. The geom with the higher priority determines the friction;
-    /// with equal priorities it is the larger friction.
+    /// Comparison of the priorities of two geoms, and dimension of their contact. The geom with the higher priority determines the
+    /// friction; with equal priorities the larger friction applies.
     #[inline(always)]
     pub fn precedence(&self, geoms: [usize; 2]) -> (Ordering, u8) {
         precedence(geoms.map(|g| &self.tags[g].surface))
@@ -250,7 +253,7 @@ impl Filter {
         self.tags[a].surface.spring.is_rigid() && self.tags[b].surface.spring.is_rigid()
     }
 
-    /// Pair of two geoms, in the order of [`GeomPair`], if they collide.
+    /// Pair of two geoms, in the order of [`GeomPair::geoms`]; `None` if they do not collide.
     pub fn pair(&self, geoms: [usize; 2]) -> Option<GeomPair> {
         match self.verdict(geoms) {
             Verdict::Collides => Some(mix(geoms, geoms.map(|g| &self.tags[g].surface))),
@@ -269,8 +272,8 @@ fn both_ways(pairs: impl Iterator<Item = [usize; 2]>) -> HashSet<[usize; 2]> {
     pairs.flat_map(|[a, b]| [[a, b], [b, a]]).collect()
 }
 
-/// Order of precedence of the friction of two geoms without an explicit pair, and dimension of the contact (MuJoCo `mj_contactParam`).
-/// Equal precedence means the larger friction.
+/// Comparison of the priorities of two geoms without an explicit pair, and dimension of their contact (MuJoCo `mj_contactParam`). With
+/// equal priorities the larger friction applies.
 fn precedence([a, b]: [&Surface; 2]) -> (Ordering, u8) {
     let order = a.priority.cmp(&b.priority);
     let condim = match order {
@@ -281,12 +284,12 @@ fn precedence([a, b]: [&Surface; 2]) -> (Ordering, u8) {
     (order, condim)
 }
 
-/// Restitution of a contact; 0 for a compliant one, whose spring and damper determine the rebound.
+/// Restitution of a contact. It is 0 for a compliant contact, whose spring and damper determine the rebound.
 fn bounce(spring: ContactSpring, restitution: f64) -> f64 {
     if spring.is_rigid() { restitution } else { 0.0 }
 }
 
-/// Contact parameters of two geoms without an explicit pair.
+/// Combines the contact parameters of two geoms without an explicit pair.
 fn mix(geoms: [usize; 2], [a, b]: [&Surface; 2]) -> GeomPair {
     let (order, condim) = precedence([a, b]);
     let friction = match order {
@@ -315,8 +318,8 @@ fn mix(geoms: [usize; 2], [a, b]: [&Surface; 2]) -> GeomPair {
 }
 
 impl Description {
-    /// Pairs of geoms that can collide, ascending by their geoms. An explicit pair overrides the filters; of two explicit pairs of the same
-    /// geoms the first counts. Pairs without a relative degree of freedom are never in the list.
+    /// Pairs of geoms that can collide, in ascending order of their geoms. An explicit pair overrides the filters; if two have the same
+    /// geoms, the first one applies. Pairs that cannot move relative to each other are never in the list.
     pub fn collision_pairs(&self) -> Vec<GeomPair> {
         let filter = Filter::new(self);
         let mut pairs: Vec<GeomPair> = self.geom_pairs().filter_map(|g| filter.pair(g)).collect();
@@ -324,7 +327,7 @@ impl Description {
         pairs
     }
 
-    /// Number of geom pairs that each filter drops, and of those that remain.
+    /// Number of geom pairs for each result of the filters.
     pub(super) fn pair_census(&self) -> BTreeMap<Verdict, usize> {
         let filter = Filter::new(self);
         let mut census = BTreeMap::new();
@@ -334,7 +337,7 @@ impl Description {
         census
     }
 
-    /// All pairs of geoms, each in the order of [`GeomPair::geoms`].
+    /// Iterator over all pairs of geoms, each in the order of [`GeomPair::geoms`].
     fn geom_pairs(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
         let ranked = |a: usize, b: usize| if rank(&self.geoms[a].shape) <= rank(&self.geoms[b].shape) { [a, b] } else { [b, a] };
         (0..self.geoms.len()).flat_map(move |a| (a + 1..self.geoms.len()).map(move |b| ranked(a, b)))

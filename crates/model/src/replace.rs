@@ -1,23 +1,23 @@
-//! Models with other numbers: a table of the fields that can be read and written.
+//! Fields of a model that can be read and replaced, as a table.
 
 use crate::actuator_fields::{self, GEAR, PARAMETERS};
 use crate::hulls::Source;
 use crate::pair_overrides::PairOverrides;
 use crate::{Body, Description, Equality, Geom, Joint, Model, ModelError, Pair, Shape, Tendon};
 
-/// Function that passes every number of a field, in order, to a visitor that may change it.
+/// Function that passes every value of a field, in order, to a visitor, which may change it.
 type Visit = fn(&mut Description, &mut dyn FnMut(&mut f64));
 
-/// Array of numbers of a model.
+/// Field of a model: a named array of values, which can be read and replaced.
 #[derive(Clone, Copy, Debug)]
 pub struct Field {
-    /// Name in MuJoCo's vocabulary.
+    /// Name of the field in MuJoCo.
     pub name: &'static str,
-    /// Quantity in words.
+    /// Description of the quantity.
     pub what: &'static str,
-    /// Unit of its numbers; empty without a unit, or with several.
+    /// Unit of the values; empty if they have no unit, or several.
     pub unit: &'static str,
-    /// Numbers per element.
+    /// Number of values per element; `None` for a scalar field.
     width: Option<usize>,
     visit: Visit,
 }
@@ -30,7 +30,7 @@ const fn rows(name: &'static str, width: usize, what: &'static str, unit: &'stat
     Field { name, what, unit, width: Some(width), visit }
 }
 
-/// All fields that [`Model::replace`] writes and [`Model::field`] reads.
+/// Table of all fields that [`Model::replace`] writes and [`Model::field`] reads.
 pub const REPLACEABLE: &[Field] = &[
     rows("gravity", 1, "gravitational acceleration", "m/s^2", |m, f| m.gravity.iter_mut().for_each(f)),
     scalar("timestep", "default time step", "s", |m, f| f(&mut m.timestep)),
@@ -178,7 +178,7 @@ pub const REPLACEABLE: &[Field] = &[
     }),
 ];
 
-/// Fields on which the inverse weights of MuJoCo's contact law depend. They are recomputed after a change.
+/// Fields that change the inverse weights of MuJoCo's contact law, which must then be recomputed.
 const MOVES_WEIGHTS: [&str; 8] = ["qpos0", "body_mass", "body_inertia", "body_ipos", "body_iquat", "body_pos", "body_quat", "dof_armature"];
 
 fn each_body(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Body) -> &mut [f64]) {
@@ -205,7 +205,7 @@ fn each_tendon(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mu
     model.tendons.iter_mut().flat_map(get).for_each(f);
 }
 
-/// Visits the numbers of a joint once for each of its degrees of freedom. The last written ones stay.
+/// Visits the values of each joint once for each of its degrees of freedom. If they are written, the last values remain.
 fn each_dofs(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Joint) -> &mut [f64]) {
     for joint in &mut model.joints {
         let now = get(joint).to_vec();
@@ -217,7 +217,7 @@ fn each_dofs(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut 
     }
 }
 
-/// Visits the number of a joint once for each of its degrees of freedom. The last written one stays.
+/// Visits the value of each joint once for each of its degrees of freedom. If it is written, the last value remains.
 fn each_dof(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Joint) -> &mut f64) {
     for joint in &mut model.joints {
         let now = *get(joint);
@@ -229,7 +229,7 @@ fn each_dof(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut J
     }
 }
 
-/// Visits the size of a geom. The axes of its fluid model follow the size.
+/// Visits the size of a geom. The semi-axes of its fluid model are updated with it.
 fn size(geom: &mut Geom, f: &mut dyn FnMut(&mut f64)) {
     let before = geom.semi_axes();
     let [mut none, mut nor] = [0.0; 2];
@@ -249,7 +249,7 @@ fn size(geom: &mut Geom, f: &mut dyn FnMut(&mut f64)) {
     }
 }
 
-/// Visits the ends of a range. A missing range reads as -inf to inf.
+/// Visits the two ends of a range. A missing range is visited as -inf and inf.
 fn bounds(range: &mut Option<[f64; 2]>, f: &mut dyn FnMut(&mut f64)) {
     const NONE: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
     let mut ends = range.unwrap_or(NONE);
@@ -257,21 +257,21 @@ fn bounds(range: &mut Option<[f64; 2]>, f: &mut dyn FnMut(&mut f64)) {
     *range = (ends != NONE).then_some(ends);
 }
 
-/// Visits a limit. A missing limit reads as infinity.
+/// Visits a limit. A missing limit is visited as infinity.
 fn bound(limit: &mut Option<f64>, f: &mut dyn FnMut(&mut f64)) {
     let mut value = limit.unwrap_or(f64::INFINITY);
     f(&mut value);
     *limit = (value != f64::INFINITY).then_some(value);
 }
 
-/// Visits a whole number. Written values saturate.
+/// Visits an integer. Written values are clamped to its type.
 fn whole<T: Copy + Into<f64> + Saturates>(number: &mut T, f: &mut dyn FnMut(&mut f64)) {
     let mut value = (*number).into();
     f(&mut value);
     *number = T::saturated(value);
 }
 
-/// Conversion of any number to a whole number with saturation.
+/// Conversion of a number to an integer type, clamped to its range.
 trait Saturates {
     fn saturated(value: f64) -> Self;
 }
@@ -288,7 +288,7 @@ impl Saturates for u32 {
     }
 }
 
-/// Visits a flag as 0 or 1. Written values other than 0 count as 1.
+/// Visits a flag as 0 or 1. If it is written, any value other than 0 counts as 1.
 fn flag(set: &mut bool, f: &mut dyn FnMut(&mut f64)) {
     let mut value = f64::from(u8::from(*set));
     f(&mut value);
@@ -296,16 +296,16 @@ fn flag(set: &mut bool, f: &mut dyn FnMut(&mut f64)) {
 }
 
 impl Field {
-    /// Quantity and unit in words: "mass, kg".
+    /// Description with the unit: "mass, kg".
     pub fn meaning(&self) -> String {
-        // The words already have the unit if there are several.
+        // The description already contains the units if there are several.
         match self.unit {
             "" | "1, m, m" => self.what.to_owned(),
             unit => format!("{}, {unit}", self.what),
         }
     }
 
-    /// Shape in words: "(ngeom, 3)"; empty for a scalar.
+    /// Symbolic shape: "(ngeom, 3)"; empty for a scalar.
     pub fn axes(&self) -> String {
         let width = match self.width {
             None => return String::new(),
@@ -327,7 +327,7 @@ impl Field {
         format!("({count},{width})")
     }
 
-    /// Shape in a model: `[]` for a scalar, `[n]`, or `[n, width]`.
+    /// Shape of the field in a model: `[]` for a scalar, `[n]`, or `[n, width]`.
     pub fn shape(&self, model: &Description) -> Vec<usize> {
         let count = self.read(model).len();
         match self.width {
@@ -341,7 +341,7 @@ impl Field {
         self.read_in(&mut model.clone())
     }
 
-    /// Numbers of the field, read without a copy of the model, which does not change.
+    /// Values of the field. The model is mutable only to avoid a copy; it does not change.
     fn read_in(&self, model: &mut Description) -> Vec<f64> {
         let mut values = vec![];
         (self.visit)(model, &mut |x| values.push(*x));
@@ -361,12 +361,12 @@ pub(super) fn find(name: &str) -> Result<&'static Field, ModelError> {
 }
 
 impl Model {
-    /// Shape of a field and its numbers, row by row; `None` if [`REPLACEABLE`] has no such field. A missing range reads as -inf to inf.
+    /// Shape and values of a field, row-major; `None` if [`REPLACEABLE`] has no such field. A missing range reads as -inf to inf.
     pub fn field(&self, name: &str) -> Option<(Vec<usize>, Vec<f64>)> {
         find(name).ok().map(|field| (field.shape(self), field.read(self)))
     }
 
-    /// Checks that the magnitudes of the finite numbers of all fields are at most `most`.
+    /// Checks that the magnitude of every finite value of all fields is at most `most`.
     ///
     /// # Errors
     /// [`ModelError::Invalid`] for the first larger number.
@@ -382,8 +382,9 @@ impl Model {
         Ok(())
     }
 
-    /// Model with other numbers in one field, validated like any other, see [`REPLACEABLE`]. If the present model leaves out nothing that
-    /// changes the motion, neither may the new one.
+    /// Copy of the model with new values in one field, checked like any other model, see [`REPLACEABLE`].
+    ///
+    /// If the present model omits nothing that changes the motion, the new one must not either.
     ///
     /// # Errors
     /// [`ModelError::Invalid`] if there is no such field, for a wrong number of values (with both shapes), for invalid values, and for
@@ -392,10 +393,10 @@ impl Model {
         self.replace_all(&[(name, values)])
     }
 
-    /// Model with other numbers in several fields at once. Only the result must be valid.
+    /// Copy of the model with new values in several fields at once. Only the result must be valid.
     ///
-    /// Contacts of an explicit pair have the pair's numbers instead of those of its geoms. If a field such as `geom_friction` changes for a
-    /// geom of a pair, the same call must have the pair's field, `pair_friction`, with new numbers or those of the model.
+    /// Contacts of an explicit pair have the pair's values instead of those of its geoms. If a field such as `geom_friction` changes for a
+    /// geom of a pair, the same call must have the pair's field, `pair_friction`, with new values or those of the model.
     ///
     /// # Errors
     /// Those of [`Model::replace`].
@@ -409,7 +410,7 @@ impl Model {
         }
         PairOverrides::new(self, fields.iter().map(|field| field.0)).check(fields)?;
         let strict = !self.omitted.iter().any(|o| o.changes_motion);
-        // No field belongs to a mesh.
+        // Meshes have no replaceable field, so that their hulls can be reused.
         model.finish_with(strict, Source::Same(&self.hulls))
     }
 }
@@ -424,7 +425,7 @@ pub(super) fn write(model: &mut Description, field: &Field, values: &[f64]) -> R
     let mut next = values.iter();
     (field.visit)(model, &mut |x| *x = *next.next().expect("as many as were counted"));
     let held = field.read_in(model);
-    // The sign of a zero may change, because nothing depends on it.
+    // A zero may change its sign, because nothing depends on it.
     match (0..count).find(|&k| held[k] != values[k] && held[k].to_bits() != values[k].to_bits()) {
         Some(k) => Err(actuator_fields::unread(model, field.name, k, values[k]).unwrap_or_else(|| {
             ModelError::invalid(

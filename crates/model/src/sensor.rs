@@ -1,10 +1,10 @@
-//! Sensors with MuJoCo's types.
+//! Sensors and sites, with MuJoCo's types.
 
 use serde::{Deserialize, Serialize};
 
 use crate::Shape;
 
-/// Frame on a body for sensors, with a volume for sensors that have a zone.
+/// Site: a frame on a body, with a volume for sensors that need one.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Site {
     /// Name; may be empty.
@@ -13,18 +13,18 @@ pub struct Site {
     pub body: usize,
     /// Position in the body's frame, m.
     pub pos: [f64; 3],
-    /// Orientation in the body's frame.
+    /// Orientation in the body's frame, a unit quaternion (w, x, y, z).
     pub quat: [f64; 4],
-    /// Volume: a sphere, capsule, ellipsoid, cylinder or box.
+    /// Volume of the site: a sphere, capsule, ellipsoid, cylinder or box.
     pub shape: Shape,
 }
 
-/// Object with a frame.
+/// Object whose frame a sensor reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Object {
-    /// Centre of mass and principal axes of a body.
+    /// Inertial frame of a body: centre of mass and principal axes.
     Body(usize),
-    /// Frame of a body.
+    /// Body frame of a body.
     XBody(usize),
     /// Frame of a geom.
     Geom(usize),
@@ -32,30 +32,30 @@ pub enum Object {
     Site(usize),
 }
 
-/// Quantity of a frame sensor.
+/// Quantity that a frame sensor reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum FrameReading {
-    /// Position, m.
+    /// Position of the frame's origin, m.
     Pos,
-    /// Orientation.
+    /// Orientation, a unit quaternion (w, x, y, z).
     Quat,
-    /// The frame's x axis.
+    /// Unit vector of the frame's x axis.
     XAxis,
-    /// The frame's y axis.
+    /// Unit vector of the frame's y axis.
     YAxis,
-    /// The frame's z axis.
+    /// Unit vector of the frame's z axis.
     ZAxis,
-    /// Linear velocity, m/s.
+    /// Linear velocity of the frame's origin, m/s.
     LinVel,
     /// Angular velocity, rad/s.
     AngVel,
-    /// Linear acceleration minus gravity, m/s^2. A frame at rest reads 9.81 upwards.
+    /// Linear acceleration of the frame's origin minus gravity, m/s^2. A frame at rest reads 9.81 upwards.
     LinAcc,
     /// Angular acceleration, rad/s^2.
     AngAcc,
 }
 
-/// Quantity of the closest points of two geoms.
+/// Quantity that a proximity sensor reads from the closest points of two sets of geoms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ProximityReading {
     /// Signed distance, m.
@@ -67,45 +67,45 @@ pub enum ProximityReading {
     FromTo,
 }
 
-/// Quantities of each ray of a range finder, in this order.
+/// Quantity that a rangefinder reads for each ray, in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum RayField {
     /// Distance to the nearest surface, m; -1 without a hit.
     Distance,
-    /// Unit direction of the ray in the world; zero without a hit.
+    /// Unit direction of the ray in world axes; zero without a hit.
     Direction,
-    /// Origin of the ray, m.
+    /// Origin of the ray in the world frame, m.
     Origin,
-    /// Hit point, m; zero without a hit.
+    /// Hit point in the world frame, m; zero without a hit.
     Point,
 }
 
 impl RayField {
-    /// Number of values.
+    /// Number of values of the quantity.
     pub const fn dim(self) -> usize {
         if matches!(self, Self::Distance) { 1 } else { 3 }
     }
 }
 
-/// One side of the contacts that a contact sensor selects.
+/// Side of a contact sensor, which selects contacts by their geoms or positions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ContactSide {
     /// All geoms.
     Any,
-    /// Index of a geom.
+    /// Single geom, by its index.
     Geom(usize),
-    /// Geoms of a body.
+    /// Geoms of a body, by its index.
     Body(usize),
-    /// Geoms of a body and of its descendants.
+    /// Geoms of a body and of all its descendants, by the body's index.
     Subtree(usize),
-    /// Geoms whose contacts are within a site's volume.
+    /// Geoms whose contacts are inside the volume of a site, by the site's index.
     Site(usize),
 }
 
-/// Quantities of each contact of a contact sensor, in this order.
+/// Quantity that a contact sensor reads for each contact, in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum ContactField {
-    /// Number of matching contacts; 0 in empty slots.
+    /// Number of contacts that match; 0 in empty slots.
     Found,
     /// Force in the contact's frame (normal, first and second tangent), N.
     Force,
@@ -113,81 +113,81 @@ pub enum ContactField {
     Torque,
     /// Signed distance, m.
     Distance,
-    /// Position, m.
+    /// Position in the world frame, m.
     Pos,
-    /// Unit normal from the first side to the second.
+    /// Unit normal in world axes, from the first side to the second.
     Normal,
-    /// First tangent.
+    /// First tangent, a unit vector in world axes.
     Tangent,
 }
 
 impl ContactField {
-    /// Number of values.
+    /// Number of values of the quantity.
     pub const fn dim(self) -> usize {
         if matches!(self, Self::Found | Self::Distance) { 1 } else { 3 }
     }
 }
 
-/// Selection of the contacts for the slots of a contact sensor.
+/// Selection among the matching contacts, if a contact sensor has fewer slots.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ContactReduction {
-    /// First contacts, in their order.
+    /// Contacts in stepper's order, the first ones.
     None,
-    /// Deepest contacts.
+    /// Deepest contacts first.
     MinDistance,
-    /// Contacts with the largest forces.
+    /// Contacts with the largest forces first.
     MaxForce,
-    /// Sum of all forces, in world axes, at the mean of the positions weighted by force, as one contact.
+    /// One net contact: sum of all forces in world axes, at the mean of the positions weighted by force.
     NetForce,
 }
 
-/// Type of a sensor, with its element.
+/// Type of a sensor, with the indices of its elements.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum SensorKind {
-    /// Position of a hinge or slide.
+    /// Position of a hinge or slide, m or rad.
     JointPos(usize),
-    /// Velocity of a hinge or slide.
+    /// Velocity of a hinge or slide, m/s or rad/s.
     JointVel(usize),
-    /// Sum of the actuator forces on a hinge or slide, within the joint's bounds.
+    /// Sum of the actuator forces on a hinge or slide, within the joint's force range, N or N m.
     JointActuatorForce(usize),
-    /// Distance to the nearer limit of a hinge or slide if it is exceeded, else 0.
+    /// Distance of a hinge or slide beyond the nearer end of its range, m or rad; 0 within the range.
     JointLimitPos(usize),
-    /// Rate of that distance if the limit is exceeded, else 0.
+    /// Time derivative of the distance of a hinge or slide beyond its range; 0 within the range.
     JointLimitVel(usize),
-    /// Force of the limit.
+    /// Force of the limit of a hinge or slide, N or N m.
     JointLimitForce(usize),
-    /// Orientation of a ball joint.
+    /// Orientation of a ball joint, a unit quaternion (w, x, y, z).
     BallQuat(usize),
-    /// Angular velocity of a ball joint in the body's frame.
+    /// Angular velocity of a ball joint in the body's frame, rad/s.
     BallAngVel(usize),
     /// Length of a tendon.
     TendonPos(usize),
-    /// Rate of the length of a tendon.
+    /// Time derivative of the length of a tendon.
     TendonVel(usize),
     /// Sum of the actuator forces on a tendon.
     TendonActuatorForce(usize),
-    /// Distance to the nearer limit of a tendon if it is exceeded, else 0.
+    /// Distance of a tendon beyond the nearer end of its range; 0 within the range.
     TendonLimitPos(usize),
-    /// Rate of that distance if the limit is exceeded, else 0.
+    /// Time derivative of the distance of a tendon beyond its range; 0 within the range.
     TendonLimitVel(usize),
-    /// Force of the limit.
+    /// Force of the limit of a tendon.
     TendonLimitForce(usize),
-    /// Length of an actuator's transmission, including the gear.
+    /// Length of an actuator, including the gear.
     ActuatorPos(usize),
-    /// Rate of that length.
+    /// Time derivative of the length of an actuator, including the gear.
     ActuatorVel(usize),
     /// Force of an actuator, before its gear.
     ActuatorForce(usize),
-    /// Position, orientation, axes, velocity or acceleration of a frame. Accelerations have no reference.
+    /// Position, orientation, axis, velocity or acceleration of a frame.
     Frame {
         /// Measured quantity.
         what: FrameReading,
         /// Object with the frame.
         object: Object,
-        /// Reference frame: readings are relative to it and in its axes. `None` is the world.
+        /// Reference frame: the reading is relative to it and in its axes. `None` is the world. Accelerations have no reference.
         reference: Option<Object>,
     },
-    /// Magnetic field in a site's frame.
+    /// Magnetic flux density in a site's frame, T.
     Magnetometer(usize),
     /// Linear velocity of a site in its frame, m/s.
     Velocimeter(usize),
@@ -195,13 +195,13 @@ pub enum SensorKind {
     Gyro(usize),
     /// Linear acceleration of a site minus gravity, in its frame, m/s^2.
     Accelerometer(usize),
-    /// Force from the parent on the site's body in the site's frame, N.
+    /// Force of the parent body on the site's body, in the site's frame, N.
     Force(usize),
-    /// Torque from the parent on the site's body about the site, in its frame, N m.
+    /// Torque of the parent body on the site's body about the site, in its frame, N m.
     Torque(usize),
-    /// Sum of the normal forces of contacts on the site's body whose line of action meets the site's volume, N.
+    /// Touch sensor: sum of the normal forces of contacts on the site's body whose line of action intersects the site's volume, N.
     Touch(usize),
-    /// Distances along rays from a site.
+    /// Rangefinder: distances and other quantities along rays from a site.
     RangeFinder {
         /// Index of the site at the origin of the rays.
         site: usize,
@@ -209,19 +209,19 @@ pub enum SensorKind {
         rays: Vec<[f64; 3]>,
         /// Reported quantities of each ray, ascending.
         fields: Vec<RayField>,
-        /// The geoms that rays can hit.
+        /// Indices of the geoms that rays can hit.
         geoms: Vec<usize>,
     },
     /// Whether the object's origin is inside the site's volume, as 1 or 0.
     InsideSite {
-        /// Object.
+        /// Object whose origin is tested.
         object: Object,
-        /// Index of the site.
+        /// Index of the site with the volume.
         site: usize,
     },
-    /// Closest points of two sets of geoms.
+    /// Distance, normal or closest points of two sets of geoms.
     Proximity {
-        /// Reported quantity.
+        /// Reported quantity of the closest points.
         what: ProximityReading,
         /// Indices of the geoms of the first set.
         from: Vec<usize>,
@@ -230,24 +230,24 @@ pub enum SensorKind {
         /// Largest distance of the search, m.
         cutoff: f64,
     },
-    /// Contacts between two sides.
+    /// Contacts between two sides, for example two bodies.
     Contact {
-        /// First side.
+        /// First side, which selects one geom of a contact.
         first: ContactSide,
-        /// Second side.
+        /// Second side, which selects the other geom.
         second: ContactSide,
-        /// Reported quantities of each contact, ascending.
+        /// Reported quantities of each contact, in ascending order.
         fields: Vec<ContactField>,
-        /// Selection of the reported contacts.
+        /// Selection among the matching contacts.
         reduction: ContactReduction,
         /// Number of reported contacts.
         slots: usize,
     },
-    /// Centre of mass of a body and its descendants, m.
+    /// Centre of mass of a body with its descendants in the world frame, m.
     SubtreeCom(usize),
-    /// Velocity of that centre of mass, m/s.
+    /// Velocity of the centre of mass of a body with its descendants, m/s.
     SubtreeLinVel(usize),
-    /// Angular momentum about that centre of mass, kg m^2/s.
+    /// Angular momentum of a body with its descendants about their centre of mass, kg m^2/s.
     SubtreeAngMom(usize),
     /// Potential energy of gravity and springs, J.
     PotentialEnergy,
@@ -255,16 +255,16 @@ pub enum SensorKind {
     KineticEnergy,
     /// Simulated time, s.
     Clock,
-    /// Linear combination of the readings of earlier sensors with equal dimensions: sensor and coefficient.
+    /// Linear combination of the readings of earlier sensors with equal dimensions: pairs of sensor index and coefficient.
     Combination(Vec<(usize, f64)>),
 }
 
-/// Kind of a reading, which determines the effect of errors.
+/// Kind of a reading, which determines how sensor errors act on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// Any number.
     Real,
-    /// Number that is only valid above 0. Errors do not change values of 0 and below.
+    /// Number that is only valid above 0, such as a distance. Errors do not change values of 0 and below.
     Positive,
     /// Unit vector, which errors rotate.
     Axis,
@@ -272,30 +272,30 @@ pub enum Quantity {
     Quaternion,
 }
 
-/// Sensor of a model.
+/// Sensor of a model: its type, and the errors that the source file specifies.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sensor {
     /// Name; may be empty.
     pub name: String,
-    /// Type.
+    /// Type of the sensor, with the indices of its elements.
     pub kind: SensorKind,
-    /// Standard deviation of the noise in the source.
+    /// Standard deviation of the noise according to the source file.
     pub noise: f64,
-    /// Largest magnitude of readings in the source; 0 is none.
+    /// Largest magnitude of readings according to the source file; 0 for none.
     pub cutoff: f64,
-    /// Delay in the source, s.
+    /// Delay according to the source file, s.
     pub delay: f64,
-    /// Time between samples in the source, s; 0 is every step.
+    /// Sampling period according to the source file, s; 0 for a sample in every step.
     pub interval: f64,
 }
 
 impl Sensor {
-    /// Sensor without noise, cutoff, delay and interval.
+    /// Sensor without noise, cutoff, delay and sampling period.
     pub fn ideal(name: &str, kind: SensorKind) -> Self {
         Self { name: name.into(), kind, noise: 0.0, cutoff: 0.0, delay: 0.0, interval: 0.0 }
     }
 
-    /// Dimension of the reading; `sensors` are those of the model.
+    /// Number of values in the reading. `sensors` are all sensors of the model.
     pub fn dim(&self, sensors: &[Self]) -> usize {
         use SensorKind as K;
         match &self.kind {
@@ -320,7 +320,7 @@ impl Sensor {
         }
     }
 
-    /// Kind of the reading.
+    /// Kind of the sensor's reading.
     pub fn quantity(&self) -> Quantity {
         use SensorKind as K;
         match &self.kind {
@@ -349,7 +349,7 @@ impl Sensor {
         )
     }
 
-    /// Name of the type in MJCF.
+    /// Name of the sensor type in MJCF.
     pub fn word(&self) -> &'static str {
         use FrameReading as F;
         use SensorKind as K;

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 pub enum Shape {
     /// Half space z <= 0.
     Plane,
-    /// Ball.
+    /// Ball about the origin.
     Sphere {
         /// Radius, m.
         radius: f64,
@@ -21,29 +21,30 @@ pub enum Shape {
     },
     /// Solid cylinder along z.
     Cylinder {
-        /// Radius, m.
+        /// Radius of the circular section, m.
         radius: f64,
         /// Half the length, m.
         half_length: f64,
     },
-    /// Ellipsoid.
+    /// Ellipsoid with its axes along x, y, z.
     Ellipsoid {
         /// Semi-axes, m.
         radii: [f64; 3],
     },
-    /// Box.
+    /// Box with its edges along x, y, z.
     Box {
-        /// Half sizes, m.
+        /// Half sizes along x, y, z, m.
         half: [f64; 3],
     },
     /// Mesh, by default the convex hull of its vertices, as in MJCF.
     Mesh {
         /// Name of the [`Mesh`](crate::Mesh) in [`Description::meshes`](crate::Description::meshes).
         asset: String,
-        /// Whether the shape is the surface of the triangles, including hollows. Planes collide with the hull in both cases.
+        /// Whether the shape is the surface of the triangles, including hollows, instead of the hull. Planes collide with the hull in both
+        /// cases.
         concave: bool,
     },
-    /// Height field.
+    /// Height field: a surface of triangles over a grid in the xy plane.
     HeightField {
         /// Name of the [`HeightField`](crate::HeightField) in [`Description::height_fields`](crate::Description::height_fields).
         asset: String,
@@ -51,7 +52,7 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// Whether the shape collides as triangles.
+    /// Whether the shape collides as a surface of triangles: concave mesh or height field.
     pub const fn is_surface(&self) -> bool {
         matches!(self, Self::HeightField { .. } | Self::Mesh { concave: true, .. })
     }

@@ -2,7 +2,7 @@
 
 use crate::{JointKind, Model};
 
-/// Largest position difference, m, or quaternion difference of two equal frames: `kFrameEps` of MuJoCo's compiler.
+/// Largest difference of the positions, m, or quaternions of two frames that count as equal: `kFrameEps` of MuJoCo's compiler.
 const FRAME_EPSILON: f64 = 1e-6;
 
 /// Largest component of an axis that counts as zero: `mjEPS` of MuJoCo's compiler.
@@ -35,7 +35,7 @@ fn is_zero(x: [f64; 3]) -> bool {
     x.iter().all(|x| x.abs() < FRAME_EPSILON)
 }
 
-/// Whether the inertial frame of a body is its body frame.
+/// Whether the inertial frame of a body equals its body frame.
 fn has_principal_frame(model: &Model, body: usize) -> bool {
     let body = &model.bodies[body];
     let [w, x, y, z] = body.iquat;

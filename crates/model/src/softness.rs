@@ -1,4 +1,4 @@
-//! Softness of constraints in MuJoCo's contact law, and the inverse weights to which it is relative.
+//! Softness of constraints in MuJoCo's contact law, and the inverse weights that scale it.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,16 +10,17 @@ pub enum Cone {
     /// Pyramid with edges n + mu_k t_k and n - mu_k t_k, each with a separate force.
     #[default]
     Pyramidal,
-    /// Ellipse `sum (f_k / mu_k)^2 <= f_n^2`.
+    /// Elliptic cone `sum (f_k / mu_k)^2 <= f_n^2`.
     Elliptic,
 }
 
 /// Softness of a constraint: reference acceleration and impedance (MuJoCo's documentation, "Solver parameters").
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Softness {
-    /// Time constant (s) and damping ratio of the error, or minus stiffness and minus damping relative to the mass.
+    /// Time constant (s) and damping ratio of the position error; or, if negative, minus stiffness and minus damping per unit of mass.
     pub solref: [f64; 2],
-    /// Impedance without error and its largest value; the error over which it grows (m or rad); midpoint and power of the curve.
+    /// Impedance at zero error, and its largest value; error at which the largest value is reached (m or rad); midpoint and power of the
+    /// curve.
     pub solimp: [f64; 5],
 }
 
@@ -31,7 +32,7 @@ impl Default for Softness {
 }
 
 impl Softness {
-    /// Softness of a contact of two geoms with equal priority (MuJoCo's `mj_contactParam`). `share` is the weight of the first geom.
+    /// Mixture of the softnesses of two geoms with equal priority (MuJoCo's `mj_contactParam`). `share` is the weight of the first geom.
     pub(crate) fn mix(a: Self, b: Self, share: f64) -> Self {
         let blend = |a: f64, b: f64| share * a + (1.0 - share) * b;
         let standard = a.solref[0] > 0.0 && b.solref[0] > 0.0;
@@ -42,30 +43,30 @@ impl Softness {
     }
 }
 
-/// Spring and damper in parallel between two surfaces: compliance in both contact laws.
+/// Spring and damper in parallel between two surfaces in contact. Both contact laws use it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ContactSpring {
-    /// Stiffness, N/m; infinite is rigid.
+    /// Stiffness, N/m; infinite for rigid contact.
     pub stiffness: f64,
     /// Damping, N s/m.
     pub damping: f64,
 }
 
 impl Default for ContactSpring {
-    /// Rigid contact.
+    /// Spring of a rigid contact: infinite stiffness.
     fn default() -> Self {
         Self { stiffness: f64::INFINITY, damping: 0.0 }
     }
 }
 
 impl ContactSpring {
-    /// Whether the contact is rigid.
+    /// Whether the stiffness is infinite, so that the contact is rigid.
     pub fn is_rigid(&self) -> bool {
         self.stiffness.is_infinite()
     }
 
-    /// Compliance of two surfaces that press on each other. Springs in series share the penetration inversely to their stiffnesses, and the
-    /// damping dissipates as much as both do with these shares.
+    /// Combined compliance of two surfaces in contact. Springs in series share the penetration inversely to their stiffnesses. The damping
+    /// dissipates as much as both dampers with these shares.
     pub(crate) fn in_series([a, b]: [Self; 2]) -> Self {
         if a.is_rigid() || b.is_rigid() {
             return if a.is_rigid() { b } else { a };
@@ -78,7 +79,7 @@ impl ContactSpring {
 /// Magnitude below which MuJoCo treats a number as zero (`mjMINVAL`).
 pub const MIN_VALUE: f64 = 1e-15;
 
-/// Weight of the first of two geoms in mixed parameters, from their `solmix`.
+/// Weight of the first of two geoms in the mixture of their parameters, from their `solmix`.
 pub(crate) fn mixing_share([a, b]: [f64; 2]) -> f64 {
     match (a >= MIN_VALUE, b >= MIN_VALUE) {
         (true, true) => a / (a + b),
@@ -88,29 +89,29 @@ pub(crate) fn mixing_share([a, b]: [f64; 2]) -> f64 {
     }
 }
 
-/// Settings of MuJoCo's contact law for the whole scene.
+/// Settings of MuJoCo's contact law that apply to the whole scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SoftSettings {
     /// Shape of the friction cone.
     pub cone: Cone,
-    /// Ratio of the impedance of friction to that of normal forces.
+    /// Ratio of frictional to normal impedance (`impratio`).
     pub impratio: f64,
-    /// Whether time constants are at least two time steps.
+    /// Whether time constants are raised to at least two time steps.
     pub refsafe: bool,
-    /// Inverse weights to which softness is relative; `None` lets stepper compute them.
+    /// Inverse weights that scale the softness; `None` if stepper computes them.
     pub inverse_weights: Option<InverseWeights>,
     /// Noslip iterations after the solution, which remove slip of sticking contacts.
     #[serde(default, with = "added_fields")]
     pub noslip: NoSlip,
 }
 
-/// Settings of MuJoCo's noslip iterations, which remove the creep that the regularisation of friction causes.
+/// Settings of MuJoCo's noslip iterations, which reduce the slip that regularised friction allows.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NoSlip {
-    /// Largest number of iterations; 0 is none.
+    /// Largest number of iterations; 0 for none.
     pub iterations: u32,
-    /// Improvement of the objective at which they stop, relative to the sum of the diagonal of an island's mass matrix.
+    /// Improvement of the objective at which the iterations stop, relative to the trace of the mass matrix of an island.
     pub tolerance: f64,
 }
 
@@ -127,15 +128,17 @@ impl Default for SoftSettings {
     }
 }
 
-/// Mean inverse inertia in the reference configuration (MuJoCo's `body_invweight0`, `dof_invweight0`, `tendon_invweight0`). The
-/// regularisation of a row is a fraction of it. Inverse weights are numbers of the model, so that environments with other masses have the
-/// same ones.
+/// Inverse weights: mean inverse inertias in the reference configuration (MuJoCo's `body_invweight0`, `dof_invweight0`,
+/// `tendon_invweight0`).
+///
+/// The regularisation of a row is a fraction of its inverse weight. Environments with other masses have the same inverse weights, because
+/// these are stored in the model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct InverseWeights {
     /// Inverse weights of every body: translation, 1/kg, and rotation, 1/(kg m^2).
     pub bodies: Vec<[f64; 2]>,
-    /// Inverse weights of the degrees of freedom.
+    /// Inverse weights of the degrees of freedom, 1/kg or 1/(kg m^2).
     pub dofs: Vec<f64>,
-    /// Inverse weights of the tendons.
+    /// Inverse weights of the tendons, in the inverse unit of their inertia.
     pub tendons: Vec<f64>,
 }

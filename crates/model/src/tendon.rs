@@ -1,21 +1,22 @@
-//! Fixed tendons.
+//! Fixed tendons: linear combinations of joint positions.
 
 use serde::{Deserialize, Serialize};
 
 use crate::softness::Softness;
 
-/// Fixed tendon, whose length is a linear combination of the positions of hinges and slides. Its unit u is that of the combination.
+/// Fixed tendon: its length is a linear combination of the positions of hinges and slides. The length has the unit u of the combination, m
+/// or rad.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Tendon {
     /// Name; may be empty.
     pub name: String,
-    /// Joints and their coefficients.
+    /// Terms of the length: index of the joint, and coefficient.
     pub joints: Vec<(usize, f64)>,
-    /// Lowest and highest length, u.
+    /// Lowest and highest length, u; `None` without limits.
     pub range: Option<[f64; 2]>,
     /// Spring stiffness, N/u.
     pub stiffness: f64,
-    /// Lengths between which the spring is slack, u.
+    /// Lowest and highest length at which the spring is slack, u.
     pub spring_length: [f64; 2],
     /// Viscous damping, N s/u.
     pub damping: f64,

@@ -1,4 +1,4 @@
-//! Variants of a model with other numbers and the same structure. Environments of a batch can differ in these numbers.
+//! Variants of a model with other values and the same structure, as environments of a batch can have them.
 
 use std::fmt;
 use std::str::FromStr;
@@ -7,7 +7,7 @@ use crate::pair_overrides::PairOverrides;
 use crate::replace::{find, write};
 use crate::{Actuator, Body, Field, Geom, Joint, Model, ModelError, label};
 
-/// Declares [`Parameter`] with the names of its fields.
+/// Declares [`Parameter`] with the names of the model's fields.
 macro_rules! parameters {
     ($($(#[$doc:meta])* $parameter:ident = $name:literal,)*) => {
         /// Field of [`REPLACEABLE`](crate::REPLACEABLE) that can differ between environments, see `Simulation::randomize`.
@@ -20,10 +20,10 @@ macro_rules! parameters {
         }
 
         impl Parameter {
-            /// All parameters.
+            /// List of all parameters.
             pub const ALL: [Self; [$($name),*].len()] = [$(Self::$parameter),*];
 
-            /// Name of the field, as in Python.
+            /// Name of the model's field, as in Python.
             pub const fn name(self) -> &'static str {
                 match self {
                     $(Self::$parameter => $name,)*
@@ -36,37 +36,37 @@ macro_rules! parameters {
 parameters! {
     /// Gravitational acceleration in the world frame, m/s^2: (num_envs, 3).
     Gravity = "gravity",
-    /// Masses, kg: (num_envs, nbody). The inertia does not change.
+    /// Masses of the bodies, kg: (num_envs, nbody). Their inertia does not change.
     BodyMass = "body_mass",
-    /// Centres of mass in the bodies' frames, m: (num_envs, nbody, 3).
+    /// Centres of mass of the bodies in their frames, m: (num_envs, nbody, 3).
     BodyIpos = "body_ipos",
-    /// Principal moments of inertia, kg m^2: (num_envs, nbody, 3).
+    /// Principal moments of inertia of the bodies, kg m^2: (num_envs, nbody, 3).
     BodyInertia = "body_inertia",
-    /// Sliding (1), torsional (m) and rolling (m) friction: (num_envs, ngeom, 3).
+    /// Sliding, torsional (m) and rolling (m) friction coefficients of the geoms: (num_envs, ngeom, 3).
     GeomFriction = "geom_friction",
-    /// Coefficients of restitution: (num_envs, ngeom).
+    /// Coefficients of restitution of the geoms: (num_envs, ngeom).
     GeomRestitution = "geom_restitution",
-    /// Sliding (1), torsional (m) and rolling (m) friction of explicit pairs: (num_envs, npair, 3).
+    /// Sliding, torsional (m) and rolling (m) friction coefficients of explicit pairs: (num_envs, npair, 3).
     PairFriction = "pair_friction",
     /// Coefficients of restitution of explicit pairs: (num_envs, npair).
     PairRestitution = "pair_restitution",
-    /// Sizes in the order of `geom_size`, m: (num_envs, ngeom, 3). Masses do not change.
+    /// Sizes of the geoms in the order of `geom_size`, m: (num_envs, ngeom, 3). Masses do not change.
     GeomSize = "geom_size",
-    /// Positions in the bodies' frames, m: (num_envs, ngeom, 3). Masses do not change.
+    /// Positions of the geoms in their bodies' frames, m: (num_envs, ngeom, 3). Masses do not change.
     GeomPos = "geom_pos",
-    /// Spring stiffness, N/m or N m/rad: (num_envs, njnt).
+    /// Spring stiffness of the joints, N/m or N m/rad: (num_envs, njnt).
     JointStiffness = "jnt_stiffness",
-    /// Lowest and highest positions, m or rad: (num_envs, njnt, 2).
+    /// Lowest and highest positions of the joints, m or rad: (num_envs, njnt, 2).
     JointRange = "jnt_range",
-    /// Viscous damping, N s/m or N m s/rad: (num_envs, nv).
+    /// Viscous damping of the degrees of freedom, N s/m or N m s/rad: (num_envs, nv).
     DofDamping = "dof_damping",
-    /// Inertia added to the diagonal of the mass matrix, kg or kg m^2: (num_envs, nv).
+    /// Armature of the degrees of freedom, which is added to the diagonal of the mass matrix, kg or kg m^2: (num_envs, nv).
     DofArmature = "dof_armature",
-    /// Dry friction, N or N m: (num_envs, nv).
+    /// Dry friction of the degrees of freedom, N or N m: (num_envs, nv).
     DofFrictionLoss = "dof_frictionloss",
-    /// Parameters of the gains: (num_envs, nu, 10).
+    /// Gain parameters of the actuators: (num_envs, nu, 10).
     ActuatorGain = "actuator_gainprm",
-    /// Parameters of the biases: (num_envs, nu, 10).
+    /// Bias parameters of the actuators: (num_envs, nu, 10).
     ActuatorBias = "actuator_biasprm",
 }
 
@@ -92,8 +92,8 @@ impl FromStr for Parameter {
     }
 }
 
-/// Variants of a model that differ in the numbers of some fields. They are made one after the other in one copy of the model, so that
-/// assets are copied once.
+/// Factory of variants of a model that differ in the values of some fields. All variants use the same copy of the model, so that assets are
+/// copied only once.
 pub struct Variants<'a> {
     base: &'a Model,
     model: Model,
@@ -102,7 +102,7 @@ pub struct Variants<'a> {
 }
 
 impl<'a> Variants<'a> {
-    /// Variants with changes in the named fields.
+    /// Prepares variants of `base` in which the fields `names` change.
     ///
     /// # Errors
     /// [`ModelError::Invalid`] for a name that is not a field.
@@ -112,7 +112,7 @@ impl<'a> Variants<'a> {
         Ok(Self { base, model: base.clone(), fields, overrides })
     }
 
-    /// Variant with given numbers, field by field; `None` is those of the base.
+    /// Variant with the values `values`, field by field; `None` selects `own`, the values of the base.
     ///
     /// # Errors
     /// Those of [`Model::replace`], and [`ModelError::Invalid`] if a number would add rows or terms that the base does not have.
@@ -130,7 +130,7 @@ impl<'a> Variants<'a> {
     }
 }
 
-/// Checks that the numbers of a variant require no row or term that the compiled base model lacks.
+/// Checks that a variant requires no constraint row or force term that the compiled base model lacks.
 fn same_structure(base: &Model, model: &Model) -> Checked {
     base.joints.iter().zip(&model.joints).enumerate().try_for_each(|(i, (old, new))| joint(i, old, new))?;
     base.bodies.iter().zip(&model.bodies).enumerate().try_for_each(|(i, (old, new))| body(i, old, new))?;
@@ -140,7 +140,7 @@ fn same_structure(base: &Model, model: &Model) -> Checked {
 
 type Checked = Result<(), ModelError>;
 
-/// Error for an element `place` whose new `field` requires a feature that the model lacks.
+/// Error for an element `place` whose new value `new` of `field` requires a feature that the model lacks.
 fn lacks(place: String, field: &str, new: &str, lack: &str, first: &str) -> Checked {
     let remedy = format!("give the model {first} there first, with model.replace({field:?}, ..), and make the simulation of that");
     Err(ModelError::invalid(place, format!("{field} is {new}, and the model has {lack}"), remedy))

@@ -3,7 +3,7 @@
 use crate::builder::{find, find_joint};
 use crate::{Activation, Actuator, Description, ForceModel, ModelError, Transmission};
 
-/// Kind of element that the target's name belongs to.
+/// Kind of element on which the actuator acts.
 #[derive(Clone, Debug)]
 enum Target {
     Joint,
@@ -11,7 +11,7 @@ enum Target {
     Site { reference: Option<String>, wrench: [f64; 6] },
 }
 
-/// Actuator on a joint, tendon or site, by name.
+/// Builder of an actuator on a joint, tendon or site, which is given by name.
 #[derive(Clone, Debug)]
 pub struct ActuatorBuilder {
     pub(super) actuator: Actuator,
@@ -38,59 +38,61 @@ impl ActuatorBuilder {
         Self { actuator, name: target.into(), target: Target::Joint }
     }
 
-    /// Actuator whose control is the force (N, N m) on a joint, by name.
+    /// Motor: the control is the force (N or N m) on the joint with the name `joint`.
     pub fn motor(name: &str, joint: &str) -> Self {
         Self::new(name, joint, [1.0, 0.0, 0.0], [0.0; 3])
     }
 
-    /// Position servo: a spring (N/m, N m/rad) and a damper (N s/m, N m s/rad) pull a joint to the control.
+    /// Position servo: the control is the target position of the joint. `kp` is its stiffness (N/m, N m/rad), and `kv` its damping (N s/m,
+    /// N m s/rad).
     pub fn position(name: &str, joint: &str, kp: f64, kv: f64) -> Self {
         Self::new(name, joint, [kp, 0.0, 0.0], [0.0, -kp, -kv])
     }
 
-    /// Velocity servo: a damper (N s/m, N m s/rad) pulls a joint to the velocity that is the control.
+    /// Velocity servo: the control is the target velocity of the joint. `kv` is its damping (N s/m, N m s/rad).
     pub fn velocity(name: &str, joint: &str, kv: f64) -> Self {
         Self::new(name, joint, [kv, 0.0, 0.0], [0.0, 0.0, -kv])
     }
 
-    /// Makes the target a tendon instead of a joint.
+    /// Makes the actuator act on the tendon of the given name, instead of a joint.
     pub fn on_tendon(mut self) -> Self {
         self.target = Target::Tendon;
         self
     }
 
-    /// Makes the target a site, on which a wrench (force, torque) acts per unit of actuator force. The wrench is in the frame of the site,
-    /// or in that of a reference site, whose body has the reaction.
+    /// Makes the actuator act on the site of the given name. `wrench` is force and torque per unit of actuator force.
+    ///
+    /// The wrench is in the frame of the site, or of the reference site, whose body receives the reaction.
     pub fn on_site(mut self, wrench: [f64; 6], reference: Option<&str>) -> Self {
         self.target = Target::Site { reference: reference.map(Into::into), wrench };
         self
     }
 
-    /// Sets the gear, which scales length, velocity and force.
+    /// Sets the gear, which scales the actuator's length, velocity and force.
     pub fn gear(mut self, gear: f64) -> Self {
         self.actuator.gear = gear;
         self
     }
 
-    /// Delays the control, s.
+    /// Sets the delay of the control, s.
     pub fn delay(mut self, delay: f64) -> Self {
         self.actuator.delay = delay;
         self
     }
 
-    /// Clamps the control.
+    /// Sets the range to which the control is clamped.
     pub fn ctrl_range(mut self, low: f64, high: f64) -> Self {
         self.actuator.ctrl_range = Some([low, high]);
         self
     }
 
-    /// Clamps the force, N or N m.
+    /// Sets the range to which the force is clamped, N or N m.
     pub fn force_range(mut self, low: f64, high: f64) -> Self {
         self.actuator.force_range = Some([low, high]);
         self
     }
 
-    /// Adds dynamics between control and force.
+    /// Sets the dynamics between control and force.
     pub fn activation(mut self, activation: Activation) -> Self {
         self.actuator.activation = activation;
         self

@@ -1,10 +1,10 @@
-//! Builder of a body with its joints and geoms.
+//! Builder of a body, with its joints and geoms.
 
 use crate::builder::{GeomBuilder, JointBuilder, WORLD};
 use crate::orientation::Orientation;
 use crate::{Body, Description, Geom, Joint, MassProperties};
 
-/// Body with its joints and geoms.
+/// Builder of a body, with its joints and geoms.
 #[derive(Clone, Debug)]
 pub struct BodyBuilder {
     pub(super) body: Body,
@@ -14,7 +14,7 @@ pub struct BodyBuilder {
 }
 
 impl BodyBuilder {
-    /// Body at its parent's origin. Without joints it is fixed to its parent.
+    /// Starts a body at its parent's origin. Without joints it is fixed to its parent.
     pub fn new(name: &str) -> Self {
         let body = Body {
             name: name.into(),
@@ -31,7 +31,7 @@ impl BodyBuilder {
         Self { body, inertial: false, joints: vec![], geoms: vec![] }
     }
 
-    /// Free body, which must be a child of the world. Its joint has the same name.
+    /// Starts a body with a free joint of the same name. It must be a child of the world.
     pub fn free(name: &str) -> Self {
         Self::new(name).joint(JointBuilder::free(name))
     }
@@ -42,7 +42,7 @@ impl BodyBuilder {
         self
     }
 
-    /// Sets the orientation in the parent's frame: quaternion [w, x, y, z], or nalgebra's with the feature `nalgebra`.
+    /// Sets the orientation in the parent's frame: quaternion [w, x, y, z], or nalgebra's `UnitQuaternion` with the feature `nalgebra`.
     pub fn quat(mut self, quat: impl Into<Orientation>) -> Self {
         self.body.quat = quat.into().0;
         self
@@ -54,7 +54,7 @@ impl BodyBuilder {
         self.pos(pose.translation.vector).quat(pose.rotation)
     }
 
-    /// Adds a joint. Several joints act in the order of these calls.
+    /// Adds a joint. If a body has several, they apply in the order of these calls.
     pub fn joint(mut self, joint: JointBuilder) -> Self {
         self.joints.push(joint);
         self
@@ -66,25 +66,26 @@ impl BodyBuilder {
         self
     }
 
-    /// Sets mass (kg), centre of mass (m) and principal moments (kg m^2, along the body's axes), which replace those of the geoms.
+    /// Sets mass (kg), centre of mass (m) and principal moments (kg m^2, along the body's axes). These replace the values from the geoms.
     pub fn inertial(mut self, mass: f64, com: impl Into<[f64; 3]>, moments: impl Into<[f64; 3]>) -> Self {
         (self.body.mass, self.body.ipos, self.body.inertia, self.inertial) = (mass, com.into(), moments.into(), true);
         self
     }
 
-    /// Rotates the principal axes of [`BodyBuilder::inertial`]: quaternion [w, x, y, z], or nalgebra's with the feature `nalgebra`.
+    /// Sets the orientation of the principal axes for [`BodyBuilder::inertial`]: quaternion [w, x, y, z], or nalgebra's `UnitQuaternion`
+    /// with the feature `nalgebra`.
     pub fn inertial_quat(mut self, quat: impl Into<Orientation>) -> Self {
         self.body.iquat = quat.into().0;
         self
     }
 
-    /// Makes it a mocap body, whose pose the user sets. It must be a child of the world without joints.
+    /// Makes the body a mocap body, whose pose the user sets. It must be a child of the world without joints.
     pub fn mocap(mut self) -> Self {
         self.body.mocap = true;
         self
     }
 
-    /// Compensates a fraction of its weight; 1 is all of it.
+    /// Compensates the fraction `share` of the body's weight (`gravcomp`); 1 is all of it.
     pub fn gravcomp(mut self, share: f64) -> Self {
         self.body.gravcomp = share;
         self

@@ -3,7 +3,7 @@
 use crate::builder::{find, find_joint};
 use crate::{Description, Equality, EqualityKind, ModelError, Softness};
 
-/// Equality between elements by name.
+/// Builder of an equality between elements, which are given by name.
 #[derive(Clone, Debug)]
 pub struct EqualityBuilder {
     equality: Equality,
@@ -17,29 +17,32 @@ impl EqualityBuilder {
         Self { equality, names: [Some(first.into()), second.map(Into::into)] }
     }
 
-    /// Equality that connects a point of one body with a point of another ("world" is the world), each in its body's frame, m.
+    /// Starts an equality that makes a point of one body coincide with a point of another. Each anchor is in its body's frame, m; "world"
+    /// is the world.
     pub fn connect(name: &str, bodies: [&str; 2], anchors: [[f64; 3]; 2]) -> Self {
         Self::new(name, EqualityKind::Connect { bodies: [0; 2], anchors }, bodies[0], Some(bodies[1]))
     }
 
-    /// Equality like [`EqualityBuilder::connect`], which also keeps the second body's orientation in the first one's frame at `relpose` (w,
-    /// x, y, z).
+    /// Starts an equality like [`EqualityBuilder::connect`] that also fixes the relative orientation. `relpose` is the second body's
+    /// orientation in the first one's frame (w, x, y, z).
     pub fn weld(name: &str, bodies: [&str; 2], anchors: [[f64; 3]; 2], relpose: [f64; 4]) -> Self {
         let kind = EqualityKind::Weld { bodies: [0; 2], anchors, relpose, torquescale: 1.0 };
         Self::new(name, kind, bodies[0], Some(bodies[1]))
     }
 
-    /// Equality of a hinge or slide with a polynomial of another one. Without another one it is held at `polycoef[0]` from its reference.
+    /// Starts an equality between a hinge or slide and a polynomial of another one. Without another one, the joint is fixed at
+    /// `polycoef[0]` from its reference.
     pub fn joint(name: &str, joint: &str, other: Option<&str>, polycoef: [f64; 5]) -> Self {
         Self::new(name, EqualityKind::Joint { joint: 0, other: None, polycoef }, joint, other)
     }
 
-    /// Equality of the length of a fixed tendon with a polynomial of another one's length, or with a constant.
+    /// Starts an equality between the length of a fixed tendon and a polynomial of another one's length. Without another one, the length is
+    /// constant.
     pub fn tendon(name: &str, tendon: &str, other: Option<&str>, polycoef: [f64; 5]) -> Self {
         Self::new(name, EqualityKind::Tendon { tendon: 0, other: None, polycoef }, tendon, other)
     }
 
-    /// Sets the weight of a weld's rotation relative to its displacement, m per rad.
+    /// Sets the weight of a weld's rotation error relative to its position error, m/rad.
     pub fn torquescale(mut self, scale: f64) -> Self {
         if let EqualityKind::Weld { torquescale, .. } = &mut self.equality.kind {
             *torquescale = scale;
@@ -47,13 +50,13 @@ impl EqualityBuilder {
         self
     }
 
-    /// Replaces the hard constraint by a spring and a damper.
+    /// Makes the equality a spring with a damper instead of a hard constraint, N/m and N s/m (or N m/rad and N m s/rad).
     pub fn soft(mut self, stiffness: f64, damping: f64) -> Self {
         (self.equality.stiffness, self.equality.damping) = (stiffness, damping);
         self
     }
 
-    /// Disables the equality until a model has another `eq_active0`.
+    /// Disables the equality by default (`eq_active0`).
     pub fn inactive(mut self) -> Self {
         self.equality.active = false;
         self

@@ -6,10 +6,10 @@ use crate::builder::WORLD;
 use crate::orientation::Orientation;
 use crate::{ContactSpring, Description, Geom, MassProperties, Shape, Softness};
 
-/// Density of a geom without mass and density: that of water, kg/m^3.
+/// Density of a geom whose mass and density are not set, kg/m^3: that of water.
 const DENSITY: f64 = 1000.0;
 
-/// Geom, by default a solid with a density of 1000 kg/m^3.
+/// Builder of a geom. By default it is a solid with a density of 1000 kg/m^3.
 #[derive(Clone, Debug)]
 pub struct GeomBuilder {
     pub(super) geom: Geom,
@@ -42,47 +42,48 @@ impl GeomBuilder {
         Self { geom, mass: None, density: DENSITY }
     }
 
-    /// Half space below the xy plane of the frame.
+    /// Starts a plane: half space below the xy plane of the geom's frame.
     pub fn plane(name: &str) -> Self {
         Self::new(name, Shape::Plane)
     }
 
-    /// Sphere; radius in m.
+    /// Starts a sphere with the given radius, m.
     pub fn sphere(name: &str, radius: f64) -> Self {
         Self::new(name, Shape::Sphere { radius })
     }
 
-    /// Capsule along z: radius, and half the length of its segment, m.
+    /// Starts a capsule along z: radius, and half the length of its segment, m.
     pub fn capsule(name: &str, radius: f64, half_length: f64) -> Self {
         Self::new(name, Shape::Capsule { radius, half_length })
     }
 
-    /// Solid cylinder along z, m.
+    /// Starts a solid cylinder along z: radius, and half its length, m.
     pub fn cylinder(name: &str, radius: f64, half_length: f64) -> Self {
         Self::new(name, Shape::Cylinder { radius, half_length })
     }
 
-    /// Ellipsoid; semi-axes in m.
+    /// Starts an ellipsoid with the given semi-axes, m.
     pub fn ellipsoid(name: &str, radii: impl Into<[f64; 3]>) -> Self {
         Self::new(name, Shape::Ellipsoid { radii: radii.into() })
     }
 
-    /// Box; half sizes in m.
+    /// Starts a box with the given half sizes, m.
     pub fn cuboid(name: &str, half: impl Into<[f64; 3]>) -> Self {
         Self::new(name, Shape::Box { half: half.into() })
     }
 
-    /// Convex hull of the mesh `asset` of the builder.
+    /// Starts the convex hull of the mesh with the name `asset`, see [`ModelBuilder::mesh`](crate::ModelBuilder::mesh).
     pub fn mesh(name: &str, asset: &str) -> Self {
         Self::new(name, Shape::Mesh { asset: asset.into(), concave: false })
     }
 
-    /// Surface of the mesh `asset` of the builder, including its hollows; without mass.
+    /// Starts the surface of the mesh with the name `asset`, including its hollows. It has no mass.
     pub fn concave_mesh(name: &str, asset: &str) -> Self {
         Self::new(name, Shape::Mesh { asset: asset.into(), concave: true }).mass(0.0)
     }
 
-    /// Height field `asset` of the builder; without mass.
+    /// Starts the height field with the name `asset`, see [`ModelBuilder::height_field`](crate::ModelBuilder::height_field). It has no
+    /// mass.
     pub fn height_field(name: &str, asset: &str) -> Self {
         Self::new(name, Shape::HeightField { asset: asset.into() }).mass(0.0)
     }
@@ -93,7 +94,7 @@ impl GeomBuilder {
         self
     }
 
-    /// Sets the orientation in the body's frame: quaternion [w, x, y, z], or nalgebra's with the feature `nalgebra`.
+    /// Sets the orientation in the body's frame: quaternion [w, x, y, z], or nalgebra's `UnitQuaternion` with the feature `nalgebra`.
     pub fn quat(mut self, quat: impl Into<Orientation>) -> Self {
         self.geom.quat = quat.into().0;
         self
@@ -105,7 +106,7 @@ impl GeomBuilder {
         self.pos(pose.translation.vector).quat(pose.rotation)
     }
 
-    /// Sets the mass, kg; 0 is a shape without mass.
+    /// Sets the mass, kg; 0 for a shape without mass.
     pub fn mass(mut self, mass: f64) -> Self {
         self.mass = Some(mass);
         self
@@ -117,37 +118,37 @@ impl GeomBuilder {
         self
     }
 
-    /// Sets `contype` and `conaffinity`; (0, 0) collides with nothing.
+    /// Sets the collision bit masks `contype` and `conaffinity`. A geom with (0, 0) collides with nothing, except in explicit pairs.
     pub fn masks(mut self, contype: u32, conaffinity: u32) -> Self {
         (self.geom.contype, self.geom.conaffinity) = (contype, conaffinity);
         self
     }
 
-    /// Sets the dimension of contacts: 1 is frictionless, 3 has sliding friction.
+    /// Sets the dimension of contacts: 1 for frictionless, 3 for sliding, 4 also for torsional, and 6 also for rolling friction.
     pub fn condim(mut self, condim: u8) -> Self {
         self.geom.condim = condim;
         self
     }
 
-    /// Sets the priority of the geom's friction and condim in contacts.
+    /// Sets the priority. In a contact, friction and condim are those of the geom with the higher priority.
     pub fn priority(mut self, priority: i32) -> Self {
         self.geom.priority = priority;
         self
     }
 
-    /// Sets friction: sliding (1), torsional (m), rolling (m).
+    /// Sets the friction coefficients: sliding, torsional (m) and rolling (m).
     pub fn friction(mut self, friction: [f64; 3]) -> Self {
         self.geom.friction = friction;
         self
     }
 
-    /// Makes the surface compliant, with a stiffness (N/m) and a damping (N s/m).
+    /// Makes the surface compliant: `stiffness` in N/m, `damping` in N s/m.
     pub fn spring(mut self, stiffness: f64, damping: f64) -> Self {
         self.geom.spring = ContactSpring { stiffness, damping };
         self
     }
 
-    /// Sets Newton's coefficient of restitution, 0 to 1.
+    /// Sets Newton's coefficient of restitution, from 0 to 1.
     pub fn restitution(mut self, restitution: f64) -> Self {
         self.geom.restitution = restitution;
         self
@@ -159,14 +160,13 @@ impl GeomBuilder {
         self
     }
 
-    /// Sets the distance beyond the margin up to which a contact is reported, m.
+    /// Sets the distance beyond the margin up to which a contact is reported without pushing, m.
     pub fn gap(mut self, gap: f64) -> Self {
         self.geom.gap = gap;
         self
     }
 
-    /// Sets the velocity of the surface in contacts, as of a conveyor, in the geom's axes: linear (m/s), and angular about its origin
-    /// (rad/s).
+    /// Sets the velocity of the surface in contacts, as of a conveyor, in the geom's axes: linear at its origin (m/s), and angular (rad/s).
     pub fn surface_velocity(mut self, velocity: [f64; 6]) -> Self {
         self.geom.surface_velocity = velocity;
         self

@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use crate::builder::WORLD;
 use crate::{Body, Joint, JointKind, Softness};
 
-/// Joint of a body.
+/// Builder of a joint between a body and its parent.
 #[derive(Clone, Debug)]
 pub struct JointBuilder {
     pub(super) joint: Joint,
@@ -33,70 +33,70 @@ impl JointBuilder {
         Self { joint, rest: None }
     }
 
-    /// Free joint with six degrees of freedom. It must be the only joint of a child of the world.
+    /// Starts a free joint with six degrees of freedom. It must be the only joint of a child of the world.
     pub fn free(name: &str) -> Self {
         Self::new(name, JointKind::Free, [0.0, 0.0, 1.0])
     }
 
-    /// Ball joint with three rotations.
+    /// Starts a ball joint with three rotations.
     pub fn ball(name: &str) -> Self {
         Self::new(name, JointKind::Ball, [0.0, 0.0, 1.0])
     }
 
-    /// Slide along an axis of any length above 0.
+    /// Starts a slide along `axis` in the body's frame. The axis may have any length above 0.
     pub fn slide(name: &str, axis: impl Into<[f64; 3]>) -> Self {
         Self::new(name, JointKind::Slide, unit(axis.into()))
     }
 
-    /// Hinge about an axis of any length above 0.
+    /// Starts a hinge about `axis` in the body's frame. The axis may have any length above 0.
     pub fn hinge(name: &str, axis: impl Into<[f64; 3]>) -> Self {
         Self::new(name, JointKind::Hinge, unit(axis.into()))
     }
 
-    /// Sets the position of the anchor in the body's frame, m.
+    /// Sets the anchor in the body's frame, m.
     pub fn pos(mut self, pos: impl Into<[f64; 3]>) -> Self {
         self.joint.pos = pos.into();
         self
     }
 
-    /// Sets the range, m or rad.
+    /// Sets the lowest and highest position, m or rad.
     pub fn range(mut self, low: f64, high: f64) -> Self {
         self.joint.range = Some([low, high]);
         self
     }
 
-    /// Adds viscous damping, N s/m or N m s/rad.
+    /// Sets the viscous damping, N s/m or N m s/rad.
     pub fn damping(mut self, damping: f64) -> Self {
         self.joint.damping = damping;
         self
     }
 
-    /// Adds a spring, N/m or N m/rad. Hinges and slides are at rest at `rest`, others in the initial pose.
+    /// Sets a spring: `stiffness` in N/m or N m/rad. A hinge or slide is at rest at `rest`, another joint in the initial pose.
     pub fn spring(mut self, stiffness: f64, rest: f64) -> Self {
         self.joint.stiffness = stiffness;
         self.rest = Some(rest);
         self
     }
 
-    /// Adds rotor inertia, kg or kg m^2.
+    /// Sets the armature (rotor inertia), kg or kg m^2.
     pub fn armature(mut self, armature: f64) -> Self {
         self.joint.armature = armature;
         self
     }
 
-    /// Adds dry friction, N or N m.
+    /// Sets the dry friction, N or N m.
     pub fn frictionloss(mut self, loss: f64) -> Self {
         self.joint.frictionloss = loss;
         self
     }
 
-    /// Bounds the sum of the actuator forces on the joint, N or N m.
+    /// Sets the range to which the sum of the actuator forces on the joint is clamped, N or N m.
     pub fn actuator_force_range(mut self, low: f64, high: f64) -> Self {
         self.joint.actuator_force_range = Some([low, high]);
         self
     }
 
-    /// Coordinates at reset, and rest position of the spring.
+    /// Coordinates of the joint at reset, and at the rest position of its spring.
     pub(super) fn reference(&self, body: &Body) -> (Vec<f64>, Vec<f64>) {
         match self.joint.kind {
             JointKind::Free => {
@@ -109,8 +109,7 @@ impl JointBuilder {
     }
 }
 
-/// Unit vector of an axis. An axis that has none stays unchanged, and [`Description::finish`](crate::Description::finish) returns the
-/// error.
+/// Unit vector along `axis`. A zero axis is returned unchanged, and [`Description::finish`](crate::Description::finish) returns the error.
 fn unit(axis: [f64; 3]) -> [f64; 3] {
     Vector3::from(axis).try_normalize(0.0).map_or(axis, Into::into)
 }

@@ -3,7 +3,7 @@
 use crate::builder::find_joint;
 use crate::{Description, ModelError, Tendon};
 
-/// Fixed tendon: a linear combination of the positions of hinges and slides, by name.
+/// Builder of a fixed tendon, whose length is a linear combination of hinge and slide positions. Joints are given by name.
 #[derive(Clone, Debug)]
 pub struct TendonBuilder {
     pub(super) tendon: Tendon,
@@ -12,43 +12,43 @@ pub struct TendonBuilder {
 }
 
 impl TendonBuilder {
-    /// Tendon without limits, springs, damping, inertia and friction.
+    /// Starts a tendon from pairs of joint name and coefficient. It has no limit, spring, damping, inertia or friction.
     pub fn new(name: &str, joints: &[(&str, f64)]) -> Self {
         let joints = joints.iter().map(|&(j, c)| (j.into(), c)).collect();
         Self { tendon: Tendon { name: name.into(), ..Tendon::default() }, joints, rest: None }
     }
 
-    /// Limits its length.
+    /// Sets the lowest and highest length.
     pub fn range(mut self, low: f64, high: f64) -> Self {
         self.tendon.range = Some([low, high]);
         self
     }
 
-    /// Adds a spring whose rest length is that in the rest pose of joint springs.
+    /// Sets the stiffness of a spring. Its rest length is that at `qpos_spring`, the rest pose of joint springs.
     pub fn stiffness(mut self, stiffness: f64) -> Self {
         self.tendon.stiffness = stiffness;
         self
     }
 
-    /// Sets the range of lengths in which the spring is slack.
+    /// Sets the lowest and highest length at which the spring is slack.
     pub fn spring_length(mut self, low: f64, high: f64) -> Self {
         self.rest = Some([low, high]);
         self
     }
 
-    /// Adds viscous damping.
+    /// Sets the viscous damping.
     pub fn damping(mut self, damping: f64) -> Self {
         self.tendon.damping = damping;
         self
     }
 
-    /// Adds an inertia that moves with the tendon's length.
+    /// Sets an inertia that moves with the tendon's length.
     pub fn armature(mut self, armature: f64) -> Self {
         self.tendon.armature = armature;
         self
     }
 
-    /// Adds dry friction.
+    /// Sets the dry friction.
     pub fn frictionloss(mut self, loss: f64) -> Self {
         self.tendon.frictionloss = loss;
         self

@@ -1,4 +1,4 @@
-//! Rules for every model, element by element.
+//! Checks of all elements of a model.
 
 mod assets;
 mod softness;
@@ -9,10 +9,10 @@ use crate::finish::element::{Checked, Element};
 use crate::hulls::{Hulls, Source};
 use crate::{Activation, Actuator, BiasType, Description, EqualityKind, ForceModel, GainType, JointKind, ModelError, Shape, Transmission};
 
-/// Largest relative excess of the largest principal moment over the sum of the others, which rounding of a single-precision source causes.
+/// Largest relative excess of the largest principal moment over the sum of the others that counts as rounding in a single-precision source.
 const TRIANGLE: f64 = 1e-6;
 
-/// Checks that come first: the tree, the indices between bodies, joints and geoms, and the lengths of arrays.
+/// Checks that must run first: the body tree, the indices between bodies, joints and geoms, and the lengths of arrays.
 pub(super) fn structure(model: &Description) -> Checked {
     tree(model)?;
     order("joint", model.joints.iter().map(|j| (j.name.as_str(), j.body)), model.bodies.len())?;
@@ -90,7 +90,7 @@ fn joints_fit_bodies(model: &Description) -> Checked {
     Ok(())
 }
 
-/// Checks every number.
+/// Checks the values of all elements. Returns the convex hulls of the meshes.
 pub(super) fn values(model: &Description, hulls: Source<'_>) -> Result<Hulls, ModelError> {
     let scene = Element("model".into());
     scene.positive("timestep", &[model.timestep], " s")?;
@@ -113,7 +113,7 @@ pub(super) fn values(model: &Description, hulls: Source<'_>) -> Result<Hulls, Mo
     Ok(hulls)
 }
 
-/// Checks the numbers that may differ between environments. All others are unchanged since the model was checked.
+/// Checks only the values that may differ between environments. All others are unchanged since the model was checked.
 pub(super) fn parameters(model: &Description) -> Checked {
     Element("model".into()).finite("gravity", &model.gravity)?;
     bodies(model)?;

@@ -1,4 +1,4 @@
-//! Elements of a model with their names in messages.
+//! Elements of a model, as errors name them, and common checks of their values.
 
 use crate::description::{Description, JointKind, label};
 use crate::error::ModelError;
@@ -6,10 +6,10 @@ use crate::softness::ContactSpring;
 
 pub(crate) type Checked = Result<(), ModelError>;
 
-/// Allowed dimensions of a contact: frictionless, sliding, torsional, rolling.
+/// Dimensions that a contact may have: frictionless, sliding, torsional, rolling.
 const DIMENSIONS: [u8; 4] = [1, 3, 4, 6];
 
-/// Element of a model, with its name for errors.
+/// Element of a model, by its description in errors such as `body "torso"`.
 pub(crate) struct Element(pub(crate) String);
 
 impl Element {
@@ -25,7 +25,7 @@ impl Element {
         if x.iter().all(|v| v.is_finite()) { Ok(()) } else { self.fail(format!("{what} is {x:?}"), "give finite numbers") }
     }
 
-    /// Checks that numbers are finite and at least 0.
+    /// Checks that all values are finite and at least 0.
     pub(crate) fn size(&self, what: &str, x: &[f64], unit: &str) -> Checked {
         match x.iter().find(|v| !v.is_finite() || **v < 0.0) {
             Some(v) => self.fail(format!("{what} is {v}{unit}"), "give a finite number of at least 0"),
@@ -33,7 +33,7 @@ impl Element {
         }
     }
 
-    /// Checks that numbers are finite and above 0.
+    /// Checks that all values are finite and above 0.
     pub(crate) fn positive(&self, what: &str, x: &[f64], unit: &str) -> Checked {
         match x.iter().find(|v| !v.is_finite() || **v <= 0.0) {
             Some(v) => self.fail(format!("{what} is {v}{unit}"), "give a finite number greater than 0"),
@@ -41,7 +41,7 @@ impl Element {
         }
     }
 
-    /// Checks that the lower end of a range is below the upper one. Infinite ends are no bounds.
+    /// Checks that the lower end of a range is below the upper end. Infinite ends are allowed.
     pub(crate) fn range(&self, what: &str, range: Option<[f64; 2]>) -> Checked {
         match range {
             Some([low, high]) if low.is_nan() || high.is_nan() => self.fail(format!("{what} is [{low}, {high}]"), "give numbers"),
@@ -69,7 +69,7 @@ impl Element {
         self.fail(format!("{what} has length {}", x.len()), format!("give {expected} numbers: {sum}"))
     }
 
-    /// Checks that a joint is a hinge or slide.
+    /// Checks that the joint with index `joint` is a hinge or slide.
     pub(crate) fn scalar_joint(&self, model: &Description, joint: usize) -> Checked {
         self.index("joint", joint, model.joints.len())?;
         let kind = match model.joints[joint].kind {
@@ -80,7 +80,7 @@ impl Element {
         self.fail(format!("refers to joint {:?}, a {kind} joint", model.joint_label(joint)), "refer to a hinge or slide")
     }
 
-    /// Checks the compliance of a contact.
+    /// Checks stiffness and damping of a compliant contact.
     pub(crate) fn spring(&self, spring: ContactSpring) -> Checked {
         let ContactSpring { stiffness, damping } = spring;
         if stiffness.is_nan() || stiffness <= 0.0 {

@@ -11,13 +11,14 @@ use nalgebra::{DMatrix, Matrix6, Quaternion, UnitQuaternion, Vector3, Vector6};
 
 use crate::{Description, JointKind, MassProperties, ModelError};
 
-/// Ratio of a pivot to the inertia of the whole subtree below which the pivot counts as rounding error.
+/// Ratio of a pivot to the inertia of the whole subtree below which the pivot counts as zero.
 const NOTHING: f64 = 1e-13;
 
-/// Fraction of the energy of a degree of freedom below which that of another one counts as rounding error.
+/// Ratio of the energies of two degrees of freedom below which the smaller one counts as rounding error.
 const ROUNDING: f64 = 1e-9;
 
-/// Degree of freedom: its joint, its motion (angular, and linear at the origin of its tree), and the parent degree of freedom.
+/// Degree of freedom: index of its joint, motion (angular, and linear at the origin of its tree), and index of the parent degree of
+/// freedom.
 struct Dof {
     joint: usize,
     motion: Vector6<f64>,
@@ -61,8 +62,10 @@ pub(super) fn check(model: &Description) -> Result<(), ModelError> {
     })
 }
 
-/// Joints whose motions cancel that of a degree of freedom without a pivot. They are those of the null vector, which is 1 there. The rows
-/// of `matrix` below the degree of freedom are those of the elimination.
+/// Joints whose motions cancel that of the degree of freedom `dof`, which has no inertia. They are the joints with entries in the null
+/// vector, whose entry for `dof` is 1.
+///
+/// In `matrix`, the rows below `dof` are those after the elimination; `whole` is the diagonal before it.
 fn partners(matrix: &DMatrix<f64>, whole: &nalgebra::DVector<f64>, dofs: &[Dof], dof: usize) -> Vec<usize> {
     let mut null = vec![0.0; dofs.len()];
     null[dof] = 1.0;
@@ -73,7 +76,7 @@ fn partners(matrix: &DMatrix<f64>, whole: &nalgebra::DVector<f64>, dofs: &[Dof],
             ancestor = dofs[j].parent;
         }
     }
-    // Motions are compared by energy, because entries of different joints have different units.
+    // Motions are compared by energy, because the entries of different joints have different units.
     let energy = |i: usize| null[i] * null[i] * whole[i];
     let mut found: Vec<usize> = (dof + 1..dofs.len()).filter(|&i| energy(i) > ROUNDING * energy(dof)).map(|i| dofs[i].joint).collect();
     found.retain(|&j| j != dofs[dof].joint);
@@ -87,7 +90,7 @@ fn quaternion(q: [f64; 4]) -> UnitQuaternion<f64> {
     UnitQuaternion::new_unchecked(Quaternion::new(q[0], q[1], q[2], q[3]))
 }
 
-/// Pose of every body with all joints at their reference, and origin of its tree.
+/// World pose of every body with all joints at their reference, and origin of its kinematic tree.
 fn poses(model: &Description) -> (Vec<Pose>, Vec<Vector3<f64>>) {
     let (mut poses, mut origins): (Vec<Pose>, Vec<Vector3<f64>>) = (vec![], vec![]);
     for (i, body) in model.bodies.iter().enumerate() {
@@ -104,7 +107,7 @@ fn poses(model: &Description) -> (Vec<Pose>, Vec<Vector3<f64>>) {
     (poses, origins)
 }
 
-/// All degrees of freedom, in order.
+/// All degrees of freedom of the model, in the order of v.
 fn dofs(model: &Description, poses: &[Pose], origins: &[Vector3<f64>]) -> Vec<Dof> {
     let mut dofs: Vec<Dof> = vec![];
     let mut last: Vec<Option<usize>> = vec![None; model.bodies.len()];
@@ -135,7 +138,7 @@ fn spatial(angular: Vector3<f64>, linear: Vector3<f64>) -> Vector6<f64> {
     Vector6::new(angular.x, angular.y, angular.z, linear.x, linear.y, linear.z)
 }
 
-/// Spatial inertia of all bodies that move with each body, about the origin of its tree.
+/// Spatial inertia of each body together with its descendants, about the origin of its tree.
 fn composite(model: &Description, poses: &[Pose], origins: &[Vector3<f64>]) -> Vec<Matrix6<f64>> {
     let mut inertias = vec![Matrix6::zeros(); model.bodies.len()];
     for (b, body) in model.bodies.iter().enumerate().skip(1).rev() {
@@ -158,7 +161,7 @@ fn composite(model: &Description, poses: &[Pose], origins: &[Vector3<f64>]) -> V
     inertias
 }
 
-/// Joint-space inertia matrix. Entries between degrees of freedom on different branches stay 0.
+/// Mass matrix. Entries between degrees of freedom on different branches are 0.
 fn mass_matrix(model: &Description, dofs: &[Dof], inertias: &[Matrix6<f64>]) -> DMatrix<f64> {
     let mut matrix = DMatrix::zeros(dofs.len(), dofs.len());
     for (i, dof) in dofs.iter().enumerate() {
@@ -173,7 +176,7 @@ fn mass_matrix(model: &Description, dofs: &[Dof], inertias: &[Matrix6<f64>]) -> 
     matrix
 }
 
-/// Eliminates from the leaves, and returns the first degree of freedom without inertia. It overwrites the lower triangle of `matrix`.
+/// Eliminates degrees of freedom from the leaves, and returns the first one without inertia. Overwrites the lower triangle of `matrix`.
 fn first_without_inertia(matrix: &mut DMatrix<f64>, dofs: &[Dof]) -> Option<usize> {
     let whole = matrix.diagonal();
     for i in (0..dofs.len()).rev() {

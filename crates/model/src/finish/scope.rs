@@ -1,13 +1,13 @@
-//! Elements that a model can describe and that are not simulated yet.
+//! Elements that a model can describe, but that stepper does not simulate yet.
 
 use std::collections::BTreeMap;
 
 use crate::{Description, GeomPair, Kernel, Omission, Shape};
 
-/// Name of an element, and reason for its omission.
+/// Element with a missing feature: its name, and the reason for its omission.
 type User = (String, String);
 
-/// Function that finds the elements with a missing feature.
+/// Function that finds the elements of a model with a missing feature.
 type Users = fn(&Description, &[GeomPair]) -> Vec<User>;
 
 /// Features that stepper does not simulate: kind of the omission, and function that finds the affected elements of a model.
@@ -20,14 +20,14 @@ pub(super) fn not_simulated(model: &Description) -> Vec<Omission> {
     rows.map(|(kind, (name, reason))| Omission { kind: (*kind).into(), name, reason, changes_motion: true }).collect()
 }
 
-/// Whether this module made an omission.
+/// Whether this module added the omission, and not the reader of a source file.
 pub(super) fn is_own(omission: &Omission) -> bool {
     MISSING.iter().any(|(kind, _)| *kind == omission.kind)
 }
 
-/// Geoms with contacts that have no kernel, each with a reason that lists the shapes it passes through.
+/// Geoms with pairs that have no collision function. The reason lists the shapes that they pass through.
 ///
-/// A pair is listed with its height field, else with its second geom.
+/// A pair is listed under its height field if it has one, otherwise under its second geom.
 fn pairs_without_kernel(model: &Description, pairs: &[GeomPair]) -> Vec<User> {
     let mut partners: BTreeMap<usize, BTreeMap<&str, Vec<usize>>> = BTreeMap::new();
     for [a, b] in pairs.iter().map(|p| p.geoms) {

@@ -1,4 +1,4 @@
-//! Rules for sites and sensors.
+//! Checks of sites and sensors.
 
 use crate::finish::element::{Checked, Element};
 use crate::hulls::Source;
@@ -94,7 +94,7 @@ fn one(model: &Description, i: usize, sensor: &Sensor) -> Checked {
 }
 
 impl Model {
-    /// Model with additional sensors after the existing ones.
+    /// Model with additional sensors, which are appended to the existing ones.
     ///
     /// # Errors
     /// [`ModelError::Invalid`] for the first invalid sensor.
@@ -104,7 +104,7 @@ impl Model {
         model.check(Source::Same(&self.hulls))
     }
 
-    /// Checks that no force sensor is part of a loop if the equalities for which `acts` is true are active.
+    /// Checks that no force sensor is part of a closed loop, if those equalities are active for which `acts` returns true.
     ///
     /// # Errors
     /// [`ModelError::Invalid`] with the sensor and the equality.
@@ -117,12 +117,12 @@ impl Model {
         Ok(())
     }
 
-    /// Geoms that rays from a site can hit: those of other bodies whose shape the model has.
+    /// Geoms that rays from a site can hit: all geoms of other bodies whose shape the model contains.
     pub fn geoms_seen_from(&self, site: usize) -> Vec<usize> {
         self.geoms_met_by_rays(self.sites.get(site).map(|site| site.body))
     }
 
-    /// Geoms that rays can hit, except those of a body. The model may lack the shape of meshes for drawing.
+    /// Geoms that rays can hit, except those of the body `except`. Meshes for visualization may be missing in the model, and are left out.
     pub fn geoms_met_by_rays(&self, except: Option<usize>) -> Vec<usize> {
         let met = |g: &Geom| Some(g.body) != except && (self.hull_of(&g.shape).is_some() || has_form(self, &g.shape));
         (0..self.geoms.len()).filter(|&g| met(&self.geoms[g])).collect()
@@ -145,7 +145,7 @@ fn object(model: &Description, at: &Element, object: Object) -> Checked {
     }
 }
 
-/// Checks that the distance of two geoms is implemented: a plane and a simple shape, or balls and capsules.
+/// Checks that the distance of two geoms can be computed: a plane and a simple shape, or balls and capsules.
 fn near(model: &Description, at: &Element, a: usize, b: usize) -> Checked {
     let round = |s: &Shape| matches!(s, Shape::Sphere { .. } | Shape::Capsule { .. });
     let simple = |s: &Shape| !matches!(s, Shape::Plane | Shape::Mesh { .. } | Shape::HeightField { .. });
@@ -168,7 +168,7 @@ fn side(model: &Description, at: &Element, side: ContactSide) -> Checked {
     }
 }
 
-/// Checks that the model has the shape of a geom that rays must hit.
+/// Checks that the model contains the shape of a geom that rays can hit.
 fn formed(model: &Description, at: &Element, geom: usize) -> Checked {
     let shape = &model.geoms[geom].shape;
     if has_form(model, shape) {
@@ -178,7 +178,7 @@ fn formed(model: &Description, at: &Element, geom: usize) -> Checked {
     at.fail(what, "add its mesh or height field to the model's, or leave that geom out of those that are seen")
 }
 
-/// Whether a shape has a surface that rays can hit: triangles or points with a hull, elevations, or a simple shape.
+/// Whether the model contains a surface for the shape: triangles or points of a mesh, elevations, or a simple shape.
 fn has_form(model: &Description, shape: &Shape) -> bool {
     match shape {
         Shape::Mesh { .. } => model.mesh_of(shape).is_some_and(|mesh| !mesh.faces.is_empty() || mesh.hull().is_ok()),
@@ -187,7 +187,7 @@ fn has_form(model: &Description, shape: &Shape) -> bool {
     }
 }
 
-/// Checks that the bodies that a force sensor carries are part of no closed loop, whose forces are not known body by body.
+/// Checks that the bodies below a force sensor are part of no closed loop, because the forces in a loop are not known body by body.
 fn open(model: &Description, at: &Element, site: usize, acts: impl Fn(usize) -> bool) -> Checked {
     let mut carried = vec![false; model.bodies.len()];
     carried[model.sites[site].body] = true;

@@ -6,14 +6,14 @@ use crate::finish::element::{Checked, Element};
 use crate::hulls::{Hulls, Source};
 use crate::{Description, HeightField, Mesh, ModelError, Shape};
 
-/// Checks all assets, and computes the hulls of meshes that can touch something as hulls.
+/// Checks all meshes and height fields, and computes the hulls of meshes that can touch something as hulls.
 pub(super) fn check(model: &Description, source: Source<'_>) -> Result<Hulls, ModelError> {
     model.meshes.iter().enumerate().try_for_each(|(i, m)| mesh(m, i))?;
     model.height_fields.iter().enumerate().try_for_each(|(i, h)| height_field(h, i))?;
     if !model.geoms.iter().any(|g| matches!(g.shape, Shape::Mesh { .. } | Shape::HeightField { .. })) {
         return Ok(Hulls::default());
     }
-    // Geoms that touch nothing need no shape: meshes for drawing may be left out.
+    // Geoms that touch nothing need no asset: meshes for visualization may be missing.
     let mut used: Vec<usize> = model.collision_pairs().iter().flat_map(|p| p.geoms).collect();
     used.sort_unstable();
     used.dedup();
@@ -45,7 +45,7 @@ fn height_field(field: &HeightField, index: usize) -> Checked {
     at.size("base", &[field.base], " m")
 }
 
-/// Checks that a geom that can touch others has a shape.
+/// Checks that the asset of a geom exists, if the geom can touch others.
 fn form(model: &Description, index: usize, hulls: &mut Hulls, source: Source<'_>) -> Checked {
     let geom = &model.geoms[index];
     let at = Element::new("geom", &geom.name, index);

@@ -1,4 +1,4 @@
-//! Checks of the numbers of MuJoCo's contact law.
+//! Checks of the parameters of MuJoCo's contact law.
 
 use crate::finish::element::{Checked, Element};
 use crate::{Description, Softness};

@@ -9,7 +9,7 @@ use stepper_benches::episode::{lanes, single};
 use stepper_benches::scenes::Scene;
 use stepper_core::{Level, Precision};
 
-/// Environments of derivatives in lanes.
+/// Number of environments for which derivatives are timed in SIMD lanes.
 const LANES: usize = 16;
 
 fn steps(c: &mut Criterion) {
@@ -28,13 +28,13 @@ fn steps(c: &mut Criterion) {
     }
 }
 
-/// Benchmark of one run, which is created when it starts. An element is an environment step.
+/// Adds the benchmark of one run. `make` creates the run when the benchmark starts, and the throughput is in environment steps.
 fn bench<T: Run>(c: &mut Criterion, scene: &str, name: &str, make: impl Fn() -> T) {
     let mut run = None;
     let mut group = c.benchmark_group(scene);
     group.sample_size(10).sampling_mode(SamplingMode::Flat).warm_up_time(Duration::from_millis(200));
     group.measurement_time(Duration::from_secs(1));
-    // All runs of a kind make the same number of steps per environment.
+    // All runs of the same kind make the same number of steps per environment.
     group.throughput(Throughput::Elements(match (scene, name) {
         ("ant derivative", "f64") => 1,
         ("ant derivative", _) => LANES as u64,

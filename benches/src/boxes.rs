@@ -11,7 +11,7 @@ pub const STEP: f64 = 0.002;
 pub const FRICTION: f64 = 0.5;
 const GRAVITY: f64 = 9.81;
 
-/// Box with axes along those of the world.
+/// Box with axes parallel to those of the world.
 #[derive(Clone, Copy, Debug)]
 pub struct Brick {
     /// Mass, kg.
@@ -24,26 +24,26 @@ pub struct Brick {
     pub push: [f64; 3],
 }
 
-/// Bricks and the contacts between their faces.
+/// Scene of boxes (bricks) and the contacts between their faces.
 #[derive(Clone, Debug)]
 pub struct Heap {
-    /// Name in the first column of the table.
+    /// Name of the scene in the first column of the table.
     pub name: String,
     bricks: Vec<Brick>,
-    /// Contacts at corners: bricks (below, above), of which `None` is the floor; point; axis of the normal, which points from the first to
-    /// the second.
+    /// Contact points at corners: index of the first brick (`None` is the floor), index of the second brick, point, and axis of the normal.
+    /// The normal points from the first brick to the second.
     contacts: Vec<(Option<usize>, usize, [f64; 3], usize)>,
 }
 
 impl Heap {
-    /// Problems of the table.
+    /// All scenes of the table.
     pub fn all() -> Vec<Self> {
         let mut all: Vec<Self> = [1.0, 100.0, 1000.0].into_iter().map(Self::stack).collect();
         all.extend([Self::wall(6, 5), Self::wall(20, 10), Self::pinch(0.05), Self::pinch(0.001), Self::crush()]);
         all
     }
 
-    /// Stack of ten cubes of 1 kg. The top one is `top` times heavier.
+    /// Stack of ten cubes of 1 kg, except that the top one has a mass of `top` kg.
     pub fn stack(top: f64) -> Self {
         let mut heap = Self::named(if top > 1.0 { format!("10 boxes, top {top} times heavier") } else { "10 boxes, equal masses".into() });
         for i in 0..10 {
@@ -53,7 +53,7 @@ impl Heap {
         heap.meet()
     }
 
-    /// Wall in running bond: every second course is shifted by half a brick.
+    /// Wall of `courses` courses with `bricks` bricks each. Every second course is shifted by half a brick.
     pub fn wall(courses: usize, bricks: usize) -> Self {
         let mut heap = Self::named(format!("wall of {bricks}x{courses} boxes"));
         for course in 0..courses {
@@ -65,7 +65,7 @@ impl Heap {
         heap.meet()
     }
 
-    /// Cube of `mass` kg between two cubes of 1 kg that press with 20 N each. Only friction holds it.
+    /// Cube of `mass` kg between two cubes of 1 kg that are pressed against it with 20 N each. Only friction holds the middle cube.
     pub fn pinch(mass: f64) -> Self {
         let mut heap = Self::named(format!("pinch, {} g between 1 kg", 1000.0 * mass));
         for (i, mass) in [1.0, mass, 1.0].into_iter().enumerate() {
@@ -76,7 +76,7 @@ impl Heap {
         heap.meet()
     }
 
-    /// Mass of 1 t on a mass of 1 g.
+    /// Cube of 1 t on a cube of 1 g.
     pub fn crush() -> Self {
         let mut heap = Self::named("1 g under 1 t cubes".into());
         heap.add(0.001, [0.0, 0.0, 0.1], [0.1; 3]);
@@ -92,7 +92,7 @@ impl Heap {
         self.bricks.push(Brick { mass, centre, half, push: [0.0; 3] });
     }
 
-    /// Finds faces that touch along z and x, and adds a contact at each corner of their common rectangle.
+    /// Adds the contacts of the scene. Wherever faces touch along x or z, each corner of their common rectangle is a contact.
     fn meet(mut self) -> Self {
         for above in 0..self.bricks.len() {
             let b = self.bricks[above];
@@ -142,7 +142,8 @@ impl Heap {
         self.contacts.is_empty()
     }
 
-    /// Constraint problem, in which w is the velocity change of every box times the square root of its mass or moment of inertia.
+    /// Constraint problem of the scene, and its initial iterate. Its variable w is the velocity change of each box, times the square root
+    /// of the mass or moment of inertia.
     pub fn problem(&self) -> (Problem<f64>, Iterate<f64>) {
         let n = 6 * self.bricks.len();
         let mut problem = Problem::with_capacity(n, 0, self.contacts.len());

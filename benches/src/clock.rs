@@ -2,16 +2,16 @@
 
 use std::time::Duration;
 
-/// Run that can be repeated from the same start.
+/// Run to be timed, which can be repeated from the same initial state.
 pub trait Run {
-    /// Restores the start; not timed.
+    /// Restores the initial state. This is not timed.
     fn rewind(&mut self);
-    /// Runs once; timed.
+    /// Runs all steps once. This is timed.
     fn run(&mut self);
     /// Number of environment steps in a run.
     fn environment_steps(&self) -> u64;
 
-    /// Time of `times` runs without the restores.
+    /// Processor time of `times` runs, without the restores of the initial state.
     fn time(&mut self, times: u64) -> Duration {
         let mut total = Duration::ZERO;
         for _ in 0..times {
@@ -24,7 +24,7 @@ pub trait Run {
     }
 }
 
-/// Median over `rounds` of the time per environment step of each run, us. The runs take turns, so that other load of the machine affects
+/// Median time per environment step of each run, us, over `rounds` repeats. The runs take turns, so that other load of the machine affects
 /// all equally.
 pub fn medians(runs: &mut [&mut dyn Run], rounds: usize) -> Vec<f64> {
     let mut times = vec![Vec::with_capacity(rounds); runs.len()];
@@ -45,21 +45,22 @@ fn median(mut x: Vec<f64>) -> f64 {
     0.5 * (x[(x.len() - 1) / 2] + x[x.len() / 2])
 }
 
-/// Processor time of the calling thread.
+/// Processor time that the calling thread has used.
 #[cfg(target_os = "linux")]
 pub fn thread_time() -> Duration {
     let now = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
     Duration::new(now.tv_sec.unsigned_abs(), now.tv_nsec as u32)
 }
 
-/// Time since the first call, because the processor time of a thread is not implemented for this system.
+/// Wall-clock time since the first call. The processor time of a thread is not implemented for this system.
 #[cfg(not(target_os = "linux"))]
 pub fn thread_time() -> Duration {
     static START: std::sync::OnceLock<std::time::Instant> = std::sync::OnceLock::new();
     START.get_or_init(std::time::Instant::now).elapsed()
 }
 
-/// Pins the calling thread to the last core that it may use, and returns the core. Threads that it starts inherit this.
+/// Pins the calling thread to the last core that it may use, and returns the index of the core. New threads of this thread inherit the
+/// pinning.
 #[cfg(target_os = "linux")]
 pub fn pin() -> Option<usize> {
     use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
@@ -71,7 +72,7 @@ pub fn pin() -> Option<usize> {
     Some(core)
 }
 
-/// Does nothing: pinning is not implemented for this system.
+/// Does nothing, because pinning is not implemented for this system.
 #[cfg(not(target_os = "linux"))]
 pub fn pin() -> Option<usize> {
     None

@@ -12,18 +12,18 @@ thread_local! {
     static DONE: Cell<Operations> = const { Cell::new(Operations { sums: 0, divisions: 0, others: 0 }) };
 }
 
-/// Counts of operations.
+/// Numbers of floating-point operations by kind.
 #[derive(Clone, Copy)]
 struct Operations {
-    /// Additions, subtractions and multiplications.
+    /// Number of additions, subtractions and multiplications.
     sums: u64,
-    /// Divisions and square roots.
+    /// Number of divisions and square roots.
     divisions: u64,
-    /// Comparisons, selections, minima and maxima, signs, rounding.
+    /// Number of comparisons, selections, minima, maxima, sign operations and roundings.
     others: u64,
 }
 
-/// Meter of the operations of this thread on [`Counted`] numbers: sums, divisions and others.
+/// Meter for a recorder: numbers of operations on [`Counted`] numbers of this thread so far. The readings are sums, divisions and others.
 pub fn operations(_: Option<Span>) -> [u64; READINGS] {
     let Operations { sums, divisions, others } = DONE.get();
     [sums, divisions, others]
@@ -41,8 +41,8 @@ fn other() {
     DONE.set(Operations { others: DONE.get().others + 1, ..DONE.get() });
 }
 
-/// Numbers in the lanes of `R` with counted operations. An operation on all lanes counts once. With a single environment the counts are
-/// thus those of the environment.
+/// Lane type like `R` whose operations are counted. An operation on all lanes counts once, so counts of a single environment are those of
+/// that environment.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Counted<R>(R);
 

@@ -1,4 +1,4 @@
-//! Derivatives of a step of a scene's environments, by the state and the controls.
+//! Benchmark run of the derivatives of a step by the state and the controls.
 
 use stepper_core::{Level, Precision, Simulation};
 use stepper_derivative::{DerivativeQuery, DerivativeRows, StatePart, differentiate};
@@ -7,21 +7,21 @@ use crate::clock::Run;
 use crate::episode::Episode;
 use crate::scenes::Scene;
 
-/// Columns of the derivatives.
+/// Inputs by which the step is differentiated. They are the columns of the derivatives.
 const PARTS: [StatePart; 3] = [StatePart::Qpos, StatePart::Qvel, StatePart::Ctrl];
-/// Displacements of a coordinate, of which central differences are made.
+/// Displacements of a coordinate for central differences, in SI units.
 const OFFSETS: [f64; 2] = [1e-6, -1e-6];
-/// Residual to which the step is solved, m/s: that of Python's `linearize`.
+/// Residual at which the solver stops, m/s. It equals the default of `linearize` in Python.
 const TOLERANCE: f64 = 1e-12;
 
-/// Derivatives of one step of some environments.
+/// Benchmark run that computes the derivatives of one step for a batch of environments.
 pub struct Derivatives {
     simulation: Simulation,
     ctrl: Vec<f64>,
     offsets: Vec<f64>,
     slopes: Vec<f64>,
     causes: Vec<u32>,
-    /// Distances to the nearest kinks, and residuals.
+    /// Result arrays: distance to the nearest kink and residual of each environment.
     numbers: [Vec<f64>; 2],
     sound: Vec<u8>,
     status: Vec<u32>,
@@ -29,7 +29,7 @@ pub struct Derivatives {
 }
 
 impl Derivatives {
-    /// Derivatives at the states that `count` environments of a scene have after its warm-up.
+    /// Run at the states that the first `count` environments of a scene have after its warm-up.
     pub fn new(scene: &Scene, count: usize, level: Level) -> Self {
         let simulation = Episode::new(scene, 0, count, Precision::F64, level).into_simulation();
         let model = simulation.model();
@@ -56,7 +56,7 @@ impl Derivatives {
 }
 
 impl Run for Derivatives {
-    /// The simulation keeps its state.
+    /// Does nothing, because the run does not change the simulation's state.
     fn rewind(&mut self) {}
 
     fn run(&mut self) {

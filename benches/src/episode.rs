@@ -1,4 +1,4 @@
-//! Batch of environments that repeats the same steps.
+//! Benchmark run of a batch of environments, which repeats the same steps.
 
 use stepper_core::internals::batch::worker::{LaneScalar, Worker, WorkerMakers, WorkerSpec, lane_worker};
 use stepper_core::{AppliedInput, Error, Field, Level, Options, Precision, SavedState, Simulation};
@@ -10,13 +10,14 @@ use crate::recorder::{Meter, Recorder, Recording, record};
 use crate::replay::{Call, Replay};
 use crate::scenes::Scene;
 
-/// Number of steps for which a control is held.
+/// Number of steps with the same control.
 const HOLD: usize = 5;
-/// Number of controls in a run.
+/// Number of calls with a new control in a run.
 const CALLS: usize = 20;
 
-/// Repeatable steps of some environments: a hundred steps of a scene under pseudo-random controls from the states after the warm-up, or the
-/// steps of a recording.
+/// Benchmark run with a batch of environments: repeats the same steps from the same state.
+///
+/// The steps are a hundred steps of a scene after its warm-up, under pseudo-random controls, or the steps of a recording.
 pub struct Episode {
     simulation: Simulation,
     start: SavedState,
@@ -24,7 +25,7 @@ pub struct Episode {
 }
 
 impl Episode {
-    /// Episode of the environments `first..first + count` of a scene, stepped on this thread.
+    /// Run with the environments `first..first + count` of a scene, stepped on the calling thread.
     pub fn new(scene: &Scene, first: usize, count: usize, precision: Precision, level: Level) -> Self {
         // Both precisions have the same tolerance, so that rows are comparable.
         let options = Options { tolerance: Some(Precision::F64.tolerance()), ..Options::default() };
@@ -44,7 +45,7 @@ impl Episode {
         Self { simulation, start, calls: (begin..begin + CALLS).map(call).collect() }
     }
 
-    /// Episode of all environments of a recording, stepped on this thread.
+    /// Run with all environments of a recording, stepped on the calling thread.
     ///
     /// # Errors
     /// Those of [`Replay::simulation`].
@@ -52,7 +53,7 @@ impl Episode {
         Ok(Self { simulation: replay.simulation()?, start: replay.start.clone(), calls: replay.calls.clone() })
     }
 
-    /// Episode of a single environment, whose steps equal those in the batch bit for bit.
+    /// Run with a single environment of this batch. Its steps equal those in the batch bit for bit.
     ///
     /// # Errors
     /// Those of [`Simulation::new`].
@@ -77,28 +78,28 @@ impl Episode {
         now.into_iter().eq(configurations.iter().map(|x| x.to_bits()))
     }
 
-    /// Environments in their current state.
+    /// Simulation of the batch, in its current state.
     pub fn simulation(&self) -> &Simulation {
         &self.simulation
     }
 
-    /// Environments for other steps than those of the episode.
+    /// Simulation of the batch, for steps that are not part of the run.
     pub fn simulation_mut(&mut self) -> &mut Simulation {
         &mut self.simulation
     }
 
-    /// The environments, without the calls of the episode.
+    /// Simulation of the batch, without the calls of the run.
     pub fn into_simulation(self) -> Simulation {
         self.simulation
     }
 
-    /// Adds a [`Recorder`] to all later steps.
+    /// Returns the run with a [`Recorder`] in all its later steps.
     pub fn probe(mut self) -> Self {
         self.simulation.set_workers(&WorkerMakers { f64: recorded::<f64>, f32: recorded::<f32> });
         self
     }
 
-    /// Adds a [`Recorder`] to the steps of a single environment, and computes them with [`Counted`] numbers.
+    /// Returns the run of a single environment with a [`Recorder`] and [`Counted`] numbers in all its later steps.
     ///
     /// # Panics
     /// With several environments, because an operation on all lanes counts once.
@@ -108,8 +109,10 @@ impl Episode {
         self
     }
 
-    /// Records the calls `rounds` times. The result of each call is that of the round with the smallest first reading. All rounds make the
-    /// same steps bit for bit.
+    /// Records all calls of the run with a meter, and returns the sum of their recordings.
+    ///
+    /// Each call is repeated `rounds` times with the same steps bit for bit. Its recording is the one with the smallest sum of first
+    /// readings.
     pub fn record(&mut self, meter: Meter, rounds: usize) -> Recording {
         let mut least: Vec<Option<Recording>> = vec![None; self.calls.len()];
         for _ in 0..rounds {
@@ -139,7 +142,7 @@ fn counted<R: Real<Scalar: LaneScalar>>(spec: &WorkerSpec<'_, R::Scalar>, _: usi
     lane_worker::<Counted<R>>(spec, Recorder)
 }
 
-/// Worker with portable lanes, as many as the group has: eight or sixteen.
+/// Worker with [`Counted`] numbers and portable f32 lanes, as many as the group has: eight or sixteen.
 fn counted_f32(spec: &WorkerSpec<'_, f32>, lanes: usize, level: Level) -> Box<dyn Worker<f32>> {
     let count = if lanes == F32Lanes::LANES { counted::<F32Lanes> } else { counted::<Two<F32Lanes>> };
     count(spec, lanes, level)
@@ -164,7 +167,7 @@ fn run(call: &Call, simulation: &mut Simulation) {
     call.run(simulation).expect("the call is of this batch");
 }
 
-/// Several runs, one after the other, as one run.
+/// Several runs as one run, executed one after the other.
 pub struct InTurn<T>(pub Vec<T>);
 
 impl<T: Run> Run for InTurn<T> {
@@ -181,24 +184,25 @@ impl<T: Run> Run for InTurn<T> {
     }
 }
 
-/// First eight environments of a scene, each alone in `f64`, at the best CPU level of this build and machine.
+/// Runs of the first eight environments of a scene, each in a simulation of one environment in `f64`. The CPU level is the best one of this
+/// build and machine.
 pub fn single(scene: &Scene) -> InTurn<Episode> {
     let level = *Level::available().last().expect("some level is always available");
     InTurn((0..8).map(|env| Episode::new(scene, env, 1, Precision::F64, level)).collect())
 }
 
 impl InTurn<Episode> {
-    /// Adds a [`Recorder`] to each run.
+    /// Returns the runs with a [`Recorder`] in each.
     pub fn probe(self) -> Self {
         Self(self.0.into_iter().map(Episode::probe).collect())
     }
 
-    /// Adds a [`Recorder`] to each run, with [`Counted`] numbers.
+    /// Returns the runs with a [`Recorder`] and [`Counted`] numbers in each.
     pub fn probe_operations(self) -> Self {
         Self(self.0.into_iter().map(Episode::probe_operations).collect())
     }
 
-    /// Sum of the recordings of all runs, per environment step.
+    /// Sum of the recordings of all runs, divided by the number of environment steps. See [`Episode::record`].
     pub fn record(&mut self, meter: Meter, rounds: usize) -> Recording {
         let mut mean = Recording::default();
         let weight = 1.0 / self.environment_steps() as f64;
@@ -207,7 +211,7 @@ impl InTurn<Episode> {
     }
 }
 
-/// First 64 environments of a scene in SIMD lanes.
+/// Run with the first 64 environments of a scene in SIMD lanes.
 pub fn lanes(scene: &Scene, precision: Precision, level: Level) -> Episode {
     Episode::new(scene, 0, 64, precision, level)
 }

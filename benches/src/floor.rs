@@ -1,4 +1,4 @@
-//! Rates of a core, and the least time of a number of operations at these rates (the floor of a step).
+//! Floor of a step: the least time of its operations at the measured rates of a core.
 
 use std::hint::black_box;
 use std::time::Duration;
@@ -9,10 +9,10 @@ use stepper_real::{Real, at_level};
 use crate::clock::thread_time;
 use crate::recorder::READINGS;
 
-/// Number of repeats, of which the fastest counts.
+/// Number of runs of each measurement. The fastest run counts.
 const ROUNDS: usize = 15;
 
-/// Operations per second of this core, counted per lane.
+/// Measured rates of this core, operations per second. An operation on n SIMD lanes counts as n operations.
 #[derive(Clone, Copy, Debug)]
 pub struct Rates {
     /// Additions, subtractions and multiplications per second.
@@ -22,7 +22,7 @@ pub struct Rates {
 }
 
 impl Rates {
-    /// Rates measured in SIMD lanes of a precision.
+    /// Measures the rates of this core with the SIMD lanes of a precision and CPU level.
     pub fn measure(precision: Precision, level: Level) -> Self {
         fn both<R: Real>() -> Rates {
             Rates { sums: per_second::<R>(false), divisions: per_second::<R>(true) }
@@ -33,14 +33,15 @@ impl Rates {
         }
     }
 
-    /// Least time of the operations that [`operations`](crate::counted::operations) counted, us.
+    /// Least time of a number of operations at these rates, us. The argument is a reading of [`operations`](crate::counted::operations).
     pub fn micros(&self, [sums, divisions, others]: [f64; READINGS]) -> f64 {
         // Additions and other operations share the vector pipes. Divisions and square roots have separate pipes.
         1e6 * ((sums + others) / self.sums).max(divisions / self.divisions)
     }
 }
 
-/// Operations per second in independent chains. Their number hides the latency, and they fit into the registers.
+/// Measured rate of divisions, or of sums and products, per second. The operations form independent chains. Their number hides the latency,
+/// and they fit into the registers.
 fn per_second<R: Real>(divide: bool) -> f64 {
     const CHAINS: usize = 12;
     const STEPS: usize = 100_000;
@@ -64,7 +65,7 @@ fn per_second<R: Real>(divide: bool) -> f64 {
     (STEPS * CHAINS * R::LANES * if divide { 1 } else { 2 }) as f64 / fastest.as_secs_f64()
 }
 
-/// Bytes per second copied in main memory.
+/// Measured rate of copying in main memory, bytes per second.
 pub fn copied() -> f64 {
     let (from, mut to) = (vec![1u8; 1 << 28], vec![0u8; 1 << 28]);
     let fastest = (0..ROUNDS).map(|_| timed(|| to.copy_from_slice(black_box(&from)))).min().expect("there are rounds");

@@ -1,4 +1,4 @@
-//! Arrays of numbers in NumPy's file formats.
+//! Reader of arrays of numbers in NumPy's file formats .npy and .npz.
 
 use std::fs::File;
 use std::io::Read;
@@ -12,12 +12,16 @@ use zip::result::ZipError;
 pub struct Array {
     /// Length of each axis.
     pub shape: Vec<usize>,
-    /// All numbers. Booleans are 0 and 1.
+    /// All numbers of the array. Booleans are 0 and 1.
     pub values: Vec<f64>,
 }
 
 impl Array {
-    /// Part `k` along the first axis.
+    /// Numbers at index `k` of the first axis.
+    ///
+    /// # Panics
+    ///
+    /// If the index is out of range.
     ///
     /// # Panics
     /// If there is no such part.
@@ -27,7 +31,7 @@ impl Array {
     }
 }
 
-/// File of `numpy.savez`.
+/// Open file of `numpy.savez`, from which arrays are read by name.
 pub struct Npz {
     path: PathBuf,
     archive: ZipArchive<File>,
@@ -44,7 +48,7 @@ impl Npz {
         Ok(Self { path: path.into(), archive })
     }
 
-    /// Array with a name, or `None` if there is none.
+    /// Array with the given name, or `None` if the file has no such array.
     ///
     /// # Errors
     /// If the array is damaged or does not contain numbers.
@@ -60,7 +64,7 @@ impl Npz {
         Ok(Some(array))
     }
 
-    /// Array with a name.
+    /// Array with the given name. It must exist.
     ///
     /// # Errors
     /// Those of [`Npz::get`], and if there is no such array.
@@ -69,8 +73,9 @@ impl Npz {
     }
 }
 
-/// Array in NumPy's format: 6 bytes of identification, version, length of the header, header, numbers. The header is a dictionary in
-/// Python's syntax.
+/// Array from the bytes of a .npy file, or `None` if they are invalid.
+///
+/// The format is: 6 bytes of identification, version, length of the header, header, numbers. The header is a dictionary in Python's syntax.
 fn parse(bytes: &[u8]) -> Option<Array> {
     let version = *bytes.strip_prefix(b"\x93NUMPY")?.first()?;
     let start = if version == 1 { 10 } else { 12 };
@@ -103,7 +108,7 @@ fn numbers<const N: usize>(data: &[u8], read: impl Fn([u8; N]) -> f64) -> Vec<f6
 mod tests {
     use super::*;
 
-    /// Bytes that numpy.save writes.
+    /// Bytes of a .npy file as `numpy.save` writes it.
     fn saved(descr: &str, shape: &str, data: &[u8]) -> Vec<u8> {
         let header = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}, }}\n");
         [b"\x93NUMPY\x01\x00", &(header.len() as u16).to_le_bytes()[..], header.as_bytes(), data].concat()

@@ -1,4 +1,4 @@
-//! Parts of the steps of an episode: their times in SIMD lanes, and the least time of their operations.
+//! Times of the parts of a step in SIMD lanes, and the least times of their operations.
 
 use std::time::Duration;
 
@@ -13,61 +13,61 @@ use crate::floor::Rates;
 use crate::recorder::{Recording, Row, nanoseconds, own_cost};
 use crate::replay::Replay;
 
-/// Largest number of repeats.
+/// Largest number of times that the steps of an episode are repeated.
 const ROUNDS: usize = 15;
-/// Time after which no further repeat starts.
+/// Total time after which the steps are not repeated any more.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// Number of environments whose operations are counted, spread over the batch.
+/// Number of environments whose operations are counted. They are spread evenly over the batch.
 const COUNTED: usize = 8;
 
-/// Times and counters of the steps of an episode, per environment step.
+/// Mean times and counters of the steps of a recorded episode, per environment step.
 #[derive(Clone, Debug, Serialize)]
 pub struct Anatomy {
-    /// Name of the episode.
+    /// Name of the recorded episode.
     pub name: String,
-    /// "f64" or "f32".
+    /// Floating-point precision, "f64" or "f32".
     pub precision: &'static str,
-    /// Number of environments that are stepped in SIMD lanes.
+    /// Number of environments of the batch, stepped in SIMD lanes.
     pub num_envs: usize,
     /// Time of the whole step without a probe, median of the rounds, us.
     pub micros: f64,
-    /// Least time of its operations at the rates of the core, us.
+    /// Least time of the operations of a step at the rates of the core, us.
     pub floor: f64,
     /// Whether the final configurations equal those of the recording bit for bit.
     pub reproduced: bool,
-    /// Parts of the step.
+    /// Times of the parts of a step.
     pub parts: Vec<Part>,
-    /// Counters: of an environment, or of a group of environments in SIMD lanes.
+    /// Counters of a step.
     pub counts: Vec<Count>,
 }
 
-/// Part of the step.
+/// Time of a part of the step, such as collision or the solver.
 #[derive(Clone, Debug, Serialize)]
 pub struct Part {
-    /// Name.
+    /// Name of the part.
     pub name: &'static str,
-    /// Number of times that a group enters the part in a step.
+    /// Number of times that a group of environments enters the part in a step.
     pub times: f64,
-    /// Time, us: the processor time of the whole step times the part's share of the recorded times, which are the minima over the rounds of
-    /// each call.
+    /// Time of the part in a step, us. It is the processor time of the whole step times the share of the part in the recorded times. Of
+    /// each call the round with the smallest time is recorded.
     pub micros: f64,
-    /// Least time of its operations, us. Scalar operations, as in hulls and Newton's method, are not counted.
+    /// Least time of the operations of the part, us. Scalar operations, as in hulls and Newton's method, are not included.
     pub floor: f64,
 }
 
-/// Counter of a step.
+/// Mean of a counter in a step.
 #[derive(Clone, Debug, Serialize)]
 pub struct Count {
-    /// Name.
+    /// Name of the counter.
     pub name: &'static str,
-    /// Whether the environments of a group share the counter.
+    /// Whether the counter is per group of environments in SIMD lanes instead of per environment.
     pub shared: bool,
-    /// Mean.
+    /// Mean number in a step.
     pub mean: f64,
 }
 
 impl Anatomy {
-    /// Times and counters of a recording, whose steps are repeated.
+    /// Measures the times and counters of a recording, by repeating its steps.
     ///
     /// # Errors
     /// Those of [`Episode::recorded`].
@@ -86,7 +86,7 @@ impl Anatomy {
         time.subtract_probe(own_cost());
         let rates = Rates::measure(replay.precision, level);
         let groups = time.counters[Counter::GroupSteps as usize];
-        // Wall-clock time includes interruptions, which affect all parts alike.
+        // The recorded wall-clock time includes interruptions, which affect all parts alike.
         let whole = time.sum();
         let part = |((name, time), (_, work)): ((_, Row), (_, Row))| Part {
             name,

@@ -1,4 +1,4 @@
-//! Probe of the step that records the readings of a meter in each part: nanoseconds, operations or instructions.
+//! Probe of the step that records readings of a meter for each part of the step. Meters count nanoseconds, operations or instructions.
 
 use std::cell::RefCell;
 use std::hint::black_box;
@@ -6,37 +6,39 @@ use std::time::Instant;
 
 use stepper_core::internals::probe::{Counter, Probe, Span};
 
-/// Number of values in a reading.
+/// Number of values in a reading of a meter.
 pub const READINGS: usize = 3;
 const SPANS: usize = Span::ALL.len();
 const COUNTERS: usize = Counter::ALL.len();
 
-/// Meter whose readings only increase. It is read at every boundary of a span; its argument is the span that was active until then.
+/// Meter: a function whose readings only increase.
+///
+/// It is called at each boundary of a span. The argument is the span that was active until then, or `None` outside all spans.
 pub type Meter = fn(Option<Span>) -> [u64; READINGS];
 
-/// Probe that writes to the recording of its thread, if there is one. It has size zero, as the probe of a worker must.
+/// Probe that writes to the recording of its thread, if there is one. Its size is zero, as the probe of a worker must be.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Recorder;
 
-/// Recorded readings and counters.
+/// Recorded meter readings and counters of the parts of a step.
 #[derive(Clone, Debug)]
 pub struct Recording {
     /// Row of each span, in the order of [`Span::ALL`].
     pub spans: [Row; SPANS],
-    /// Row of work outside all spans.
+    /// Row of the work outside all spans.
     pub unaccounted: Row,
     /// Sum of each counter, in the order of [`Counter::ALL`].
     pub counters: [f64; COUNTERS],
 }
 
-/// Record of a part of the step.
+/// Record of one part of the step.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Row {
     /// Number of times that the part was entered.
     pub times: f64,
     /// Number of spans that were entered from the part.
     pub inner: f64,
-    /// Readings in the part, without the spans inside it.
+    /// Sum of the meter readings in the part, without those of the spans inside it.
     pub readings: [f64; READINGS],
 }
 
@@ -51,25 +53,25 @@ impl Recording {
         span.map_or(&mut self.unaccounted, |span| &mut self.spans[span as usize])
     }
 
-    /// Names and rows of all parts. Work outside all spans comes last.
+    /// Name and row of each part of the step. The work outside all spans comes last.
     pub fn rows(&self) -> impl Iterator<Item = (&'static str, Row)> {
         let spans = Span::ALL.iter().map(|span| span.name()).zip(self.spans);
         spans.chain([("unaccounted", self.unaccounted)])
     }
 
-    /// Sum of the first reading over all rows.
+    /// Sum of the first reading over all rows, such as the total time.
     pub fn sum(&self) -> f64 {
         self.rows().map(|(_, row)| row.readings[0]).sum()
     }
 
-    /// Mean of a counter. Counters of a group are divided by the number of group steps. For others, the recording must be weighted per
-    /// environment step.
+    /// Mean of a counter in a step. Counters of a group are divided by the number of group steps. For other counters, the recording must be
+    /// weighted per environment step.
     pub fn mean(&self, counter: Counter) -> f64 {
         let steps = if counter.is_shared() { self.counters[Counter::GroupSteps as usize] } else { 1.0 };
         self.counters[counter as usize] / steps
     }
 
-    /// Adds another recording times a weight.
+    /// Adds another recording, multiplied by `weight`.
     pub fn add(&mut self, other: &Self, weight: f64) {
         let rows = self.spans.iter_mut().chain([&mut self.unaccounted]);
         for (sum, row) in rows.zip(other.spans.iter().chain([&other.unaccounted])) {
@@ -80,7 +82,8 @@ impl Recording {
         self.counters.iter_mut().zip(other.counters).for_each(|(sum, x)| *sum += weight * x);
     }
 
-    /// Subtracts the cost of the probe from the first readings: inside a span, and in the part that entered it.
+    /// Subtracts the cost of the probe from the first readings. `inside` is the cost per span in the span, and `outside` that in the part
+    /// around it.
     pub fn subtract_probe(&mut self, [inside, outside]: [f64; 2]) {
         for row in self.spans.iter_mut().chain([&mut self.unaccounted]) {
             row.readings[0] -= row.times * inside + row.inner * outside;
@@ -88,7 +91,7 @@ impl Recording {
     }
 }
 
-/// Recording in progress.
+/// Recording in progress on a thread.
 struct Tape {
     meter: Meter,
     open: Vec<Span>,
@@ -97,7 +100,7 @@ struct Tape {
 }
 
 impl Tape {
-    /// Adds the reading since the last boundary to the innermost span.
+    /// Adds the reading since the last boundary to the row of the innermost open span.
     fn boundary(&mut self) {
         let within = self.open.last().copied();
         let now = (self.meter)(within);
@@ -142,7 +145,7 @@ impl Probe for Recorder {
     }
 }
 
-/// Recording of the steps that `work` makes on this thread.
+/// Records the steps that `work` makes on this thread, with a meter.
 pub fn record(meter: Meter, work: impl FnOnce()) -> Recording {
     let last = meter(None);
     TAPE.set(Some(Tape { meter, open: Vec::with_capacity(16), last, recording: Recording::default() }));
@@ -152,8 +155,10 @@ pub fn record(meter: Meter, work: impl FnOnce()) -> Recording {
     tape.recording
 }
 
-/// Meter of time: nanoseconds since its first call. A reading of the processor time would take ten times as long as a small part of a step.
-/// Repeated rounds of the same work reveal interruptions.
+/// Meter of wall-clock time: nanoseconds since its first call.
+///
+/// A reading of the processor time would take ten times as long as a small part of a step. Repeated rounds of the same work reveal
+/// interruptions.
 pub fn nanoseconds(_: Option<Span>) -> [u64; READINGS] {
     thread_local! {
         static START: Instant = Instant::now();
@@ -161,7 +166,7 @@ pub fn nanoseconds(_: Option<Span>) -> [u64; READINGS] {
     [START.with(Instant::elapsed).as_nanos() as u64, 0, 0]
 }
 
-/// Cost of the probe per span, ns: inside the span, and around it.
+/// Measured cost of the probe per span, ns: inside the span, and in the part around it.
 pub fn own_cost() -> [f64; 2] {
     const TIMES: usize = 1000;
     let round = || {

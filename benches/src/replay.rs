@@ -1,5 +1,4 @@
-//! Recordings of `Stepper.record` that can be stepped again: batch, initial state and calls. python/stepper/recording/format.py describes
-//! the format.
+//! Reader of recordings by `Stepper.record`, so that their steps can be repeated. python/stepper/recording/format.py describes the format.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -14,56 +13,56 @@ use stepper_core::{StateRows, StepInputs};
 
 use crate::npz::{Array, Npz};
 
-/// Version of the format.
+/// Version of the recording format that this program reads.
 const FORMAT: u32 = 4;
-/// Kinds of rows, by their index in a file.
+/// Kinds of rows in a recording, in the order of their numbers in its files.
 const KINDS: [&str; 6] = ["start", "step", "reset", "set_state", "applied", "randomize"];
 
-/// Recording.
+/// Recording of a batch: model, options, initial state and calls.
 pub struct Replay {
-    /// Note, or the name of the folder if there is none.
+    /// Note of the recording, or the name of its folder without a note.
     pub name: String,
-    /// Model.
+    /// Model of the batch.
     pub model: Arc<Model>,
     /// Options of the step.
     pub options: Options,
-    /// Scalar type of the lanes.
+    /// Floating-point precision of the batch.
     pub precision: Precision,
     /// Number of environments.
     pub num_envs: usize,
     /// Initial state of all environments.
     pub start: SavedState,
-    /// Calls after the start.
+    /// Calls after the initial state, in order.
     pub calls: Vec<Call>,
     /// Configurations of all environments after the last step, (num_envs, nq).
     pub end: Vec<f64>,
 }
 
-/// Call on a batch. Arrays have the environments as leading axis.
+/// Recorded call on a batch of environments. The environments are the first axis of all arrays.
 #[derive(Clone, Debug)]
 pub enum Call {
-    /// Steps with one control.
+    /// Call of `step` with constant controls.
     Step {
         /// Controls, (num_envs, nu).
         ctrl: Vec<f64>,
-        /// Number of steps.
+        /// Number of steps of the call.
         nstep: usize,
     },
-    /// New values of an applied input.
+    /// New values of applied inputs, such as external forces, for all environments.
     Apply(Vec<(AppliedInput, Vec<f64>)>),
-    /// New episodes of some environments.
+    /// Reset of some environments.
     Reset {
         /// Indices of the environments, ascending.
         envs: Vec<usize>,
-        /// Configurations of all environments, (num_envs, nq). `None` is that of the model.
+        /// Configurations of all environments, (num_envs, nq). `None` is the reference configuration of the model.
         qpos: Option<Vec<f64>>,
-        /// Velocities of all environments, (num_envs, nv). `None` is rest.
+        /// Velocities of all environments, (num_envs, nv). `None` is zero.
         qvel: Option<Vec<f64>>,
     },
 }
 
 impl Call {
-    /// Makes the call.
+    /// Repeats the call on a batch.
     ///
     /// # Errors
     /// If the call does not fit the batch.
@@ -78,7 +77,7 @@ impl Call {
         }
     }
 
-    /// Part of the call for one environment of `num_envs`.
+    /// Call for a batch of one environment, with the part for environment `env` of `num_envs`.
     pub fn of_one(&self, env: usize, num_envs: usize) -> Self {
         let part = |all: &Vec<f64>| {
             let size = all.len() / num_envs;
@@ -94,18 +93,18 @@ impl Call {
         }
     }
 
-    /// Number of steps in the call.
+    /// Number of steps that the call makes.
     pub fn steps(&self) -> usize {
         if let Self::Step { nstep, .. } = self { *nstep } else { 0 }
     }
 }
 
 impl Replay {
-    /// Reads the folder of a recording.
+    /// Recording from its folder.
     ///
     /// # Errors
-    /// Text of the reason if the recording cannot be read, was not closed, or has calls that cannot be repeated here: models of sensors or
-    /// drives, randomised parameters, or `set_state`.
+    /// Text of the reason: the recording cannot be read, was not closed, or has calls that cannot be repeated here. Such calls are models
+    /// of sensors or drives, randomised parameters, and `set_state`.
     pub fn load(folder: &Path) -> Result<Self, String> {
         let place = |name: &str| folder.join(name).display().to_string();
         let header = place("run.json");
@@ -158,7 +157,7 @@ impl Replay {
         })
     }
 
-    /// Batch in the initial state of the recording, stepped on this thread.
+    /// Batch in the initial state of the recording, stepped on the calling thread.
     ///
     /// # Errors
     /// Those of [`Simulation::new`], and if the state belongs to another batch.
@@ -173,7 +172,7 @@ fn steps_of(ctrl: &Array, nstep: &Array) -> Vec<Call> {
     (0..nstep.values.len()).map(|k| Call::Step { ctrl: ctrl.row(k).to_vec(), nstep: nstep.values[k] as usize }).collect()
 }
 
-/// Used part of run.json.
+/// Fields of a recording's run.json that this program uses.
 #[derive(Deserialize)]
 struct Header {
     format: u32,
@@ -203,14 +202,14 @@ impl Header {
     }
 }
 
-/// File of rows.
+/// Entry of a recording's data file in run.json.
 #[derive(Deserialize)]
 struct Entry {
     name: String,
     steps: usize,
 }
 
-/// `stepper.Options` in run.json.
+/// Serde description of `stepper.Options` as in run.json.
 #[derive(Deserialize)]
 #[serde(remote = "Options")]
 struct PythonOptions {
@@ -232,7 +231,7 @@ struct PythonOptions {
     max_contacts: Option<u32>,
 }
 
-/// Names in Python.
+/// Serde description of [`ContactLaw`] with the names in Python.
 #[derive(Deserialize)]
 #[serde(remote = "ContactLaw", rename_all = "lowercase")]
 enum ContactLawName {
@@ -240,7 +239,7 @@ enum ContactLawName {
     Mujoco,
 }
 
-/// Integrator by its name in Python, or `None`.
+/// Reads an integrator by its Python name; `None` if the value is null.
 fn integrator<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Integrator>, D::Error> {
     let Some(name) = Option::<String>::deserialize(from)? else { return Ok(None) };
     let all = [Integrator::Euler, Integrator::Midpoint, Integrator::Implicit, Integrator::ImplicitFast, Integrator::Rk4];
@@ -248,7 +247,7 @@ fn integrator<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Integrator>, 
     found.map(Some).ok_or_else(|| D::Error::custom(format!("integrator {name}, which this program does not have")))
 }
 
-/// Names in Python.
+/// Serde description of [`Solver`] with the names in Python.
 #[derive(Deserialize)]
 #[serde(remote = "Solver", rename_all = "lowercase")]
 enum SolverName {
@@ -257,7 +256,7 @@ enum SolverName {
     Newton,
 }
 
-/// Names in Python.
+/// Serde description of [`Stabilization`] with the names in Python.
 #[derive(Deserialize)]
 #[serde(remote = "Stabilization", rename_all = "lowercase")]
 enum StabilizationName {

@@ -1,4 +1,4 @@
-//! Ratios of speeds measured in one run, as a table, and as a file for later comparison.
+//! Report of ratios of speeds, measured in one run: printed as a table, and saved as a file for later comparison.
 //!
 //! Microseconds depend on the machine and its load. Ratios of runs that took turns depend on them less, and are therefore stored and
 //! compared.
@@ -15,17 +15,17 @@ use crate::episode::{lanes, single};
 use crate::peers::{Course, entries};
 use crate::scenes::Scene;
 
-/// Relative decrease above which a ratio is marked. On a quiet machine, ratios repeat within a few per cent.
+/// Relative decrease of a ratio above which it is marked. On a quiet machine, ratios repeat within a few per cent.
 pub const SLOWER: f64 = 0.1;
 
-/// Results of a run.
+/// Report of a benchmark run: all groups of rows, and the machine.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Report {
     /// Machine and build of the measurement.
     pub machine: Machine,
-    /// Whole steps of every scene.
+    /// Groups with the times of whole steps, one for each scene.
     pub steps: Vec<Group>,
-    /// Engines and settings in every scene of the comparison with rapier.
+    /// Groups with engines and settings, one for each scene of the comparison with rapier.
     pub peers: Vec<Group>,
 }
 
@@ -36,42 +36,42 @@ pub struct Machine {
     pub cpu: String,
     /// Number of processors.
     pub cores: usize,
-    /// CPU levels, the slowest first.
+    /// Available CPU levels, the slowest first.
     pub levels: Vec<String>,
     /// Version of the compiler.
     pub rustc: String,
-    /// Commit and state of the repository.
+    /// Commit of the repository, and whether it had changes.
     pub commit: String,
-    /// Number of rounds of the medians.
+    /// Number of rounds from which the medians were taken.
     pub rounds: usize,
 }
 
-/// Group of rows that are compared with its first row.
+/// Group of rows in a report, whose speeds are relative to the first row.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Group {
     /// Name of the scene.
     pub name: String,
     /// Names of the errors, if errors were measured.
     pub measures: Option<[String; 2]>,
-    /// Rows. The first is the reference of the others.
+    /// Rows of the group. The first row is the reference of the ratios.
     pub rows: Vec<Row>,
 }
 
-/// Row of an engine, lane type or setting.
+/// Row of a report: time of an engine, lane type or setting.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Row {
-    /// Name.
+    /// Name of the engine, lane type or setting.
     pub name: String,
     /// Median processor time per environment step, us.
     pub micros: f64,
     /// Speed relative to the first row.
     pub ratio: f64,
-    /// Errors, if they were measured.
+    /// Errors of the engine in the scene, if they were measured.
     pub errors: Option<[f64; 2]>,
 }
 
 impl Report {
-    /// Report of all measurements, with `rounds` rounds in which the runs take turns.
+    /// Measures all groups. Each median is over `rounds` rounds, in which the runs of a group take turns.
     pub fn measure(rounds: usize) -> Self {
         Self {
             machine: Machine::this(rounds),
@@ -80,7 +80,11 @@ impl Report {
         }
     }
 
-    /// Checks that the ratios of a report are comparable with measurements on this machine.
+    /// Checks that this report is comparable with measurements on this machine.
+    ///
+    /// # Errors
+    ///
+    /// Text of the reason if the CPU levels differ. Ratios are relative to the first row, whose speed is that of the best level.
     ///
     /// # Errors
     /// Text of the reason if the CPU levels differ: ratios are relative to the first row, whose speed is that of the best level.
@@ -95,7 +99,8 @@ impl Report {
         ))
     }
 
-    /// Prints tables. Each ratio is followed by its value in `before`, if there is one, and a mark if it decreased by more than [`SLOWER`].
+    /// Prints the tables of the report. Each ratio is followed by its value in `before`, if there is one. Ratios that decreased by more
+    /// than [`SLOWER`] are marked.
     pub fn print(&self, before: Option<&Self>) {
         let m = &self.machine;
         println!("{}, {} cores, one used; levels {}; {}; commit {}", m.cpu, m.cores, m.levels.join(", "), m.rustc, m.commit);
@@ -120,7 +125,7 @@ impl Report {
         self.steps.iter().chain(&self.peers).find(|g| g.name == name)
     }
 
-    /// Writes the report as JSON.
+    /// Writes the report to a JSON file.
     ///
     /// # Errors
     /// If the file cannot be written.
@@ -128,7 +133,7 @@ impl Report {
         std::fs::write(path, serde_json::to_string_pretty(self)? + "\n")
     }
 
-    /// Reads a report.
+    /// Reads a report from a JSON file.
     ///
     /// # Errors
     /// If the file contains no report.
@@ -154,19 +159,19 @@ fn processors() -> String {
     std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default()
 }
 
-/// Model of the processor, or its architecture if the system does not report a model.
+/// Model of the processor. It is the architecture if the system does not report a model.
 pub fn cpu() -> String {
     let info = processors();
     let model = info.lines().find_map(|l| l.strip_prefix("model name")).and_then(|l| l.split_once(": "));
     model.map_or_else(|| std::env::consts::ARCH.into(), |(_, name)| name.into())
 }
 
-/// Version of the compiler.
+/// Version of the Rust compiler.
 pub fn rustc() -> String {
     says("rustc", &["--version"])
 }
 
-/// First line of a program's output, or "unknown".
+/// First line of the output of a program, or "unknown" if it fails.
 fn says(program: &str, arguments: &[&str]) -> String {
     let output = std::process::Command::new(program).args(arguments).current_dir(env!("CARGO_MANIFEST_DIR")).output();
     let text = output.map(|o| String::from_utf8_lossy(&o.stdout).trim().to_owned()).unwrap_or_default();
@@ -180,7 +185,7 @@ impl Group {
         Self { name, measures, rows: rows.into_iter().map(row).collect() }
     }
 
-    /// Prints a table, and returns the number of marked ratios.
+    /// Prints the table of the group, and returns the number of marked ratios.
     fn print(&self, before: Option<&Self>) -> usize {
         let mut marked = 0;
         let [a, b] = self.measures.clone().unwrap_or_default();
@@ -221,7 +226,7 @@ fn peers(course: Course, rounds: usize) -> Group {
     Group::new(name, Some(course.measures().map(Into::into)), rows)
 }
 
-/// Exit code of a program. An error is printed to standard error.
+/// Exit code of a program with a result. An error is printed to standard error.
 pub fn exit_code(result: Result<ExitCode, String>) -> ExitCode {
     result.unwrap_or_else(|message| {
         eprintln!("{message}");

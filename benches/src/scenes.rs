@@ -1,4 +1,4 @@
-//! Robots made in code, similar in size and kind to those of reinforcement learning. All their numbers were chosen for the benchmarks.
+//! Robot models made in code, similar to those of reinforcement learning. All numbers were chosen for the benchmarks.
 
 use std::sync::Arc;
 
@@ -11,14 +11,14 @@ pub const LINK_MASS: f64 = 0.2;
 /// Moments of inertia of a chain's link about its centre of mass, kg m^2: a rod along x.
 pub const LINK_MOMENTS: [f64; 3] = [2e-5, 1.8e-4, 1.8e-4];
 
-/// Robot, and number of steps until its typical state.
+/// Scene of a benchmark: a robot, and the number of steps until its typical state.
 #[derive(Clone, Debug)]
 pub struct Scene {
-    /// Short name.
+    /// Short name of the scene.
     pub name: &'static str,
     /// Model of the robot.
     pub model: Arc<Model>,
-    /// Number of steps before the measurement, after which the walkers lie on the floor.
+    /// Number of steps before the measurement. After these steps, the humanoid and the ant lie on the floor.
     pub warm_up: usize,
 }
 
@@ -44,7 +44,7 @@ impl Scene {
         Self { name, model: chain(links), warm_up: 0 }
     }
 
-    /// Initial state (q, v) of environment `env`, different in each.
+    /// Initial configuration and velocity (q, v) of environment `env`. They are different in each environment.
     pub fn start(&self, env: usize) -> (Vec<f64>, Vec<f64>) {
         let mut q = self.model.qpos0.clone();
         for (i, x) in q.iter_mut().enumerate() {
@@ -54,7 +54,7 @@ impl Scene {
         (q, v)
     }
 
-    /// Random controls of environment `env` in call `call`, within their ranges.
+    /// Pseudo-random controls of environment `env` in call `call`, within the control ranges of the actuators.
     pub fn action(&self, env: usize, call: usize) -> impl Iterator<Item = f64> {
         (0..self.model.nu()).map(move |i| noise((env * 7919 + call * 104_729 + i) as u64))
     }
@@ -95,7 +95,8 @@ pub fn humanoid() -> Arc<Model> {
     Arc::new(scene.finish().expect("the humanoid is a valid model"))
 }
 
-/// Leg on the side `y` (-1 or 1): three hinges at the hip, one at the knee, two at the ankle, two capsules under the foot.
+/// Adds a leg of the humanoid to the scene, on the side `y` (-1 or 1). It has three hinges at the hip, one at the knee, two at the ankle,
+/// and two capsules under the foot.
 fn leg(scene: &mut ModelBuilder, pelvis: usize, side: &str, y: f64) {
     let name = |part: &str| format!("{side} {part}");
     let thigh = BodyBuilder::new(&name("thigh"))
@@ -122,7 +123,8 @@ fn leg(scene: &mut ModelBuilder, pelvis: usize, side: &str, y: f64) {
     }
 }
 
-/// Arm on the side `y` (-1 or 1): two hinges at the shoulder, one at the elbow, a sphere as hand.
+/// Adds an arm of the humanoid to the scene, on the side `y` (-1 or 1). It has two hinges at the shoulder, one at the elbow, and a sphere
+/// as hand.
 fn arm(scene: &mut ModelBuilder, torso: usize, side: &str, y: f64) {
     let name = |part: &str| format!("{side} {part}");
     let upper = BodyBuilder::new(&name("upper arm"))
@@ -184,7 +186,7 @@ pub fn chain(links: usize) -> Arc<Model> {
     Arc::new(scene.finish().expect("the chain is a valid model"))
 }
 
-/// Axis of a chain's hinge.
+/// Unit vector of the hinge axis of link `i` of [`chain`].
 pub fn chain_axis(i: usize) -> [f64; 3] {
     if i.is_multiple_of(2) { [0.0, 1.0, 0.0] } else { [0.0, 0.8, 0.6] }
 }
@@ -197,12 +199,12 @@ pub fn noise(seed: u64) -> f64 {
     ((x ^ (x >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
 }
 
-/// Hinge of the trunk or a hip.
+/// Hinge of the humanoid's trunk or hip.
 fn stiff(name: &str, axis: [f64; 3], range: [f64; 2], stiffness: f64) -> JointBuilder {
     JointBuilder::hinge(name, axis).range(range[0], range[1]).damping(5.0).armature(0.01).spring(stiffness, 0.0)
 }
 
-/// Hinge of a limb.
+/// Hinge of an arm or a lower leg of the humanoid.
 fn loose(name: &str, axis: [f64; 3], range: [f64; 2], stiffness: f64) -> JointBuilder {
     JointBuilder::hinge(name, axis).range(range[0], range[1]).damping(0.2).armature(0.01).spring(stiffness, 0.0)
 }
@@ -211,17 +213,17 @@ fn motor(scene: &mut ModelBuilder, joint: &str, gear: f64) {
     scene.actuator(ActuatorBuilder::motor(joint, joint).gear(gear).ctrl_range(-1.0, 1.0));
 }
 
-/// Capsule of the humanoid.
+/// Capsule geom of the humanoid between two points.
 fn limb(name: &str, from: [f64; 3], to: [f64; 3], radius: f64) -> GeomBuilder {
     skin(segment(name, from, to, radius))
 }
 
-/// Geom without friction; a contact has the friction of the other geom.
+/// Returns the geom with condim 1 and friction 0.7. Contacts between two such geoms are frictionless.
 fn skin(geom: GeomBuilder) -> GeomBuilder {
     geom.condim(1).friction([0.7, 0.0, 0.0])
 }
 
-/// Capsule between two points.
+/// Capsule geom between two points.
 fn segment(name: &str, from: [f64; 3], to: [f64; 3], radius: f64) -> GeomBuilder {
     let d: [f64; 3] = std::array::from_fn(|k| to[k] - from[k]);
     let length = d.iter().map(|x| x * x).sum::<f64>().sqrt();

@@ -1,4 +1,4 @@
-//! Scenes have the documented properties, and a probe does not change a step.
+//! Tests that scenes have the documented properties, and that a probe does not change a step.
 
 use stepper_benches::clock::Run;
 use stepper_benches::counted::operations;
@@ -58,7 +58,7 @@ fn without_control_the_ant_stands_and_the_humanoid_collapses() {
     }
 }
 
-/// Means over a thousand steps and the environments.
+/// Mean counts over a thousand steps and all environments.
 #[derive(Debug, Default)]
 struct Tally {
     contacts: f64,

@@ -1,5 +1,7 @@
-//! Time of a step by part, as in the tables of docs/benchmarks/performance.md: for every lane type, with the floor (the least time of the
-//! arithmetic and of memory), and against the number of degrees of freedom, contacts, environments and threads.
+//! Program that measures the time of a step by part.
+//!
+//! It prints the tables of docs/benchmarks/performance.md: times for every lane type, and the floor, which is the least time of the
+//! arithmetic and of memory. Further tables show the time against the number of degrees of freedom, contacts, environments and threads.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -19,9 +21,9 @@ use stepper_core::internals::probe::{Counter, Span};
 use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
 use stepper_core::{Level, Options, Precision, Simulation, StepInputs};
 
-/// Number of repeats. Of the times of a call the minimum counts, of those of a whole step the median.
+/// Number of repeats of each measurement. For parts of a step, the smallest time counts, and for whole steps the median.
 const ROUNDS: usize = 15;
-/// Smallest floor that the tables show, us. Parts below it do no counted arithmetic.
+/// Smallest floor of a part that the tables show, us. Smaller values are shown as empty cells.
 const WORTH_A_CELL: f64 = 5e-4;
 /// Number of steps without control after which a humanoid lies on the floor.
 const FALL: usize = 200;
@@ -74,7 +76,7 @@ fn humanoid(level: Level) {
     println!("{growth_by_threads}");
 }
 
-/// Prints a table for each name of a recording, and at the end a row for each.
+/// Prints a table of the step's parts for each name of a recording, and then a table with a row for each name.
 fn episodes(folders: &[PathBuf], json: Option<PathBuf>, level: Level) -> Result<(), String> {
     pin();
     let (mut found, mut refused): (Vec<Anatomy>, Vec<String>) = (vec![], vec![]);
@@ -88,7 +90,7 @@ fn episodes(folders: &[PathBuf], json: Option<PathBuf>, level: Level) -> Result<
                 continue;
             }
         }
-        // Results are written after each recording, so that a later failure does not lose them.
+        // The results so far are written after each recording, so that a later failure does not lose them.
         if let Some(path) = &json {
             let text = serde_json::json!({ "cpu": cpu(), "cpu_level": level.to_string(), "episodes": found });
             std::fs::write(path, format!("{text:#}\n")).map_err(|e| format!("{}: {e}", path.display()))?;
@@ -116,7 +118,7 @@ fn episodes(folders: &[PathBuf], json: Option<PathBuf>, level: Level) -> Result<
     if refused.is_empty() { Ok(()) } else { Err(refused.join("\n")) }
 }
 
-/// Prints the parts of the steps of an episode, and the counters.
+/// Prints the times of a step's parts, and the counters, with a column for each recording.
 fn parts(columns: &[Anatomy]) {
     let line = |first: &str, cells: &dyn Fn(&Anatomy) -> String| {
         let cells: Vec<String> = columns.iter().map(cells).collect();
@@ -180,14 +182,15 @@ fn stages(scene: &Scene, level: Level) {
     counters(&columns);
 }
 
-/// Prints a row of times in nanoseconds, as microseconds and per cent.
+/// Prints a table row with the times of a part in three lane types. `cells` are nanoseconds, printed as microseconds, and as per cent of
+/// `sums`.
 fn print(name: &str, times: &str, cells: [f64; 3], sums: [f64; 3]) {
     let [a, b, c] = cells.map(|x| 1e-3 * x);
     let [p, q, r] = [0, 1, 2].map(|k| 100.0 * cells[k] / sums[k]);
     println!("| {name} | {times} | {a:.3} | {p:.1} | {b:.4} | {q:.1} | {c:.4} | {r:.1} | {:.1} |", a / b);
 }
 
-/// Prints the counters of a step: of an environment, or of a group of environments in SIMD lanes.
+/// Prints the counters of a step for three lane types. Each counter is per environment or per group of environments in SIMD lanes.
 fn counters(columns: &[Recording; 3]) {
     println!("| number in a step | of | f64 | f64 lanes | f32 lanes |\n|---|---|---|---|---|");
     for counter in Counter::ALL.iter().filter(|&&counter| counter != Counter::GroupSteps) {
@@ -197,7 +200,7 @@ fn counters(columns: &[Recording; 3]) {
     println!();
 }
 
-/// Prints the operations of the step, the rates of the core, and the least time of these operations at these rates.
+/// Prints the floor of a step in the scene: the operations of each part, and their least time at the measured rates of the core.
 fn floor(scene: &Scene, level: Level) {
     let found = single(scene).probe_operations().record(operations, 1);
     let rates = Rates::measure(Precision::F64, level);
@@ -220,7 +223,7 @@ fn floor(scene: &Scene, level: Level) {
     println!("State: {bytes:.0} bytes per environment; read and written once a call: {:.3} us at most.\n", 1e6 * 2.0 * bytes / copied);
 }
 
-/// Model of n spheres side by side, each at rest on the floor.
+/// Model of n spheres with a free joint each. They rest on the floor in a row, without touching.
 fn spheres(n: usize) -> Arc<Model> {
     let mut scene = Model::builder("spheres");
     scene.timestep(0.005).geom(WORLD, GeomBuilder::plane("floor").masks(1, 1));
@@ -237,7 +240,8 @@ fn simulation(model: &Arc<Model>, num_envs: usize, precision: Precision, threads
     Simulation::at_level(model.clone(), options, Some(num_envs), precision, threads, level)
 }
 
-/// Microseconds per environment step, from the current states.
+/// Time of an environment step from the current state, us. It is the fastest of [`ROUNDS`] runs of `calls` steps, and the state is
+/// restored.
 fn cost(simulation: &mut Simulation, calls: usize, clock: impl Fn() -> Duration) -> f64 {
     let (steps, state) = (calls * simulation.num_envs(), simulation.save_state());
     let mut fastest = Duration::MAX;
@@ -277,7 +281,7 @@ fn by_environments(scene: &Scene, level: Level) {
     println!();
 }
 
-/// Table of the time of 1,024 humanoids with several numbers of threads. The numbers take turns.
+/// Table of the step time of 1,024 humanoids for several numbers of threads. The runs take turns, so that other load affects all alike.
 fn by_threads(level: Level) -> String {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let model = Scene::humanoid().model;

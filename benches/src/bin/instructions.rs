@@ -25,23 +25,23 @@ marked with \"<\", and the exit code is 2 unless they are saved; with kept count
   --save [FILE]    also writes them as JSON (default benches/instructions.json)
   --against FILE   counts to compare with (default benches/instructions.json, if it is there)";
 
-/// Argument with which this program runs the counted work.
+/// Command-line argument with which this program starts itself under callgrind to run the counted work.
 const WORK: &str = "--work";
-/// Number of counted steps of each environment of [`single`], at different times of the episode.
+/// Number of counted steps per environment of [`single`], at different times of the episode.
 const MOMENTS: usize = 4;
-/// Number of steps between two counted steps.
+/// Number of uncounted steps before each counted step.
 const APART: usize = 20;
 
-/// Relative increase above which a count is marked. Counts of one build are reproducible; recompiled neighbouring code changes them by
-/// less.
+/// Relative increase of a count above which the table marks it. Counts of one build are reproducible. Recompilation of unrelated code
+/// changes them by less than this limit.
 const GREW: f64 = 0.01;
 
-/// Content of the file with the counts.
+/// Instruction counts by name, as in the JSON file, with compiler and CPU level.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Counts {
     rustc: String,
     arch: String,
-    /// CPU level of a single environment: the best one that valgrind supports, which excludes AVX-512.
+    /// CPU level of the work with a single environment. It is the best level that valgrind supports, so not AVX-512.
     level: String,
     instructions: BTreeMap<String, f64>,
 }
@@ -54,7 +54,7 @@ fn main() -> ExitCode {
     exit_code(run().map(|kept| if kept { ExitCode::SUCCESS } else { ExitCode::from(2) }))
 }
 
-/// Counts, prints and saves. The result is true if no count increased or the counts were saved.
+/// Counts the instructions, prints a table, and saves it if requested. The result is true if no count increased or the counts were saved.
 fn run() -> Result<bool, String> {
     let kept = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("instructions.json");
     let (mut save, mut against) = (None, None);
@@ -86,7 +86,8 @@ fn load(path: &Path) -> Result<Counts, String> {
     serde_json::from_str(&text).map_err(|e| format!("{}: {e}", path.display()))
 }
 
-/// Prints the table, and returns the number of counts that increased by more than [`GREW`].
+/// Prints a table of the counts `found` and their ratios to `before`. The result is the number of counts that increased by more than
+/// [`GREW`].
 fn print(found: &Counts, before: Option<&Counts>) -> usize {
     let of = |c: &Counts| [&c.rustc[..], &c.arch, &c.level].join(", ");
     let kept = before.map_or_else(String::new, |b| format!("; kept ones: {}", of(b)));
@@ -107,7 +108,8 @@ fn print(found: &Counts, before: Option<&Counts>) -> usize {
     grew
 }
 
-/// Counts of all work: runs this program under callgrind, which writes its counters to a file at every request.
+/// Instruction counts of all work, per environment step. The function runs this program under callgrind, which writes its counters to a
+/// file at each request.
 fn count() -> Result<Counts, String> {
     let folder = std::env::temp_dir().join(format!("stepper-instructions-{}", std::process::id()));
     std::fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
@@ -146,7 +148,7 @@ fn count() -> Result<Counts, String> {
     }
 }
 
-/// Sums of the instructions that callgrind wrote under each name.
+/// Sum of the instructions for each name in callgrind's output file.
 fn totals(path: &Path) -> Result<BTreeMap<String, f64>, String> {
     let text = std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
     let (mut sums, mut name) = (BTreeMap::new(), None);
@@ -161,10 +163,11 @@ fn totals(path: &Path) -> Result<BTreeMap<String, f64>, String> {
     Ok(sums)
 }
 
-/// Requests callgrind to write the counts since the last request under a name. Without valgrind it does nothing.
+/// Requests callgrind to write the instructions since the last request to its file, under the given name. Without valgrind the function
+/// does nothing.
 #[cfg(all(target_arch = "x86_64", target_os = "linux"))]
 fn write_down(name: &CStr) {
-    /// CALLGRIND_DUMP_STATS_AT of valgrind/callgrind.h: the letters of the tool, and the number of the request.
+    /// Request code CALLGRIND_DUMP_STATS_AT of valgrind/callgrind.h: the letters of the tool, and the number of the request.
     const DUMP_STATS_AT: usize = (b'C' as usize) << 24 | (b'T' as usize) << 16 | 3;
     let request = [DUMP_STATS_AT, name.as_ptr() as usize, 0, 0, 0, 0];
     // SAFETY: valgrind reads six words from the address in rax and a string that ends with 0. Both live until here. It writes rdx. On a
@@ -181,11 +184,11 @@ fn text(name: &str) -> CString {
     CString::new(name).expect("a name has no zero byte")
 }
 
-/// Does nothing: requests to callgrind are not implemented for this system.
+/// Does nothing, because requests to callgrind are only implemented for Linux on x86-64.
 #[cfg(not(all(target_arch = "x86_64", target_os = "linux")))]
 fn write_down(_: &CStr) {}
 
-/// Runs the counted work. It prints the CPU level, and for each name the number of environment steps.
+/// Runs the work whose instructions callgrind counts. The output is the CPU level, and for each name the number of environment steps.
 fn work() {
     let level = *Level::available().last().expect("the baseline is always available");
     println!("{level}");
@@ -203,11 +206,11 @@ fn work() {
     parts();
 }
 
-/// Prefix of the names of parts.
+/// Prefix of the names under which the parts of a humanoid's step are counted.
 const PARTS: &str = "humanoid f64, ";
 
-/// Names under which the cost of a probe is counted: instructions inside an empty span, and in the part around it, for [`EMPTY_SPANS`]
-/// spans.
+/// Names of the counts that measure the cost of a probe: instructions inside empty spans, and in the part around them. `EMPTY_SPANS` is the
+/// number of these spans.
 const EMPTY: [&str; 2] = ["inside an empty span", "outside of it"];
 const EMPTY_SPANS: usize = 1000;
 
@@ -222,19 +225,19 @@ thread_local! {
     static EMPTY_NAMES: [CString; 2] = EMPTY.map(text);
 }
 
-/// Meter that makes callgrind write the counts of a part.
+/// Meter for a [`Recorder`] that makes callgrind write the counts since the last boundary under the name of the part `span`.
 fn part_ends(span: Option<Span>) -> [u64; READINGS] {
     PART_NAMES.with(|names| write_down(&names[span.map_or(Span::ALL.len(), |span| span as usize)]));
     [0; READINGS]
 }
 
-/// Meter like [`part_ends`], for empty spans.
+/// Meter like [`part_ends`] with the two names of [`EMPTY`].
 fn empty_ends(span: Option<Span>) -> [u64; READINGS] {
     EMPTY_NAMES.with(|names| write_down(&names[usize::from(span.is_none())]));
     [0; READINGS]
 }
 
-/// Counts the parts of the humanoid's step: steps of each environment of [`single`] at several times.
+/// Runs counted steps of the humanoid with a probe, so that callgrind counts each part of a step.
 fn parts() {
     let mut run = single(&Scene::humanoid()).probe();
     run.run();
@@ -268,5 +271,5 @@ fn whole(name: &str, mut run: impl Run) {
     println!("{} 0 0 {name}", run.environment_steps());
 }
 
-/// Name of counts before the counted work, which are not used.
+/// Name under which callgrind writes the instructions before the counted work, which are not used.
 const NOTHING: &str = "";

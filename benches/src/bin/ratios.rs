@@ -1,4 +1,4 @@
-//! Ratios of speeds in one run on one core, printed next to those of `benches/baseline.json`.
+//! Ratios of simulation speeds, measured in one run on one core, with the ratios of `benches/baseline.json` for comparison.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -37,7 +37,7 @@ fn run() -> Result<(), String> {
             before.comparable().map_err(|e| format!("{}: {e}", path.display()))?;
             Some(before)
         }
-        // A default file that is not comparable is left out with a message. A file that the user names is an error then.
+        // The default file is ignored with a message if it is not comparable. A file that the user names is an error in this case.
         None => Report::load(&baseline).ok().filter(|before| match before.comparable() {
             Ok(()) => true,
             Err(why) => {

@@ -1,4 +1,4 @@
-//! Table of iterations and times, ms, to the tolerance on problems of boxes: Gauss-Seidel iterations, accelerated ones, and Newton's
+//! Table of solver iterations and times, ms, on problems of boxes. The solvers are Gauss-Seidel, accelerated Gauss-Seidel, and Newton's
 //! method.
 
 use stepper_benches::boxes::{FRICTION, Heap, STEP};
@@ -10,11 +10,11 @@ use stepper_solve::{Iterate, Problem, residual};
 
 /// Residual at which the solver stops, m/s.
 const TOLERANCE: f64 = 1e-6;
-/// Largest number of Gauss-Seidel iterations.
+/// Largest number of iterations of the two Gauss-Seidel solvers.
 const SWEEPS: u32 = 20_000;
-/// Largest number of Newton steps.
+/// Largest number of steps of Newton's method.
 const STEPS: u32 = 2_000;
-/// Number of repeats, of which the fastest counts.
+/// Number of runs of each solver. The fastest run counts.
 const REPEATS: usize = 5;
 
 fn main() {
@@ -30,7 +30,7 @@ fn main() {
     println!("\n{}", MEANING.trim());
 }
 
-/// Solver settings of the run.
+/// Text above the table: the problems, the solvers, and their settings.
 fn setting() -> String {
     format!(
         "Solvers of the contact problem on heaps of boxes. This command writes the page:
@@ -48,7 +48,7 @@ marks a residual that did not reach the tolerance, with its last value in m/s.
     )
 }
 
-/// Cell of the table for a result.
+/// Explanation of the results, printed below the table.
 const MEANING: &str = "
 ## What they mean
 
@@ -65,7 +65,7 @@ const MEANING: &str = "
 
 type Method = fn(&Problem<f64>, &mut Iterate<f64>) -> (f64, f64);
 
-/// Text "iterations / ms", or the residual if the tolerance was not reached.
+/// Table cell of a solver on a problem: "iterations / ms", or the residual if the tolerance was not reached.
 fn cell(heap: &Heap, method: Method) -> String {
     let (problem, cold) = heap.problem();
     let mut best = f64::INFINITY;
@@ -84,7 +84,7 @@ fn cell(heap: &Heap, method: Method) -> String {
     if left <= TOLERANCE { format!("{iterations} / {best:.2}") } else { format!("x {left:.0e} / {best:.1}") }
 }
 
-/// Gauss-Seidel without acceleration: one iteration per call.
+/// Iterates with Gauss-Seidel without acceleration, up to the tolerance. The result is the residual, m/s, and the number of iterations.
 fn plain(problem: &Problem<f64>, iterate: &mut Iterate<f64>) -> (f64, f64) {
     let mut left = f64::INFINITY;
     for sweep in 1..=SWEEPS {

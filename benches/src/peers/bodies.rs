@@ -1,4 +1,4 @@
-//! Free bodies on a floor: a description from which the models of both engines are made.
+//! Scenes of free bodies on a floor for the comparison with rapier. The models of both engines are made from this description.
 
 use std::sync::{Arc, LazyLock};
 
@@ -13,55 +13,56 @@ use crate::scenes::noise;
 pub(super) const BOX_HALF: [f64; 3] = [0.2, 0.15, 0.1];
 /// Initial speed of the sliding box, m/s.
 pub(super) const BOX_SPEED: f64 = 2.0;
-/// Friction coefficient of the sliding box and the floor.
+/// Friction coefficient between the sliding box and the floor.
 pub(super) const BOX_FRICTION: f64 = 0.5;
 
-/// Density of boxes and bricks, that of wood, kg/m^3.
+/// Density of boxes and bricks, kg/m^3. It is that of wood.
 const WOOD: f64 = 500.0;
-/// Friction coefficient of heap and wall.
+/// Friction coefficient of the bodies in the scenes heap and wall.
 const ROUGH: f64 = 0.6;
-/// Half the width of the bin, m.
+/// Half width of the bin in the scene heap, m.
 const BIN: f64 = 0.22;
-/// Number of steps of 2 ms in which the heap comes to rest.
+/// Number of steps of 2 ms after which the heap is at rest.
 const FALL: usize = 600;
 /// Half sizes of a brick, m.
 const BRICK: [f64; 3] = [0.1, 0.05, 0.03];
-/// Gap between the bricks of a course, m.
+/// Gap between neighbouring bricks of a course, m.
 const JOINT: f64 = 0.004;
-/// Masses of SimBenchmark's plate and of each ball, kg; number of balls along each side; force on the plate, N.
+/// Mass of the plate in SimBenchmark's scene, kg. `BALL` is the mass of each ball, kg, `SIDE` the number of balls along each side, and
+/// `FORCE` the force on the plate, N.
 const PLATE: f64 = 10.0;
 const BALL: f64 = 1.0;
 const SIDE: usize = 5;
 const FORCE: f64 = 150.0;
-/// Friction coefficient of the plate and the ground. That of the balls is 0.8.
+/// Friction coefficient between the plate and the ground. That of the balls is 0.8.
 const SLIPPERY: f64 = 0.4;
-/// Direction of the force, 60 degrees from x.
+/// Unit direction of the force on the plate, 60 degrees from x.
 const WAY: [f64; 3] = [0.5, 0.866_025_403_784_438_6, 0.0];
 
-/// Position of a body's centre, m, and orientation (w, x, y, z).
+/// Pose of a body: position of its centre, m, and orientation as a quaternion (w, x, y, z).
 pub type Pose = ([f64; 3], [f64; 4]);
 
-/// Shape of a solid.
+/// Shape of a free body.
 #[derive(Clone, Copy, Debug)]
 pub enum Shape {
-    /// Sphere with a radius, m.
+    /// Sphere with this radius, m.
     Ball(f64),
-    /// Box with half sizes, m.
+    /// Box with these half sizes, m.
     Box([f64; 3]),
 }
 
-/// Free body.
+/// Free body of a scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Solid {
-    /// Shape.
+    /// Shape of the body.
     pub shape: Shape,
-    /// Mass, kg.
+    /// Mass of the body, kg.
     pub mass: f64,
-    /// Friction coefficient. A contact has the larger one of its two bodies.
+    /// Friction coefficient of the body. A contact has the larger coefficient of its two bodies.
     pub friction: f64,
-    /// Initial pose.
+    /// Initial pose of the body.
     pub pose: Pose,
-    /// Initial velocity of the centre, m/s.
+    /// Initial velocity of the body's centre, m/s.
     pub velocity: [f64; 3],
 }
 
@@ -75,14 +76,14 @@ impl Solid {
     }
 }
 
-/// Bodies on a floor.
+/// Scene of free bodies on a floor.
 #[derive(Clone, Debug)]
 pub struct Bodies {
-    /// Friction coefficient of floor and walls.
+    /// Friction coefficient of the floor and the walls.
     pub friction: f64,
-    /// Fixed boxes: half sizes and centres, m.
+    /// Fixed boxes of the scene: half sizes and centres, m.
     pub walls: Vec<([f64; 3], [f64; 3])>,
-    /// Free bodies.
+    /// Free bodies of the scene.
     pub solids: Vec<Solid>,
     /// Force on the centre of the first free body, N.
     pub push: [f64; 3],
@@ -93,13 +94,13 @@ impl Bodies {
         Self { friction, walls: vec![], solids, push: [0.0; 3] }
     }
 
-    /// Box that is pushed along the floor.
+    /// Scene box: a box that slides along the floor with an initial speed.
     pub fn sliding_box() -> Self {
         let upright = Solid::upright(Shape::Box(BOX_HALF), 1.0, BOX_FRICTION, [0.0, 0.0, BOX_HALF[2]]);
         Self::new(BOX_FRICTION, vec![Solid { velocity: [BOX_SPEED, 0.0, 0.0], ..upright }])
     }
 
-    /// Ten boxes of 4 to 10 cm at rest in a bin, after a simulation by stepper.
+    /// Scene heap: ten boxes of 4 to 10 cm at rest in a bin. stepper simulates their fall once to find the poses.
     pub fn heap() -> Self {
         static HEAP: LazyLock<Bodies> = LazyLock::new(|| {
             let poured = Bodies::poured();
@@ -111,7 +112,7 @@ impl Bodies {
         HEAP.clone()
     }
 
-    /// The ten boxes in layers of four above the bin, with random orientations.
+    /// Ten boxes with random orientations in layers of four above the bin, before they fall.
     fn poured() -> Self {
         let random = |k: usize, n: usize| noise((100 * k + n) as u64);
         let solid = |k: usize| {
@@ -131,8 +132,9 @@ impl Bodies {
         bin
     }
 
-    /// Wall of five courses of three bricks in running bond. Every second course is shifted by two fifths of a brick. With half a brick and
-    /// the gap, the last brick of the top course would tip: its centre would be beyond the supporting brick.
+    /// Scene wall: five courses of three bricks. Every second course is shifted by two fifths of a brick.
+    ///
+    /// With half a brick and the gap, the last brick of the top course would tip: its centre would be beyond the supporting brick.
     pub fn wall() -> Self {
         let brick = |k: usize| {
             let (course, place) = (k / 3, (k % 3) as f64);
@@ -142,7 +144,7 @@ impl Bodies {
         Self::new(ROUGH, (0..15).map(brick).collect())
     }
 
-    /// SimBenchmark's plate, which a force pulls along the ground, with 25 balls on it.
+    /// Scene balls: SimBenchmark's plate, which a force pulls along the ground, with 25 balls on it.
     pub fn balls() -> Self {
         let plate = Solid::upright(Shape::Box([10.0, 10.0, 0.5]), PLATE, SLIPPERY, [0.0, 0.0, 0.5]);
         let place = |k: usize| 2.0 * k as f64 - 4.0;
@@ -151,8 +153,9 @@ impl Bodies {
         Self { push: WAY.map(|x| FORCE * x), ..Self::new(SLIPPERY, solids) }
     }
 
-    /// Accelerations of plate and balls, m/s^2. The friction f on each ball accelerates its lowest point by f / m (1 + 5/2), and the plate
-    /// by (F - mu (M + n m) g - n f) / M.
+    /// Exact accelerations in the scene balls, m/s^2: plate first, then each ball.
+    ///
+    /// The friction f on each ball accelerates its lowest point by f / m (1 + 5/2), and the plate by (F - mu (M + n m) g - n f) / M.
     pub fn rolling_accelerations() -> Vec<[f64; 3]> {
         let n = (SIDE * SIDE) as f64;
         let driving = FORCE - SLIPPERY * (PLATE + n * BALL) * GRAVITY;
@@ -161,18 +164,18 @@ impl Bodies {
         std::iter::once(along((driving - n * f) / PLATE)).chain(std::iter::repeat_n(along(f / BALL), SIDE * SIDE)).collect()
     }
 
-    /// Bodies at rest in other poses.
+    /// Scene with the free bodies at rest in the given poses.
     pub fn at(&self, poses: &[Pose]) -> Self {
         let solids = self.solids.iter().zip(poses).map(|(&solid, &pose)| Solid { pose, velocity: [0.0; 3], ..solid });
         Self { solids: solids.collect(), ..self.clone() }
     }
 
-    /// Deepest overlap in the current poses, m; 0 if it is less than 0.1 mm.
+    /// Depth of the deepest overlap in the initial poses, m; 0 if it is less than 0.1 mm.
     pub fn deepest_overlap(&self) -> f64 {
         overlaps(&self.model()).first().map_or(0.0, |overlap| overlap.depth)
     }
 
-    /// Model of the bodies for stepper.
+    /// Model of the scene for stepper.
     pub fn model(&self) -> Model {
         let mut scene = Model::builder("bodies");
         let rough = |geom: GeomBuilder, friction: f64| geom.friction([friction, 0.0, 0.0]);
@@ -193,7 +196,7 @@ impl Bodies {
     }
 }
 
-/// Poses of the bodies of the first environment, without the world.
+/// Poses of the bodies of the first environment, without that of the world.
 pub(super) fn poses(simulation: &Simulation) -> Vec<Pose> {
     let poses = simulation.body_poses_of(0, &StepInputs::default()).expect("no inputs");
     poses[1..].iter().map(|pose| (pose.pos, pose.quat)).collect()

@@ -1,4 +1,4 @@
-//! stepper and rapier on the same scenes with the same time step, with the error of each.
+//! Comparison of stepper and rapier on the same scenes with the same time step: speed, and the error of each.
 //!
 //! A speed is meaningful only with the error at that setting. Rapier's accuracy setting is `num_solver_iterations`, the number of substeps
 //! per step. The default is 4; the documentation of `IntegrationParameters` recommends "8-12: demanding scenarios (complex machinery)". A
@@ -20,10 +20,10 @@ use crate::scenes::{LINK_LENGTH, LINK_MASS};
 
 /// Gravity in the scenes, m/s^2.
 pub const GRAVITY: f64 = 9.81;
-/// Scene for both engines.
+/// Scene of the comparison, for both engines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Course {
-    /// [`crate::scenes::chain`] with a number of links, released at rest in a horizontal line.
+    /// Chain of [`crate::scenes::chain`] with this number of links, released at rest in a horizontal line.
     Chain(usize),
     /// Box that slides along a floor, stops and then rests.
     Box,
@@ -39,7 +39,7 @@ impl Course {
     /// All scenes of the comparison.
     pub const ALL: [Course; 6] = [Course::Chain(5), Course::Chain(20), Course::Box, Course::Heap, Course::Wall, Course::Balls];
 
-    /// Short name.
+    /// Short name of the scene.
     pub fn name(self) -> String {
         match self {
             Course::Chain(n) => format!("chain-{n}"),
@@ -55,7 +55,7 @@ impl Course {
         0.002
     }
 
-    /// Simulated time of the measurement of errors, s.
+    /// Simulated time over which the errors are measured, s.
     pub const fn duration(self) -> f64 {
         match self {
             Course::Chain(_) => 0.5,
@@ -64,7 +64,7 @@ impl Course {
         }
     }
 
-    /// Simulated time of a timed run, s. Courses with uniform motion of many bodies are timed at their beginning.
+    /// Simulated time of a timed run, s. For scenes with uniform motion of many bodies, only the beginning is timed.
     pub const fn timed(self) -> f64 {
         match self {
             Course::Chain(_) | Course::Box => self.duration(),
@@ -72,7 +72,7 @@ impl Course {
         }
     }
 
-    /// Number of environments of stepper in SIMD lanes.
+    /// Number of environments with which stepper is timed in SIMD lanes.
     pub const fn lanes(self) -> usize {
         match self {
             Course::Chain(_) | Course::Box => 64,
@@ -80,7 +80,7 @@ impl Course {
         }
     }
 
-    /// Names of the two errors.
+    /// Names of the two errors that are measured in the scene.
     pub const fn measures(self) -> [&'static str; 2] {
         match self {
             Course::Chain(_) => ["worst link, m", "energy drift"],
@@ -91,7 +91,7 @@ impl Course {
         }
     }
 
-    /// Source of the right answer.
+    /// Description of the reference solution from which errors are measured.
     pub const fn reference(self) -> &'static str {
         match self {
             Course::Chain(_) => "stepper's rk4 at dt 1e-4; rapier with dt -> 0 tends to it",
@@ -102,7 +102,7 @@ impl Course {
         }
     }
 
-    /// Free bodies of the scene; `None` for the chain.
+    /// Free bodies of the scene. The result is `None` for the chain.
     fn bodies(self) -> Option<Bodies> {
         match self {
             Course::Chain(_) => None,
@@ -114,33 +114,33 @@ impl Course {
     }
 }
 
-/// Engine with a setting in a scene.
+/// Engine with a setting in a scene, which can be stepped and timed.
 pub trait Engine: Run {
-    /// Makes steps.
+    /// Makes `steps` time steps.
     fn advance(&mut self, steps: usize);
     /// Centres of mass of all moving bodies, m.
     fn centres(&self) -> Vec<[f64; 3]>;
     /// Poses of all moving bodies.
     fn poses(&self) -> Vec<Pose>;
-    /// Kinetic and potential energy of an environment, J.
+    /// Kinetic plus potential energy of an environment, J.
     fn energy(&self) -> f64;
-    /// Runs the steps of the scene.
+    /// Number of time steps in the simulated time over which errors are measured.
     fn steps(&self) -> usize;
 }
 
-/// Engine with a setting in a scene, and its errors.
+/// Result of the comparison: an engine with a setting in a scene, and its errors.
 pub struct Entry {
-    /// Course.
+    /// Scene of the comparison.
     pub course: Course,
     /// Names of engine and setting.
     pub name: String,
-    /// Timed runs.
+    /// Engine, whose runs are timed.
     pub engine: Box<dyn Engine>,
     /// Errors, see [`Course::measures`].
     pub errors: [f64; 2],
 }
 
-/// All engines and settings in a scene. The first is rapier with default settings.
+/// Entries of the comparison for a scene, one for each engine and setting. The first one is rapier with its default settings.
 pub fn entries(course: Course) -> Vec<Entry> {
     let answer = answer(course);
     let dt = course.timestep();
@@ -178,7 +178,7 @@ fn best_level() -> Level {
     *Level::available().last().expect("some level is always available")
 }
 
-/// Right positions at the end; for the balls, right accelerations.
+/// Reference solution of a scene: final positions of the bodies, m. For the balls, it is their accelerations, m/s^2.
 pub fn answer(course: Course) -> Vec<[f64; 3]> {
     match course {
         Course::Chain(_) => {
@@ -193,7 +193,7 @@ pub fn answer(course: Course) -> Vec<[f64; 3]> {
     }
 }
 
-/// Runs the engine once, and compares the result with the right answer.
+/// Errors of an engine in a scene, as named by [`Course::measures`]. The engine runs once, and `answer` is the reference solution.
 pub fn errors(course: Course, engine: &mut dyn Engine, answer: &[[f64; 3]]) -> [f64; 2] {
     engine.rewind();
     let steps = engine.steps();
@@ -244,7 +244,7 @@ pub fn errors(course: Course, engine: &mut dyn Engine, answer: &[[f64; 3]]) -> [
     }
 }
 
-/// Largest distance between points with equal indices.
+/// Largest distance between the points of two lists with equal indices.
 fn farthest(a: &[[f64; 3]], b: &[[f64; 3]]) -> f64 {
     let apart = |(a, b): (&[f64; 3], &[f64; 3])| (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt();
     a.iter().zip(b).map(apart).fold(0.0, f64::max)

@@ -1,4 +1,4 @@
-//! Runs of stepper in the scenes of the comparison.
+//! stepper as an engine of the comparison with rapier.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use super::{Course, Engine};
 use crate::clock::Run;
 use crate::scenes::chain;
 
-/// Equal environments of a scene.
+/// Batch of equal environments of a scene, stepped by stepper.
 pub struct Ours {
     simulation: Simulation,
     start: SavedState,
@@ -19,7 +19,7 @@ pub struct Ours {
 }
 
 impl Ours {
-    /// `count` environments at the start of a scene, stepped on this thread.
+    /// Batch of `count` environments at the start of a scene, with time step `dt`, s. It is stepped on the calling thread.
     pub fn new(course: Course, dt: f64, integrator: Integrator, precision: Precision, count: usize, level: Level) -> Self {
         let bodies = course.bodies();
         let model = match course {

@@ -1,4 +1,4 @@
-//! Runs of rapier3d-f64 in the scenes of the comparison: multibody joints for the chain, rigid bodies on a half space for the others.
+//! rapier3d-f64 as an engine of the comparison. The chain has multibody joints, and the other scenes have rigid bodies on a half space.
 
 use rapier3d_f64::prelude::*;
 
@@ -7,18 +7,18 @@ use super::{Course, Engine, GRAVITY};
 use crate::clock::Run;
 use crate::scenes::{LINK_LENGTH, LINK_MASS, LINK_MOMENTS, chain_axis};
 
-/// Settings of rapier.
+/// Settings of rapier in the comparison.
 #[derive(Clone, Copy, Debug)]
 pub struct Setting {
     /// Time step, s.
     pub dt: f64,
     /// `num_solver_iterations`, the number of substeps per step.
     pub substeps: usize,
-    /// Whether every contact point has a friction constraint. The documentation calls this more accurate than the default.
+    /// Whether every contact point has a friction constraint. Rapier's documentation calls this more accurate than the default.
     pub coulomb: bool,
 }
 
-/// Rapier world of a scene.
+/// Scene simulated by rapier.
 pub struct Rapier {
     course: Course,
     setting: Setting,
@@ -29,7 +29,7 @@ pub struct Rapier {
 }
 
 impl Rapier {
-    /// World at the start of a scene. Sleeping is disabled, because stepper has none.
+    /// Scene at its start. Sleeping is disabled, because stepper does not have it.
     pub fn new(course: Course, setting: Setting) -> Self {
         let (world, moving) = build(course, setting);
         let [steps, timed] = [course.duration(), course.timed()].map(|time| (time / setting.dt).round() as usize);

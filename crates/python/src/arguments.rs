@@ -17,7 +17,7 @@ pub(crate) fn no_others(call: &str, others: Option<&Bound<'_, PyDict>>, known: &
     Err(PyTypeError::new_err(text))
 }
 
-/// Integer argument, before its range is checked.
+/// Integer argument of a Python call. `Number` is a valid u64; `Other` is any other object, which [`Whole::from`] converts or rejects.
 #[derive(FromPyObject)]
 pub(crate) enum Whole<'py> {
     Number(u64),
@@ -25,7 +25,7 @@ pub(crate) enum Whole<'py> {
 }
 
 impl Whole<'_> {
-    /// Value of the argument `name`, at least `least`; otherwise an error.
+    /// Value of the argument. An `Other` object must be an integer of at least `least`; errors contain the argument's `name`.
     pub(crate) fn from(&self, least: u64, name: &str) -> PyResult<u64> {
         match self {
             Self::Number(number) => Ok(*number),
@@ -34,7 +34,8 @@ impl Whole<'_> {
     }
 }
 
-/// Index argument of an environment. Negative indices count from the end; large ones saturate, so that the range check reports them.
+/// Argument with the index of an environment. Negative indices count from the end. An index beyond the range of isize becomes `isize::MAX`,
+/// so that the later range check rejects it.
 #[derive(Clone, Copy)]
 pub(crate) struct Env(pub(crate) isize);
 

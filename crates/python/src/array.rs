@@ -14,7 +14,7 @@ use stepper_core::rollout::Numbers;
 
 use crate::error::ModelError;
 
-/// Array of the given shape, float64 or float32 by precision.
+/// New NumPy array with the given shape and numbers. Its dtype is float64 or float32, by `precision`.
 pub(crate) fn array<'py>(py: Python<'py>, shape: &[usize], data: Vec<f64>, precision: Precision) -> PyResult<Bound<'py, PyAny>> {
     let shaped = ArrayD::from_shape_vec(shape, data).map_err(|e| PyValueError::new_err(e.to_string()))?;
     Ok(match precision {
@@ -58,7 +58,8 @@ impl OwnNumbers {
     }
 }
 
-/// Seeds from an argument: one for all environments, or one for each of `count`.
+/// Seeds from the argument `seed`: a single integer gives a list of one seed for all environments, and an array (count,) gives a list of
+/// `count` seeds.
 pub(crate) fn seeds(given: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<u64>> {
     let numpy = given.py().import("numpy")?;
     let array = numpy.call_method1("asarray", (given,))?;
@@ -84,13 +85,15 @@ pub(crate) fn seeds(given: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<u64>
     words.as_slice().map(<[u64]>::to_vec).map_err(|e| PyValueError::new_err(format!("seed: {e}")))
 }
 
-/// Read-only array of an attribute. Writing to it raises an error that names the call that sets `field` (`stepper._hints`).
+/// Makes the array of a Python attribute read-only, and returns it. Writing to it raises an error that names the call that sets `field`
+/// (`stepper._hints`).
 pub(crate) fn read_only<'py>(array: Bound<'py, PyAny>, field: &str) -> PyResult<Bound<'py, PyAny>> {
     static KINDS: PyOnceLock<Py<PyDict>> = PyOnceLock::new();
     read_only_as(array, field, "kind", &KINDS)
 }
 
-/// Read-only array of an attribute with values per environment, as [`read_only`].
+/// Makes the array of a Python attribute with values per environment read-only, and returns it. Writing to it raises an error that names
+/// the call that sets `field`.
 pub(crate) fn read_only_of_environments<'py>(array: Bound<'py, PyAny>, field: &str) -> PyResult<Bound<'py, PyAny>> {
     static KINDS: PyOnceLock<Py<PyDict>> = PyOnceLock::new();
     read_only_as(array, field, "kind_of_environments", &KINDS)
@@ -129,7 +132,7 @@ pub(crate) fn shape_text(shape: &[usize]) -> String {
     }
 }
 
-/// C-contiguous float64 array of an argument. Other types and layouts are converted, which copies.
+/// C-contiguous float64 array from the argument `name`. Arguments with other types and layouts are converted, which copies.
 pub(crate) fn readonly<'py>(given: &Bound<'py, PyAny>, name: &str) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
     if let Ok(exact) = given.cast::<PyArrayDyn<f64>>()
         && exact.is_c_contiguous()
@@ -143,7 +146,8 @@ pub(crate) fn readonly<'py>(given: &Bound<'py, PyAny>, name: &str) -> PyResult<P
     array.try_readonly().map_err(|e| PyValueError::new_err(format!("{name}: {e}")))
 }
 
-/// Result of `read` for the shape and the numbers of a C-contiguous float64 array; None for other objects.
+/// Calls `read` with the shape and the numbers of an argument, and returns its result. If the argument is no C-contiguous float64 array,
+/// the function returns None.
 ///
 /// This function avoids the run-time borrow tracking of [`PyReadonlyArrayDyn`], which takes as long as the rest of a call. It compares
 /// dtypes by address, as NumPy has one object for each built-in dtype.
@@ -165,7 +169,8 @@ pub(crate) fn with_numbers<T>(given: &Bound<'_, PyAny>, read: impl FnOnce(&[usiz
     Some(read(array.shape(), numbers))
 }
 
-/// Checks that a shape is one of `allowed`; the error has both.
+/// Checks that the shape `found` of the argument `name` is one of `allowed`. The message of the error contains the found and the allowed
+/// shapes.
 pub(crate) fn check_shape(name: &str, found: &[usize], allowed: &[&[usize]]) -> PyResult<()> {
     if allowed.contains(&found) {
         return Ok(());
@@ -174,12 +179,14 @@ pub(crate) fn check_shape(name: &str, found: &[usize], allowed: &[&[usize]]) -> 
     Err(PyValueError::new_err(format!("{name} has shape {}, must be {}", shape_text(found), must.join(" or "))))
 }
 
-/// Whether an argument, which was converted to an array of shape `found`, is a single number and no array.
+/// Whether the argument `given` is a single number instead of an array. `found` is the shape after its conversion to an array: (1,) for
+/// single numbers.
 pub(crate) fn is_single_number(given: &Bound<'_, PyAny>, found: &[usize]) -> PyResult<bool> {
     Ok(found == [1] && given.py().import("numpy")?.call_method1("ndim", (given,))?.extract::<usize>()? == 0)
 }
 
-/// Check of the shape of an array that was converted from `given`. The error distinguishes a single number from an array.
+/// Checks that the shape `found` of an argument is one of `allowed`, like [`check_shape`]. For an argument that is a single number, the
+/// error contains the number.
 pub(crate) fn check_shape_of(given: &Bound<'_, PyAny>, name: &str, found: &[usize], allowed: &[&[usize]]) -> PyResult<()> {
     if allowed.contains(&found) || !is_single_number(given, found)? {
         return check_shape(name, found, allowed);
@@ -189,7 +196,7 @@ pub(crate) fn check_shape_of(given: &Bound<'_, PyAny>, name: &str, found: &[usiz
     Err(PyValueError::new_err(format!("{name} is {}, a single number, must be an array of shape {must}", described(given))))
 }
 
-/// Integer of an argument, from Python or NumPy, at least `least`.
+/// Value of the integer argument `name`, a Python or NumPy integer. A value below `least` is an error.
 pub(crate) fn whole(given: &Bound<'_, PyAny>, name: &str, least: u64) -> PyResult<u64> {
     let index = given.py().import("operator")?.call_method1("index", (given,));
     let index = index.map_err(|_| PyTypeError::new_err(format!("{name} is {}, must be a whole number", described(given))))?;
@@ -199,7 +206,8 @@ pub(crate) fn whole(given: &Bound<'_, PyAny>, name: &str, least: u64) -> PyResul
     }
 }
 
-/// Assigns an attribute. For a read-only attribute, the error names the call that sets it (`stepper._hints`).
+/// Assigns an attribute of the Python object `owner`. If the attribute is read-only, the error names the call that sets it
+/// (`stepper._hints`).
 pub(crate) fn assign_attribute(owner: &Bound<'_, PyAny>, name: &Bound<'_, PyAny>, value: &Bound<'_, PyAny>) -> PyResult<()> {
     let py = owner.py();
     // SAFETY: three objects that live as long as the call.
@@ -212,20 +220,22 @@ pub(crate) fn assign_attribute(owner: &Bound<'_, PyAny>, name: &Bound<'_, PyAny>
     }
 }
 
-/// Error for an attribute that does not exist or is read-only, with a hint.
+/// Exception for an attribute `name` of `owner` that does not exist or is read-only. Its text comes from the function `which` of
+/// `stepper._hints`.
 pub(crate) fn hint(owner: &Bound<'_, PyAny>, which: &str, name: &Bound<'_, PyAny>) -> PyResult<PyErr> {
     let class = owner.get_type();
     let error = owner.py().import("stepper._hints")?.call_method1(which, (class, name))?;
     Ok(PyErr::from_value(error))
 }
 
-/// Error for an unknown field name, with similar names among `known` and the help text `listed` (`stepper._hints`).
+/// `ModelError` of the Python call `call` for an unknown field `name`. The message contains similar names among `known` and the help text
+/// `listed`.
 pub(crate) fn unknown_field(py: Python<'_>, call: &str, name: &str, known: Vec<&str>, listed: &str) -> PyResult<PyErr> {
     let text: String = py.import("stepper._hints")?.call_method1("unknown_field", (call, name, known, listed))?.extract()?;
     Ok(ModelError::new_err(text))
 }
 
-/// Text of a value with its type, "'five' (str)", for messages about wrong types.
+/// Text of a Python object with its type, such as "'five' (str)", for messages about arguments with a wrong type.
 pub(crate) fn described(given: &Bound<'_, PyAny>) -> String {
     let kind = given.get_type().name().map_or_else(|_| "?".into(), |name| name.to_string());
     given.repr().map_or_else(|_| kind.clone(), |text| format!("{text} ({kind})"))

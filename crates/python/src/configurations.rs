@@ -1,4 +1,4 @@
-//! Configurations and displacements between them, row by row.
+//! Functions of `Model` on arrays of configurations: `integrate_pos` and `differentiate_pos`.
 
 use numpy::{PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
@@ -10,7 +10,7 @@ use stepper_core::{Error, Precision};
 use crate::array::{array, readonly, shape_text};
 use crate::error::value_error;
 
-/// Rows of an argument: one row, (width,), or several, (..., width).
+/// Array argument whose last axis is one configuration or displacement: a single row, (width,), or several rows, (..., width).
 struct Rows<'py> {
     name: &'static str,
     numbers: PyReadonlyArrayDyn<'py, f64>,
@@ -33,7 +33,7 @@ impl<'py> Rows<'py> {
         }
     }
 
-    /// Rows of configurations, with a check that quaternions are not zero.
+    /// Rows from an argument with configurations. A joint with a zero quaternion is an error.
     fn of_configurations(given: &Bound<'py, PyAny>, name: &'static str, model: &Core) -> PyResult<Self> {
         let rows = Self::new(given, name, model.nq())?;
         for (row, q) in rows.numbers.as_slice()?.chunks_exact(model.nq().max(1)).enumerate() {
@@ -47,19 +47,20 @@ impl<'py> Rows<'py> {
         Ok(rows)
     }
 
-    /// Shape of the axes before the last.
+    /// Shape of the leading axes, which is the shape of the argument without its last axis.
     fn lead(&self) -> &[usize] {
         &self.numbers.shape()[..self.numbers.shape().len() - 1]
     }
 
-    /// Row `k`. A single row is broadcast.
+    /// Row `k`, counted over all leading axes. An argument with a single row gives this row for every `k`.
     fn row(&self, k: usize) -> PyResult<&[f64]> {
         let all = self.numbers.as_slice()?;
         Ok(if self.lead().is_empty() { all } else { &all[k * self.width..(k + 1) * self.width] })
     }
 }
 
-/// Array of the results of `combine` for each pair of rows of two arrays.
+/// NumPy array with the results of `combine`, rows of length `width`, for the pairs of rows with equal index in `a` and `b`. If one
+/// argument has a single row, this row is in every pair.
 fn each_row<'py>(
     py: Python<'py>,
     [a, b]: [Rows<'py>; 2],

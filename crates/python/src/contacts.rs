@@ -1,4 +1,4 @@
-//! Contacts as a structured array.
+//! Conversion of contacts to a NumPy structured array.
 
 use numpy::PyArrayDescr;
 use pyo3::prelude::*;
@@ -6,7 +6,7 @@ use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyByteArray, PyDict, PyTuple};
 use stepper_core::Simulation;
 
-/// Row of the structured array, with the layout of its dtype.
+/// Contact as a row of the structured array. The memory layout is that of the array's dtype.
 #[repr(C)]
 #[derive(Clone, Copy)]
 struct Row {
@@ -46,7 +46,7 @@ fn dtype(py: Python<'_>) -> PyResult<Py<PyArrayDescr>> {
     Ok(made.cast_into::<PyArrayDescr>()?.unbind())
 }
 
-/// Structured array of the contacts of some environments, for `Stepper.contacts`.
+/// Structured array for `Stepper.contacts`: the contacts of the environments `envs`, one environment after the other.
 pub(crate) fn structured<'py>(
     py: Python<'py>,
     simulation: &Simulation,

@@ -3,21 +3,21 @@
 use pyo3::prelude::*;
 use stepper_core::DerivedQuantity;
 
-/// Cached arrays of the current state, and the quantities that were read at the previous state.
+/// Cache of NumPy arrays of derived quantities at the current state, with a list of the quantities that were read at the previous state.
 ///
 /// A program that reads several quantities after each step gets them in one pass over the environments.
 #[derive(Default)]
 pub(crate) struct DerivedArrays {
-    /// Revision of the arrays, by [`stepper_core::Simulation::revision`].
+    /// [`stepper_core::Simulation::revision`] at which the arrays were computed.
     revision: u64,
     arrays: Vec<(DerivedQuantity, Py<PyAny>)>,
-    /// Quantities that were read at this revision, and at the last revision with reads.
+    /// Quantities that were read at the current revision. `before` has those of the last earlier revision at which any quantity was read.
     asked: Vec<DerivedQuantity>,
     before: Vec<DerivedQuantity>,
 }
 
 impl DerivedArrays {
-    /// Cached array of a quantity at a revision. Arrays of other revisions are dropped.
+    /// Cached array of a quantity at the simulation's `revision`, or None. If the revision has changed, the cache is cleared first.
     pub(crate) fn get(&mut self, revision: u64, quantity: DerivedQuantity) -> Option<&Py<PyAny>> {
         if self.revision != revision {
             self.arrays.clear();
@@ -33,10 +33,10 @@ impl DerivedArrays {
         self.arrays.iter().find(|(of, _)| *of == quantity).map(|(_, array)| array)
     }
 
-    /// Quantities to compute for a read that the cache does not serve.
+    /// Quantities to compute when `quantity` is read and not in the cache.
     ///
-    /// They are the requested one and those that were read together with it before. Results of the last step are computed alone, as they
-    /// may need another step.
+    /// The list starts with `quantity`. It continues with uncached quantities that were read together with it at the previous revision.
+    /// Results of the last step are computed alone, as they may need another step.
     pub(crate) fn together(&self, quantity: DerivedQuantity) -> Vec<DerivedQuantity> {
         let mut all = vec![quantity];
         if self.before.contains(&quantity) && !quantity.is_of_last_step() {

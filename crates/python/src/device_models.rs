@@ -25,7 +25,8 @@ pub(crate) fn drives(
     pythonize::depythonize(&all).map_err(|e| PyValueError::new_err(format!("actuators: {e}")))
 }
 
-/// Result of the method of an argument's class that resolves it for all sensors or actuators.
+/// Result of calling the method `method` of an argument with `arguments`. The method resolves a device model for all sensors or actuators.
+/// An argument without the method is a `TypeError` that names `class`.
 fn resolved<'py>(
     given: &Bound<'py, PyAny>,
     arguments: impl pyo3::call::PyCallArgs<'py>,

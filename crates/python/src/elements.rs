@@ -7,8 +7,8 @@ pub(crate) use lookup::Kind;
 
 use pyo3::prelude::*;
 
-/// Declares a Python class for each kind of element, with an attribute for each field. The documentation of a field is that of the
-/// attribute.
+/// Declares a Python class for each kind of element, such as `Body`, with a read-only attribute for each field. The doc comment of a field
+/// becomes the documentation of the attribute.
 macro_rules! elements {
     ($($(#[$doc:meta])* $class:ident { $($(#[$what:meta])* $field:ident,)* })*) => {
         $(
@@ -30,7 +30,7 @@ macro_rules! elements {
             }
         )*
 
-        /// Adds the classes to the module.
+        /// Adds the classes of elements to the Python module.
         pub(crate) fn add_classes(module: &Bound<'_, PyModule>) -> PyResult<()> {
             $(module.add_class::<$class>()?;)*
             Ok(())
@@ -41,19 +41,19 @@ macro_rules! elements {
 elements! {
     /// Body of a model.
     Body {
-        /// Index; that of the world is 0.
+        /// Index of the body. That of the world is 0.
         id,
-        /// Name; may be empty.
+        /// Name of the body; may be empty.
         name,
         /// Index of the parent body; 0 for the world.
         parentid,
-        /// Mass, kg.
+        /// Mass of the body, kg.
         mass,
         /// Principal moments of inertia, kg m^2: (3,).
         inertia,
-        /// Position in the parent's frame, m: (3,).
+        /// Position of the body in the parent's frame, m: (3,).
         pos,
-        /// Orientation in the parent's frame, quaternion (w, x, y, z): (4,).
+        /// Orientation of the body in the parent's frame, quaternion (w, x, y, z): (4,).
         quat,
         /// Centre of mass in the body's frame, m: (3,).
         ipos,
@@ -77,71 +77,71 @@ elements! {
 
     /// Joint of a model.
     Joint {
-        /// Index.
+        /// Index of the joint.
         id,
-        /// Name; may be empty.
+        /// Name of the joint; may be empty.
         name,
         /// Type: "free", "ball", "slide" or "hinge".
         r#type,
-        /// Index of its body.
+        /// Index of the body that the joint moves.
         bodyid,
-        /// Address of its first coordinate in qpos.
+        /// Address of the joint's first coordinate in qpos.
         qposadr,
-        /// Address of its first degree of freedom in qvel.
+        /// Address of the joint's first degree of freedom in qvel.
         dofadr,
-        /// Number of its coordinates in qpos.
+        /// Number of the joint's coordinates in qpos.
         nq,
-        /// Number of its degrees of freedom in qvel.
+        /// Number of the joint's degrees of freedom in qvel.
         nv,
-        /// Whether its position has bounds.
+        /// Whether the joint position has bounds.
         limited,
-        /// Lowest and highest position, m or rad: (2,), infinite without a bound.
+        /// Lowest and highest joint position, m or rad: (2,), infinite without a bound.
         range,
-        /// Anchor in the body's frame, m: (3,).
+        /// Anchor of the joint in the body's frame, m: (3,).
         pos,
         /// Unit axis of a slide or hinge in the body's frame: (3,).
         axis,
-        /// Spring stiffness, N/m or N m/rad.
+        /// Stiffness of the joint spring, N/m or N m/rad.
         stiffness,
-        /// Viscous damping, N s/m or N m s/rad.
+        /// Viscous damping of the joint, N s/m or N m s/rad.
         damping,
-        /// Armature (added inertia), kg or kg m^2.
+        /// Armature of the joint (added inertia), kg or kg m^2.
         armature,
-        /// Dry friction (frictionloss), N or N m.
+        /// Dry friction of the joint (frictionloss), N or N m.
         frictionloss,
-        /// Speed limit in the source, rad/s or m/s, not enforced; infinite without one.
+        /// Speed limit of the joint in the source, rad/s or m/s; infinite without one. The simulation does not enforce it.
         velocity_limit,
     }
 
     /// Geom of a model.
     Geom {
-        /// Index.
+        /// Index of the geom.
         id,
-        /// Name; may be empty.
+        /// Name of the geom; may be empty.
         name,
-        /// Index of its body.
+        /// Index of the body to which the geom belongs.
         bodyid,
         /// Type: "plane", "sphere", "capsule", "cylinder", "ellipsoid", "box", "mesh" or "hfield".
         r#type,
-        /// Sizes, m: (3,). They are radius and half length, half sizes, or semi-axes; unused entries are 0.
+        /// Sizes of the geom, m: (3,). They are radius and half length, half sizes, or semi-axes; unused entries are 0.
         size,
-        /// Position in the body's frame, m: (3,).
+        /// Position of the geom in the body's frame, m: (3,).
         pos,
-        /// Orientation in the body's frame, quaternion (w, x, y, z): (4,).
+        /// Orientation of the geom in the body's frame, quaternion (w, x, y, z): (4,).
         quat,
         /// Bit mask: two geoms may collide if the contype of one has a common bit with the conaffinity of the other.
         contype,
-        /// Bit mask of the contypes of other geoms with which this one may collide.
+        /// Bit mask of the contypes of other geoms with which this geom may collide.
         conaffinity,
-        /// Dimension of a contact: 1, 3, 4 or 6, as in MuJoCo.
+        /// Dimension of the geom's contacts: 1, 3, 4 or 6, as in MuJoCo.
         condim,
-        /// Priority: a contact uses the friction and condim of its geom with the higher one.
+        /// Priority of the geom: a contact uses the friction and condim of its geom with the higher priority.
         priority,
-        /// Sliding (1), torsional (m), rolling (m) friction: (3,).
+        /// Sliding (1), torsional (m) and rolling (m) friction of the geom: (3,).
         friction,
         /// Newton's coefficient of restitution, 0 to 1.
         restitution,
-        /// Distance at which a contact begins to push, m.
+        /// Distance from the geom at which a contact begins to push, m.
         margin,
         /// Distance beyond the margin up to which MuJoCo reports contacts without force, m.
         gap,
@@ -149,21 +149,21 @@ elements! {
 
     /// Explicit pair of geoms of a model. The geoms collide independent of filters, with the parameters of the pair.
     Pair {
-        /// Index.
+        /// Index of the pair.
         id,
-        /// Name; may be empty.
+        /// Name of the pair; may be empty.
         name,
         /// Index of the first geom.
         geom1,
         /// Index of the second geom.
         geom2,
-        /// Dimension of a contact: 1, 3, 4 or 6, as in MuJoCo.
+        /// Dimension of the pair's contacts: 1, 3, 4 or 6, as in MuJoCo.
         dim,
-        /// Sliding (1), torsional (m), rolling (m) friction: (3,).
+        /// Sliding (1), torsional (m) and rolling (m) friction of the pair: (3,).
         friction,
         /// Newton's coefficient of restitution, 0 to 1.
         restitution,
-        /// Distance at which a contact begins to push, m.
+        /// Distance between the geoms at which a contact begins to push, m.
         margin,
         /// Distance beyond the margin up to which MuJoCo reports contacts without force, m.
         gap,
@@ -171,31 +171,31 @@ elements! {
 
     /// Site of a model.
     Site {
-        /// Index.
+        /// Index of the site.
         id,
-        /// Name; may be empty.
+        /// Name of the site; may be empty.
         name,
-        /// Index of its body.
+        /// Index of the body to which the site belongs.
         bodyid,
         /// Type: "sphere", "capsule", "cylinder", "ellipsoid" or "box".
         r#type,
-        /// Position in the body's frame, m: (3,).
+        /// Position of the site in the body's frame, m: (3,).
         pos,
-        /// Orientation in the body's frame, quaternion (w, x, y, z): (4,).
+        /// Orientation of the site in the body's frame, quaternion (w, x, y, z): (4,).
         quat,
     }
 
     /// Actuator of a model.
     Actuator {
-        /// Index, also of its control in ctrl.
+        /// Index of the actuator, which is also that of its control in ctrl.
         id,
-        /// Name; may be empty.
+        /// Name of the actuator; may be empty.
         name,
-        /// Type of its transmission target: "joint", "tendon" or "site".
+        /// Type of the transmission target: "joint", "tendon" or "site".
         trntype,
         /// Index of the transmission target.
         trnid,
-        /// Address of its activation in act; -1 without one.
+        /// Address of the actuator's activation in act; -1 without one.
         actadr,
         /// Bounds of the control: (2,), infinite without a bound.
         ctrlrange,
@@ -217,61 +217,61 @@ elements! {
 
     /// Sensor of a model.
     Sensor {
-        /// Index.
+        /// Index of the sensor.
         id,
-        /// Name; may be empty.
+        /// Name of the sensor; may be empty.
         name,
-        /// Type as in MJCF, such as "gyro".
+        /// Type of the sensor as in MJCF, such as "gyro".
         r#type,
-        /// Address of its first reading.
+        /// Address of the sensor's first reading in sensordata.
         adr,
-        /// Number of its readings.
+        /// Number of readings of the sensor.
         dim,
-        /// Noise in the source.
+        /// Standard deviation of the sensor noise in the source file, `noise` in MJCF.
         noise,
-        /// Cutoff in the source.
+        /// Largest magnitude of a reading in the source file, `cutoff` in MJCF; 0 without one.
         cutoff,
     }
 
     /// Fixed tendon of a model, whose length is a linear combination of joint positions.
     Tendon {
-        /// Index.
+        /// Index of the tendon.
         id,
-        /// Name; may be empty.
+        /// Name of the tendon; may be empty.
         name,
-        /// Indices of its joints: (n,) int64.
+        /// Indices of the joints of the tendon: (n,) int64.
         jntid,
-        /// Coefficients of the joints: (n,).
+        /// Coefficients of the joints in the tendon length: (n,).
         coef,
-        /// Whether its length has bounds.
+        /// Whether the tendon length has bounds.
         limited,
-        /// Lowest and highest length: (2,), infinite without a bound.
+        /// Lowest and highest tendon length: (2,), infinite without a bound.
         range,
-        /// Spring stiffness.
+        /// Stiffness of the tendon spring.
         stiffness,
-        /// Viscous damping.
+        /// Viscous damping of the tendon.
         damping,
-        /// Added inertia.
+        /// Added inertia of the tendon.
         armature,
-        /// Dry friction.
+        /// Dry friction of the tendon.
         frictionloss,
     }
 
     /// Keyframe of a model: a named state for `Stepper.reset(keyframe=)`.
     Keyframe {
-        /// Index.
+        /// Index of the keyframe.
         id,
-        /// Name; may be empty.
+        /// Name of the keyframe; may be empty.
         name,
-        /// Time, s.
+        /// Time of the keyframe, s.
         time,
-        /// Configuration: (nq,).
+        /// Configuration of the keyframe: (nq,).
         qpos,
-        /// Velocity: (nv,).
+        /// Velocity of the keyframe: (nv,).
         qvel,
-        /// Activations: (na,).
+        /// Activations of the keyframe: (na,).
         act,
-        /// Controls: (nu,).
+        /// Controls of the keyframe: (nu,).
         ctrl,
     }
 }

@@ -29,7 +29,7 @@ pub(crate) struct Model {
     pub(crate) core: Arc<stepper_core::Model>,
 }
 
-/// Documentation of a field, such as "Mass, kg: (nbody,)."
+/// Documentation text of the Python attribute for a model field, such as "Mass, kg: (nbody,)."
 fn describe(field: &Field) -> String {
     let meaning = field.meaning();
     let mut letters = meaning.chars();
@@ -62,7 +62,8 @@ pub(crate) fn add_fields(class: &Bound<'_, PyType>) -> PyResult<()> {
     Ok(())
 }
 
-/// Description from a Python argument. Arrays of assets are converted as a whole, because large meshes have millions of numbers.
+/// Model description from a Python dictionary. The arrays of assets are converted as a whole, because large meshes have millions of
+/// numbers.
 fn described(given: &Bound<'_, PyAny>) -> PyResult<Description> {
     let given = given.cast::<PyDict>()?.copy()?;
     let meshes = assets(&given, "meshes", &["vertices", "faces"], |mesh: &mut Mesh, [vertices, faces]| {
@@ -78,7 +79,8 @@ fn described(given: &Bound<'_, PyAny>) -> PyResult<Description> {
     Ok(Description { meshes, height_fields, ..pythonize::depythonize(&given)? })
 }
 
-/// Assets of one kind, removed from a description. `fill` converts their `arrays`.
+/// Removes the assets of the kind `kind`, such as "meshes", from a description, and returns them. `fill` sets the fields of an asset that
+/// `arrays` lists, from the Python objects in these fields.
 fn assets<'py, T: DeserializeOwned, const N: usize>(
     description: &Bound<'py, PyDict>,
     kind: &str,
@@ -102,7 +104,7 @@ fn assets<'py, T: DeserializeOwned, const N: usize>(
     Ok(found)
 }
 
-/// Rows of an array (n, 3); an empty array has none.
+/// Rows of an array argument (n, 3). An empty array gives an empty list. `name` is for the error of another shape.
 fn rows<T: Element + Copy>(array: &PyReadonlyArrayDyn<'_, T>, name: &str) -> PyResult<Vec<[T; 3]>> {
     if array.len() > 0 {
         check_shape(name, array.shape(), &[&[array.len() / 3, 3]])?;
@@ -120,7 +122,7 @@ impl Model {
         (a, b, overlap.depth)
     }
 
-    /// Keyframe by name or index.
+    /// Keyframe from its name or index in a Python argument.
     pub(crate) fn find_keyframe(&self, given: &Bound<'_, PyAny>) -> PyResult<Keyframe> {
         let all = &self.core.keyframes;
         if all.is_empty() && given.is_instance_of::<PyString>() {
@@ -129,7 +131,7 @@ impl Model {
         }
         match Kind::Keyframe.find(&self.core, given) {
             Ok(index) => Ok(all[index].clone()),
-            // An index out of range raises the error of an unknown name.
+            // An index out of range raises the same error as an unknown name.
             Err(error) if error.is_instance_of::<PyIndexError>(given.py()) => {
                 let known = all.iter().enumerate().map(|(i, k)| if k.name.is_empty() { i.to_string() } else { k.name.clone() });
                 Err(PyKeyError::new_err(format!("no keyframe {given}, there are: {}", known.collect::<Vec<_>>().join(", "))))

@@ -7,7 +7,7 @@ use stepper_core::{ContactLaw, Integrator, Options, Solver, Stabilization};
 use crate::array::{described, whole};
 use crate::error::value_error;
 
-/// Access to the attributes of the Python dataclass by name.
+/// Reader of the attributes of a `stepper.Options` object.
 struct Given<'a, 'py>(&'a Bound<'py, PyAny>);
 
 impl<'py> Given<'_, 'py> {
@@ -35,13 +35,13 @@ impl<'py> Given<'_, 'py> {
         u32::try_from(number).map_err(|_| PyValueError::new_err(format!("option {name} is {number}, must be at most {}", u32::MAX)))
     }
 
-    /// Value from `read` if the option is not None.
+    /// Value of the option `name`, converted by `read`, or None if the option is None.
     fn optional<T>(&self, name: &str, read: impl Fn(&Self, &str) -> PyResult<T>) -> PyResult<Option<T>> {
         if self.value(name)?.is_none() { Ok(None) } else { read(self, name).map(Some) }
     }
 }
 
-/// Settings of the core from a `stepper.Options`.
+/// Settings of the step for the core, from a `stepper.Options` object.
 pub(crate) fn settings(given: &Bound<'_, PyAny>) -> PyResult<Options> {
     let given = Given(given);
     let solver = match given.word("solver")?.as_str() {
@@ -89,7 +89,7 @@ pub(crate) fn settings(given: &Bound<'_, PyAny>) -> PyResult<Options> {
     Ok(options)
 }
 
-/// Error of an unknown value, with the list of known ones.
+/// `ValueError` for the unknown value `found` of an argument `what`. The message contains the list `known` of valid values.
 pub(crate) fn unknown(what: &str, found: &str, known: &str) -> PyErr {
     PyValueError::new_err(format!("{what} is \"{found}\", must be one of: {known}"))
 }

@@ -1,6 +1,6 @@
-//! Translation of names of Rust calls to Python in messages of the core.
+//! Translation of the core's messages for Python: names of Rust calls become names of Python calls.
 
-/// Phrases of the core's messages with Rust calls, and their translations.
+/// Pairs of a phrase with a Rust call in messages of the core, and the phrase with the Python call that replaces it.
 const PHRASES: [(&str, &str); 15] = [
     ("Options::from_model(&model)", "Options.from_model(model)"),
     ("choose ContactLaw::Mujoco and an integrator", "choose Options(contact=\"mujoco\", integrator=...)"),
@@ -19,13 +19,14 @@ const PHRASES: [(&str, &str); 15] = [
     ("this simulation has", "this stepper has"),
 ];
 
-/// Message of the core with Python names of calls.
+/// Translates a message of the core: names of Rust calls become names of Python calls.
 pub(crate) fn in_python(text: String) -> String {
     let text = PHRASES.iter().fold(text, |text, (rust, python)| text.replace(rust, python));
     replace_call(&text).unwrap_or(text)
 }
 
-/// Text with `model.replace("field", ..)` changed to `model.replace(field=...)`; None without such a call.
+/// Message with `model.replace("field", ..)` changed to `model.replace(field=...)`. The result is None if the message does not contain this
+/// call.
 fn replace_call(text: &str) -> Option<String> {
     let (before, rest) = text.split_once("model.replace(\"")?;
     let (field, after) = rest.split_once("\", ..)")?;

@@ -7,15 +7,16 @@ use pyo3::types::{PyBool, PyInt};
 
 use crate::array::{check_shape, check_shape_of, is_single_number, readonly, shape_text};
 
-/// Environments that are selected, in the order of the argument.
+/// Selection of environments by an argument `envs`: their indices, in the order of the argument.
 pub(crate) struct Selection {
     pub(crate) envs: Vec<usize>,
-    /// Whether the argument has indices. Other arguments then have rows for these environments only, in this order.
+    /// Whether the argument `envs` has indices. Then the call's other arguments have rows only for the environments in `envs`, in the same
+    /// order.
     pub(crate) by_index: bool,
 }
 
 impl Selection {
-    /// Selection of an argument; None selects all `n` environments.
+    /// Selection by an argument `envs`, a mask or indices, in a batch of `n` environments. None selects all.
     pub(crate) fn of(given: Option<&Bound<'_, PyAny>>, n: usize) -> PyResult<Self> {
         let Some(given) = given else { return Ok(Self { envs: (0..n).collect(), by_index: false }) };
         let array = given.py().import("numpy")?.call_method1("asarray", (given,))?;
@@ -42,19 +43,21 @@ impl Selection {
         envs
     }
 
-    /// Whether each of `n` environments is selected.
+    /// Mask of a batch of `n` environments: whether each environment is selected.
     pub(crate) fn mask(&self, n: usize) -> Vec<bool> {
         let mut mask = vec![false; n];
         self.envs.iter().for_each(|&env| mask[env] = true);
         mask
     }
 
-    /// Number of rows in arrays for the selection, with `n` environments in all.
+    /// Number of rows that the array arguments of the call must have. It is the number of indices, or `n`, the size of the batch, with a
+    /// mask.
     pub(crate) fn rows(&self, n: usize) -> usize {
         if self.by_index { self.envs.len() } else { n }
     }
 
-    /// Rows of all `n` environments. With indices, the rows of other environments are zero; with a mask, the input already has all rows.
+    /// Rows for all `n` environments of the batch, from the rows of an argument. With indices, the rows of unselected environments are
+    /// zero. With a mask, the argument already has all rows.
     pub(crate) fn scattered<T: Copy + Default>(&self, rows: &[T], n: usize) -> Vec<T> {
         if !self.by_index {
             return rows.to_vec();
@@ -67,7 +70,10 @@ impl Selection {
         all
     }
 
-    /// Array of an argument with a row (..., tail) for each selected environment. If `shared`, a single row for all is allowed too.
+    /// Numbers of the array argument `name`. Its shape is `full`, (num_envs, ...), with a mask. With indices, it has a row for each of
+    /// them. The shape `shared` of a single row for all environments is allowed too.
+    ///
+    /// The result has rows for all environments, except for a single shared row.
     pub(crate) fn numbers<'py>(
         &self,
         given: &Bound<'py, PyAny>,
@@ -94,7 +100,7 @@ impl Selection {
     }
 }
 
-/// Rows of an argument, as an array or as converted numbers.
+/// Numbers of an array argument: the argument itself, or the rows of its selected environments copied to an array for all environments.
 pub(crate) enum Numbers<'py> {
     Given(PyReadonlyArrayDyn<'py, f64>),
     Scattered(Vec<f64>),
@@ -109,7 +115,8 @@ impl Numbers<'_> {
     }
 }
 
-/// Indices of environments below `n` from an array. A scalar is one index.
+/// Indices of environments from the array argument `name`; a scalar is one index. An index of `n`, the size of the batch, or more is an
+/// error.
 pub(crate) fn indices(array: &Bound<'_, PyAny>, n: usize, name: &str) -> PyResult<Vec<usize>> {
     let shape = shape_of(array)?;
     if shape.len() > 1 {

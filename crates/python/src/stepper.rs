@@ -73,7 +73,7 @@ impl Stepper {
         self.simulation.num_envs()
     }
 
-    /// Array shape (num_envs, ...tail), or the tail alone for a single environment.
+    /// Shape of an array with a value of shape `tail` per environment: (num_envs, *tail), or `tail` alone for a single environment.
     pub(crate) fn shape(&self, tail: &[usize]) -> Vec<usize> {
         let lead = self.batched.then(|| self.n());
         lead.into_iter().chain(tail.iter().copied()).collect()
@@ -93,12 +93,12 @@ impl Stepper {
         if self.batched { read_only(out.into_any(), name) } else { out.call_method0("item") }
     }
 
-    /// Environments that an argument `envs` selects.
+    /// Selection of environments by an argument `envs`, None for all.
     fn selection(&self, envs: Option<&Bound<'_, PyAny>>) -> PyResult<Selection> {
         Selection::of(envs, self.n())
     }
 
-    /// Array argument with rows (num_envs, width), or (width,) for all environments.
+    /// Numbers of the array argument `name`: rows (num_envs, width), or a single row (width,) for all environments.
     fn rows<'py>(&self, given: &Bound<'py, PyAny>, name: &str, width: usize) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
         let numbers = readonly(given, name)?;
         let full = [self.n(), width];
@@ -107,7 +107,8 @@ impl Stepper {
         Ok(numbers)
     }
 
-    /// Array argument for selected environments: (k, width) with indices, otherwise as in [`Stepper::rows`].
+    /// Numbers of the array argument `name` with rows for selected environments. With indices the shape is (k, width), otherwise (num_envs,
+    /// width). A single row (width,) is valid too.
     fn selected_rows<'py>(&self, given: &Bound<'py, PyAny>, name: &str, width: usize, selection: &Selection) -> PyResult<Numbers<'py>> {
         if !self.batched && !selection.by_index {
             return self.rows(given, name, width).map(Numbers::Given);
@@ -123,10 +124,10 @@ fn precision_name(precision: Precision) -> &'static str {
     }
 }
 
-/// Shared borrow of a stepper for reading. The conversion is an error while another thread steps it.
+/// Shared borrow of a stepper for reading. The conversion to it fails while another thread steps the stepper.
 pub(crate) struct Reading<'py>(PyRef<'py, Stepper>);
 
-/// Exclusive borrow of a stepper for writing. The conversion is an error while another thread uses it.
+/// Exclusive borrow of a stepper for writing. The conversion to it fails while another thread uses the stepper.
 pub(crate) struct Writing<'py>(PyRefMut<'py, Stepper>);
 
 impl<'py> TryFrom<&Bound<'py, Stepper>> for Reading<'py> {
@@ -167,7 +168,7 @@ impl DerefMut for Writing<'_> {
     }
 }
 
-/// Exclusive borrow of a stepper, or an error that another thread uses it.
+/// Exclusive borrow of a stepper. If another thread uses the stepper, the result is an error.
 fn borrow<'py>(slf: &Bound<'py, Stepper>) -> PyResult<PyRefMut<'py, Stepper>> {
     slf.try_borrow_mut().map_err(|_| PyRuntimeError::new_err(BUSY))
 }

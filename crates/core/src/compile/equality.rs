@@ -274,7 +274,8 @@ impl Compiler<'_> {
         blocks
     }
 
-    /// Compiles the tendons that have a limit, dry friction, spring, damper or inertia. `impulse_index` is the index of the next free impulse.
+    /// Compiles the tendons that have a limit, dry friction, spring, damper or inertia. `impulse_index` is the index of the next free
+    /// impulse.
     pub(super) fn tendons<S: Scalar>(&self, impulse_index: &mut usize) -> Vec<CompiledTendon<S>> {
         let mut plans = Vec::new();
         for (index, tendon) in self.model.tendons.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Elements by name or index.
+//! Search for elements of a model by name or index.
 
 use pyo3::exceptions::{PyIndexError, PyKeyError, PyTypeError};
 use pyo3::prelude::*;
@@ -35,7 +35,7 @@ impl Kind {
         }
     }
 
-    /// Names of all elements in order; empty for elements without a name.
+    /// Names of all elements of this kind, in order. The name of an unnamed element is empty.
     pub(crate) fn names(self, model: &Core) -> Vec<&str> {
         match self {
             Self::Body => model.bodies.iter().map(|x| x.name.as_str()).collect(),
@@ -50,7 +50,7 @@ impl Kind {
         }
     }
 
-    /// Index of an element from its name or index. Negative indices count from the end.
+    /// Index of the element of this kind that a name or an index selects. Negative indices count from the end.
     pub(crate) fn find(self, model: &Core, given: &Bound<'_, PyAny>) -> PyResult<usize> {
         let (word, names) = (self.word(), self.names(model));
         if let Ok(name) = given.extract::<String>() {

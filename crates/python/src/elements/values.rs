@@ -1,4 +1,4 @@
-//! Attribute values of elements, from their model.
+//! Values of the attributes of element classes, such as `Body` and `Joint`, from a model.
 
 use numpy::IntoPyArray;
 use pyo3::IntoPyObjectExt;
@@ -9,7 +9,7 @@ use stepper_core::model::{Activation, JointKind, Model as Core, Shape, Transmiss
 use crate::array::{array, read_only};
 use crate::elements::{Actuator, Body, Geom, Joint, Keyframe, Pair, Sensor, Site, Tendon};
 
-/// Conversion of an element's values to Python.
+/// Converter of model values to Python objects.
 #[derive(Clone, Copy)]
 struct Values<'a, 'py> {
     py: Python<'py>,
@@ -21,7 +21,7 @@ impl<'py> Values<'_, 'py> {
         value.into_py_any(self.py)
     }
 
-    /// Read-only array with a row of `field`.
+    /// Read-only NumPy array with the numbers of one element in the model field `field`.
     fn row(self, numbers: &[f64], field: &str) -> PyResult<Py<PyAny>> {
         Ok(read_only(array(self.py, &[numbers.len()], numbers.to_vec(), Precision::F64)?, field)?.unbind())
     }
@@ -31,7 +31,7 @@ impl<'py> Values<'_, 'py> {
     }
 }
 
-/// Index of the first element for which `among` is true, -1 without one, and number of such elements.
+/// Index of the first element for which the iterator has true, and number of true elements. Without one, the index is -1.
 fn span(mut among: impl Iterator<Item = bool>) -> (i64, usize) {
     match among.by_ref().position(|is| is) {
         Some(first) => (first as i64, 1 + among.filter(|&is| is).count()),

@@ -1,7 +1,6 @@
-//! Writable arrays that each step reads: applied forces, poses of mocap bodies, and active equalities.
+//! Writable arrays of a stepper that each step reads: applied forces, poses of mocap bodies, and active equalities.
 //!
-//! Python owns their memory, and other Python threads may write to it while the core runs. So the core works on copies, made before each
-//! call.
+//! Python owns their memory, and other Python threads may write to it during a step. So each call first copies the arrays to the core.
 
 use std::borrow::Cow;
 
@@ -21,7 +20,7 @@ enum Applied<'py> {
 }
 
 impl<'py> Applied<'py> {
-    /// New array with the given numbers; 0 is false.
+    /// New array of an applied input with the given numbers. For `eq_active`, 0 is false.
     fn new(py: Python<'py>, input: AppliedInput, numbers: Vec<f64>, shape: Vec<usize>) -> PyResult<Self> {
         Ok(match input {
             AppliedInput::EqActive => Self::Truths(PyArray1::from_vec(py, numbers.into_iter().map(|x| x != 0.0).collect()).reshape(shape)?),
@@ -29,7 +28,7 @@ impl<'py> Applied<'py> {
         })
     }
 
-    /// Typed array; None if it is not C-contiguous or has another type or shape than its input.
+    /// Casts an array to the type of an applied input. The result is None if the array is not C-contiguous, or has another type or shape.
     fn of(array: &Bound<'py, PyUntypedArray>, input: AppliedInput, shape: &[usize]) -> Option<Self> {
         if array.shape() != shape || !array.is_c_contiguous() {
             return None;
@@ -47,7 +46,7 @@ impl<'py> Applied<'py> {
         }
     }
 
-    /// Writes the same row for some environments.
+    /// Writes `row` to the rows of the environments `envs`. For `eq_active`, 0 is false.
     fn write_rows(&self, envs: &[usize], row: &[f64]) -> PyResult<()> {
         let width = row.len();
         match self {
@@ -67,7 +66,7 @@ impl<'py> Applied<'py> {
         Ok(())
     }
 
-    /// Calls `read` with the numbers; false is 0. Messages have `name`.
+    /// Result of `read` for the numbers of the array; booleans are 0 and 1. The message of an error contains `name`.
     fn with_numbers<T>(&self, name: &str, read: impl FnOnce(&[f64]) -> PyResult<T>) -> PyResult<T> {
         let taken = |e: BorrowError| PyValueError::new_err(format!("{name}: {e}"));
         match self {
@@ -82,12 +81,13 @@ impl<'py> Applied<'py> {
 }
 
 impl Stepper {
-    /// Shape of a writable array: (num_envs, ...), or without the leading axis for a single environment.
+    /// Shape of the array of an applied input: (num_envs, ...), or without the leading axis for a single environment.
     pub(super) fn applied_shape(&self, input: AppliedInput) -> Vec<usize> {
         self.shape(&input.shape(self.simulation.model()))
     }
 
-    /// Restores the reset values of some environments in the writable arrays.
+    /// Writes the reset values of some environments to the writable arrays: zero forces, and the mocap poses and active equalities of the
+    /// model.
     pub(super) fn reset_applied(&mut self, py: Python<'_>, envs: &[usize]) -> PyResult<()> {
         for input in AppliedInput::ALL {
             let Some(array) = self.made(py, input)? else { continue };
@@ -97,7 +97,7 @@ impl Stepper {
         Ok(())
     }
 
-    /// Writable array if it exists. An error if the user has changed its type or shape.
+    /// Array of an applied input, or None if it was not used yet. The result is an error if the user has changed its type or shape.
     fn made<'py>(&self, py: Python<'py>, input: AppliedInput) -> PyResult<Option<Applied<'py>>> {
         let Some(array) = &self.applied[input as usize] else { return Ok(None) };
         // NumPy allows users to change the dtype and shape of an existing array.
@@ -109,7 +109,7 @@ impl Stepper {
         })
     }
 
-    /// Writable array, created at its first use.
+    /// Array of an applied input. The first call creates it with the reset values.
     pub(super) fn applied_array<'py>(&mut self, py: Python<'py>, input: AppliedInput) -> PyResult<Bound<'py, PyUntypedArray>> {
         if self.applied[input as usize].is_none() {
             let all = input.at_reset(self.simulation.model()).repeat(self.n());
@@ -119,7 +119,7 @@ impl Stepper {
         Ok(self.applied[input as usize].as_ref().expect("made above").bind(py).clone())
     }
 
-    /// Replaces the contents of a writable array.
+    /// Copies a Python value to all elements of the array of an applied input.
     pub(super) fn assign(&mut self, py: Python<'_>, input: AppliedInput, value: &Bound<'_, PyAny>) -> PyResult<()> {
         self.applied_array(py, input)?;
         let (name, shape) = (input.name(), shape_text(&self.applied_shape(input)));
@@ -140,7 +140,7 @@ impl Stepper {
         })
     }
 
-    /// Copies the existing writable arrays to the core.
+    /// Copies the writable arrays that exist to the core, before a step or an evaluation.
     pub(super) fn apply(&mut self, py: Python<'_>) -> PyResult<()> {
         if self.applied.iter().all(Option::is_none) { Ok(()) } else { self.apply_arrays(py) }
     }

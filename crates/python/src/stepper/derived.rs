@@ -10,7 +10,7 @@ use crate::error::value_error;
 use crate::stepper::{Stepper, Writing};
 
 impl Stepper {
-    /// New arrays of quantities, computed in one pass.
+    /// New NumPy arrays of derived quantities for all environments, computed in one pass over the environments.
     pub(super) fn derive<'py>(&mut self, py: Python<'py>, quantities: &[DerivedQuantity]) -> PyResult<Vec<Bound<'py, PyAny>>> {
         let (model, precision) = (self.simulation.model(), self.simulation.precision());
         let shapes: Vec<_> = quantities.iter().map(|q| self.shape(&q.shape(model))).collect();
@@ -21,7 +21,7 @@ impl Stepper {
         data.into_iter().zip(&shapes).map(|(data, shape)| data.into_array(py, shape)).collect()
     }
 
-    /// Read-only array of a quantity, cached until something changes.
+    /// Read-only NumPy array of a derived quantity for all environments. It is cached until the state, the parameters or an input changes.
     fn derived<'py>(&mut self, py: Python<'py>, quantity: DerivedQuantity) -> PyResult<Bound<'py, PyAny>> {
         self.apply(py)?;
         if let Some(known) = self.derived.get(self.simulation.revision(), quantity) {
@@ -49,7 +49,7 @@ impl Stepper {
         slf.derived(py, DerivedQuantity::BodyPos)
     }
 
-    /// Orientations of the bodies at the present `qpos`: (num_envs, nbody, 4).
+    /// Orientations of the body frames at the current `qpos`, quaternions (w, x, y, z), (num_envs, nbody, 4).
     #[getter]
     fn xquat<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.derived(py, DerivedQuantity::BodyQuat)
@@ -62,43 +62,44 @@ impl Stepper {
         slf.derived(py, DerivedQuantity::BodyLinVel)
     }
 
-    /// Angular velocities of the bodies at the present state in world axes: (num_envs, nbody, 3) in rad/s.
+    /// Angular velocities of the bodies at the current state in world axes, (num_envs, nbody, 3), rad/s.
     #[getter]
     fn body_angvel<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.derived(py, DerivedQuantity::BodyAngVel)
     }
 
-    /// Positions of the sites at the present `qpos`: (num_envs, nsite, 3) in m.
+    /// Positions of the sites at the current `qpos`, (num_envs, nsite, 3), m.
     #[getter]
     fn site_xpos<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.derived(py, DerivedQuantity::SitePos)
     }
 
-    /// Orientations of the sites at the present `qpos`: (num_envs, nsite, 4).
+    /// Orientations of the sites at the current `qpos`, quaternions (w, x, y, z), (num_envs, nsite, 4).
     #[getter]
     fn site_xquat<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.derived(py, DerivedQuantity::SiteQuat)
     }
 
-    /// Positions of the geoms at the present `qpos`: (num_envs, ngeom, 3) in m.
+    /// Positions of the geoms at the current `qpos`, (num_envs, ngeom, 3), m.
     #[getter]
     fn geom_xpos<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.derived(py, DerivedQuantity::GeomPos)
     }
 
-    /// Orientations of the geoms at the present `qpos`: (num_envs, ngeom, 4).
+    /// Orientations of the geoms at the current `qpos`, quaternions (w, x, y, z), (num_envs, ngeom, 4).
     #[getter]
     fn geom_xquat<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.derived(py, DerivedQuantity::GeomQuat)
     }
 
-    /// Centre of mass of each body with its descendants at the current `qpos`, (num_envs, nbody, 3), m. Row 0 is that of the whole scene.
+    /// Centre of mass of each body with its descendants at the current `qpos`, (num_envs, nbody, 3), m. Row 0, of the world, is the centre
+    /// of mass of the whole scene.
     #[getter]
     fn subtree_com<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.derived(py, DerivedQuantity::SubtreeCom)
     }
 
-    /// Centres of mass of the bodies at the present `qpos`: (num_envs, nbody, 3) in m.
+    /// Centres of mass of the bodies at the current `qpos`, (num_envs, nbody, 3), m.
     #[getter]
     fn xipos<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.derived(py, DerivedQuantity::BodyCom)

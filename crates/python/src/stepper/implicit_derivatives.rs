@@ -1,4 +1,4 @@
-//! Derivatives of a step at the modes of its solution, for `stepper.derivatives`.
+//! Derivatives of a step by the implicit function theorem, for `stepper.derivatives`.
 
 use numpy::{IntoPyArray, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;

@@ -1,21 +1,24 @@
-//! Calls that a signal interrupts, such as Ctrl-C.
+//! Interruption of long calls by signals, such as Ctrl-C.
 
 use pyo3::PyTypeInfo;
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use stepper_core::Error;
 
-/// Call that a signal has interrupted.
+/// Record of a call that a signal has interrupted.
 #[derive(Debug)]
 pub(super) struct Interrupted {
-    /// Number of steps that each environment has made.
+    /// Number of steps that each environment made before the interruption.
     pub(super) steps: usize,
     /// Exception that the handler of the signal raised.
     error: PyErr,
 }
 
 impl Interrupted {
-    /// Exception with the number of steps made, as attribute `steps` and in its message or a note.
+    /// Exception for Python about an interrupted call. Its attribute `steps` has the number of steps made, and its message or a note also
+    /// the number `of` of requested steps.
+    ///
+    /// `call` is the name of the call, and `also` is appended to the message.
     pub(super) fn raise(self, py: Python<'_>, call: &str, of: usize, also: &str) -> PyErr {
         let Self { steps, error } = self;
         let message = format!("{call} was interrupted after {steps} of {of} steps, in every environment{also}");
@@ -26,13 +29,16 @@ impl Interrupted {
         if !plain {
             let _ = value.call_method1("add_note", (&message,));
         }
-        // Some exception classes allow no attributes.
+        // Some exception classes do not allow new attributes.
         let _ = value.setattr("steps", steps);
         error
     }
 }
 
-/// Makes a call of the core that checks for signals periodically, on the calling thread.
+/// Makes a call of the core that can be interrupted by signals.
+///
+/// `call` gets a function that it must call periodically on this thread. If the function returns false, `call` must stop and return the
+/// number of steps made.
 pub(super) fn watched(call: impl FnOnce(&mut dyn FnMut() -> bool) -> Result<usize, Error>) -> Result<Option<Interrupted>, Error> {
     let mut error = None;
     let steps = call(&mut || match Python::attach(|py| py.check_signals()) {

@@ -15,7 +15,7 @@ thread_local! {
     static HELD: Cell<isize> = const { Cell::new(0) };
 }
 
-/// System allocator with a count of each thread's allocated bytes.
+/// Allocator that uses the system allocator and counts the allocated bytes of each thread.
 struct Counting;
 
 fn count(bytes: isize) {
@@ -49,7 +49,7 @@ unsafe impl GlobalAlloc for Counting {
 static ALLOCATOR: Counting = Counting;
 
 impl Stepper {
-    /// Heap memory of the workspace of one thread, bytes.
+    /// Heap memory of the workspace of one worker thread, bytes. It is measured by creating a workspace.
     fn bytes_per_thread(&self) -> usize {
         let before = HELD.get();
         let mut after = before;
@@ -57,7 +57,7 @@ impl Stepper {
         usize::try_from(after - before).unwrap_or(0)
     }
 
-    /// Memory of the existing writable arrays, bytes.
+    /// Memory of the NumPy arrays of applied inputs, bytes.
     fn applied_bytes(&self, py: Python<'_>) -> usize {
         self.applied.iter().flatten().map(|array| array.bind(py).len() * size_of::<f64>()).sum()
     }

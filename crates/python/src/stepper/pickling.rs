@@ -11,7 +11,7 @@ use crate::error::value_error;
 use crate::stepper::{Reading, Stepper, Writing, precision_name};
 
 impl Stepper {
-    /// State, parameters and applied inputs for a copy after its construction.
+    /// Content of a pickle except for constructor arguments: state, randomised parameters, and arrays of applied inputs.
     fn contents<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let state = PyDict::new(py);
         state.set_item("state", PyBytes::new(py, &self.simulation.save_state().to_bytes()))?;
@@ -27,7 +27,7 @@ impl Stepper {
         slf.contents(py)
     }
 
-    /// Restores copies of the values, because `copy.copy` passes the objects of the original.
+    /// Restores the content of a pickle. All values are copied, because `copy.copy` passes the objects of the original.
     fn __setstate__(mut slf: Writing<'_>, py: Python<'_>, state: &Bound<'_, PyDict>) -> PyResult<()> {
         let wrong = |name: &str, what: &str| PyValueError::new_err(format!("pickled Stepper: {name} {what}; pickle it again"));
         let item = |name: &str| state.get_item(name)?.ok_or_else(|| wrong(name, "is missing"));

@@ -10,7 +10,7 @@ use crate::error::value_error;
 use crate::stepper::{Stepper, Writing};
 
 impl Stepper {
-    /// Values of `evaluate` for each environment with the current controls, concatenated.
+    /// Concatenated results of `evaluate` for all environments. It gets a snapshot of each environment with its current controls.
     fn of_each(&mut self, py: Python<'_>, evaluate: impl Fn(&mut Snapshot<'_>) -> Vec<f64>) -> PyResult<Vec<f64>> {
         self.apply(py)?;
         let mut values = Vec::new();
@@ -20,7 +20,8 @@ impl Stepper {
         Ok(values)
     }
 
-    /// Two arrays (num_envs, width) with the two halves of each row; scalars instead of arrays without axes.
+    /// Splits each row of `rows`, which has two halves of shape `width`, into two arrays (num_envs, *width). For a single environment with
+    /// scalar halves, the results are Python floats.
     fn halves<'py>(&self, py: Python<'py>, rows: &[f64], width: &[usize]) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let size: usize = width.iter().product();
         let half = |k: usize| {

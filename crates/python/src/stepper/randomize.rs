@@ -13,12 +13,14 @@ use crate::selection::Selection;
 use crate::stepper::recording::{notify, recorder_of};
 use crate::stepper::{Reading, Stepper, borrow};
 
-/// Name of the field with drives, which is no field of the model.
+/// Name of the argument of `randomize` with drives. All other names are fields of the model.
 const ACTUATORS: &str = "actuators";
 
 impl Stepper {
-    /// Assigns fields, (num_envs, ...) each, and `actuators` to some environments. None restores the values of the model and the drives of
-    /// the constructor; without fields, all are restored.
+    /// Sets parameters of the selected environments.
+    ///
+    /// `fields` has arrays (num_envs, ...) by field, and drives as "actuators". A value None restores the values of the model, or the
+    /// drives of the constructor. An empty or missing `fields` restores everything.
     pub(super) fn assign_parameters(&mut self, fields: Option<&Bound<'_, PyDict>>, selection: &Selection) -> PyResult<()> {
         let envs = &selection.ascending()[..];
         let mut given: Vec<(Parameter, Option<Vec<f64>>)> = Vec::new();
@@ -60,7 +62,7 @@ impl Stepper {
         self.simulation.randomize_all(&assigned, actuators, envs).map_err(value_error)
     }
 
-    /// Fields with values per environment, by name; drives as a `stepper.ActuatorModel`.
+    /// Parameters that differ between environments: read-only arrays by field, and the drives as a `stepper.ActuatorModel` by "actuators".
     pub(super) fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);
         for (parameter, values) in self.simulation.own_parameters() {

@@ -1,4 +1,4 @@
-//! Rays of all environments.
+//! Ray casting in all environments.
 
 use numpy::PyUntypedArrayMethods;
 use numpy::{IntoPyArray, ndarray::ArrayD};

@@ -1,4 +1,4 @@
-//! Notification of the recorder about calls.
+//! Notification of the recorder about each call of a stepper.
 
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -8,12 +8,13 @@ use stepper_core::Precision;
 use crate::array::{array, described};
 use crate::stepper::{Reading, Stepper, Writing, borrow};
 
-/// Recorder of a stepper. Consumes the borrow, so that other threads can use the stepper while the recorder runs.
+/// Recorder of a stepper, if it has one. The function consumes the borrow, so that other threads can use the stepper while the recorder
+/// runs.
 pub(super) fn recorder_of(py: Python<'_>, this: PyRefMut<'_, Stepper>) -> Option<Py<PyAny>> {
     this.recorder.as_ref().map(|r| r.clone_ref(py))
 }
 
-/// Calls the method `call` of the recorder, if there is one, with the arguments of the call.
+/// Calls the recorder's method `what` with the stepper and the arguments `given`, by name. Without a recorder it does nothing.
 pub(super) fn notify(
     slf: &Bound<'_, Stepper>,
     recorder: Option<Py<PyAny>>,
@@ -31,7 +32,7 @@ pub(super) fn notify(
     Ok(())
 }
 
-/// Reports a step with its inputs to the recorder.
+/// Notifies the recorder of `nstep` steps, with the current controls and applied inputs.
 #[cold]
 pub(super) fn tell_of_step(slf: &Bound<'_, Stepper>, this: PyRefMut<'_, Stepper>, nstep: usize) -> PyResult<()> {
     let py = slf.py();

@@ -15,12 +15,13 @@ use crate::stepper::interruption::watched;
 use crate::stepper::taking_over::states_of;
 use crate::stepper::{Stepper, borrow};
 
-/// Fields that are always in the result, so that failures are visible.
+/// Names of the fields that every result contains, so that failures are visible.
 const CERTIFICATE: [&str; 2] = ["status", "residual"];
-/// Default fields of the result.
+/// Quantities in the result if the caller gives neither `fields` nor `out`.
 const DEFAULT: [Quantity; 3] = [Quantity::Qpos, Quantity::Qvel, Quantity::Observation];
 
-/// Output array: a private one for the computation without the GIL, and the caller's array, if given, which gets the result at the end.
+/// Result array of a rollout. The computation writes to the private array `made` without the GIL. At the end the result is copied to
+/// `given`, the caller's array in `out`, if there is one.
 struct Output<'py, T: Element> {
     name: &'static str,
     made: PyReadwriteArrayDyn<'py, T>,
@@ -41,7 +42,8 @@ impl<'py, T: Element + Copy> Output<'py, T> {
         Ok(self.made.as_slice_mut()?)
     }
 
-    /// Adds the array to the result, with the rows of the first `controls` controls.
+    /// Adds the array to the dictionary `result`. If the caller gave an array, the rows of the first `controls` controls are copied to it
+    /// first.
     fn enter(mut self, controls: usize, result: &Bound<'py, PyDict>) -> PyResult<()> {
         let Some(mut given) = self.given.take() else { return result.set_item(self.name, &**self.made) };
         let (all, made) = (self.made.shape()[0], self.made.as_slice()?);
@@ -51,7 +53,7 @@ impl<'py, T: Element + Copy> Output<'py, T> {
     }
 }
 
-/// Output array in one of the two precisions.
+/// Result array of a rollout in float64 or float32.
 enum Lanes<'py> {
     F64(Output<'py, f64>),
     F32(Output<'py, f32>),
@@ -74,7 +76,7 @@ impl<'py> Lanes<'py> {
 }
 
 impl Stepper {
-    /// Implementation of `rollout`.
+    /// Implementation of the Python method `rollout`, without its recording and initial state.
     fn roll_out<'py>(
         &mut self,
         py: Python<'py>,
@@ -117,7 +119,7 @@ impl Stepper {
         Err(interrupted.raise(py, "rollout", calls.saturating_mul(nstep), &also))
     }
 
-    /// Array argument with controls (T, num_envs, nu), or (T, nu) for all environments.
+    /// Controls from the argument `ctrl`, (T, num_envs, nu), or (T, nu) for all environments.
     fn controls<'py>(&self, given: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
         let given = readonly(given, "ctrl")?;
         let nu = self.simulation.model().nu();
@@ -131,7 +133,7 @@ impl Stepper {
         Err(PyValueError::new_err(format!("ctrl has shape {}, must be {all}{shared} for T controls", shape_text(found))))
     }
 
-    /// Array shape (T, num_envs, ...tail).
+    /// Shape of a result array, (T, num_envs, *tail), where T is the number of controls, `calls`.
     fn rollout_shape(&self, calls: usize, tail: &[usize]) -> Vec<usize> {
         std::iter::once(calls).chain(self.shape(tail)).collect()
     }
@@ -193,7 +195,7 @@ impl Stepper {
     }
 }
 
-/// Quantities in `fields` and `out`, in a fixed order.
+/// Quantities that the arguments `fields` and `out` request, in the order of [`Quantity::ALL`].
 fn chosen(fields: Option<Vec<String>>, out: Option<&Bound<'_, PyDict>>) -> PyResult<Vec<Quantity>> {
     let mut names = match (fields, out) {
         (Some(fields), _) => fields,
@@ -211,7 +213,7 @@ fn chosen(fields: Option<Vec<String>>, out: Option<&Bound<'_, PyDict>>) -> PyRes
     Ok(Quantity::ALL.into_iter().filter(|q| names.iter().any(|name| name == q.name())).collect())
 }
 
-/// Mutable borrow of the caller's array.
+/// Mutable borrow of the array `name` in the caller's `out`, after checks of its dtype, shape and layout.
 fn destination<'py, T: Element>(
     py: Python<'py>,
     name: &str,

@@ -1,4 +1,4 @@
-//! Readings of sensors.
+//! Sensor readings of a stepper.
 
 use numpy::{PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
@@ -10,7 +10,7 @@ use crate::error::value_error;
 use crate::stepper::{Reading, Stepper, Writing};
 
 impl Stepper {
-    /// Readings of all sensors of all environments.
+    /// Readings of all sensors in all environments, (num_envs, nsensordata). `truth` selects the readings of ideal sensors.
     fn sense(&mut self, py: Python<'_>, truth: bool) -> PyResult<Vec<f64>> {
         self.apply(py)?;
         let mut out = vec![0.0; self.n() * self.simulation.model().nsensordata()];

@@ -15,7 +15,7 @@ use crate::stepper::recording::{notify, recorder_of};
 use crate::stepper::taking_over::states_of;
 use crate::stepper::{Reading, Stepper, borrow};
 
-/// Optional array argument.
+/// Numbers of an array argument that may be None.
 type Given<'py> = Option<Numbers<'py>>;
 
 fn numbers<'a>(given: &'a Given<'_>) -> PyResult<Option<&'a [f64]>> {
@@ -34,12 +34,12 @@ impl Stepper {
         read_only(array(py, &self.shape(&[width]), data, self.simulation.precision())?, field.name())
     }
 
-    /// Optional array argument for a field of the state.
+    /// Numbers of an optional array argument of the selected environments, for the field `field` of the state.
     fn field_rows<'py>(&self, field: Field, given: Option<&Bound<'py, PyAny>>, selection: &Selection) -> PyResult<Given<'py>> {
         given.map(|given| self.selected_rows(given, field.name(), field.width(self.simulation.model()), selection)).transpose()
     }
 
-    /// Optional array argument with a time for each selected environment, or one for all, s.
+    /// Times from the optional argument `time`, s: one for each selected environment, or a single one for all.
     fn times<'py>(&self, given: Option<&Bound<'py, PyAny>>, selection: &Selection) -> PyResult<Given<'py>> {
         let Some(given) = given else { return Ok(None) };
         let times = readonly(given, "time")?;

@@ -13,7 +13,8 @@ use crate::stepper::recording::tell_of_step;
 use crate::stepper::{Stepper, borrow};
 
 impl Stepper {
-    /// Passes controls for `nstep` steps to the core.
+    /// Copies the controls from the argument `ctrl` to the core. They stay in force until they are replaced. None keeps the current
+    /// controls, and with `nstep` = 0 the argument is only checked.
     fn take_ctrl(&mut self, given: Option<&Bound<'_, PyAny>>, nstep: usize) -> PyResult<()> {
         let Some(given) = given else { return Ok(()) };
         let (n, nu) = (self.n(), self.simulation.model().nu());
@@ -27,14 +28,15 @@ impl Stepper {
         if taken == Some(true) { Ok(()) } else { self.convert_ctrl(given, nstep) }
     }
 
-    /// Converts controls that are not an array of the right shape and type.
+    /// Slow path of [`Stepper::take_ctrl`] for controls that must be converted: lists, other dtypes and layouts. A wrong shape is an error.
     #[cold]
     fn convert_ctrl(&mut self, given: &Bound<'_, PyAny>, nstep: usize) -> PyResult<()> {
         let rows = self.rows(given, "ctrl", self.simulation.model().nu())?;
         self.simulation.set_ctrl(rows.as_slice()?, nstep).map_err(value_error)
     }
 
-    /// Makes `nstep` steps with these and the stored inputs. If a signal interrupts them, the result has the number of steps made.
+    /// Makes `nstep` steps with the given inputs and the arrays of applied inputs. A signal can interrupt the steps; the result then
+    /// contains the number of steps made.
     fn advance(&mut self, py: Python<'_>, inputs: StepInputs<'_>, nstep: usize) -> PyResult<Option<Interrupted>> {
         self.apply(py)?;
         let simulation = &mut self.simulation;
@@ -44,7 +46,7 @@ impl Stepper {
         py.detach(|| watched(|watch| simulation.step_watched(&inputs, nstep, watch))).map_err(value_error)
     }
 
-    /// Makes steps of the selected environments.
+    /// Makes `nstep` steps of the selected environments only, without a recording.
     #[cold]
     fn step_some(
         &mut self,
@@ -61,7 +63,8 @@ impl Stepper {
         self.advance(py, StepInputs { ctrl, mask: &selection.mask(self.n()), ..StepInputs::default() }, nstep)
     }
 
-    /// Controls of all environments, (num_envs, nu): those of `ctrl` for the selected ones, the current ones for the others.
+    /// Controls of all environments, (num_envs, nu). They are those of the argument `ctrl` for selected environments, and the current ones
+    /// for the others.
     fn controls_with(&self, ctrl: Option<&Bound<'_, PyAny>>, selection: &Selection) -> PyResult<Vec<f64>> {
         let nu = self.simulation.model().nu();
         let mut controls = self.simulation.ctrl().to_vec();
@@ -76,7 +79,10 @@ impl Stepper {
     }
 }
 
-/// Makes recorded steps of the selected environments: all step, and the states of the others are restored. The replay repeats both.
+/// Makes recorded steps of the selected environments.
+///
+/// The call steps all environments, and then restores the states of the unselected ones. The recording contains both calls, so that a
+/// replay repeats them.
 #[cold]
 fn step_some_recorded(
     slf: &Bound<'_, Stepper>,
@@ -101,7 +107,7 @@ fn step_some_recorded(
     stepped.map(|_| ())
 }
 
-/// Error of an interrupted step. The recorder gets the steps that were made.
+/// Exception of an interrupted call of `step`. The function also notifies the recorder of the steps made before the interruption.
 #[cold]
 fn end_early(slf: &Bound<'_, Stepper>, this: PyRefMut<'_, Stepper>, interrupted: Interrupted, nstep: usize) -> PyErr {
     let (py, made) = (slf.py(), interrupted.steps);

@@ -1,4 +1,4 @@
-//! Copies of states to environments, from other environments or from a list.
+//! Copies saved states to environments, and states between environments.
 
 use std::collections::BTreeMap;
 
@@ -13,13 +13,13 @@ use crate::state::State;
 use crate::stepper::recording::{notify, recorder_of};
 use crate::stepper::{Stepper, borrow};
 
-/// States from an argument.
+/// One state for all selected environments, or one state for each of them.
 pub(super) enum States<'py> {
     One(Bound<'py, State>),
     Each(Vec<Bound<'py, State>>),
 }
 
-/// States from an argument that is a state or a list of states; None for other arguments.
+/// States from an argument that is a `State`, or a list or tuple of them. The result is None for other arguments.
 pub(super) fn states_of<'py>(given: &Bound<'py, PyAny>) -> Option<States<'py>> {
     if let Ok(state) = given.cast::<State>() {
         return Some(States::One(state.clone()));
@@ -33,7 +33,7 @@ pub(super) fn states_of<'py>(given: &Bound<'py, PyAny>) -> Option<States<'py>> {
 }
 
 impl Stepper {
-    /// Restores a state in all selected environments, or one state in each. On an error, no environment changes.
+    /// Restores one state in all selected environments, or one state in each of them. If any restore fails, no environment changes.
     pub(super) fn take_states(&mut self, states: &States<'_>, selection: &Selection) -> PyResult<()> {
         let states = match states {
             States::One(state) => {

@@ -19,8 +19,8 @@ use crate::probe::{Counter, Probe, Span};
 use crate::stages::s05_solve::store_impulses;
 use crate::stages::s10_record::Record;
 
-/// Advances a group of environments by `options.timestep` seconds. `s` has state and inputs, and receives the next state; the result is the
-/// record.
+/// Advances a group of environments by `options.timestep` seconds, and returns the record of the step. `s` has the state and the inputs,
+/// and receives the next state.
 ///
 /// Each stage is a kernel, compiled once for every lane type and CPU level. The code between the stages is compiled into this kernel,
 /// because lane masks are vectors too. Outside a kernel every operation on them is a function call.
@@ -78,7 +78,7 @@ fn run_stages<R: Real>(
     record
 }
 
-/// Makes stages 1 to 8 with hard contact.
+/// Executes stages 1 to 8 of a step with hard contact: from actuator forces to corrected positions.
 #[inline(always)]
 fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, probe: impl Probe) -> StepOutcome<R> {
     let Workspace { state, inputs, evaluation, free_motion: free, problem, builder, velocity, position, .. } = s;

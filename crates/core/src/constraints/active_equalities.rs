@@ -1,10 +1,10 @@
-//! Activity of the equalities of the model, in each lane.
+//! Active equalities of the model, in each lane.
 
 use stepper_real::{Mask, Real};
 
 use crate::compile::{CompiledEquality, ModelStructure};
 
-/// Activity of the equalities: the lanes in which each one is active.
+/// Active equalities: for each equality, the lanes in which it is active (MuJoCo's `eq_active`).
 #[derive(Clone, Debug)]
 pub(crate) struct ActiveEqualities<R: Real> {
     /// Lanes in which each equality of the model is active.
@@ -14,7 +14,7 @@ pub(crate) struct ActiveEqualities<R: Real> {
 }
 
 impl<R: Real> ActiveEqualities<R> {
-    /// Creates the default activity of the model, in every lane.
+    /// Creates the default of the model (`eq_active0`) in every lane.
     pub(crate) fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         let equalities = compiled.equalities.iter().map(|block| block.equalities.len()).sum();
         let none = R::Mask::splat(false);
@@ -23,7 +23,7 @@ impl<R: Real> ActiveEqualities<R> {
         active
     }
 
-    /// Loads the user's activity for the environments `first..first + used`: `rows` is (num_envs, neq), and 0 disables an equality. An
+    /// Loads the user's `eq_active` for the environments `first..first + used`. `rows` is (num_envs, neq), and 0 disables an equality. An
     /// empty array selects the defaults of the model.
     pub(crate) fn load(&mut self, compiled: &ModelStructure<R::Scalar>, rows: &[f64], first: usize, used: usize) {
         let count = self.lanes.len();

@@ -27,8 +27,8 @@ pub(crate) fn resting_speed(options: &StepSettings) -> f64 {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Lanes of `lanes` in which the rows of the contact of slot `k` are deferred, because its surfaces approach each other and may pass
-    /// without touching.
+    /// Lanes of `lanes` in which the rows of the contact in slot `k` are deferred (left out of the solve). Its surfaces approach each other
+    /// there, and may pass without touching.
     ///
     /// `before` is the normal velocity before the step, m/s. `free` is the contact velocity after the step without constraint forces other
     /// than those of hard equalities, m/s.
@@ -93,8 +93,8 @@ impl<R: Real> ConstraintProblem<R> {
         deferred.and(lanes)
     }
 
-    /// Largest overlap in lane `lane` among the active contacts of the moving frames in `frames`, m. `frames_of` returns the two frames of
-    /// a pair.
+    /// Largest overlap in lane `lane` among the active contacts between two bodies, m. `frames` are the bodies' frames, and `frames_of`
+    /// returns the two frames of a pair of geoms.
     pub(crate) fn resting_overlap(
         &self,
         contacts: &Contacts<R>,

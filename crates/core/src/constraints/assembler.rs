@@ -39,11 +39,11 @@ pub(crate) struct AssemblyInput<'a, R: Real> {
     pub h: R,
     /// Time from the configuration before the step to that of the rows, s.
     pub time_before: R,
-    /// Whether the step evaluates forces and contacts in its middle, with impacts at the times at which they occur.
+    /// Whether the step evaluates forces and contacts in its middle, and impacts at their times.
     pub in_the_middle: bool,
     /// Fraction of a contact gap that may close in the step.
     pub closing_fraction: R,
-    /// Lanes that evaluate contacts at the beginning of the step because their bodies are very fast, without an impact within the step.
+    /// Lanes that evaluate contacts at the beginning of the step, because their bodies are very fast and no impact occurs within the step.
     pub very_fast: R::Mask,
     /// Overlaps of the step that is differentiated. Rows then use these instead of the present overlaps; `None` in a normal step.
     pub solved_overlaps: Option<&'a SolvedOverlaps<R>>,
@@ -58,7 +58,8 @@ impl<R: Real> AssemblyInput<'_, R> {
         R::select(phi.gt(R::zero()), phi * self.closing_fraction, phi)
     }
 
-    /// Part of the gap of slot `k` that may close in the step, m: that of [`AssemblyInput::gap`], or the whole gap if it is wide.
+    /// Part of the gap in slot `k` that may close in the step, m. It is that of [`AssemblyInput::gap`], or the whole gap if the gap is
+    /// wide.
     ///
     /// A very fast body may close a wide gap ([`WIDE_GAP_RATIO`]) within this step. It is then still very fast, so that the next step also
     /// evaluates contacts at its beginning, where the body touches. With [`AssemblyInput::gap`] the body would close two thirds of its gap
@@ -76,7 +77,8 @@ impl<R: Real> AssemblyInput<'_, R> {
     }
 }
 
-/// Tunnelling distance of the two geoms in slot `k`, in the lanes `lanes` (bits), m. Infinite in the other lanes.
+/// Displacement of the two geoms in slot `k` above which they may pass through each other, m, in the lanes `lanes` (bits). It is infinite
+/// in the other lanes.
 #[inline(always)]
 pub(crate) fn tunnelling_distance<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> R {
     let mut distance = R::of(f64::INFINITY);

@@ -18,22 +18,23 @@ use crate::math::spatial::*;
 pub struct ConstraintProblem<R: Real> {
     /// Rows of the problem, as input of the solver.
     pub rows: Problem<R>,
-    /// Index of the impulse of every scalar row in [`VelocitySolution::scalar_impulse`].
+    /// Index of the impulse of every scalar row in the list of impulses [`VelocitySolution::scalar_impulse`].
     ///
     /// [`VelocitySolution::scalar_impulse`]: crate::constraints::velocity_solution::VelocitySolution::scalar_impulse
     pub impulse_indices: Vec<usize>,
-    /// Contacts with three rows: index of the slot, and lanes in which the contact exists.
+    /// Contacts with three rows (sliding friction): index of the slot in the contact set, and lanes in which the contact exists.
     pub slots: Vec<(usize, R::Mask)>,
-    /// Contacts with six rows: index of the slot, lanes in which the contact exists, and lengths that scale the three rotation rows, m.
+    /// Contacts with six rows (torsional or rolling friction): index of the slot in the contact set, and lanes in which the contact exists.
+    /// The lengths, m, scale the three rotation rows.
     pub rolling_slots: Vec<(usize, R::Mask, V3<R>)>,
     /// Lanes with at least one row.
     pub constrained: R::Mask,
-    /// Lanes with position errors, which stage 8 corrects in a separate solve. Lanes with impacts also need this solve.
+    /// Lanes that need the position solve of stage 8, because they have position errors or impacts.
     pub needs_position_solve: R::Mask,
     /// Lanes whose velocities contain a Baumgarte position correction.
     pub biased: R::Mask,
-    /// Lanes with an impact by Euler's rule; [`Self::midpoint_impact_lanes`] returns those of the midpoint rule. In stage 8, only the
-    /// speeds of the step bound their position correction.
+    /// Lanes with an impact, if the integrator is Euler's rule. [`Self::midpoint_impact_lanes`] returns those of the midpoint rule. In
+    /// these lanes, only the speeds of the step bound the position correction.
     pub euler_impact_lanes: R::Mask,
     /// Whether some rows may be immovable: no degree of freedom moves along them.
     pub(crate) may_have_immovable_rows: bool,
@@ -83,13 +84,13 @@ pub(crate) struct DeferredContact<R: Real> {
     pub(crate) doubtful: R::Mask,
     /// Lanes in which the contact bounces, so that `bias` is the rebound velocity.
     pub(crate) bounces: R::Mask,
-    /// Bias of the normal row, m/s: the row's offset g minus its velocity without impulses.
+    /// Bias of the normal row, m/s: the row's offset g minus the normal velocity without impulses.
     pub(crate) bias: R,
     /// Initial impulse of the rows when they are activated, N s and N m s.
     pub(crate) impulse: [R; 6],
 }
 
-/// Curvature terms that the offsets of one contact's friction rows contain.
+/// Curvature terms in the offsets of one contact's friction rows. They account for the motion of the contact point.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CurvatureTerms<R: Real> {
     /// Index of the contact in the problem. Contacts with three rows come first, then those with six.

@@ -13,8 +13,8 @@ use crate::math::spatial::*;
 use crate::options::StepSettings;
 use crate::tuning::MIN_UNMET_TARGET;
 
-/// Smallest inverse inertia along a contact's normal with which it counts as movable, as a fraction of that of the whole moving mass as one
-/// body.
+/// Smallest inverse inertia along a contact's normal with which the contact counts as movable. It is a fraction of the inverse inertia of
+/// all moving bodies as one rigid body.
 ///
 /// Below this, the lever arm of a hinge along the normal is rounding error: less than 1e-7 of its length in 64 bits, 3e-5 in 32.
 pub(crate) fn least_mobility<R: Real>() -> f64 {
@@ -28,8 +28,8 @@ fn least_lever<R: Real>() -> f64 {
     f64::max(1e-5, 1e3 * <R::Scalar as Scalar>::EPSILON.to_f64())
 }
 
-/// Approach speed that is negligible for an immovable contact, m/s. `velocity` and `position` are its offsets g in the velocity and
-/// position solves, m/s.
+/// Approach speed that is negligible for an immovable contact, whose normal no degree of freedom moves, m/s. `velocity` and `position` are
+/// its offsets g in the velocity and position solves, m/s.
 ///
 /// An immovable contact has no rows. Its approach speed counts as residual unless it is negligible. Within the rounding of the model file,
 /// such contacts exist where a face is normal to a hinge axis or parallel to a slide.
@@ -43,7 +43,7 @@ fn negligible_approach<R: Real>(options: &StepSettings, [velocity, position]: [R
     R::select(reported_by_residual, R::zero(), resting)
 }
 
-/// Rows of one slot along the normal and the tangents. Their entries are in `column` of the row builder.
+/// Three rows of the contact in one slot, along the normal and the tangents. Their entries are in `column` of the row builder.
 pub(crate) struct SlidingRows<R: Real> {
     /// Offset g of each row in the velocity solve and in the position solve, m/s: its velocity without impulses, plus its bias.
     pub(crate) offsets: [[R; 2]; 3],
@@ -51,7 +51,7 @@ pub(crate) struct SlidingRows<R: Real> {
     pub(crate) curve: Option<[R; 2]>,
     /// Squared lengths of the rows before and after equalities were eliminated from them; `None` without elimination.
     pub(crate) lengths: Option<SquaredLengths<R, 3>>,
-    /// Lanes in which the contact has rows, whether the solver includes them or not.
+    /// Lanes in which the contact has rows, including lanes in which the solver leaves them out.
     pub(crate) exists: R::Mask,
     /// Lanes in which the solver leaves out the rows (a deferred contact). The caller sets the fields `contact`, `slot` and `impulse`.
     pub(crate) deferred: DeferredContact<R>,
@@ -60,8 +60,9 @@ pub(crate) struct SlidingRows<R: Real> {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds the rows of slot `k` in the lanes `lanes` (bits), whose contacts have sliding friction or none. The caller has gathered
-    /// `support`.
+    /// Adds the three rows of the contact in slot `k`, in the lanes `lanes` (bits), which have sliding friction or none.
+    ///
+    /// The caller must have gathered the row builder's `support`.
     #[inline(always)]
     pub(crate) fn add_contact(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         let (slot, mass) = (&contacts.data[k], input.mass);
@@ -111,7 +112,7 @@ impl<R: Real> Assembler<'_, R> {
         self.problem.constrained = self.problem.constrained.or(solved);
     }
 
-    /// Finds the lanes in which the contact of slot `k` can move along its normal, although the solver counts it as immovable. The second
+    /// Finds the lanes in which the contact in slot `k` can move along its normal, although the solver counts it as immovable. The second
     /// result is the approach speed that is negligible in the other lanes, m/s.
     ///
     /// The solver compares the inverse inertia along the normal with those along the tangents, and with that of a body of the whole moving
@@ -161,7 +162,9 @@ impl<R: Real> Assembler<'_, R> {
         )
     }
 
-    /// Builds the rows of slot `k` in the lanes `lanes` (bits) along its normal and its tangents. The caller has gathered `support`.
+    /// Builds the rows of the contact in slot `k` along its normal and its tangents, in the lanes `lanes` (bits).
+    ///
+    /// The caller must have gathered the row builder's `support`.
     #[inline(always)]
     pub(crate) fn sliding_rows(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> SlidingRows<R> {
         let RowInput { compiled, options, mass, assembly, .. } = input;

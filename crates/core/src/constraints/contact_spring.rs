@@ -10,7 +10,7 @@ use crate::collision::contact_set::Contacts;
 use crate::constraints::equality::{RowInput, RowLaw, SpringRow, spring_law};
 use crate::constraints::row_builder::RowBuilder;
 
-/// Normal row of a contact with soft surfaces.
+/// Terms of the normal row of a contact with soft surfaces (spring and damper).
 pub(crate) struct CompliantRow<R: Real> {
     /// Lanes in which the contact has soft surfaces.
     pub(crate) lanes: R::Mask,
@@ -21,7 +21,7 @@ pub(crate) struct CompliantRow<R: Real> {
 }
 
 impl<R: Real> RowBuilder<R> {
-    /// Computes the normal row of slot `k` in the lanes whose contact has a spring.
+    /// Computes the normal row of the contact in slot `k` in the lanes in which its surfaces are soft.
     ///
     /// `free` and `before` are the normal velocities without constraints and before the step, m/s. The first component of `column` must
     /// have the half-solved normal row.

@@ -27,8 +27,8 @@ use crate::math::spatial::*;
 use crate::tuning::MIN_REMAINING_LENGTH;
 
 impl<R: Real> RowBuilder<R> {
-    /// Finds the eliminated equalities that share a degree of freedom with `support`. Adds their degrees of freedom to `support`, with
-    /// zeros in `column`.
+    /// Finds the eliminated equalities that share a degree of freedom with the row in construction. Adds their degrees of freedom to its
+    /// `support`, with zeros in `column`.
     #[inline(always)]
     pub(crate) fn couple(&mut self, problem: &ConstraintProblem<R>, compiled: &LaneModel<R>) {
         if problem.rows.scalars.eliminated() > 0 {
@@ -53,8 +53,8 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// Searches the blocks of eliminated equalities for degrees of freedom in `words`. Most scenes have none, so that this code is not
-    /// inlined.
+    /// Finds the blocks of eliminated equalities that have a degree of freedom in the set `words`. Most scenes have none, so that this code
+    /// is not inlined.
     #[inline(never)]
     fn search_blocks(&mut self, problem: &ConstraintProblem<R>, compiled: &LaneModel<R>) {
         let mut start = 0;
@@ -110,7 +110,8 @@ impl<R: Real> RowBuilder<R> {
         )
     }
 
-    /// Subtracts the coupled equalities from the rows, in chunks of up to four, and projects rows that became short a second time.
+    /// Subtracts the coupled equalities from the rows in `column`, in chunks of up to four. Rows that became short are projected a second
+    /// time.
     #[inline(always)]
     fn eliminate_blocks<const N: usize>(
         &mut self,
@@ -150,7 +151,7 @@ impl<R: Real> RowBuilder<R> {
         lengths
     }
 
-    /// Projects the rows a second time, in the lanes `short` in which little of them remained after the first projection.
+    /// Projects the rows in `column` a second time, in the lanes `short` in which little of them remained after the first projection.
     ///
     /// The rows are then orthogonal to the equalities relative to their remaining length, and their entries give this length without
     /// cancellation. A row becomes zero if none of its entries exceeds a thousandth of the terms that were summed in it. Its offset becomes
@@ -250,7 +251,7 @@ impl<R: Real> RowBuilder<R> {
         )
     }
 
-    /// Adds the scales of the terms that the last elimination subtracted to the scales of the first component of `column`.
+    /// Adds the scales (sizes of the summed terms) that the last elimination subtracted to the scales of the first component of `column`.
     #[inline(always)]
     pub(crate) fn add_removed_scales(&mut self, rows: &Problem<R>, mass: &MassMatrix<R>) {
         let Self { coupled, projections, scales, .. } = self;
@@ -324,7 +325,8 @@ impl<R: Real> RowBuilder<R> {
 }
 
 impl<R: Real> RowBuilder<R> {
-    /// Marks all rows assembled so far as eliminated. Stores their entries with both scalings that [`RowBuilder::eliminate`] reads.
+    /// Marks all rows assembled so far as eliminated. Stores copies of their entries in the two scalings that [`RowBuilder::eliminate`]
+    /// reads.
     #[inline(always)]
     pub(crate) fn store_eliminated(
         &mut self,
@@ -384,7 +386,7 @@ impl<R: Real, const N: usize> SquaredLengths<R, N> {
     }
 }
 
-/// Ratio of trace(G) before the elimination to that after, from the squared lengths of the rows.
+/// Ratio of trace(G) before the elimination of equalities to that after it, from the squared lengths of the rows.
 ///
 /// The ratio is 1 if nothing is left, and exactly 1 if nothing was eliminated.
 #[inline(always)]

@@ -24,14 +24,14 @@ use crate::math::spatial::*;
 use crate::options::{Stabilization, StepSettings};
 use crate::tuning::{CORRECTION_ARM, DAMPING, NEGLIGIBLE_ERROR};
 
-/// Jacobian and error of an equality with three rows, or with one row in the first component.
+/// Jacobian and error of an equality, before its rows are added to the problem. It has three rows, or one row in the first component.
 pub(crate) struct EqualityJacobian<R: Real> {
     pub(crate) error: V3<R>,
     /// Velocity-dependent acceleration J' v of the rows.
     pub(crate) kappa: V3<R>,
-    /// Sum of squared terms whose differences are the entries of each row. It tells entries from rounding errors.
+    /// Sum of squared terms whose differences are the entries of each row. Entries far smaller than these terms are rounding errors.
     size: R,
-    /// Inverse inertia of the two bodies along the rows without other constraints, for rows of points, 1/kg.
+    /// Inverse inertia of the two bodies along the rows if no other constraint acted, for rows of points, 1/kg.
     bodies: R,
 }
 
@@ -46,14 +46,15 @@ pub(crate) struct RowInput<'a, R: Real> {
 }
 
 impl<R: Real> RowBuilder<R> {
-    /// Sets `support` to the degrees of freedom that the equality moves.
+    /// Sets the row builder's `support` to the degrees of freedom that the equality moves.
     #[inline(always)]
     pub(crate) fn use_own_support(&mut self, equality: &CompiledEquality<R::Scalar>) {
         self.support.clear();
         self.support.extend_from_slice(&equality.support);
     }
 
-    /// Sets `support` to the degrees of freedom of the whole block. Sets `column` to zero at those that the equality itself does not move.
+    /// Sets the row builder's `support` to the degrees of freedom of the equality's block. Sets `column` to zero at those that the equality
+    /// does not move.
     #[inline(always)]
     fn use_block_support(&mut self, block: &EqualityBlock<R::Scalar>, equality: &CompiledEquality<R::Scalar>) {
         let mut own = equality.support.iter().peekable();
@@ -181,7 +182,8 @@ impl<R: Real> RowBuilder<R> {
         size
     }
 
-    /// Adds the squared terms of a linear combination of joints, times `factor`, to the scales of the first row.
+    /// Adds the squared terms of a linear combination of joints, times `factor`, to the scales of the first row. A scale is the size of the
+    /// terms that an entry sums.
     #[inline(always)]
     fn add_term_scales(&mut self, combination: &Combination<R::Scalar>, factor: R) {
         for &(_, dof, coefficient) in &combination.terms {
@@ -189,7 +191,8 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// Adds to `scales` the squares of the terms that the half solve subtracted from the first `N` components of `column` on `support`.
+    /// Adds to `scales`, on `support`, the squares of the terms that the half solve (L^-T J^T) subtracted from the first `N` components of
+    /// `column`.
     #[inline(always)]
     pub(crate) fn add_fill_scales<const N: usize>(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>) {
         let Self { support, column, scales, .. } = self;
@@ -204,7 +207,7 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// Propagates the scales of the first component of `column` to ancestors, with the factors of the half solve.
+    /// Propagates the scales of the first component of `column` to ancestors, with the factors of the half solve (L^-T J^T).
     ///
     /// If all entries that the half solve adds to an entry are rounding errors, that entry then counts as rounding error too. In contrast,
     /// [`Self::add_fill_scales`] takes the added entries as exact.
@@ -219,7 +222,7 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// Diagonal entry of G of the half-solved row in component `k` of `column`, 1/kg.
+    /// Squared length of the half-solved row in component `k` of `column`, 1/kg. It is the row's diagonal entry of G, its inverse inertia.
     #[inline(always)]
     pub(crate) fn gram(&self, mass: &MassMatrix<R>, k: usize) -> R {
         let mut sum = R::zero();
@@ -231,7 +234,8 @@ impl<R: Real> RowBuilder<R> {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds the rows of equalities, block by block: of the eliminated blocks if `eliminated` is true, otherwise of all others.
+    /// Adds the rows of equalities, block by block. If `eliminated` is true, it adds the blocks of eliminated equalities, otherwise all
+    /// others.
     pub(crate) fn add_equalities(&mut self, input: RowInput<'_, R>, eliminated: bool) {
         R::vectorize(
             #[inline(always)]
@@ -251,8 +255,10 @@ impl<R: Real> Assembler<'_, R> {
         )
     }
 
-    /// Adds the rows of a block. Returns false, and adds nothing, if the test for dependent rows needs the scales of the entries but
-    /// `with_scales` is false.
+    /// Adds the rows of a block of equalities.
+    ///
+    /// With `with_scales`, the scales of the entries are computed too. The result is false, and nothing is added, if the test for dependent
+    /// rows needs them but `with_scales` is false.
     #[inline(always)]
     fn add_block(&mut self, input: RowInput<'_, R>, block: &EqualityBlock<R::Scalar>, with_scales: bool) -> bool {
         let start = self.problem.rows.scalars.len();
@@ -297,7 +303,7 @@ impl<R: Real> Assembler<'_, R> {
         decided
     }
 
-    /// Adds the position corrections and curvature terms to the offsets of the orthogonal rows from row `start` on. Before the call, the
+    /// Adds position corrections and curvature terms to the offsets of the rows of a block, from row `start` on. Before the call, the
     /// offsets are J v_free.
     ///
     /// The work of such a row's impulse is (t^2 - (J v)^2) / 2 G for the target J v+ = t. A target of at most the present speed adds no
@@ -427,7 +433,7 @@ impl<R: Real> Assembler<'_, R> {
         }
     }
 
-    /// Position correction of an equality as a bias of its rows, m/s: rate times error, with a bounded speed.
+    /// Position correction of an equality as biases of its rows, m/s. It is a rate times the position error, with a bounded speed.
     #[inline(always)]
     fn correct(&mut self, input: RowInput<'_, R>, rows: &EqualityJacobian<R>, h: R, alive: R::Mask) -> V3<R> {
         let options = input.options;
@@ -445,7 +451,7 @@ impl<R: Real> Assembler<'_, R> {
         scale(error, R::select(wrong, rate.min(most), rate))
     }
 
-    /// Adds the row in the first component of `column` to the problem as a scalar row, after the elimination of equalities.
+    /// Adds the row in the first component of `column` to the problem as a scalar row, after hard equalities are eliminated from it.
     #[inline(always)]
     pub(crate) fn add_row(&mut self, mass: &MassMatrix<R>, impulse_index: usize, law: RowLaw<R>) {
         let mut g = [law.g];
@@ -457,8 +463,8 @@ impl<R: Real> Assembler<'_, R> {
         self.problem.rows.scalars.set_position_target(g[0][1]);
     }
 
-    /// Sets the scale of the residual of the last row that was added. `whole` and `rest` are its squared lengths before and after the
-    /// elimination of equalities.
+    /// Sets the factor by which the residual of the last added row is scaled. `whole` and `rest` are its squared lengths before and after
+    /// the elimination of equalities.
     #[inline(always)]
     fn set_trace_ratio(&mut self, compliance: R, whole: R, rest: R) {
         self.problem.rows.scalars.set_trace_ratio(trace_ratio(&[whole, compliance], &[rest, compliance]));
@@ -495,14 +501,14 @@ pub(crate) struct RowLaw<R: Real> {
     pub(crate) bounds: [R; 2],
 }
 
-/// Infinite bounds of an impulse.
+/// Bounds of an impulse that is unbounded: minus and plus infinity.
 #[inline(always)]
 fn free_bounds<R: Real>() -> [R; 2] {
     [R::of(f64::NEG_INFINITY), R::of(f64::INFINITY)]
 }
 
-/// Law of the row of a limit. `free` is its velocity without constraints, and the array has its biases in the velocity and position solves,
-/// m/s.
+/// Law of the row of a limit. `free` is the row's velocity without constraints, and the array has its biases in the velocity and position
+/// solves, m/s.
 #[inline(always)]
 pub(crate) fn limit_law<R: Real>(free: R, [velocity, position]: [R; 2], active: R::Mask) -> RowLaw<R> {
     RowLaw { g: [free + velocity, free + position], compliance: R::zero(), active, bounds: [R::zero(), R::of(f64::INFINITY)] }

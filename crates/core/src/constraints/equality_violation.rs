@@ -48,7 +48,7 @@ pub(crate) fn max_equality_violation<R: Real>(
     )
 }
 
-/// Position error of one equality, m or rad.
+/// Position error of one equality at the configuration `q`, m or rad.
 #[inline(always)]
 fn violation<R: Real>(
     compiled: &LaneModel<R>,

@@ -1,12 +1,13 @@
-//! Islands: sets of kinematic trees that rows of the constraint problem connect.
+//! Islands: sets of kinematic trees that rows of the constraint problem connect, such as two robots in contact.
 
 use stepper_real::Real;
 use stepper_solve::System;
 
 use crate::compile::ModelStructure;
 
-/// Islands of one lane as disjoint sets of trees (union-find with path halving; Tarjan & van Leeuwen 1984). Each has a maximum and two
-/// sums.
+/// Islands of one lane as disjoint sets of trees (union-find with path halving; Tarjan & van Leeuwen 1984).
+///
+/// Each island has a maximum and two sums of penalties, for which callers choose the values.
 #[derive(Clone, Debug)]
 pub(crate) struct Islands {
     above: Vec<u32>,

@@ -13,8 +13,9 @@ use crate::dynamics::inertia::{MassMatrix, is_above};
 use crate::math::spatial::*;
 
 impl<R: Real> RowBuilder<R> {
-    /// Writes L^-T e to the first component of `column`, where e is the unit vector of `dof`. `support` becomes the chain of `dof`: the dof
-    /// and its ancestors.
+    /// Writes the half-solved row of one degree of freedom, L^-T e, to the first component of `column`. e is the unit vector of `dof`.
+    ///
+    /// `support` becomes the chain of `dof`: the dof and its ancestors.
     #[inline(always)]
     pub(crate) fn unit_column(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, dof: usize) {
         let chain = compiled.chain_of(dof);
@@ -39,7 +40,8 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// Half solve: replaces the first `N` components of `column` by L^-T times these, on `support`, which must contain all ancestors.
+    /// Half solve: multiplies the first `N` components of `column` by L^-T on `support`, where L^T D L is the mass matrix. `support` must
+    /// contain all ancestors of its degrees of freedom.
     #[inline(always)]
     pub(crate) fn half_solve<const N: usize>(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>) {
         let (mut rest, column) = (&self.support[..], &mut self.column);
@@ -72,8 +74,7 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// Sets `support` to the degrees of freedom that move a geom of slot `k` in any of its lanes, or that equalities couple to them,
-    /// ascending.
+    /// Sets `support` to the degrees of freedom that move a geom in slot `k` in any lane, or that equalities couple to them, ascending.
     ///
     /// For each degree of freedom, `signs` gets the lanes in which it moves the second geom, and those in which it moves the first.
     #[inline(always)]
@@ -115,7 +116,7 @@ impl<R: Real> RowBuilder<R> {
         self.list_support();
     }
 
-    /// Sets `support` to the degrees of freedom in the set `words`, ascending.
+    /// Sets the list `support` to the degrees of freedom in the bit set `words`, ascending.
     #[inline(always)]
     pub(crate) fn list_support(&mut self) {
         self.support.clear();
@@ -128,8 +129,8 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// Sign of degree of freedom `d` in the contact. It is 1 in lanes in which the dof moves the second geom, -1 for the first, 0 for both
-    /// or none.
+    /// Sign of degree of freedom `d` in the Jacobian of the contact. It is 1 in lanes in which `d` moves the second geom, -1 for the first
+    /// geom, and 0 for both or none.
     #[inline(always)]
     pub(crate) fn sign_of(&self, d: usize) -> R {
         let [plus, minus] = self.signs[d];

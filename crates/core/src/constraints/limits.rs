@@ -9,7 +9,7 @@ use crate::options::StepSettings;
 use crate::tuning::LIMIT_LOOK_AHEAD;
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds the rows of joint limits: one for the nearer end of each range, if the joint can reach it within the step.
+    /// Adds the rows of joint limits: one row for the nearer end of each range, if the joint can reach that end within the step.
     #[inline(always)]
     pub(crate) fn add_limits(
         &mut self,

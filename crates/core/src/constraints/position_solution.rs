@@ -1,4 +1,4 @@
-//! Solution of the position problem: results of the stages 7 and 8.
+//! Solution of the position problem: results of stages 7 (integration of positions) and 8 (position correction).
 
 use stepper_real::Real;
 use stepper_solve::{PositionRows, Reference};
@@ -20,13 +20,13 @@ pub struct PositionSolution<R: Real> {
     pub(crate) rows: PositionRows<R>,
     /// Inverse inertia of the two bodies of every contact along its normal without constraints, 1/kg; 0 for scalar rows.
     pub(crate) unconstrained_mobility: Vec<R>,
-    /// Impulses of the velocity solution. The position correction is counted from them.
+    /// Impulses of the velocity solution. The impulses of the position solve are relative to them.
     pub(crate) reference: Reference<R>,
     /// Islands: sets of kinematic trees that constraint rows connect.
     pub(crate) islands: Islands,
     /// Free velocity of the position solve, nv.
     pub(crate) v_free: Vec<R>,
-    /// Mean velocity over the step of the displacement by impacts, nv. It is added to `v_free`.
+    /// Displacement by impacts divided by the time step, nv. It is added to `v_free`.
     pub(crate) impact_displacement: Vec<R>,
     /// Velocity of the position correction, nv.
     pub(crate) correction: Vec<R>,

@@ -34,15 +34,15 @@ pub(crate) struct ContactGroups<R> {
     of_contact: Vec<usize>,
     /// Contacts of the cluster whose loads are being shared (groups that move a common coordinate).
     points: Vec<Point>,
-    /// Matrix of the load sharing: effect of each contact's normal impulse on each coordinate, one row per coordinate.
+    /// Matrix of the load sharing. Its entries are the effects of a unit normal impulse of each contact (column) on each coordinate (row).
     rows: Vec<f64>,
-    /// Effect of all normal impulses together on each coordinate, in the scaling of `rows`.
+    /// Sum of the effects of all normal impulses on each coordinate, which load sharing must not change. It is scaled like `rows`.
     sums: Vec<f64>,
-    /// Coordinate of each row of `rows`.
+    /// Index of the coordinate of each row of `rows`.
     coordinates: Vec<u32>,
-    /// Whether each row of `rows` is already orthonormal.
+    /// Whether each row of `rows` has already been orthonormalised.
     done: Vec<bool>,
-    /// Contact group that moves each coordinate; used to find groups with a common coordinate.
+    /// Index of a contact group that moves each coordinate. Groups with a common coordinate belong to the same cluster.
     owners: Vec<usize>,
     /// Velocities of all contacts of the problem, m/s.
     velocities: Vec<V3<R>>,
@@ -81,13 +81,13 @@ impl ContactGroup {
 struct Point {
     /// Index of the contact in the problem.
     contact: usize,
-    /// Velocity along normal and tangents, m/s.
+    /// Velocity of the contact along the normal and the tangents, m/s.
     velocity: [f64; 3],
-    /// Normal impulse before the redistribution, N s.
+    /// Normal impulse of the contact before the loads are shared, N s.
     before: f64,
-    /// Normal impulse after the redistribution, N s.
+    /// Normal impulse of the contact after the loads are shared, N s.
     shared: f64,
-    /// Whether the contact may carry load.
+    /// Whether load sharing may give the contact a nonzero normal impulse.
     free: bool,
 }
 
@@ -110,7 +110,7 @@ impl<R: Real> ContactGroups<R> {
         }
     }
 
-    /// Finds the contact groups in the lanes `lanes` (bits).
+    /// Finds the contact groups in the lanes `lanes` (bits): sets of contacts between the same two bodies.
     pub(crate) fn find(&mut self, compiled: &ModelStructure<R::Scalar>, contacts: &Contacts<R>, lanes: u32) {
         self.slots.clear();
         self.groups.clear();
@@ -157,8 +157,8 @@ impl<R: Real> ContactGroups<R> {
 
     /// Lanes with a contact group that bears no load yet and closes in this step.
     ///
-    /// The first impulses of such a group must be those of least norm, because the result of Gauss-Seidel iterations depends on their
-    /// order.
+    /// The first impulses of such a group must be those of least norm, because the result of Gauss-Seidel iterations depends on the order
+    /// of contacts.
     pub(crate) fn new_lanes(
         &self,
         contacts: &Contacts<R>,
@@ -227,7 +227,7 @@ impl<R: Real> ContactGroups<R> {
         R::Mask::from_bits(shared)
     }
 
-    /// Shares the loads of the contact groups with the indices `groups`, all of one lane. Returns whether any load has changed.
+    /// Shares the loads in the contact groups with the indices `groups`, all in one lane. Returns whether any load has changed.
     fn share_lane(&mut self, groups: Range<usize>, assembled: &ConstraintProblem<R>, iterate: &mut Iterate<R>) -> bool {
         let lane = self.groups[groups.start].lane;
         self.find_clusters(groups.clone(), assembled);
@@ -249,7 +249,7 @@ impl<R: Real> ContactGroups<R> {
         changed
     }
 
-    /// Appends the contacts with three rows of group number `group` to `points`.
+    /// Appends the contacts of group number `group` that have three rows to the list `points`.
     fn gather(&mut self, group: usize, assembled: &ConstraintProblem<R>, iterate: &Iterate<R>) {
         let Self { slots, groups, points, velocities, .. } = self;
         let lane = groups[group].lane;
@@ -259,7 +259,7 @@ impl<R: Real> ContactGroups<R> {
         }
     }
 
-    /// Finds the clusters: groups that move a common coordinate get the same cluster.
+    /// Finds clusters among the contact groups with the indices `groups`: groups that move a common coordinate get the same cluster.
     fn find_clusters(&mut self, groups: Range<usize>, assembled: &ConstraintProblem<R>) {
         let Self { slots, groups: all, owners, .. } = self;
         owners.clear();
@@ -283,8 +283,10 @@ impl<R: Real> ContactGroups<R> {
         }
     }
 
-    /// Finds the nonnegative normal impulses of least norm with the same effect on all coordinates. Returns false if there are none, or if
-    /// no load would change.
+    /// Redistributes the load of the contacts in `points`.
+    ///
+    /// It finds the nonnegative normal impulses of least norm with the same effect on all coordinates. Returns false if there are none, or
+    /// if no load would change.
     fn distribute(&mut self, lane: usize, problem: &Problem<R>) -> bool {
         let (total, most) = self.points.iter().fold((0.0, 0.0_f64), |(sum, most), p| (sum + p.before, most.max(p.before)));
         for _ in 0..self.points.len() {
@@ -303,8 +305,9 @@ impl<R: Real> ContactGroups<R> {
         false
     }
 
-    /// Computes `rows` and `sums`: for each coordinate that a free contact moves, a row of unit length and the effect of all normal
-    /// impulses.
+    /// Computes `rows` and `sums` from the contacts in `points`.
+    ///
+    /// Each coordinate that a free contact moves gets a row of unit length, and the effect of all normal impulses.
     fn make_rows(&mut self, lane: usize, problem: &Problem<R>) {
         let Self { points, rows, sums, coordinates, .. } = self;
         coordinates.clear();
@@ -337,7 +340,7 @@ impl<R: Real> ContactGroups<R> {
         }
     }
 
-    /// Computes the normal impulses of least norm of the free contacts, with the effects in `sums` on all rows, into `shared`.
+    /// Computes normal impulses of least norm for the free contacts in `points`, with the effects in `sums`, and stores them in `shared`.
     ///
     /// The rows become orthonormal one by one (modified Gram-Schmidt), and the sums with them. Returns false if the free contacts cannot
     /// give these sums.
@@ -366,7 +369,7 @@ impl<R: Real> ContactGroups<R> {
         (0..m).all(|r| done[r] || sums[r].abs() <= 10.0 * dependent * total)
     }
 
-    /// Writes the shared normal impulses to `iterate`, and the friction that belongs to them.
+    /// Writes the shared normal impulses of `points` to `iterate`, with friction impulses that match them.
     fn scatter(&self, lane: usize, problem: &Problem<R>, iterate: &mut Iterate<R>) {
         for p in &self.points {
             let lambda = &mut iterate.contacts[p.contact];
@@ -386,12 +389,12 @@ impl<R: Real> ContactGroups<R> {
     }
 }
 
-/// Index in tables of tolerances: 0 for 64 bits, 1 for 32 bits.
+/// Index into tables of tolerances: 0 for 64-bit lanes, 1 for 32-bit lanes.
 fn precision<R: Real>() -> usize {
     usize::from(R::Scalar::IS_SINGLE)
 }
 
-/// Slip speed of a contact from its velocity along normal and tangents, m/s.
+/// Slip speed of a contact, m/s, from its velocity along normal and tangents.
 fn slip(velocity: [f64; 3]) -> f64 {
     velocity[1].hypot(velocity[2])
 }

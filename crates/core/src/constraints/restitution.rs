@@ -82,11 +82,11 @@ impl<R: Real> Assembler<'_, R> {
         (R::select(bounces, e * free, bias), stays)
     }
 
-    /// Corrects the rebound velocity of [`Assembler::bounce_euler`] after the elimination of equalities. With the midpoint rule it does
-    /// nothing.
+    /// Corrects the rebound velocity of [`Assembler::bounce_euler`] after the elimination of equalities. Returns the bias of the normal
+    /// row, m/s.
     ///
     /// Newton's law then uses the velocity after the elimination, instead of `free`. `offset` is g of the normal row after the elimination.
-    /// Returns the bias that it contains, m/s.
+    /// With the midpoint rule the function changes nothing.
     #[inline(always)]
     pub(crate) fn bounce_euler_eliminated(
         &mut self,
@@ -111,8 +111,8 @@ impl<R: Real> Assembler<'_, R> {
     /// rows are needed.
     ///
     /// Only the midpoint rule calls it. `free` are the velocities of the rows without constraints, before equalities are eliminated.
-    /// `change` is their change by the free motion in the step. After the elimination, the free velocity is `offsets` minus the normal's
-    /// `bias`. The function is compiled separately, as [`Assembler::add_curve`] is.
+    /// `change` is the change of these velocities by the free motion in the step. After the elimination, the free velocity is `offsets`
+    /// minus the normal's `bias`. The function is compiled separately, as [`Assembler::add_curve`] is.
     #[inline(never)]
     pub(crate) fn bounce_midpoint(
         &mut self,
@@ -152,8 +152,8 @@ impl<R: Real> Assembler<'_, R> {
         )
     }
 
-    /// Changes the `offsets` of the torsional and rolling rows of the contact added last to those at the time of its impact. `change` is
-    /// the change of their velocities by the free motion.
+    /// Changes the `offsets` of the torsional and rolling rows of the last added contact to those at the time of its impact. `change` is
+    /// the change of the rows' velocities by the free motion.
     #[inline(always)]
     pub(crate) fn turn_at_impact(&self, change: V3<R>, turns: &mut Offsets<R>) {
         if let Some(impact) = self.problem.impacts.last() {
@@ -165,7 +165,8 @@ impl<R: Real> Assembler<'_, R> {
 }
 
 impl<R: Real> ConstraintProblem<R> {
-    /// Removes from the offsets of contacts that bounce the effect of a velocity change that acts after the impacts, in the lanes `lanes`.
+    /// Corrects the offsets of contacts that bounce, in the lanes `lanes`, for a velocity change that acts only after their impacts. The
+    /// rows had included it.
     ///
     /// `change` is the scaled change of the velocity after the step.
     #[inline(always)]
@@ -183,7 +184,7 @@ impl<R: Real> ConstraintProblem<R> {
         );
     }
 
-    /// Adds to the offsets of contacts that bounce the effect of a velocity change that acts before the impacts.
+    /// Corrects the offsets of contacts that bounce for a velocity change that acts before their impacts.
     ///
     /// `change` is the corresponding change of the velocity after the step without impacts. The function overwrites it.
     pub fn shift_before_impacts(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, change: &mut [R], lanes: R::Mask) {
@@ -228,7 +229,7 @@ impl<R: Real> ConstraintProblem<R> {
         )
     }
 
-    /// Does the work of [`ConstraintProblem::drop_restitution`], inside its kernel.
+    /// Implementation of [`ConstraintProblem::drop_restitution`] inside its kernel.
     #[inline(always)]
     fn make_inelastic(&mut self, impulses: &Iterate<R>, [energy, max_rounding]: [R; 2], [unsolved, all_or_none]: [R::Mask; 2]) -> R::Mask {
         let Self { rows, impacts, euler_impact_lanes, deferred, resolves_impacts, .. } = self;
@@ -327,7 +328,7 @@ impl<R: Real> ImpactStep<'_, R> {
         );
     }
 
-    /// Excludes contacts that bounce from the position solve, except those into which another impact pushes too far.
+    /// Excludes contacts that bounce from the position solve, except those that another impact pushes too deep.
     ///
     /// A small overlap at the end of a step is harmless if the surfaces separate: the next step finds the impact that came before.
     /// Correcting it would change the energy. The limit is half the tunnelling distance, a quarter of the sum of the inscribed radii. The
@@ -433,14 +434,16 @@ fn max_twice_energy<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, free
     before.max(after)
 }
 
-/// Lanes of `lanes` in which the squared length `square` of a vector exceeds `most`, and the factor that shrinks the vector to this bound.
+/// Shrinks a vector of squared length `square` to a bound: returns the lanes of `lanes` in which `square` exceeds `most`, and the factor to
+/// apply there.
 #[inline(always)]
 pub(crate) fn shrink_factor<R: Real>(square: R, most: R, lanes: R::Mask) -> (R::Mask, R) {
     let lanes = lanes.and(square.gt(most));
     (lanes, (most / R::select(lanes, square, R::one())).sqrt())
 }
 
-/// Limits the squared distance of the scaled velocity `moved` from `removed` to `most`, in the lanes `lanes`.
+/// Limits the difference of two scaled velocities in the lanes `lanes`: changes `moved` so that its squared distance from `removed` is at
+/// most `most`.
 #[inline(always)]
 fn bound_change<R: Real>(moved: &mut [R], removed: &[R], most: R, lanes: R::Mask) {
     let mut square = R::zero();

@@ -1,4 +1,4 @@
-//! Workspace in which stage 4 builds one row after the other: its Jacobian, its half solve, and the elimination of equalities.
+//! Workspace of stage 4 for the construction of one row after the other: Jacobian, half solve, and elimination of equalities.
 
 use std::ops::Range;
 
@@ -13,13 +13,14 @@ use crate::math::spatial::*;
 pub(crate) struct RowBuilder<R: Real> {
     /// Support of the row: the degrees of freedom at which it may have entries, ascending.
     pub(crate) support: Vec<u32>,
-    /// Entries of up to three rows, by degree of freedom: first J^T, and L^-T J^T after the half solve.
+    /// Entries of up to three rows, by degree of freedom. They are J^T at first, and L^-T J^T after the half solve, where L^T D L is the
+    /// mass matrix.
     pub(crate) column: Vec<V3<R>>,
     /// Entries of the sliding rows while the rotation rows of the same contact are built.
     pub(crate) linear: Vec<V3<R>>,
-    /// Workspace: entries of a column along a chain of degrees of freedom.
+    /// Workspace of the half solve: entries of a column along a chain of degrees of freedom.
     pub(crate) path: Vec<R>,
-    /// Lanes (bits) in which each degree of freedom moves the second geom of a contact, and the first.
+    /// Lanes (bits) in which each degree of freedom moves the second geom of a contact, and lanes in which it moves the first.
     pub(crate) signs: Vec<[u32; 2]>,
     /// Set of degrees of freedom, as bits of 64-bit words.
     pub(crate) words: Vec<u64>,
@@ -33,16 +34,16 @@ pub(crate) struct RowBuilder<R: Real> {
     pub(crate) eliminated_entries: [Vec<R>; 2],
     /// Coefficients of the last elimination, or their scales, for each eliminated row.
     pub(crate) projections: Vec<V3<R>>,
-    /// Squared scales of the entries of a column. The scale of an entry is the size of the terms whose sum it is. It tells entries from
-    /// rounding errors.
+    /// Squared scales of the entries of `column`. The scale of an entry is the size of the terms whose sum it is. Entries far below their
+    /// scale are rounding errors.
     pub(crate) scales: Vec<V3<R>>,
     /// Squared scales of the terms that the elimination of equalities subtracts from each entry of a column.
     pub(crate) removed_scales: Vec<V3<R>>,
     /// Squared scales of the target velocities of hard equality rows, (m/s)^2, in the order of these rows.
     pub(crate) velocity_scales: Vec<R>,
-    /// Sum of squared terms of each row of a block of equalities.
+    /// Sum of squared terms of each row in the present block of equalities.
     pub(crate) sizes: Vec<R>,
-    /// Whether each block of equalities needs the scales of its entries; see [`crate::constraints::assembler::Assembler::add_equalities`].
+    /// Whether each block of equalities needs the scales of its entries to detect dependent rows.
     pub(crate) needs_scales: Vec<bool>,
     /// Squared scales of the entries of the rows of a block of equalities.
     pub(crate) entry_scales: Vec<R>,

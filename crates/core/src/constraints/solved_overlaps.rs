@@ -10,7 +10,7 @@ use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
 use crate::math::lanes::each_of;
 
-/// Contacts and limits of a solution, with their distances, for its finite differences.
+/// Record of the contacts and limits of a solution, with their distances, for derivatives by finite differences.
 #[derive(Clone, Debug)]
 pub(crate) struct SolvedOverlaps<R: Real> {
     contacts: Contacts<R>,
@@ -35,7 +35,8 @@ impl<R: Real> SolvedOverlaps<R> {
         }
     }
 
-    /// Distance in the solution of the contacts in slot `k` of a displaced state, m; infinite for contacts that the solution does not have.
+    /// Distance, in the solution, of the contact in slot `k` of a displaced state, m. It is infinite for contacts that the solution does
+    /// not have.
     #[inline(never)]
     pub(crate) fn distance(&self, contacts: &Contacts<R>, k: usize) -> R {
         let mut distance = R::of(f64::INFINITY);

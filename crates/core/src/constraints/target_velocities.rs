@@ -10,8 +10,8 @@ use crate::options::{Stabilization, StepSettings};
 use crate::tuning::LIMIT_RETURN;
 
 impl<R: Real> Assembler<'_, R> {
-    /// Biases of a contact's normal row at the distance `phi` (m), in the velocity solve and in the position solve, m/s. A bias is minus
-    /// the target velocity.
+    /// Biases of a contact's normal row at the distance `phi` (m): first in the velocity solve, then in the position solve, m/s. A bias is
+    /// minus the target velocity.
     ///
     /// `solved` is the distance in the solution if the step is being differentiated.
     #[inline(always)]

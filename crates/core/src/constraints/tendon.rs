@@ -75,8 +75,8 @@ impl<R: Real> Assembler<'_, R> {
         self.add_row(input.mass, tendon.impulse_index, limit_law(free, [velocity, position], active));
     }
 
-    /// Lanes in which a limit at the distance `phi` (m or rad) is reached within the step at the free velocity `free`; `None` if there are
-    /// none.
+    /// Lanes in which a limit can be reached within the step; `None` if there are none. `phi` is the distance to the limit, m or rad, and
+    /// `free` the free velocity.
     ///
     /// The other results are the limit's biases in the velocity solve and in the position solve.
     #[inline(always)]

@@ -44,7 +44,7 @@ impl<R: Real> RowBuilder<R> {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds the six rows of slot `k` in the lanes `lanes` (bits), whose contacts have torsional or rolling friction.
+    /// Adds the six rows of the contact in slot `k`, in the lanes `lanes` (bits) in which it has torsional or rolling friction.
     pub(crate) fn add_rolling_contact(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         R::vectorize(
             #[inline(always)]
@@ -127,11 +127,11 @@ impl<R: Real> Assembler<'_, R> {
 
 /// Friction coefficients of the contacts in one slot, per lane.
 struct Friction<R: Real> {
-    /// Coefficients of torsional and rolling friction, m.
+    /// Coefficients of torsional and of rolling friction, m.
     more: [R; 2],
     /// Friction coefficient of the scaled rows: the sliding coefficient, or 1 for contacts without sliding friction.
     mu: R,
-    /// 1 for contacts with sliding friction, otherwise 0.
+    /// Factor that is 1 for contacts with sliding friction, otherwise 0.
     slides: R,
     /// Factors of the torsional and rolling rows, m.
     scale: V3<R>,
@@ -157,7 +157,7 @@ impl<R: Real> Friction<R> {
         self.scale = [spin / self.mu, roll / self.mu, roll / self.mu];
     }
 
-    /// Converts torques (N m s) to the scaled impulses of the rotation rows.
+    /// Converts angular impulses (N m s) to the scaled impulses of the rotation rows.
     #[inline(always)]
     fn unscale(&self, torque: V3<R>) -> V3<R> {
         let mut out = torque;
@@ -169,7 +169,7 @@ impl<R: Real> Friction<R> {
     }
 }
 
-/// Lanes (bits) of slot `k` among `lanes` whose contact has torsional or rolling friction.
+/// Lanes (bits) of `lanes` in which the contact in slot `k` has torsional or rolling friction.
 #[inline(always)]
 pub(crate) fn rolling_lanes<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> u32 {
     let mut rolling = 0;
@@ -180,7 +180,7 @@ pub(crate) fn rolling_lanes<R: Real>(compiled: &LaneModel<R>, contacts: &Contact
     rolling
 }
 
-/// Scales the tangential entries of a row by `rub`, and leaves the normal entry.
+/// Scales the two tangential entries of a row by `rub`, and leaves the normal entry unchanged.
 #[inline(always)]
 fn scale_tangents<R: Real>([n, a, b]: V3<R>, rub: R) -> V3<R> {
     [n, a * rub, b * rub]

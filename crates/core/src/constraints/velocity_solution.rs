@@ -1,4 +1,4 @@
-//! Solution of the velocity problem: results of the stages 5 and 6.
+//! Solution of the velocity problem: results of stages 5 (constraint solve) and 6 (integration of the velocity).
 
 use stepper_real::Real;
 use stepper_solve::newton::Newton;
@@ -22,7 +22,8 @@ pub struct VelocitySolution<R: Real> {
     pub scalar_impulse: Vec<R>,
     /// Contact groups: contacts between the same two bodies, which share their load evenly.
     pub(crate) contact_groups: ContactGroups<R>,
-    /// Copy of the impulses from before a prediction, before load sharing, or before stage 8 limits Baumgarte's correction.
+    /// Saved copy of the impulses, to restore them: from before a prediction, before load sharing, or before stage 8 limits Baumgarte's
+    /// correction.
     pub(crate) saved_impulses: Snapshot<R>,
     /// Newton's method and its workspace, which stage 8 also uses.
     pub newton: Newton,

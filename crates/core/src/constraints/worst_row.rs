@@ -7,12 +7,12 @@ use crate::collision::contact_set::Contacts;
 use crate::constraints::constraint_problem::ConstraintProblem;
 use crate::math::lanes::{MAX_LANES, each_of};
 
-/// Code of a constraint, as a state stores it. 0 means none; then come scalar rows by the index of their impulse, then contacts by their
-/// pair.
+/// Number that encodes a constraint in a saved state. 0 means none. The numbers of scalar rows follow by the index of their impulse, then
+/// those of contacts by their pair.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ConstraintCode(pub u64);
 
-/// Code of the contact of pair 0.
+/// Smallest code of a contact, that of pair 0.
 const CONTACTS: u64 = 1 << 32;
 
 /// Constraint that a [`ConstraintCode`] represents.

@@ -17,8 +17,8 @@ use crate::tuning::{MAX_TRUSTED_RESIDUAL, TARGET_RATIO};
 
 /// Lanes in which the solver's residual may change the kinetic energy noticeably, so that the energy after the step is ambiguous.
 ///
-/// Either the residual is above [`MAX_TRUSTED_RESIDUAL`], or enormous impulses cancel. Even at a small residual, the work of such impulses
-/// exceeds the kinetic energy ([`stepper_solve::energy_is_ambiguous`]).
+/// Either the residual is above [`MAX_TRUSTED_RESIDUAL`], or enormous impulses nearly cancel. Even at a small residual, the work of such
+/// impulses exceeds the kinetic energy ([`stepper_solve::energy_is_ambiguous`]).
 pub(crate) fn ambiguous<R: Real>(
     place: Place<'_, R>,
     free: &FreeMotion<R>,
@@ -40,7 +40,7 @@ pub(crate) fn ambiguous<R: Real>(
 
 /// Solves the lanes whose kinetic energy is [`ambiguous`] again, if their residual meets the tolerance.
 ///
-/// In a jam, impulses a million times the load cancel, so that the residual must be smaller by that factor.
+/// In jammed bodies, impulses a million times the load nearly cancel. Their residual must be smaller by that factor.
 #[inline(always)]
 pub(crate) fn resolve_ambiguous<R: Real>(
     place: Place<'_, R>,
@@ -84,7 +84,8 @@ fn solve_further<R: Real>(
     integrate_velocity(compiled, &free.smooth.mass, &free.v, velocity);
 }
 
-/// Residual that changes the kinetic energy only a little, m/s: above the rounding of velocities, and at most the tolerance.
+/// Residual at which the solver's error changes the kinetic energy only a little, m/s. It is above the rounding of velocities, and at most
+/// the tolerance.
 fn residual_for_energy<R: Real>(
     place: Place<'_, R>,
     free: &FreeMotion<R>,
@@ -104,7 +105,7 @@ fn residual_for_energy<R: Real>(
     )
 }
 
-/// Stores the generalized impulse of all constraints in `impulse`, N s or N m s. Servos with bounds and the user read it.
+/// Stores the generalized impulse of all constraints in `impulse`, N s or N m s. Servos with force bounds read it, and users can read it.
 pub(crate) fn store_joint_impulse<R: Real>(
     compiled: &LaneModel<R>,
     mass: &MassMatrix<R>,
@@ -120,7 +121,8 @@ pub(crate) fn store_joint_impulse<R: Real>(
     )
 }
 
-/// Accepts the step in the lanes where the next state is finite: it becomes the state, `h` seconds later. Returns these lanes.
+/// Accepts the step in the lanes where the next state is finite: the state becomes the next state, and the time advances by `h`, s. Returns
+/// these lanes.
 ///
 /// The other lanes keep their state and discard their warm start. After the call, `velocity.v`, `position.q` and `position.act` have the
 /// state before the step.
@@ -164,7 +166,8 @@ pub(crate) fn accept<R: Real>(
     finite
 }
 
-/// Restores the state of lanes whose next state is not finite, and of unused lanes. The former also discard their warm start.
+/// Restores the state of lanes whose next state is not finite, and of lanes without an environment. Lanes with a non-finite state also
+/// discard their warm start.
 #[cold]
 fn keep_state<R: Real>(
     state: &mut State<R>,

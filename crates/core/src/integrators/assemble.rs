@@ -1,4 +1,4 @@
-//! Stage 4 at the evaluation point of a step.
+//! Assembly of the constraint problem (stage 4) at the evaluation point, the time in the step at which contacts are found.
 
 use crate::constraints::assembler::{Assembler, AssemblyInput};
 use crate::constraints::equality::RowInput;
@@ -9,7 +9,8 @@ use crate::probe::{Probe, Span};
 use crate::stages::s04_assemble::assemble;
 use stepper_real::{Mask, Real};
 
-/// Assembles the constraint problem at the evaluation point of the step, and the impulses from which its solution starts.
+/// Assembles the constraint problem at the evaluation point of the step (the time at which contacts are found). Also sets the impulses from
+/// which the solver starts.
 #[inline(always)]
 pub(crate) fn assemble_problem<R: Real>(
     place: Place<'_, R>,

@@ -26,27 +26,28 @@ const MAX_EVALUATIONS: usize = SECANTS + 10;
 #[derive(Clone, Debug)]
 pub(crate) struct CollisionSearch<R: Real> {
     swept: SweptPair<R>,
-    /// For each deferred contact, normal velocity in the motion, m/s, and lanes in which its linearised gap closes.
+    /// For each deferred contact: normal velocity in the searched motion, m/s, and lanes in which its linearised gap closes. Deferred
+    /// contacts are those that the solver leaves out.
     rates: Vec<(R, R::Mask)>,
     /// Candidate pairs: pairs whose linearised gap closes in some lane.
     pairs: Vec<CandidatePair<R>>,
     /// Generalized velocity after the step by the predicted impulses, nv.
     pub(crate) v_predicted: Vec<R>,
-    /// Paths of single lanes that share a SIMD register in the tests.
+    /// Paths of candidate pairs in single lanes, which are tested together in the lanes of one SIMD register.
     packed: Vec<PackedPath<R::Scalar>>,
 }
 
 /// Path of a candidate pair in one lane. Paths with the same kernel share a SIMD register in the tests.
 #[derive(Clone, Copy, Debug)]
 struct PackedPath<S> {
-    /// Index of the candidate pair in the search.
+    /// Index of the candidate pair in [`CollisionSearch::pairs`].
     candidate: usize,
     kernel: Kernel,
     item: Item<S>,
     gap: Gap<S>,
-    /// Overlap on the path above which the pair collides, m.
+    /// Overlap on the path up to which the pair counts as not colliding, m.
     tolerance: S,
-    /// Time on the path of the next evaluation, s.
+    /// Time on the path at which the distance is evaluated next, s.
     time: S,
 }
 
@@ -59,23 +60,23 @@ struct CandidatePair<R: Real> {
     lanes: R::Mask,
     /// Overlap on the path up to which the pair counts as not colliding, m.
     tolerance: R,
-    /// Time at which the pair touches, s; below it a time before the first touch, s. The search narrows both where the order of collisions
-    /// matters.
+    /// Time at which the pair touches, s. `before` is an earlier time at which it does not touch yet. The search narrows this bracket where
+    /// the order of collisions matters.
     time: R,
     before: R,
-    /// Distance plus tolerance at `time` (negative), m; below it the same at `before`.
+    /// Distance plus tolerance at the time `time`, m, which is negative. `distance_before` is the same quantity at the time `before`.
     distance_at_time: R,
     distance_before: R,
     /// Lanes in which it is uncertain whether this pair or another one of the same trees touches first.
     uncertain: R::Mask,
-    /// Lanes in which the error of the predicted motion may cause the overlap.
+    /// Lanes in which the collision is doubtful: the error of the predicted motion may cause its overlap.
     doubtful: R::Mask,
     /// Lanes in which another pair of the same kinematic trees touches earlier.
     later: R::Mask,
 }
 
 impl<R: Real> CandidatePair<R> {
-    /// Creates a candidate for the pair with index `pair` in the lanes `lanes`, without a collision yet.
+    /// Creates a candidate pair for the pair with index `pair` in the lanes `lanes`. Its touch is not known yet.
     fn new(pair: usize, lanes: R::Mask) -> Self {
         let (zero, none) = (R::zero(), R::Mask::splat(false));
         Self {
@@ -92,14 +93,15 @@ impl<R: Real> CandidatePair<R> {
         }
     }
 
-    /// Stores the first touch of the pair. An overlap of at most `error` (m) beyond the tolerance is doubtful.
+    /// Stores the first touch of the pair. If the overlap exceeds the tolerance by at most `error`, m, the collision counts as doubtful.
     #[inline(always)]
     fn take(&mut self, touch: &Touch<R>, error: R) {
         (self.lanes, self.time, self.distance_at_time) = (touch.lanes, touch.time, self.tolerance - touch.overlap);
         self.doubtful = touch.lanes.and(touch.overlap.le(self.tolerance + error));
     }
 
-    /// Stores the first touch of the pair in lane `lane`. In `touch`, from a packed test, it is in lane `place`.
+    /// Stores the first touch of the pair in lane `lane`. The arguments are as in [`CandidatePair::take`], but the values of `touch` are
+    /// those in its lane `place`.
     #[inline(always)]
     fn take_lane(&mut self, touch: &Touch<R>, place: usize, error: R, lane: usize) {
         let own = R::Mask::from_bits(1 << lane);
@@ -112,8 +114,8 @@ impl<R: Real> CandidatePair<R> {
         }
     }
 
-    /// Time of evaluation number `evaluation` in the search for the first touch, s. A secant approximates the touch, because the distance
-    /// decreases almost linearly.
+    /// Time of the evaluation with number `evaluation` in the search for the first touch, s. A secant approximates the touch, because the
+    /// distance decreases almost linearly.
     ///
     /// Evaluations alternate between a quarter of `window` (s) before and after the approximation, so that two of them bracket the touch.
     #[inline(always)]
@@ -135,7 +137,7 @@ impl<R: Real> CandidatePair<R> {
         R::select(time.gt(self.before).and(time.lt(self.time)), time, self.before + span * half)
     }
 
-    /// Lanes in which the brackets show whether this pair touches more than `window` (s) before `other`.
+    /// Lanes in which the brackets prove that this pair touches more than `window` (s) before the pair `other`.
     #[inline(always)]
     fn order_is_decided(&self, other: &Self, window: R) -> R::Mask {
         self.time.lt(other.before - window).or(self.before.ge(other.time - window))
@@ -409,7 +411,7 @@ impl<R: Real> CollisionSearch<R> {
     }
 }
 
-/// Adds the path of a candidate in each of the lanes `lanes` to the list of packed paths.
+/// Adds the path of a candidate pair in each of the lanes `lanes` to the list of packed paths.
 #[inline(always)]
 fn add_packed<R: Real>(
     packed: &mut Vec<PackedPath<R::Scalar>>,
@@ -431,7 +433,8 @@ fn add_packed<R: Real>(
     }
 }
 
-/// Calls `test` for groups of paths with the same kernel, as many as a register has lanes, and for their items.
+/// Groups packed paths with the same kernel, as many as a register has lanes, and calls `test` for each group. The arguments are kernel,
+/// paths, and the geoms' items.
 #[inline(always)]
 fn for_each_packed<R: Real>(packed: &[PackedPath<R::Scalar>], mut test: impl FnMut(Kernel, &[PackedPath<R::Scalar>], &[Item<R::Scalar>])) {
     for kernel in [Kernel::SphereBox, Kernel::CapsuleBox] {
@@ -447,8 +450,8 @@ fn for_each_packed<R: Real>(packed: &[PackedPath<R::Scalar>], mut test: impl FnM
     }
 }
 
-/// Linearised gap of a candidate pair, and its [`touch_tolerance`], m. They are those of the deferred contact with the largest overlap at
-/// the end of the path.
+/// Linearised gap of a candidate pair, and its [`touch_tolerance`], m. Of the pair's deferred contacts, the one with the largest overlap at
+/// the end of the path determines both.
 #[inline(always)]
 fn farthest_closing_gap<R: Real>(
     query: &CollisionQuery<'_, R>,
@@ -494,7 +497,7 @@ fn touch_tolerance<R: Real>(query: &CollisionQuery<'_, R>, problem: &ConstraintP
     (problem.closing_time * R::of(resting_speed(query.options))).max(query.contacts.data[slot].point.rounding())
 }
 
-/// Whether the pairs with the indices `first` and `second` have bodies of a common kinematic tree.
+/// Whether the pairs of geoms with the indices `first` and `second` both have a body of the same kinematic tree.
 fn share_trees<R: Real>(compiled: &LaneModel<R>, first: usize, second: usize) -> bool {
     let (first, second) = (trees_of_pair(compiled, first), trees_of_pair(compiled, second));
     first.iter().flatten().any(|tree| second.contains(&Some(*tree)))

@@ -16,16 +16,17 @@ use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
 use crate::stages::s05_solve::ImpulsePredictor;
 use crate::tuning::{MAX_PREDICTIONS, PREDICTED_ERROR_RATIO, PREDICTED_MARGIN};
 
-/// Motion of a step in which the collision search tests pairs.
+/// Motion of a step in which the collision search looks for colliding pairs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum SweptMotion {
-    /// Motion with the predicted impulses.
+    /// Motion with the predicted impulses, before the solve.
     Predicted,
-    /// Motion of the solution. With `ignores_order`, every colliding pair counts, even after an earlier collision.
+    /// Motion of the solver's solution. With `ignores_order`, every colliding pair counts, even after an earlier collision of the same
+    /// bodies.
     Solved { ignores_order: bool },
 }
 
-/// Activates the contacts that collide in the predicted motion, and repeats the prediction of the impulses with them.
+/// Activates the deferred contacts that collide in the predicted motion, and repeats the prediction of the impulses with them.
 #[inline(always)]
 pub(crate) fn predict_collisions<R: Real>(
     place: Place<'_, R>,
@@ -44,7 +45,8 @@ pub(crate) fn predict_collisions<R: Real>(
     }
 }
 
-/// Activates the deferred contacts that collide in a motion. Returns the lanes with such a contact.
+/// Activates the deferred contacts whose pairs collide in the given motion, so that the solver includes their rows. Returns the lanes with
+/// such a contact.
 #[inline(always)]
 pub(crate) fn activate_colliding<R: Real>(
     place: Place<'_, R>,
@@ -84,7 +86,7 @@ pub(crate) fn activate_colliding<R: Real>(
     colliding
 }
 
-/// Overlap on a path that the error of the predicted impulses may cause, m.
+/// Overlap that the error of the predicted impulses may cause on a path, m: the residual times the closing time times a factor.
 fn overlap_error<R: Real>(problem: &ConstraintProblem<R>, velocity: &VelocitySolution<R>) -> R {
     R::vectorize(
         #[inline(always)]

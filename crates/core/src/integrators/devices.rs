@@ -1,5 +1,5 @@
-//! Device models around a step, with their memory: actuator pipelines that produce its controls, and error models of sensors that read its
-//! result.
+//! Device models around a step, with their memory: actuator pipelines compute the actuators' controls before it, and error models of
+//! sensors process readings after it.
 
 use stepper_real::Scalar;
 

@@ -7,9 +7,9 @@ use crate::dynamics::kinematics::displace;
 use crate::integrators::step_resolution::StepResolution;
 use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
 
-/// Lanes in which the error of the midpoint rule adds energy, before the correction of positions.
+/// Lanes in which the error of the midpoint rule adds kinetic energy, before positions are corrected.
 ///
-/// The lanes `excluded` are left out, because the Runge-Kutta scheme replaces their step.
+/// The lanes `excluded` are not tested, because the Runge-Kutta scheme replaces their step.
 #[inline(always)]
 pub(crate) fn find_energy_gain<R: Real>(
     place: Place<'_, R>,
@@ -33,7 +33,7 @@ pub(crate) fn find_energy_gain<R: Real>(
     lanes.and(guard.gains_energy(compiled, kinematics, [&state.q, &state.v, &velocity.v], free, scheme, negligible))
 }
 
-/// Limits the kinetic energy after the step in the lanes `limited`.
+/// Limits the kinetic energy after the step in the lanes `limited`, to that before it plus the work of forces.
 #[inline(always)]
 pub(crate) fn limit_energy<R: Real>(
     place: Place<'_, R>,

@@ -10,7 +10,7 @@ use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
 use crate::probe::{Counter, Probe, Span};
 use crate::stages::s01_actuate::{actuate, advance_activation};
 
-/// Computes stages 1 and 2 at the evaluation point, with forces at the velocity before the step.
+/// Computes stages 1 and 2: forces, mass matrix and free velocity at the evaluation point. The forces use the velocity before the step.
 #[inline(always)]
 pub(crate) fn compute_free_motion<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R>, probe: impl Probe) {
     let Place { input: StepInput { compiled, state, inputs, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = place;
@@ -44,7 +44,7 @@ pub(crate) fn recompute_free_motion<R: Real>(input: StepInput<'_, R>, evaluation
     advance(&state.v, &free.smooth.acc, scheme.h, &mut free.v);
 }
 
-/// Advances the activations to the time of the evaluation point.
+/// Advances the activations from the beginning of the step to its evaluation point (the time at which forces are computed).
 #[inline(always)]
 pub(crate) fn advance_activations<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>) {
     let StepInput { compiled, state, inputs, .. } = input;
@@ -60,7 +60,7 @@ pub(crate) fn has_bounded_servos<R: Real>(compiled: &LaneModel<R>, scheme: &Sche
     compiled.servos_are_bounded && (scheme.implicit_forces || compiled.actuator_dynamics > 0)
 }
 
-/// Computes stage 1 with all velocity-dependent forces at the velocity before the step.
+/// Computes the actuator and spring forces (stage 1), with all velocity-dependent forces at the velocity before the step.
 fn actuate_at_velocity_before<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R>) {
     let Place { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, .. } } = place;
     if (scheme.in_the_middle || compiled.servos_are_bounded) && !compiled.servos.is_empty() {
@@ -69,7 +69,8 @@ fn actuate_at_velocity_before<R: Real>(place: Place<'_, R>, free: &mut FreeMotio
     actuate(compiled, &place.forces_at(&state.v), Some(scheme.servos(false)), &mut free.actuator_forces);
 }
 
-/// Implicit terms of the mass matrix: of joints, of implicit servos, and with `implicit_forces` the drag of the surrounding fluid.
+/// Implicit terms that the scheme adds to the mass matrix: those of joints and implicit servos. With `implicit_forces`, also the drag of
+/// the surrounding fluid.
 pub(crate) fn implicit<'a, R: Real>(
     compiled: &LaneModel<R>,
     scheme: &Scheme<R>,

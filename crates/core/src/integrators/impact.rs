@@ -25,9 +25,9 @@ use crate::tuning::{
 
 /// Moves the evaluation point of each lane to the time of its first impact. Returns the lanes that moved and must be evaluated again.
 ///
-/// An evaluation point within PLACEMENT_TOLERANCE of the impact does not move. `v_free` is the free velocity. If a contact overlaps beyond
-/// the slop while its surfaces separate, they must have touched before. In the call with `first`, its lane moves to the beginning of the
-/// step.
+/// An evaluation point within PLACEMENT_TOLERANCE of the impact does not move. `v_free` is the free velocity. `first` is true in the first
+/// call of a step. A contact that overlaps beyond the slop while its surfaces separate must have touched earlier. In the first call, its
+/// lane moves to the beginning of the step.
 pub(crate) fn move_to_first_impacts<R: Real>(
     input: StepInput<'_, R>,
     evaluation: &mut Evaluation<R>,
@@ -68,7 +68,7 @@ pub(crate) fn move_to_first_impacts<R: Real>(
     )
 }
 
-/// Normal velocities of the contacts in slot `k` for two sets of link velocities, m/s.
+/// Normal velocities of the contacts in slot `k` (one per lane) for two sets of link velocities, m/s.
 #[inline(always)]
 fn normal_velocities<R: Real>(
     compiled: &LaneModel<R>,
@@ -100,9 +100,9 @@ fn normal_velocities<R: Real>(
 
 /// Makes impacts inelastic where Newton's law has no plausible solution. Returns the lanes with such an impact, which must be solved again.
 ///
-/// See [`ConstraintProblem::drop_restitution`]. `residual` is that of the solution. In the lanes `inelastic`, an earlier call already made
-/// some impacts inelastic. There all impacts become inelastic if one is still implausible or the residual exceeds the tolerance. The
-/// contact impulses of the returned lanes become zero, because enormous impulses are a bad start for the next solve.
+/// See [`ConstraintProblem::drop_restitution`]. `residual` is that of the present solution. In the lanes `inelastic`, an earlier call
+/// already made some impacts inelastic. There all impacts become inelastic if one is still implausible or the residual exceeds the
+/// tolerance. The contact impulses of the returned lanes become zero, because enormous impulses are a bad start for the next solve.
 pub(crate) fn drop_restitution<R: Real>(
     place: Place<'_, R>,
     free: &mut FreeMotion<R>,
@@ -179,8 +179,8 @@ pub(crate) fn prepare_position_solve<R: Real>(
     lanes
 }
 
-/// Recomputes the free velocity in lanes in which contacts made the velocity jump, elastic or not. Returns these lanes, which must be
-/// solved again.
+/// Recomputes the free velocity in lanes in which contacts made the velocity jump, by elastic or inelastic impacts. Returns these lanes,
+/// which must be solved again.
 ///
 /// The midpoint rule moves half of the step with the velocity before it, and half with the velocity after it. Inertial forces are therefore
 /// the mean of those at both velocities. The first solution evaluates them at the mean velocity. At an impact, that is an error of first
@@ -200,7 +200,8 @@ pub(crate) fn correct_impact_forces<R: Real>(
     lanes
 }
 
-/// Lanes with an impact whose velocity after the step, `v_next`, differs from that at which inertial forces were evaluated.
+/// Lanes with an impact whose inertial forces must be recomputed, because `v_next` is not the velocity with which they were computed.
+/// `v_next` is the velocity after the step.
 ///
 /// If `first` is true, the inertial forces were evaluated at the mean velocity instead of half at each. Lanes in which constraints made the
 /// velocity jump then count too.
@@ -234,10 +235,10 @@ fn lanes_with_impacts<R: Real>(
     )
 }
 
-/// Computes the free velocity with inertial forces at the velocity before the step and at `v_next`.
+/// Computes the free velocity with inertial forces at the velocity before the step and at `v_next`, the velocity after it.
 ///
-/// Each of the two acts for half of the step, or in lanes with an impact before and after its time. Only inertial forces are recomputed.
-/// The forces of stage 1 are still those at the predicted mean velocity.
+/// Each of the two acts for half of the step. In lanes with an impact, the first acts before the impact and the second after it. Only
+/// inertial forces are recomputed. The forces of stage 1 are still those at the predicted mean velocity.
 fn compute_inertial_forces<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R>, problem: &ConstraintProblem<R>, v_next: &[R]) {
     let Place { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, kinematics, impacts, .. } } = place;
     let half = scheme.h * R::of(0.5);
@@ -262,7 +263,7 @@ fn compute_inertial_forces<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R
     }
 }
 
-/// Replaces the free velocity in the lanes `lanes`, and shifts the offsets of the rows by the change.
+/// Replaces the free velocity in the lanes `lanes` by the recomputed one, and shifts the offsets of the rows by the change.
 ///
 /// The rows of impacts depend on the velocity before the impact. With `first`, this velocity has inertial forces at the velocity before the
 /// step. Later calls do not change it.

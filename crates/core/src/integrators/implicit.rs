@@ -1,4 +1,5 @@
-//! Euler's rule with springs, dampers and servos at the end of the step, and velocity-dependent forces at the expected velocity there.
+//! Implicit integration scheme (integrator `implicit`): Euler's rule with springs, dampers and servos at the end of the step. Other
+//! velocity-dependent forces use the predicted velocity there.
 //!
 //! First order, and L-stable in springs and dampers (backward Euler): it dissipates the energy of motions that it cannot resolve.
 

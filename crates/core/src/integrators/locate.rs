@@ -12,7 +12,7 @@ use crate::probe::{Probe, Span};
 use crate::stages::s03_detect::detect;
 use crate::tuning::MAX_PLACEMENTS;
 
-/// Computes stages 1 to 3 at the evaluation point of the step: forces, free velocity and contacts.
+/// Finds the evaluation point of the step, and computes stages 1 to 3 there: forces, free velocity and contacts.
 ///
 /// Euler's rule evaluates a step at its beginning, the midpoint rule in its middle. A loop moves the evaluation point of some lanes. Very
 /// fast bodies could pass a thin geom before the middle, so their lanes move to the beginning of the step. Lanes with an elastic impact
@@ -44,8 +44,8 @@ pub(crate) fn locate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluati
     }
 }
 
-/// Computes stages 1 to 3 at the present evaluation point. Returns the lanes whose contacts are unreliable because the evaluation point is
-/// too late in the step.
+/// Computes stages 1 to 3 (forces, free velocity, contacts) at the present evaluation point. Returns the lanes whose contacts are
+/// unreliable because the evaluation point is too late in the step.
 #[inline(always)]
 fn evaluate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>, probe: impl Probe) -> R::Mask {
     place_bodies(input, evaluation, free, probe);
@@ -59,7 +59,7 @@ fn evaluate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, fr
     detect(compiled, kinematics, [&state.v, &free.v], [scheme.h, scheme.time_before], alive, poses, contacts, probe)
 }
 
-/// Moves the bodies to the evaluation point: computes configuration, poses and actuator transmissions there.
+/// Computes configuration, poses and actuator transmissions at the evaluation point, the time in the step at which forces are evaluated.
 #[inline(always)]
 fn place_bodies<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>, probe: impl Probe) {
     let StepInput { compiled, state, inputs, .. } = input;
@@ -72,7 +72,8 @@ fn place_bodies<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>
     probe.span(Span::Actuate, || free.actuator_forces.transmit(compiled, kinematics, &state.v, scheme.time_ahead));
 }
 
-/// Computes the configuration and the activations at the evaluation point.
+/// Computes the configuration and the activations at the evaluation point of the step, such as its middle. They follow from the state
+/// before the step.
 #[inline(always)]
 fn displace_evaluation<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>) {
     let StepInput { compiled, state, .. } = input;

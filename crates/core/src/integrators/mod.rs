@@ -1,4 +1,4 @@
-//! Integration schemes: where in a step forces and contacts are evaluated, and the parts of a step that all schemes share.
+//! Integration schemes: the times in a step at which forces and contacts are evaluated, and the parts of a step that all schemes share.
 
 pub(crate) mod acceptance;
 pub(crate) mod assemble;
@@ -33,7 +33,7 @@ use stepper_real::Real;
 use crate::options::{Integrator, StepSettings};
 use scheme::Scheme;
 
-/// Integration scheme of the integrator that the options select.
+/// Integration scheme for hard contact of the integrator that the options select.
 pub(crate) fn scheme<R: Real>(options: &StepSettings) -> Scheme<R> {
     let h = R::of(options.timestep);
     match options.integrator {

@@ -19,8 +19,8 @@ use crate::sensing::memory::Memory;
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s09_sense::sense;
 
-/// Computes the actuators' controls from the user's controls by the actuator pipelines, which read the state before the step. Part of stage
-/// 1.
+/// Computes the actuators' controls from the user's controls by the actuator pipelines (delay, lag ...), as part of stage 1. The pipelines
+/// read the state before the step.
 pub(crate) fn pass_controls<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,

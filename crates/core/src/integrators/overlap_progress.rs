@@ -25,7 +25,8 @@ use crate::probe::NoProbe;
 use crate::stages::s03_detect::detect;
 use crate::tuning::{CORRECTION_ARM, DAMPING, MIN_BAUMGARTE, MIN_DECREASE, MIN_DECREASE_ROUNDINGS};
 
-/// Reverts the position correction of islands whose overlap it does not reduce, in the lanes `infeasible` of `position.q_corrected`.
+/// Reverts the position correction of each island whose overlap it does not reduce. `infeasible` has the lanes to check, and
+/// `position.q_corrected` the corrected configuration.
 #[cold]
 #[inline(never)]
 pub(crate) fn revert_ineffective_corrections<R: Real>(
@@ -59,7 +60,7 @@ pub(crate) fn revert_ineffective_corrections<R: Real>(
                 support.iter().for_each(|&d| islands.exempt(compiled.dofs[d as usize].tree));
             }
         }
-        // The sums do not include ball joint limits and tendons, so that islands with these keep the correction.
+        // The sums do not include ball joint limits and tendons. Islands with these always keep the correction.
         compiled.ball_limits.iter().for_each(|limit| islands.exempt(compiled.dofs[limit.dof].tree));
         for tendon in &compiled.tendons {
             tendon.support.iter().for_each(|&d| islands.exempt(compiled.dofs[d as usize].tree));
@@ -86,8 +87,8 @@ fn penalty(options: &StepSettings, x: f64) -> f64 {
     x - x0 * (x / x0).ln_1p()
 }
 
-/// Adds the penalty of the deepest overlap of every pair, beyond the slop, to the pair's islands. `pose` selects the sum: 0 before the
-/// correction, 1 after it.
+/// Adds the penalty of the deepest overlap of every pair of geoms, beyond the slop, to the islands of its bodies. `pose` selects the sum: 0
+/// before the correction, 1 after it.
 fn add_overlaps<R: Real>(
     compiled: &ModelStructure<R::Scalar>,
     options: &StepSettings,

@@ -13,7 +13,7 @@ use crate::stages::s01_actuate::advance_activation;
 use crate::stages::s07_integrate_position::integrate_position;
 use crate::stages::s08_stabilise::{PositionInput, stabilise};
 
-/// Computes stage 7: integrates positions with the new velocity, and the actuator activations.
+/// Computes stage 7: integrates positions with the velocity after the step, and advances the actuator activations.
 #[inline(always)]
 pub(crate) fn integrate_positions<R: Real>(
     place: Place<'_, R>,
@@ -28,7 +28,7 @@ pub(crate) fn integrate_positions<R: Real>(
     });
 }
 
-/// Lanes that stage 8 corrects.
+/// Sets of lanes whose positions stage 8 corrects.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CorrectedLanes<R: Real> {
     /// Lanes with a position correction.
@@ -39,7 +39,8 @@ pub(crate) struct CorrectedLanes<R: Real> {
     pub(crate) infeasible: R::Mask,
 }
 
-/// Computes stage 8: corrected positions after the step, in `position.q_corrected`.
+/// Computes stage 8: the configuration after the step with corrected position errors, in `position.q_corrected`. Returns the corrected
+/// lanes.
 #[inline(always)]
 pub(crate) fn correct_positions<R: Real>(
     place: Place<'_, R>,
@@ -98,7 +99,8 @@ pub(crate) fn find_tunnelling<R: Real>(
     passed.or(may_have_passed(input.compiled, kinematics, flight, moved, poses))
 }
 
-/// Replaces the configuration after the step by the corrected one. If a jam makes the correction of an island ineffective, it is reverted.
+/// Replaces the configuration after the step by the corrected one. If contradictory constraints make the correction of an island
+/// ineffective, it is reverted.
 #[inline(always)]
 pub(crate) fn accept_corrections<R: Real>(
     input: StepInput<'_, R>,

@@ -49,7 +49,8 @@ pub(crate) fn predict<R: Real>(
     }
 }
 
-/// Computes the free velocity with velocity-dependent forces at the mean velocity of the step, which includes the present impulses.
+/// Recomputes the free velocity, with velocity-dependent forces at the mean velocity of the step. The mean velocity includes the present
+/// impulses.
 ///
 /// The implicit rule evaluates these forces at the velocity after the step instead of the mean. One such correction keeps the second order
 /// of the midpoint rule. The offsets g of `problem` are updated with the free velocity.

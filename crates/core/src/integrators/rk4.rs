@@ -15,7 +15,7 @@ use crate::model::JointKind;
 use crate::stages::s01_actuate::{activation_rate, actuate, clamp_activation};
 use crate::stages::s02_smooth::Smooth;
 
-/// Integration scheme for environments with an active constraint: the midpoint rule for a time step of `h` seconds.
+/// Integration scheme of `rk4` for environments with an active constraint: the midpoint rule for a time step of `h` seconds.
 pub(crate) fn scheme<R: Real>(h: R) -> Scheme<R> {
     midpoint::scheme(h)
 }
@@ -75,7 +75,7 @@ impl<R: Real> Rk4<R> {
         self.go(compiled, state, h * R::of(1.0 / 6.0));
     }
 
-    /// Adds `weight` times the present rates to the sums of rates.
+    /// Adds `weight` times the present rates (of displacement, velocity and activations) to their sums.
     fn accumulate(&mut self, weight: R) {
         R::vectorize(
             #[inline(always)]
@@ -89,7 +89,7 @@ impl<R: Real> Rk4<R> {
         )
     }
 
-    /// Sets the present state to `state` + `time` * rate; exactly to `state` if `time` is zero.
+    /// Sets the present state to `state` + `time` times the present rates. If `time` is zero, it is exactly `state`.
     fn go(&mut self, compiled: &LaneModel<R>, state: [&[R]; 3], time: R) {
         R::vectorize(
             #[inline(always)]

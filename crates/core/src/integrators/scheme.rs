@@ -15,8 +15,8 @@ pub(crate) struct Scheme<R> {
     pub(crate) time_before: R,
     /// Time from the evaluation point to the configuration after the step, s.
     pub(crate) time_after: R,
-    /// Time from the evaluation point to the point at which springs and servos are evaluated, s. Their change with the velocity is
-    /// implicit, in the mass matrix.
+    /// Time from the evaluation point to the point at which springs and servos are evaluated, s. The change of their force with the
+    /// velocity is implicit, in the mass matrix.
     pub(crate) time_ahead: R,
     /// Weights of implicit damping and stiffness in the mass matrix.
     pub(crate) weights: ImplicitWeights<R>,
@@ -39,11 +39,11 @@ impl<R: Real> Scheme<R> {
         self.implicit_forces
     }
 
-    /// Fraction of a gap that may close in a step: time step divided by the time to the evaluation point of the next step. A body then
-    /// meets the surface at that point and not before.
+    /// Fraction of a contact gap that may close in a step.
     ///
-    /// It is two thirds if the midpoint rule evaluates this step at its beginning and the next one in its middle. The lanes `impacts` are
-    /// evaluated at the time of an impact instead.
+    /// It is the time step divided by the time from the rows' evaluation to that of the next step. A body then meets the surface there and
+    /// not before. The fraction is two thirds if the midpoint rule evaluates this step at its beginning and the next one in its middle. The
+    /// lanes `impacts` are evaluated at the time of an impact instead.
     #[inline(always)]
     pub(crate) fn closing_fraction(&self, at_beginning: R::Mask, impacts: R::Mask) -> R {
         let whole = R::select(at_beginning, R::of(2.0 / 3.0), R::one());
@@ -68,7 +68,8 @@ impl<R: Real> Scheme<R> {
         ImplicitWeights { damping: if explicit { R::zero() } else { self.weights.damping }, ..self.weights }
     }
 
-    /// Configuration at which springs and servos are evaluated: `ahead` if the scheme evaluates them later, otherwise `here`.
+    /// Configuration at which springs and servos are evaluated. It is `ahead` if the scheme evaluates them later than the other forces,
+    /// otherwise `here`.
     pub(crate) fn springs_at<'a>(&self, here: &'a [R], ahead: &'a [R]) -> &'a [R] {
         if self.looks_ahead { ahead } else { here }
     }

@@ -109,9 +109,10 @@ fn update_active_bounds<R: Real>(
     actuator_forces.update_active_bounds(compiled, &inputs.actuator_dynamics, bounds_at, velocity_change, may_change).and(alive)
 }
 
-/// Solves the lanes `lanes`. Lanes that Newton's method leaves unsolved are solved again without curvature terms.
+/// Solves the constraint problem in the lanes `lanes`. Lanes that Newton's method leaves unsolved are solved again without curvature terms.
 ///
-/// In a jam, the first solve cannot reach the target velocities, and its impulses diverge. The second solve starts from zero impulses.
+/// If jammed bodies cannot reach the target velocities, the impulses of the first solve diverge. The second solve therefore starts from
+/// zero impulses.
 fn solve_lanes<R: Real>(
     place: Place<'_, R>,
     lanes: R::Mask,
@@ -154,11 +155,10 @@ pub(crate) fn bound_velocities<R: Real>(
     StepOutcome { solver: outcome, impulses_act, ambiguous, limited, infeasible, tunnelled: none, energy_unresolved: none }
 }
 
-/// Limits joint speeds in lanes whose motion is too fast for the time step or whose energy is ambiguous.
+/// Limits joint speeds in lanes whose motion is too fast for the time step or whose energy is ambiguous. Returns the lanes with ambiguous
+/// energy, and all limited lanes.
 ///
 /// [`limit_energy`](crate::integrators::energy_guard::limit_energy) limits their energy after stage 8.
-///
-/// Returns the lanes with ambiguous energy, and all limited lanes.
 #[inline(always)]
 fn limit_speed<R: Real>(
     place: Place<'_, R>,

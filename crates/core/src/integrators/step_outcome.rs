@@ -30,9 +30,9 @@ pub(crate) struct StepOutcome<R: Real> {
     pub(crate) energy_unresolved: R::Mask,
 }
 
-/// Larger of the solver's residual and the largest unmet target velocity of an immovable row, m/s.
+/// Residual of the whole step, m/s: the solver's residual, or the largest unmet target velocity of an immovable row if it is larger.
 ///
-/// Rows that nothing can move and dependent rows are not part of the solve.
+/// The solver does not include rows that nothing can move, and dependent rows.
 #[inline(always)]
 fn with_blocked_rows<R: Real>(problem: &ConstraintProblem<R>, residual: R) -> R {
     if !problem.may_have_immovable_rows {

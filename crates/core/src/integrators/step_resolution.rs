@@ -123,7 +123,7 @@ fn kinetic_energy_with_rotors<R: Real>(compiled: &LaneModel<R>, kinematics: &Kin
     )
 }
 
-/// Workspace of the energy balance and of the energy limit.
+/// Workspace of the checks for motion that is too fast for the time step: energy balance, and energy limit.
 #[derive(Clone, Debug)]
 pub struct StepResolution<R: Real> {
     /// Configuration after the step before position corrections, nq.
@@ -135,7 +135,7 @@ pub struct StepResolution<R: Real> {
     kinematics: Kinematics<R>,
     velocity: Vec<V6<R>>,
     change: Vec<V6<R>>,
-    /// Mean velocity of the step, and change of the velocity in it, nv each.
+    /// Mean velocity of the step, and change of the velocity by the step, nv each.
     mean: [Vec<R>; 2],
     newton_euler: NewtonEuler<R>,
     /// Whether each link is alone in its tree, on a free or ball joint.
@@ -230,7 +230,7 @@ impl<R: Real> StepResolution<R> {
         [&mut self.q_end, &mut self.v_limited, &mut self.v_forces].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
     }
 
-    /// Sets the poses of mocap bodies to those in the middle of the step.
+    /// Sets the poses of mocap bodies to those in `middle`, the poses in the middle of the step.
     fn place_mocap(&mut self, compiled: &LaneModel<R>, middle: &Kinematics<R>) {
         for mocap in &compiled.mocap {
             self.kinematics.pos[mocap.frame] = middle.pos[mocap.frame];

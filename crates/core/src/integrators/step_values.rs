@@ -49,7 +49,7 @@ pub(crate) struct StepInput<'a, R: Real> {
     pub(crate) alive: R::Mask,
 }
 
-/// Input of a step together with its evaluation point, which stages 4 to 8 do not move.
+/// Input of a step together with its evaluation point (the time at which forces and contacts are evaluated). Stages 4 to 8 do not move it.
 #[derive(Clone, Copy)]
 pub(crate) struct Place<'a, R: Real> {
     pub(crate) input: StepInput<'a, R>,
@@ -57,7 +57,7 @@ pub(crate) struct Place<'a, R: Real> {
 }
 
 impl<'a, R: Real> Place<'a, R> {
-    /// State at which forces are evaluated. Explicit velocity-dependent forces use the velocity `v_at`.
+    /// Inputs of the force computation at the evaluation point. Explicit velocity-dependent forces use the velocity `v_at`.
     pub(crate) fn forces_at(&self, v_at: &'a [R]) -> ForceState<'a, R> {
         let Place { input: StepInput { state, inputs, .. }, evaluation: Evaluation { scheme, q, q_ahead, act, .. } } = *self;
         let Inputs { ctrl, actuator_dynamics, .. } = inputs;
@@ -74,7 +74,7 @@ pub(crate) struct Evaluation<R: Real> {
     pub(crate) at_start: R::Mask,
     /// Configuration at the evaluation point, nq.
     pub(crate) q: Vec<R>,
-    /// Configuration at which the implicit rule evaluates springs and servos, nq.
+    /// Configuration at which springs and servos are evaluated, nq. The implicit scheme evaluates them later in the step than other forces.
     pub(crate) q_ahead: Vec<R>,
     /// Activations at the evaluation point, na.
     pub(crate) act: Vec<R>,
@@ -114,8 +114,10 @@ impl<R: Real> Evaluation<R> {
         [q, q_ahead, act].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
     }
 
-    /// Sets gaps within rounding to zero in single precision, chooses the tangents of the contacts, and copies the impulses of the same
-    /// contacts from `last`. Overwrites `last`.
+    /// Prepares the contacts of a step.
+    ///
+    /// The function chooses their tangents, and copies the impulses of the same contacts from `last`, the contacts of the last step. In
+    /// single precision, it sets gaps within rounding to zero. `last` is overwritten.
     #[inline(always)]
     pub(crate) fn match_contacts(&mut self, compiled: &LaneModel<R>, last: &mut Contacts<R>) {
         self.contacts.close_rounded_gaps(norm(compiled.params.gravity()) * self.scheme.h * self.scheme.h);
@@ -137,7 +139,7 @@ pub(crate) struct FreeMotion<R: Real> {
     /// Predicted velocity after the step, nv. Velocity-dependent forces are evaluated between this and the velocity before the step
     /// ([`Scheme::velocity_weight`]).
     pub(crate) v_expected: Vec<R>,
-    /// Generalized impulse of the step's constraints, nv.
+    /// Generalized impulse of the constraints in this step, nv.
     pub(crate) impulse: Vec<R>,
     /// Lanes whose motion is too fast for the time step.
     pub(crate) unresolved: R::Mask,
@@ -152,7 +154,7 @@ pub(crate) struct FreeMotion<R: Real> {
 pub(crate) struct Scratch<R: Real> {
     /// Change of the velocity by constraint impulses.
     pub(crate) velocity_by_impulses: Vec<R>,
-    /// Change of the velocity from before to after the step.
+    /// Change of the velocity by the whole step, nv.
     pub(crate) velocity_change: Vec<R>,
     /// Generalized impulses.
     pub(crate) impulse: Vec<R>,

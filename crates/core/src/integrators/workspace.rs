@@ -41,7 +41,7 @@ pub struct Workspace<R: Real> {
     pub(crate) user_controls: Vec<R>,
     /// Lanes that have an environment.
     pub(crate) alive: R::Mask,
-    /// Whether the workspace already contains the state of the group that will be stepped next.
+    /// Whether the workspace already contains the state of the group of environments that will be stepped next.
     pub(crate) current: bool,
     pub(crate) evaluation: Evaluation<R>,
     pub(crate) free_motion: FreeMotion<R>,

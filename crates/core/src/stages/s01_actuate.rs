@@ -174,7 +174,7 @@ fn nearest_equivalent_angle<R: Real>(
     R::select(alone.and(gain[0].eq(-bias[1])), nearest, input)
 }
 
-/// Setpoint of an activation filter: the control `u`, or for an angular servo the equivalent angle nearest to the activation `at`.
+/// Setpoint of an activation filter: the control `u`. For an angular servo it is the equivalent angle nearest to the activation `at`.
 #[inline(always)]
 fn setpoint<R: Real>(compiled: &LaneModel<R>, i: usize, actuator: &CompiledActuator<R::Scalar>, u: R, at: R) -> R {
     let u = control(u, actuator.ctrl_range);
@@ -206,7 +206,7 @@ fn affine_force<R: Real>(
     }
 }
 
-/// Adds the forces of joint springs at the configuration `q` to `tau`.
+/// Adds the generalized forces of joint springs at the configuration `q` to `tau`.
 #[inline(always)]
 fn add_springs<R: Real>(compiled: &LaneModel<R>, q: &[R], tau: &mut [R]) {
     for (j, joint) in compiled.joints.iter().enumerate().filter(|(_, joint)| joint.sprung) {

@@ -23,7 +23,7 @@ pub struct Smooth<R: Real> {
     pub newton_euler: NewtonEuler<R>,
     /// Diagonal of the mass matrix without implicit terms, nv; empty in models without servos.
     pub inertia: Vec<R>,
-    /// Additional damping of stiff joint springs, nv; empty in models without joint springs. See [`crate::actuation::forces`].
+    /// Damping that is added to stiff joint springs, nv; empty in models without joint springs. See [`crate::actuation::forces`].
     spring_damping: Vec<R>,
     composite: Vec<Inertia<R>>,
     fluid: Fluid<R>,

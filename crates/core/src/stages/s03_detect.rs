@@ -52,7 +52,8 @@ pub fn detect<R: Real>(
     })
 }
 
-/// Broad phase: computes the poses of the geoms, and finds the pairs that can touch within two steps at the free velocity `v_free`.
+/// Broad phase: computes the poses of the geoms, and finds the pairs that can touch within two steps. `v` and `v_free` are the velocities
+/// before the step, and after it without constraints.
 ///
 /// With `checks_passing`, it also finds the static pairs (moving geom and world geom) whose geoms may have passed each other since the
 /// beginning of the step.

@@ -92,7 +92,8 @@ impl<R: Real> Assembler<'_, R> {
         problem.rows.least_mobility = R::of(least_mobility::<R>()) / compiled.moving_mass();
     }
 
-    /// Activates contacts between faces that already rest on each other, and finds contact groups with redundant supports.
+    /// Completes the problem: activates contacts between faces that already rest on each other, and finds contact groups with redundant
+    /// supports.
     #[inline(always)]
     fn finish(&mut self, compiled: &LaneModel<R>, contacts: &Contacts<R>) {
         let Self { problem, velocity, .. } = self;

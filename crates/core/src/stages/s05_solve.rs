@@ -13,7 +13,8 @@ use crate::tuning::{
     ROUGH_MOTION, STRUCTURE_MOTION,
 };
 
-/// Solves the lanes `lanes` to the tolerance. Afterwards, [`store_impulses`] can store the impulses for the next step.
+/// Solves the constraint problem in the lanes `lanes`, to the tolerance of the options or less. Afterwards, [`store_impulses`] can store
+/// the impulses for the next step.
 ///
 /// The tolerance of slow lanes is a fraction of their speed `v`. Otherwise a robot at rest would creep at the speed of the tolerance.
 #[inline(always)]
@@ -29,7 +30,7 @@ pub fn solve<R: Real>(
     solve_to(options, tolerance, lanes, problem, velocity, contacts)
 }
 
-/// Solves the lanes `lanes` to a residual of `tolerance`, m/s.
+/// Solves the constraint problem in the lanes `lanes` to a residual of `tolerance`, m/s.
 #[inline(always)]
 pub fn solve_to<R: Real>(
     options: &StepSettings,
@@ -54,7 +55,8 @@ pub fn solve_to<R: Real>(
     outcome
 }
 
-/// Stores the impulses of all rows, from which the next step starts: of contacts in `contacts`, of scalar rows in the velocity solution.
+/// Stores the impulses of all rows, from which the solver starts in the next step. Those of contacts go to `contacts`, those of scalar rows
+/// to the velocity solution.
 #[inline(always)]
 pub fn store_impulses<R: Real>(problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>, contacts: &mut Contacts<R>) {
     let ConstraintProblem { impulse_indices, slots, rolling_slots, .. } = problem;
@@ -115,9 +117,10 @@ pub struct ImpulsePredictor<R: Real> {
     /// Lanes that move. Their prediction depends on the previous impulses only within its tolerance. Lanes at rest keep the previous
     /// impulses as their prediction.
     moving: R::Mask,
-    /// Lanes that a few Gauss-Seidel iterations from zero predict accurately enough. The other moving lanes iterate to `tolerance`.
+    /// Moving lanes whose impulses a few Gauss-Seidel iterations from zero predict accurately enough. The other moving lanes iterate to
+    /// `tolerance`.
     rough: R::Mask,
-    /// Largest change of a contact velocity per iteration at which the other lanes stop, m/s.
+    /// Change of the contact velocities per iteration at which lanes outside `rough` stop iterating, m/s.
     tolerance: R,
 }
 
@@ -205,7 +208,8 @@ pub(crate) fn fastest<R: Real>(v: &[R]) -> R {
     fastest
 }
 
-/// Residual at which each lane stops, m/s: a fraction of its speed, but above the rounding of velocities, and at most the tolerance.
+/// Residual at which the solver stops in each lane, m/s. It is a fraction of the lane's speed, but above the rounding of velocities, and at
+/// most the tolerance.
 ///
 /// In 32 bits, velocities of 1 m/s round at 1e-3 m/s, above the default tolerance. Heavy boxes would creep into light ones at that
 /// residual, so that lanes with redundant supports (`has_groups`) stop at a smaller one.

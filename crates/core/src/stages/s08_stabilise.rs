@@ -28,7 +28,7 @@ use crate::tuning::{
     DAMPING, MAX_CORRECTION_ROTATION, MAX_REBOUND_SPEED_RATIO, MAX_SPEED_RATIO, MIN_UNMET_TARGET, NEGLIGIBLE_CORRECTION,
 };
 
-/// Bounds of the speed of a position correction.
+/// Bounds of the speed of a position correction (displacement divided by the time step).
 #[derive(Clone, Copy, Debug)]
 struct Bounds<R> {
     /// Bound of a translation, m/s.
@@ -44,7 +44,8 @@ impl<R: Real> Bounds<R> {
         Self { shift, turn: (shift * R::of(1.0 / CORRECTION_ARM)).min(R::of(MAX_CORRECTION_ROTATION) / h) }
     }
 
-    /// Bounds of the velocity change by constraints, independent of the time step. A larger change is attributed to Baumgarte's correction.
+    /// Bounds of a plausible velocity change by constraints, independent of the time step. A larger change is attributed to Baumgarte's
+    /// correction.
     #[inline(always)]
     fn absurd(options: &StepSettings) -> Self {
         let shift = R::of((BAUMGARTE_LIMIT * MAX_SPEED_RATIO * options.max_correction_speed).max(1e-9));
@@ -60,7 +61,7 @@ impl<R: Real> Bounds<R> {
 
 /// Inputs of the position solve.
 pub struct PositionInput<'a, R: Real> {
-    /// Problem of the step.
+    /// Constraint problem of the step.
     pub problem: &'a ConstraintProblem<R>,
     /// Factors of the mass matrix.
     pub mass: &'a MassMatrix<R>,
@@ -235,8 +236,9 @@ fn correct<R: Real>(
     infeasible
 }
 
-/// Converts the copied rows to those of the position solve. These are damped, have position errors as targets, and count impulses from
-/// those of the velocity solution.
+/// Converts the copied rows of the velocity solve to those of the position solve.
+///
+/// Position rows are damped, and have position errors as targets. Their impulses are relative to those of the velocity solution.
 #[inline(always)]
 pub(crate) fn damp_rows<R: Real>(
     compiled: &LaneModel<R>,
@@ -287,10 +289,10 @@ fn find_motion<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, impulses:
     }
 }
 
-/// Limits the correction `v` in the lanes `lanes` to [`MAX_REBOUND_SPEED_RATIO`] times the larger speed of two velocities, in the metric of
-/// the kinetic energy.
+/// Limits the correction `v` in the lanes `lanes` to [`MAX_REBOUND_SPEED_RATIO`] times the larger of two speeds, in the metric of the
+/// kinetic energy.
 ///
-/// Friction in a corner can make the correction itself enormous. The function overwrites `scratch`.
+/// Friction in a corner can make the correction enormous. The function overwrites `scratch`.
 #[inline(always)]
 fn bound_rebound<R: Real>(
     compiled: &LaneModel<R>,
@@ -328,7 +330,7 @@ fn excess_of<R: Real>(kind: JointKind, v: &[R], bounds: Bounds<R>) -> R {
     }
 }
 
-/// Slows the correction `v` down in islands (bodies that rows connect) that exceed their bounds, in the lanes `lanes`.
+/// Slows the correction `v` down in the lanes `lanes`, in islands whose bounds it exceeds. An island is a set of bodies that rows connect.
 ///
 /// A whole island slows down by the same factor, so that loops stay closed. If there is a snapshot of the impulses, they are blended with
 /// it in the same ratio.

@@ -84,7 +84,7 @@ fn read<R: Real>(
     workspace.truth[at] = scalar;
 }
 
-/// True reading of a sensor with three numbers.
+/// True reading of a sensor whose reading has three numbers.
 fn three<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, workspace: &SensorWorkspace<R>, read: &Read<R::Scalar>) -> V3<R> {
     let tree = |index: &usize| &compiled.sensing.subtrees[*index];
     match read {
@@ -123,7 +123,7 @@ fn weighted<R: Real>(terms: &[(usize, R::Scalar)], x: &[R]) -> R {
     )
 }
 
-/// Sum of the entries of `x` with the indices `which`.
+/// Sum of those entries of `x` whose indices are in `which`.
 fn total<R: Real>(which: &[usize], x: &[R]) -> R {
     R::vectorize(
         #[inline(always)]

@@ -54,7 +54,7 @@ bitflags! {
         /// energy would double within 0.1 s. In the fourth case elastic impacts became inelastic, because Newton's law has no plausible
         /// solution. In the fifth case the active bounds of stiff servos still changed after the last solve.
         const UNRESOLVED = 8;
-        /// A geom moved so fast that it may have passed through a thin one.
+        /// A geom moved so fast that it may have passed through a thin geom.
         const TUNNELLED = 16;
         /// Constraints contradict each other, and impulses prove it. No motion within the bounds of a correction meets the targets. The
         /// solver meets them as far as possible.
@@ -69,7 +69,7 @@ bitflags! {
 }
 
 impl Status {
-    /// Solved to the tolerance, finite, with all contacts kept: no flag.
+    /// No flag: the step is solved to the tolerance, its state is finite, and no contact was left out.
     pub const OK: Self = Self::empty();
 }
 

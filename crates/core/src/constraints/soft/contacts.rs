@@ -16,7 +16,7 @@ use crate::math::spatial::*;
 struct ContactLaw<R: Real> {
     /// Stiffness K times impedance d, 1/s^2, and damping B, 1/s, of the normal row.
     spring: [R; 2],
-    /// Impedance d of the normal row.
+    /// Impedance d of the normal row, between 0 and 1.
     impedance: R,
     /// Approximate inverse inertia along the normal, 1/kg.
     weight: R,
@@ -28,8 +28,8 @@ struct ContactLaw<R: Real> {
     friction: [R; 5],
     /// Number of friction rows of each contact: condim - 1.
     frictions: R,
-    /// Divisor of the normal row's regularisation, and lower bound of the regularisation per weight. They are 1 and 0 except in discrete
-    /// steps.
+    /// Divisor of the normal row's regularisation, and lower bound of the regularisation divided by `weight`. They are 1 and 0 except in
+    /// discrete steps.
     end: [R; 2],
 }
 
@@ -94,7 +94,7 @@ impl<R: Real> ContactLaw<R> {
         reference
     }
 
-    /// Weights D = 1 / R and scales of `N` rows in the lanes `active`; see [`stepper_solve::soft::SoftContact`].
+    /// Weights D = 1 / R and scales of `N` rows of a contact in the lanes `active`; see [`stepper_solve::soft::SoftContact`].
     #[inline(always)]
     fn weights<const N: usize>(&self, cone: Cone, impratio: R, discrete: bool, active: R::Mask) -> [[R; N]; 2] {
         let (zero, one) = (R::zero(), R::one());
@@ -134,7 +134,7 @@ impl<R: Real> ContactLaw<R> {
         [weight, scale]
     }
 
-    /// Weights of the rows in the effective mass matrix of a discrete step. All rows of a contact use the correction of the first row.
+    /// Weights D of the rows of a contact, for the effective mass matrix of a discrete step. All rows use the correction of the first row.
     #[inline(always)]
     fn in_metric<const N: usize>(
         &self,

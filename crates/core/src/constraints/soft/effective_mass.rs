@@ -19,9 +19,9 @@ pub struct EffectiveMass<R: Real> {
     pub(crate) mass: Vec<R>,
     /// Diagonal of M, and diagonal of the effective mass matrix.
     pub(crate) diagonals: [Vec<R>; 2],
-    /// Couplings: range of its terms in `dofs` and `arms`, and weight w.
+    /// Couplings of several degrees of freedom: range of the terms in `dofs` and `arms`, and weight w of the coupling.
     couplings: Vec<(Range<usize>, R)>,
-    /// Degrees of freedom of all couplings, ascending within each; below them the moment arms.
+    /// Degrees of freedom of all couplings, ascending within each coupling. `arms` has their moment arms.
     dofs: Vec<u32>,
     arms: Vec<R>,
 }
@@ -101,8 +101,8 @@ impl<R: Real> EffectiveMass<R> {
         !self.couplings.is_empty()
     }
 
-    /// Ratio of a row's inverse inertia with the effective mass matrix to that with M, approximated from the diagonals. `of` returns the
-    /// entries of the row's Jacobian on `support`.
+    /// Ratio of the inverse inertia of a row with the effective mass matrix to that with M, approximated from the diagonals. `of` returns
+    /// the row's Jacobian entry for an index into `support`.
     #[inline(always)]
     pub(super) fn mobility(&self, support: &[u32], of: impl Fn(usize) -> R) -> R {
         let (mut own, mut bare) = (R::zero(), R::zero());
@@ -117,7 +117,8 @@ impl<R: Real> EffectiveMass<R> {
     }
 }
 
-/// Weight D of a row, corrected by `mobility`: the ratio of its inverse inertia to the approximation in its law.
+/// Weight D of a row for the effective mass matrix. `weight` is that of the row's law, and `mobility` the ratio of the row's inverse
+/// inertia to that in the law.
 #[inline(always)]
 pub(super) fn in_metric<R: Real>(weight: R, mobility: R) -> R {
     (weight / mobility).min(R::of(1.0 / MIN_MOBILITY))

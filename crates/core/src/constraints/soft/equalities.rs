@@ -120,13 +120,14 @@ fn unbounded<R: Real>() -> [R; 2] {
     [R::of(f64::NEG_INFINITY), R::of(f64::INFINITY)]
 }
 
-/// Relative orientation of two frames. MuJoCo's error is the vector part of the quaternion q1^-1 q0, in the second frame's axes.
+/// Relative orientation of the two frames of a weld. MuJoCo's error is the vector part of the quaternion q1^-1 q0, in the second frame's
+/// axes.
 struct Turn<R: Real> {
-    /// Scalar part of the quaternion.
+    /// Scalar part of the quaternion q1^-1 q0 from the second frame to the first.
     scalar: R,
-    /// Vector part of the quaternion, the error.
+    /// Vector part of the quaternion q1^-1 q0, which is the orientation error.
     error: V3<R>,
-    /// Second derivative of the vector part if no joint accelerates, 1/s^2.
+    /// Second time derivative of the orientation error if no joint accelerates, 1/s^2.
     kappa: V3<R>,
     /// Rotation matrix from the second frame to the world.
     second: M3<R>,
@@ -153,7 +154,7 @@ impl<R: Real> Turn<R> {
         turn
     }
 
-    /// Time derivative of the vector part for the relative angular velocity `relative` in world axes, rad/s.
+    /// Time derivative of the orientation error, 1/s, for the relative angular velocity `relative` in world axes, rad/s.
     #[inline(always)]
     fn rate(&self, relative: V3<R>) -> V3<R> {
         let w = rotate_back(&self.second, relative);

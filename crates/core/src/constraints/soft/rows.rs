@@ -13,7 +13,7 @@ use crate::math::spatial::*;
 
 /// Scalar row of MuJoCo's contact law, before it is added to the problem.
 pub(super) struct SoftRow<R: Real> {
-    /// Reference acceleration and weight D = 1 / R.
+    /// Reference acceleration of the row, and its weight D = 1 / R.
     pub(super) law: [R; 2],
     /// Lowest and highest force.
     pub(super) bounds: [R; 2],
@@ -158,7 +158,7 @@ impl<R: Real> Assembler<'_, R> {
         }
     }
 
-    /// Adds the row of a limit, which only pushes, for its position error and the error's time derivative.
+    /// Adds the row of a limit, whose force only pushes. The arguments include the limit's position error and its time derivative.
     #[inline(always)]
     fn push_soft_limit(
         &mut self,
@@ -181,7 +181,8 @@ pub(super) fn row_law<R: Real>(law: &SoftLaw<R::Scalar>, input: SoftInput<'_, R>
     law_at(law, input.effective, law.impedance(error), [error, rate, R::zero()], active)
 }
 
-/// Direction away from the nearer end of a range (1 or -1), and signed distance from that end, negative outside the range.
+/// End of a range that is nearer to `x`: direction from it into the range (1 or -1), and signed distance of `x` from it. The distance is
+/// negative outside the range.
 #[inline(always)]
 fn nearer_end<R: Real>(x: R, lowest: R, highest: R) -> (R, R) {
     let (below, above) = (x - lowest, highest - x);

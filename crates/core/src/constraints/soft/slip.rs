@@ -1,4 +1,4 @@
-//! Noslip iterations after the solution with MuJoCo's contact law, and the order in which they visit contacts.
+//! Noslip iterations after the solution with MuJoCo's contact law, and the order of contacts in them.
 //!
 //! Iterations that stop before they converge depend on the order. It is MuJoCo's: ascending pairs of bodies, then pairs of geoms, in every
 //! lane separately. The points of one pair are in stepper's order.

@@ -23,9 +23,9 @@ pub struct SoftSystem<R: Real> {
     pub mass: Vec<R>,
     /// Order in which noslip iterations visit the contacts.
     pub(super) order: VisitOrder<R>,
-    /// Workspace: angular parts of the rows of a contact.
+    /// Workspace: rotational parts of the rows of a contact.
     pub(super) angular: Vec<V3<R>>,
-    /// Workspace: degrees of freedom of a row, ascending.
+    /// Workspace: degrees of freedom of the row under construction, ascending.
     pub(super) terms: Vec<u32>,
 }
 
@@ -152,7 +152,7 @@ impl<R: Real> SoftSystem<R> {
     }
 }
 
-/// Mass matrix of one tree, as the metric of the lane solver: entries and factors.
+/// Mass matrix of one kinematic tree as metric of the solver for one lane: entries and factors.
 struct TreeMass<'a, R: Real> {
     compiled: &'a LaneModel<R>,
     mass: &'a [R],

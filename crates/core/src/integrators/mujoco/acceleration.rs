@@ -37,7 +37,7 @@ pub(super) struct Acceleration<'a, R: Real> {
 impl<R: Real> Acceleration<'_, R> {
     /// Computes the constrained acceleration at the state `stage` (stages 1 to 5), and stores it in the soft system.
     ///
-    /// With `from_impulse` the solver starts from the impulse of the last step, otherwise from the previous acceleration.
+    /// With `from_impulse` the solver starts from the constraint impulse of the last step, otherwise from the previous acceleration.
     pub(super) fn compute(&mut self, input: StepInput<'_, R>, stage: &StageState<R>, from_impulse: bool, probe: impl Probe) -> Outcome<R> {
         self.prepare(input, stage, Recomputed::Configuration, probe);
         probe.span(Span::Solve, || self.solve(input, from_impulse))
@@ -74,7 +74,8 @@ impl<R: Real> Acceleration<'_, R> {
         }
     }
 
-    /// Computes stages 1 and 2: explicit forces, and the acceleration without constraints.
+    /// Computes stages 1 and 2: explicit forces, and the acceleration without constraints. `recomputed` selects the parts that have
+    /// changed.
     fn free_acceleration(&mut self, input: StepInput<'_, R>, stage: &StageState<R>, recomputed: Recomputed, probe: impl Probe) {
         probe.count(Counter::Evaluations, || 1.0);
         let (compiled, kinematics, smooth) = (input.compiled, &self.evaluation.kinematics, &mut self.free.smooth);
@@ -84,7 +85,7 @@ impl<R: Real> Acceleration<'_, R> {
         if let Some(system) = &mut self.problem.soft {
             match recomputed {
                 Recomputed::Configuration => system.mass.copy_from_slice(&smooth.mass.entries),
-                // Stage 6 added its implicit terms to the entries. This restores them.
+                // Stage 6 added its implicit terms to the entries of the mass matrix. This restores the entries.
                 Recomputed::Velocity | Recomputed::Forces => smooth.mass.entries.copy_from_slice(&system.mass),
             }
         }
@@ -93,7 +94,8 @@ impl<R: Real> Acceleration<'_, R> {
         probe.span(Span::Acceleration, || self.move_freely(input, stage));
     }
 
-    /// Computes stages 1 and 2 of a discrete step, which evaluates springs, dampers, servos and drag at its end.
+    /// Computes stages 1 and 2 of a discrete step: forces, and the acceleration without constraints. Springs, dampers, servos and drag are
+    /// evaluated at the end of the step.
     fn free_acceleration_at_end(&mut self, input: StepInput<'_, R>, stage: &StageState<R>, probe: impl Probe) {
         probe.count(Counter::Evaluations, || 1.0);
         let explicit = Implicit::<R>::none().weights;
@@ -107,7 +109,7 @@ impl<R: Real> Acceleration<'_, R> {
         probe.span(Span::Acceleration, || self.move_freely(input, stage));
     }
 
-    /// Computes stage 1: all forces at the state, explicit.
+    /// Computes stage 1: all forces at the state `stage`, without implicit terms.
     fn compute_forces(&mut self, input: StepInput<'_, R>, stage: &StageState<R>) {
         let StepInput { compiled, inputs, .. } = input;
         let (free, kinematics) = (&mut *self.free, &self.evaluation.kinematics);
@@ -121,14 +123,16 @@ impl<R: Real> Acceleration<'_, R> {
         add_tendon_springs(compiled, &stage.q, &stage.v, &mut free.applied);
     }
 
-    /// Computes stage 2: the acceleration without constraints by the factored matrix, and the free velocity after the step.
+    /// Computes stage 2 from the factored mass matrix: the acceleration without constraints, and the velocity after the step without
+    /// constraints.
     fn move_freely(&mut self, input: StepInput<'_, R>, stage: &StageState<R>) {
         let free = &mut *self.free;
         free.accelerate(input.compiled, &self.evaluation.kinematics, &stage.v, &stage.v);
         advance(&stage.v, &free.smooth.acc, R::of(input.options.timestep), &mut free.v);
     }
 
-    /// Computes stage 3: contacts at the configuration. If the step is being differentiated, also contacts that will close soon.
+    /// Computes stage 3: contacts at the configuration of `stage`. If the step is being differentiated, contacts that will close soon are
+    /// found too.
     fn find_contacts(&mut self, input: StepInput<'_, R>, stage: &StageState<R>, probe: impl Probe) {
         let Evaluation { kinematics, poses, contacts, solved_overlaps, .. } = &mut *self.evaluation;
         let ahead = R::of(if solved_overlaps.is_some() { LOOK_AHEAD } else { 0.0 });
@@ -187,7 +191,8 @@ impl<R: Real> Acceleration<'_, R> {
     }
 }
 
-/// Adds the forces of springs and dampers of fixed tendons to `forces`, explicit in `q` and `v`.
+/// Adds the forces of springs and dampers of fixed tendons at the configuration `q` and the velocity `v` to the generalized forces
+/// `forces`.
 fn add_tendon_springs<R: Real>(compiled: &LaneModel<R>, q: &[R], v: &[R], forces: &mut [R]) {
     R::vectorize(
         #[inline(always)]

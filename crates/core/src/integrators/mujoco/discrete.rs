@@ -83,7 +83,7 @@ pub(super) fn assemble_effective_mass<R: Real>(
     );
 }
 
-/// Computes stage 6 of the discrete rule: v+ = v + h a.
+/// Computes the velocity after the step by the discrete rule (stage 6), v+ = v + h a, into `v_next`.
 pub(super) fn integrate_velocity<R: Real>(
     input: StepInput<'_, R>,
     kinematics: &Kinematics<R>,
@@ -103,7 +103,7 @@ pub(super) fn integrate_velocity<R: Real>(
             R::vectorize(
                 #[inline(always)]
                 || {
-                    // Forces that belong to the acceleration without constraints.
+                    // Forces that the acceleration without constraints contains.
                     for i in 0..6 {
                         let mut sum = R::zero();
                         for j in 0..6 {

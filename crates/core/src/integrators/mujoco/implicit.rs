@@ -89,7 +89,7 @@ pub(super) fn integrate_velocity<R: Real>(
     advance(v, work, h, v_next);
 }
 
-/// Adds h times the damping of fixed tendons to the mass matrix, at pairs of dofs for which it has an entry.
+/// Adds h times the damping of fixed tendons to the mass matrix. Pairs of dofs without an entry in the matrix are left out.
 #[inline(always)]
 fn add_tendon_damping<R: Real>(compiled: &LaneModel<R>, h: R, entries: &mut [R]) {
     for tendon in &compiled.tendons {
@@ -108,8 +108,8 @@ fn add_tendon_damping<R: Real>(compiled: &LaneModel<R>, h: R, entries: &mut [R])
 
 /// Solves the six equations of a single body on a free joint, including the derivative of its gyroscopic force.
 ///
-/// The matrix is unsymmetric, so that the factors of the mass matrix cannot represent it (`mjd_freeMhat`). `entries` are those of M, and
-/// those of M + h D.
+/// The matrix is unsymmetric, so that the factors of the mass matrix cannot represent it (MuJoCo's `mjd_freeMhat`). `entries` are those of
+/// M, and those of M + h D. `x` is the right side at degrees of freedom `first` to `first` + 5, and receives the solution.
 #[inline(always)]
 pub(super) fn solve_alone<R: Real>(compiled: &LaneModel<R>, entries: [&[R]; 2], mat: &M3<R>, v: &[R], h: R, first: usize, x: &mut [R]) {
     let mut a = [[R::zero(); 6]; 6];

@@ -37,7 +37,8 @@ use crate::probe::{Counter, NoProbe, Probe, Span};
 use crate::stages::s01_actuate::advance_activation;
 use crate::stages::s07_integrate_position::integrate_position;
 
-/// Makes stages 1 to 7 of a step with MuJoCo's contact law. Writes the next state to the velocity and position solutions.
+/// Makes stages 1 to 7 of a step with MuJoCo's contact law: from forces to positions. Writes the next state to the velocity and position
+/// solutions.
 pub(crate) fn solve_step<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
@@ -67,7 +68,7 @@ pub(crate) fn solve_step<R: Real>(
     StepOutcome { solver, impulses_act: true, ambiguous: none, limited: none, infeasible: none, tunnelled, energy_unresolved: none }
 }
 
-/// Makes stages 6 and 7: advances velocity and positions with the constrained acceleration.
+/// Makes stages 6 and 7 of a step: advances velocity and positions with the constrained acceleration.
 fn advance<R: Real>(
     input: StepInput<'_, R>,
     acceleration: &mut Acceleration<'_, R>,
@@ -88,8 +89,8 @@ fn advance<R: Real>(
     });
 }
 
-/// Makes stages 1 to 7 of a displaced step, close to a solved step with the acceleration `solution`. Stage 5 changes the solution only to
-/// first order.
+/// Makes stages 1 to 7 of a slightly displaced step, for derivatives. `solution` is the acceleration of the solved step nearby. Stage 5
+/// changes it only to first order in the displacement.
 pub(crate) fn respond_step<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,

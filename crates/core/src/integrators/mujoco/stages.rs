@@ -5,9 +5,9 @@ use stepper_real::Real;
 /// Workspace of the Runge-Kutta method: sums and rates.
 #[derive(Clone, Debug)]
 pub(crate) struct RungeKuttaStages<R: Real> {
-    /// Weighted sums over the stages: of displacement rates, of accelerations, and of rates of the activations.
+    /// Weighted sums over the Runge-Kutta stages: of displacement rates, of accelerations, and of activation rates.
     pub(super) sum: [Vec<R>; 3],
-    /// Displacement rates, and rates of the activations, at the last stage.
+    /// Displacement rates and activation rates at the last Runge-Kutta stage that was evaluated.
     pub(super) rate: [Vec<R>; 2],
 }
 

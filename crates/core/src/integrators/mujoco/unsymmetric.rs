@@ -6,12 +6,12 @@ use crate::compile::{LaneModel, ModelStructure};
 use crate::dynamics::inertia::{NewtonEuler, link_forces, project_forces};
 use crate::dynamics::kinematics::Kinematics;
 
-/// Dense matrix, row-major, with the buffers that compute it.
+/// Dense unsymmetric matrix of the integrator `implicit`, row-major, with the buffers that compute it.
 #[derive(Clone, Debug)]
 pub(crate) struct Unsymmetric<R: Real> {
     entries: Vec<R>,
     newton_euler: NewtonEuler<R>,
-    /// Velocity at which the bias force is evaluated; below it the bias force there.
+    /// Velocity at which the bias force is evaluated. `bias` is the bias force there.
     velocity: Vec<R>,
     bias: Vec<R>,
     /// Bias force at zero velocity minus that at the present velocity.
@@ -74,7 +74,7 @@ impl<R: Real> Unsymmetric<R> {
         );
     }
 
-    /// Computes the bias force at the velocity `self.velocity`, into `self.bias`.
+    /// Computes the bias force (Coriolis, centrifugal and gravity) at the velocity `self.velocity`, into `self.bias`.
     fn find_bias(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) {
         let Self { newton_euler, velocity, bias, .. } = self;
         R::vectorize(
@@ -86,7 +86,7 @@ impl<R: Real> Unsymmetric<R> {
         );
     }
 
-    /// Replaces `difference` by `bias` - `difference`.
+    /// Replaces the vector `difference` by `bias` - `difference`.
     fn subtract(&mut self) {
         R::vectorize(
             #[inline(always)]

@@ -23,14 +23,14 @@ pub(crate) struct StageState<R: Real> {
 }
 
 impl<R: Real> StageState<R> {
-    /// Copies the state before the step.
+    /// Copies configuration, velocity and activations from the state before the step.
     pub(crate) fn copy_from(&mut self, state: &State<R>) {
         self.q.copy_from_slice(&state.q);
         self.v.copy_from_slice(&state.v);
         self.act.copy_from_slice(&state.act);
     }
 
-    /// Inputs of the explicit forces at this state.
+    /// Configuration, velocity, activations and controls with which all explicit forces are computed.
     pub(crate) fn forces<'a>(&'a self, inputs: &'a Inputs<R>) -> ForceState<'a, R> {
         ForceState::state(&self.q, &self.v, &self.act, &inputs.ctrl, &inputs.actuator_dynamics)
     }

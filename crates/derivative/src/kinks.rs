@@ -69,7 +69,7 @@ pub struct Kinks {
 struct ActiveSet {
     /// Indices of the active constraints, one list for each flag in [`LISTED`].
     lists: [Vec<usize>; 6],
-    /// Switch values, which are zero at a kink, or NaN: three for every contact that pushes. Below them those of the joints.
+    /// Switch values of contacts, which are zero at a kink, or NaN: three for every contact that pushes. `joints` has those of the joints.
     contacts: Vec<[f64; 3]>,
     joints: Vec<f64>,
     unsolved: bool,
@@ -205,7 +205,7 @@ fn read_joints(sim: &Simulation, copies: &PerturbedCopies<'_>, env: usize, hard:
 /// Friction parameters of the contacts in one environment.
 struct ContactFriction<'a> {
     model: &'a Model,
-    /// Per-environment friction of geoms (ngeom, 3), and below it of pairs (npair, 3); `None` if the model's apply.
+    /// Per-environment friction of geoms, (ngeom, 3). `pairs` is that of explicit pairs, (npair, 3). `None` if those of the model apply.
     geoms: Option<&'a [f64]>,
     pairs: Option<&'a [f64]>,
 }

@@ -86,7 +86,8 @@ pub struct Filter {
     pairs: Vec<Pair>,
     explicit: BTreeMap<[usize; 2], usize>,
     excluded: HashSet<[usize; 2]>,
-    /// Pairs of bodies with excluded overlaps, in both orders; below it pairs of geoms, if one body is the world.
+    /// Pairs of bodies whose overlaps are excluded, in both orders. If one body is the world, `overlapping_geoms` has pairs of geoms
+    /// instead.
     overlapping_bodies: HashSet<[usize; 2]>,
     overlapping_geoms: HashSet<[usize; 2]>,
 }
@@ -96,7 +97,8 @@ pub struct Filter {
 struct Tag {
     rank: u8,
     body: usize,
-    /// Rigid group of the geom's body; below it the parent group, and whether the group has joints.
+    /// Rigid group of the geom's body (bodies without joints between them). `parent` is the parent group, and `moves` whether the group has
+    /// joints.
     group: usize,
     parent: usize,
     moves: bool,

@@ -13,7 +13,7 @@ use crate::model::actuator_spec::ActuatorSpec;
 enum Number {
     /// Delay, in steps.
     Delay,
-    /// Fraction of a deviation that remains at the end of a step of the lag; below it the mean fraction over the step.
+    /// Fraction of a deviation from the input that remains at the end of a step of the lag. `Mean` is the mean fraction over the step.
     Decay,
     Mean,
     Low,
@@ -24,7 +24,7 @@ enum Number {
     Kd,
     IntegralLimit,
     Period,
-    /// Lower bound of a servo's effort, below which its integral does not decrease; below it the upper bound.
+    /// Lower bound of a servo's effort, below which its integral does not decrease. `Most` is the upper bound.
     Least,
     Most,
     Stall,

@@ -139,7 +139,7 @@ pub(crate) struct Derivation<R: Real> {
     velocity: Vec<V6<R>>,
     /// Mass of every subtree, kg.
     mass: Vec<R>,
-    /// Centre of mass of every body, m; below it of every body with its descendants.
+    /// Centre of mass of every body, m. `subtrees` has that of every body with its descendants.
     centres: Vec<V3<R>>,
     subtrees: Vec<V3<R>>,
     /// Centre of mass of the kinematic tree to which each body belongs, m.

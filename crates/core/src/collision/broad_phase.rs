@@ -13,7 +13,7 @@ use crate::collision::static_search::merge;
 use crate::compile::{DynamicPairs, LaneModel};
 use crate::math::spatial::*;
 
-/// Number of bits that one integer coordinate of a cube takes in the key of the cube, see [`key`].
+/// Number of bits of one integer coordinate of a cube in the cube's [`key`].
 const BITS: u32 = 21;
 /// Offsets (dx, dy), in cubes, from a row of cubes along z to the four neighbouring rows that come after it in the sorted list of cubes.
 const ROWS: [(i64, i64); 4] = [(0, 1), (1, -1), (1, 0), (1, 1)];
@@ -34,7 +34,7 @@ pub(crate) struct Broad {
     cells: Vec<(u64, u32)>,
     without_cell: Vec<u32>,
     found: Vec<u64>,
-    /// Pairs that can touch, ascending: index of the pair in the compiled model, and the lanes (bits) in which it can touch.
+    /// Dynamic pairs that can touch, ascending: index of the pair in the compiled model, and lanes (bits) in which it can touch.
     pub(crate) pairs: Vec<(u32, u32)>,
 }
 
@@ -119,7 +119,7 @@ impl Broad {
         }
     }
 
-    /// Merges `pairs`, the pairs that another search found, into the list `self.pairs`. Both lists ascend.
+    /// Merges `pairs`, found by the search for static pairs, into the list `self.pairs`. Both lists ascend.
     pub(crate) fn add(&mut self, pairs: &[(u32, u32)]) {
         let count = self.pairs.len();
         self.pairs.resize(count + pairs.len(), (0, 0));

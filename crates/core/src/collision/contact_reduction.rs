@@ -22,8 +22,10 @@ const MIN_CONTACTS: usize = 5;
 /// Sine of the angle between two normals below which they count as equal.
 const PARALLEL: f64 = 1e-9;
 
-/// Distance below which a contact counts as on the plane of its contact area, or on an edge of the hull. It is relative to the size of the
-/// area: 2 micrometres for a foot. Files have orientations of six digits, which tilt the capsules of one sole by 1e-6.
+/// Distance from the plane of a contact area, or from an edge of its hull, below which a contact counts as on it. The distance is relative
+/// to the size of the area: 2 micrometres for a foot.
+///
+/// Evidence: files have orientations of six digits, which tilt the capsules of one sole by 1e-6.
 const FLAT: f64 = 1e-5;
 
 /// Workspace of the search for redundant contacts.
@@ -43,7 +45,7 @@ struct Point {
     slot: usize,
     /// Coordinates in the plane of the area, relative to its first contact, m.
     x: [f64; 2],
-    /// Gap, m.
+    /// Gap of the contact, m.
     gap: f64,
 }
 
@@ -69,7 +71,7 @@ impl ContactReduction {
         kept.clear();
         groups.reserve(contacts);
         points.reserve(contacts);
-        // Both chains of the hull, and the point that they repeat.
+        // Capacity for the two chains of the hull, and the point that they share.
         hull.reserve(2 * contacts + 1);
         kept.reserve(contacts);
     }
@@ -144,7 +146,7 @@ impl ContactReduction {
     }
 }
 
-/// Plane that gives the gap of an area as a linear function of the position in it.
+/// Linear function that interpolates the gap of a contact area from the position in its plane.
 struct Plane {
     origin: Point,
     slope: [f64; 2],

@@ -7,8 +7,8 @@ use stepper_real::{Mask, Real, Scalar};
 use crate::math::lanes::MAX_LANES;
 use crate::math::spatial::*;
 
-/// Smallest change of a unit tangent, as a vector, that counts as a jump of the tangent that [`contact_frame`] chooses. Between the nearby
-/// states of a finite difference, tangents turn far less.
+/// Change of a unit tangent, as a vector, above which the tangent that [`contact_frame`] chooses counts as having jumped. Between the
+/// nearby states of a finite difference, tangents change far less.
 const TANGENT_JUMP: f64 = 1e-2;
 
 /// Error of a normal force, as a fraction of the body's weight, above which [`Contacts::close_rounded_gaps`] sets a gap to zero.
@@ -57,7 +57,7 @@ pub struct Slot<R> {
 }
 
 impl<R: Real> Slot<R> {
-    /// Copies one lane of another slot, except the tangent and the impulse.
+    /// Copies lane `l` of the slot `from` to this slot, except the tangent and the impulse.
     #[inline(always)]
     fn copy_lane(&mut self, from: &Self, l: usize) {
         self.point.distance.set_lane(l, from.point.distance.lane(l));
@@ -76,7 +76,7 @@ impl<R: Real> Slot<R> {
         self.over_face = self.over_face & !(1 << l) | over_face & 1 << l;
     }
 
-    /// Copies the tangent and the impulse of lane `l` from the slot `from`.
+    /// Copies the tangent and the impulse in lane `l` from the slot `from`.
     #[inline(always)]
     fn copy_solution(&mut self, from: &Self, l: usize) {
         for i in 0..3 {
@@ -95,8 +95,8 @@ pub struct Contacts<R: Real> {
     pub ids: Vec<[ContactId; MAX_LANES]>,
     /// Slots of contacts. Only the first `slots()` are in use.
     pub data: Vec<Slot<R>>,
-    /// Angular impulse of torsional and rolling friction of each slot, about normal, first and second tangent, N m s. Empty when the scene
-    /// has none.
+    /// Angular impulse of torsional and rolling friction in each slot, about normal, first and second tangent, N m s. Empty if the scene
+    /// has no such friction.
     pub torque: Vec<V3<R>>,
     /// Lanes (bits) in which the last step found more contacts than there are slots.
     pub full: u32,
@@ -118,7 +118,8 @@ impl<R: Real> Contacts<R> {
         }
     }
 
-    /// Adds buffers for angular impulses if `any` is true: the scene has torsional or rolling friction.
+    /// Returns the contact buffers with buffers for angular impulses, if `any` is true. `any` tells whether the scene has torsional or
+    /// rolling friction.
     pub fn with_torques(mut self, any: bool) -> Self {
         self.torque = vec![zero(); if any { self.data.len() } else { 0 }];
         self
@@ -143,19 +144,20 @@ impl<R: Real> Contacts<R> {
         (0..R::LANES).fold(0, |bits, l| bits | (u32::from(self.count[l] > k) << l))
     }
 
-    /// Lanes in which the contact in slot `k` has a coefficient of restitution above zero.
+    /// Lanes in which the contact in slot `k` is elastic: its coefficient of restitution is above zero.
     #[inline(always)]
     pub fn elastic(&self, k: usize) -> R::Mask {
         self.data[k].restitution.gt(R::zero()).and(R::Mask::from_bits(self.lanes_of(k)))
     }
 
-    /// Pairs of the contacts in slot `k`, in the lanes `lanes` (bits). The iterator returns each pair once, with its lanes (bits).
+    /// Iterator over the pairs of geoms in slot `k`, in the lanes `lanes` (bits). It returns each pair once, with its lanes (bits).
     #[inline(always)]
     pub fn pairs(&self, k: usize, lanes: u32) -> SlotPairs<'_> {
         SlotPairs { ids: &self.ids[k][..R::LANES], rest: lanes }
     }
 
-    /// Adds a contact in the lanes `bits`, and marks lanes without a free slot in `full`. `over_face` are bits of [`Slot::over_face`].
+    /// Adds a contact to the next slots in the lanes `bits`, and marks lanes without a free slot in `full`. `over_face` are bits of
+    /// [`Slot::over_face`].
     ///
     /// The caller adds pairs in ascending order. The features of a pair may have any order; this function sorts them.
     #[inline(always)]
@@ -197,7 +199,7 @@ impl<R: Real> Contacts<R> {
         k
     }
 
-    /// Removes the contacts of lane `l` in the slots for which `keeps` returns false. The order of the others does not change.
+    /// Removes the contacts of lane `l` in the slots for which `keeps` returns false. The order of the remaining contacts does not change.
     pub(crate) fn retain(&mut self, l: usize, keeps: impl Fn(usize) -> bool) {
         let mut to = 0;
         for from in (0..self.count[l]).filter(|&k| keeps(k)) {

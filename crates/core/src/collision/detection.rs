@@ -16,14 +16,14 @@ use crate::compile::{CompiledPair, Kernel, LaneModel, ModelStructure};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 
-/// Collision detection of a group of environments: poses of the colliding geoms, candidate pairs, and the workspaces of the searches.
+/// Collision detection for a group of environments: poses of the colliding geoms, pairs that can touch, and workspaces of the searches.
 #[derive(Clone, Debug)]
 pub struct GeomPoses<R: Real> {
     pub(crate) placed: Placed<R>,
     /// Distance that gravity covers in a step, m.
     pub(crate) slack: R,
-    /// Ranges of consecutive listed pairs with the same first geom and margin, as indices of the compiled model. They leave out pairs with
-    /// static geoms.
+    /// Ranges of listed pairs that follow each other and have the same first geom and margin, as indices of the compiled model. Pairs with
+    /// static geoms are left out.
     pub(crate) runs: Vec<Range<usize>>,
     /// Listed pairs whose bounding volumes overlap, ascending: index of the pair, and lanes (bits). Only the first `near_count` entries are
     /// in use.
@@ -32,9 +32,9 @@ pub struct GeomPoses<R: Real> {
     pub(crate) near_count: usize,
     pub(crate) broad: Broad,
     pub(crate) statics: StaticSearch<R>,
-    /// Whether each geom may have passed through the thinnest static geom since the beginning of the step, in any lane. Indexed by geom.
+    /// For each geom, whether it may have passed through the thinnest static geom since the beginning of the step, in any lane.
     may_tunnel: Vec<bool>,
-    /// Dynamic pairs whose bounding volumes overlap: index, lanes, and the pair.
+    /// Dynamic pairs whose bounding volumes overlap: index of the pair in the compiled model, lanes, and the pair.
     pub(crate) dynamic: Vec<(usize, R::Mask, CompiledPair<R::Scalar>)>,
     pub(crate) packed: PackedPairs<R::Scalar>,
     pub(crate) search: Search,
@@ -63,7 +63,7 @@ pub(crate) struct Placed<R: Real> {
     pub(crate) travel: Vec<R>,
     /// Upper bound of the displacement of any point of each geom during [`Scene::displacement_time`], m.
     pub(crate) displacement: Vec<R>,
-    /// Whether each geom moves by more than half its inscribed radius within the step, in any lane. The tunnelling check sets it.
+    /// For each geom, whether it moves by more than half its inscribed radius within the step, in any lane. The tunnelling check sets it.
     pub(crate) moved_far: Vec<bool>,
     /// Spatial velocity of each link from which `displacement` is computed.
     pub(crate) displacing_velocity: Vec<V6<R>>,
@@ -78,9 +78,9 @@ pub(crate) struct Placed<R: Real> {
 #[derive(Clone, Debug)]
 pub(crate) struct Search {
     pub(crate) narrow: Narrow,
-    /// Separating planes of the last step. The searches of this step start from them.
+    /// Separating planes that the last step stored. The searches of this step start from them.
     pub(crate) known: SeparationCache,
-    /// Separating planes that this step stores for the next.
+    /// Separating planes that this step stores for the next step.
     pub(crate) found: SeparationCache,
 }
 
@@ -94,7 +94,7 @@ impl Search {
         }
     }
 
-    /// Moves the separating planes of this step to those of the last step, at the beginning of a step.
+    /// Begins a step: the separating planes in `found` become those of the last step, in `known`.
     pub(crate) fn exchange(&mut self) {
         if !self.known.is_empty() {
             std::mem::swap(&mut self.known, &mut self.found);
@@ -131,7 +131,7 @@ impl<R: Real> GeomPoses<R> {
         }
     }
 
-    /// Begins a step: the searches start from the separating planes of the last step.
+    /// Begins a step: the separating planes that were found become those of the last step, from which the searches start.
     pub(crate) fn begin(&mut self) {
         self.search.exchange();
     }
@@ -179,14 +179,15 @@ impl<R: Real> GeomPoses<R> {
         }
     }
 
-    /// Merges the listed pairs that [`GeomPoses::find_static`] found into `near`.
+    /// Merges the listed pairs that the search for static pairs ([`GeomPoses::find_static`]) found into `near`.
     pub(crate) fn add_static(&mut self, compiled: &LaneModel<R>) {
         let listed = self.statics.listed_pairs(compiled.pairs.len());
         merge(listed, &mut self.near, self.near_count);
         self.near_count += listed.len();
     }
 
-    /// Finds the dynamic pairs that can touch in any of the lanes `alive`, and adds those that [`GeomPoses::find_static`] found.
+    /// Finds the dynamic pairs that can touch in any of the lanes `alive`, and stores them in `dynamic`. They include those from
+    /// [`GeomPoses::find_static`].
     ///
     /// `travel` returns the upper bound of the displacement of every geom, m.
     pub(crate) fn find_dynamic(&mut self, compiled: &LaneModel<R>, alive: R::Mask, travel: impl Fn(&Placed<R>) -> &[R]) {
@@ -255,8 +256,8 @@ impl<R: Real> Placed<R> {
         }
     }
 
-    /// Updates `travel`, the bounding balls and the velocities of the links, for motion at the generalized velocity `v` during `time`
-    /// seconds.
+    /// Updates the bounding balls for motion at the generalized velocity `v` during `time` seconds. Also updates `travel` and the
+    /// velocities of the links.
     #[inline(always)]
     pub(crate) fn update_travel(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
         kinematics.velocities(compiled, v, &mut self.velocity);
@@ -275,7 +276,7 @@ impl<R: Real> Placed<R> {
         self.balls[i] = [x, y, z, radius];
     }
 
-    /// Lanes in which the bounding balls of a pair, enlarged by the pair's margin and `slack`, overlap.
+    /// Lanes in which the bounding balls of a pair overlap, when they are enlarged by the pair's margin and `slack`, m.
     #[inline(always)]
     fn balls_touch(&self, pair: &CompiledPair<R::Scalar>, slack: R) -> R::Mask {
         let [[ax, ay, az, a], [bx, by, bz, b]] = pair.geoms.map(|g| self.balls[g]);
@@ -368,7 +369,7 @@ impl<R: Real> Scene<'_, R> {
         if self.checks_passing { self.may_have_tunnelled(index, pair, near, &mut search.narrow, contacts) } else { R::Mask::splat(false) }
     }
 
-    /// Lanes in which the bounding balls of a dynamic pair can meet within the step.
+    /// Lanes in which the two geoms of a dynamic pair can touch within the step, by their bounding balls.
     #[inline(always)]
     pub(crate) fn can_touch(&self, pair: &CompiledPair<R::Scalar>) -> R::Mask {
         let [a, b] = pair.geoms;

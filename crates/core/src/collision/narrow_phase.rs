@@ -1,4 +1,4 @@
-//! Narrow phase over lanes: runs the distance function of a pair, and adds the points that it finds to the contacts.
+//! Narrow phase in SIMD lanes: computes the contact points of pairs of geoms, and adds them to the contacts.
 
 use std::borrow::Cow;
 
@@ -214,7 +214,7 @@ impl<R: Real> Scene<'_, R> {
         }
     }
 
-    /// Solid (collision shape) of a geom, in the size of the model.
+    /// Solid (collision shape) of a geom, with the size that the model has.
     #[inline(always)]
     fn solid(&self, geom: usize) -> &Solid {
         self.compiled.geoms[geom].solid.as_ref().expect("made for every geom of this kernel")
@@ -245,8 +245,8 @@ impl<R: Real> Scene<'_, R> {
         first.is_beyond(&second, apart, [&self.poses.mat[a], &self.poses.mat[b]], reach)
     }
 
-    /// Lanes of `near` in which the separating plane of the last step proves that the two hulls of a pair cannot touch within the step. The
-    /// function stores these planes for the next step.
+    /// Lanes of `near` in which the separating plane of the last step proves that the two hulls of a pair cannot touch within the step.
+    /// These planes are stored for the next step.
     ///
     /// `size` is the size of both hulls, m.
     #[inline(always)]
@@ -278,7 +278,7 @@ impl<R: Real> Scene<'_, R> {
     }
 
     /// Relative motion of the second geom of a pair in the first geom's frame during a step: displacement and rotation. `reach` is the
-    /// greatest length of a contact, m.
+    /// greatest gap of a contact, m.
     #[inline(always)]
     fn approach(&self, pair: &CompiledPair<R::Scalar>, reach: R) -> Approach<R> {
         let [a, b] = pair.geoms;
@@ -295,7 +295,8 @@ impl<R: Real> Scene<'_, R> {
         self.approach_at(pair.geoms, centre, radius, R::splat(pair.margin))
     }
 
-    /// Relative motion of the second geom in the first geom's frame during a step, for contacts in the ball with this centre and radius.
+    /// Relative motion of the second geom in the first geom's frame during a step. It is valid for contacts in the ball with this centre
+    /// and radius.
     ///
     /// `centre` is in world axes; `radius` and `margin` are in m.
     #[inline(always)]
@@ -348,7 +349,7 @@ impl<R: Real> Scene<'_, R> {
             #[inline(always)]
             || {
                 point.distance -= R::splat(pair.margin);
-                // Nothing moves further than the bound, so the exact test is needed only below it.
+                // No point of the geom moves further than the bound, so the exact test is needed only below it.
                 let [a, b] = pair.geoms;
                 let near = near.and(point.distance.lt(self.poses.travel[a] + self.poses.travel[b] + self.slack));
                 if near.none() {
@@ -363,7 +364,7 @@ impl<R: Real> Scene<'_, R> {
         )
     }
 
-    /// Speed at which the contact's gap decreases at the free velocity of the step, m/s. Zero where the gap grows.
+    /// Speed at which the gap of a contact decreases at the free velocity of the step, m/s. It is zero where the gap grows.
     #[inline(always)]
     pub(crate) fn closing_speed(&self, geoms: [usize; 2], point: &ContactPoint<R>) -> R {
         let [_, velocity] = self.relative_motion(geoms, point.pos);

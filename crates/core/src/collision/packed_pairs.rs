@@ -11,7 +11,7 @@ use crate::compile::{CompiledPair, Kernel};
 use crate::math::lanes::{MAX_LANES, each_of};
 use crate::math::spatial::array_of;
 
-/// Item: a pair of a ball or capsule with a box, in one lane.
+/// Item: a packed pair, which is a pair of a ball or capsule with a box in one lane.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Item<S> {
     /// Index of the pair in the compiled model.
@@ -22,19 +22,19 @@ pub(crate) struct Item<S> {
     pub(crate) lane: usize,
 }
 
-/// Contact point of an item that can touch within the step.
+/// Contact point of an item (a packed pair in one lane) that can touch within the step.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Found<S> {
     pub(super) index: usize,
     pub(super) feature: u32,
     pub(super) lane: usize,
     pub(super) point: ContactPoint<S>,
-    /// Distance of the ball's centre from the border of the face below it, m. It is zero or negative if the centre is over no face, and
-    /// zero for a capsule.
+    /// Distance of the ball's centre from the border of the box face that is nearest to it, m. It is zero or negative if the centre is over
+    /// no face, and zero for a capsule.
     pub(super) clearance: S,
 }
 
-/// Items of one kernel, and their contact points, both in the order of the pairs.
+/// Items (pairs in one lane) of one kernel, and their contact points. Both are in the order of the pairs.
 #[derive(Clone, Debug)]
 pub(super) struct Queue<S> {
     pub(super) items: Vec<Item<S>>,
@@ -68,7 +68,8 @@ impl<S: Scalar> PackedPairs<S> {
         }
     }
 
-    /// Queue of a pair that is near in the lanes `lanes` (bits). `None` for a pair that is not packed: another kernel, or too many lanes.
+    /// Queue for a pair that is near in the lanes `lanes` (bits). `None` for a pair that is not packed, because of its kernel or because it
+    /// is near in too many lanes.
     pub(super) fn queue<R: Real<Scalar = S>>(&mut self, kernel: Kernel, lanes: u32) -> Option<&mut Queue<S>> {
         if 2 * lanes.count_ones() as usize > R::LANES {
             return None;
@@ -89,8 +90,8 @@ impl<S: Scalar> PackedPairs<S> {
     }
 }
 
-/// Gathers N values of each item in registers: `of` returns them for all lanes, and the item's lane is used. Item k is in lane k of the
-/// result.
+/// Gathers N values per item in registers. `of` returns the values in all lanes, and that of the item's lane is taken. Item k is in lane k
+/// of the result.
 #[inline(always)]
 pub(super) fn gather<R: Real, const N: usize>(items: &[Item<R::Scalar>], of: impl Fn(&Item<R::Scalar>) -> [R; N]) -> [R; N] {
     let mut rows = [[R::Scalar::ZERO; MAX_LANES]; N];

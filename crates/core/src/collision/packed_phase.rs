@@ -11,7 +11,7 @@ use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 
 impl<R: Real> Scene<'_, R> {
-    /// Finds the contact points of all pairs in `packed`, and stores them there.
+    /// Finds the contact points of all packed pairs, and stores them in `packed`.
     #[inline(never)]
     pub(crate) fn test_packed(&self, packed: &mut PackedPairs<R::Scalar>) {
         R::vectorize(
@@ -60,7 +60,8 @@ impl<R: Real> Scene<'_, R> {
         );
     }
 
-    /// Adds the contact points of a pair that [`Scene::test_packed`] found to `contacts`. Returns false if the pair is not packed.
+    /// Adds the contact points of a packed pair, which [`Scene::test_packed`] found, to `contacts`. Returns false if the pair is not
+    /// packed.
     #[inline(always)]
     pub(crate) fn take_packed(
         &self,
@@ -115,8 +116,8 @@ impl<R: Real> Scene<'_, R> {
         }
     }
 
-    /// Stores the points of `items` that exist and can touch within the step in `found`. `clearance` is [`Found::clearance`] of each item,
-    /// m.
+    /// Appends the contact points of `items` that can touch within the step to `found`. Items without a contact point add nothing.
+    /// `clearance` is [`Found::clearance`] of each item, m.
     #[inline(always)]
     fn keep<const N: usize>(
         &self,

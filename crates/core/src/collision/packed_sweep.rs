@@ -16,19 +16,19 @@ use crate::math::spatial::*;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PackedSweep<R> {
     kernel: Kernel,
-    /// Origin of the ball or capsule at the start of the path, world axes, m; below it its axis.
+    /// Origin of the ball or capsule at the start of the path, world axes, m. `axis` is its axis.
     pos: V3<R>,
     axis: V3<R>,
     radius: R,
     half_length: R,
     bounding_radius: R,
     cuboid: Cuboid<R>,
-    /// Origin of the frame of the ball or capsule, m; below it the frame's angular velocity, rad/s, and the linear velocity of its origin,
-    /// m/s.
+    /// Origin of the frame of the ball or capsule, m. `turn` is the frame's angular velocity, rad/s, and `velocity` the linear velocity of
+    /// its origin, m/s.
     origin: V3<R>,
     turn: V3<R>,
     velocity: V3<R>,
-    /// Spatial velocity of the link; below it the point at which its linear part is the velocity, m.
+    /// Spatial velocity of the link. Its linear part is the velocity at the point `motion_origin`, m.
     motion: V6<R>,
     motion_origin: V3<R>,
     margin: R,
@@ -130,7 +130,7 @@ impl<R: Real> PackedSweep<R> {
         }
     }
 
-    /// First touch of each of the items `items` on its path, see [`find_touch`]. `gap` has the distances at the start of the paths.
+    /// First touch on its path of each of the items `items`, see [`find_touch`]. `gap` has the distances at the start of the paths.
     #[inline(always)]
     pub(crate) fn find_touch(&self, gap: Gap<R>, items: R::Mask, tolerance: R) -> Touch<R> {
         let end = self.gap_at(self.time, items);
@@ -146,13 +146,13 @@ impl<R: Real> PackedSweep<R> {
         )
     }
 
-    /// Items whose body rotates by more than [`MAX_ROTATION`] on the path.
+    /// Items in which a body rotates by more than [`MAX_ROTATION`] on the path, so that the search is invalid.
     #[inline(always)]
     fn exceeds_max_rotation(&self) -> R::Mask {
         (norm(self.turn) * self.time).gt(R::of(MAX_ROTATION))
     }
 
-    /// Smallest distance of each of the items `items`, and its rate, at `time` seconds along the path.
+    /// Smallest distance between the geoms of each of the items `items`, and its time derivative, at `time` seconds along the path.
     #[inline(always)]
     pub(crate) fn gap_at(&self, time: R, items: R::Mask) -> Gap<R> {
         let rotation = quat_to_mat(quat_exp(scale(self.turn, time)));

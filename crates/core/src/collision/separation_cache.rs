@@ -26,7 +26,7 @@ const NONE: Held = Held { pair: u32::MAX, separating_plane: SeparatingPlane::NON
 /// Cache of separating planes, for all lanes of a group.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SeparationCache {
-    /// Number of entries for each lane.
+    /// Number of entries that each lane can have.
     places: usize,
     /// Number of used entries of each lane.
     count: Vec<u32>,
@@ -92,7 +92,7 @@ impl SeparationCache {
         Self { places: self.places, count, held: self.held[first * self.places..(first + n) * self.places].to_vec() }
     }
 
-    /// Copies the entries of `part`, a cache of `n` lanes, to the lanes `to`.
+    /// Copies the entries of `part`, a cache of `n` lanes, to the lanes `to` of this cache.
     pub(crate) fn set_part(&mut self, to: Target, n: usize, part: &Self) {
         if self.places == 0 {
             return;

@@ -12,7 +12,7 @@ use crate::compile::{LaneModel, Params, StaticPairs};
 use crate::math::lanes::{MAX_LANES, each_of};
 use crate::math::spatial::*;
 
-/// Allowance for the rounding error of bounds, as a fraction of coordinates and sizes. It is sufficient in single precision.
+/// Enlargement of bounding boxes for rounding errors, as a fraction of coordinates and sizes. It is sufficient in single precision.
 const ROUNDING: f64 = 4e-6;
 
 /// Axis-aligned box in world axes: lowest coordinates, then highest coordinates, m.
@@ -23,15 +23,15 @@ type Bounds<T> = [T; 6];
 pub(crate) struct StaticSearch<R: Real> {
     /// Bounding boxes of the nodes of the tree over the static geoms.
     nodes: Vec<Bounds<R::Scalar>>,
-    /// Bounding box of each group of moving geoms.
+    /// Bounding box of each group of moving geoms. A group is a kinematic tree or a mocap body.
     groups: Vec<Bounds<R>>,
     /// Bounding boxes of the moving geoms: for every lane and each of the six coordinates, a row with one number per geom.
     boxes: Vec<R::Scalar>,
     found: Vec<u64>,
-    /// Largest bounding radius of the static geoms, m; below it their smallest inscribed radius.
+    /// Largest bounding radius of the static geoms, m. `thinnest` is their smallest inscribed radius.
     largest: R::Scalar,
     thinnest: R::Scalar,
-    /// Pairs that can touch, ascending: index of the pair in the compiled model, and the lanes (bits) in which it can touch.
+    /// Static pairs that can touch, ascending: index of the pair in the compiled model, and lanes (bits) in which it can touch.
     pub(crate) pairs: Vec<(u32, u32)>,
 }
 
@@ -58,7 +58,7 @@ impl<R: Real> StaticSearch<R> {
         }
     }
 
-    /// Length of a row of `boxes`, in numbers: one per moving geom, and a whole register after them for loads beyond the end.
+    /// Length of a row of `boxes`: one number per moving geom, and as many more as a register has lanes, for loads beyond the end.
     fn row(pairs: &StaticPairs) -> usize {
         pairs.moving.len() + R::LANES
     }
@@ -137,7 +137,7 @@ impl<R: Real> StaticSearch<R> {
         }
     }
 
-    /// Descends the tree with the box of a group in lane `lane`, and adds the overlapping pairs to `found`.
+    /// Searches the tree with the box of group number `group` in lane `lane`, and adds the overlapping pairs to `found`.
     #[inline(always)]
     fn visit_tree(&mut self, pairs: &StaticPairs, group: usize, lane: usize) {
         let whole: Bounds<R::Scalar> = lane_of(&self.groups[group], lane);
@@ -216,7 +216,7 @@ fn bounds<R: Real>(compiled: &LaneModel<R>, geom: usize, pos: V3<R>, mat: &M3<R>
     )
 }
 
-/// Box in lane `lane`.
+/// Box of one lane, from the boxes `own` of all lanes.
 #[inline(always)]
 fn lane_of<R: Real>(own: &Bounds<R>, lane: usize) -> Bounds<R::Scalar> {
     let mut out = [R::Scalar::ZERO; 6];

@@ -1,11 +1,11 @@
-//! Distance of a pair of geoms along the motion of a step, to find whether that motion closes the gap.
+//! Distance of a pair of geoms along its motion in a step, to find whether that motion closes the gap.
 //!
 //! A contact row constrains the nearest points at one pose along one normal. Bodies that pass each other at a small distance violate such a
 //! row without touching. This module therefore moves the geoms along their paths and runs the narrow phase there.
 //!
 //! The signed distance of two convex shapes is a convex function of their relative translation (Boyd & Vandenberghe 2004, section 3.2.5).
-//! Its tangent at a pose is a lower bound, and the sign of its slope tells on which side the minimum lies. Rotation within a step adds
-//! terms of second order.
+//! Its tangent at a pose is a lower bound, and the sign of its slope tells on which side the minimum is. Rotation within a step adds terms
+//! of second order.
 
 use stepper_geometry::pairs::ContactPoint;
 use stepper_real::{Mask, Real};
@@ -29,7 +29,7 @@ pub(super) const MAX_ROTATION: f64 = 1.0;
 pub(crate) struct Path<'a, R: Real> {
     pub(crate) compiled: &'a LaneModel<R>,
     pub(crate) kinematics: &'a Kinematics<R>,
-    /// Poses at the start of the path.
+    /// Poses of the geoms at the start of the path.
     pub(crate) start: &'a Placed<R>,
     /// Duration of the path, s.
     pub(crate) time: R,
@@ -49,7 +49,7 @@ pub(crate) struct Gap<R> {
     pub(crate) rate: R,
 }
 
-/// Workspace for distances of a pair along its path.
+/// Workspace for computing the distance of a pair along its path.
 #[derive(Clone, Debug)]
 pub(crate) struct SweptPair<R: Real> {
     /// Poses at the current time of the path. Only the poses of the tested pair are current.
@@ -64,7 +64,7 @@ impl<R: Real> SweptPair<R> {
         Self { placed: Placed::new(compiled), search: Search::new(compiled, R::LANES), contacts: Contacts::new(MAX_PAIR_POINTS) }
     }
 
-    /// Sets the motion of all paths to the generalized velocity `v`.
+    /// Sets the velocities of all links from the generalized velocity `v`. They determine the paths.
     #[inline(always)]
     pub(crate) fn set_velocity(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R]) {
         kinematics.velocities(compiled, v, &mut self.placed.velocity);

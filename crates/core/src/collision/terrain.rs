@@ -122,7 +122,7 @@ impl<R: Real> Scene<'_, R> {
         gap
     }
 
-    /// Distance from a geom's origin to its lowest point along the unit vector `up`, m, and radius of its core, m.
+    /// Distance from the origin of a geom to its lowest point along the unit vector `up`, m, and radius of its core, m.
     ///
     /// The core is the centre of a ball, the segment of a capsule, and otherwise the bounding ball.
     #[inline(always)]

@@ -17,7 +17,7 @@ use crate::model::JointKind;
 pub struct TakenStep<'a, R: Real> {
     /// Generalized velocity at which the geoms move during the step, from the poses at which stage 3 found contacts.
     pub velocity: &'a [R],
-    /// Whether `velocity` is the free velocity that stage 3 used to find contacts.
+    /// Whether `velocity` is the free velocity with which stage 3 found contacts.
     pub is_free: bool,
     /// Time step, s.
     pub h: R,
@@ -89,8 +89,8 @@ pub fn may_have_passed<R: Real>(
 /// Relative displacement below which one geom of a pair cannot pass through the other, m: the pair's thickness, or four times that for a
 /// height field.
 ///
-/// A height field is solid. On a shorter path through a bump, a ball inside the shape is in the ground at one end, and contacts push it
-/// out.
+/// A height field is solid. If the displacement is smaller, the geom's inscribed ball is inside the ground at one end of its path. Contacts
+/// then push the geom out.
 #[inline(always)]
 fn min_displacement<R: Real>(compiled: &LaneModel<R>, pair: &CompiledPair<R::Scalar>) -> R {
     let is_field = |&g: &usize| compiled.geoms[g].solid.as_ref().is_some_and(Solid::is_field);
@@ -108,7 +108,7 @@ struct Path<'a, R: Real> {
 }
 
 impl<R: Real> Path<'_, R> {
-    /// Lanes of `passed`, and in addition the lanes of `alive` in which one geom of the pair may pass through the other.
+    /// Lanes of `passed`, together with the lanes of `alive` in which one geom of the pair may pass through the other.
     #[inline(always)]
     fn test(&self, pair: &CompiledPair<R::Scalar>, alive: R::Mask, passed: R::Mask, narrow: &mut Narrow) -> R::Mask {
         let suspected = self.placed.may_get_past(self.compiled, pair).and(alive).and_not(passed);
@@ -121,7 +121,7 @@ impl<R: Real> Path<'_, R> {
 
     /// Lanes of `lanes` in which the relative displacement of the pair exceeds its thickness and its gap.
     ///
-    /// Limbs that fly in the same direction have a small relative displacement.
+    /// Limbs that move in the same direction have a small relative displacement.
     #[inline(always)]
     fn exceed_gap(&self, pair: &CompiledPair<R::Scalar>, lanes: R::Mask, narrow: &mut Narrow) -> R::Mask {
         let (Self { compiled, kinematics, placed, step, slack }, [a, b]) = (self, pair.geoms);
@@ -151,7 +151,7 @@ impl<R: Real> Path<'_, R> {
         passed
     }
 
-    /// Solid (collision shape) of a geom with its size in lane `lane`; `None` if it has none.
+    /// Solid (collision shape) of a geom with its size in lane `lane`; `None` if the geom has none.
     fn solid(&self, geom: usize, lane: usize) -> Option<Cow<'_, Solid>> {
         let solid = self.compiled.geoms[geom].solid.as_ref()?;
         Some(solid.sized(of_lane(&self.compiled.params.geom_size(geom), lane)).map_or(Cow::Borrowed(solid), Cow::Owned))
@@ -197,7 +197,7 @@ impl<R: Real> Path<'_, R> {
 }
 
 impl<R: Real> Placed<R> {
-    /// Whether no geom moves by more than half its inscribed radius in a step at the free velocity, in the lanes `alive`.
+    /// Whether in the lanes `alive` no geom moves by more than half its inscribed radius in a step at the free velocity.
     ///
     /// The test compares [`Placed::travel`], the displacement over two steps, with the whole radius.
     fn moved_little(&self, compiled: &LaneModel<R>, alive: R::Mask) -> bool {

@@ -13,7 +13,8 @@ use crate::model::{Activation, Actuator, JointKind, Model, Transmission};
 /// Compiled actuator: on a linear combination of scalar joints (a joint or a fixed tendon), or on a site.
 #[derive(Clone, Debug)]
 pub struct CompiledActuator<S> {
-    /// Terms of the constant moment: address in q, degree of freedom, and moment arm with the gear. Empty for an actuator on a site.
+    /// Terms of the actuator's moment, if it is constant: address in q, degree of freedom, and moment arm with the gear. Empty for an
+    /// actuator on a site.
     pub moment: Vec<(usize, usize, S)>,
     /// Wrench of an actuator on a site; `None` for an actuator on a joint or tendon.
     pub wrench: Option<CompiledWrench<S>>,
@@ -23,18 +24,18 @@ pub struct CompiledActuator<S> {
     pub force_range: Option<[S; 2]>,
     /// Lowest and highest activation; `None` without bounds.
     pub act_range: Option<[S; 2]>,
-    /// Index of the actuator's activation; `None` without one.
+    /// Index of the actuator's activation in act; `None` without one.
     pub act: Option<usize>,
-    /// Differential equation of the activation.
+    /// Type of the activation's differential equation (MuJoCo's `dyntype`).
     pub activation: Activation,
     /// Whether the force depends on length or velocity, by gain, bias or actuator dynamics.
     pub needs_motion: bool,
-    /// Index in the list of servos, the actuators whose force depends on length or velocity; `None` for another actuator.
+    /// Index in the compiled model's list of servos, the actuators whose force depends on length or velocity; `None` for other actuators.
     pub servo: Option<usize>,
     /// Part of the actuator dynamics that acts within a step; `None` if there is none.
     pub dynamics: Option<CompiledActuatorDynamics<S>>,
-    /// Index of the force range (`actuatorfrcrange`) of the joint that the actuator drives; `None` without one, and for actuators on
-    /// tendons.
+    /// Index in the list of force ranges (`actuatorfrcrange`) of that of the joint that the actuator drives. `None` without one, and for
+    /// actuators on tendons.
     pub joint_force_range: Option<usize>,
 }
 
@@ -64,20 +65,20 @@ pub struct CompiledWrench<S> {
     pub dofs: Vec<(usize, S)>,
     /// Index of the actuator's first moment arm in the list of arms of all wrenches.
     pub arms: usize,
-    /// Index in the list of wrenches, and of the actuator's length in the list of their lengths.
+    /// Index of the actuator in the list of wrenches. Its length has the same index in the list of their lengths.
     pub index: usize,
 }
 
 /// Part of an actuator's dynamics that acts within a step: force bounds and affine forces, which may differ between environments.
 #[derive(Clone, Copy, Debug)]
 pub struct CompiledActuatorDynamics<S> {
-    /// Index among the actuator dynamics that act within a step.
+    /// Index in the list of those actuator dynamics that act within a step.
     pub index: usize,
     /// Whether the dynamics are a continuous servo (a PD law that acts within the step).
     pub servo: bool,
     /// Whether the control is a voltage, for a motor with a torque-speed curve; `None` for other actuators.
     pub motor: Option<bool>,
-    /// Whether the force has limits.
+    /// Whether the actuator dynamics bound the force.
     pub limited: bool,
     /// Index of the dry friction row that contains the actuator's friction losses, and moment arm on its joint. `None` without losses.
     pub losses: Option<(usize, S)>,
@@ -88,16 +89,17 @@ pub struct CompiledActuatorDynamics<S> {
 pub struct CompiledServo<S> {
     /// Index of the actuator.
     pub actuator: usize,
-    /// Pairs of degrees of freedom on one kinematic branch: entry of the mass matrix, and factor of the added inertia.
+    /// Entries of the mass matrix to which the servo adds inertia: index of the entry, and factor of the added inertia. They belong to
+    /// pairs of degrees of freedom on one kinematic branch.
     pub entries: Vec<(usize, S)>,
-    /// Pairs of degrees of freedom on one branch, for an actuator on a site. They give the entry of the mass matrix, and the indices of the
-    /// two moment arms whose product is the factor.
+    /// Entries of the mass matrix to which the servo adds inertia, for an actuator on a site. They give the index of the entry, and the
+    /// indices of the two moment arms whose product is the factor.
     pub products: Vec<(usize, [usize; 2])>,
-    /// Diagonal upper bound of the added inertia for a moment across branches, used instead of `entries`: entries and factors. Empty for a
-    /// moment on one branch.
+    /// Diagonal entries of the mass matrix, and factors, that replace `entries` for a moment across branches. They are an upper bound of
+    /// the added inertia. Empty for a moment on one branch.
     pub bound: Vec<(usize, S)>,
-    /// Diagonal upper bound of the added inertia for an actuator on a site across branches, used instead of `products`: entries and indices
-    /// of their moment arms.
+    /// Diagonal entries of the mass matrix, and indices of their moment arms, that replace `products` for a site actuator across branches.
+    /// They are an upper bound of the added inertia.
     pub spread: Vec<(usize, usize)>,
 }
 
@@ -108,13 +110,13 @@ pub struct CompiledForceRange<S> {
     pub dof: usize,
     /// Lowest and highest sum, N or N m.
     pub bounds: [S; 2],
-    /// Actuators on this degree of freedom: index, and moment arm.
+    /// Actuators that act on this degree of freedom: index of the actuator, and moment arm.
     pub actuators: Vec<(usize, S)>,
     /// Whether any of these actuators is a servo.
     pub has_servos: bool,
 }
 
-/// Parts of the model and of the compiled model that actuators refer to.
+/// Model, and parts of the compiled model, from which actuators are compiled.
 #[derive(Clone, Copy)]
 pub(super) struct Scene<'a> {
     pub(super) model: &'a Model,
@@ -130,15 +132,15 @@ pub(super) struct Drives<S> {
     pub(super) actuators: Vec<CompiledActuator<S>>,
     pub(super) servos: Vec<CompiledServo<S>>,
     pub(super) force_ranges: Vec<CompiledForceRange<S>>,
-    /// Number of moment arms of all wrenches; below it the number of wrenches.
+    /// Number of moment arms of all actuators on sites. `wrenches` is the number of these actuators.
     pub(super) arms: usize,
     pub(super) wrenches: usize,
-    /// Number of actuator dynamics that act within a step.
+    /// Number of actuators whose dynamics act within a step.
     pub(super) actuator_dynamics: usize,
 }
 
 impl<S: Scalar> Drives<S> {
-    /// Compiles the actuators of the model. `specs` has an entry for every actuator, or is empty.
+    /// Compiles the actuators of the model. `specs` has the actuator dynamics of every actuator, or is empty.
     pub(super) fn new(scene: Scene<'_>, specs: &[Option<ActuatorSpec>]) -> Self {
         let model = scene.model;
         let mut drives = Self { actuators: vec![], servos: vec![], force_ranges: vec![], arms: 0, wrenches: 0, actuator_dynamics: 0 };
@@ -212,8 +214,8 @@ impl<S: Scalar> Drives<S> {
         Some(compiled)
     }
 
-    /// Compiles the part of a spec that acts within a step: delay, lag and sampled servos act between steps. `None` if nothing acts within
-    /// it.
+    /// Compiles the part of an actuator's dynamics that acts within a step; `None` if there is none. Delay, lag and sampled servos act
+    /// between steps.
     fn dynamics(&mut self, scene: Scene<'_>, a: &Actuator, spec: Option<&ActuatorSpec>) -> Option<CompiledActuatorDynamics<S>> {
         let spec = spec?;
         let row = |j: usize| scene.frictions.iter().position(|f| f.dof == scene.addresses[j].1);
@@ -286,8 +288,8 @@ fn entries(moment: &[(usize, f64)], scene: Scene<'_>) -> [Vec<(usize, f64)>; 2] 
 
 type Products = (Vec<(usize, [usize; 2])>, Vec<(usize, usize)>);
 
-/// Entries of the mass matrix for a wrench, whose moment arms change: entries with the two arms of each product. If the wrench acts across
-/// branches, the second list has the diagonal entries with their arms.
+/// Entries of the mass matrix to which a servo on a site adds inertia. Each is given with the two moment arms of its product, because the
+/// arms change. If the wrench acts across branches, the second list has the diagonal entries with their arms.
 fn products<S: Scalar>(wrench: &CompiledWrench<S>, scene: Scene<'_>) -> Products {
     let mut dofs: Vec<(usize, usize)> = wrench.dofs.iter().enumerate().map(|(k, &(dof, _))| (dof, wrench.arms + k)).collect();
     dofs.sort_by_key(|&(dof, _)| std::cmp::Reverse(scene.dofs[dof].depth));

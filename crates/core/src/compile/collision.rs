@@ -22,30 +22,30 @@ pub struct CompiledGeom<S> {
     pub frame: usize,
     /// Whether the geom is a plane (half space).
     pub is_plane: bool,
-    /// Whether the geom is a sphere or a capsule: all surface points have the same distance from the axis.
+    /// Whether the geom is a sphere or a capsule. All points of its surface have the same distance from its centre or segment.
     pub is_round: bool,
     /// Rotation matrix from the geom's axes to the frame's, row-major.
     pub mat: [S; 9],
-    /// Whether a pair uses the geom's whole orientation, and not only its z axis.
+    /// Whether collision of some pair needs the geom's whole orientation, and not only its z axis.
     pub full_orientation: bool,
     /// Collision shape for [`Kernel::Convex`] and the tunnelling check; `None` if no pair needs it.
     pub solid: Option<Solid>,
 }
 
 impl<S: Scalar> CompiledGeom<S> {
-    /// Sets the solid for [`Kernel::Convex`].
+    /// Sets the geom's solid (collision shape) for [`Kernel::Convex`].
     fn make_solid(&mut self, model: &Model, shape: &Shape) {
         self.keep_solid(model, shape);
         self.full_orientation = true;
     }
 
-    /// Sets the solid for the tunnelling check, if the geom can have one.
+    /// Sets the geom's solid (collision shape) for the tunnelling check, if the shape can have one.
     fn keep_solid(&mut self, model: &Model, shape: &Shape) {
         self.solid.get_or_insert_with(|| solid(model, shape));
     }
 }
 
-/// Pair of geoms that can collide.
+/// Pair of geoms that can collide, with its collision function and parameters.
 #[derive(Clone, Copy, Debug)]
 pub struct CompiledPair<S> {
     /// Indices of the geoms in the compiled model.
@@ -67,19 +67,20 @@ impl<S> CompiledPair<S> {
     }
 }
 
-/// Dynamic pairs: pairs among many geoms (the members), too numerous for a list. The broad phase finds those that can touch in every step.
+/// Dynamic pairs: pairs among many geoms (the members) that are too numerous for a list. In every step, the broad phase finds the dynamic
+/// pairs that can touch.
 #[derive(Clone, Debug)]
 pub struct DynamicPairs<S> {
     /// Geoms that form the dynamic pairs, ascending. Any two of them may collide.
     pub members: Vec<Member>,
-    /// Indices of the members that are not fixed to the world. Empty if the pairs of moving members are listed instead.
+    /// Indices of the members that are not fixed to the world. Empty if the pairs between moving members are listed instead.
     pub moving: Vec<u32>,
     /// Largest bounding radius of a member plus its margin, m.
     pub widest: f64,
-    /// Index of the first dynamic pair in the compiled model. Listed pairs have the indices before it.
+    /// Index of the first dynamic pair in the compiled model. All smaller indices are those of listed pairs.
     first: usize,
     filter: Filter,
-    /// Shapes of all geoms of the model, by geom.
+    /// Shapes of all geoms, by index of the geom in the model.
     shapes: Vec<Shape>,
     has_rolling_friction: bool,
     scalar: PhantomData<S>,
@@ -102,13 +103,13 @@ impl<S: Scalar> DynamicPairs<S> {
         self.first + i * self.members.len() + j
     }
 
-    /// Members of the dynamic pair with index `number`; `None` if there is no such pair.
+    /// The two members of the dynamic pair with index `number`; `None` if there is no such pair.
     fn members_of(&self, number: usize) -> Option<[&Member; 2]> {
         let (n, k) = (self.members.len(), number.checked_sub(self.first)?);
         Some([self.members.get(k / n)?, &self.members[k % n]])
     }
 
-    /// Geoms of the dynamic pair with index `number`, as indices in the compiled model, the simpler shape first.
+    /// Geoms of the dynamic pair with index `number`, as indices in the compiled model. The simpler shape is first.
     pub fn geoms(&self, number: usize) -> Option<[usize; 2]> {
         let [a, b] = self.members_of(number)?;
         let swap = self.filter.ordered([a.model_geom, b.model_geom])[0] != a.model_geom;
@@ -127,7 +128,8 @@ impl<S: Scalar> DynamicPairs<S> {
         Some(pair_plan(&pair, Kernel::of(shapes[0], shapes[1])?, self.geoms(number)?))
     }
 
-    /// Collision parameters of the dynamic pair with index `number` in terms of the model; `None` if its geoms do not collide.
+    /// Collision parameters of the dynamic pair with index `number`, with the geoms' indices in the model. `None` if its geoms do not
+    /// collide.
     pub(crate) fn geom_pair(&self, number: usize) -> Option<GeomPair> {
         let [a, b] = self.members_of(number)?;
         self.filter.pair(self.filter.ordered([a.model_geom, b.model_geom]))
@@ -165,13 +167,15 @@ impl<S: Scalar> DynamicPairs<S> {
     }
 }
 
-/// Number of contacts per geom among many similar geoms. Half of twelve neighbours (the kissing number), up to eight points each.
+/// Number of contact points per geom for which memory is reserved, among many similar geoms. It is half of twelve neighbours (the kissing
+/// number) times eight points.
 const NEIGHBOUR_POINTS: usize = 48;
 /// Number of pairs of ordinary-sized geoms above which these pairs are dynamic: the broad phase finds them in every step.
 ///
 /// If the pairs of moving geoms are fewer, those are listed, and only the pairs with static geoms are dynamic.
 const LISTED_PAIRS: usize = 3000;
-/// Ratio of a geom's size to the median size above which its pairs are listed. Grid cells of its size would contain all geoms.
+/// Ratio of a geom's size to the median size above which its pairs are listed. With broad-phase cells of its size, one cell would contain
+/// all geoms.
 const LARGE: f64 = 8.0;
 
 /// Compiled collision geometry: geoms, listed pairs and dynamic pairs.
@@ -230,7 +234,7 @@ pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S>
     (geoms, pairs, dynamic_pairs)
 }
 
-/// Contact group of a pair that belongs to none.
+/// Number in [`ModelStructure::contact_groups`] of a pair that belongs to no contact group.
 pub const NO_CONTACT_GROUP: u32 = u32::MAX;
 
 /// Contact groups of the listed pairs. Pairs that join the same two frames have the same number; a single pair has [`NO_CONTACT_GROUP`].
@@ -249,7 +253,7 @@ pub(super) fn contact_groups<S>(geoms: &[CompiledGeom<S>], pairs: &[CompiledPair
     contact_groups
 }
 
-/// Whether each geom's pairs are dynamic. All are false if the number of pairs is small.
+/// For each geom, whether its pairs are dynamic (found by the broad phase in every step). All are false if there are few pairs.
 fn dynamic(model: &Model) -> Vec<bool> {
     let can = |g: &Geom| (g.contype | g.conaffinity) != 0 && !g.shape.is_surface() && !matches!(g.shape, Shape::Plane);
     let size = |g: &Geom| bounding_radius(model, &g.shape);
@@ -261,12 +265,13 @@ fn dynamic(model: &Model) -> Vec<bool> {
     if number_of_pairs(n) > LISTED_PAIRS && n < (1 << 16) { among } else { vec![false; model.geoms.len()] }
 }
 
-/// Number of pairs of `n` geoms.
+/// Number of pairs among `n` geoms.
 fn number_of_pairs(n: usize) -> usize {
     n * n.saturating_sub(1) / 2
 }
 
-/// Pairs that can collide and are not dynamic. Those with torsional or rolling friction come first; each part ascends by its geoms.
+/// Listed pairs: pairs that can collide and are not dynamic. Those with torsional or rolling friction come first. Each part ascends by its
+/// geoms.
 ///
 /// `among` marks the geoms of dynamic pairs. The pairs of the geoms `listed_moving` are included. Contacts follow the order of the pairs,
 /// so that contacts with six rows have the same slots in all lanes.
@@ -281,7 +286,7 @@ fn listed_pairs(model: &Model, filter: &Filter, among: &[bool], listed_moving: &
     pairs
 }
 
-/// Radii of a geom: bounding radius and inscribed radius, m.
+/// Radii of a geom, m: that of the ball about its origin that contains it, and that of the ball that it contains.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bulk {
     pub(super) bounding_radius: f64,
@@ -362,14 +367,14 @@ fn solid(model: &Model, shape: &Shape) -> Solid {
     })
 }
 
-/// Message for a missing mesh or height field, which would be an error of this program.
+/// Message for a missing mesh or height field. It would be an error of this program.
 const CHECKED: &str = "a finished model has the form of every geom that can touch others";
 
 /// Bounding radius of a shape, m: radius of the ball about the geom's origin that contains the geom. Infinite for a plane.
 fn bounding_radius(model: &Model, shape: &Shape) -> f64 {
     match *shape {
         Shape::Plane => f64::INFINITY,
-        // A mesh that collides with nothing has no vertices here.
+        // A mesh that cannot collide has no vertices here.
         Shape::Mesh { .. } => model.mesh_of(shape).map_or(f64::INFINITY, Mesh::radius),
         Shape::HeightField { .. } => {
             let field = model.height_field_of(shape).expect(CHECKED);

@@ -25,7 +25,8 @@ use crate::compile::tree::{
 pub struct CompiledModel<S: Scalar> {
     /// Part of the model that all environments share.
     pub structure: ModelStructure<S>,
-    /// Parameters of the model. Environments may override them, see [`LaneModel`](crate::compile::LaneModel).
+    /// Parameters of the model: masses, sizes, friction and similar numbers. Environments may override them, see
+    /// [`LaneModel`](crate::compile::LaneModel).
     pub params: Params<S>,
 }
 
@@ -53,7 +54,7 @@ pub struct ModelStructure<S: Scalar> {
     pub wind: [S; 3],
     /// Bodies and geoms on which the surrounding fluid exerts forces.
     pub fluid: Vec<CompiledFluid<S>>,
-    /// Links alone on a free or ball joint. Their gyroscopic torque is integrated separately.
+    /// Spinners: links alone on a free or ball joint. Their gyroscopic torque is integrated separately.
     pub spinners: Vec<CompiledSpinner<S>>,
     /// Gravity compensation forces (`gravcomp`).
     pub compensation: Vec<GravityCompensation>,
@@ -75,13 +76,13 @@ pub struct ModelStructure<S: Scalar> {
     pub moved_dofs: Vec<Vec<u64>>,
     /// Mocap bodies and their frames.
     pub mocap: Vec<CompiledMocap<S>>,
-    /// Bodies of the model: frame, and pose in that frame.
+    /// Bodies of the model, with the frame to which each is fixed and the pose in that frame.
     pub bodies: Vec<CompiledBody<S>>,
     /// Geoms that can collide.
     pub geoms: Vec<CompiledGeom<S>>,
-    /// Indices in `geoms` of those that are not fixed to the world.
+    /// Indices in `geoms` of the geoms that are not fixed to the world.
     pub moving_geoms: Vec<usize>,
-    /// Listed pairs: pairs that can collide, have a collision function and are not dynamic, in a fixed order.
+    /// Listed pairs: pairs of geoms that can collide, have a collision function and are not dynamic. Their order is fixed.
     pub pairs: Vec<CompiledPair<S>>,
     /// Contact group of every listed pair: pairs with the same number join the same two frames. Empty if no pair has a group.
     pub contact_groups: Vec<u32>,
@@ -89,9 +90,9 @@ pub struct ModelStructure<S: Scalar> {
     pub has_contact_springs: bool,
     /// Dynamic pairs: pairs of geoms that are too numerous to list. `None` if all pairs are listed.
     pub dynamic_pairs: Option<DynamicPairs<S>>,
-    /// Static pairs: a moving geom and one that is fixed to the world.
+    /// Static pairs: pairs of a moving geom and a geom that is fixed to the world.
     pub static_pairs: StaticPairs,
-    /// Whether each link is alone on a free joint; empty if none is.
+    /// Whether each link is alone on a free joint, without other links in its tree. Empty if none is.
     pub floating: Vec<bool>,
     /// Whether any pair can have torsional or rolling friction.
     pub has_rolling_friction: bool,
@@ -105,7 +106,7 @@ pub struct ModelStructure<S: Scalar> {
     pub ball_limits: Vec<CompiledBallLimit>,
     /// Fixed tendons with limits, dry friction, springs, dampers or inertia.
     pub tendons: Vec<CompiledTendon<S>>,
-    /// Number of stored impulses of scalar rows: joint limits, dry friction, then the rows whose elements have an `impulse_index` index.
+    /// Number of stored impulses of scalar rows. The order is joint limits, dry friction, then the elements with an `impulse_index`.
     pub scalar_impulses: usize,
     /// Actuators.
     pub actuators: Vec<CompiledActuator<S>>,
@@ -125,7 +126,7 @@ pub struct ModelStructure<S: Scalar> {
     pub lossy: bool,
     /// Sensors of the model.
     pub sensing: CompiledSensing<S>,
-    /// Whether the scene has pairs that can pass through each other: any pair without a plane or a height field.
+    /// Whether the scene has pairs that can pass through each other. These are all pairs without a plane or a height field.
     pub can_tunnel: bool,
     /// Upper bound of the number of contacts of an environment.
     pub contact_points: usize,
@@ -147,7 +148,11 @@ impl<S: Scalar> ModelStructure<S> {
         Some(self.dofs[64 * w + word.trailing_zeros() as usize].tree)
     }
 
-    /// Pair with the index `number`, listed or dynamic.
+    /// Pair with index `number`, a listed or a dynamic pair.
+    ///
+    /// # Panics
+    ///
+    /// When the model has no such pair.
     ///
     /// # Panics
     /// When there is none.
@@ -159,7 +164,8 @@ impl<S: Scalar> ModelStructure<S> {
         }
     }
 
-    /// Geoms of the pair with index `number` as indices in the compiled model, the simpler shape first; `None` if there is no such pair.
+    /// Geoms of the pair with index `number`, as indices in the compiled model; `None` if there is no such pair. The simpler shape is
+    /// first.
     #[inline(always)]
     pub fn pair_geoms(&self, number: usize) -> Option<[usize; 2]> {
         match self.pairs.get(number) {
@@ -168,7 +174,7 @@ impl<S: Scalar> ModelStructure<S> {
         }
     }
 
-    /// Whether the effort of any actuator has bounds.
+    /// Whether any actuator force has bounds.
     pub fn efforts_are_bounded(&self) -> bool {
         let bounded = |t: &CompiledActuatorDynamics<S>| t.limited || t.motor.is_some();
         let own = self.actuators.iter().any(|a| a.force_range.is_some() || a.dynamics.as_ref().is_some_and(bounded));
@@ -182,7 +188,7 @@ impl<S: Scalar> ModelStructure<S> {
         &self.chain[d.chain..d.chain + d.depth]
     }
 
-    /// Descendants of a degree of freedom, the last first.
+    /// Descendants of a degree of freedom (dofs with this dof in their chain), the last first.
     #[inline(always)]
     pub fn descendants(&self, dof: usize) -> &[Descendant] {
         &self.descendants[self.dofs[dof].descendants.clone()]

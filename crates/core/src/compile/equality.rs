@@ -49,27 +49,28 @@ pub struct FramePath {
     pub links: Vec<u32>,
 }
 
-/// Inputs of the rows of an equality.
+/// Inputs from which the rows of an equality are computed.
 #[derive(Clone, Debug)]
 pub enum EqualityRows<S> {
     /// Two coincident points (connect), and two aligned orientations (weld).
     Points {
-        /// Frames in which the two points are given.
+        /// Frames to which the two points are fixed.
         frames: [usize; 2],
         /// Positions of the points in these frames, m.
         anchors: [[S; 3]; 2],
-        /// Orientations in these frames that must be aligned, and length that weighs a rotation, m/rad; `None` for connect.
+        /// For weld: orientations in these frames that must be aligned, and length that converts the angle to a distance, m/rad. `None` for
+        /// connect.
         turn: Option<([[S; 9]; 2], S)>,
         /// Kinematic paths to the two frames from the nearest frame that they share.
         paths: [FramePath; 2],
     },
-    /// Coupling `x - x_ref = polynomial(y - y_ref)` of two combinations of joints.
+    /// Coupling `x - x_ref = polynomial(y - y_ref)` of two linear combinations of joint positions.
     Coupling {
-        /// Combination x.
+        /// Linear combination x.
         first: Combination<S>,
-        /// Combination y; `None` if x has a constant target.
+        /// Linear combination y; `None` if x has a constant target.
         second: Option<Combination<S>>,
-        /// Coefficients of the polynomial, of powers 0 to 4.
+        /// Coefficients of the polynomial, for the powers 0 to 4.
         polynomial: [S; 5],
     },
 }
@@ -103,7 +104,7 @@ pub struct CompiledEquality<S> {
 }
 
 impl<S> CompiledEquality<S> {
-    /// Range of the equality's rows in the list of impulses of scalar rows.
+    /// Range of the impulses of the equality's rows in the list of impulses of scalar rows.
     pub(crate) fn impulses(&self) -> Range<usize> {
         let rows = match &self.rows {
             EqualityRows::Points { turn: Some(_), .. } => 6,
@@ -128,7 +129,7 @@ pub struct EqualityBlock<S> {
     /// Whether the block is hard and shares no degree of freedom with another hard block. The solver then eliminates its rows from all
     /// other rows.
     pub eliminated: bool,
-    /// Set of the dofs in `support`, as bits of 64-bit words.
+    /// Set of the degrees of freedom in `support`, as bits of 64-bit words.
     pub set: Vec<u64>,
 }
 
@@ -152,7 +153,7 @@ pub struct CompiledTendon<S> {
     pub impulse_index: usize,
 }
 
-/// Largest number of rows that are made orthogonal together. The cost grows with the square of the number.
+/// Largest number of equality rows that are made orthogonal together. The cost grows with the square of the number.
 const MOST_ROWS: usize = 48;
 
 /// Compiler of equalities and tendons.
@@ -169,7 +170,7 @@ impl Compiler<'_> {
         Combination { terms, reference: S::from_f64(reference) }
     }
 
-    /// The given degrees of freedom and all their ancestors, ascending.
+    /// List of the given degrees of freedom and all their ancestors, ascending.
     fn with_ancestors(&self, dofs: impl Iterator<Item = usize>) -> Vec<u32> {
         let mut all: Vec<u32> = dofs.flat_map(|d| self.merged.chain_of(d).to_vec()).collect();
         all.sort_unstable();

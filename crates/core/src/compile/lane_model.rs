@@ -8,7 +8,7 @@ use crate::compile::compiled_model::{CompiledModel, ModelStructure};
 use crate::compile::parameters::*;
 use crate::compile::softness::{CompiledSoftness, SoftContactLaw};
 
-/// Compiled model of a group of lanes: structure that all environments share, and parameters of each lane.
+/// Compiled model of a group of lanes (one environment per lane): structure that all environments share, and parameters of each lane.
 ///
 /// The type gives no access to the shared parameters, so that a step cannot use them by mistake.
 #[derive(Clone, Debug)]
@@ -81,7 +81,7 @@ impl<R: Real> LaneModel<R> {
         sum
     }
 
-    /// Sum of the bounding radii of two geoms, m. If the first geom is a plane, only the bounding radius of the second.
+    /// Sum of the bounding radii of two geoms, m. If the first geom is a plane, it is the bounding radius of the second.
     #[inline(always)]
     pub fn reach(&self, [a, b]: [usize; 2]) -> R {
         let second = self.params.bounding_radius(b);

@@ -6,19 +6,20 @@ use stepper_real::Scalar;
 use crate::compile::tree::{CompiledBody, CompiledJoint, CompiledMocap, Descendant, Dof, Link, scalars};
 use crate::model::{JointKind, Model, simple_bodies};
 
-/// Merged bodies: frame of every body with the body's pose in that frame, and the tree of degrees of freedom.
+/// Links formed from bodies that cannot move relative to each other: frame of every body with the body's pose in it. Also the tree of
+/// degrees of freedom.
 #[derive(Clone, Debug)]
 pub(crate) struct Merged {
     pub(crate) frame: Vec<usize>,
     pub(crate) pos: Vec<Vector3<f64>>,
     pub(crate) quat: Vec<UnitQuaternion<f64>>,
-    /// Body of each link that has the link's joints.
+    /// Index of the body of each link that has the link's joints.
     pub(crate) leaders: Vec<usize>,
     pub(crate) mocap: Vec<usize>,
     pub(crate) link_tree: Vec<usize>,
     pub(crate) ntree: usize,
     dof_link: Vec<usize>,
-    /// Range of each dof's chain in `chain`: start and length.
+    /// Range of the chain of each degree of freedom in `chain`: start and length.
     dof_chain: Vec<(usize, usize)>,
     pub(crate) chain: Vec<u32>,
     last_dof_of_frame: Vec<Option<usize>>,
@@ -79,7 +80,7 @@ impl Merged {
         merged
     }
 
-    /// Parent frame of the link with index `link`.
+    /// Index of the parent frame of the link with index `link`.
     pub(crate) fn parent_frame(&self, model: &Model, link: usize) -> usize {
         self.frame[model.bodies[self.leaders[link]].parent]
     }
@@ -166,7 +167,7 @@ pub(crate) fn links<S: Scalar>(model: &Model, merged: &Merged) -> Vec<Link<S>> {
     merged.leaders.iter().enumerate().map(link).collect()
 }
 
-/// Mass, centre of mass and inertia about it of the bodies `chosen`, which are all fixed to one frame. Result in the frame's axes.
+/// Mass, centre of mass, and inertia about it, of the bodies `chosen`, which are all fixed to one frame. The result is in the frame's axes.
 pub(crate) fn combined(model: &Model, merged: &Merged, chosen: impl Fn(usize) -> bool) -> (f64, Vector3<f64>, [f64; 6]) {
     let parts: Vec<usize> = (0..model.bodies.len()).filter(|&b| chosen(b) && model.bodies[b].mass > 0.0).collect();
     let com_of = |b: usize| merged.pos[b] + merged.quat[b] * vector(model.bodies[b].ipos);

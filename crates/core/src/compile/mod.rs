@@ -1,4 +1,4 @@
-//! Compiler and compiled model: converts the user's model to the numbers that the step reads.
+//! Compiler: converts the user's model to a compiled model, the numbers that a step reads.
 
 mod actuators;
 mod collision;

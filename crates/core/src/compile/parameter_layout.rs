@@ -1,4 +1,4 @@
-//! Parameters of a model, in the layout of a compiled model.
+//! Parameters of a model in the layout of a compiled model: one list made of tables.
 
 use stepper_real::Scalar;
 
@@ -13,7 +13,7 @@ use crate::compile::passive::{FluidShape, inertia_box};
 use crate::model::{Body, Filter, GeomPair, Joint, JointKind, Model, Object};
 
 impl<S: Scalar> ModelStructure<S> {
-    /// Parameters of `model` in the layout of this structure. The model is the one that was compiled, or a variant with other values.
+    /// Parameters of `model` in the layout of this structure. `model` must be the compiled model, or a variant with other parameter values.
     pub fn params_of(&self, model: &Model) -> Params<f64> {
         let source = Source { structure: self, model };
         let joints = model.joints.iter();
@@ -51,7 +51,7 @@ fn dofs(joint: &Joint) -> impl Iterator<Item = DofParams<f64>> {
     std::iter::repeat_n(DofParams { damping, stiffness: stiffness.max(0.0), armature }, joint.kind.nv())
 }
 
-/// Model that provides the parameters, and structure that defines their layout.
+/// Model from which parameters are read, and structure that defines their layout.
 struct Source<'a, S: Scalar> {
     structure: &'a ModelStructure<S>,
     model: &'a Model,
@@ -68,7 +68,7 @@ impl<S: Scalar> Source<'_, S> {
         links.chain(parts).map(|(mass, com, inertia)| Inertial { mass, com: com.into(), inertia })
     }
 
-    /// Total masses of the subtrees that sensors read, kg.
+    /// Total masses of the subtrees whose mass sensors read, kg.
     fn totals(&self) -> impl Iterator<Item = f64> {
         let bodies = &self.model.bodies;
         self.structure.sensing.subtrees.iter().map(|tree| bodies.iter().zip(&tree.bodies).filter(|b| *b.1).map(|b| b.0.mass).sum())
@@ -117,7 +117,7 @@ impl<S: Scalar> Source<'_, S> {
         FluidParams { pos: self.place(object), viscous, quadratic }
     }
 
-    /// Position of an object in the frame to which it is fixed, m.
+    /// Position of an object (body, geom or site) in the frame to which it is fixed, m.
     fn place(&self, object: Object) -> [f64; 3] {
         let (body, pos) = match object {
             Object::XBody(b) => (b, [0.0; 3]),

@@ -1,6 +1,6 @@
-//! Rows of tables of parameters.
+//! Row types of tables of parameters.
 
-/// Row of a table of parameters. The type defines how many numbers the row has, and their order in memory.
+/// Row of a parameter table. The type defines how many numbers the row has, and their order in memory.
 pub(super) trait ParameterRow<T: Copy>: Copy {
     /// Number of values in a row.
     const WIDTH: usize;

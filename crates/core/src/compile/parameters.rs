@@ -55,9 +55,9 @@ parameter_rows! {
     GeomParams {
         /// Origin of the geom in its frame, m.
         pos: [T; 3],
-        /// Size, m: radius, half length (capsule, cylinder), half sizes (box) or half axes (ellipsoid).
+        /// Sizes of the geom, m: radius, half length (capsule, cylinder), half sizes (box) or half axes (ellipsoid).
         size: [T; 3],
-        /// Radius of the ball about the origin that contains the geom, m; infinite for a plane.
+        /// Radius of the ball about the geom's origin that contains the geom, m; infinite for a plane.
         bounding_radius: T,
         /// Half the least width of the geom, m: infinite for a plane, 0 for a surface.
         inscribed_radius: T,
@@ -75,13 +75,13 @@ parameter_rows! {
         force: [T; 3],
     }
 
-    /// Drag coefficients of a body in the surrounding fluid, as a box; rotation before translation.
+    /// Drag coefficients of a body's inertia box in the surrounding fluid. Rotation comes before translation.
     FluidParams {
         /// Centre of mass of the body in its link's frame, m.
         pos: [T; 3],
-        /// Viscous drag coefficients, N m s and N s/m.
+        /// Viscous drag coefficients: three of rotation, N m s, and three of translation, N s/m.
         viscous: [T; 6],
-        /// Quadratic drag coefficients, N m s^2 and N s^2/m^2.
+        /// Quadratic drag coefficients: three of rotation, N m s^2, and three of translation, N s^2/m^2.
         quadratic: [T; 6],
     }
 }
@@ -95,7 +95,7 @@ macro_rules! parameter_tables {
             $($table: [usize; 2],)*
         }
 
-        /// Rows of every table, before they become one list.
+        /// Rows of every parameter table, before they are joined to one list.
         pub(super) struct ParameterRows<T> {
             $($(#[$doc])* pub(super) $table: Vec<$kind>,)*
         }
@@ -123,11 +123,11 @@ macro_rules! parameter_tables {
 parameter_tables! {
     /// Gravitational acceleration, m/s^2.
     gravity: gravity() -> [T; 3];
-    /// Inertial parameters of link `i`, or of subtree part `i - links` that sensors read.
+    /// Mass, centre of mass and inertia of link `i`, or of part `i - links` of the subtrees that sensors read.
     inertials: inertial(i) -> Inertial<T>;
     /// Mass of the subtree with index `subtree` that sensors read, kg.
     totals: total(subtree) -> T;
-    /// Parameters of degree of freedom `i`.
+    /// Mass matrix parameters of degree of freedom `i`.
     dofs: dof(i) -> DofParams<T>;
     /// Stiffness of the spring of joint `joint`, N/m or N m/rad.
     springs: spring(joint) -> T;
@@ -135,7 +135,7 @@ parameter_tables! {
     limits: limit(i) -> [T; 2];
     /// Largest rotation angle of ball joint limit `i`, rad.
     ball_limits: ball_limit(i) -> T;
-    /// Dry friction of row `i`, N or N m.
+    /// Dry friction in row `i` of dry friction, N or N m.
     frictions: friction(i) -> T;
     /// Affine force coefficients of actuator `i`.
     actuators: actuator(i) -> ActuatorParams<T>;
@@ -143,7 +143,7 @@ parameter_tables! {
     geoms: geom(i) -> GeomParams<T>;
     /// Contact parameters of the listed pair `pair`.
     pairs: listed_contact(pair) -> ContactParams<T>;
-    /// Contact parameters of geom `geom` of the model, which dynamic pairs combine.
+    /// Contact parameters of the geom with index `geom` in the model, which dynamic pairs combine.
     members: member(geom) -> ContactParams<T>;
     /// Centre of mass of a body of the model in the frame of its link, m.
     bodies: body_com(body) -> [T; 3];
@@ -151,17 +151,17 @@ parameter_tables! {
     masses: mass(body) -> T;
     /// Inertia of a body of the model about its centre of mass in the axes of its frame: xx, yy, zz, xy, xz, yz, kg m^2.
     moments: body_inertia(body) -> [T; 6];
-    /// Gravity compensation force number `i`.
+    /// Gravity compensation force number `i`, and its point of application.
     compensations: compensation(i) -> CompensationParams<T>;
     /// Drag coefficients of body number `i` in the surrounding fluid.
     fluid: fluid(i) -> FluidParams<T>;
-    /// Position of object `i` that sensors read, in its frame, m.
+    /// Position of object `i` that sensors read, in the frame to which it is fixed, m.
     places: place(i) -> [T; 3];
     /// Size of shape `i` that sensors read, m: radius and half length, or half axes, or half sizes.
     sizes: size(i) -> [T; 3];
 }
 
-/// Parameters of a compiled model: shared values (`T` a scalar), or one value per lane (`T` a SIMD type).
+/// Parameters of a compiled model in one list. `T` is a scalar for values that environments share, or a SIMD type for one value per lane.
 #[derive(Clone, Debug, Default)]
 pub struct Params<T> {
     numbers: Vec<T>,
@@ -190,7 +190,7 @@ impl<T: Copy> Params<T> {
         &self.numbers
     }
 
-    /// Converts every value to another type by `f`.
+    /// Parameters with every value converted by `f`.
     pub fn map<U>(&self, f: impl FnMut(T) -> U) -> Params<U> {
         Params { numbers: self.numbers.iter().copied().map(f).collect(), tables: self.tables }
     }
@@ -208,7 +208,7 @@ impl<T: Copy> Params<T> {
         self.numbers[start..end].as_chunks().0
     }
 
-    /// Whether any of the parameter indices `places`, ascending, is in the table of geoms.
+    /// Whether any of the parameter indices `places`, ascending, belongs to the table of geoms.
     pub fn has_geoms(&self, places: &[u32]) -> bool {
         let [start, end] = self.tables.geoms.map(|at| places.partition_point(|&place| (place as usize) < at));
         start < end
@@ -220,19 +220,19 @@ impl<T: Copy> Params<T> {
         self.geom(geom).pos
     }
 
-    /// Size of geom `geom`, m: radius, half length (capsule, cylinder), half sizes (box) or half axes (ellipsoid).
+    /// Size of geom `geom` of the compiled model, m: radius, half length (capsule, cylinder), half sizes (box) or half axes (ellipsoid).
     #[inline(always)]
     pub fn geom_size(&self, geom: usize) -> [T; 3] {
         self.geom(geom).size
     }
 
-    /// Radius of the ball about the geom's origin that contains the geom, m; infinite for a plane.
+    /// Radius of the ball about the origin of geom `geom` that contains the geom, m; infinite for a plane.
     #[inline(always)]
     pub fn bounding_radius(&self, geom: usize) -> T {
         self.geom(geom).bounding_radius
     }
 
-    /// Half the least width of geom `geom`, m; see [`GeomParams`].
+    /// Inscribed radius of geom `geom`, m: half its least width, see [`GeomParams`].
     #[inline(always)]
     pub fn inscribed_radius(&self, geom: usize) -> T {
         self.geom(geom).inscribed_radius
@@ -246,21 +246,21 @@ impl<T: Copy> Params<T> {
 }
 
 impl Params<f64> {
-    /// Sets parameters, given as pairs of index and value.
+    /// Sets parameters from pairs of parameter index and value.
     pub fn set(&mut self, numbers: &[(u32, f64)]) {
         numbers.iter().for_each(|&(place, x)| self.numbers[place as usize] = x);
     }
 }
 
 impl<S: Scalar> Params<S> {
-    /// Parameters with the shared values in every lane.
+    /// Copies the shared values to every lane.
     pub fn in_lanes<R: Real<Scalar = S>>(&self) -> Params<R> {
         self.map(R::splat)
     }
 }
 
 impl<R: Real> Params<R> {
-    /// Sets the parameters with the indices `places` to per-lane values, (places, lanes).
+    /// Sets the parameters with the indices `places` to per-lane values. `numbers` has shape (places, lanes).
     pub fn load_lanes(&mut self, places: &[u32], numbers: &[R::Scalar]) {
         for (&place, lanes) in places.iter().zip(numbers.chunks_exact(R::LANES)) {
             self.numbers[place as usize] = R::load(lanes);

@@ -32,10 +32,10 @@ pub enum FluidShape<S> {
     Ellipsoid(Box<CompiledEllipsoid<S>>),
 }
 
-/// Coefficients of the ellipsoid fluid model; the names are those of [`crate::dynamics::fluid`].
+/// Coefficients of the ellipsoid fluid model. Their names are those of [`crate::dynamics::fluid`].
 #[derive(Clone, Debug)]
 pub struct CompiledEllipsoid<S> {
-    /// Factor of all forces and torques.
+    /// Factor by which all forces and torques of the model are multiplied.
     pub share: S,
     /// Density of the fluid, kg/m^3.
     pub density: S,
@@ -49,11 +49,11 @@ pub struct CompiledEllipsoid<S> {
     pub kutta: S,
     /// Products of two semi-axes, b c, c a and a b, divided by the largest of the three.
     pub areas: [S; 3],
-    /// Bound below which the projected area is zero: of the sum of squares of `areas` times the velocity's direction.
+    /// Value of the sum of squares of `areas` times the velocity's direction, below which the projected area counts as zero.
     pub no_area: S,
-    /// Largest projected area, m^2.
+    /// Largest projected area of the ellipsoid, m^2.
     pub widest: S,
-    /// Coefficients of blunt and of slender drag.
+    /// Drag coefficients: of blunt drag, and of slender drag.
     pub drag: [S; 2],
     /// Viscous drag coefficients in Stokes flow: of rotation, N m s, and of translation, N s/m.
     pub viscous: [S; 2],
@@ -61,7 +61,7 @@ pub struct CompiledEllipsoid<S> {
     pub moments: [S; 3],
 }
 
-/// Gravity compensation of a body (`gravcomp`).
+/// Gravity compensation force of a body (`gravcomp`).
 #[derive(Clone, Debug)]
 pub struct GravityCompensation {
     /// Link on which the force acts.
@@ -75,7 +75,7 @@ pub struct GravityCompensation {
 pub struct CompiledSurface<S> {
     /// Index of the geom in the compiled model.
     pub geom: usize,
-    /// Index of the mocap body that carries the surface, in the compiled model.
+    /// Index of the mocap body that carries the surface, in the compiled model. `None` for other surfaces.
     pub mocap: Option<usize>,
     /// Velocity of a conveyor in the frame's axes: linear at the geom's origin, m/s, and angular, rad/s. `None` without a conveyor.
     pub own: Option<[[S; 3]; 2]>,

@@ -1,4 +1,4 @@
-//! Cache of the meshes and height fields that rays hit: each is created once.
+//! Cache of the meshes and height fields that rays hit, so that each is created once.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

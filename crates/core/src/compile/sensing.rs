@@ -15,7 +15,7 @@ use crate::model::{
     Shape, Transmission,
 };
 
-/// Compiled sensors of a model, and the results of a step that they need.
+/// Compiled sensors of a model, with the elements and results of a step that they read.
 #[derive(Clone, Debug)]
 pub struct CompiledSensing<S> {
     /// Sensors in the model's order.
@@ -32,18 +32,19 @@ pub struct CompiledSensing<S> {
     pub needs: Needs,
     /// Subtrees whose mass or motion sensors read: a body with all its descendants.
     pub subtrees: Vec<Subtree>,
-    /// Force and torque sensors: frame of the site, and index of the subtree on which the parent exerts the force.
+    /// Subtrees on which force and torque sensors measure the force of the parent body: frame of the sensor's site, and index of the
+    /// subtree.
     pub carried: Vec<(SensorFrame<S>, usize)>,
-    /// Frames of the model's geoms.
+    /// Frame and pose of each geom of the model.
     pub geoms: Vec<SensorFrame<S>>,
-    /// Frames of the model's sites.
+    /// Frame and pose of each site of the model.
     pub sites: Vec<SensorFrame<S>>,
-    /// Objects whose positions sensors read, all geoms and sites last. Object k has row k of
+    /// Objects whose positions sensors read. All geoms and sites are last. Object k has row k of
     /// [`Params::place`](crate::compile::Params::place).
     pub places: Vec<Object>,
     /// Simple shape of each geom, and its index in `shapes`; `None` for a mesh or height field.
     pub forms: Vec<Option<(Form, usize)>>,
-    /// Geoms and sites whose size sensors read, all geoms last. Shape k has row k of [`Params::size`](crate::compile::Params::size).
+    /// Geoms and sites whose sizes sensors read. All geoms are last. Shape k has row k of [`Params::size`](crate::compile::Params::size).
     pub shapes: Vec<Object>,
 }
 
@@ -66,7 +67,7 @@ pub struct Needs {
     pub step: bool,
 }
 
-/// Sensor in terms of the compiled model.
+/// Sensor of the compiled model: place of its readings, and what it measures.
 #[derive(Clone, Debug)]
 pub struct CompiledSensor<S> {
     /// Index of the sensor's first reading.
@@ -84,22 +85,22 @@ pub struct CompiledSensor<S> {
 pub struct SensorFrame<S> {
     /// Index of the frame in the compiled model.
     pub frame: usize,
-    /// Index of the row of [`Params::place`](crate::compile::Params::place) with the position in that frame.
+    /// Row of [`Params::place`](crate::compile::Params::place) with the position in the frame.
     pub index: usize,
     /// Rotation matrix from the sensor's axes to the frame's, row-major.
     pub mat: [S; 9],
-    /// Same orientation as a unit quaternion (w, x, y, z).
+    /// Orientation as a unit quaternion (w, x, y, z), the same as in `mat`.
     pub quat: [S; 4],
 }
 
-/// Simple shape with its pose.
+/// Simple shape (sphere, box ...) with its pose.
 #[derive(Clone, Debug)]
 pub struct Solid<S> {
     /// Pose of the shape.
     pub place: SensorFrame<S>,
     /// Kind of shape.
     pub form: Form,
-    /// Index of the row of [`Params::size`](crate::compile::Params::size) with the shape's size.
+    /// Row of [`Params::size`](crate::compile::Params::size) with the size of the shape.
     pub index: usize,
 }
 
@@ -135,16 +136,16 @@ pub struct Target<S> {
 /// Shape of a geom that rays hit.
 #[derive(Clone, Debug)]
 pub enum TargetForm {
-    /// Simple shape, and its row of [`Params::size`](crate::compile::Params::size).
+    /// Simple shape: its kind, and its row of [`Params::size`](crate::compile::Params::size).
     Simple(Form, usize),
     /// Mesh or height field.
     Surface(Arc<RaySurface>),
 }
 
-/// Subtree: a body with all its descendants, as masses in frames.
+/// Subtree: a body with all its descendants, as a list of masses in frames.
 #[derive(Clone, Debug)]
 pub struct Subtree {
-    /// Index of the row of [`Params::total`](crate::compile::Params::total) with the subtree's mass.
+    /// Row of [`Params::total`](crate::compile::Params::total) with the mass of the subtree.
     pub index: usize,
     /// Parts of the subtree: one mass per frame.
     pub parts: Vec<Part>,
@@ -157,29 +158,29 @@ pub struct Subtree {
 pub struct Part {
     /// Index of the frame in the compiled model.
     pub frame: usize,
-    /// Index of the row of [`Params::inertial`](crate::compile::Params::inertial) with mass, centre of mass and inertia.
+    /// Row of [`Params::inertial`](crate::compile::Params::inertial) with mass, centre of mass and inertia of the part.
     pub index: usize,
 }
 
-/// Side of a contact sensor. It selects contacts by their geoms or positions.
+/// Side of a contact sensor. A contact sensor has two sides, and each selects contacts by their geoms or positions.
 #[derive(Clone, Debug)]
 pub enum Side<S> {
-    /// Set of geoms: whether it contains each geom of the model.
+    /// Set of geoms, as a list with an entry for each geom of the model.
     Geoms(Vec<bool>),
-    /// Volume of a site: selects the contacts inside it.
+    /// Volume of a site. It selects the contacts inside the volume.
     Zone(Solid<S>),
 }
 
 /// Measured quantity of a sensor, in terms of the compiled model. Subtrees are given by their index.
 #[derive(Clone, Debug)]
 pub enum Read<S> {
-    /// Entries of q, starting at this address.
+    /// Entries of the configuration q, from this address on.
     Position(usize),
-    /// Entries of v, starting at this address.
+    /// Entries of the velocity v, from this address on.
     Velocity(usize),
-    /// Sum of coefficients times entries of q: (address, coefficient) of each term.
+    /// Linear combination of entries of q: address and coefficient of each term.
     Length(Vec<(usize, S)>),
-    /// Sum of coefficients times entries of v: (address, coefficient) of each term.
+    /// Linear combination of entries of v: address and coefficient of each term.
     Rate(Vec<(usize, S)>),
     /// Sum of the forces of these actuators.
     ActuatorForce(Vec<usize>),
@@ -189,13 +190,14 @@ pub enum Read<S> {
     ActuatorLength(usize),
     /// Time derivative of the length of this actuator, which acts on a site.
     ActuatorRate(usize),
-    /// Distance of a sum of coefficients times q beyond the nearer end of a range.
+    /// Distance of a linear combination of q beyond the nearer end of a range.
     LimitPos(Vec<(usize, S)>, Bounds<S>),
-    /// Time derivative of the distance beyond the nearer end of a range. The first sum is of q, the second of v.
+    /// Time derivative of the distance of a linear combination beyond the nearer end of a range. The first list has its terms in q, the
+    /// second those in v.
     LimitVel([Vec<(usize, S)>; 2], Bounds<S>),
-    /// Force of a limit, from the impulse of its row with this index.
+    /// Force of a limit: index of the limit's impulse in the list of impulses of scalar rows.
     LimitForce(usize),
-    /// Constant zero: the limit that the sensor reads does not exist.
+    /// Constant zero, because the limit that the sensor reads does not exist.
     Nothing,
     /// Pose, velocity or acceleration of a frame; relative to another frame, if there is one.
     Frame(FrameReading, SensorFrame<S>, Option<SensorFrame<S>>),
@@ -233,7 +235,7 @@ pub enum Read<S> {
     Kinetic(usize),
     /// Simulated time.
     Clock,
-    /// Sum of coefficients times readings of other sensors: (index of the first reading, coefficient) of each term.
+    /// Linear combination of readings of other sensors: index of the first reading and coefficient of each term.
     Combination(Vec<(usize, S)>),
 }
 
@@ -262,7 +264,7 @@ impl Form {
 }
 
 impl<S: Scalar> CompiledSensing<S> {
-    /// Compiles the sensors of a model. `lossy` is set if the impulses of a step determine part of the actuator forces, by friction losses.
+    /// Compiles the sensors of a model. `lossy` is set if actuator forces contain friction losses, which depend on the impulses of a step.
     pub(super) fn new(model: &Model, merged: &Merged, tendons: &[CompiledTendon<S>], lossy: bool) -> Self {
         let impulse_indices = tendons.iter().map(|t| (t.index, t.impulse_index)).collect();
         let compiler = Compiler { model, merged, addresses: model.joint_addresses(), impulse_indices, found: RefCell::default() };
@@ -339,16 +341,16 @@ struct Compiler<'a> {
     model: &'a Model,
     merged: &'a Merged,
     addresses: Vec<(usize, usize)>,
-    /// Tendons with constraint rows: index in the model, and index of the first impulse.
+    /// Compiled tendons with constraint rows: index of the tendon in the model, and index of its first impulse.
     impulse_indices: Vec<(usize, usize)>,
     found: RefCell<Found>,
 }
 
-/// Objects that the sensors compiled so far refer to, each stored once.
+/// Objects to which the sensors compiled so far refer. Each is stored once.
 #[derive(Default)]
 struct Found {
     subtrees: Vec<Subtree>,
-    /// Sites of force and torque sensors.
+    /// Indices of the sites of force and torque sensors.
     carried: Vec<usize>,
     places: Vec<Object>,
     shapes: Vec<Object>,
@@ -410,18 +412,20 @@ impl Compiler<'_> {
         }
     }
 
-    /// Terms of a sum of joints: address in q, address in v, and coefficient times `gear`. `arms` are pairs of joint and coefficient.
+    /// Terms of a linear combination of joints: address in q, address in v, and coefficient times `gear`. `arms` are pairs of joint and
+    /// coefficient.
     fn arms<'a, S: Scalar>(&'a self, arms: &'a [(usize, f64)], gear: f64) -> impl Iterator<Item = (usize, usize, S)> + 'a {
         arms.iter().map(move |&(j, c)| (self.addresses[j].0, self.addresses[j].1, S::from_f64(c * gear)))
     }
 
-    /// Terms of a sum of joints in q, and its terms in v. `arms` are pairs of joint and coefficient.
+    /// Terms of a linear combination of joints, in q and in v. `arms` are pairs of joint and coefficient.
     fn sums<S: Scalar>(&self, arms: &[(usize, f64)], gear: f64) -> [Vec<(usize, S)>; 2] {
         let arms = || self.arms(arms, gear);
         [arms().map(|(q, _, c)| (q, c)).collect(), arms().map(|(_, v, c)| (v, c)).collect()]
     }
 
-    /// Terms of the moment of actuator `a`; `None` if the moment depends on the configuration, as on a site.
+    /// Terms of the moment of actuator `a`: address in q, address in v, and moment arm. `None` if the moment depends on the configuration,
+    /// as on a site.
     fn moment<S: Scalar>(&self, a: usize) -> Option<impl Iterator<Item = (usize, usize, S)>> {
         let actuator = &self.model.actuators[a];
         let arms = match actuator.transmission {
@@ -485,7 +489,7 @@ impl Compiler<'_> {
         self.solid(Object::Site(site), &self.model.sites[site].shape).expect("the model was checked: sites have simple volumes")
     }
 
-    /// Pairs of the geoms `from` with the geoms `to`, without meshes and height fields.
+    /// Pairs of a geom of `from` and a geom of `to`. Meshes and height fields are left out.
     fn near<S: Scalar>(&self, from: &[usize], to: &[usize]) -> Vec<Pair<S>> {
         let solid = |g: usize| self.solid(Object::Geom(g), &self.model.geoms[g].shape);
         let pairs = from.iter().flat_map(|&a| to.iter().map(move |&b| (a, b)));
@@ -536,7 +540,7 @@ impl Compiler<'_> {
     }
 }
 
-/// Index of `thing` in `list`. It is appended if it is not in the list.
+/// Index of `thing` in `list`. The function appends `thing` if it is not in the list.
 fn number<T: Copy + PartialEq>(list: &mut Vec<T>, thing: T) -> usize {
     list.iter().position(|&t| t == thing).unwrap_or_else(|| {
         list.push(thing);

@@ -68,8 +68,8 @@ impl<S: Scalar> CompiledModel<S> {
     }
 }
 
-/// Elimination order of the degrees of freedom: tree by tree, those of the largest tree first. The solver eliminates from the last to the
-/// first.
+/// Order in which the solver eliminates degrees of freedom, from the last to the first. It goes tree by tree, and the dofs of the largest
+/// tree are first.
 ///
 /// A large tree touches many others. Eliminating it early would couple each of them with every other. The order depends only on the model,
 /// so that all environments share it.

@@ -11,7 +11,7 @@ const IMPEDANCE: [f64; 2] = [1e-4, 0.9999];
 
 /// Smallest coefficient of friction (`mjMINMU`).
 pub(crate) const MIN_FRICTION: f64 = 1e-5;
-/// Inverse inertia along a row below which the row counts as immovable, 1/kg or 1/(kg m^2).
+/// Inverse inertia along a row below which the row counts as immovable, 1/kg or 1/(kg m^2) (MuJoCo's `mjMINVAL`).
 pub(crate) const MIN_MOBILITY: f64 = MIN_VALUE;
 
 /// Constraint law of a soft row: reference acceleration -B v - K d(r) r, and regularisation (1 - d(r)) / d(r) times an approximate inverse
@@ -24,11 +24,11 @@ pub struct SoftLaw<S> {
     pub stiffness: S,
     /// Damping B, 1/s.
     pub damping: S,
-    /// Impedance at zero error, and its increase up to the full width.
+    /// Impedance at zero position error, and its increase from there to the full width.
     impedance: [S; 2],
     /// Inverse of the error at which the impedance reaches its final value, 1/m or 1/rad; 0 for a constant impedance.
     inverse_width: S,
-    /// Midpoint of the impedance curve, as a fraction of the width. Below it the factors of the curve before and after the midpoint.
+    /// Midpoint of the impedance curve, as a fraction of the width. `factors` are the factors of the curve before and after the midpoint.
     midpoint: S,
     factors: [S; 2],
     power: S,
@@ -47,7 +47,7 @@ pub struct SoftContactLaw<S> {
     pub friction_damping: S,
     /// Number of rows of a contact: 1, 3, 4 or 6.
     pub condim: u8,
-    /// Anisotropy of friction, see [`Pair::anisotropy`](crate::model::Pair::anisotropy).
+    /// Anisotropy of friction along the two tangents, see [`Pair::anisotropy`](crate::model::Pair::anisotropy).
     pub anisotropy: [S; 2],
     /// Regularisation R of the normal force of a contact spring, 1/kg. 0 if the contact has no spring, and follows its solref and solimp
     /// instead.
@@ -63,17 +63,17 @@ pub struct CompiledSoftness<S> {
     pub impratio: S,
     /// Number and tolerance of the noslip iterations; `None` without them.
     pub noslip: Option<SlipEffort<S>>,
-    /// Laws of the listed pairs, by pair.
+    /// Constraint laws of the listed pairs, in the order of the compiled model.
     pub pairs: Vec<SoftContactLaw<S>>,
-    /// Laws of the limits of hinge and slide joints, in the order of the compiled model.
+    /// Constraint laws of the limits of hinge and slide joints, in the order of the compiled model.
     pub limits: Vec<SoftLaw<S>>,
-    /// Laws of the dry friction rows, in the order of the compiled model.
+    /// Constraint laws of the dry friction rows, in the order of the compiled model.
     pub frictions: Vec<SoftLaw<S>>,
-    /// Laws of the limits of ball joints, in the order of the compiled model.
+    /// Constraint laws of the limits of ball joints, in the order of the compiled model.
     pub ball_limits: Vec<SoftLaw<S>>,
-    /// Laws of each compiled tendon: of its limit, and of its dry friction.
+    /// Constraint laws of each compiled tendon: of its limit, and of its dry friction.
     pub tendons: Vec<[SoftLaw<S>; 2]>,
-    /// Laws of each equality of the model: of its translational rows, and of its rotational rows.
+    /// Constraint laws of each equality of the model: of its translational rows, and of its rotational rows.
     pub equalities: Vec<[SoftLaw<S>; 2]>,
     /// Parameters from which the laws of dynamic pairs are computed.
     pub(super) maker: LawMaker,
@@ -114,20 +114,21 @@ impl<S: Scalar> SoftLaw<S> {
         start + growth * R::select(x.lt(R::one()), y, R::one())
     }
 
-    /// Regularisation R at an impedance, for a row with the approximate inverse inertia `weight`.
+    /// Regularisation R of a row with the impedance `impedance` and the approximate inverse inertia `weight`.
     #[inline(always)]
     pub fn regularisation<R: Real<Scalar = S>>(impedance: R, weight: R) -> R {
         ((R::one() - impedance) * weight / impedance).max(R::of(MIN_VALUE))
     }
 
-    /// Reference acceleration, and D = 1 / R, of a row with the position error `r` and its rate `v`. D is 0 outside the lanes `active`.
+    /// Reference acceleration, and weight D = 1 / R, of a row with the position error `r` and its rate `v`. D is 0 outside the lanes
+    /// `active`.
     #[inline(always)]
     pub fn row<R: Real<Scalar = S>>(&self, r: R, v: R, active: R::Mask) -> [R; 2] {
         self.row_at(self.impedance(r), r, v, active)
     }
 
-    /// Reference acceleration, and D = 1 / R, at a given impedance. Used for rows that share one impedance. D is 0 outside the lanes
-    /// `active`.
+    /// Reference acceleration, and weight D = 1 / R, of a row at a given impedance. This is for rows that share one impedance. `r` is the
+    /// position error and `v` its rate. D is 0 outside the lanes `active`.
     #[inline(always)]
     pub fn row_at<R: Real<Scalar = S>>(&self, impedance: R, r: R, v: R, active: R::Mask) -> [R; 2] {
         let reference = -(R::splat(self.damping) * v) - R::splat(self.stiffness) * impedance * r;
@@ -136,20 +137,21 @@ impl<S: Scalar> SoftLaw<S> {
     }
 }
 
-/// Constraint law of a row whose spring and damper are evaluated at the end of a discrete step.
+/// Constraint law of a soft row whose spring and damper are evaluated at the end of a discrete step.
 ///
 /// The reference acceleration is -(K d r + (B + h K d) v) / f, and the regularisation R / f, with f = 1 + h B + h^2 K d (MuJoCo's
-/// documentation, "Integrators").
+/// documentation, "Integrators"). K is the stiffness, B the damping, d the impedance, r the position error, v its rate and h the time step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct EndLaw<R> {
-    /// Coefficients K d and B + h K d of the position error and of its rate, before the division by f.
+    /// Coefficients K d (of the position error) and B + h K d (of its rate) in the reference acceleration, before it is divided by
+    /// `factor`.
     pub(crate) spring: [R; 2],
-    /// Factor f = 1 + h B + h^2 K d.
+    /// Factor f = 1 + h B + h^2 K d, by which the reference acceleration and the regularisation are divided.
     pub(crate) factor: R,
 }
 
 impl<R: Real> EndLaw<R> {
-    /// Law at an impedance, for a step of `h` seconds.
+    /// Constraint law at the impedance `impedance`, for a step of `h` seconds.
     ///
     /// A law that is too stiff for the time step, h^2 K d > 1, becomes the stiffest law that does not bounce. It keeps its damping ratio as
     /// far as the largest impedance permits.
@@ -169,7 +171,8 @@ impl<R: Real> EndLaw<R> {
         Self { spring: [stiffness, damping + h * stiffness], factor: R::one() + h * damping + h * h * stiffness }
     }
 
-    /// Regularisation at this impedance, for the approximate inverse inertia `weight`; at least that of the largest impedance.
+    /// Regularisation at the impedance `impedance` for a row with the approximate inverse inertia `weight`. It is at least that of the
+    /// largest impedance.
     #[inline(always)]
     pub(crate) fn regularisation(&self, impedance: R, weight: R) -> R {
         let own = SoftLaw::<R::Scalar>::regularisation(impedance, weight) / self.factor;
@@ -197,13 +200,13 @@ fn power<R: Real>(x: R, p: R::Scalar) -> R {
     R::select(some, (R::splat(p) * R::select(some, x, R::one()).ln()).exp(), R::zero())
 }
 
-/// Solref with both numbers in one format (positive or negative); MuJoCo's default if their signs differ.
+/// Solref with both numbers in one format: both positive or both negative. If their signs differ, it is MuJoCo's default.
 fn in_one_format(solref: [f64; 2]) -> [f64; 2] {
     if (solref[0] > 0.0) == (solref[1] > 0.0) { solref } else { Softness::default().solref }
 }
 
 impl LawMaker {
-    /// Stiffness K and damping B of a solref. `largest` is the largest impedance.
+    /// Stiffness K, 1/s^2, and damping B, 1/s, of a solref. `largest` is the largest impedance.
     fn spring(self, solref: [f64; 2], largest: f64) -> [f64; 2] {
         let [mut time, ratio] = in_one_format(solref);
         if time <= 0.0 {
@@ -235,7 +238,7 @@ impl LawMaker {
         }
     }
 
-    /// Constraint law of an equality. Discrete steps never soften it.
+    /// Constraint law of an equality row. Discrete steps never soften it.
     pub(super) fn equality<S: Scalar>(self, softness: &Softness, weight: f64) -> SoftLaw<S> {
         SoftLaw { yields: false, ..self.law(softness, weight) }
     }
@@ -282,7 +285,7 @@ impl LawMaker {
 }
 
 impl<S: Scalar> CompiledSoftness<S> {
-    /// Constraint law of a dynamic pair.
+    /// Constraint law of the contacts of a dynamic pair.
     pub(crate) fn unlisted(&self, pair: &GeomPair) -> SoftContactLaw<S> {
         let [a, b] = pair.geoms;
         self.maker.contact(pair, self.geom_weights[a] + self.geom_weights[b])

@@ -12,25 +12,25 @@ use crate::compile::collision::{CompiledGeom, CompiledPair, DynamicPairs};
 /// Index that marks the absence of a row, member or leaf.
 const NONE: u32 = u32::MAX;
 
-/// Geom of static pairs that is fixed to the world.
+/// Geom that is fixed to the world and belongs to static pairs.
 #[derive(Clone, Copy, Debug)]
 pub struct StaticGeom {
-    /// Index of the geom in the compiled model.
+    /// Index of the static geom in the compiled model.
     pub geom: usize,
-    /// Largest margin of its static pairs, m.
+    /// Largest margin of the static pairs with this geom, m.
     pub margin: f64,
-    /// Row of this geom in `StaticPairs::numbers`; `NONE` without listed pairs.
+    /// Row of this static geom in `StaticPairs::numbers`; `NONE` if it has no listed pairs.
     row: u32,
-    /// Index among the members of the dynamic pairs; `NONE` if the geom is no member.
+    /// Index of the static geom among the members of the dynamic pairs; `NONE` if it is no member.
     member: u32,
 }
 
-/// Geom of static pairs that moves.
+/// Geom that moves and belongs to static pairs.
 #[derive(Clone, Copy, Debug)]
 pub struct MovingGeom {
-    /// Index of the geom in the compiled model.
+    /// Index of the moving geom in the compiled model.
     pub geom: usize,
-    /// Index among the members of the dynamic pairs; `NONE` if the geom is no member.
+    /// Index of the moving geom among the members of the dynamic pairs; `NONE` if it is no member.
     member: u32,
 }
 
@@ -43,7 +43,7 @@ pub struct TreeNode {
 }
 
 impl TreeNode {
-    /// Static geom of a leaf, as an index in [`StaticPairs::fixed`]; `None` for an inner node.
+    /// Index in [`StaticPairs::fixed`] of the static geom of a leaf; `None` for an inner node.
     #[inline(always)]
     pub fn leaf(&self) -> Option<usize> {
         (self.leaf != NONE).then_some(self.leaf as usize)
@@ -57,19 +57,19 @@ pub struct StaticPairs {
     pub fixed: Vec<StaticGeom>,
     /// Geoms of static pairs that move, sorted by group.
     pub moving: Vec<MovingGeom>,
-    /// Groups of moving geoms, as ranges of `moving`: one per kinematic tree, and one per mocap body.
+    /// Groups of moving geoms, as ranges of `moving`. Each kinematic tree and each mocap body is a group.
     pub groups: Vec<Range<usize>>,
     /// Nodes of the tree of bounding boxes over the static geoms.
     pub nodes: Vec<TreeNode>,
-    /// Whether each listed pair is a static pair.
+    /// Whether each listed pair of the compiled model is a static pair.
     listed: Vec<bool>,
-    /// Indices of the listed pairs: for each static geom that has any, a row with an entry for every moving geom.
+    /// Indices of the listed pairs that are static. Each static geom that has any has a row with an entry for every moving geom.
     numbers: Vec<u32>,
     /// Index of the first dynamic pair, and number of members of the dynamic pairs.
     dynamic: [u32; 2],
 }
 
-/// Compiled geoms and pairs, as input of [`StaticPairs::new`].
+/// Geoms and pairs of the compiled model, as input of [`StaticPairs::new`].
 pub(super) struct Collision<'a, S> {
     pub(super) geoms: &'a [CompiledGeom<S>],
     /// Listed pairs of the compiled model.
@@ -158,7 +158,8 @@ impl StaticPairs {
         self.listed[pair]
     }
 
-    /// Index of the pair of a static geom and a moving geom; `None` if they are no pair. A returned dynamic pair may still be filtered out.
+    /// Index of the pair of a static geom and a moving geom; `None` if they are not a pair. A dynamic pair in the result may still be
+    /// filtered out.
     #[inline(always)]
     pub fn number(&self, fixed: &StaticGeom, moving: usize) -> Option<u32> {
         if fixed.row != NONE {
@@ -173,8 +174,8 @@ impl StaticPairs {
     }
 }
 
-/// Adds the nodes of the subtree over the static geoms `fixed`. It splits them in halves by their centres, along the axis with the largest
-/// spread.
+/// Appends the nodes of the tree over the static geoms `fixed`. The function splits the geoms in halves by their centres, along the axis
+/// with the largest spread.
 fn add_nodes(fixed: &mut [usize], centres: &[[f64; 3]], nodes: &mut Vec<TreeNode>) {
     let at = nodes.len();
     nodes.push(TreeNode { end: 0, leaf: if fixed.len() == 1 { fixed[0] as u32 } else { NONE } });

@@ -17,11 +17,11 @@ pub struct Link<S> {
     pub pos: [S; 3],
     /// Rotation matrix to the parent frame at the reference configuration of the link's joints; `None` if it is the identity.
     pub mat: Option<[S; 9]>,
-    /// Same orientation as a unit quaternion (w, x, y, z).
+    /// Orientation of `mat` as a unit quaternion (w, x, y, z).
     pub quat: [S; 4],
-    /// Joints of the link.
+    /// Range of the link's joints in the list of joints.
     pub joints: std::ops::Range<usize>,
-    /// Degrees of freedom of the link.
+    /// Range of the link's degrees of freedom.
     pub dofs: std::ops::Range<usize>,
 }
 
@@ -54,17 +54,18 @@ pub struct CompiledJoint<S> {
 /// Degree of freedom of a joint.
 #[derive(Clone, Debug)]
 pub struct Dof {
-    /// Link that the degree of freedom moves.
+    /// Index of the link that the degree of freedom moves.
     pub link: usize,
-    /// Kinematic tree of the degree of freedom.
+    /// Index of the kinematic tree of the degree of freedom.
     pub tree: usize,
-    /// Start of the dof's chain in the list of chains. It is also the start of its row in the mass matrix.
+    /// Start of the chain of the degree of freedom (itself and its ancestors) in the list of chains. It is also the start of its row in the
+    /// mass matrix.
     pub chain: usize,
-    /// Length of the chain: the dof itself and its ancestors.
+    /// Length of the chain of the degree of freedom, which contains it and its ancestors.
     pub depth: usize,
     /// Whether the dof's body is simple, so that MuJoCo stores a diagonal mass matrix for it.
     pub is_simple: bool,
-    /// Range of the dof's descendants in the list of descendants.
+    /// Range of the descendants of the degree of freedom in the list of descendants.
     pub descendants: std::ops::Range<usize>,
 }
 
@@ -73,7 +74,8 @@ pub struct Dof {
 pub struct Descendant {
     /// Index of the descendant, a degree of freedom.
     pub dof: u32,
-    /// Index of the mass matrix entry of the descendant with the ancestor. The entries with the ancestor's ancestors follow it.
+    /// Index of the mass matrix entry of the descendant and the ancestor. The entries of the descendant with the ancestor's ancestors
+    /// follow it.
     pub entry: u32,
 }
 
@@ -93,11 +95,11 @@ pub struct CompiledSpinner<S> {
 /// Mocap body. The user sets its pose.
 #[derive(Clone, Debug)]
 pub struct CompiledMocap<S> {
-    /// Index of the body's frame in the compiled model.
+    /// Index of the frame of the mocap body in the compiled model.
     pub frame: usize,
-    /// Position at reset in the world frame, m.
+    /// Position of the mocap body at reset in world axes, m.
     pub pos: [S; 3],
-    /// Orientation at reset, a unit quaternion (w, x, y, z).
+    /// Orientation of the mocap body at reset, a unit quaternion (w, x, y, z).
     pub quat: [S; 4],
 }
 
@@ -112,7 +114,7 @@ pub struct CompiledBody<S> {
     pub pos: [S; 3],
     /// Rotation matrix from the body's axes to the frame's, row-major.
     pub mat: [S; 9],
-    /// Same orientation as a unit quaternion (w, x, y, z).
+    /// Orientation of `mat` as a unit quaternion (w, x, y, z).
     pub quat: [S; 4],
 }
 
@@ -143,7 +145,7 @@ pub struct CompiledFriction {
     pub dof: usize,
     /// Index of the joint in the model.
     pub joint: usize,
-    /// Whether the friction losses of an actuator are added to this row.
+    /// Whether an actuator's friction losses are added to this dry friction.
     pub driven: bool,
 }
 

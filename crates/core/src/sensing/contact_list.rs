@@ -5,7 +5,7 @@ use crate::math::lanes::MAX_LANES;
 /// Contact in one lane, as input of the contact sensors.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Contact {
-    /// Indices of the two geoms in the model; below it the indices of their bodies.
+    /// Indices of the two geoms in the model. `bodies` has the indices of their bodies.
     pub(super) geoms: [usize; 2],
     pub(super) bodies: [usize; 2],
     pub(super) distance: f64,

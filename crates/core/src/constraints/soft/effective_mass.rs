@@ -101,8 +101,8 @@ impl<R: Real> EffectiveMass<R> {
         !self.couplings.is_empty()
     }
 
-    /// Ratio of the inverse inertia of a row with the effective mass matrix to that with M, approximated from the diagonals. `of` returns
-    /// the row's Jacobian entry for an index into `support`.
+    /// Ratio of the inverse inertia of a row with the effective mass matrix to that with M, approximated from the diagonals. `support`
+    /// lists the row's degrees of freedom, and `of` returns the Jacobian entry of a degree of freedom.
     #[inline(always)]
     pub(super) fn mobility(&self, support: &[u32], of: impl Fn(usize) -> R) -> R {
         let (mut own, mut bare) = (R::zero(), R::zero());

@@ -20,11 +20,7 @@ impl Array {
     /// Numbers at index `k` of the first axis.
     ///
     /// # Panics
-    ///
     /// If the index is out of range.
-    ///
-    /// # Panics
-    /// If there is no such part.
     pub fn row(&self, k: usize) -> &[f64] {
         let size = self.shape[1..].iter().product::<usize>();
         &self.values[k * size..(k + 1) * size]

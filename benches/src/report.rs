@@ -83,11 +83,7 @@ impl Report {
     /// Checks that this report is comparable with measurements on this machine.
     ///
     /// # Errors
-    ///
     /// Text of the reason if the CPU levels differ. Ratios are relative to the first row, whose speed is that of the best level.
-    ///
-    /// # Errors
-    /// Text of the reason if the CPU levels differ: ratios are relative to the first row, whose speed is that of the best level.
     pub fn comparable(&self) -> Result<(), String> {
         let (then, now) = (&self.machine.levels, Machine::this(0).levels);
         if *then == now {

@@ -8,11 +8,11 @@ use crate::math::spatial::*;
 /// Parameters of the part of an actuator's dynamics that acts within a step, per lane, before the actuator's gear.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ActuatorDynamics<R> {
-    /// Coefficient of the length in the force of a continuous servo, N or N m per unit of length.
+    /// Factor of the length in the force of a continuous servo, N or N m per unit of length.
     pub slope: R,
-    /// Coefficient of the velocity in the force of a continuous servo, N s or N m s per unit of length.
+    /// Factor of the velocity in the force of a continuous servo, N s or N m s per unit of length.
     pub rate: R,
-    /// Lowest and highest force, N or N m.
+    /// Lowest and highest force of the actuator, N or N m.
     pub limits: [R; 2],
     /// Stall torque of the motor, N or N m.
     pub stall: R,
@@ -67,7 +67,7 @@ impl<R: Real> AffineForce<R> {
     }
 }
 
-/// Inertia that an actuator moves, as its inverse, and other properties of the joints that it drives.
+/// Inverse of the inertia that an actuator moves, and other properties of the joints that it drives.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct EffectiveInertia<R> {
     /// Inverse of the inertia along the actuator's moment (gear included), 1/kg or 1/(kg m^2).
@@ -79,7 +79,8 @@ pub(crate) struct EffectiveInertia<R> {
 }
 
 impl<R: Real> EffectiveInertia<R> {
-    /// Sum with another degree of freedom, whose moment arm is `arm`. `slowing` becomes a sum weighted by the inverse inertias.
+    /// Effective inertia with a further degree of freedom, whose moment arm is `arm`. `slowing` becomes a sum weighted by the inverse
+    /// inertias.
     #[inline(always)]
     pub(super) fn with(self, arm: R, [inertia, impulse]: [R; 2], damping: R) -> Self {
         let inverse = inertia.recip();
@@ -91,7 +92,7 @@ impl<R: Real> EffectiveInertia<R> {
         }
     }
 
-    /// Ratio of damping to inertia, 1/s: of joint damping, and of the actuator's damping `damping`.
+    /// Ratio of damping to inertia, 1/s. The damping is that of the joints plus `damping`, that of the actuator.
     #[inline(always)]
     pub(crate) fn rate(self, damping: R) -> R {
         self.mobility * damping + self.slowing

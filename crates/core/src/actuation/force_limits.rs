@@ -36,7 +36,7 @@ impl<R: Real> Default for BoundedForce<R> {
 }
 
 impl<R: Real> BoundedForce<R> {
-    /// Stores the explicit part and the added inertia of the affine force, the velocity before the step, and the effective inertia.
+    /// Stores the affine force (explicit part and added inertia), the velocity before the step, and the effective inertia.
     #[inline(always)]
     pub(super) fn set_affine_force(&mut self, affine: (R, R), before: R, effective_inertia: EffectiveInertia<R>) {
         (self.affine, self.before, self.effective_inertia) = (affine, before, effective_inertia);
@@ -57,8 +57,8 @@ impl<R: Real> BoundedForce<R> {
         (self.at_limit, self.on_curve, self.at_upper) = (at_limit.and(is_explicit), curve.and(is_explicit), upper.and(is_explicit));
     }
 
-    /// Updates the active bound to that of a step in which the actuator's length has the mean acceleration `acceleration`. Returns the
-    /// lanes in which the active bound changed.
+    /// Updates the active bound (force limit or torque-speed curve) to that of a step in which the actuator's length has the mean
+    /// acceleration `acceleration`. Returns the lanes in which it changed.
     #[inline(always)]
     pub(super) fn update_active_bound(
         &mut self,
@@ -112,8 +112,8 @@ impl<R: Real> BoundedForce<R> {
     }
 }
 
-/// Finds the active bound of an unclamped force at a velocity: lanes at a force limit, lanes on the motor's curve, and lanes at the upper
-/// one.
+/// Finds the active bound of a force at a velocity: lanes at a force limit, lanes on the motor's torque-speed curve, and lanes at the upper
+/// bound.
 #[inline(always)]
 fn active_bound<R: Real>(
     compiled: &CompiledActuatorDynamics<R::Scalar>,

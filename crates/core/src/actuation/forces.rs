@@ -68,7 +68,7 @@ pub struct Implicit<'a, R: Real> {
 }
 
 impl<R: Real> Implicit<'_, R> {
-    /// Implicit terms of the mass matrix itself: none.
+    /// Implicit terms for the mass matrix without a step: none.
     pub fn none() -> Self {
         let weights = ImplicitWeights { damping: R::zero(), stiffness: R::zero(), step: R::zero() };
         Self { weights, servos: &[], arms: &[], drag_at: None }
@@ -89,7 +89,7 @@ pub struct ImplicitServos<R> {
 }
 
 impl<R: Real> ImplicitServos<R> {
-    /// Whether the servo of this actuator is implicit.
+    /// Whether the servo of the actuator is implicit.
     #[inline(always)]
     fn has(&self, actuator: &CompiledActuator<R::Scalar>) -> bool {
         self.all || actuator.dynamics.is_some()
@@ -103,7 +103,7 @@ pub struct ForceState<'a, R: Real> {
     pub q: &'a [R],
     /// Velocity before the step.
     pub v: &'a [R],
-    /// Velocity at which explicit forces are evaluated.
+    /// Velocity at which explicit velocity-dependent forces are evaluated.
     pub v_at: &'a [R],
     /// Activations.
     pub act: &'a [R],
@@ -114,7 +114,7 @@ pub struct ForceState<'a, R: Real> {
 }
 
 impl<'a, R: Real> ForceState<'a, R> {
-    /// Evaluation with all quantities at one state, and with explicit servos.
+    /// Force state with all quantities at one state, so that all forces are explicit.
     pub fn state(q: &'a [R], v: &'a [R], act: &'a [R], ctrl: &'a [R], actuator_dynamics: &'a [ActuatorDynamics<R>]) -> Self {
         Self { q, v, v_at: v, act, ctrl, actuator_dynamics }
     }
@@ -140,20 +140,21 @@ pub struct ActuatorForces<R: Real> {
     fixed: Vec<R::Mask>,
     /// Force of each servo in the lanes `fixed`, N or N m.
     fixed_force: Vec<R>,
-    /// Lanes in which each servo is stiff: its added inertia is at least [`STIFF_SERVO`] times the inertia that it moves.
+    /// Lanes in which each servo is stiff: its added inertia is at least [`STIFF_SERVO`] times the inertia that the servo moves.
     stiff: Vec<R::Mask>,
-    /// Lanes in which the step assumes that the sum of actuator forces on a dof is at its bound, for every bounded sum.
+    /// Lanes in which the step assumes that a sum of actuator forces on a degree of freedom is at its bound. There is one mask per bounded
+    /// sum.
     assumed_sum_saturated: Vec<R::Mask>,
     /// Explicit part and added inertia of every servo before clamping to its `force_range`. Empty in models without bounded servos.
     pub(crate) unclamped: Vec<[R; 2]>,
-    /// Whole force of every actuator at the velocity that was tried last, clamped to its `force_range`, N or N m.
+    /// Whole force of every actuator at the last velocity for which forces were evaluated, clamped to its `force_range`, N or N m.
     trial_force: Vec<R>,
     /// Lanes in which the last evaluation found the force of an actuator outside its bounds.
     ///
     /// Explicit forces are evaluated at their motion, implicit ones at the velocity that was tried last.
     pub(crate) found_saturated: Vec<R::Mask>,
-    /// Lanes in which the last evaluation found the sum of actuator forces on a dof outside its bounds, for every bounded sum. For sums
-    /// with implicit servos, stage 1 does not evaluate them, and copies the assumed lanes.
+    /// Lanes in which the last evaluation found a sum of actuator forces on a degree of freedom outside its bounds. There is one mask per
+    /// bounded sum. Sums with implicit servos are not evaluated by stage 1, which copies the assumed lanes.
     found_sum_saturated: Vec<R::Mask>,
     /// Moment arms of all actuators on sites.
     pub arms: Vec<R>,
@@ -161,7 +162,7 @@ pub struct ActuatorForces<R: Real> {
     pub(crate) lengths: Vec<R>,
     /// Force of each actuator dynamics, with the active bound that the step assumes.
     pub(super) bounded_forces: Vec<BoundedForce<R>>,
-    /// Force of each actuator dynamics, with the active bound at the velocity that was tried last.
+    /// Force of each actuator dynamics, with the active bound at the last velocity for which forces were evaluated.
     trial_bounded_forces: Vec<BoundedForce<R>>,
     /// Whether this step has not assumed any active bounds yet.
     pub(crate) active_bounds_unknown: bool,
@@ -246,7 +247,7 @@ impl<R: Real> ActuatorForces<R> {
         EffectiveInertia { slowing, ..sum }
     }
 
-    /// Inertia that servo number `servo` moves.
+    /// Inertia that the servo with number `servo` moves.
     #[inline(always)]
     pub(crate) fn effective_inertia_at(&self, servo: usize) -> EffectiveInertia<R> {
         self.effective_inertias[servo]
@@ -315,7 +316,7 @@ impl<R: Real> ActuatorForces<R> {
         self.force[a] = R::select(changes, clamped + self.added_inertia[servo] / implicit.h * dv, self.force[a]);
     }
 
-    /// Whole force of a servo if the actuator's velocity changes by `dv`, with the active bound at the resulting velocity.
+    /// Whole force of a servo if the actuator's velocity changes by `dv` in the step. The active bound is that at the resulting velocity.
     #[inline(always)]
     fn trial_servo_force(
         &self,
@@ -370,7 +371,7 @@ impl<R: Real> ActuatorForces<R> {
 
     /// Explicit part of the sum of actuator forces on a degree of freedom, N or N m.
     ///
-    /// In lanes without a stiff servo, the sum is clamped at the predicted velocity. In the others it is `assumed`, the sum with the
+    /// In lanes without a stiff servo, the sum is clamped at the predicted velocity. In lanes with one it is `assumed`, the sum with the
     /// assumed active bound.
     #[inline(always)]
     fn clamp_sum_at_predicted_velocity(&self, compiled: &LaneModel<R>, range: &CompiledForceRange<R::Scalar>, [sum, assumed]: [R; 2]) -> R {
@@ -546,7 +547,7 @@ impl<R: Real> ActuatorForces<R> {
 
     /// Expected force of a servo at the end of the step, N or N m.
     ///
-    /// Its velocity changes by the free acceleration `acc` and by the constraint impulses of the last step.
+    /// The velocity is expected to change by the free acceleration `acc` and by the constraint impulses of the last step.
     #[inline(always)]
     pub(super) fn expected_servo_force(
         &self,
@@ -564,20 +565,20 @@ impl<R: Real> ActuatorForces<R> {
     }
 }
 
-/// Whole force of a servo at a velocity that is tried, with the active bound there.
+/// Whole force of a servo for an assumed change of velocity, with the active bound there.
 #[derive(Clone, Copy, Debug)]
 struct ServoForce<R: Real> {
     /// Index of the servo's actuator dynamics, and their force with the updated active bound; `None` without dynamics.
     bounded_force: Option<(usize, BoundedForce<R>)>,
     /// Lanes in which the active bound of the actuator dynamics changed.
     changed: R::Mask,
-    /// Explicit part and added inertia of the force with that active bound.
+    /// Explicit part and added inertia of the force with the updated active bound.
     split: [R; 2],
     /// Whole force before clamping to the actuator's `force_range`, N or N m.
     force: R,
 }
 
-/// Lanes in which the mask of any bounded sum that contains the actuator's force is set. `masks` has one mask per bounded sum.
+/// Lanes in which any bounded sum that contains the actuator's force has its bit set in `masks`. There is one mask per bounded sum.
 #[inline(always)]
 fn lanes_of_sums<R: Real>(compiled: &LaneModel<R>, masks: &[R::Mask], actuator: usize) -> R::Mask {
     let mut lanes = R::Mask::splat(false);

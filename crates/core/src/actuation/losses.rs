@@ -70,7 +70,7 @@ impl<R: Real> ActuatorForces<R> {
     }
 }
 
-/// Friction losses on the joint, N or N m: against forward motion, and against backward motion.
+/// Friction losses of an actuator on the joint, N or N m: against forward motion, and against backward motion.
 #[inline(always)]
 fn losses<R: Real>(numbers: &ActuatorDynamics<R>, arm: R, force: R) -> [R; 2] {
     let torque = arm * force;

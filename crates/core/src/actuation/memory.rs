@@ -8,9 +8,9 @@ use crate::math::lanes::{Target, columns, lane_bits, set_columns, set_lane_bits}
 /// Memory of the actuator dynamics of a group of environments.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Memory<S> {
-    /// Lanes (bits) whose actuator dynamics have had no control yet. Their first control fills the delay lines.
+    /// Lanes (bits) whose actuator dynamics have not received a control yet. Their first control fills the delay lines.
     pub waiting: u32,
-    /// Values of all actuators: delay lines, lagged efforts, integrals, phases and held samples.
+    /// Stored values of all actuators: delay lines, lagged efforts, integrals, phases and held samples.
     pub numbers: Vec<S>,
     /// Position of the newest sample in every delay line, the same in all lanes.
     pub cursors: Vec<u32>,

@@ -8,10 +8,10 @@ use crate::compile::{CompiledActuator, ModelStructure};
 use crate::math::lanes::DelayLine;
 use crate::model::actuator_spec::ActuatorSpec;
 
-/// Parameter of a pipeline that may differ between environments, in the order of the table.
+/// Parameter of an actuator pipeline that may differ between environments. The order is that of the parameter table.
 #[derive(Clone, Copy)]
 enum Number {
-    /// Delay, in steps.
+    /// Delay of the control, in steps.
     Delay,
     /// Fraction of a deviation from the input that remains at the end of a step of the lag. `Mean` is the mean fraction over the step.
     Decay,
@@ -19,7 +19,7 @@ enum Number {
     Low,
     High,
     Kp,
-    /// Integral gain times the sampling period.
+    /// Integral gain of the servo times the sampling period.
     Ki,
     Kd,
     IntegralLimit,
@@ -35,7 +35,7 @@ enum Number {
 
 const NUMBERS: usize = 16;
 
-/// Kind of an actuator's servo.
+/// Kind of servo in an actuator's pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Servo {
     None,
@@ -43,7 +43,7 @@ enum Servo {
     Sampled,
 }
 
-/// Pipeline of one actuator: its stages, and its places in memory and table.
+/// Pipeline of one actuator: its stages, and the addresses of its stored values and parameters.
 #[derive(Clone, Debug)]
 struct ActuatorPipeline {
     actuator: usize,
@@ -53,7 +53,7 @@ struct ActuatorPipeline {
     line: usize,
     /// Delay as whole and fractional steps, if it is the same in all environments; otherwise `None`.
     delay: Option<(usize, f64)>,
-    /// Address of the pipeline's stored values: delay line, lagged effort and its goal, integral, phase, held sample.
+    /// Address of the pipeline's stored values in the memory: delay line, lagged effort and its goal, integral, phase, held sample.
     memory: usize,
     /// Index of the pipeline's delay line.
     cursor: usize,
@@ -65,7 +65,7 @@ struct ActuatorPipeline {
 #[derive(Clone, Debug)]
 pub struct ActuatorPipelines<S> {
     pipelines: Vec<ActuatorPipeline>,
-    /// Parameters of every pipeline: one lane-interleaved table for every group of lanes.
+    /// Parameters of every pipeline. Each group of lanes has one lane-interleaved table.
     tables: Vec<Vec<S>>,
     lanes: usize,
     num_envs: usize,
@@ -314,14 +314,14 @@ fn get<R: Real>(numbers: &[R::Scalar], at: usize) -> R {
     R::load(&numbers[at * R::LANES..])
 }
 
-/// Writes the value `x` at address `at` in the lanes `lanes`.
+/// Writes the value `x` to address `at` of the lane-interleaved list `numbers`, in the lanes `lanes`.
 #[inline(always)]
 fn put<R: Real>(numbers: &mut [R::Scalar], at: usize, lanes: R::Mask, x: R) {
     let old = get::<R>(numbers, at);
     R::select(lanes, x, old).store(&mut numbers[at * R::LANES..]);
 }
 
-/// Effort `x`, clamped to its bounds; a NaN stays NaN.
+/// Effort `x`, clamped to its bounds. A NaN stays NaN.
 #[inline(always)]
 fn bounded<R: Real>(x: R, [low, high]: [R; 2]) -> R {
     R::select(x.eq(x), x.clamp(low, high), x)
@@ -347,7 +347,8 @@ impl ActuatorPipeline {
         self.lag_at() + 2 * usize::from(self.lagged)
     }
 
-    /// Sets the gains of a continuous servo as they act through its lag. `left` is the fraction of the past deviation that remains.
+    /// Sets the gains of a continuous servo to those that act through its lag. `left` is the parameter with the fraction of the past
+    /// deviation that remains.
     #[inline(always)]
     fn set_gains<R: Real>(&self, table: &[R::Scalar], left: Number, dynamics: &mut ActuatorDynamics<R>) {
         let share: R = if self.lagged { R::one() - get::<R>(table, left as usize) } else { R::one() };
@@ -355,7 +356,7 @@ impl ActuatorPipeline {
         dynamics.rate = -(share * get::<R>(table, Number::Kd as usize));
     }
 
-    /// Control after the delay line. Appends the present control `u` to the line. A fractional delay interpolates between two samples.
+    /// Control after the delay line. The present control `u` is appended to the line. A fractional delay interpolates between two samples.
     #[inline(always)]
     fn delayed<R: Real>(&self, table: &[R::Scalar], u: R, taken: R::Mask, start: R::Mask, memory: &mut Memory<R::Scalar>) -> R {
         let line = self.line;
@@ -391,8 +392,8 @@ impl ActuatorPipeline {
 
     /// Effort of a servo for the setpoint `u`.
     ///
-    /// For a sampled servo it is the held effort. For a continuous servo it is only the part that does not depend on the motion within the
-    /// step.
+    /// The effort of a sampled servo is held between samples. For a continuous servo the result is only the part that does not depend on
+    /// the motion within the step.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "what is given, to whom, and what is remembered")]
     fn follow<R: Real>(
@@ -437,7 +438,8 @@ impl ActuatorPipeline {
         get(numbers, at + 2)
     }
 
-    /// Mean over the step of an effort that approaches `u` with a first-order lag. The function also advances the stored effort.
+    /// Mean over the step of an effort that approaches `u` with a first-order lag. The function also advances the stored effort by the
+    /// step.
     ///
     /// For a continuous servo, `u` and the result exclude the part that depends on the motion. The stored effort is that at the beginning
     /// of the step.

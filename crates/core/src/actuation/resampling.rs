@@ -9,11 +9,11 @@ use crate::model::{ActuatorError, DeviceError, Model, label};
 /// Actuator dynamics of a simulation: specs as the user gave them, and per-environment specs.
 #[derive(Clone, Debug)]
 pub struct ActuatorModels {
-    /// Model that includes the effects of the actuator dynamics, such as armature and gears.
+    /// Model with the effects of the actuator dynamics, such as armature and gears.
     pub model: Model,
-    /// Specs in the form that the simulation compiles, with the parameters taken from the model.
+    /// Actuator specs in the form that the simulation compiles, with the parameters taken from the model.
     pub specs: Vec<Option<ActuatorSpec>>,
-    /// Specs as the user gave them.
+    /// Actuator specs as the user gave them.
     made: Vec<Option<ActuatorSpec>>,
     /// Per-environment specs; `None` if all environments have the same parameters.
     drawn: Option<Vec<Option<ActuatorSpec>>>,
@@ -24,7 +24,7 @@ pub struct ActuatorModels {
 pub struct ResampledActuators {
     /// Environments that get the parameters.
     pub envs: Vec<usize>,
-    /// Specs of these environments alone, with the parameters taken from the model. `None` leaves an actuator unchanged.
+    /// Actuator specs of these environments alone, with the parameters taken from the model. `None` leaves an actuator unchanged.
     pub specs: Vec<Option<ActuatorSpec>>,
     drawn: Option<Vec<Option<ActuatorSpec>>>,
 }
@@ -104,10 +104,10 @@ impl ActuatorModels {
 
 /// Parameters of a spec that can differ between environments.
 trait OwnNumbers: Sized {
-    /// Lists of all parameters of the spec, in an order that depends only on its stages.
+    /// All parameter lists of the spec, in an order that depends only on its stages.
     fn numbers(&mut self) -> Vec<&mut Vec<f64>>;
 
-    /// Spec with the parameters of the environments `envs` only.
+    /// Spec with the parameters of only the environments `envs`.
     fn of(&self, envs: &[usize]) -> Self;
 
     /// Copies the parameters of `given`, a spec with the same stages, to the environments `envs`. Each list has one value for all of them,

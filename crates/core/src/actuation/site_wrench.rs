@@ -45,7 +45,7 @@ impl<R: Real> ActuatorForces<R> {
         sum
     }
 
-    /// Length of an actuator at the configuration `q`, gear included.
+    /// Length of an actuator at the configuration `q`, multiplied by its gear.
     #[inline(always)]
     pub(crate) fn length_of(&self, actuator: &CompiledActuator<R::Scalar>, q: &[R]) -> R {
         if let Some(wrench) = &actuator.wrench {
@@ -64,7 +64,7 @@ impl<R: Real> ActuatorForces<R> {
         Motion { length: self.length_of(actuator, q), velocity: self.project(actuator, v_at), before: self.project(actuator, v) }
     }
 
-    /// Length of the actuator with index `actuator` at the configuration `q`, gear included.
+    /// Length of the actuator with index `actuator` at the configuration `q`, multiplied by its gear.
     pub fn length(&self, compiled: &LaneModel<R>, actuator: usize, q: &[R]) -> R {
         R::vectorize(
             #[inline(always)]

@@ -36,8 +36,8 @@ pub enum DerivedQuantity {
     GeomPos,
     /// Orientations of the geoms, quaternions (w, x, y, z): (ngeom, 4).
     GeomQuat,
-    /// Centre of mass of every body with its descendants in the world frame, m: (nbody, 3). If these have no mass, the body's centre of
-    /// mass.
+    /// Centre of mass of every body with its descendants in the world frame, m: (nbody, 3). If they have no mass, it is the body's centre
+    /// of mass.
     SubtreeCom,
     /// Acceleration (v+ - v) / h of the last step: (nv), m/s^2 or rad/s^2.
     Acceleration,
@@ -130,29 +130,29 @@ impl DerivedQuantity {
     }
 }
 
-/// Workspace of derived quantities.
+/// Workspace for computing derived quantities of a group of environments.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Derivation<R: Real> {
     /// Orientation of every frame, a quaternion (w, x, y, z).
     orientation: Vec<[R; 4]>,
     /// Spatial velocity of every link at the reference point of its tree.
     velocity: Vec<V6<R>>,
-    /// Mass of every subtree, kg.
+    /// Mass of every body with its descendants, kg.
     mass: Vec<R>,
     /// Centre of mass of every body, m. `subtrees` has that of every body with its descendants.
     centres: Vec<V3<R>>,
     subtrees: Vec<V3<R>>,
     /// Centre of mass of the kinematic tree to which each body belongs, m.
     references: Vec<V3<R>>,
-    /// Sum of the contact forces on every body.
+    /// Sum of the contact forces (N) and torques (N m) on every body.
     wrenches: Vec<[R; 6]>,
     /// Workspace of mass matrix, bias force and smooth acceleration.
     dynamics: SmoothDynamics<R>,
     /// Flags of the intermediate results that are already computed for the present group of environments.
     cached: Cached,
-    /// Values of the quantity, one SIMD vector per entry.
+    /// Values of one quantity, one SIMD vector per entry.
     values: Vec<R>,
-    /// Values of the quantity, lane-interleaved.
+    /// Values of one quantity, lane-interleaved.
     interleaved: Vec<R::Scalar>,
 }
 

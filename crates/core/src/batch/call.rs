@@ -36,12 +36,12 @@ pub struct Call<'a, S: Scalar> {
     pub settings: &'a StepSettings,
     /// Number of environments.
     pub num_envs: usize,
-    /// Controls and steps.
+    /// Controls of the call, and number of steps with each.
     pub schedule: Schedule,
     /// Inputs of the user, environment-major. Controls are (controls, num_envs, nu), or (controls, nu) to share them among all
     /// environments. An empty slice means zero controls, zero forces, or the mocap poses of the model.
     pub inputs: StepInputs<'a>,
-    /// Range of steps of the call that this part makes.
+    /// Range of the steps that this part of the call makes.
     pub part: Part,
     /// Error models of the sensors; `None` if all sensors are ideal.
     pub sensor_errors: Option<&'a Errors<S>>,
@@ -79,7 +79,7 @@ impl Part {
         Self { from: 0, to: steps, elapsed: 0.0, ends: true }
     }
 
-    /// Range of the controls with steps in this part. If the schedule has zero steps per control, all controls.
+    /// Range of the indices of the controls with steps in this part. If the schedule has zero steps per control, all controls.
     pub(super) fn controls(&self, schedule: Schedule) -> Range<usize> {
         match schedule.nstep {
             0 => 0..schedule.controls,

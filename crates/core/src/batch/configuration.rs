@@ -12,7 +12,7 @@ use crate::sensing::errors::{Errors, Transfer};
 
 /// Configuration of a batch: settings, sensor and actuator models, and per-environment parameters.
 pub trait Configuration {
-    /// Step settings in force.
+    /// Present step settings, such as time step and solver options.
     fn settings(&self) -> &StepSettings;
     /// Mutable step settings, for tests that change them.
     #[cfg(feature = "internals")]

@@ -44,9 +44,9 @@ pub trait Environments {
     fn read(&self, field: Field, env: usize, out: &mut [f64]);
     /// Sets a field of the state to `values`.
     fn write(&mut self, field: Field, env: usize, values: &[f64]);
-    /// Simulated time, s.
+    /// Simulated time of environment `env`, s.
     fn time(&self, env: usize) -> f64;
-    /// Sets the time, s.
+    /// Sets the simulated time of environment `env`, s.
     fn set_time(&mut self, env: usize, time: f64);
     /// Outcome of the last call in environment `env`.
     fn outcome(&self, env: usize) -> Outcome;

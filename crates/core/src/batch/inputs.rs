@@ -18,14 +18,14 @@ pub struct StepInputs<'a> {
     pub mocap_pos: &'a [f64],
     /// Target orientations of the mocap bodies for this call, (num_envs, nmocap, 4), quaternions (w, x, y, z).
     pub mocap_quat: &'a [f64],
-    /// Activity of the equalities during this call, (num_envs, neq); 0 for an inactive equality.
+    /// Whether each equality is active during this call, (num_envs, neq); 0 for an inactive equality.
     pub eq_active: &'a [f64],
     /// Mask of the environments that step, (num_envs). The state of the others does not change by a bit, and their inputs are not read.
     pub mask: &'a [bool],
 }
 
 impl<'a> StepInputs<'a> {
-    /// Inputs except controls and mask, in the order of [`AppliedInput::ALL`].
+    /// Arrays of inputs except controls and mask, in the order of [`AppliedInput::ALL`].
     pub(super) fn applied(&self) -> [&'a [f64]; 5] {
         [self.qfrc, self.xfrc, self.mocap_pos, self.mocap_quat, self.eq_active]
     }
@@ -76,7 +76,7 @@ pub enum AppliedInput {
     MocapPos,
     /// Target orientations of the mocap bodies, (nmocap, 4), quaternions (w, x, y, z).
     MocapQuat,
-    /// Activity of equalities, (neq): 1, or 0 for an inactive one.
+    /// Whether each equality is active, (neq): 1 for active, 0 for inactive.
     EqActive,
 }
 
@@ -107,7 +107,7 @@ impl AppliedInput {
         }
     }
 
-    /// Value of the input for one environment after a reset: no forces, mocap bodies at the poses of the model, and the model's activity of
+    /// Value of the input for one environment after a reset: no forces, mocap bodies at the poses of the model, and the model's active
     /// equalities.
     pub fn at_reset(self, model: &Model) -> Vec<f64> {
         let mocap = || model.bodies.iter().filter(|b| b.mocap);

@@ -46,8 +46,8 @@ impl Randomization {
         assigned.iter().all(|(_, values)| values.is_none()) && self.fields.keys().all(taken_back)
     }
 
-    /// Differences of parameters from the compiled model, for each of the environments `envs`, if the fields `assigned` are assigned to
-    /// them.
+    /// Differences of parameters from the compiled model, for each of the environments `envs`, after an assignment of the fields `assigned`
+    /// to them.
     ///
     /// `with_dynamics` returns a model with the actuator dynamics applied to it.
     ///
@@ -134,7 +134,8 @@ impl<S: Scalar> ParameterOverrides<S> {
         }
     }
 
-    /// Adds the parameters of `differences` that have no override yet. Environments without a difference get the shared value.
+    /// Adds to the overrides the parameters of `differences` that are not overridden yet. Environments without a difference get the shared
+    /// value.
     fn add_places(&mut self, shared: &Params<S>, groups: usize, lanes: usize, differences: &[Differences]) {
         let mut places: Vec<u32> = differences.iter().flatten().map(|d| d.0).chain(self.places.iter().copied()).collect();
         places.sort_unstable();

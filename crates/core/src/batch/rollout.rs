@@ -13,18 +13,18 @@ use crate::model::Model;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Quantity {
-    /// Configuration, nq.
+    /// Configuration, nq numbers per environment.
     Qpos,
-    /// Velocity, nv.
+    /// Velocity, nv numbers per environment.
     Qvel,
-    /// Activations, na.
+    /// Activations, na numbers per environment.
     Act,
-    /// Sensor readings, nsensordata.
+    /// Sensor readings, nsensordata numbers per environment.
     Observation,
 }
 
 impl Quantity {
-    /// All quantities.
+    /// All quantities that can be recorded.
     pub const ALL: [Self; 4] = [Self::Qpos, Self::Qvel, Self::Act, Self::Observation];
 
     /// Name of the quantity in Python and in messages.
@@ -121,7 +121,7 @@ impl<'a> Recording<'a> {
     }
 }
 
-/// Splits every row of an array, of length `row`, into pieces of `size`. Result k has piece k of all rows.
+/// Splits every row of an array, of length `row`, into pieces of length `size`. Entry k of the result has piece k of all rows.
 fn parts<T>(array: &mut [T], row: usize, size: usize) -> Vec<Vec<&mut [T]>> {
     let rows = array.len() / row;
     let mut out: Vec<Vec<&mut [T]>> = (0..row.div_ceil(size)).map(|_| Vec::with_capacity(rows)).collect();
@@ -139,10 +139,9 @@ impl<S: Scalar> Share<'_, S> {
         self.quantities.iter().any(|q| q.0 == quantity)
     }
 
-    /// Reads back the flags and residuals that [`Share::write`] wrote after control number `call`, because a part of the call ended within
-    /// that control.
+    /// Copies the status flags after control number `call` to `status`, and returns the residuals.
     ///
-    /// The function copies the flags to `status` and returns the residuals.
+    /// [`Share::write`] wrote both, because a part of the call ended within that control.
     pub fn resume<R: Real<Scalar = S>>(&self, call: usize, first: usize, alive: R::Mask, status: &mut [u32]) -> R {
         let used = alive.bits().count_ones() as usize;
         status[..used].copy_from_slice(&self.status[call][first..first + used]);

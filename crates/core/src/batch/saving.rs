@@ -25,7 +25,8 @@ pub trait Saving {
     fn restore(&mut self, bytes: &[u8], envs: &[usize]) -> Result<Vec<f64>, StateMisfit>;
 }
 
-/// Saved environments, in groups with the same number of lanes on every CPU level: 4 for `f64`, 8 for `f32`, or one environment alone.
+/// Saved environments in groups. The number of lanes of a group is the same on every CPU level: 4 for `f64`, 8 for `f32`, or one
+/// environment alone.
 #[derive(Serialize, Deserialize)]
 struct SavedGroups<S> {
     num_envs: usize,
@@ -119,8 +120,8 @@ impl<S: LaneScalar> Batch<S> {
 
     /// Restores saved environments one by one in the environments `envs`.
     ///
-    /// Delay lines are rotated to the present position of this batch. If a single saved environment goes to several, each continues with
-    /// different random numbers.
+    /// Delay lines are rotated to the present position of this batch. If a single saved environment goes to several environments, each
+    /// continues with different random numbers.
     fn restore_some(&mut self, saved: &SavedGroups<S>, envs: &[usize]) {
         let lines = self.delay_lines();
         // All environments step together, so that the delay lines of all groups have the same position.

@@ -105,8 +105,8 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
 
     /// Loads the group into the workspace to compute derived quantities: state, applied inputs and controls in force.
     ///
-    /// With `last_step`, it also loads the results of the last step, or of a trial step if the state was set since. With `contacts`, it
-    /// also loads the contacts of the last step.
+    /// With `last_step`, results of the last step are loaded too. If the state was set since then, they are those of a trial step. With
+    /// `contacts`, the contacts of the last step are loaded too.
     pub(super) fn load_to_derive(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>, last_step: bool, contacts: bool) {
         if last_step {
             load_state(group, s);
@@ -183,7 +183,7 @@ pub(super) fn remember<R: Real>(group: &mut Group<R::Scalar>, s: &Workspace<R>) 
     );
 }
 
-/// Loads the values `from` into the lanes of `out` that are not in `kept`.
+/// Loads the values `from` into those lanes of `out` that are not in `kept`.
 fn load_other_lanes<R: Real>(from: &[R::Scalar], out: &mut [R], kept: R::Mask) {
     for (x, from) in out.iter_mut().zip(from.chunks_exact(R::LANES)) {
         *x = R::select(kept, *x, R::load(from));

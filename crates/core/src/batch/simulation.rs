@@ -49,7 +49,7 @@ pub struct Simulation {
     compiled: OnceLock<LaneModel<f64>>,
     randomization: Randomization,
     actuator_models: Option<ActuatorModels>,
-    /// Controls in force, (num_envs, nu): those of the last step until they are replaced.
+    /// Controls of all environments, (num_envs, nu). They stay in force until they are replaced.
     ctrl: Vec<f64>,
     applied: AppliedInputs,
     truth: TrueReadings,
@@ -223,13 +223,13 @@ impl Simulation {
         size_of_val(&self.ctrl[..]) + self.applied.bytes()
     }
 
-    /// Calls `look` while the workspace of one additional worker is allocated, to measure its memory. Each thread allocates such a
+    /// Calls `look` during the allocation of the workspace of one additional worker, to measure its memory. Each thread allocates such a
     /// workspace at its first step.
     pub fn with_worker(&self, mut look: impl FnMut()) {
         self.engine.with_worker(&mut look);
     }
 
-    /// Mutable engine. The call invalidates cached readings.
+    /// Mutable batch of the simulation. The call invalidates cached readings.
     fn engine_mut(&mut self) -> &mut dyn Engine {
         self.note_change();
         &mut *self.engine

@@ -37,7 +37,7 @@ pub struct Group<S> {
     pub scalar_impulse: Vec<S>,
     /// Generalized impulse of all constraints in the last step, nv per lane, N s and N m s.
     pub impulse: Vec<S>,
-    /// Last pose of every mocap body (position, quaternion), 7 per lane; zeros before the first call.
+    /// Last pose of every mocap body (position, quaternion), 7 per lane; zeros before the first call of `step`.
     pub mocap: Vec<S>,
     /// Number of contacts per lane.
     pub contact_count: Vec<u32>,
@@ -47,7 +47,7 @@ pub struct Group<S> {
     pub contact_data: Vec<S>,
     /// Angular impulses of the contacts, three per contact; empty when the scene has no torsional or rolling friction.
     pub contact_torque: Vec<S>,
-    /// Cached separating planes of the pairs of hulls that were close to each other in the last step.
+    /// Separating planes of the pairs of hulls that were close to each other in the last step. They speed up the next step.
     pub separation_cache: SeparationCache,
     /// Simulated time, s, per lane.
     pub time: Vec<f64>,
@@ -194,7 +194,7 @@ impl<S: Scalar> Group<S> {
         self
     }
 
-    /// Number of entries of `contact_ids` that contain all contacts of the lanes from `first` to `first + n`, exclusive.
+    /// Number of entries of `contact_ids` that are needed for all contacts of the lanes from `first` to `first + n`, exclusive.
     fn used_entries(&self, first: usize, n: usize) -> usize {
         let held = (first..first + n).filter(|lane| self.alive >> lane & 1 == 1).map(|lane| self.contact_count[lane] as usize);
         self.lanes * held.max().unwrap_or(0)

@@ -22,7 +22,7 @@ use crate::options::StepSettings;
 /// Callback of a long call. The calling thread calls it between the parts of the call; when it returns false, the call stops.
 pub(super) type Watch<'a> = Option<&'a mut dyn FnMut() -> bool>;
 
-/// Step of one group of environments, passed to a visitor.
+/// Step of one group of environments, which a visitor receives.
 pub struct LentStep<'a> {
     /// Index of the first environment of the group.
     pub first: usize,
@@ -30,7 +30,7 @@ pub struct LentStep<'a> {
     pub lanes: usize,
     /// CPU level of the lanes.
     pub level: Level,
-    /// A [`GroupStep`](crate::group_step::GroupStep) of the lane type of this level.
+    /// Step to evaluate: a [`GroupStep`](crate::group_step::GroupStep) of the lane type of this CPU level.
     pub step: &'a mut dyn Any,
 }
 
@@ -73,7 +73,7 @@ pub trait BatchCalls {
     fn threads(&self) -> usize;
     /// Whether `nstep` steps take at most two or three microseconds, so that waking another thread costs more than it gains.
     fn is_brief(&self, nstep: usize) -> bool;
-    /// Calls `look` while the workspace of one additional worker is allocated, to measure its memory.
+    /// Calls `look` during the allocation of the workspace of one additional worker, to measure its memory.
     fn with_worker(&self, look: &mut dyn FnMut());
     /// Sets the functions that create workers.
     #[cfg(feature = "internals")]

@@ -68,7 +68,7 @@ pub struct WorkerMakers {
 
 /// Scalar type (`f64` or `f32`) together with the SIMD lanes that step it.
 pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
-    /// Number of lanes of a group in saved states, the same on every CPU level: that of the narrowest level.
+    /// Number of lanes of a group in saved states. It is the same on every CPU level: that of the narrowest level.
     const SAVED: usize;
     /// Number of lanes of the group of a single environment.
     fn single(level: Level) -> usize;
@@ -81,12 +81,13 @@ pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
     /// Function in `makers` for this precision.
     #[cfg(feature = "internals")]
     fn maker(makers: &WorkerMakers) -> MakeWorker<Self>;
-    /// Functions with which a visitor evaluates a step in the lanes `R`. `None` for 32 bits, in which no crate evaluates steps.
+    /// Functions with which a visitor evaluates a step in the lanes `R`. The result is `None` for 32 bits, in which no crate evaluates
+    /// steps.
     fn group_functions<R: Real<Scalar = Self>>() -> Option<GroupFunctions<R>>;
-    /// Array of a recording, unwrapped to this precision.
+    /// Slice of this precision in an array of a recording.
     ///
     /// # Panics
-    /// When it is of the other; [`Simulation`](crate::Simulation) has checked it.
+    /// When the array has the other precision, which [`Simulation`](crate::Simulation) prevents.
     fn numbers(array: Numbers<'_>) -> &mut [Self];
 }
 
@@ -95,13 +96,13 @@ pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
 pub struct GroupPosition<'a, 'b, S> {
     /// Index of the first environment of the group.
     pub first: usize,
-    /// Index of the first environment of the share.
+    /// Index of the first environment of the share (consecutive groups that one thread records).
     pub share_first: usize,
     /// Output arrays of consecutive groups that include this one; `None` without recording.
     pub share: Option<&'a mut Share<'b, S>>,
 }
 
-/// Largest number of entries of the mass matrix for which two registers per value are used. An entry then takes 128 bytes, and a step still
+/// Largest number of entries of the mass matrix for which a SIMD value takes two registers. An entry then takes 128 bytes, and a step still
 /// fits the caches of the core.
 ///
 /// Evidence: two registers make dm_control's humanoid (243 entries) 4 to 6 % faster, and humanoid_CMU (952) up to 4 % slower.
@@ -441,7 +442,7 @@ fn count_saturated<R: Real>(compiled: &LaneModel<R>, s: &Workspace<R>, counts: &
     )
 }
 
-/// Clears the flags and maxima of the last call.
+/// Clears the status flags and maxima of the last call in the group.
 fn clear_call_totals<R: Real>(group: &mut Group<R::Scalar>) {
     group.status[..R::LANES].fill(0);
     group.worst[..R::LANES].fill(0);

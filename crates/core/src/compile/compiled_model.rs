@@ -151,11 +151,7 @@ impl<S: Scalar> ModelStructure<S> {
     /// Pair with index `number`, a listed or a dynamic pair.
     ///
     /// # Panics
-    ///
     /// When the model has no such pair.
-    ///
-    /// # Panics
-    /// When there is none.
     #[inline(always)]
     pub fn pair(&self, number: usize) -> CompiledPair<S> {
         match self.pairs.get(number) {

@@ -17,9 +17,9 @@ use crate::math::spatial::*;
 /// Forces of the surrounding fluid, with their workspace; empty for scenes without a fluid.
 #[derive(Clone, Debug)]
 pub struct Fluid<R: Real> {
-    /// Velocity of every body before the step relative to the fluid, in body axes.
+    /// Velocity of every body relative to the fluid before the step, in body axes.
     before: Vec<V6<R>>,
-    /// Secant of each body's drag at that velocity: drag divided by velocity, per axis.
+    /// Secant of each body's drag at the velocity `before`: drag divided by velocity, per axis.
     drag: Vec<V6<R>>,
     /// Drag matrices of every link with its descendants: moment per angular velocity, moment per linear velocity, and force per linear
     /// velocity.
@@ -150,7 +150,7 @@ fn at_origin<R: Real>(drag: &V6<R>, mat: &M3<R>, arm: V3<R>) -> [M3<R>; 3] {
     [sub(spin, mat_mul(&levered, &lever)), levered, slide]
 }
 
-/// Product X diag(d) X^T.
+/// Product X diag(d) X^T of the matrix `x` and the diagonal `d`.
 #[inline(always)]
 fn turned<R: Real>(d: V3<R>, x: &M3<R>) -> M3<R> {
     array_of(
@@ -162,7 +162,7 @@ fn turned<R: Real>(d: V3<R>, x: &M3<R>) -> M3<R> {
     )
 }
 
-/// Torque and force of the drag at a velocity, before the sign: drag points against the velocity.
+/// Torque and force of the drag at the velocity `motion`, without the minus sign: drag points against the velocity.
 #[inline(always)]
 fn apply<R: Real>([spin, lever, slide]: &[M3<R>; 3], motion: &V6<R>) -> V6<R> {
     let (w, v) = (angular(motion), linear(motion));

@@ -10,11 +10,11 @@ pub(crate) struct Contact {
     pub(super) bodies: [usize; 2],
     pub(super) distance: f64,
     pub(super) pos: [f64; 3],
-    /// Unit axes of the contact in world axes: the normal and the two tangents.
+    /// Unit vectors of the contact's normal and two tangents, in world axes.
     pub(super) axes: [[f64; 3]; 3],
-    /// Force on the second body along these axes, N.
+    /// Force on the second body along the normal and the tangents, N.
     pub(super) force: [f64; 3],
-    /// Torque on the second body about these axes, N m.
+    /// Torque on the second body about the normal and the tangents, N m.
     pub(super) torque: [f64; 3],
 }
 
@@ -22,7 +22,7 @@ pub(crate) struct Contact {
 #[derive(Clone, Debug)]
 pub(crate) struct SensedContacts {
     pub(super) contacts: Vec<Contact>,
-    /// Offset of each lane's contacts in the list; the last entry is its length.
+    /// Offset of each lane's contacts in the list. The last entry is the length of the list.
     pub(super) ends: [usize; MAX_LANES + 1],
 }
 

@@ -25,7 +25,7 @@ pub use crate::sensing::errors::observe::{Slots, Work};
 pub use crate::sensing::errors::transfer::Transfer;
 use crate::sensing::errors::transfer::any;
 
-/// Parameter of a sensor's transfer function that may differ between environments, in the order of the table.
+/// Parameter of a sensor's transfer function that may differ between environments. The order is that of the parameter table.
 #[derive(Clone, Copy)]
 enum Number {
     Scale,
@@ -47,7 +47,7 @@ enum Number {
 
 const NUMBERS: usize = 15;
 
-/// Sensor with a transfer function: its sizes, options, and addresses.
+/// Sensor with a transfer function: sizes, options, and addresses of its stored values.
 #[derive(Clone, Debug)]
 struct Imperfect<S> {
     sensor: usize,
@@ -68,14 +68,14 @@ struct Imperfect<S> {
     sampled: bool,
     lossy: bool,
     jittery: bool,
-    /// Address of the sensor's stored values: matrix, bias, drift, phase, and delay line or previous sample.
+    /// Address of the sensor's stored values in the memory. They are matrix, bias, drift, phase, and delay line or previous sample.
     memory: usize,
-    /// Offset of the sensor's random numbers among those of a step.
+    /// Offset of the sensor's random numbers in the list of those of a step.
     draws: usize,
     /// Length of the delay line in samples; 0 without a delay.
     line: usize,
-    /// Whether delayed readings are interpolated between two samples. False for quantised or held readings and for those that may be
-    /// missing.
+    /// Whether delayed readings are interpolated between two samples. It is false for quantised or held readings, and for readings that may
+    /// be missing.
     smooth: bool,
 }
 
@@ -83,9 +83,9 @@ struct Imperfect<S> {
 #[derive(Clone, Debug)]
 pub struct Errors<S> {
     sensors: Vec<Imperfect<S>>,
-    /// Addresses of the readings of ideal sensors, which are copied.
+    /// Addresses of the readings of ideal sensors. These readings are copied without change.
     ideal: Vec<usize>,
-    /// Parameters of every sensor: one table for every group of lanes, or one table for all environments.
+    /// Parameters of every sensor. There is one table for every group of lanes, or one table for all environments.
     tables: Vec<Vec<S>>,
     /// Number of values per parameter in a table: 1 if all environments have the same, otherwise the number of lanes.
     lanes: usize,
@@ -97,14 +97,14 @@ pub struct Errors<S> {
     draws: usize,
 }
 
-/// Parameters of the transfer functions for a group of lanes, of all sensors or of one.
+/// Table of transfer function parameters for a group of lanes: of all sensors, or of one sensor.
 struct Numbers<'a, S> {
     rows: &'a [S],
     lanes: usize,
 }
 
 impl<S: Scalar> Numbers<'_, S> {
-    /// Parameters of the sensor with number `sensor` among those with errors.
+    /// Parameters of the sensor with number `sensor` among the sensors that have errors.
     #[inline(always)]
     fn of(&self, sensor: usize) -> Self {
         Numbers { rows: &self.rows[sensor * NUMBERS * self.lanes..], lanes: self.lanes }
@@ -117,7 +117,8 @@ impl<S: Scalar> Numbers<'_, S> {
 }
 
 impl<S: Scalar> Errors<S> {
-    /// Position of each sensor's delay line in the stored values, for all sensors with errors. A sensor without delay has an empty line.
+    /// Position of each sensor's delay line in the stored values, for all sensors that have errors. A sensor without delay has an empty
+    /// line.
     pub fn delay_lines(&self) -> impl Iterator<Item = DelayLine> {
         self.sensors.iter().map(|s| DelayLine { at: s.line_at(), samples: s.line, width: s.dim })
     }

@@ -9,7 +9,8 @@ use crate::math::spatial::*;
 use crate::model::{FrameReading, JointKind};
 use crate::sensing::{SensorInput, SensorWorkspace};
 
-/// Computes the orientation of every link as a quaternion: a product along the tree, so that its sign follows that of the coordinates `q`.
+/// Computes the orientation of every link as a quaternion from the configuration `q`. It is a product along the kinematic tree, so that its
+/// sign follows that of the coordinates `q`.
 pub fn orientations<R: Real>(compiled: &LaneModel<R>, q: &[R], out: &mut [[R; 4]]) {
     R::vectorize(
         #[inline(always)]
@@ -75,7 +76,7 @@ pub(super) fn accelerations<R: Real>(
     )
 }
 
-/// Spatial acceleration of the world that represents gravity: upward.
+/// Spatial acceleration of the world that represents gravity in the Newton-Euler recursion: minus the gravitational acceleration.
 #[inline(always)]
 pub(super) fn ground<R: Real>(compiled: &LaneModel<R>) -> V6<R> {
     spatial(zero(), scale(compiled.params.gravity(), -R::one()))
@@ -97,8 +98,8 @@ pub(super) fn orientation<R: Real>(kinematics: &Kinematics<R>, place: &SensorFra
     )
 }
 
-/// Spatial velocity or acceleration of a frame, and the point to which it refers. `motions` has those of the links, and `still` is used for
-/// the world and mocap bodies.
+/// Spatial velocity or acceleration of a frame, and the point to which it refers. `motions` has the values of the links, and `still` is the
+/// value for the world and mocap bodies.
 #[inline(always)]
 pub fn motion_of<R: Real>(
     compiled: &LaneModel<R>,
@@ -148,7 +149,8 @@ fn acceleration<R: Real>(
     )
 }
 
-/// Angular velocity and linear velocity of a site in the site's axes. With `accelerations`, angular velocity and linear acceleration.
+/// Angular velocity and linear velocity of a site in the site's axes. With `accelerations`, the result is angular velocity and linear
+/// acceleration.
 pub fn site_motion<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,

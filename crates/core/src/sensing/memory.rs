@@ -11,7 +11,7 @@ use crate::sensing::errors::Keys;
 /// Memory of the sensors of a group of environments: random number state, results of the last step, and values of the transfer functions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Memory<S> {
-    /// Lanes (bits) whose state was set after the last step, so that its results do not apply.
+    /// Lanes (bits) whose state was set by the user after the last step. Results of the last step do not apply to them.
     pub fresh: u32,
     /// Lanes (bits) in which the transfer functions have not made the first observation of the episode yet.
     pub waiting: u32,
@@ -25,9 +25,9 @@ pub struct Memory<S> {
     pub step: Vec<u32>,
     /// Acceleration (v+ - v) / h of the last step, nv per lane.
     pub acceleration: Vec<S>,
-    /// Controls of the last step, nu per lane. Buffers of the last step are empty if no sensor needs them.
+    /// Controls of the last step, nu per lane. Empty if no sensor needs them.
     pub ctrl: Vec<S>,
-    /// Forces and torques on bodies that the user applied in the last step, 6 nbody per lane.
+    /// Forces and torques on bodies that the user applied in the last step, 6 nbody per lane. Empty if no sensor needs them.
     pub xfrc: Vec<S>,
     /// Stored values of the transfer functions, such as biases and delay lines.
     pub numbers: Vec<S>,

@@ -8,7 +8,7 @@ use crate::sensing::inputs::{SensorInput, SensorWorkspace};
 use crate::sensing::{frames, masses};
 
 impl<R: Real> SensorWorkspace<R> {
-    /// Computes the intermediate results that several sensors share: velocities, accelerations, contacts and forces on subtrees.
+    /// Computes the intermediate results of all sensors: velocities, accelerations, contacts, and forces on subtrees.
     pub fn prepare(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, input: &SensorInput<'_, R>) {
         if !self.orientation.is_empty() {
             frames::orientations(compiled, input.q, &mut self.orientation);

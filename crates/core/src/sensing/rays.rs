@@ -41,8 +41,8 @@ fn nothing<R: Real>() -> R {
 
 /// Intersections of a line with a quadric: the two roots t of a t^2 + 2 b t + c, ascending.
 ///
-/// The caller tests whether the roots are on the surface, and passes the result as masks. Passing a closure would be slow, because a
-/// closure that is called twice is not inlined into the kernel.
+/// The caller tests whether the roots are on the surface, and passes the result as masks. A closure would be slow, because a closure that
+/// is called twice is not inlined into the kernel.
 struct Roots<R: Real> {
     real: R::Mask,
     at: [R; 2],
@@ -59,7 +59,8 @@ impl<R: Real> Roots<R> {
         Self { real, at: [(-b - root) * inverse, (root - b) * inverse] }
     }
 
-    /// Smallest root that is on its piece of the surface and not behind the ray's origin; infinite if there is none.
+    /// Smallest root that is on the surface and not behind the ray's origin; infinite if there is none. `on_piece` has the lanes in which
+    /// each root is on the surface.
     #[inline(always)]
     fn nearest(&self, on_piece: [R::Mask; 2]) -> R {
         let ([near, far], z) = (self.at, R::zero());
@@ -69,7 +70,8 @@ impl<R: Real> Roots<R> {
     }
 }
 
-/// Distance to the plane where coordinate `k` equals `level`, and the lanes in which it is not behind the ray's origin.
+/// Distance along the ray to the plane where coordinate `k` equals `level`, and the lanes in which the plane is not behind the ray's
+/// origin.
 #[inline(always)]
 fn crossing<R: Real>(o: V3<R>, d: V3<R>, k: usize, level: R) -> (R, R::Mask) {
     let z = R::zero();
@@ -78,7 +80,7 @@ fn crossing<R: Real>(o: V3<R>, d: V3<R>, k: usize, level: R) -> (R, R::Mask) {
     (t, crosses.and(t.ge(z)))
 }
 
-/// Distance to the front side of an infinite plane z = 0.
+/// Distance along the ray to the front side of an infinite plane z = 0.
 #[inline(always)]
 fn plane<R: Real>(o: V3<R>, d: V3<R>) -> R {
     let (t, hits) = crossing(o, d, 2, R::zero());
@@ -100,7 +102,7 @@ fn capsule<R: Real>(size: V3<R>, o: V3<R>, d: V3<R>) -> R {
     t
 }
 
-/// Distance to the curved side of a cylinder.
+/// Distance along the ray to the curved side of a cylinder.
 #[inline(always)]
 fn wall<R: Real>([radius, half, _]: V3<R>, o: V3<R>, d: V3<R>) -> R {
     let (a, b, c) = (d[0] * d[0] + d[1] * d[1], o[0] * d[0] + o[1] * d[1], o[0] * o[0] + o[1] * o[1] - radius.square());
@@ -170,7 +172,7 @@ pub fn inside<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, plac
     )
 }
 
-/// Ray target at its pose in each lane.
+/// Geom that rays can hit, with its pose in each lane.
 pub(crate) struct Placed<'a, R: Real> {
     centre: V3<R>,
     mat: M3<R>,
@@ -215,7 +217,7 @@ impl<'a, R: Real> Placed<'a, R> {
         R::Mask::splat(true).and_not(beside.or(behind))
     }
 
-    /// Distance to a mesh or height field, computed lane by lane, so that no lane depends on another.
+    /// Distance along the ray to a mesh or height field. It is computed lane by lane, so that no lane depends on another.
     #[inline(never)]
     fn to_surface(&self, surface: &RaySurface, lanes: u32, origin: V3<R>, direction: V3<R>) -> R {
         let mut t = nothing::<R>();
@@ -228,8 +230,8 @@ impl<'a, R: Real> Placed<'a, R> {
     }
 }
 
-/// Distance to the nearest geom along the unit vector `direction`, m, and its number in `placed`; -1 without a hit. If two geoms have the
-/// same distance, the first is returned.
+/// Distance along the unit vector `direction` to the nearest geom, m, and the geom's number in `placed`; -1 without a hit. If two geoms
+/// have the same distance, the first is returned.
 pub(crate) fn nearest<R: Real>(
     compiled: &LaneModel<R>,
     placed: &[(usize, Placed<'_, R>)],
@@ -252,7 +254,7 @@ pub(crate) fn nearest<R: Real>(
     )
 }
 
-/// Writes the readings of a rangefinder to `out`: for every ray, the given fields.
+/// Writes the readings of a rangefinder to `out`: the values of `fields` for every ray.
 pub fn range<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,

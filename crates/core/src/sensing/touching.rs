@@ -1,4 +1,4 @@
-//! Contact sensors. They read lane by lane, because contacts are few and differ between lanes.
+//! Contact sensors. They are evaluated lane by lane, because contacts are few and differ between lanes.
 
 use stepper_real::{Real, Scalar};
 
@@ -66,7 +66,7 @@ impl<R: Real> Volume<R> {
         )
     }
 
-    /// Volume of the site in lane `lane`.
+    /// Volume of the site in lane `lane`, with its pose.
     #[inline(always)]
     fn zone(&self, lane: usize) -> Zone {
         Zone { origin: of_lane(&self.origin, lane), axes: of_lane(&self.axes, lane), size: of_lane(&self.size, lane) }
@@ -93,7 +93,7 @@ fn over([x, y, z]: [f64; 3], h: f64) -> [f64; 3] {
 }
 
 impl SensedContacts {
-    /// Loads the contacts of all lanes, which all contact sensors read.
+    /// Loads the contacts of all lanes from the step's results. All contact sensors read this list.
     pub(super) fn load_contacts<R: Real>(&mut self, compiled: &LaneModel<R>, input: &SensorInput<'_, R>) {
         self.contacts.clear();
         for lane in 0..R::LANES {
@@ -235,7 +235,8 @@ pub fn contacts<R: Real>(
     }
 }
 
-/// Tests whether a contact is between the two sides of a sensor. Returns whether its geoms must be swapped for that; `None` if it is not.
+/// Tests whether a contact is between the two sides of a sensor. The result is whether its geoms must be swapped to match the sides; `None`
+/// if it is not between them.
 fn matches<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -260,7 +261,7 @@ fn matches<R: Real>(
     }
 }
 
-/// Contact as seen from the first side of the sensor: swapped, if the first side has its second geom.
+/// Contact with its geoms in the order of the sensor's sides. If the first side has the contact's second geom, the contact is swapped.
 fn seen<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -278,8 +279,8 @@ fn seen<R: Real>(
     contact
 }
 
-/// Sum of all contacts as one contact in world axes. Its position is the mean of the positions, weighted by force, and its torque is about
-/// that point.
+/// Sum of several contacts as one contact in world axes. Its position is the mean of the positions, weighted by force, and its torque is
+/// about that point.
 fn net_force(all: impl Iterator<Item = Contact> + Clone) -> Contact {
     let (mut force, mut weighted, mut weight, mut plain, mut count) = ([0.0; 3], [0.0; 3], 0.0, [0.0; 3], 0.0);
     let mut nearest = f64::INFINITY;

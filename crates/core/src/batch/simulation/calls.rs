@@ -46,9 +46,9 @@ impl Simulation {
         Ok(())
     }
 
-    /// Sets applied forces, poses of mocap bodies or the activity of equalities, (num_envs, ...), for all later calls.
+    /// Sets an applied input (forces, poses of mocap bodies, or active equalities) for all later calls, (num_envs, ...).
     ///
-    /// The reset of an environment clears its row. Positions of mocap bodies may be given without orientations, and the reverse. An empty
+    /// The reset of an environment resets its row. Positions of mocap bodies may be given without orientations, and the reverse. An empty
     /// array clears the input.
     ///
     /// # Errors

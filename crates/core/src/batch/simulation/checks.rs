@@ -114,8 +114,8 @@ impl Simulation {
         if inputs.mask.is_empty() { Ok(()) } else { check_length("mask", inputs.mask.len(), n) }
     }
 
-    /// Checks, in all environments, that the activity of equalities, (num_envs, neq), is allowed: none may close a loop that contains a
-    /// force sensor.
+    /// Checks for all environments that the values of `eq_active`, (num_envs, neq), are allowed. No active equality may close a loop that
+    /// contains a force sensor.
     pub(super) fn check_eq_active(&self, rows: &[f64]) -> Result<(), Error> {
         let count = self.model.equalities.len();
         let acts = |e: usize| rows.chunks_exact(count).any(|row| row[e] != 0.0);

@@ -32,7 +32,8 @@ pub struct Contact {
 }
 
 impl Contact {
-    /// Axes of force and torque as rows, unit vectors in world axes: the normal and the two tangents, right-handed.
+    /// Axes of the contact as rows, along which `force` and `torque` are given. They are unit vectors in world axes: the normal and the two
+    /// tangents, right-handed.
     pub fn frame(&self) -> [[f64; 3]; 3] {
         contact_frame(self.normal)
     }

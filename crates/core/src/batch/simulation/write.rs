@@ -5,8 +5,7 @@ use crate::batch::simulation::{Error, Simulation};
 use crate::error::check_length;
 use crate::model::Keyframe;
 
-/// Checked state values of a call: for each field, one row for each chosen environment. A field is missing if the call has no values for
-/// it.
+/// Checked state values of a call. Each field has one row for each chosen environment. Fields without values are missing.
 struct CheckedRows {
     fields: [(Field, Vec<Vec<f64>>); 3],
     times: Vec<f64>,
@@ -137,8 +136,8 @@ impl Simulation {
         Ok(CheckedRows { fields, times })
     }
 
-    /// Function that returns the row of an environment in `given`, an array with one row per environment or one row for all. `width` is the
-    /// length of a row.
+    /// Function from an environment to its row in `given`, an array with one row per environment or one row for all. `width` is the length
+    /// of a row.
     fn rows<'a>(&self, name: &'static str, given: &'a [f64], width: usize) -> Result<impl Fn(usize) -> &'a [f64], Error> {
         let shared = given.len() == width;
         if !shared {
@@ -175,7 +174,7 @@ impl Simulation {
         Ok(())
     }
 
-    /// Mutable controls in force of one environment.
+    /// Mutable controls of environment `env`, which the next steps use.
     pub(super) fn ctrl_mut(&mut self, env: usize) -> &mut [f64] {
         let nu = self.model.nu();
         &mut self.ctrl[env * nu..(env + 1) * nu]

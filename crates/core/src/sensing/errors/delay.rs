@@ -8,8 +8,8 @@ use crate::sensing::errors::observe::{Slots, get, put};
 use crate::sensing::errors::{Imperfect, Number, Numbers};
 
 impl<S: Scalar> Imperfect<S> {
-    /// Addresses of the previous sample and of the new sample in the memory of the sensor. Advances the delay line's position by one step,
-    /// the same in all lanes.
+    /// Advances the delay line's position by one step, the same in all lanes. Returns the addresses of the previous and of the new sample
+    /// in the sensors' memory.
     #[inline(always)]
     pub(super) fn advance_delay_line(&self, start: bool, cursors: &mut [u32], index: usize) -> (usize, usize) {
         if self.line == 0 {
@@ -80,7 +80,7 @@ impl<S: Scalar> Imperfect<S> {
         }
     }
 
-    /// Normalises the reading of the sensor, a unit vector or quaternion, in the lanes `lanes`.
+    /// Normalises the reading of the sensor to length 1 in the lanes `lanes`. The reading is a unit vector or a quaternion.
     #[inline(always)]
     fn normalise<R: Real<Scalar = S>>(&self, lanes: R::Mask, observation: &mut [S]) {
         let mut square = R::zero();
@@ -95,8 +95,8 @@ impl<S: Scalar> Imperfect<S> {
     }
 }
 
-/// Integer and fractional part of a delay in steps. Without interpolation (`smooth` is false) the delay is rounded up, and the fraction is
-/// 0.
+/// Integer and fractional part of a delay, both in steps. Without interpolation (`smooth` is false) the delay is rounded up, and the
+/// fraction is 0.
 #[inline(always)]
 fn parts<R: Real>(steps: R, smooth: bool) -> (R, R) {
     let steps = steps.max(R::zero());

@@ -11,13 +11,13 @@ use crate::sensing::errors::{Errors, Imperfect, Number, Numbers};
 /// Workspace of the transfer functions of all sensors.
 #[derive(Clone, Debug)]
 pub struct Work<R: Real> {
-    /// Lanes in which each sensor takes a sample in this step.
+    /// Lanes in which each sensor takes a new sample in this step.
     due: Vec<R::Mask>,
     /// Random numbers of this step, of all sensors.
     drawn: Vec<R>,
 }
 
-/// Stored values of the sensors with errors, lane-interleaved, and the readings.
+/// Stored values of the sensors that have error models, lane-interleaved, and the readings of all sensors.
 #[derive(Debug)]
 pub struct Slots<'a, S> {
     /// Values of the transfer functions that persist between steps, such as biases and delay lines.
@@ -84,7 +84,7 @@ pub(super) fn get<R: Real>(numbers: &[R::Scalar], at: usize) -> R {
     R::load(&numbers[at * R::LANES..])
 }
 
-/// Writes the value `x` at address `at` in the lanes `lanes`.
+/// Writes the value `x` to address `at` of the lane-interleaved list `numbers`, in the lanes `lanes`.
 #[inline(always)]
 pub(super) fn put<R: Real>(numbers: &mut [R::Scalar], at: usize, lanes: R::Mask, x: R) {
     let old = get::<R>(numbers, at);
@@ -140,7 +140,7 @@ impl<S: Scalar> Imperfect<S> {
         }
     }
 
-    /// Lanes in which the sensor takes a sample in this step. Updates the time since the last sample.
+    /// Lanes in which the sensor takes a new sample in this step. The function also updates the time since the last sample.
     #[inline(always)]
     fn due<R: Real<Scalar = S>>(&self, table: &Numbers<'_, S>, lanes: R::Mask, start: bool, h: f64, memory: &mut [S]) -> R::Mask {
         if !self.sampled {
@@ -190,7 +190,7 @@ impl<S: Scalar> Imperfect<S> {
         )
     }
 
-    /// Advances the drift by one step, with the random numbers `drawn`.
+    /// Advances the drift of the sensor by one step, with the random numbers `drawn`.
     #[inline(always)]
     fn drift<R: Real<Scalar = S>>(&self, table: &Numbers<'_, S>, lanes: R::Mask, drawn: &[R], memory: &mut [S]) {
         let (decay, kick): (R, R) = (table.number(Number::Decay), table.number(Number::Kick));
@@ -201,8 +201,9 @@ impl<S: Scalar> Imperfect<S> {
         }
     }
 
-    /// Takes a sample: applies scale and misalignment, bias, drift, noise, quantisation and clip. Lanes outside `taken` repeat the previous
-    /// sample. Returns the lanes with a clipped reading.
+    /// Takes a sample of the sensor: applies scale, misalignment, bias, drift, noise, quantisation and clip.
+    ///
+    /// Lanes outside `taken` repeat the previous sample. Returns the lanes with a clipped reading.
     #[inline(always)]
     fn sample<R: Real<Scalar = S>>(
         &self,
@@ -269,7 +270,7 @@ impl<S: Scalar> Imperfect<S> {
         x
     }
 
-    /// Quantises and clips the reading `x`. Also returns the lanes in which it was clipped.
+    /// Reading `x` after quantisation and clipping, and the lanes in which it was clipped.
     #[inline(always)]
     fn read_off<R: Real<Scalar = S>>(&self, table: &Numbers<'_, S>, mut x: R) -> (R, R::Mask) {
         let mut clipped = R::Mask::splat(false);

@@ -8,9 +8,9 @@ use crate::model::{DeviceError, Quantity};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Transfer {
-    /// Factor of all channels.
+    /// Factor by which all channels are multiplied.
     pub scale: Vec<f64>,
-    /// Matrix that multiplies the channels before the factor, (dim, dim), row-major; empty for the identity.
+    /// Matrix that multiplies the channels before the factor `scale`, (dim, dim), row-major. Empty for the identity.
     pub matrix: Vec<f64>,
     /// Standard deviation of each channel's relative scale error, which is drawn at reset.
     pub scale_std: Vec<f64>,
@@ -32,9 +32,9 @@ pub struct Transfer {
     pub noise_density: Vec<f64>,
     /// Quantisation step of the readings; 0 for none.
     pub quantum: Vec<f64>,
-    /// Lowest reading; lower ones are clipped.
+    /// Lowest reading, in the sensor's unit. Lower readings are clipped to it.
     pub low: Vec<f64>,
-    /// Highest reading; higher ones are clipped.
+    /// Highest reading, in the sensor's unit. Higher readings are clipped to it.
     pub high: Vec<f64>,
     /// Sampling period, s; 0 for a sample in every step.
     pub period: Vec<f64>,
@@ -46,7 +46,7 @@ pub struct Transfer {
     pub dropout: Vec<f64>,
 }
 
-/// Longest delay that is allowed, in steps.
+/// Longest delay that the check allows, in steps.
 const LONGEST: f64 = 100_000.0;
 
 impl Transfer {

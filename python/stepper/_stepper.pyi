@@ -70,19 +70,19 @@ class Body:
     """Body of a model."""
 
     id: Final[int]
-    """Index; that of the world is 0."""
+    """Index of the body. That of the world is 0."""
     name: Final[str]
-    """Name; may be empty."""
+    """Name of the body; may be empty."""
     parentid: Final[int]
     """Index of the parent body; 0 for the world."""
     mass: Final[float]
-    """Mass, kg."""
+    """Mass of the body, kg."""
     inertia: Final[_Array]
     """Principal moments of inertia, kg m^2: (3,)."""
     pos: Final[_Array]
-    """Position in the parent's frame, m: (3,)."""
+    """Position of the body in the parent's frame, m: (3,)."""
     quat: Final[_Array]
-    """Orientation in the parent's frame, quaternion (w, x, y, z): (4,)."""
+    """Orientation of the body in the parent's frame, quaternion (w, x, y, z): (4,)."""
     ipos: Final[_Array]
     """Centre of mass in the body's frame, m: (3,)."""
     iquat: Final[_Array]
@@ -107,72 +107,72 @@ class Joint:
     """Joint of a model."""
 
     id: Final[int]
-    """Index."""
+    """Index of the joint."""
     name: Final[str]
-    """Name; may be empty."""
+    """Name of the joint; may be empty."""
     type: Final[str]
     """Type: "free", "ball", "slide" or "hinge"."""
     bodyid: Final[int]
-    """Index of its body."""
+    """Index of the body that the joint moves."""
     qposadr: Final[int]
-    """Address of its first coordinate in qpos."""
+    """Address of the joint's first coordinate in qpos."""
     dofadr: Final[int]
-    """Address of its first degree of freedom in qvel."""
+    """Address of the joint's first degree of freedom in qvel."""
     nq: Final[int]
-    """Number of its coordinates in qpos."""
+    """Number of the joint's coordinates in qpos."""
     nv: Final[int]
-    """Number of its degrees of freedom in qvel."""
+    """Number of the joint's degrees of freedom in qvel."""
     limited: Final[bool]
-    """Whether its position has bounds."""
+    """Whether the joint position has bounds."""
     range: Final[_Array]
-    """Lowest and highest position, m or rad: (2,), infinite without a bound."""
+    """Lowest and highest joint position, m or rad: (2,), infinite without a bound."""
     pos: Final[_Array]
-    """Anchor in the body's frame, m: (3,)."""
+    """Anchor of the joint in the body's frame, m: (3,)."""
     axis: Final[_Array]
     """Unit axis of a slide or hinge in the body's frame: (3,)."""
     stiffness: Final[float]
-    """Spring stiffness, N/m or N m/rad."""
+    """Stiffness of the joint spring, N/m or N m/rad."""
     damping: Final[float]
-    """Viscous damping, N s/m or N m s/rad."""
+    """Viscous damping of the joint, N s/m or N m s/rad."""
     armature: Final[float]
-    """Armature (added inertia), kg or kg m^2."""
+    """Armature of the joint (added inertia), kg or kg m^2."""
     frictionloss: Final[float]
-    """Dry friction (frictionloss), N or N m."""
+    """Dry friction of the joint (frictionloss), N or N m."""
     velocity_limit: Final[float]
-    """Speed limit in the source, rad/s or m/s, not enforced; infinite without one."""
+    """Speed limit of the joint in the source, rad/s or m/s; infinite without one. The simulation does not enforce it."""
 
 @final
 class Geom:
     """Geom of a model."""
 
     id: Final[int]
-    """Index."""
+    """Index of the geom."""
     name: Final[str]
-    """Name; may be empty."""
+    """Name of the geom; may be empty."""
     bodyid: Final[int]
-    """Index of its body."""
+    """Index of the body to which the geom belongs."""
     type: Final[str]
     """Type: "plane", "sphere", "capsule", "cylinder", "ellipsoid", "box", "mesh" or "hfield"."""
     size: Final[_Array]
-    """Sizes, m: (3,). They are radius and half length, half sizes, or semi-axes; unused entries are 0."""
+    """Sizes of the geom, m: (3,). They are radius and half length, half sizes, or semi-axes; unused entries are 0."""
     pos: Final[_Array]
-    """Position in the body's frame, m: (3,)."""
+    """Position of the geom in the body's frame, m: (3,)."""
     quat: Final[_Array]
-    """Orientation in the body's frame, quaternion (w, x, y, z): (4,)."""
+    """Orientation of the geom in the body's frame, quaternion (w, x, y, z): (4,)."""
     contype: Final[int]
     """Bit mask: two geoms may collide if the contype of one has a common bit with the conaffinity of the other."""
     conaffinity: Final[int]
-    """Bit mask of the contypes of other geoms with which this one may collide."""
+    """Bit mask of the contypes of other geoms with which this geom may collide."""
     condim: Final[int]
-    """Dimension of a contact: 1, 3, 4 or 6, as in MuJoCo."""
+    """Dimension of the geom's contacts: 1, 3, 4 or 6, as in MuJoCo."""
     priority: Final[int]
-    """Priority: a contact uses the friction and condim of its geom with the higher one."""
+    """Priority of the geom: a contact uses the friction and condim of its geom with the higher priority."""
     friction: Final[_Array]
-    """Sliding (1), torsional (m), rolling (m) friction: (3,)."""
+    """Sliding (1), torsional (m) and rolling (m) friction of the geom: (3,)."""
     restitution: Final[float]
     """Newton's coefficient of restitution, 0 to 1."""
     margin: Final[float]
-    """Distance at which a contact begins to push, m."""
+    """Distance from the geom at which a contact begins to push, m."""
     gap: Final[float]
     """Distance beyond the margin up to which MuJoCo reports contacts without force, m."""
 
@@ -181,21 +181,21 @@ class Pair:
     """Explicit pair of geoms of a model. The geoms collide independent of filters, with the parameters of the pair."""
 
     id: Final[int]
-    """Index."""
+    """Index of the pair."""
     name: Final[str]
-    """Name; may be empty."""
+    """Name of the pair; may be empty."""
     geom1: Final[int]
     """Index of the first geom."""
     geom2: Final[int]
     """Index of the second geom."""
     dim: Final[int]
-    """Dimension of a contact: 1, 3, 4 or 6, as in MuJoCo."""
+    """Dimension of the pair's contacts: 1, 3, 4 or 6, as in MuJoCo."""
     friction: Final[_Array]
-    """Sliding (1), torsional (m), rolling (m) friction: (3,)."""
+    """Sliding (1), torsional (m) and rolling (m) friction of the pair: (3,)."""
     restitution: Final[float]
     """Newton's coefficient of restitution, 0 to 1."""
     margin: Final[float]
-    """Distance at which a contact begins to push, m."""
+    """Distance between the geoms at which a contact begins to push, m."""
     gap: Final[float]
     """Distance beyond the margin up to which MuJoCo reports contacts without force, m."""
 
@@ -204,32 +204,32 @@ class Site:
     """Site of a model."""
 
     id: Final[int]
-    """Index."""
+    """Index of the site."""
     name: Final[str]
-    """Name; may be empty."""
+    """Name of the site; may be empty."""
     bodyid: Final[int]
-    """Index of its body."""
+    """Index of the body to which the site belongs."""
     type: Final[str]
     """Type: "sphere", "capsule", "cylinder", "ellipsoid" or "box"."""
     pos: Final[_Array]
-    """Position in the body's frame, m: (3,)."""
+    """Position of the site in the body's frame, m: (3,)."""
     quat: Final[_Array]
-    """Orientation in the body's frame, quaternion (w, x, y, z): (4,)."""
+    """Orientation of the site in the body's frame, quaternion (w, x, y, z): (4,)."""
 
 @final
 class Actuator:
     """Actuator of a model."""
 
     id: Final[int]
-    """Index, also of its control in ctrl."""
+    """Index of the actuator, which is also that of its control in ctrl."""
     name: Final[str]
-    """Name; may be empty."""
+    """Name of the actuator; may be empty."""
     trntype: Final[str]
-    """Type of its transmission target: "joint", "tendon" or "site"."""
+    """Type of the transmission target: "joint", "tendon" or "site"."""
     trnid: Final[int]
     """Index of the transmission target."""
     actadr: Final[int]
-    """Address of its activation in act; -1 without one."""
+    """Address of the actuator's activation in act; -1 without one."""
     ctrlrange: Final[_Array]
     """Bounds of the control: (2,), infinite without a bound."""
     forcerange: Final[_Array]
@@ -252,63 +252,63 @@ class Sensor:
     """Sensor of a model."""
 
     id: Final[int]
-    """Index."""
+    """Index of the sensor."""
     name: Final[str]
-    """Name; may be empty."""
+    """Name of the sensor; may be empty."""
     type: Final[str]
-    """Type as in MJCF, such as "gyro"."""
+    """Type of the sensor as in MJCF, such as "gyro"."""
     adr: Final[int]
-    """Address of its first reading."""
+    """Address of the sensor's first reading in sensordata."""
     dim: Final[int]
-    """Number of its readings."""
+    """Number of readings of the sensor."""
     noise: Final[float]
-    """Noise in the source."""
+    """Standard deviation of the sensor noise in the source file, `noise` in MJCF."""
     cutoff: Final[float]
-    """Cutoff in the source."""
+    """Largest magnitude of a reading in the source file, `cutoff` in MJCF; 0 without one."""
 
 @final
 class Tendon:
     """Fixed tendon of a model, whose length is a linear combination of joint positions."""
 
     id: Final[int]
-    """Index."""
+    """Index of the tendon."""
     name: Final[str]
-    """Name; may be empty."""
+    """Name of the tendon; may be empty."""
     jntid: Final[_Array]
-    """Indices of its joints: (n,) int64."""
+    """Indices of the joints of the tendon: (n,) int64."""
     coef: Final[_Array]
-    """Coefficients of the joints: (n,)."""
+    """Coefficients of the joints in the tendon length: (n,)."""
     limited: Final[bool]
-    """Whether its length has bounds."""
+    """Whether the tendon length has bounds."""
     range: Final[_Array]
-    """Lowest and highest length: (2,), infinite without a bound."""
+    """Lowest and highest tendon length: (2,), infinite without a bound."""
     stiffness: Final[float]
-    """Spring stiffness."""
+    """Stiffness of the tendon spring."""
     damping: Final[float]
-    """Viscous damping."""
+    """Viscous damping of the tendon."""
     armature: Final[float]
-    """Added inertia."""
+    """Added inertia of the tendon."""
     frictionloss: Final[float]
-    """Dry friction."""
+    """Dry friction of the tendon."""
 
 @final
 class Keyframe:
     """Keyframe of a model: a named state for `Stepper.reset(keyframe=)`."""
 
     id: Final[int]
-    """Index."""
+    """Index of the keyframe."""
     name: Final[str]
-    """Name; may be empty."""
+    """Name of the keyframe; may be empty."""
     time: Final[float]
-    """Time, s."""
+    """Time of the keyframe, s."""
     qpos: Final[_Array]
-    """Configuration: (nq,)."""
+    """Configuration of the keyframe: (nq,)."""
     qvel: Final[_Array]
-    """Velocity: (nv,)."""
+    """Velocity of the keyframe: (nv,)."""
     act: Final[_Array]
-    """Activations: (na,)."""
+    """Activations of the keyframe: (na,)."""
     ctrl: Final[_Array]
-    """Controls: (nu,)."""
+    """Controls of the keyframe: (nu,)."""
 
 @final
 class Model:
@@ -842,24 +842,25 @@ class Stepper:
     they belong to the state after the step, as after `mj_forward`. Derived quantities are computed at the first read for all
     environments and cached until something changes. Quantities that are read together are computed in one pass."""
     xquat: Final[_Array]
-    """Orientations of the bodies at the present `qpos`: (num_envs, nbody, 4)."""
+    """Orientations of the body frames at the current `qpos`, quaternions (w, x, y, z), (num_envs, nbody, 4)."""
     body_linvel: Final[_Array]
     """Linear velocities of the body frames at the current state in world axes, (num_envs, nbody, 3), m/s. Those of mocap bodies are zero,
     as in MuJoCo."""
     body_angvel: Final[_Array]
-    """Angular velocities of the bodies at the present state in world axes: (num_envs, nbody, 3) in rad/s."""
+    """Angular velocities of the bodies at the current state in world axes, (num_envs, nbody, 3), rad/s."""
     site_xpos: Final[_Array]
-    """Positions of the sites at the present `qpos`: (num_envs, nsite, 3) in m."""
+    """Positions of the sites at the current `qpos`, (num_envs, nsite, 3), m."""
     site_xquat: Final[_Array]
-    """Orientations of the sites at the present `qpos`: (num_envs, nsite, 4)."""
+    """Orientations of the sites at the current `qpos`, quaternions (w, x, y, z), (num_envs, nsite, 4)."""
     geom_xpos: Final[_Array]
-    """Positions of the geoms at the present `qpos`: (num_envs, ngeom, 3) in m."""
+    """Positions of the geoms at the current `qpos`, (num_envs, ngeom, 3), m."""
     geom_xquat: Final[_Array]
-    """Orientations of the geoms at the present `qpos`: (num_envs, ngeom, 4)."""
+    """Orientations of the geoms at the current `qpos`, quaternions (w, x, y, z), (num_envs, ngeom, 4)."""
     subtree_com: Final[_Array]
-    """Centre of mass of each body with its descendants at the current `qpos`, (num_envs, nbody, 3), m. Row 0 is that of the whole scene."""
+    """Centre of mass of each body with its descendants at the current `qpos`, (num_envs, nbody, 3), m. Row 0, of the world, is the centre
+    of mass of the whole scene."""
     xipos: Final[_Array]
-    """Centres of mass of the bodies at the present `qpos`: (num_envs, nbody, 3) in m."""
+    """Centres of mass of the bodies at the current `qpos`, (num_envs, nbody, 3), m."""
     cinert: Final[_Array]
     """Inertias of the bodies about the centre of mass of their tree in world axes, (num_envs, nbody, 10), as MuJoCo's `cinert`. The
     columns are the inertia xx, yy, zz, xy, xz, yz (kg m^2), mass times position of the centre of mass (3, kg m), and mass (kg). The row
@@ -900,7 +901,7 @@ class Stepper:
     iterations: Final[Any]
     """Number of solver iterations in the last step, (num_envs,) uint32: Gauss-Seidel iterations and Newton steps."""
     newton_steps: Final[Any]
-    """Number of Newton steps of the solver in the last step, over all islands of bodies, (num_envs,) uint32. The other `iterations` are
+    """Number of Newton steps of the solver in the last step, over all islands of bodies, (num_envs,) uint32. `iterations` also includes
     Gauss-Seidel iterations."""
     max_penetration: Final[Any]
     """Largest penetration of a contact beyond its margin in the last call of `step`, (num_envs,) float64, m. A step measures it at contact

@@ -386,7 +386,7 @@ impl<R: Real> ActuatorForces<R> {
         R::select(stiff, assumed, clamped)
     }
 
-    /// Lanes in which the last evaluation found the force of an actuator, or a sum of forces on its joint, outside its bounds.
+    /// Lanes in which the last evaluation found the force of an actuator, or a sum of forces on its joint, outside the bounds.
     #[inline(always)]
     pub(crate) fn is_saturated(&self, compiled: &LaneModel<R>, actuator: usize) -> R::Mask {
         let (of_it, mut saturated) = (&compiled.actuators[actuator], self.found_saturated[actuator]);

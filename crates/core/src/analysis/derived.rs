@@ -381,7 +381,7 @@ impl<R: Real> Derivation<R> {
         );
     }
 
-    /// Computes inertias of the bodies about the centres of mass of their trees into `values`.
+    /// Computes the inertias of the bodies about the centres of mass of their trees into `values`, as MuJoCo's `cinert`.
     fn inertias(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) {
         let n = compiled.bodies.len();
         self.values.resize(10 * n, R::zero());

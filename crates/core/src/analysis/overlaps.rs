@@ -14,11 +14,11 @@ use crate::model::{Description, JointKind, Model, Overlap, Shape, WideHull, weld
 use crate::probe::NoProbe;
 use crate::stages::s03_detect::detect;
 
-/// Limit violation above which the report has a line, m or rad. Files give lengths with that many digits.
+/// Violation of a joint limit above which the report has a line, m or rad. Evidence: files give lengths with that many digits.
 const WORTH_A_LINE: f64 = 1e-4;
 
-/// Overlap above which a pair is listed and excluded, m. It is the default of [`Options::slop`](crate::Options), which position correction
-/// leaves.
+/// Overlap above which a pair is listed and excluded, m. Position correction leaves overlaps up to the default of
+/// [`Options::slop`](crate::Options), which is equal.
 const NOT_CORRECTED: f64 = 1e-5;
 
 /// Largest number of lines of each kind in the report.

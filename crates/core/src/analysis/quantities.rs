@@ -29,7 +29,7 @@ pub struct Snapshot<'a> {
     pub(crate) mocap: Vec<([f64; 3], [f64; 4])>,
 }
 
-/// Computation of the poses of all bodies, at one configuration after the other.
+/// Workspace that computes the poses of all bodies at one configuration after the other.
 #[derive(Clone, Debug)]
 pub(crate) struct BodyPoses<'a> {
     compiled: &'a LaneModel<f64>,

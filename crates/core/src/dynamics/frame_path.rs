@@ -1,4 +1,4 @@
-//! Relative pose of two frames, computed from the links between them alone.
+//! Relative pose of two frames, computed only from the links between them.
 
 use stepper_real::Real;
 

@@ -23,10 +23,10 @@ use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 use crate::model::JointKind;
 
-/// Number of fixed-point iterations.
+/// Number of fixed-point iterations for the gyroscopic motion of a single body.
 ///
-/// At a rotation of 0.1 rad in half a step, the last iteration changes w by 1e-8 of the corrector's remaining error, which is about 1e-4 of
-/// w.
+/// Evidence: at a rotation of 0.1 rad in half a step, the last iteration changes w by 1e-8 of the corrector's remaining error, which is
+/// about 1e-4 of w.
 const ITERATIONS: usize = 8;
 
 /// Corrects the free velocities `v_free` of single bodies to the discrete midpoint rule. They were computed with the gyroscopic force at
@@ -68,8 +68,9 @@ pub fn correct<R: Real>(
 
 /// Corrects the free velocities `v_free` of single bodies so that contact impulses change their momentum exactly.
 ///
-/// `v_free` was computed with the gyroscopic force at the velocity before the step for the first of `times`, s. For the second of `times`
-/// it was computed with the force at the velocity `after` the step.
+/// `v_free` was computed with gyroscopic forces at two velocities: that before the step for the first of `times`, s, and `after`, the
+/// velocity after it, for the second. `halves` are the times from the beginning of the step to its evaluation point, and from there to its
+/// end, s.
 pub fn correct_spin<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -115,7 +116,7 @@ fn solve<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, spinner: &Compi
     if skip > 0 {
         x[..skip].fill(R::zero());
     }
-    // Rows have a dof and its ancestors towards the root, which are the previous dofs.
+    // The row of a dof has entries for the dof and its ancestors towards the root, which are the previous dofs.
     for i in (0..n).rev() {
         let row = &mass.entries[compiled.dofs[at + i].chain..];
         for k in 1..=i {
@@ -133,7 +134,7 @@ fn solve<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, spinner: &Compi
     }
 }
 
-/// Single body in the middle of the step.
+/// Single body on a free or ball joint, at its pose in the middle of the step.
 struct Body<R: Real> {
     mat: M3<R>,
     mass: R,
@@ -177,8 +178,8 @@ impl<R: Real> Body<R> {
         [xx * w[0] + xy * w[1] + xz * w[2], xy * w[0] + yy * w[1] + yz * w[2], xz * w[0] + yz * w[1] + zz * w[2]]
     }
 
-    /// Momentum at the velocity `v`, `time` seconds after the middle of the step. It is linear in world axes, and angular about the joint
-    /// in the body axes of the middle.
+    /// Momentum of the body at the velocity `v`, `time` seconds after the middle of the step. The linear part is in world axes, and the
+    /// angular part about the joint in the body axes of the middle.
     #[inline(always)]
     fn momentum(&self, v: &V6<R>, time: R) -> V6<R> {
         let (u, w) = ([v[0], v[1], v[2]], [v[3], v[4], v[5]]);
@@ -196,7 +197,7 @@ impl<R: Real> Body<R> {
         [p[0], p[1], p[2], l[0], l[1], l[2]]
     }
 
-    /// Product M v with the mass matrix in the middle of the step.
+    /// Momentum M v of the body, with the mass matrix in the middle of the step.
     #[inline(always)]
     fn inertial(&self, v: &V6<R>) -> V6<R> {
         let (u, w) = (rotate_back(&self.mat, [v[0], v[1], v[2]]), [v[3], v[4], v[5]]);
@@ -206,7 +207,7 @@ impl<R: Real> Body<R> {
         [p[0], p[1], p[2], l[0], l[1], l[2]]
     }
 
-    /// Term N: change of momentum from `before` to that at the velocity `new`, minus M (new - old).
+    /// Term N of the fixed-point equation: the change of the momentum from `before` to that at the velocity `new`, minus M (new - old).
     #[inline(always)]
     fn transport(&self, [old, new]: [&V6<R>; 2], before: V6<R>, time_after: R) -> V6<R> {
         sub(sub(self.momentum(new, time_after), before), self.inertial(&sub(*new, *old)))

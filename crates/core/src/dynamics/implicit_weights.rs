@@ -9,19 +9,19 @@ pub struct ImplicitWeights<R> {
     pub damping: R,
     /// Weight of stiffness, s^2; zero makes springs explicit.
     pub stiffness: R,
-    /// Time step for the extra share s of damping that the step does not resolve, s. Zero disables it (see [`crate::actuation::forces`]).
+    /// Time step from which the extra share s of damping is computed, s. Zero disables the extra share (see [`crate::actuation::forces`]).
     pub step: R,
 }
 
 impl<R: Real> ImplicitWeights<R> {
-    /// Whether a damping has an extra share s in any lane, so that [`Self::extra_share`] must be called.
+    /// Whether a damping has an extra share s in any lane. If so, [`Self::extra_share`] must be called.
     #[inline(always)]
     pub(crate) fn has_extra_share(self, damping: R) -> bool {
         (self.step * damping).gt(R::zero()).any()
     }
 
-    /// Extra share s = z / (6 + z) of a damping that is evaluated at the end of the step, from 0 to 1. z is the time step times `rate` = d
-    /// / m, 1/s.
+    /// Extra share s = z / (6 + z) of a damper that the step evaluates at its end, from 0 to 1. z is the time step times `rate`, the ratio
+    /// d / m of damping to inertia, 1/s.
     #[inline(always)]
     pub(crate) fn extra_share(self, rate: R) -> R {
         let z = self.step * rate;

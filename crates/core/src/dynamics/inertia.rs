@@ -115,7 +115,7 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// Replaces M by its factors L and D.
+    /// Replaces the entries of M by those of its factors L and D.
     ///
     /// The loop proceeds from the leaves, row by row, with up to eight columns at a time. It sums the subtractions of all rows below in
     /// registers.
@@ -143,7 +143,7 @@ impl<R: Real> MassMatrix<R> {
         (&self.entries[dof.chain..dof.chain + dof.depth], compiled.chain_of(i))
     }
 
-    /// Solves x <- L^-T x.
+    /// Solves x <- L^-T x with the factor L of the mass matrix L^T D L.
     #[inline(always)]
     pub fn solve_lower_transposed(&self, compiled: &LaneModel<R>, x: &mut [R]) {
         let mut i = compiled.nv;
@@ -166,7 +166,7 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// Solves x <- L^-1 x.
+    /// Solves x <- L^-1 x with the factor L of the mass matrix L^T D L.
     #[inline(always)]
     pub fn solve_lower(&self, compiled: &LaneModel<R>, x: &mut [R]) {
         let mut i = 0;
@@ -240,9 +240,9 @@ impl<R: Real> MassMatrix<R> {
         scaled.iter().fold(R::zero(), |sum, v| sum + v.square()) * R::of(0.5)
     }
 
-    /// Kinetic energy that corresponds to a speed, J: sum over all degrees of freedom of D speed^2 / 2.
+    /// Kinetic energy that corresponds to a speed, J: the sum of D speed^2 / 2 over all degrees of freedom.
     ///
-    /// The entry of D is the inertia of a degree of freedom whose descendants move freely.
+    /// The entry of D is the inertia of a degree of freedom if its descendants move freely.
     #[inline(always)]
     pub fn energy_at(&self, speed: R) -> R {
         let mut inertia = R::zero();
@@ -269,7 +269,8 @@ pub(crate) fn is_above(i: usize, chain: &[u32]) -> bool {
     chain.len() > 1 && chain[1] as usize + 1 == i
 }
 
-/// Subtracts the terms of all rows below from up to eight columns of the row of `dof`, starting at column `k`.
+/// Step of the factorisation of the mass matrix: subtracts the terms of all rows below from up to eight columns of the row of `dof`, from
+/// column `k` on.
 #[inline(always)]
 fn subtract_columns<R: Real>(entries: &mut [R], inv_d: &[R], dof: &Dof, k: usize, below: &[Descendant]) {
     match dof.depth - k {
@@ -284,7 +285,8 @@ fn subtract_columns<R: Real>(entries: &mut [R], inv_d: &[R], dof: &Dof, k: usize
     }
 }
 
-/// Subtracts the terms of all rows below from the entries `k..k + N` of the row that starts at `row`.
+/// Step of the factorisation of the mass matrix: subtracts the terms of all rows below from the entries `k..k + N` of the row that starts
+/// at `row`.
 ///
 /// The call for the first columns also computes the entries of L of the rows below, which replace the entries of M.
 #[inline(always)]

@@ -69,7 +69,8 @@ impl<R: Real> Kinematics<R> {
         )
     }
 
-    /// Computes sines and cosines of all hinges in a separate loop, so that the SIMD lanes can also process hinges of one environment.
+    /// Computes the sines and cosines of all hinge angles. A separate loop lets the SIMD lanes also process several hinges of one
+    /// environment.
     #[inline(always)]
     fn turn_all(&mut self, compiled: &LaneModel<R>, q: &[R]) {
         let [angles, sines, cosines] = &mut self.turns;
@@ -178,7 +179,8 @@ fn hinges<S: Scalar>(compiled: &ModelStructure<S>) -> impl Iterator<Item = &Comp
     compiled.joints.iter().filter(|joint| joint.kind == JointKind::Hinge)
 }
 
-/// World axis of a hinge, and rotation matrix of the frame rotated about it. `mat` is the frame before the rotation.
+/// Axis of a hinge in the world, and rotation matrix of the frame after the rotation about the axis. `mat` is the matrix before it, and
+/// `sin` and `cos` are of the hinge angle.
 #[inline(always)]
 pub(super) fn turn<R: Real>(mat: &M3<R>, joint: &CompiledJoint<R::Scalar>, sin: R, cos: R) -> (V3<R>, M3<R>) {
     let Some((k, backwards)) = joint.principal else {
@@ -194,7 +196,8 @@ pub(super) fn turn<R: Real>(mat: &M3<R>, joint: &CompiledJoint<R::Scalar>, sin: 
     (if backwards { scale(axis, -R::one()) } else { axis }, out)
 }
 
-/// World axis `K` of a frame, and rotation matrix of the frame rotated about it. Only the other two columns change.
+/// Axis `K` of a frame in the world, and rotation matrix of the frame after the rotation about this axis. Only the other two columns
+/// change.
 ///
 /// `K` is constant, because a variable index would force the matrix into memory.
 #[inline(always)]
@@ -209,7 +212,7 @@ fn turn_about<R: Real, const K: usize>(mat: &M3<R>, sin: R, cos: R) -> (V3<R>, M
     (column(mat, K), out)
 }
 
-/// Quaternion (w, x, y, z) that begins at `q[at]`.
+/// Quaternion (w, x, y, z) in the configuration `q`, from address `at` on.
 #[inline(always)]
 pub fn quat_at<R: Real>(q: &[R], at: usize) -> [R; 4] {
     [q[at], q[at + 1], q[at + 2], q[at + 3]]
@@ -257,7 +260,7 @@ pub fn kinetic_energy<R: Real>(kinematics: &Kinematics<R>, velocities: &[V6<R>])
     )
 }
 
-/// Lanes in which every entry is finite.
+/// Lanes in which every entry of `x` is finite.
 #[inline(always)]
 pub fn all_finite<R: Real>(x: &[R]) -> R::Mask {
     // The sum of 0 * x over all entries is zero exactly if every entry is finite. One test then covers the whole array.

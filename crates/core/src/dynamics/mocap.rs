@@ -13,23 +13,24 @@ use crate::math::spatial::*;
 /// Trajectory of one mocap body during a call.
 #[derive(Clone, Copy, Debug)]
 pub struct MocapTrajectory<R> {
-    /// Position at the beginning of the call, m.
+    /// Position of the mocap body at the beginning of the call, m.
     pos: V3<R>,
     quat: [R; 4],
-    /// Pose at the end of the call (position, quaternion), from which the next call starts.
+    /// Pose of the mocap body at the end of the call (position, quaternion). The next call starts from it.
     end: [R; 7],
     /// Velocity of the body in world axes: angular, rad/s, and linear, m/s.
     motion: V6<R>,
 }
 
 impl<R: Real> MocapTrajectory<R> {
-    /// Trajectory of a body at rest at the given pose.
+    /// Trajectory of a mocap body at rest at the given pose.
     pub fn at(pos: V3<R>, quat: [R; 4]) -> Self {
         let quat = quat_normalize(quat);
         Self { pos, quat, end: [pos[0], pos[1], pos[2], quat[0], quat[1], quat[2], quat[3]], motion: zero() }
     }
 
-    /// Trajectory from the pose `last` (zeros if it is unknown) to a new pose, in `seconds` seconds.
+    /// Trajectory from the pose `last` to a new pose in `seconds` seconds. If `last` is zero (unknown), the body is at the new pose at
+    /// once.
     #[inline(always)]
     pub fn new(last: [R; 7], pos: V3<R>, quat: [R; 4], seconds: R) -> Self {
         let rest = Self::at(pos, quat);

@@ -12,7 +12,7 @@ use crate::integrators::recomputed::Recomputed;
 use crate::integrators::workspace::Workspace;
 use crate::options::StepSettings;
 
-/// Panic message for an evaluation before the step was solved.
+/// Panic message if a step is evaluated before it was solved.
 const UNSOLVED: &str = "a step is solved before it is evaluated";
 
 /// Visitor of the groups of a simulation. Several threads call it at once.
@@ -26,10 +26,10 @@ pub struct GroupStep<R: Real> {
     /// Compiled model with the parameters of the present group.
     pub(crate) compiled: LaneModel<R>,
     pub(crate) workspace: Workspace<R>,
-    /// Step settings of the present call.
+    /// Step settings, such as time step and solver options.
     pub(crate) settings: StepSettings,
     max_contacts: usize,
-    /// Nominal step, around which evaluations are made; allocated when it is first used.
+    /// Nominal step: the solved step near which others are evaluated. It is allocated when it is first used.
     nominal: Option<Box<Nominal<R>>>,
     functions: Option<GroupFunctions<R>>,
     memory: Option<Box<dyn Any + Send>>,
@@ -117,7 +117,7 @@ impl<R: Real> GroupStep<R> {
         (functions.solve)(nominal, compiled, settings, workspace)
     }
 
-    /// Configuration, velocity and activations after the nominal step.
+    /// Configuration, velocity and activations after the solved step.
     ///
     /// # Panics
     /// Before [`GroupStep::solve`].
@@ -125,7 +125,7 @@ impl<R: Real> GroupStep<R> {
         self.nominal().after.each_ref().map(|part| &part[..])
     }
 
-    /// Evaluates the step again at the nominal state, with the solver. Passes every constraint problem with its solution to `rule`.
+    /// Evaluates the solved step again from the same state, with the solver. Passes every constraint problem and its solution to `rule`.
     ///
     /// With MuJoCo's contact law the solver itself computes its response to displacements, and `rule` is not called.
     ///
@@ -137,7 +137,7 @@ impl<R: Real> GroupStep<R> {
         (functions.evaluate_nominal)(nominal.as_mut().expect(UNSOLVED), compiled, settings, workspace, rule)
     }
 
-    /// Displaces coordinate `i` of a part of the state, or control `i`, from its nominal value by `offset`, one number per lane.
+    /// Displaces coordinate `i` of a part of the state, or control `i`, from its value in the solved step by `offset`, one number per lane.
     ///
     /// # Panics
     /// Before [`GroupStep::solve`], and if there is no coordinate `i`.
@@ -147,9 +147,9 @@ impl<R: Real> GroupStep<R> {
         (functions.displace)(nominal.as_mut().expect(UNSOLVED), compiled, workspace, part, i, offset);
     }
 
-    /// Evaluates stages 1 to 8 at the present state with impulses from `rule`, then returns to the nominal state.
+    /// Evaluates stages 1 to 8 at the displaced state with impulses from `rule`. Afterwards the state is again that of the solved step.
     ///
-    /// Returns whether contacts and rows were recomputed for the present configuration. Otherwise those of the last evaluation are still
+    /// Returns whether contacts and rows were recomputed for the displaced configuration. Otherwise those of the last evaluation are still
     /// valid.
     ///
     /// # Panics
@@ -160,8 +160,8 @@ impl<R: Real> GroupStep<R> {
         (functions.evaluate)(nominal.as_mut().expect(UNSOLVED), compiled, settings, workspace, recomputed, rule)
     }
 
-    /// Writes the displacement from the nominal outcome to that of the last evaluation to `out`: configuration (nv), velocity (nv),
-    /// activations (na).
+    /// Computes the difference between the results of the last evaluation and of the solved step into `out`: configuration (nv), velocity
+    /// (nv), activations (na).
     ///
     /// # Panics
     /// Before [`GroupStep::solve`], and if `out` has fewer or more than 2 nv + na numbers.
@@ -169,8 +169,8 @@ impl<R: Real> GroupStep<R> {
         (self.functions().change)(self.nominal(), &self.compiled, &self.workspace, out);
     }
 
-    /// Calls `see` with the gaps at the last evaluation, in the lanes `lanes` (bits). Returns the lanes that have all overlaps of the
-    /// nominal solution.
+    /// Calls `see` with the gaps of contacts and limits at the last evaluation, in the lanes `lanes` (bits). Returns the lanes that have
+    /// all overlaps of the solved step.
     ///
     /// # Panics
     /// Before [`GroupStep::solve`].
@@ -178,7 +178,7 @@ impl<R: Real> GroupStep<R> {
         (self.functions().gaps)(self.nominal(), &self.compiled, &self.workspace, lanes, see)
     }
 
-    /// Ends the evaluations around the nominal step. Constraint rows then follow the present gaps of contacts and limits again.
+    /// Ends the evaluations near the solved step. Constraint rows then follow the present gaps of contacts and limits again.
     pub fn finish(&mut self) {
         if let Some(nominal) = &mut self.nominal {
             nominal.overlaps.release(&mut self.workspace);

@@ -29,16 +29,16 @@ use crate::stages::s05_solve::{fastest, is_estimated};
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::stages::s08_stabilise::{PositionInput, damp_rows, find_correction};
 
-/// Nominal step with hard contact.
+/// Solved (nominal) step with hard contact, near which other steps are evaluated.
 #[derive(Clone, Debug)]
 pub(super) struct HardNominal<R: Real> {
     /// Contacts of the nominal step.
     contacts: Contacts<R>,
-    /// Gaps of the joint limits in the nominal step, rad or m, negative beyond the end of a range; NaN for limits that do not push.
+    /// Gaps of the joint limits in the solved step, rad or m, negative beyond the end of a range. NaN for limits that do not push.
     limits: Vec<R>,
-    /// Velocity after the nominal step that it predicted, nv.
+    /// Velocity after the step that the solved step predicted before its solve, nv.
     v_expected: Vec<R>,
-    /// Lanes (bits) with a position correction.
+    /// Lanes (bits) in which the step corrects positions.
     corrected: u32,
     /// Whether positions are corrected in a separate solve (split stabilisation).
     split: bool,
@@ -51,12 +51,12 @@ pub(super) struct HardNominal<R: Real> {
     scheme: Scheme<R>,
 }
 
-/// Source of the impulses in an evaluation.
+/// Source of the impulses when a step is evaluated.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Pass {
-    /// The step's solver computes the impulses.
+    /// The solver computes the impulses, as in the solved step.
     Nominal,
-    /// The rule sets the impulses.
+    /// The caller's [`ImpulseRule`] sets the impulses, for a displaced state.
     Displaced,
 }
 
@@ -76,7 +76,7 @@ impl<R: Real> HardNominal<R> {
         }
     }
 
-    /// Stores the solution of the step that was just made, as the nominal step.
+    /// Stores the solution of the last step. Later evaluations compare with it.
     pub(super) fn keep(&mut self, compiled: &LaneModel<R>, s: &Workspace<R>) {
         // The step has moved its contacts to the state.
         self.contacts.clone_from(&s.state.contacts);
@@ -86,7 +86,7 @@ impl<R: Real> HardNominal<R> {
         }
     }
 
-    /// Compares the evaluation at the nominal state with the nominal step.
+    /// Compares an evaluation at the same state with the stored solution.
     pub(super) fn compare(&self, compiled: &LaneModel<R>, s: &Workspace<R>) -> NominalEvaluation<R> {
         // A bouncing contact has other impulses in the position solve, or none.
         let mut bouncing = s.problem.euler_impact_lanes.or(s.problem.midpoint_impact_lanes()).bits();
@@ -103,7 +103,7 @@ impl<R: Real> HardNominal<R> {
         NominalEvaluation { bouncing, correction: self.correction, prediction }
     }
 
-    /// Largest difference of the predicted velocity `v_expected` from that of the nominal step, m/s or rad/s; NaN if any is NaN.
+    /// Largest difference of the predicted velocity `v_expected` from that of the solved step, m/s or rad/s; NaN if any is NaN.
     fn prediction_difference(&self, v_expected: &[R]) -> R {
         R::vectorize(
             #[inline(always)]
@@ -118,7 +118,7 @@ impl<R: Real> HardNominal<R> {
         )
     }
 
-    /// Calls `see` with the gaps of the contacts and limits that push in the nominal step, in the lanes `lanes` (bits).
+    /// Calls `see` with the gaps of those contacts and limits that push in the solved step, in the lanes `lanes` (bits).
     pub(super) fn each_gap(&self, compiled: &LaneModel<R>, s: &Workspace<R>, lanes: u32, see: &mut impl FnMut(bool, R, R, u32)) {
         let there = &s.evaluation.contacts;
         for lane in each_of(lanes) {
@@ -186,7 +186,7 @@ impl<R: Real> HardNominal<R> {
         }
     }
 
-    /// Makes stage 8, with impulses from the source `pass`.
+    /// Makes stage 8, the position correction, with impulses from the source `pass`.
     #[expect(clippy::too_many_arguments, reason = "the values of a step, one by one")]
     fn correct_positions(
         &mut self,
@@ -232,7 +232,7 @@ impl<R: Real> HardNominal<R> {
         );
     }
 
-    /// Parts of the constraint rows that must be recomputed after a displacement of this kind.
+    /// Parts of the constraint rows that must be recomputed after a displacement that changes `recomputed`.
     ///
     /// All rows are recomputed if forces change the mass matrix, as implicit servos or drag do. Otherwise a change of velocities only
     /// changes the free velocity, unless target velocities depend on the velocity before the step.
@@ -250,7 +250,7 @@ impl<R: Real> HardNominal<R> {
 }
 
 impl Pass {
-    /// Computes or sets the impulses of the step, or of its prediction (`solve` selects which): stage 5.
+    /// Computes or sets the impulses of the step (stage 5), or of its prediction; `solve` selects which.
     fn find_step_impulses<R: Real>(
         self,
         solve: Solve,
@@ -266,7 +266,7 @@ impl Pass {
         self.find_impulses(options, one, newton, problem.constrained, rule);
     }
 
-    /// Computes or sets the impulses of one problem, whose rows are in the lanes `constrained`.
+    /// Computes or sets the impulses of one constraint problem, whose rows are in the lanes `constrained`.
     fn find_impulses<R: Real>(
         self,
         options: &StepSettings,
@@ -288,8 +288,8 @@ impl Pass {
     }
 }
 
-/// Whether the predicted velocity has a first-order effect even at rest. Fluid drag and some servos do; inertial forces are quadratic in
-/// the velocity, and dampers are implicit.
+/// Whether the predicted velocity has a first-order effect on forces even at rest. Fluid drag and some servos have such an effect; inertial
+/// forces are quadratic in the velocity, and dampers are implicit.
 fn depends_on_prediction<R: Real>(compiled: &LaneModel<R>) -> bool {
     let pushes = |k: usize| {
         let ActuatorParams { gain, bias } = compiled.params.actuator(k);

@@ -1,4 +1,4 @@
-//! Nominal step of a group, and evaluations near it.
+//! Nominal step of a group (a solved step), and evaluations of steps near it.
 
 use stepper_real::{Mask, Real, Scalar};
 
@@ -19,19 +19,19 @@ use crate::options::{ContactLaw, StepSettings};
 use crate::probe::NoProbe;
 use crate::step::step;
 
-/// State before and after the nominal step, and the parts of its solution that evaluations use.
+/// State before and after the solved step, and the parts of its solution that evaluations use.
 #[derive(Clone, Debug)]
 pub(super) struct Nominal<R: Real> {
-    /// Configuration, velocity, activations and controls before the step.
+    /// Configuration, velocity, activations and controls before the solved step.
     before: [Vec<R>; 4],
-    /// Configuration, velocity and activations after the step.
+    /// Configuration, velocity and activations after the solved step.
     pub(super) after: [Vec<R>; 3],
     pub(super) overlaps: HeldOverlaps<R>,
     direction: Vec<R>,
     law: Law<R>,
 }
 
-/// Solution of the nominal step, for each contact law.
+/// Solution of the solved step, by contact law.
 #[derive(Clone, Debug)]
 enum Law<R: Real> {
     Hard(Box<HardNominal<R>>),
@@ -55,14 +55,14 @@ impl<R: Real> Nominal<R> {
         }
     }
 
-    /// Stores the state and the controls before the step.
+    /// Stores the state and the controls in the workspace as those before the step.
     fn store_beginning(&mut self, s: &Workspace<R>) {
         for (kept, now) in self.before.iter_mut().zip([&s.state.q, &s.state.v, &s.state.act, &s.inputs.ctrl]) {
             kept.copy_from_slice(now);
         }
     }
 
-    /// Restores the state and the controls before the step.
+    /// Restores the state and the controls before the solved step in the workspace.
     fn return_to_beginning(&self, s: &mut Workspace<R>) {
         let State { q, v, act, .. } = &mut s.state;
         for (to, kept) in [q, v, act, &mut s.inputs.ctrl].into_iter().zip(&self.before) {
@@ -70,7 +70,7 @@ impl<R: Real> Nominal<R> {
         }
     }
 
-    /// Stores the solution of the step that was just made as the nominal one, and prepares the workspace for evaluations.
+    /// Stores the solution of the last step, and prepares the workspace for evaluations near it.
     fn keep(&mut self, compiled: &LaneModel<R>, s: &mut Workspace<R>) {
         for (kept, now) in self.after.iter_mut().zip([&s.state.q, &s.state.v, &s.state.act]) {
             kept.copy_from_slice(now);
@@ -102,7 +102,7 @@ impl<R: Real> Nominal<R> {
         SolvedStep { residual: record.residual, statuses, complete: s.alive.bits() & !broken }
     }
 
-    /// Evaluates the step again at the nominal state, with the solver.
+    /// Evaluates the solved step again from the same state, with the solver.
     pub(super) fn evaluate_nominal(
         &mut self,
         compiled: &LaneModel<R>,
@@ -119,7 +119,7 @@ impl<R: Real> Nominal<R> {
         }
     }
 
-    /// Evaluates the step at the present, displaced state. Returns whether contacts and rows were recomputed.
+    /// Evaluates the step at the displaced state in the workspace. Returns whether contacts and rows were recomputed.
     pub(super) fn evaluate(
         &mut self,
         compiled: &LaneModel<R>,
@@ -161,7 +161,7 @@ impl<R: Real> Nominal<R> {
         }
     }
 
-    /// Computes the displacement from the nominal outcome to that of the last evaluation into `out`.
+    /// Computes the difference between the results of the last evaluation and of the solved step into `out`.
     pub(super) fn change(&self, compiled: &LaneModel<R>, s: &Workspace<R>, out: &mut [R]) {
         let after = &self.after;
         assert_eq!(out.len(), 2 * compiled.nv + compiled.na, "a change has the coordinates of the state");

@@ -11,7 +11,7 @@ use crate::math::lanes::MAX_LANES;
 /// Part of the state, or the controls, that can be displaced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StatePart {
-    /// Configuration, displaced in the coordinates of velocities, nv.
+    /// Configuration. Displacements have the coordinates of velocities, nv.
     Qpos,
     /// Velocities, nv.
     Qvel,
@@ -32,7 +32,7 @@ impl StatePart {
     }
 }
 
-/// Result of the nominal step of a group.
+/// Result of the solved step of a group, per lane.
 #[derive(Clone, Copy, Debug)]
 pub struct SolvedStep<R: Real> {
     /// Residual of the constraint problem, m/s.
@@ -43,7 +43,7 @@ pub struct SolvedStep<R: Real> {
     pub complete: u32,
 }
 
-/// Solve within a step, in the order of the step: prediction, velocity, position.
+/// One of the three solves within a step, in the order of the step: prediction, velocity, position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Solve {
     /// Prediction of the velocity after the step, which determines velocity-dependent forces.

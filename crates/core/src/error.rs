@@ -8,8 +8,8 @@ use crate::model::{ActuatorError, ModelError, Parameter, SensorError};
 
 /// Error of a call with invalid arguments. The call changed nothing.
 ///
-/// The message names the thing, the value found and the value that it must have. An unsolved step is no error: its environment gets a flag,
-/// see [`Status`](crate::Status).
+/// The message names the argument, the value found and the value that it must have. An unsolved step is no error: its environment gets a
+/// flag, see [`Status`](crate::Status).
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum Error {

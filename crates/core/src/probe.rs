@@ -37,7 +37,7 @@ reported! {
         Load = "load",
         /// Dynamics of actuators between steps: delay, sampled servos and lag.
         ActuatorPipelines = "actuator pipelines",
-        /// Configuration at the evaluation point of the step.
+        /// Computation of the configuration at the evaluation point of the step, such as its middle.
         Displace = "displace",
         /// Poses, joint axes and link inertias.
         Kinematics = "kinematics",

@@ -10,53 +10,54 @@
 /// iterates to a tolerance (docs/development/decisions/visible_state.md).
 pub(crate) const ROUGH_ITERATIONS: u32 = 2;
 
-/// Displacement per step below which a model with several trees predicts impulses by iterating to a tolerance, rad or m. A stack at rest
-/// needs the impulses of the last step.
+/// Displacement per step below which models with several kinematic trees predict impulses by iterating to a tolerance, rad or m. A stack at
+/// rest needs the impulses of the last step.
 pub(crate) const STRUCTURE_MOTION: f64 = 1e-3;
 
-/// Displacement per step above which impulses are predicted by iterating to a tolerance, rad or m. In such a step an error of the velocity
-/// changes the next step.
+/// Displacement per step above which impulses are predicted by iterating to a tolerance, rad or m. In such a step an error of the predicted
+/// velocity changes the next step.
 pub(crate) const ROUGH_MOTION: f64 = 0.3;
 
-/// Largest number of Gauss-Seidel iterations of an impulse prediction that iterates to a tolerance, when the step has its default
-/// tolerance.
+/// Largest number of Gauss-Seidel iterations of an impulse prediction that iterates to a tolerance. It applies at the default tolerance of
+/// the step.
 pub(crate) const ESTIMATE_ITERATIONS: f64 = 16.0;
 
 /// Error of the free velocity that the impulse prediction may cause, m/s, at the default tolerance of the step.
 ///
-/// An error d of the predicted velocity changes the effect of inertial forces by about h |v| d. The iterations therefore stop at
-/// `ESTIMATE_ERROR / (h |v|)`.
+/// An error d of the predicted velocity v changes the effect of inertial forces by about h |v| d in a step of h seconds. The iterations
+/// therefore stop at `ESTIMATE_ERROR / (h |v|)`.
 pub(crate) const ESTIMATE_ERROR: f64 = 1e-5;
 
-/// Displacement within a step below which inertial forces are negligible, rad or m. A lane below it counts as at rest, and uses the
+/// Displacement within a step below which inertial forces are negligible, rad or m. Lanes with less motion count as at rest, and use the
 /// impulses of the last step as prediction.
 pub(crate) const REST_MOTION: f64 = 1e-6;
 
-/// Largest tolerance to which an impulse prediction iterates, m/s.
+/// Largest tolerance of an impulse prediction that iterates to a tolerance, m/s.
 pub(crate) const MAX_ESTIMATE_TOLERANCE: f64 = 1e-2;
 
 // Stage 5: the solve.
 
 /// Tolerance of the solve as a fraction of the speed of the fastest degree of freedom. Evidence: a residual r causes joint speeds up to 60
-/// r (ants at rest). With 1e-3 the speed of creep decreases in every step.
+/// r (ants at rest). With 1e-3 the speed at which a robot at rest creeps decreases in every step.
 pub(crate) const RELATIVE_TOLERANCE: f64 = 1e-3;
 
-/// Smallest tolerance of lanes with shared loads (redundant supports), m/s, in double precision.
+/// Smallest tolerance of the solver in lanes with redundant supports, whose loads are shared, m/s, in double precision.
 pub(crate) const MIN_TOLERANCE: f64 = 1e4 * f64::EPSILON;
 
-/// Smallest limit of Newton iterations with which unsolved lanes are solved again without curvature terms.
+/// Smallest limit on Newton iterations (`Options::iterations`) at which lanes are solved a second time, without curvature terms, if the
+/// first solve fails.
 ///
 /// With a smaller limit, lanes are unsolved because they lack iterations, and their residual is that of the complete problem. The default
 /// limit is 50.
 pub(crate) const MIN_NEWTON_STEPS_FOR_RETRY: u32 = 50;
 
-/// Time by which contact detection looks ahead in finite differences, s. A displaced state then still has the contacts that the
-/// displacement opens. Gravity alone closes gaps of ten displacements in this time.
+/// Time by which contact detection looks ahead in derivatives by finite differences, s. A displaced state then still has the contacts that
+/// the displacement opens. Gravity alone closes gaps of ten displacements in this time.
 pub(crate) const LOOK_AHEAD: f64 = 1e-3;
 
 // Servos whose force is at a bound.
 
-/// Largest number of repeated solutions after the active bound of a servo changed.
+/// Largest number of repeated solves in a step after the active bound of a servo changed.
 pub(crate) const SATURATION_PASSES: usize = 4;
 
 // Contacts that approach each other within the step.
@@ -65,7 +66,7 @@ pub(crate) const SATURATION_PASSES: usize = 4;
 /// by at most one tolerance.
 pub(crate) const RESTING_SPEED_RATIO: f64 = 10.0;
 
-/// Cosine of the angle between two contact normals of a pair above which both contacts count as coplanar. 0.9999 is 0.8 degrees.
+/// Cosine of the angle between the normals of two contacts of a pair above which both contacts count as coplanar. 0.9999 is 0.8 degrees.
 pub(crate) const COPLANAR_COSINE: f64 = 0.9999;
 
 /// Difference between the times of first touch of two pairs, as a fraction of the path, below which both count as first.
@@ -77,10 +78,10 @@ pub(crate) const SIMULTANEOUS_FRACTION: f64 = 2e-3;
 /// another contact slows down below this does not reach the surface before the middle of the next step.
 pub(crate) const WIDE_GAP_RATIO: f64 = 3.0;
 
-/// Number of solves that activate colliding pairs in the order of first touch. Later solves activate every colliding pair.
+/// Number of solves in a step that activate colliding pairs in the order of first touch. Later solves activate every colliding pair.
 pub(crate) const ORDERED_PASSES: usize = 6;
 
-/// Largest number of predictions that activate colliding pairs. The solves of stage 5 activate the others.
+/// Largest number of impulse predictions in a step that activate colliding pairs. The solves of stage 5 activate the other pairs.
 pub(crate) const MAX_PREDICTIONS: usize = 3;
 
 /// Fraction of the linearised overlap that the true overlap must exceed in a predicted motion for a collision. Predicted impulses are not
@@ -95,15 +96,16 @@ pub(crate) const PREDICTED_ERROR_RATIO: f64 = 2.0;
 
 // Impacts within the step.
 
-/// Error of a link's velocity by the jump of inertial forces at an impact, above which the step is solved again, rad/s or m/s.
+/// Error of a link's velocity above which a step with an impact is solved again, rad/s or m/s. The error comes from the jump of inertial
+/// forces at the impact.
 pub(crate) const MIN_VELOCITY_ERROR: f64 = 1e-5;
 
-/// Ratio of a velocity change to the change by smooth forces above which it counts as an impact. Below it, smooth motion causes the error
-/// of the rule.
+/// Ratio of a velocity change to the change by smooth forces above which the velocity change counts as an impact. At smaller ratios, smooth
+/// motion causes the error of the integration rule.
 pub(crate) const MIN_IMPACT_RATIO: f64 = 10.0;
 
-/// Largest velocity change by an impact, times the time step, for which the step is solved again, rad. Above it another solution would not
-/// be better.
+/// Largest velocity change by an impact, times the time step, for which the step is solved again, rad. After larger changes another
+/// solution would not be better.
 pub(crate) const MAX_RESOLVED_ROTATION: f64 = 0.02;
 
 /// Largest velocity change by predicted impulses, times the time step, that is used in the predicted velocity, rad. A larger change is left
@@ -124,14 +126,14 @@ pub(crate) const MAX_REBOUND_SPEED_RATIO: f64 = 2.0;
 
 /// Largest number of repeated solves for impacts, after the first solve of a step.
 ///
-/// Each evaluates inertial forces at the velocity of the previous solve. Its error is smaller by a factor of the time step.
+/// Each solve evaluates inertial forces at the velocity of the previous solve. Its error is smaller by a factor of the time step.
 pub(crate) const IMPACT_PASSES: usize = 3;
 
 /// Largest number of times that the evaluation point of a step is moved to the time of its first impact. Newton's method needs several,
 /// because bodies that pass each other obliquely approach on a curve.
 pub(crate) const MAX_PLACEMENTS: usize = 4;
 
-/// Difference between the time of an impact and the evaluation point below which the point is accepted, as a fraction of the step.
+/// Largest distance of the evaluation point from the time of an impact at which the point does not move, as a fraction of the step.
 pub(crate) const PLACEMENT_TOLERANCE: f64 = 1e-3;
 
 /// Time after the end of the step until which an impact still belongs to it, as a fraction of the step.
@@ -139,21 +141,22 @@ pub(crate) const END_TOLERANCE: f64 = 1e-6;
 
 // Steps in which the motion is too fast for the time step.
 
-/// Joint rotation per step above which the convergence of the corrector is checked, rad.
+/// Joint rotation per step above which the step checks whether the corrector of inertial forces has converged, rad.
 pub(crate) const FAST_ROTATION: f64 = 0.5;
 
-/// Largest joint rotation per step after a step that was too long for the motion, rad.
+/// Largest joint rotation per step after a step whose motion was too fast for the time step, rad.
 pub(crate) const MAX_ROTATION: f64 = 1.0;
 
-/// Change of the velocity by the corrector, as a fraction of the velocity, above which the corrector has not converged.
+/// Change of the velocity by the corrector of inertial forces, as a fraction of the velocity, above which the corrector has not converged.
 pub(crate) const MAX_RELATIVE_CHANGE: f64 = 0.25;
 
 /// Joint rotation per step above which the energy balance may be computed, rad. Evidence: chains that gain energy rotate by 0.07 and more.
 pub(crate) const BALANCE_ROTATION: f64 = 0.05;
 
-/// Change of the velocity by the corrector, as a fraction of the velocity, above which the energy balance is computed. Evidence: robots
-/// under random control exceed it in less than 1 % of their steps. Chains of 5 to 40 links exceed it in the steps in which they gain most
-/// energy.
+/// Change of the velocity by the corrector of inertial forces, as a fraction of the velocity, above which the energy balance is computed.
+///
+/// Evidence: robots under random control exceed it in less than 1 % of their steps. Chains of 5 to 40 links exceed it in the steps in which
+/// they gain most energy.
 pub(crate) const BALANCE_RELATIVE_CHANGE: f64 = 0.05;
 
 /// Relative growth rate of the kinetic energy by the error of the step above which the step counts as unresolved, 1/s. Evidence: eleven
@@ -171,11 +174,12 @@ pub(crate) const IMPACT_RELATIVE_CHANGE: f64 = 0.1;
 /// Joint rotation per step by constraint impulses above which the step counts as unresolved, rad.
 pub(crate) const MAX_IMPULSE_ROTATION: f64 = std::f64::consts::PI;
 
-/// Residual above which the impulses are unreliable, m/s. The energy of the lane is then limited, as in a step that is too long.
+/// Residual above which the impulses of a solve are unreliable, m/s. The kinetic energy of the lane is then limited, as after motion that
+/// is too fast for the time step.
 pub(crate) const MAX_TRUSTED_RESIDUAL: f64 = 1e-2;
 
-/// Residual to which ambiguous lanes are solved, as a fraction of the largest residual at which the impulses determine the kinetic energy
-/// (`acceptance.rs`).
+/// Residual to which lanes with an ambiguous kinetic energy are solved again. It is a fraction of the largest residual at which the
+/// impulses determine the energy (`acceptance.rs`).
 pub(crate) const TARGET_RATIO: f64 = 0.1;
 
 // Stage 8: the position correction.
@@ -184,7 +188,7 @@ pub(crate) const TARGET_RATIO: f64 = 0.1;
 /// next step corrects the rest.
 pub(crate) const CORRECTION_TOLERANCE: f64 = 1e-4;
 
-/// Position correction below which a row has no damping, m/s or rad/s.
+/// Speed of a position correction below which its row is not damped, m/s or rad/s.
 ///
 /// Rounding makes equal targets differ by 1e-14. Damping a contact that corrects nothing changes the step where other contacts move it
 /// (1e-8 m for a quadruped).
@@ -221,8 +225,8 @@ pub(crate) const MIN_UNMET_TARGET: f64 = 1e-2;
 
 /// Compliance of a position target, relative to the inverse inertia along its row.
 ///
-/// A row of average inverse inertia keeps 0.1 % of its error per correction. No row moves by more than 1 / (2 sqrt(DAMPING)), 16 times, its
-/// correction.
+/// A row of average inverse inertia keeps 0.1 % of its error per correction. The motion of a row is at most 1 / (2 sqrt(DAMPING)), 16
+/// times, its correction.
 pub(crate) const DAMPING: f64 = 1e-3;
 
 /// Lever arm assumed for a position correction, m. It converts displacements to rotations, and adds displacement / arm to the relative
@@ -232,8 +236,10 @@ pub(crate) const DAMPING: f64 = 1e-3;
 /// of curvature and residual (Nocedal & Wright 2006, section 10.3).
 pub(crate) const CORRECTION_ARM: f64 = 0.1;
 
-/// Largest speed at which split stabilisation returns a joint to its range, as a multiple of that for an overlap. It only changes
-/// positions. With the default of 1 m/s, half a radian takes 0.07 s.
+/// Largest speed at which split stabilisation returns a joint to its range, as a multiple of that for a contact overlap.
+///
+/// The large speed is harmless, because this correction only changes positions. With the default `max_correction_speed` of 1 m/s, half a
+/// radian takes 0.07 s.
 pub(crate) const LIMIT_RETURN: f64 = 10.0;
 
 /// Position error of an equality below which the step does not correct it, m or rad. A loop at rest then needs no position solve.
@@ -244,7 +250,7 @@ pub(crate) const NEGLIGIBLE_ERROR: f64 = 1e-11;
 /// reaches 0.5 % of their middle.
 pub(crate) const MIN_DECREASE: f64 = 2e-7;
 
-/// Lower bound of [`MIN_DECREASE`], in machine epsilons of the lane type. Depths contain the rounding of positions.
+/// Lower bound of [`MIN_DECREASE`], in machine epsilons of the lane type, because overlaps contain the rounding of positions.
 pub(crate) const MIN_DECREASE_ROUNDINGS: f64 = 1e3;
 
 /// Lower bound of `options.baumgarte` in the overlap penalty. It prevents a division by zero.
@@ -284,10 +290,10 @@ pub(crate) const DEPENDENT_LENGTH: [f64; 2] = [1e-7, 1e-6];
 /// precision.
 pub(crate) const MIN_SHARE_CHANGE: [f64; 2] = [1e-12, 1e-5];
 
-/// Largest number of contacts that share their loads. The work grows with the cube of the number.
+/// Largest number of contacts in a cluster of redundant supports that share their loads. The work grows with the cube of the number.
 pub(crate) const MAX_SHARED_CONTACTS: usize = 64;
 
-/// Largest number of contacts in an environment with which Newton's method solves a newly loaded contact group.
+/// Largest number of contacts in an environment at which Newton's method solves a newly loaded contact group.
 ///
 /// Evidence: in a heap of ten boxes with 45 contacts it would take half of the step.
 pub(crate) const MAX_NEW_CONTACTS: usize = 24;

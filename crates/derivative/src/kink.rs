@@ -14,5 +14,5 @@ pub const DRY_FRICTION: u32 = 16;
 pub const SATURATION: u32 = 32;
 /// Derivatives that differ between the two sides of the nominal state.
 pub const SLOPE: u32 = 64;
-/// Step that was not solved, not finite, or too long for its motion, so that its derivative is unreliable.
+/// Steps that were not solved, not finite, or too long for their motion, so that the derivative is unreliable.
 pub const UNSOLVED: u32 = 128;

@@ -241,7 +241,7 @@ impl ContactFriction<'_> {
         }
     }
 
-    /// Margin of a contact to slipping, N: its normal force minus the smallest normal force at which it would not slip.
+    /// Margin of a contact to slipping, N: normal force minus the smallest normal force at which the contact would not slip.
     ///
     /// The margin is zero (within rounding) while the contact slips, and infinite for a contact without friction.
     fn slack(&self, Contact { geoms, force, torque, .. }: &Contact) -> f64 {
@@ -273,7 +273,8 @@ impl ActiveSet {
         pairs.fold(0, |flags, ((own, other), flag)| if own == other { flags } else { flags | flag })
     }
 
-    /// Switch values of the set `of`: for each contact of this set, then for the joints; NaN for contacts that `of` does not have.
+    /// Switch values of the set `of`, for each contact of this set and then for the joints. The value is NaN for contacts that `of` does
+    /// not have.
     fn numbers<'a>(&self, of: &'a Self) -> impl Iterator<Item = f64> + 'a {
         let contacts = (0..self.contacts.len()).flat_map(|i| of.contacts.get(i).copied().unwrap_or([f64::NAN; 3]));
         contacts.chain(of.joints.iter().copied())
@@ -285,7 +286,7 @@ impl ActiveSet {
         out.extend(self.numbers(self).zip(self.numbers(other)).map(|(now, there)| there - now));
     }
 
-    /// Distance to the nearest kink in one column to first order, as a multiple of the perturbation.
+    /// Distance to the nearest kink in one column of the derivative, to first order, as a multiple of the perturbation.
     ///
     /// The slope of each switch value is a weighted sum of its changes at the first copy (`first`) and at the last copy.
     fn widths(&self, first: &[f64], last: &Self, weights: [f64; 2]) -> f64 {

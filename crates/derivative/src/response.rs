@@ -7,7 +7,7 @@ use stepper_core::group_step::{
 use stepper_real::{Mask, Real};
 use stepper_solve::newton::{Response, Switch, SwitchDistance};
 
-/// Largest residual with which a step counts as solved, m/s, at tolerances below a tenth of it. The contact modes (open, sticking,
+/// Largest residual at which a step counts as solved, m/s, if the tolerance is below a tenth of it. The contact modes (open, sticking,
 /// slipping) are then certain, and the error of the response is of this order.
 const SOLVED_RESIDUAL: f64 = 1e-9;
 
@@ -17,15 +17,15 @@ const SOLVED_RESIDUAL: f64 = 1e-9;
 /// motion have little effect.
 const EXPECTED_VELOCITY_WEIGHT: f64 = 1e2;
 
-/// Relative distance of a position correction from its bounds below which its derivative is undefined.
+/// Distance of a position correction from its bounds, relative to the bounds, below which its derivative is undefined.
 const BOUND_DISTANCE: f64 = 1e-3;
 
-/// Lanes whose residual is small enough for a derivative.
+/// Lanes whose residual is small enough that the step has a derivative.
 pub(crate) fn is_solved<R: Real>(settings: &StepSettings, residual: R) -> R::Mask {
     residual.le(R::of(SOLVED_RESIDUAL.max(10.0 * settings.tolerance)))
 }
 
-/// First-order response of a step's impulses to changes of its constraint rows, with hard contact.
+/// First-order response of a step's impulses to changes of its constraint rows, for hard contact.
 #[derive(Clone, Debug)]
 pub(crate) struct HardResponse<R: Real> {
     impulses: Impulses<R>,
@@ -49,14 +49,15 @@ pub(crate) struct Rule<'a, R: Real> {
     impulses: &'a mut Impulses<R>,
     /// Settings of the step, which define when a solution counts as solved.
     settings: StepSettings,
-    /// Lanes (bits) in which there is a response, and all constraints still exist.
+    /// Lanes (bits) that have a response, and in which all constraints of the solved step still exist.
     lanes: u32,
-    /// Callback that receives each constraint that has come closer to another mode.
+    /// Callback for each constraint that has come closer to another mode (open, sticking, slipping).
     near: &'a mut dyn FnMut(Followed),
 }
 
 impl<R: Real> Impulses<R> {
-    /// Response of a solve. For the position solve, also that of the velocity solve, from whose impulses it counts.
+    /// Response of the solve `solve`. For the position solve, the second result is the response of the velocity solve, because its impulses
+    /// are relative to those.
     fn of(&mut self, solve: Solve) -> (&mut Response<R>, Option<&Response<R>>) {
         match solve {
             Solve::Prediction => (&mut self.prediction, None),
@@ -67,7 +68,7 @@ impl<R: Real> Impulses<R> {
 }
 
 impl<R: Real> ImpulseRule<R> for Rule<'_, R> {
-    /// Computes and stores the response of a solution. Removes the lanes without a response.
+    /// Computes and stores the response of the impulses in a solution. Lanes without a response are removed from `self.lanes`.
     fn keep(&mut self, problem: ImpulseProblem<'_, R>, residual: R) {
         let ImpulseProblem { solve, system, impulses, lanes, names } = problem;
         let (response, before) = self.impulses.of(solve);
@@ -76,7 +77,8 @@ impl<R: Real> ImpulseRule<R> for Rule<'_, R> {
         self.lanes &= !lanes | response.settle(system, impulses, self.lanes & lanes, name, before);
     }
 
-    /// Sets the impulses by the response to the present rows. Removes the lanes in which a constraint no longer exists.
+    /// Sets the impulses by the stored response to the present rows. Lanes in which a constraint no longer exists are removed from
+    /// `self.lanes`.
     fn set(&mut self, problem: ImpulseProblem<'_, R>) {
         let ImpulseProblem { solve, system, impulses, lanes, names } = problem;
         let (response, before) = self.impulses.of(solve);
@@ -87,17 +89,18 @@ impl<R: Real> ImpulseRule<R> for Rule<'_, R> {
 }
 
 impl<R: Real> HardResponse<R> {
-    /// Workspace for these settings.
+    /// Workspace for the response, with these settings of the step.
     pub(crate) fn new(settings: &StepSettings) -> Self {
         Self { impulses: Impulses::default(), edges: edges(settings) }
     }
 
-    /// Creates the rule of an evaluation in the lanes `lanes` (bits). `near` receives constraints that have come closer to another mode.
+    /// Creates the rule that sets impulses in an evaluation, in the lanes `lanes` (bits). `near` receives each constraint that has come
+    /// closer to another mode.
     pub(crate) fn rule<'a>(&'a mut self, settings: &StepSettings, lanes: u32, near: &'a mut dyn FnMut(Followed)) -> Rule<'a, R> {
         Rule { impulses: &mut self.impulses, settings: *settings, lanes, near }
     }
 
-    /// Computes the responses of all solves of the nominal step in the lanes `lanes` (bits). Returns the lanes with a response.
+    /// Computes the responses of all solves of the solved step in the lanes `lanes` (bits). Returns the lanes with a response.
     ///
     /// In these lanes the impulses follow from the rows, and velocities and positions follow from the impulses.
     pub(crate) fn settle(&mut self, step: &mut GroupStep<R>, lanes: u32) -> u32 {
@@ -117,10 +120,10 @@ impl<R: Real> HardResponse<R> {
         lanes & (!solved | has_expected(motion * R::of(EXPECTED_VELOCITY_WEIGHT)))
     }
 
-    /// Evaluates the step at a displaced state in the lanes `lanes` (bits). Returns the lanes in which all constraints that pushed still
+    /// Evaluates the step at the displaced state in the lanes `lanes` (bits). Returns the lanes in which all constraints that pushed still
     /// exist.
     ///
-    /// The function calls `near` with each constraint that has come closer to another mode.
+    /// The function calls `near` with each constraint that has come closer to another mode (open, sticking, slipping).
     pub(crate) fn follow(&mut self, step: &mut GroupStep<R>, recomputed: Recomputed, lanes: u32, near: &mut dyn FnMut(Followed)) -> u32 {
         let settings = *step.settings();
         let mut rule = self.rule(&settings, lanes, near);

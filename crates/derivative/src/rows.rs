@@ -11,11 +11,11 @@ use crate::kink::*;
 pub struct DerivativeQuery<'a> {
     /// Parts of the state (or controls) whose coordinates are the columns of the derivative, in this order.
     pub parts: &'a [StatePart],
-    /// Displacements of the coordinate of every column, (num_envs, points, columns).
+    /// Displacements of the coordinate of every column, (num_envs, points, columns), in SI units.
     pub offsets: &'a [f64],
     /// Number of displaced states per column, 1 or 2.
     pub points: usize,
-    /// Residual to which the nominal step is solved, m/s.
+    /// Residual to which the step is solved, m/s.
     pub tolerance: f64,
 }
 
@@ -28,13 +28,13 @@ pub struct DerivativeRows<'a> {
     pub causes: &'a mut [u32],
     /// Distance to the nearest kink as a multiple of the displacement, to first order; infinite if there is none, (num_envs).
     pub distance: &'a mut [f64],
-    /// Whether the derivative is valid, (num_envs): 0 if the implicit function theorem does not apply.
+    /// Whether the derivative is valid, (num_envs): 1 if the implicit function theorem applies, otherwise 0.
     pub sound: &'a mut [u8],
-    /// Residual of the nominal step, m/s, (num_envs).
+    /// Residual of the solved step, m/s, (num_envs).
     pub residual: &'a mut [f64],
-    /// Status flags of the nominal step, bits of [`Status`](stepper_core::Status), (num_envs).
+    /// Status flags of the solved step, bits of [`Status`](stepper_core::Status), (num_envs).
     pub status: &'a mut [u32],
-    /// State after the step: nq, nv and na numbers per environment.
+    /// State after the step: arrays of qpos, qvel and act, with nq, nv and na numbers per environment.
     pub state: [&'a mut [f64]; 3],
 }
 
@@ -59,7 +59,7 @@ impl<'a> DerivativeRows<'a> {
         .take(num_envs)
     }
 
-    /// Records that the displacement of column `c` brings the constraint `near` closer to another mode, in the results of one environment.
+    /// Records in the results of one environment that the displacement of column `c` brings the constraint `near` closer to another mode.
     pub(crate) fn note(&mut self, near: Followed, c: usize) {
         self.distance[0] = self.distance[0].min(near.distance);
         if near.distance <= 1.0 {

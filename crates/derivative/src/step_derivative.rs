@@ -11,16 +11,16 @@ use crate::kink::*;
 use crate::response::{HardResponse, is_solved};
 use crate::rows::{DerivativeQuery, DerivativeRows};
 
-/// Largest change of a slope per unit of the coordinate that counts as smooth, relative to the slope. `LARGEST_BEND` is the largest
-/// relative change for any displacement.
+/// Change of a slope per unit of the coordinate up to which a function counts as smooth, relative to the slope. `LARGEST_BEND` is the
+/// largest such relative change for any displacement.
 const CURVATURE: f64 = 1e4;
 const LARGEST_BEND: f64 = 0.1;
 
-/// Smallest slope that is compared, SI units; smaller ones are replaced by it. Bodies at rest have columns that are 0 except for terms of
+/// Lower bound of the slopes with which differences are compared, SI units. Bodies at rest have columns that are 0 except for terms of
 /// second order.
 const LEAST_SLOPE: f64 = 0.1;
 
-/// Largest difference between the response at the solution and the solution itself, relative to its velocities, that counts as rounding. A
+/// Difference between the response at the solution and the solution, relative to the velocities, up to which it counts as rounding. A
 /// larger one means that the step has a part that the response does not model.
 const FAITHFUL: f64 = 1e-8;
 
@@ -31,7 +31,7 @@ pub(crate) struct StepDerivative<R: Real> {
     response: HardResponse<R>,
     /// Whether contact is hard. With MuJoCo's contact law the solver itself computes the response.
     is_hard: bool,
-    /// Changes of the state after the step, at each displaced state of a column.
+    /// Changes of the state after the step, for each of the two displaced states of a column.
     changes: [Vec<R>; 2],
 }
 
@@ -80,7 +80,7 @@ impl<R: Real> StepDerivative<R> {
         }
     }
 
-    /// Makes the nominal step. Returns the lanes (bits) in which it is solved.
+    /// Makes the step at the present state. Returns the lanes (bits) in which it is solved.
     fn solve(&mut self, step: &mut GroupStep<R>, rows: &mut [MutexGuard<'_, DerivativeRows<'_>>]) -> u32 {
         let solved = step.solve();
         let outcome = step.outcome();
@@ -97,8 +97,8 @@ impl<R: Real> StepDerivative<R> {
         is_solved(step.settings(), solved.residual).bits() & solved.complete
     }
 
-    /// Computes the response of the solution in the lanes `solved` (bits). Returns the lanes in which the response at the nominal state
-    /// reproduces the solution.
+    /// Computes the response of the solution in the lanes `solved` (bits). Returns the lanes in which the response reproduces the solution
+    /// at the same state.
     fn settle(&mut self, step: &mut GroupStep<R>, solved: u32) -> u32 {
         let sound = if self.is_hard { self.response.settle(step, solved) } else { solved };
         let sound = self.evaluate(step, Recomputed::Configuration, sound, &mut |_| {});
@@ -120,9 +120,9 @@ impl<R: Real> StepDerivative<R> {
         )
     }
 
-    /// Evaluates the step at the present state. Returns the lanes of `lanes` (bits) in which all constraints still exist.
+    /// Evaluates the step at the displaced state. Returns the lanes of `lanes` (bits) in which all constraints still exist.
     ///
-    /// The function calls `near` with each constraint that has come closer to another mode in these lanes.
+    /// The function calls `near` with each constraint that has come closer to another mode (open, sticking, slipping) in these lanes.
     fn evaluate(&mut self, step: &mut GroupStep<R>, recomputed: Recomputed, lanes: u32, near: &mut dyn FnMut(Followed)) -> u32 {
         if self.is_hard {
             return self.response.follow(step, recomputed, lanes, near);
@@ -139,7 +139,8 @@ impl<R: Real> StepDerivative<R> {
         })
     }
 
-    /// Computes the derivatives of a column from the changes at its displaced states, and flags derivatives that differ between the sides.
+    /// Computes the derivatives of column `c` from the changes at its displaced states. Flags derivatives that differ between the two
+    /// sides.
     fn write_slopes(
         &mut self,
         step: &GroupStep<R>,
@@ -185,7 +186,7 @@ impl<R: Real> StepDerivative<R> {
     }
 }
 
-/// Displacements of a column at its displaced states, in the first `lanes` lanes.
+/// Displacements of the coordinate of a column at its two displaced states, in the first `lanes` lanes.
 fn offsets<R: Real>(query: &DerivativeQuery<'_>, lanes: usize, column: usize, columns: usize) -> [R; 2] {
     let mut offsets = [R::one(); 2];
     for (point, offset) in offsets.iter_mut().enumerate().take(query.points) {

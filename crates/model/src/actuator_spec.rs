@@ -8,15 +8,15 @@ use crate::{Activation, Actuator, ActuatorError, Description, DeviceError, Force
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ActuatorSpec {
-    /// Delay, s.
+    /// Delay of the control, s.
     pub delay: Vec<f64>,
-    /// Additional delay in steps, which is added to `delay`.
+    /// Additional delay of the control in steps, which is added to `delay`.
     pub delay_steps: Vec<f64>,
-    /// Time constant of the first-order lag, s; 0 for none.
+    /// Time constant of the first-order lag between control and force, s; 0 for none.
     pub lag: Vec<f64>,
-    /// Lowest force, N or N m.
+    /// Lowest force of the actuator, N or N m.
     pub low: Vec<f64>,
-    /// Highest force, N or N m.
+    /// Highest force of the actuator, N or N m.
     pub high: Vec<f64>,
     /// Dry friction, N or N m, before the actuator's gear.
     pub friction: Vec<f64>,
@@ -60,7 +60,7 @@ pub struct Motor {
     pub voltage: bool,
 }
 
-/// Longest delay that is allowed, in steps.
+/// Longest delay that the check allows, in steps.
 const LONGEST: f64 = 100_000.0;
 
 fn any(x: &[f64]) -> bool {
@@ -178,7 +178,7 @@ impl ActuatorSpec {
         Ok(())
     }
 
-    /// Narrows the force limits to the range from `low` to `high`.
+    /// Narrows the force limits `low` and `high` of all environments to the given range.
     pub fn narrow(&mut self, [low, high]: [f64; 2]) {
         self.low.iter_mut().for_each(|x| *x = x.max(low));
         self.high.iter_mut().for_each(|x| *x = x.min(high));

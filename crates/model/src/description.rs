@@ -83,13 +83,13 @@ pub struct Overlap {
 /// Rigid body.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Body {
-    /// Name; may be empty.
+    /// Name of the body; may be empty.
     pub name: String,
-    /// Index of the parent; 0 for the world itself.
+    /// Index of the parent body; 0 for the world itself.
     pub parent: usize,
-    /// Position in the parent's frame, m.
+    /// Position of the body in the parent's frame, m.
     pub pos: [f64; 3],
-    /// Orientation in the parent's frame, a unit quaternion (w, x, y, z).
+    /// Orientation of the body in the parent's frame, a unit quaternion (w, x, y, z).
     pub quat: [f64; 4],
     /// Mass, kg.
     pub mass: f64,
@@ -144,7 +144,7 @@ impl JointKind {
 /// Joint between a body and its parent. A body may have several, which apply in order.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Joint {
-    /// Name; may be empty.
+    /// Name of the joint; may be empty.
     pub name: String,
     /// Index of the body that the joint moves.
     pub body: usize,
@@ -160,33 +160,33 @@ pub struct Joint {
     pub damping: f64,
     /// Armature (rotor inertia), which is added to the diagonal of the mass matrix, kg or kg m^2.
     pub armature: f64,
-    /// Dry friction, N or N m.
+    /// Dry friction of the joint, N or N m.
     pub frictionloss: f64,
-    /// Lowest and highest position, m or rad; `None` without limits.
+    /// Lowest and highest joint position, m or rad; `None` without limits.
     pub range: Option<[f64; 2]>,
     /// Lowest and highest sum of actuator forces on this joint, N or N m; `None` without bounds.
     pub actuator_force_range: Option<[f64; 2]>,
     /// Largest speed according to the source file, rad/s or m/s. The step does not enforce it.
     #[serde(default, with = "added_fields")]
     pub velocity_limit: Option<f64>,
-    /// Softness of the limit in MuJoCo's contact law.
+    /// Softness of the joint's limit in MuJoCo's contact law.
     pub limit_softness: Softness,
-    /// Softness of dry friction in MuJoCo's contact law.
+    /// Softness of the joint's dry friction in MuJoCo's contact law.
     pub friction_softness: Softness,
 }
 
 /// Geom: a shape fixed to a body, for collisions, mass and fluid forces.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Geom {
-    /// Name; may be empty.
+    /// Name of the geom; may be empty.
     pub name: String,
-    /// Index of the geom's body.
+    /// Index of the body to which the geom is fixed.
     pub body: usize,
-    /// Shape and size.
+    /// Shape and size of the geom.
     pub shape: Shape,
-    /// Position in the body's frame, m.
+    /// Position of the geom in the body's frame, m.
     pub pos: [f64; 3],
-    /// Orientation in the body's frame, a unit quaternion (w, x, y, z).
+    /// Orientation of the geom in the body's frame, a unit quaternion (w, x, y, z).
     pub quat: [f64; 4],
     /// Bit mask. Two geoms may collide if the contype of one shares a bit with the conaffinity of the other.
     pub contype: u32,
@@ -285,7 +285,7 @@ pub enum Activation {
 /// [`Actuator::affine_force`] returns this gain and bias. Other types of gain and bias ([`ForceModel`]) have other parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Actuator {
-    /// Name; may be empty.
+    /// Name of the actuator; may be empty.
     pub name: String,
     /// Element on which the actuator acts.
     pub transmission: Transmission,
@@ -315,7 +315,7 @@ pub struct Actuator {
 /// Keyframe: a named state with controls.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Keyframe {
-    /// Name; may be empty.
+    /// Name of the keyframe; may be empty.
     pub name: String,
     /// Simulated time, s.
     pub time: f64,

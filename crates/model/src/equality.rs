@@ -7,11 +7,11 @@ use crate::softness::Softness;
 /// Equality: a bilateral constraint, which keeps an error at zero with any necessary force.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Equality {
-    /// Name; may be empty.
+    /// Name of the equality; may be empty.
     pub name: String,
     /// Kind of equality, with its elements.
     pub kind: EqualityKind,
-    /// Whether the equality is active by default. An inactive one costs nothing.
+    /// Whether the equality is active by default. An inactive equality costs nothing.
     pub active: bool,
     /// Stiffness of a soft equality, N/m (N m/rad for rotations; in the units of the joint or tendon for couplings); infinite for a hard
     /// one.

@@ -24,16 +24,17 @@ use sha2::{Digest, Sha256};
 use crate::hulls::{Source, Surfaces};
 use crate::{Description, ForceModel, Model, ModelError, NoSlip, Overlap};
 
-/// First bytes of every saved model. The last one is invalid in UTF-8, so that no text file begins with them.
+/// First bytes of every saved model. The last byte is invalid in UTF-8, so that no text file begins with them.
 const MAGIC: [u8; 8] = *b"stepper\xff";
 
-/// Version of the format of saved models. It increases when the payload changes.
+/// Version of the format of saved models. It increases when the payload of a saved model changes.
 pub const FORMAT_VERSION: u32 = 15;
-/// Oldest version with `Added` fields. It has no force models: the simplest ones that use the actuator's parameters apply.
+/// Oldest file version with `Added` fields. A file of this version has no force models: each actuator gets the simplest one that uses its
+/// parameters.
 const WITHOUT_FORCE_MODELS: u32 = 14;
-/// Oldest version with noslip iterations. It has no [`Added`] fields.
+/// Oldest file version with noslip iterations. A file of this version has no [`Added`] fields.
 const WITHOUT_ADDED: u32 = 13;
-/// Oldest version that can be read. It has no noslip iterations.
+/// Oldest file version that can be read. A file of this version has no noslip iterations.
 const WITHOUT_NOSLIP: u32 = 12;
 
 const HEADER: usize = 8 + 4 + 32;

@@ -25,13 +25,13 @@ const WIDE_FIXED: f64 = 1.25;
 pub struct WideHull {
     /// Index of the geom in the model.
     pub geom: usize,
-    /// Ratio of the hull's volume to the volume that other bodies cannot enter; infinite if they can enter all of it.
+    /// Ratio of the hull's volume to the volume that other bodies cannot enter. It is infinite if they can enter all of it.
     pub ratio: f64,
 }
 
 impl Model {
-    /// Geoms whose convex hull has at least twice the volume of their mesh, or 1.25 times if no joint moves them. The mesh's volume
-    /// includes all space that other bodies cannot enter.
+    /// Geoms whose convex hull is much larger than their mesh: at least twice the volume, or 1.25 times if no joint moves the geom. The
+    /// mesh's volume includes all space that other bodies cannot enter.
     pub fn wide_hulls(&self) -> Vec<WideHull> {
         let (group, moves) = weld_groups(self);
         let mut known: BTreeMap<usize, f64> = BTreeMap::new();

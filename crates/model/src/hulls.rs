@@ -18,11 +18,11 @@ pub(super) type Surfaces = Vec<Option<Vec<[u32; 3]>>>;
 /// Source of the convex hulls in the check of a description.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Source<'a> {
-    /// The hulls are computed from the vertices.
+    /// The vertices of the meshes: all hulls are computed.
     Vertices,
-    /// The hulls are those of a model with the same meshes. Missing hulls are computed from the vertices.
+    /// A model with the same meshes, whose hulls are reused. Missing hulls are computed from the vertices.
     Same(&'a Hulls),
-    /// The hulls are read from a file and checked. Missing hulls are computed from the vertices.
+    /// A model file, whose hulls are checked. Missing hulls are computed from the vertices.
     Kept(&'a [Option<Vec<[u32; 3]>>]),
 }
 

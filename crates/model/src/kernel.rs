@@ -7,9 +7,9 @@ use crate::Shape;
 pub enum Kernel {
     /// Half space and ball: one point.
     PlaneSphere,
-    /// Half space and capsule: its two ends.
+    /// Half space and capsule: the two ends of the capsule.
     PlaneCapsule,
-    /// Half space and box: its eight corners.
+    /// Half space and box: the eight corners of the box.
     PlaneBox,
     /// Half space and cylinder: the lowest points of its rims, and those at quarter turns from them.
     PlaneCylinder,

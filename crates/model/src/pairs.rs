@@ -120,7 +120,7 @@ struct Surface {
     spring: ContactSpring,
 }
 
-/// Rigid group of each body, as the index of its leading body, and whether each body has joints.
+/// Rigid groups of bodies (MuJoCo's `body_weldid`): for each body, the index of the group's leading body, and whether the body has joints.
 ///
 /// Bodies with joints and mocap bodies lead a group; others belong to the group of their parent. The world leads the group of everything
 /// that is fixed to it.
@@ -286,7 +286,7 @@ fn precedence([a, b]: [&Surface; 2]) -> (Ordering, u8) {
     (order, condim)
 }
 
-/// Restitution of a contact. It is 0 for a compliant contact, whose spring and damper determine the rebound.
+/// Coefficient of restitution of a contact. It is 0 for a compliant contact, whose spring and damper determine the rebound.
 fn bounce(spring: ContactSpring, restitution: f64) -> f64 {
     if spring.is_rigid() { restitution } else { 0.0 }
 }

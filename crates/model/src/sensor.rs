@@ -7,13 +7,13 @@ use crate::Shape;
 /// Site: a frame on a body, with a volume for sensors that need one.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Site {
-    /// Name; may be empty.
+    /// Name of the site; may be empty.
     pub name: String,
-    /// Index of its body.
+    /// Index of the body to which the site is fixed.
     pub body: usize,
-    /// Position in the body's frame, m.
+    /// Position of the site in the body's frame, m.
     pub pos: [f64; 3],
-    /// Orientation in the body's frame, a unit quaternion (w, x, y, z).
+    /// Orientation of the site in the body's frame, a unit quaternion (w, x, y, z).
     pub quat: [f64; 4],
     /// Volume of the site: a sphere, capsule, ellipsoid, cylinder or box.
     pub shape: Shape,
@@ -131,7 +131,7 @@ impl ContactField {
 /// Selection among the matching contacts, if a contact sensor has fewer slots.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ContactReduction {
-    /// Contacts in stepper's order, the first ones.
+    /// First contacts in stepper's order.
     None,
     /// Deepest contacts first.
     MinDistance,
@@ -275,7 +275,7 @@ pub enum Quantity {
 /// Sensor of a model: its type, and the errors that the source file specifies.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sensor {
-    /// Name; may be empty.
+    /// Name of the sensor; may be empty.
     pub name: String,
     /// Type of the sensor, with the indices of its elements.
     pub kind: SensorKind,

@@ -25,7 +25,7 @@ pub struct Softness {
 }
 
 impl Default for Softness {
-    /// MuJoCo's default.
+    /// MuJoCo's default softness.
     fn default() -> Self {
         Self { solref: [0.02, 1.0], solimp: [0.9, 0.95, 0.001, 0.5, 2.0] }
     }
@@ -46,9 +46,9 @@ impl Softness {
 /// Spring and damper in parallel between two surfaces in contact. Both contact laws use it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ContactSpring {
-    /// Stiffness, N/m; infinite for rigid contact.
+    /// Stiffness of the contact spring, N/m; infinite for rigid contact.
     pub stiffness: f64,
-    /// Damping, N s/m.
+    /// Damping of the contact spring, N s/m.
     pub damping: f64,
 }
 
@@ -116,7 +116,7 @@ pub struct NoSlip {
 }
 
 impl Default for NoSlip {
-    /// MuJoCo's default.
+    /// MuJoCo's default: no noslip iterations.
     fn default() -> Self {
         Self { iterations: 0, tolerance: 1e-6 }
     }

@@ -140,7 +140,7 @@ fn same_structure(base: &Model, model: &Model) -> Checked {
 
 type Checked = Result<(), ModelError>;
 
-/// Error for an element `place` whose new value `new` of `field` requires a feature that the model lacks.
+/// Error for an element `place` of a variant whose new value `new` of `field` requires a feature that the base model lacks.
 fn lacks(place: String, field: &str, new: &str, lack: &str, first: &str) -> Checked {
     let remedy = format!("give the model {first} there first, with model.replace({field:?}, ..), and make the simulation of that");
     Err(ModelError::invalid(place, format!("{field} is {new}, and the model has {lack}"), remedy))

@@ -167,7 +167,7 @@ struct Cached {
 }
 
 impl<R: Real> Derivation<R> {
-    /// Begins with a group of environments, whose state, inputs and last step are in `s`.
+    /// Prepares the computation of derived quantities for a group of environments. `s` has the group's state, inputs and last step.
     pub(crate) fn begin(&mut self, compiled: &LaneModel<R>, s: &mut Workspace<R>) {
         self.cached = Cached::default();
         self.place_mocap(compiled, s);

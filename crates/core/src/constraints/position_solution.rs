@@ -16,7 +16,7 @@ pub struct PositionSolution<R: Real> {
     pub q: Vec<R>,
     /// Activations after the step, na.
     pub act: Vec<R>,
-    /// Rows of the position solve.
+    /// Constraint rows of the position solve in stage 8.
     pub(crate) rows: PositionRows<R>,
     /// Inverse inertia of the two bodies of every contact along its normal without constraints, 1/kg; 0 for scalar rows.
     pub(crate) unconstrained_mobility: Vec<R>,

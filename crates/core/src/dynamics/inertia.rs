@@ -269,8 +269,7 @@ pub(crate) fn is_above(i: usize, chain: &[u32]) -> bool {
     chain.len() > 1 && chain[1] as usize + 1 == i
 }
 
-/// Step of the factorisation of the mass matrix: subtracts the terms of all rows below from up to eight columns of the row of `dof`, from
-/// column `k` on.
+/// Factorisation step: subtracts the terms of all rows below from up to eight columns of the mass matrix row of `dof`, from column `k` on.
 #[inline(always)]
 fn subtract_columns<R: Real>(entries: &mut [R], inv_d: &[R], dof: &Dof, k: usize, below: &[Descendant]) {
     match dof.depth - k {

@@ -43,7 +43,7 @@ pub struct SolvedStep<R: Real> {
     pub complete: u32,
 }
 
-/// One of the three solves within a step, in the order of the step: prediction, velocity, position.
+/// Solve within a step. A step has up to three, in this order: prediction, velocity, position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Solve {
     /// Prediction of the velocity after the step, which determines velocity-dependent forces.
@@ -95,13 +95,13 @@ impl<R: Real> ConstraintNames<'_, R> {
 
 /// Rule that sets the impulses of evaluations at displaced states.
 pub trait ImpulseRule<R: Real> {
-    /// Receives a problem at the nominal state with its solution. `residual` is the solver's residual, m/s.
+    /// Receives a constraint problem of the solved step with its solution. `residual` is the solver's residual, m/s.
     fn keep(&mut self, problem: ImpulseProblem<'_, R>, residual: R);
     /// Sets the impulses of the same solve at a displaced state.
     fn set(&mut self, problem: ImpulseProblem<'_, R>);
 }
 
-/// Comparison of an evaluation at the nominal state with the nominal step: conditions under which they agree.
+/// Comparison of an evaluation at the same state with the solved step: conditions under which both agree.
 #[derive(Clone, Copy, Debug)]
 pub struct NominalEvaluation<R: Real> {
     /// Lanes (bits) with a bouncing contact or an impact within the step.
@@ -112,27 +112,27 @@ pub struct NominalEvaluation<R: Real> {
     pub prediction: Option<Prediction<R>>,
 }
 
-/// Prediction of the velocity after the step, in the evaluation at the nominal state.
+/// Prediction of the velocity after the step, when the solved step is evaluated again.
 #[derive(Clone, Copy, Debug)]
 pub struct Prediction<R: Real> {
     /// Whether forces other than inertial ones depend on the prediction, such as drag and some servos.
     pub drives_forces: bool,
     /// Lanes (bits) that solve for the prediction. Lanes at rest predict with the impulses of the previous step.
     pub solved: u32,
-    /// Largest difference from the prediction of the nominal step, m/s or rad/s. NaN if any is NaN.
+    /// Largest difference from the prediction of the solved step, m/s or rad/s. NaN if any difference is NaN.
     pub difference: R,
     /// Largest displacement of a coordinate within the step at the velocity before it, m or rad.
     pub motion: R,
 }
 
-/// Gap of a contact or limit: its distance at the nominal state and at a displaced state.
+/// Gap of a contact or limit, in the solved step and at a displaced state.
 #[derive(Clone, Copy, Debug)]
 pub struct Gap {
     /// Lane of the gap.
     pub lane: usize,
     /// Whether the gap belongs to a limit; otherwise to a contact.
     pub is_limit: bool,
-    /// Distance at the nominal state, m or rad, negative for an overlap. Infinite for a contact that the nominal state does not have.
+    /// Distance in the solved step, m or rad, negative for an overlap. Infinite for a contact that the solved step does not have.
     pub nominal: f64,
     /// Distance at the displaced state, m or rad, negative for an overlap.
     pub displaced: f64,

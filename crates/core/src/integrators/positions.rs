@@ -28,7 +28,7 @@ pub(crate) fn integrate_positions<R: Real>(
     });
 }
 
-/// Sets of lanes whose positions stage 8 corrects.
+/// Lanes whose positions stage 8 corrects, with the lanes that bounce or are infeasible.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CorrectedLanes<R: Real> {
     /// Lanes with a position correction.

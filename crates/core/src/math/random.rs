@@ -36,8 +36,8 @@ pub fn philox4x32_10(counter: &[Word; 4], key: &[Word; 2], lanes: usize) -> [Wor
     out
 }
 
-/// Converts the words of all lanes to numbers. They go through an array, because the compiler vectorises an array but not lanes that are
-/// set one by one.
+/// Converts the random words of all lanes to numbers by the function `number`. They go through an array, because the compiler vectorises an
+/// array but not lanes that are set one by one.
 #[inline(always)]
 fn each<R: Real>(word: &Word, number: impl Fn(u32) -> f64) -> R {
     let mut out = [R::Scalar::default(); MAX_LANES];
@@ -54,7 +54,7 @@ pub fn uniform<R: Real>(word: &Word) -> R {
     x * R::of(1.0 / 4_294_967_296.0) + R::of(0.5 / 4_294_967_296.0)
 }
 
-/// Words shifted to the left by `shift` bits, as signed numbers.
+/// Random words shifted to the left by `shift` bits, as signed numbers.
 #[inline(always)]
 fn signed<R: Real>(word: &Word, shift: u32) -> R {
     each(

@@ -72,12 +72,12 @@ impl GeomBuilder {
         Self::new(name, Shape::Box { half: half.into() })
     }
 
-    /// Starts the convex hull of the mesh with the name `asset`, see [`ModelBuilder::mesh`](crate::ModelBuilder::mesh).
+    /// Starts a geom with the convex hull of the mesh with the name `asset`, see [`ModelBuilder::mesh`](crate::ModelBuilder::mesh).
     pub fn mesh(name: &str, asset: &str) -> Self {
         Self::new(name, Shape::Mesh { asset: asset.into(), concave: false })
     }
 
-    /// Starts the surface of the mesh with the name `asset`, including its hollows. It has no mass.
+    /// Starts a geom with the surface of the mesh with the name `asset`, including its hollows. It has no mass.
     pub fn concave_mesh(name: &str, asset: &str) -> Self {
         Self::new(name, Shape::Mesh { asset: asset.into(), concave: true }).mass(0.0)
     }

@@ -1,4 +1,4 @@
-//! Elements of a model, as errors name them, and common checks of their values.
+//! Elements of a model with the names that errors use, and common checks of their values.
 
 use crate::description::{Description, JointKind, label};
 use crate::error::ModelError;

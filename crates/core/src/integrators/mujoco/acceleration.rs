@@ -48,7 +48,8 @@ impl<R: Real> Acceleration<'_, R> {
         self.problem.soft.as_ref().map_or(&self.free.smooth.acc, |system| &system.acceleration)
     }
 
-    /// Computes stages 1 to 4 at the state `stage`. `recomputed` is the part of the state that changed since the last call.
+    /// Computes stages 1 to 4, from forces to constraint rows, at the state `stage`. `recomputed` is the part of the state that changed
+    /// since the last call.
     pub(super) fn prepare(&mut self, input: StepInput<'_, R>, stage: &StageState<R>, recomputed: Recomputed, probe: impl Probe) {
         let StepInput { compiled, options, state, inputs, .. } = input;
         let moved = recomputed == Recomputed::Configuration;

@@ -114,7 +114,7 @@ pub struct ForceState<'a, R: Real> {
 }
 
 impl<'a, R: Real> ForceState<'a, R> {
-    /// Force state with all quantities at one state, so that all forces are explicit.
+    /// Force state in which all quantities are those of one state, for explicit servos.
     pub fn state(q: &'a [R], v: &'a [R], act: &'a [R], ctrl: &'a [R], actuator_dynamics: &'a [ActuatorDynamics<R>]) -> Self {
         Self { q, v, v_at: v, act, ctrl, actuator_dynamics }
     }

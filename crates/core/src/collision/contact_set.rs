@@ -156,8 +156,7 @@ impl<R: Real> Contacts<R> {
         SlotPairs { ids: &self.ids[k][..R::LANES], rest: lanes }
     }
 
-    /// Adds a contact to the next slots in the lanes `bits`, and marks lanes without a free slot in `full`. `over_face` are bits of
-    /// [`Slot::over_face`].
+    /// Adds a contact in the lanes `bits`, and marks lanes without a free slot in `full`. `over_face` are bits of [`Slot::over_face`].
     ///
     /// The caller adds pairs in ascending order. The features of a pair may have any order; this function sorts them.
     #[inline(always)]

@@ -89,8 +89,8 @@ pub fn may_have_passed<R: Real>(
 /// Relative displacement below which one geom of a pair cannot pass through the other, m: the pair's thickness, or four times that for a
 /// height field.
 ///
-/// A height field is solid. If the displacement is smaller, the geom's inscribed ball is inside the ground at one end of its path. Contacts
-/// then push the geom out.
+/// A height field is solid. On a shorter path through a bump, the geom's inscribed ball is in the ground at one end. Contacts then push the
+/// geom out.
 #[inline(always)]
 fn min_displacement<R: Real>(compiled: &LaneModel<R>, pair: &CompiledPair<R::Scalar>) -> R {
     let is_field = |&g: &usize| compiled.geoms[g].solid.as_ref().is_some_and(Solid::is_field);

@@ -29,7 +29,8 @@ pub struct ConstraintProblem<R: Real> {
     pub rolling_slots: Vec<(usize, R::Mask, V3<R>)>,
     /// Lanes with at least one row.
     pub constrained: R::Mask,
-    /// Lanes that need the position solve of stage 8, because they have position errors or impacts.
+    /// Lanes with position errors, or with an impact by Euler's rule, which need the position solve of stage 8. Lanes with an impact by the
+    /// midpoint rule need it too, and are not included.
     pub needs_position_solve: R::Mask,
     /// Lanes whose velocities contain a Baumgarte position correction.
     pub biased: R::Mask,

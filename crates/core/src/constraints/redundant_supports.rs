@@ -28,9 +28,9 @@ pub(crate) struct ContactGroups<R> {
     slots: Vec<usize>,
     /// Contact groups of all lanes, lane by lane.
     groups: Vec<ContactGroup>,
-    /// Workspace of the search in one lane: the two bodies of each group, and the number of its contacts.
+    /// Workspace of the search for contact groups in one lane: the two bodies of each group, and its number of contacts.
     pairs: Vec<([usize; 2], usize)>,
-    /// Workspace of the search in one lane: group of every contact.
+    /// Workspace of the search for contact groups in one lane: index of the group of every contact.
     of_contact: Vec<usize>,
     /// Contacts of the cluster whose loads are being shared (groups that move a common coordinate).
     points: Vec<Point>,

@@ -55,7 +55,7 @@ pub struct GroupFunctions<R: Real> {
 }
 
 impl<R: Real> GroupFunctions<R> {
-    /// Functions for the lane type `R`.
+    /// Functions of a [`GroupStep`] for the lane type `R`.
     pub(crate) fn new() -> Self {
         Self {
             solve: Nominal::solve,
@@ -147,7 +147,7 @@ impl<R: Real> GroupStep<R> {
         (functions.displace)(nominal.as_mut().expect(UNSOLVED), compiled, workspace, part, i, offset);
     }
 
-    /// Evaluates stages 1 to 8 at the displaced state with impulses from `rule`. Afterwards the state is again that of the solved step.
+    /// Evaluates stages 1 to 8 at the displaced state with impulses from `rule`. Afterwards the state before the solved step is restored.
     ///
     /// Returns whether contacts and rows were recomputed for the displaced configuration. Otherwise those of the last evaluation are still
     /// valid.

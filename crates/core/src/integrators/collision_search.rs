@@ -433,8 +433,8 @@ fn add_packed<R: Real>(
     }
 }
 
-/// Groups packed paths with the same kernel, as many as a register has lanes, and calls `test` for each group. The arguments are kernel,
-/// paths, and the geoms' items.
+/// Groups packed paths with the same kernel, as many as a register has lanes, and calls `test` for each group. The arguments are the
+/// kernel, the paths, and the items of the paths (pairs of geoms in one lane).
 #[inline(always)]
 fn for_each_packed<R: Real>(packed: &[PackedPath<R::Scalar>], mut test: impl FnMut(Kernel, &[PackedPath<R::Scalar>], &[Item<R::Scalar>])) {
     for kernel in [Kernel::SphereBox, Kernel::CapsuleBox] {

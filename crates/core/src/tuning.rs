@@ -57,7 +57,7 @@ pub(crate) const LOOK_AHEAD: f64 = 1e-3;
 
 // Servos whose force is at a bound.
 
-/// Largest number of repeated solves in a step after the active bound of a servo changed.
+/// Largest number of repeated solves in a step because the active bound of a servo (force limit or torque-speed curve) changed.
 pub(crate) const SATURATION_PASSES: usize = 4;
 
 // Contacts that approach each other within the step.

@@ -36,11 +36,11 @@ pub(crate) struct HardResponse<R: Real> {
 /// First-order responses of the impulses of all solves of a step.
 #[derive(Clone, Debug, Default)]
 struct Impulses<R: Real> {
-    /// Response of the predicted impulses, which solve the same rows before velocity-dependent forces are evaluated.
+    /// First-order response of the predicted impulses. They solve the same rows before velocity-dependent forces are evaluated.
     prediction: Response<R>,
-    /// Response of the impulses of the velocity solve.
+    /// First-order response of the impulses of the velocity solve.
     velocity: Response<R>,
-    /// Response of the impulses of the position solve in stage 8.
+    /// First-order response of the impulses of the position solve in stage 8.
     position: Response<R>,
 }
 

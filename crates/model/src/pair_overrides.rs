@@ -20,7 +20,7 @@ const OVERRIDES: [(&str, &str); 10] = [
 /// Explicit pairs of a model whose fields replace geom fields that are about to change.
 pub(super) struct PairOverrides<'a> {
     model: &'a Model,
-    /// Indices of the pairs whose geoms can collide.
+    /// Indices of the model's explicit pairs whose geoms can collide.
     pairs: Vec<usize>,
     fields: Vec<Overridden>,
 }

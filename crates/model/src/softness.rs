@@ -65,8 +65,8 @@ impl ContactSpring {
         self.stiffness.is_infinite()
     }
 
-    /// Combined compliance of two surfaces in contact. Springs in series share the penetration inversely to their stiffnesses. The damping
-    /// dissipates as much as both dampers with these shares.
+    /// Combined compliance of two surfaces in contact. The stiffness is that of two springs in series, of which each takes a share of the
+    /// penetration inverse to its stiffness. The combined damper dissipates as much as the two dampers, each at its share of the velocity.
     pub(crate) fn in_series([a, b]: [Self; 2]) -> Self {
         if a.is_rigid() || b.is_rigid() {
             return if a.is_rigid() { b } else { a };

@@ -74,7 +74,8 @@ pub(crate) struct EffectiveInertia<R> {
     pub(super) mobility: R,
     /// Ratio of joint damping to inertia, 1/s: the rate at which joint damping slows the actuator down.
     pub(super) slowing: R,
-    /// Change of the actuator's velocity by the constraint impulses of the last step, without the coupling of its joints.
+    /// Estimated change of the actuator's velocity by the constraint impulses of the last step. The estimate neglects the coupling of
+    /// joints.
     pub(super) pushed: R,
 }
 

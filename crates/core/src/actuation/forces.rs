@@ -107,7 +107,7 @@ pub struct ForceState<'a, R: Real> {
     pub v_at: &'a [R],
     /// Activations.
     pub act: &'a [R],
-    /// Controls after the actuator pipelines.
+    /// Controls after the actuator pipelines (delay, lag ...), nu.
     pub ctrl: &'a [R],
     /// Actuator dynamics that act within a step.
     pub actuator_dynamics: &'a [ActuatorDynamics<R>],

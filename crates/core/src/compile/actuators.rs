@@ -44,7 +44,7 @@ pub struct CompiledActuator<S> {
 pub struct Spot<S> {
     /// Index of the frame in the compiled model.
     pub frame: usize,
-    /// Position in the frame, m.
+    /// Position of the site in the frame, m.
     pub pos: [S; 3],
     /// Rotation matrix from the site's axes to the frame's, row-major.
     pub mat: [S; 9],

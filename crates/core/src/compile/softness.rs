@@ -262,8 +262,9 @@ impl LawMaker {
 
     /// Constraint law of a contact spring with damper, evaluated at the end of the step by the implicit Euler rule.
     ///
-    /// f = -K (r + h v+) - D v+ is R f = a_ref - a with R = 1 / (h (h K + D)) and a_ref = -v/h - K r R. With an impedance of 1/2, the
-    /// regularisation R equals the inverse weight of the row.
+    /// For the gap r, its velocities v and v+ before and after the step, and the time step h, the force is f = -K (r + h v+) - D v+. This
+    /// equals R f = a_ref - a with R = 1 / (h (h K + D)) and a_ref = -v/h - K r R. With an impedance of 1/2, the regularisation R equals
+    /// the inverse weight of the row.
     fn spring_contact<S: Scalar>(self, pair: &GeomPair) -> SoftContactLaw<S> {
         let (ContactSpring { stiffness, damping }, h) = (pair.spring, self.timestep);
         let weight = 1.0 / (h * (h * stiffness + damping));

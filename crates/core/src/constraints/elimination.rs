@@ -273,8 +273,8 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// Subtracts `K` equality rows with the same support, starting at row `first`, from the rows in `column`. Subtracts their squared
-    /// lengths from `after`.
+    /// Subtracts `K` equality rows with the same support, starting at row `first`, from the rows in `column`. Also reduces `after`, the
+    /// squared lengths of the rows in `column`, accordingly.
     ///
     /// One pass over the support computes the coefficients, and another subtracts. Entries outside the support keep their bits.
     #[inline(always)]

@@ -61,8 +61,8 @@ struct ContactGroup {
 }
 
 impl ContactGroup {
-    /// Indices of the group's contacts in the problem. It leaves out contacts with six rows and immovable contacts, which other lanes may
-    /// have in the same slot.
+    /// Indices of the group's contacts in the problem. The iterator leaves out contacts with six rows and immovable contacts, which other
+    /// lanes may have in the same slot.
     fn contacts<'a, R: Real>(
         &self,
         slots: &'a [usize],

@@ -15,11 +15,11 @@ use crate::model::JointKind;
 pub struct MassMatrix<R: Real> {
     /// Entries of M before [`MassMatrix::factor`]; afterwards entries of L, with D on the diagonal.
     pub entries: Vec<R>,
-    /// Inverse 1 / D of each diagonal entry.
+    /// Inverse of each diagonal entry of D, in the factorisation M = L^T D L.
     pub inv_d: Vec<R>,
-    /// Square root of 1 / D.
+    /// Square root of the inverse of each diagonal entry of D, in the factorisation M = L^T D L.
     pub sqrt_inv_d: Vec<R>,
-    /// Square root of D.
+    /// Square root of each diagonal entry of D, in the factorisation M = L^T D L.
     pub sqrt_d: Vec<R>,
 }
 

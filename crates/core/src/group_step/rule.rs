@@ -77,7 +77,7 @@ pub struct ConstraintNames<'a, R: Real> {
 }
 
 impl<R: Real> ConstraintNames<'_, R> {
-    /// Name for a lane without a constraint at this place.
+    /// Name that stands for no constraint, in lanes that do not have constraint `i`.
     const NOBODY: u64 = u64::MAX;
 
     /// Name of constraint `i` of a kind in one lane. The kinds are scalar rows (0), contacts with sliding friction (1), and contacts with

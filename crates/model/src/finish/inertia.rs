@@ -62,8 +62,8 @@ pub(super) fn check(model: &Description) -> Result<(), ModelError> {
     })
 }
 
-/// Joints whose motions cancel that of the degree of freedom `dof`, which has no inertia. They are the joints with entries in the null
-/// vector, whose entry for `dof` is 1.
+/// Joints whose motions cancel that of the degree of freedom `dof`, which has no inertia. They are the joints with nonzero entries in the
+/// null vector of the mass matrix, whose entry for `dof` is 1.
 ///
 /// In `matrix`, the rows below `dof` are those after the elimination; `whole` is the diagonal before it.
 fn partners(matrix: &DMatrix<f64>, whole: &nalgebra::DVector<f64>, dofs: &[Dof], dof: usize) -> Vec<usize> {

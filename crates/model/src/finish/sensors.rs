@@ -104,7 +104,8 @@ impl Model {
         model.check(Source::Same(&self.hulls))
     }
 
-    /// Checks that no force sensor is part of a closed loop, if those equalities are active for which `acts` returns true.
+    /// Checks that no force sensor is part of a loop closed by active equalities. `acts` returns whether the equality with an index is
+    /// active.
     ///
     /// # Errors
     /// [`ModelError::Invalid`] with the sensor and the equality.

@@ -10,7 +10,7 @@ use crate::error::value_error;
 use crate::stepper::{Stepper, Writing};
 
 impl Stepper {
-    /// Concatenated results of `evaluate` for all environments. It gets a snapshot of each environment with its current controls.
+    /// Concatenated results of `evaluate` for all environments. `evaluate` gets a snapshot of each environment with its current controls.
     fn of_each(&mut self, py: Python<'_>, evaluate: impl Fn(&mut Snapshot<'_>) -> Vec<f64>) -> PyResult<Vec<f64>> {
         self.apply(py)?;
         let mut values = Vec::new();

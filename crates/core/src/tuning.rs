@@ -283,7 +283,8 @@ pub(crate) const MIN_SHARED_CONTACTS: usize = 3;
 /// Speed of a loaded contact above which it slips, m/s. The torque of friction then depends on the distribution of the load.
 pub(crate) const SLIP_SPEED: f64 = 1e-6;
 
-/// Remaining length of a unit row after elimination of others below which the row is dependent, in double and in single precision.
+/// Length of a row of unit length, after the other rows are eliminated from it, below which the row counts as dependent. The values are for
+/// double and for single precision.
 pub(crate) const DEPENDENT_LENGTH: [f64; 2] = [1e-7, 1e-6];
 
 /// Smallest change of a contact's share of the load that is applied, relative to the largest normal impulse, in double and in single

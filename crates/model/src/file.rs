@@ -60,7 +60,7 @@ impl Added {
         self.velocity_limits.is_empty() || self.velocity_limits.len() == model.joints.len()
     }
 
-    /// Sets these fields in a description.
+    /// Writes the stored values to their fields in a description.
     fn write_to(self, model: &mut Description) {
         model.joints.iter_mut().zip(self.velocity_limits).for_each(|(joint, limit)| joint.velocity_limit = limit);
         model.excluded_overlaps = self.excluded_overlaps;

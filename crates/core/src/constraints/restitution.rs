@@ -459,7 +459,7 @@ fn bound_change<R: Real>(moved: &mut [R], removed: &[R], most: R, lanes: R::Mask
     }
 }
 
-/// Weight with which the rows of an impact must subtract a velocity change that acts after the impact.
+/// Factor of a velocity change in the correction of an impact's offsets, for a change that acts only after the impact.
 ///
 /// `normal_factor` is 1 + e (or 1 for friction), and `time_fraction` the fraction of the step before the impact.
 #[inline(always)]
@@ -467,8 +467,8 @@ fn after_impact<R: Real>(normal_factor: R, time_fraction: R) -> R {
     normal_factor * time_fraction - R::one()
 }
 
-/// Weight with which the rows of an impact include a velocity change that acts before the impact. The change is given as that of the
-/// velocity after the step.
+/// Factor of a velocity change in the correction of an impact's offsets, for a change that acts before the impact. The change is given as
+/// that of the velocity after the step.
 #[inline(always)]
 fn before_impact<R: Real>(normal_factor: R, time_fraction: R) -> R {
     normal_factor * time_fraction

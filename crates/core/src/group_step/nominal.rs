@@ -192,8 +192,8 @@ impl<R: Real> Nominal<R> {
         )
     }
 
-    /// Calls `see` with the gaps at the last evaluation. Returns the lanes of `lanes` (bits) that have all overlaps of the nominal
-    /// solution.
+    /// Calls `see` with the gaps of contacts and limits at the last evaluation. Returns the lanes of `lanes` (bits) that have all overlaps
+    /// of the solved step.
     pub(super) fn gaps(&self, compiled: &LaneModel<R>, s: &Workspace<R>, lanes: u32, see: &mut dyn FnMut(Gap)) -> u32 {
         let mut pair = |is_limit: bool, nominal: R, displaced: R, lanes: u32| {
             for lane in each_of(lanes) {

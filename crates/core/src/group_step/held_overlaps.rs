@@ -16,7 +16,7 @@ impl<R: Real> HeldOverlaps<R> {
         Self(Some(Box::new(SolvedOverlaps::new(compiled, max_contacts))))
     }
 
-    /// Stores the overlaps of the step that was just made in the workspace. Constraint rows follow them until [`HeldOverlaps::release`].
+    /// Stores the overlaps of the last step in the workspace. Constraint rows use these overlaps until [`HeldOverlaps::release`].
     pub(super) fn hold(&mut self, compiled: &LaneModel<R>, s: &mut Workspace<R>) {
         if let Some(mut overlaps) = self.0.take() {
             // The step has moved its contacts to the state.

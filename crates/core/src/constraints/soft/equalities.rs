@@ -82,8 +82,8 @@ impl<R: Real> Assembler<'_, R> {
         }
     }
 
-    /// Appends three rows to the problem. Their Jacobians are in `column` on the support of the equality; `first` is the index of the first
-    /// row's impulse in the list of impulses of scalar rows, relative to that of the equality.
+    /// Appends three rows to the problem. Their Jacobians are in `column` on the support of the equality. `first` is the number of earlier
+    /// rows of the equality, from which the indices of the impulses follow.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "three rows, every part of them named at the call")]
     fn push_soft_triple(

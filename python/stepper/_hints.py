@@ -92,7 +92,7 @@ class ReadOnly(np.ndarray[Any, Any]):
 
 
 def _guarded(write: Callable[..., Any]) -> Callable[..., Any]:
-    """Wraps a method that writes to an array, so that it raises the array's message if the array is read-only."""
+    """Wrapper of an array method that writes, such as `fill`: raises ValueError with the array's hint if the array is read-only."""
 
     @functools.wraps(write)
     def guarded(self: ReadOnly, *given: Any) -> Any:
@@ -129,7 +129,7 @@ def remedy_of(field: str) -> str:
 
 
 def kind_of_environments(field: str) -> type[ReadOnly]:
-    """Subclass of `ReadOnly` for an array in `Stepper.randomized`."""
+    """Subclass of `ReadOnly` for the values of one field in `Stepper.randomized`, with the error message for writes to it."""
     return kind(field, _OF_ENVIRONMENTS.format(field))
 
 
@@ -166,7 +166,7 @@ def _public_name(owner: type) -> str:
 
 
 def _place_of(owner: type, name: str) -> str:
-    """Hint to the present name of an attribute or to the class that has it, as the end of a message; "" if there is no hint."""
+    """Hint to the present name of an attribute, or to the class that has it, as the end of a message; "" if there is no hint."""
     other = NEW_NAMES.get(owner.__name__, {}).get(name)
     if other is not None:
         return f"; did you mean {other}?" if _CALL.fullmatch(other) else f"; use {other}"
@@ -181,22 +181,34 @@ def _place_of(owner: type, name: str) -> str:
 
 
 def no_root_attribute(name: str, known: Iterable[str]) -> Exception:
-    """Error for a name that `stepper` does not have: its present place, or similar names."""
+    """Error for a name that the package `stepper` does not have. The hint is its present place, or similar names."""
     return _absent("stepper", name, f"; use {ROOT_NAMES[name]}" if name in ROOT_NAMES else "", known)
 
 
 def no_name(module: str, name: str, known: Iterable[str]) -> Exception:
-    """Error for a name that a submodule does not have: its present name, or similar names."""
+    """Error for a name that a submodule does not have. The hint is its present name, or similar names.
+
+    Args:
+        module: Name of the submodule, as "stepper.envs".
+        name: The absent name.
+        known: Names that the submodule has.
+    """
     new = NEW_NAMES.get(module, {}).get(name)
     return _absent(module, name, f"; did you mean {new}?" if new else "", known)
 
 
 def _absent(module: str, name: str, hint: str, known: Iterable[str]) -> Exception:
-    """Error for an absent name of a module: an AttributeError, or an ImportError if `from module import name` fails and there is a hint.
+    """Error for an absent name of a module: AttributeError, or ImportError if `from module import name` failed and there is a hint.
 
-    Python itself replaces an AttributeError in that statement by an ImportError without the hint. Before that it tries a submodule of this
-    name, for which the AttributeError is needed. The third caller is this statement, after the `__getattr__` of the module and the
-    function for its error.
+    Python replaces an AttributeError raised in that statement by an ImportError without the hint, so the hint needs an ImportError. If
+    `name` is a submodule, the error stays an AttributeError: Python then imports the submodule. The function recognises the import
+    statement by the name of the frame three calls above.
+
+    Args:
+        module: Name of the module, as "stepper".
+        name: The absent name.
+        hint: End of the message, as "; use stepper.lab"; "" is similar names among `known`.
+        known: Names that the module has.
     """
     hint = hint or did_you_mean(name, known)
     imported = sys._getframe(3).f_code.co_name == "_handle_fromlist"
@@ -206,7 +218,7 @@ def _absent(module: str, name: str, hint: str, known: Iterable[str]) -> Exceptio
 
 
 class Hinting(type):
-    """Metaclass that raises `no_attribute` with a hint for missing class attributes, as `Options.of`."""
+    """Metaclass for hints at missing class attributes, as `Options.of`: the AttributeError has the present name or similar names."""
 
     if not TYPE_CHECKING:  # Type checkers read the attributes from the stub.
 
@@ -215,7 +227,12 @@ class Hinting(type):
 
 
 def present_keyword(call: str, name: str) -> str:
-    """Present name of a keyword argument from an earlier version or another library; "" if there is none."""
+    """Present name of a keyword argument from an earlier version or another library; "" if there is none.
+
+    Args:
+        call: Name of the call, as "Stepper.reset".
+        name: The keyword.
+    """
     return NEW_KEYWORDS_OF.get(call, {}).get(name, "")
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from stepper._hints import Hinting
 
 Precision: TypeAlias = Literal["f64", "f32"]
-"""Scalar type of the lanes."""
+"""Floating-point type in which the step computes, "f64" (double precision) or "f32" (single precision)."""
 _PRECISIONS: dict[str, Precision] = {"float64": "f64", "float32": "f32"}
 
 if TYPE_CHECKING:

@@ -43,7 +43,12 @@ class PID:
         check_numbers(self)
 
     def _row(self, num_envs: int, envs: Envs = None) -> dict[str, Any]:
-        """Fields of the servo in the Rust crate's `ActuatorSpec`."""
+        """Dictionary of the servo's numbers for the Rust library. Each value is a list with one number per environment, or one for all.
+
+        Args:
+            num_envs: Number of environments, for checks of array sizes.
+            envs: Mask (num_envs,) of the environments whose numbers are returned; None is all.
+        """
         limit = math.inf if self.integral_limit is None else self.integral_limit
         return {
             **{name: numbers(name, getattr(self, name), num_envs, envs) for name in ("kp", "ki", "kd")},
@@ -88,7 +93,12 @@ class DCMotor:
             raise ValueError("give both stall_torque and no_load_speed, or none of them")
 
     def _row(self, num_envs: int, envs: Envs = None) -> dict[str, Any]:
-        """Fields of the motor in the Rust crate's `ActuatorSpec`."""
+        """Dictionary of the motor's numbers for the Rust library. Values per environment are lists, with one number if all are equal.
+
+        Args:
+            num_envs: Number of environments, for checks of array sizes.
+            envs: Mask (num_envs,) of the environments whose numbers are returned; None is all.
+        """
 
         def curve(name: str) -> list[float]:
             value = getattr(self, name)
@@ -139,7 +149,12 @@ class Drive:
         check_numbers(self, "motor", "servo")
 
     def _row(self, num_envs: int, envs: Envs = None) -> dict[str, Any]:
-        """Fields of the Rust crate's `ActuatorSpec`."""
+        """Dictionary of the drive's numbers for the Rust library, with nested dictionaries for servo and motor, or None without them.
+
+        Args:
+            num_envs: Number of environments, for checks of array sizes.
+            envs: Mask (num_envs,) of the environments whose numbers are returned; None is all.
+        """
         low, high = (-math.inf, math.inf) if self.limits is None else self.limits
         return {
             **{name: numbers(name, getattr(self, name), num_envs, envs) for name in ("delay", "delay_steps", "lag", "friction")},

@@ -70,11 +70,19 @@ class ActuatorModel:
         return fitting(self.named, self.default, name)
 
     def chosen(self, index: np.ndarray[Any, Any]) -> ActuatorModel:
-        """Copy with the numbers of some environments only, by a mask (num_envs,) or by indices, which may repeat."""
+        """Copy of this actuator model for some environments only: arrays of numbers per environment keep the entries of `index`.
+
+        Args:
+            index: Boolean mask (num_envs,), or indices, which may repeat.
+        """
         return self._changed(lambda x: x[index])
 
     def spread(self, mask: np.ndarray[Any, Any]) -> ActuatorModel:
-        """Inverse of `chosen` for a mask, (num_envs,): copy for all environments, with 0 in environments outside of the mask."""
+        """Copy of this actuator model that extends its numbers from the environments of a mask to all; the other environments get 0.
+
+        Args:
+            mask: Boolean mask (num_envs,). Arrays in this model have one number per True entry.
+        """
 
         def spread(x: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
             out = np.zeros(len(mask))
@@ -84,18 +92,18 @@ class ActuatorModel:
         return self._changed(spread)
 
     def _changed(self, change: Callable[[np.ndarray[Any, Any]], np.ndarray[Any, Any]]) -> ActuatorModel:
-        """Copy in which `change` was applied to all arrays with one number per environment."""
+        """Copy of this actuator model in which `change` was applied to every array with one number per environment."""
         default = None if self.default is None else _changed(self.default, change)
         return ActuatorModel({name: _changed(drive, change) for name, drive in self.named.items()}, default=default)
 
     @classmethod
     def _from_rows(cls, model: Model, rows: list[dict[str, Any] | None]) -> ActuatorModel:
-        """Actuator model from drives in the format of `drives`."""
+        """Actuator model from one dictionary per actuator, in the format that the method `drives` returns; None for ideal actuators."""
         named = zip(_names(model), rows, strict=True)
         return cls({name: _from_row(row, Drive) for name, row in named if row is not None})
 
     def _row(self, name: str, num_envs: int, envs: Envs) -> dict[str, Any] | None:
-        """Drive of an actuator as fields of the Rust crate; None if it is ideal."""
+        """Dictionary for the Rust library with the drive of an actuator, given by name; None if the actuator is ideal."""
         drive = self.drive_of(name)
         if drive is None:
             return None
@@ -114,7 +122,7 @@ class ActuatorModel:
 
 
 def _plain(part: PID | DCMotor | Drive) -> dict[str, Any]:
-    """Attributes other than None, as numbers, strings, lists and dictionaries."""
+    """Attributes of a drive, motor or servo other than None, as a dictionary of numbers, strings, lists and nested dictionaries."""
     out: dict[str, Any] = {}
     for field in fields(part):
         value = getattr(part, field.name)
@@ -130,7 +138,7 @@ def _plain(part: PID | DCMotor | Drive) -> dict[str, Any]:
 
 
 def _names(model: Model) -> list[str]:
-    """Names of the actuators, or their indices in the form "#3"."""
+    """Names of a model's actuators in their order; unnamed actuators have their index in the form "#3"."""
     return [name or f"#{index}" for index, name in enumerate(model.actuator_names)]
 
 
@@ -138,7 +146,7 @@ def _changed(part: Any, change: Callable[[np.ndarray[Any, Any]], np.ndarray[Any,
     """Copy of a drive, motor or servo in which `change` was applied to all arrays with one number per environment."""
 
     def changed(value: Any) -> Any:
-        """Value of a field after the change; parts of a drive, and tuples, are changed inside."""
+        """Value of a field after the change. Motors, servos and tuples are changed part by part; numbers and texts stay as they are."""
         if isinstance(value, PID | DCMotor):
             return _changed(value, change)
         if isinstance(value, tuple):
@@ -149,7 +157,7 @@ def _changed(part: Any, change: Callable[[np.ndarray[Any, Any]], np.ndarray[Any,
 
 
 def _from_row(row: dict[str, Any], kind: type[Any]) -> Any:
-    """Drive, motor or servo from fields of the Rust crate; missing and infinite numbers become None."""
+    """Drive, motor or servo (the class `kind`) from a dictionary of the Rust library. Empty lists and infinite numbers become None."""
 
     def number(value: Any) -> Any:
         if not isinstance(value, list):
@@ -169,7 +177,7 @@ def _from_row(row: dict[str, Any], kind: type[Any]) -> Any:
 
 
 def _read(table: Any, kind: type[Any], place: str) -> Any:
-    """Drive, motor or servo from a table of a file; messages begin with `place`."""
+    """Drive, motor or servo (the class `kind`) from a table of a TOML or JSON file; error messages begin with `place`."""
     if not isinstance(table, dict):
         raise ValueError(f"{place} is {table!r}, must be a table of entries")
     given = dict(table)

@@ -20,7 +20,7 @@ from stepper.envs.vector import StepperVectorEnv
 from stepper.shared.machine import allowed_cores
 
 Result: TypeAlias = tuple[Array, Array, Array, Array, dict[str, Any]]
-"""Observations, rewards, terminations, truncations, infos."""
+"""Result of `send` and `recv`: observations (n, k), rewards, terminations and truncations (n,), infos."""
 
 
 class StepperPool:
@@ -182,7 +182,12 @@ class StepperPool:
         self.close()
 
     def _begin(self, block: int, seed: int | None) -> Result:
-        """Resets a block; returns a result as of `recv`, with rewards of 0."""
+        """Resets the environments of a block and returns a result in the format of `recv`, with rewards of 0.
+
+        Args:
+            block: Index of the block of environments.
+            seed: Seed of the block's first environment; None continues the random numbers.
+        """
         observation, infos = self._blocks[block].reset(seed=seed)
         never = np.zeros(self._size, dtype=bool)
         return observation, np.zeros(self._size), never, never.copy(), infos

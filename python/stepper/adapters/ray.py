@@ -38,7 +38,7 @@ Results: TypeAlias = list[Any]
 """Return values of a call, one per block."""
 
 _LOST = (RayActorError, ObjectLostError)
-"""Errors of Ray if an actor has died, or the machine with its return value."""
+"""Errors that Ray raises if an actor has died, or if the machine that stored its return value is lost."""
 _ATTEMPTS = 5
 """Number of attempts at a call, each with a new actor, before the error of a lost actor is raised."""
 
@@ -196,19 +196,19 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
             raise ResetNeeded(f"call reset before {name}")
 
     def _joined(self, results: Results) -> Any:
-        """Concatenates the return values of `reset` or `step` of all blocks."""
+        """Concatenates the values that all blocks returned from `reset` or `step`, along the axis of environments."""
         sizes = [part.stop - part.start for part in self._slices]
         *arrays, infos = zip(*results, strict=True)
         return *(np.concatenate(array) for array in arrays), _join_infos(infos, sizes)
 
     def _forget(self) -> None:
-        """Discards saved states and calls, so that the next call creates all blocks again."""
+        """Discards the saved states of all blocks and the recorded calls, so that the next call creates the blocks again."""
         self._saved = [None] * len(self._slices)
         self._calls = [[("make", (part.stop - part.start,))] for part in self._slices]
         self._whole, self._made = True, False
 
     def _run(self, calls: list[Call]) -> Results:
-        """Calls a method of every block and returns the results. Blocks of actors that have died are restored first."""
+        """Runs a list of method calls in every block and returns the value of each block's last call. Dead actors are replaced first."""
         if not self._actors:
             raise RuntimeError("the environments are closed")
         if not self._whole:
@@ -237,7 +237,7 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         return results
 
     def _replace_actor(self, k: int, calls: list[Call]) -> Any:
-        """Replaces actor k, which has died, and returns the pending result of its calls."""
+        """Starts a new actor in place of actor k, which has died, repeats its calls, and returns a Ray reference to their results."""
         ray.kill(self._actors[k])  # It may be alive but unreachable.
         self._actors[k] = self._start()
         share = self._shares[k]
@@ -245,7 +245,7 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         return self._actors[k].run.remote({b: [*self._calls[b], calls[b]] for b in share}, states)
 
     def _save(self) -> None:
-        """Copies the states of all blocks to this process, and discards the calls up to these states."""
+        """Copies the states of all blocks from the actors to this process, and discards the recorded calls that led to these states."""
         pending = [actor.save.remote() for actor in self._actors]
         for k, share in enumerate(self._shares):
             try:
@@ -308,7 +308,15 @@ class _Host:
         self._blocks: dict[int, _Block] = {}
 
     def run(self, calls: dict[int, list[Call]], states: dict[int, bytes] | None = None) -> dict[int, Any]:
-        """Restores blocks from states, if any, makes the calls of each block, and returns the value of the last call, by block."""
+        """Restores blocks from pickled states, if any, then makes the calls of each block in order.
+
+        Args:
+            calls: Calls by index of the block. The call "make" creates the block's environments.
+            states: Pickled blocks from `save`, by index of the block.
+
+        Returns:
+            Value of the last call of each block, by index of the block.
+        """
         for block, state in (states or {}).items():
             self._blocks[block] = _Unpickler(io.BytesIO(state), self._model).load()
         results: dict[int, Any] = {}
@@ -322,7 +330,7 @@ class _Host:
         return results
 
     def save(self) -> dict[int, bytes]:
-        """Pickled blocks without the model, by index of the block."""
+        """Pickled blocks of this actor, without their common model, by index of the block."""
         states = {}
         for block, value in self._blocks.items():
             file = io.BytesIO()
@@ -332,14 +340,14 @@ class _Host:
 
 
 class _Block:
-    """Vector environment of a block, and its last observation, (n, k)."""
+    """Environments that step together as one vector environment, and their last observations, (n, k)."""
 
     def __init__(self, envs: StepperVectorEnv):
         self.envs = envs
         self.observation: Array = np.zeros(0)
 
     def reset(self, seed: list[int | None], mask: Array) -> tuple[Array, dict[str, Any]]:
-        """Begins new episodes in the environments of a mask, (n,), which may be all False."""
+        """Begins new episodes in the environments of a mask, (n,), and returns observations (n, k) and infos. An empty mask resets none."""
         if not mask.any():
             return self.observation, {}
         self.observation, infos = self.envs.reset(seed=seed, options={"reset_mask": mask})
@@ -352,7 +360,16 @@ class _Block:
         return returned
 
     def rollout(self, policy: Any, num_steps: int, seed: tuple[int, ...]) -> dict[str, Array]:
-        """Runs a policy for `num_steps` actions; see `RayVectorEnv.rollout`."""
+        """Runs a policy for `num_steps` actions in the environments of this block.
+
+        Args:
+            policy: Ray reference to a function of observations (n, k) and a random generator that returns actions (n, nu).
+            num_steps: Number of actions per environment.
+            seed: Seed of the random generator.
+
+        Returns:
+            Arrays by name, as returned by `RayVectorEnv.rollout`, for the environments of the block.
+        """
         policy, draws = ray.get(policy), np.random.default_rng(seed)
         shape, width = self.observation.shape, flatdim(self.envs.single_action_space)
         out: dict[str, Array] = {
@@ -376,7 +393,7 @@ class _Block:
 
 
 class _Pickler(cloudpickle.CloudPickler):  # type: ignore[misc]
-    """Pickler that writes a reference instead of the model, which `_Unpickler` has."""
+    """Pickler for environments that writes a reference instead of their model, which is large and which every actor has already."""
 
     def __init__(self, file: io.BytesIO, model: Model):
         super().__init__(file)
@@ -387,7 +404,7 @@ class _Pickler(cloudpickle.CloudPickler):  # type: ignore[misc]
 
 
 class _Unpickler(pickle.Unpickler):
-    """Reader for `_Pickler`, which inserts the model."""
+    """Unpickler that inserts `model` for the references to it that `_Pickler` wrote."""
 
     def __init__(self, file: io.BytesIO, model: Model):
         super().__init__(file)
@@ -398,7 +415,14 @@ class _Unpickler(pickle.Unpickler):
 
 
 def _count(num_actors: int | None, blocks: int, each: float, cpus: float) -> int:
-    """Number of actors: `num_actors`, or as many as fit if each needs `each` CPUs and the cluster has `cpus`."""
+    """Number of actors: `num_actors`, or else as many as the cluster's CPUs allow, at least one and at most one per block.
+
+    Args:
+        num_actors: Requested number; a warning is issued if the cluster has too few CPUs for it.
+        blocks: Number of blocks of environments.
+        each: Number of CPUs per actor.
+        cpus: Number of CPUs of the cluster.
+    """
     count = num_actors or max(1, min(blocks, int(cpus // (each or 1))))
     if count * each > cpus:
         needed = f"{count} actors with {each:g} CPUs each take {count * each:g}, and the cluster has {cpus:g}"
@@ -407,7 +431,7 @@ def _count(num_actors: int | None, blocks: int, each: float, cpus: float) -> int
 
 
 def _seeds(seed: int | Sequence[int | None] | None, num_envs: int) -> list[int | None]:
-    """Seed of each environment, or None, from the argument of `reset`."""
+    """Seed of each environment, or None: a single seed gives environment i `seed + i`, and a sequence gives one seed per environment."""
     if seed is None:
         return [None] * num_envs
     if isinstance(seed, int | np.integer):
@@ -418,7 +442,12 @@ def _seeds(seed: int | Sequence[int | None] | None, num_envs: int) -> list[int |
 
 
 def _join_infos(infos: Sequence[dict[str, Any]], sizes: list[int]) -> dict[str, Any]:
-    """Concatenates the infos of blocks. Blocks that lack a key have zeros (or None), and False in the mask of the key."""
+    """Concatenates info dictionaries of several blocks along the axis of environments.
+
+    Args:
+        infos: Dictionary of arrays per block. A block that lacks a key gets zeros (None for objects), and False in the key's mask "_key".
+        sizes: Number of environments of each block.
+    """
     joined: dict[str, Any] = {}
     for name in dict.fromkeys(name for info in infos for name in info):
         example = next(info[name] for info in infos if name in info)

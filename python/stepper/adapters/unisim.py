@@ -250,7 +250,7 @@ class StepperBackend(SimBackend):  # type: ignore[misc]
             self.sim.reset(mask, qpos=qpos, qvel=qvel)
 
     def _tensor(self, value: Array, device: Any) -> torch.Tensor:
-        """Copy of an array as a float32 tensor; UniSim checks the device."""
+        """Copy of an array as a float32 tensor on the CPU; UniSim's check raises an error for any other `device`."""
         validate_torch_device(("cpu",), torch.device("cpu" if device is None else device), label="stepper")
         return torch.from_numpy(np.array(value, dtype=np.float32))
 

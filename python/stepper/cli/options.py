@@ -61,7 +61,13 @@ def study_of_file(path: Path, *, ray: bool, seed: int | None = None) -> Study:
 
 
 def source_with(source: str, *, ray: bool, values: Sequence[str] = ()) -> Any:
-    """Argument `source` of a command as a model or study, on Ray with `ray`, and with the nominal values `values` (NAME=VALUE)."""
+    """Model or study for the argument `source` of a command.
+
+    Args:
+        source: Path of a model or study, or the name of a built-in scene.
+        ray: Whether to run on Ray.
+        values: Nominal values of parameters, as texts NAME=VALUE.
+    """
     if not ray and not values:
         return source
     study = Study.from_model(source, ray=True) if ray else Study.from_model(source)
@@ -79,7 +85,7 @@ def arguments_of(texts: Sequence[str]) -> dict[str, Any]:
 
 
 def number_or_text(text: str) -> float | str:
-    """Number of a text, or else the text."""
+    """Number that a text contains, or the text itself if it is no number."""
     for kind in (int, float):
         with contextlib.suppress(ValueError):
             return kind(text)

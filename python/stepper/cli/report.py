@@ -40,7 +40,12 @@ def report_recording(recording: Path) -> None:
 
 
 def _report(recording: Path, head: dict[str, Any]) -> None:
-    """Prints the contents of run.json."""
+    """Prints the settings and failures of a recording.
+
+    Args:
+        recording: Folder of the recording.
+        head: Contents of its file run.json.
+    """
     envs = "one environment" if head["num_envs"] is None else f"{head['num_envs']} environments"
     end = "" if head["closed"] else ", not closed: its end may be missing"
     print(f'{recording}: {head["rows"]} rows of {envs} of "{head["model"]["name"]}", dt {head["timestep"]:g} s, {head["precision"]}{end}')

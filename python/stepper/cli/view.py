@@ -36,7 +36,10 @@ MODELS = (".xml", ".urdf", ".mjb")
 
 
 class ViewOptions(NamedTuple):
-    """Options of the command for all kinds of sources; `looks` is the option --model, and names are those of the options otherwise."""
+    """Options of the command `stepper view` for all kinds of sources.
+
+    Fields have the names of the options, except `looks`, the option --model: a model file with the meshes and colours to show.
+    """
 
     envs: int
     looks: Path | None
@@ -50,7 +53,7 @@ class ViewOptions(NamedTuple):
 
 
 class StudyOptions(NamedTuple):
-    """Options of the command that only apply to studies; names are those of the options."""
+    """Options of the command `stepper view` that only apply to studies; fields have the names of the options."""
 
     values: tuple[str, ...]
     episode: int | None
@@ -94,7 +97,7 @@ def view(what: str, options: ViewOptions, of_study: StudyOptions, rerun: Path | 
 
 
 def _study(file: str, options: ViewOptions, of_study: StudyOptions) -> None:
-    """Shows or records the episodes of a study."""
+    """Shows the episodes of a study in the browser, or records them with the option --record. `file` is the study's path."""
     study = Study.from_file(file)
     study = study if options.seed is None else replace(study, seed=options.seed)
     values = values_of(of_study.values)
@@ -151,14 +154,20 @@ def _refuse_study_options(what: str, of_study: StudyOptions) -> None:
 
 
 def _refuse(what: str, kind: str, **given: object) -> None:
-    """Raises ValueError if one of the options `given` is not None, because it has no effect on this kind of source."""
+    """Raises ValueError if one of the options `given`, by name, is not None.
+
+    Args:
+        what: Argument of the command: a path or an environment id.
+        kind: Kind of source, as "a recording", on which these options have no effect.
+        **given: Values of the options.
+    """
     for name, value in given.items():
         if value is not None:
             raise ValueError(f"--{name} has no effect on {kind}, and {what} is one: leave it out")
 
 
 def _play(folder: Path, options: ViewOptions, rerun: Path | None) -> None:
-    """Shows a recording, or converts it to a log for Rerun."""
+    """Shows a recording in the browser, or converts it to a log for the viewer Rerun if the path `rerun` is not None."""
     # The default of 1 means all environments for a recording.
     envs = options.envs if options.envs > 1 else None
     if rerun is not None:
@@ -172,11 +181,11 @@ def _play(folder: Path, options: ViewOptions, rerun: Path | None) -> None:
 
 
 Simulation = tuple[Stepper, "Callable[[], Any] | None", "Callable[[], Any]"]
-"""Stepper to show, function that makes a step (None is `Stepper.step`), and function that resets."""
+"""Triple of a stepper to show, a function that makes a step (None is `Stepper.step`), and a function that resets the stepper."""
 
 
 def _model(file: str, options: ViewOptions) -> Simulation:
-    """Simulation of a model."""
+    """Simulation of a model file: stepper, step function and reset function."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ModelWarning)  # `stepper explain` lists the warnings.
         model = load(file, strict=False)
@@ -192,7 +201,7 @@ def _model(file: str, options: ViewOptions) -> Simulation:
 
 
 def _environments(name: str, options: ViewOptions, arguments: dict[str, Any]) -> Simulation:
-    """Simulation of environments with an id in Gymnasium's registry, made with `arguments`."""
+    """Simulation of environments, made with `arguments` from an id in Gymnasium's registry: stepper, step function and reset function."""
     gymnasium = require("gymnasium", "to view an environment")
     importlib.import_module("stepper.envs")
     try:

@@ -22,11 +22,13 @@ from stepper.derivatives.perturbations import STATE, Array, Block, Stencil
 from stepper.shared.fields import APPLIED, RANDOMIZED
 
 COPIES_PER_THREAD = 1024
-"""Largest number of copies per thread in one batch, so that the copies fit into the cache of a core. Copies of one environment are never
-split."""
+"""Largest number of copies per thread in one batch, so that the copies fit into the cache of a core.
+
+All copies of an environment are in one batch.
+"""
 
 _kept: WeakKeyDictionary[Stepper, dict[tuple[int, float], Stepper]] = WeakKeyDictionary()
-"""Steppers of the copies of each stepper, by number of copies and tolerance, reused by its next linearization."""
+"""Steppers of perturbed copies, by original stepper, then by number of copies and solver tolerance; the next linearization reuses them."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,12 @@ class Nominal:
 
 
 def nominal_of(sim: Stepper, ctrl: ArrayLike | None, blocks: Sequence[Block]) -> Nominal:
-    """Snapshot of the environments of a stepper, with controls (num_envs, nu) or (nu,).
+    """Snapshot of the environments of a stepper.
+
+    Args:
+        sim: The stepper.
+        ctrl: Controls, (num_envs, nu) or (nu,); None is those of the last step.
+        blocks: Quantities by which derivatives are computed; the snapshot contains their parameters.
 
     Raises:
         ValueError: Controls have a wrong shape, or the stepper has drives and precision f32.
@@ -98,7 +105,7 @@ def rows(sim: Stepper, name: str) -> NDArray[Any]:
 
 @dataclass(frozen=True)
 class Part:
-    """Copies of some environments. Row e * count + k is copy k of environment e of the slice; copy 0 is not perturbed.
+    """Batch of perturbed copies of some environments. Row e * count + k is copy k of environment e of the slice; copy 0 is not perturbed.
 
     Attributes:
         envs: Slice of the environments.
@@ -116,7 +123,16 @@ class Part:
 def parts_of(
     sim: Stepper, nominal: Nominal, blocks: Sequence[Block], stencil: Stencil, tolerance: float, *, envs: slice | None = None
 ) -> Iterator[Part]:
-    """Yields perturbed copies of all environments, or of the slice `envs`, for some environments at a time, ready to be stepped."""
+    """Yields batches of perturbed copies of the environments, ready to be stepped. A batch has all copies of some environments.
+
+    Args:
+        sim: The original stepper.
+        nominal: State of its environments.
+        blocks: Quantities to perturb.
+        stencil: Displacements of these quantities.
+        tolerance: Residual at which the solver of the copies stops, m/s.
+        envs: Slice of the environments; None is all.
+    """
     begin, end = (0, nominal.num_envs) if envs is None else (envs.start, envs.stop)
     levels, points, columns = stencil.offsets.shape[1:]
     largest = COPIES_PER_THREAD * (sim.threads or os.cpu_count() or 1)
@@ -147,7 +163,17 @@ def _part(
     tolerance: float,
     kept: Mapping[tuple[int, float], Stepper],
 ) -> Part:
-    """Perturbed copies of a slice of the environments; `offsets` are those of its environments, as in `Stencil`."""
+    """Batch of perturbed copies of the environments `envs`.
+
+    Args:
+        sim: The original stepper.
+        nominal: State of all its environments.
+        blocks: Quantities to perturb.
+        offsets: Displacements of their columns, (environments, levels, points, columns); each gives one copy.
+        envs: Slice of the environments.
+        tolerance: Residual at which the solver of the copies stops, m/s.
+        kept: Steppers to reuse, by number of copies and tolerance.
+    """
     n, levels, points, columns = offsets.shape
     count = 1 + levels * points * columns
     index = np.repeat(np.arange(envs.start, envs.stop), count)
@@ -167,9 +193,12 @@ def _part(
 
 
 def copies_of(sim: Stepper, nominal: Nominal, blocks: Sequence[Block], pairs: Pairs, options: Options) -> tuple[Stepper, Array]:
-    """Copies for pairs of an environment and a column, and the controls of the copies, (rows, nu).
+    """Perturbed copies for pairs of an environment and a column (one number to perturb).
 
-    Row k * count is an unperturbed copy of the environment of pair k; in the count - 1 rows behind it the pair's column is displaced.
+    Each pair has `count` rows, one more than it has displacements. The first is unperturbed; in the others the column is displaced.
+
+    Returns:
+        Stepper of the copies, and their controls, (rows, nu).
     """
     env, column, offsets = pairs.env, pairs.column, pairs.offsets.reshape(len(pairs), -1)
     count = 1 + offsets.shape[1]
@@ -194,9 +223,16 @@ def copies_of(sim: Stepper, nominal: Nominal, blocks: Sequence[Block], pairs: Pa
 
 
 def ends_of(sim: Stepper, count: int, *, sensors: bool) -> tuple[dict[str, Array], Array]:
-    """States of the copies (`count` for each environment), and their differences from the first copy, (num_envs, count, rows).
+    """States of copies after their steps, and their differences from the unperturbed first copy of their environment.
 
-    Rows are displacements of qpos in tangent coordinates, qvel, act and, with `sensors`, readings of ideal sensors.
+    Args:
+        sim: Stepper of the copies, `count` for each environment.
+        count: Number of copies of each environment.
+        sensors: Whether the differences include readings of ideal sensors.
+
+    Returns:
+        "qpos", "qvel" and "act" by name, (num_envs, count, ...), and differences (num_envs, count, rows). Rows are qpos in tangent
+        coordinates, qvel, act and the readings.
     """
     n = len(sim.qpos) // count
     end = {name: np.array(getattr(sim, name)) for name in STATE}
@@ -213,7 +249,11 @@ def ends_of(sim: Stepper, count: int, *, sensors: bool) -> tuple[dict[str, Array
 def replicas_of(sim: Stepper, nominal: Nominal, count: int, tolerance: float | None = None) -> Stepper:
     """Stepper with `count` unperturbed copies of every environment, one after another, with the same options and full state.
 
-    `tolerance` is the residual of its steps, m/s; None keeps that of the original.
+    Args:
+        sim: The original stepper.
+        nominal: State of its environments.
+        count: Number of copies of each environment.
+        tolerance: Residual at which the solver of the copies stops, m/s; None keeps that of the original.
     """
     index = np.repeat(np.arange(nominal.num_envs), count)
     copies = _stepper(sim, index, replace(sim.options, tolerance=sim.tolerance if tolerance is None else tolerance))
@@ -225,7 +265,15 @@ def replicas_of(sim: Stepper, nominal: Nominal, count: int, tolerance: float | N
 
 
 def _move(model: Model, fields: dict[str, Array], block: Block, copy: NDArray[np.int64], moved: Array) -> None:
-    """Displaces the columns of a block in `fields`: in copy `copy[j]` of all environments by `moved[:, j]`, (environments, copies)."""
+    """Displaces the columns of a block in some copies of every environment; arrays in `fields` change in place.
+
+    Args:
+        model: The model.
+        fields: Arrays (environments, copies, size) by field.
+        block: Field and columns to displace.
+        copy: Index of the copy for each displacement, (n,).
+        moved: Displacements, (environments, n), in tangent coordinates for qpos.
+    """
     field = fields[block.field]
     if not len(copy):
         return
@@ -239,12 +287,15 @@ def _move(model: Model, fields: dict[str, Array], block: Block, copy: NDArray[np
 
 
 def _stepper(sim: Stepper, index: NDArray[np.int64], options: Options) -> Stepper:
-    """Stepper for copies of the environments `index`, with memories of drives and sensors as large as those of the original."""
+    """Stepper whose environment k is a copy of environment `index[k]` of `sim`, before its state is set.
+
+    Its drives and sensors have as much memory (delays, filters) as those of `sim`.
+    """
     # The length of delay lines is that of the longest delay in any environment of the original, copied or not. The parameters of the
     # sensors do not matter, because only ideal readings are differentiated.
 
     def memory_of(own: Any) -> Any:
-        """Model of sensors or actuators whose parts all have values for the copies."""
+        """Copy of a model of sensors or actuators in which every part has one value per copy, and as much memory as in `sim`."""
         named = {name: _widest(part, sim, len(index)) for name, part in own.named.items()}
         return type(own)(named, default=_widest(own.default, sim, len(index)))
 
@@ -269,7 +320,7 @@ def _widest(part: Any, sim: Stepper, count: int) -> Any:
     longest = int(np.argmax(total))
 
     def widest(value: Any, *, delays: bool) -> Any:
-        """Value of a field for the copies."""
+        """Array (count,) for the copies from an array with one number per environment of `sim`; other values unchanged."""
         if isinstance(value, tuple):
             return tuple(widest(end, delays=False) for end in value)
         # A number, or a matrix that mixes the axes of a sensor, applies to all environments. A nested part, such as a motor, is copied.
@@ -284,7 +335,15 @@ def _widest(part: Any, sim: Stepper, count: int) -> Any:
 
 
 def _randomize(copies: Stepper, nominal: Nominal, blocks: Sequence[Block], flat: dict[str, Array], index: NDArray[np.int64]) -> None:
-    """Gives copies the parameters of their environments, with the perturbed ones from `flat`."""
+    """Sets the per-environment parameters of copies to those of their environments, and the perturbed parameters to `flat`.
+
+    Args:
+        copies: Stepper of the copies.
+        nominal: State of the original environments.
+        blocks: Perturbed quantities.
+        flat: Perturbed arrays by field, one row per copy.
+        index: Environment of each copy, (copies,).
+    """
     own: dict[str, Any] = {name: value.chosen(index) if name == "actuators" else value[index] for name, value in nominal.randomized.items()}
     for field in {block.field for block in blocks} & RANDOMIZED.keys():
         own[field] = flat[field].reshape(len(index), *np.shape(getattr(copies.model, field)))
@@ -300,7 +359,15 @@ def _randomize(copies: Stepper, nominal: Nominal, blocks: Sequence[Block], flat:
 
 
 def _begin(sim: Stepper, copies: Stepper, nominal: Nominal, flat: dict[str, Array], index: NDArray[np.int64]) -> None:
-    """Gives copies the memory and applied forces of their environments, and the perturbed states `flat`."""
+    """Sets the full state of copies to that of their environments, and then positions, velocities and activations to the perturbed ones.
+
+    Args:
+        sim: The original stepper.
+        copies: Stepper of the copies.
+        nominal: State of the original environments.
+        flat: Perturbed arrays by field, one row per copy.
+        index: Environment of each copy, (copies,).
+    """
     _restore(sim, copies, index)
     for name, value in nominal.applied.items():
         getattr(copies, name)[...] = value[index]
@@ -308,7 +375,7 @@ def _begin(sim: Stepper, copies: Stepper, nominal: Nominal, flat: dict[str, Arra
 
 
 def _restore(sim: Stepper, copies: Stepper, index: NDArray[np.int64]) -> None:
-    """Gives every copy k the whole state of environment index[k], including memory that no attribute shows.
+    """Sets the whole state of every copy k to that of environment index[k] of `sim`, including memory that no attribute shows.
 
     With precision f32 only the time is copied.
     """

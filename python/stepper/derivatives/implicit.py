@@ -20,8 +20,11 @@ from stepper.derivatives.perturbations import ROUNDING, STATE, Array, Block, Ste
 from stepper.shared.fields import RANDOMIZED
 
 STEP = 2.0**-20
-"""Half width of the differences for coordinates of order 1. Modes are fixed, so that differences have no error of the solver. Errors
-relative to a column's largest entry are 1e-9 from rounding; third derivatives of MuJoCo's friction cones gave at most 1e-7 in tests."""
+"""Half width of the finite differences of forces, inertia and geometry, for coordinates of order 1 (SI units).
+
+Active constraints and impulses are fixed, so that the differences have no error of the solver. Errors relative to a column's largest entry
+are 1e-9 from rounding; third derivatives of MuJoCo's friction cones gave at most 1e-7 in tests.
+"""
 
 
 def check(sim: Stepper, blocks: Sequence[Block], *, extrapolate: bool, sensors: bool) -> None:
@@ -45,9 +48,18 @@ def check(sim: Stepper, blocks: Sequence[Block], *, extrapolate: bool, sensors: 
 def where_available(
     sim: Stepper, nominal: Nominal, blocks: Sequence[Block], *, nstep: int, tolerance: float, sensors: bool
 ) -> dict[str, NDArray[Any]] | None:
-    """Implicit derivatives in all environments, as `derivatives` returns; None if they do not support the options, sensors or columns.
+    """Derivatives of the step by the implicit function theorem, in all environments; None if it does not support the options or sensors.
 
-    Columns of parameters are 0 and have the flag `Kink.UNSOLVED`.
+    Args:
+        sim: The stepper.
+        nominal: State of its environments.
+        blocks: Quantities to differentiate by. Columns of parameters are 0 and have the flag `Kink.UNSOLVED`.
+        nstep: Number of steps.
+        tolerance: Residual to which steps are solved, m/s.
+        sensors: Whether derivatives of sensor readings are needed, which the theorem does not support.
+
+    Returns:
+        Arrays by name, in the format of `derivatives`.
     """
     state = [block for block in blocks if block.field not in RANDOMIZED]
     if not state:
@@ -71,8 +83,9 @@ def derivatives(
     """Derivatives of the state after `nstep` steps in all environments, by the implicit function theorem.
 
     Returns:
-        Arrays by name, as returned by `linearize._differences`. "implicit", (num_envs,) bool, is whether the derivatives of an environment
-        are valid. They are not where a step was not solved, or depends on something that the theorem does not cover.
+        Arrays by name: "slopes" (num_envs, 1, columns, rows), "causes" with the flags of `Kink` (num_envs, columns), and others.
+            "implicit",
+        (num_envs,) bool, is False where the derivatives are not valid, because the step was not solved or the theorem does not apply.
     """
     if nstep > 1:
         return _product(sim, nominal, blocks, float(stencil.step.max(initial=0.0)), nstep=nstep, tolerance=tolerance)
@@ -85,7 +98,19 @@ def derivatives(
 def _product(
     sim: Stepper, nominal: Nominal, blocks: Sequence[Block], width: float, *, nstep: int, tolerance: float
 ) -> dict[str, NDArray[Any]]:
-    """Derivatives of several steps: the product of the matrices of the single steps. `width` is the half width of the differences."""
+    """Derivatives of the state after several steps: the product of the derivatives of the single steps.
+
+    Args:
+        sim: The stepper.
+        nominal: State of its environments.
+        blocks: Quantities to differentiate by.
+        width: Half width of the finite differences for coordinates of order 1.
+        nstep: Number of steps.
+        tolerance: Residual to which steps are solved, m/s.
+
+    Returns:
+        Arrays by name, in the format of `derivatives`.
+    """
     model, ctrl = sim.model, nominal.fields["ctrl"]
     plant = replicas_of(sim, nominal, 1, tolerance=tolerance)
     whole = blocks_of(model, (*STATE, "ctrl"))
@@ -116,7 +141,15 @@ def _product(
 def _combined(
     last: dict[str, NDArray[Any]], slopes: Array, causes: NDArray[np.uint32], steps: list[dict[str, NDArray[Any]]], width: Array
 ) -> dict[str, NDArray[Any]]:
-    """Arrays as returned by `derivatives`, from the results `steps` of `Stepper._differentiate`, of which `last` is the final one."""
+    """Arrays in the format of `derivatives` from the results of one or more steps.
+
+    Args:
+        last: Result of `Stepper._differentiate` for the last step.
+        slopes: Derivatives over all steps, (num_envs, rows, columns).
+        causes: Flags of `Kink` over all steps, (num_envs, columns).
+        steps: Results of `Stepper._differentiate` for every step.
+        width: Half widths of the differences, (num_envs, columns).
+    """
     size = np.maximum(np.abs(last["qvel"]).max(axis=1, initial=0.0), 1.0)
     return {
         "slopes": np.moveaxis(slopes, 2, 1)[:, None],

@@ -21,7 +21,7 @@ from stepper.derivatives.perturbations import NOISE_RATIO, Array, Stencil
 Bools = NDArray[np.bool_]
 
 CURVATURE = 1e4
-"""Largest relative change of a slope per unit of a coordinate (SI) that is attributed to smooth motion and not to a kink."""
+"""Largest relative change of a slope (derivative) per unit of its coordinate (SI) that counts as curvature of smooth motion, not a kink."""
 
 LEAST_SLOPE = 0.1
 """Smallest reference for relative differences of slopes of velocities, SI units.
@@ -30,7 +30,7 @@ Bodies at rest have slopes near 0, whose relative change means nothing. Slopes o
 """
 
 SOLVED = 1e-9
-"""Residual below which the mode of a step is certain, m/s."""
+"""Residual of a step below which its active constraints (its "mode") are certain, m/s."""
 
 
 class Kink(IntFlag):
@@ -39,15 +39,18 @@ class Kink(IntFlag):
     NONE = 0
     """No kink."""
     CONTACT = 1
-    """Contacts begin or cease to push."""
+    """A contact pushes in one of the two environments and not in the other."""
     SLIP = 2
     """A contact sticks in one of the two environments and slips in the other; not detected with contact="mujoco"."""
     GAP = 4
-    """A contact or limit has a tiny gap in one of them and overlaps in the other. A gap may close within the step; an overlap adds no
-    velocity. A robot at rest is at this kink; docs/how-to/derivatives.md has settings without it. With method="implicit" the flag has a
-    second cause: equalities move a contact across the depth at which the damping of its position correction begins."""
+    """A contact or limit has a tiny gap in one of the two environments and overlaps in the other.
+
+    A gap may close within the step; an overlap adds no velocity. A robot at rest is at this kink; docs/how-to/derivatives.md has settings
+    without it. With method="implicit" the flag has a second cause: equalities move a contact across the depth at which the damping of its
+    position correction begins.
+    """
     LIMIT = 8
-    """A slide or hinge reaches a limit or leaves it; limits of ball joints and tendons are not detected."""
+    """A slide or hinge is at a limit in one of the two environments only. Limits of ball joints and tendons are not detected."""
     DRY_FRICTION = 16
     """Dry friction holds a joint in one of the two environments and not in the other; not detected with contact="mujoco"."""
     SATURATION = 32
@@ -57,16 +60,16 @@ class Kink(IntFlag):
     UNSOLVED = 128
     """A step was not solved, not finite, or too long for its motion (`Status`)."""
     UNDETERMINED = 256
-    """The nominal mode has no slope (docs/how-to/derivatives.md): the column is 0 in place of a derivative."""
+    """The step has no derivative with the active constraints of the unperturbed environment; its column of the matrix is 0."""
 
 
 @dataclass(frozen=True)
 class RowGroup:
-    """Rows of the derivative matrix with the same unit, whose slopes are compared with one another.
+    """Range of rows of the derivative matrix that have the same unit, so that their slopes can be compared with one another.
 
     Attributes:
         rows: Range of the rows.
-        least_slope: Slope below which a column is compared with this one, SI units.
+        least_slope: Smallest reference for relative differences of slopes, SI units. It is used for columns whose slopes are all smaller.
     """
 
     rows: slice
@@ -75,7 +78,7 @@ class RowGroup:
 
 @dataclass
 class Report:
-    """Result of the comparison of copies in some environments.
+    """Kinks found by comparing perturbed copies with their nominal (unperturbed) environments.
 
     Attributes:
         causes: Flags of `Kink` for every column, (num_envs, nstep, columns) uint32.
@@ -87,12 +90,15 @@ class Report:
 
 
 class KinkDetector:
-    """Detects kinks by comparing copies with their nominal environment after every step. `report` has the result.
+    """Detector of kinks, which compares perturbed copies with their nominal (unperturbed) environment after every step.
 
     Args:
         sim: Stepper of the copies; row e * count + k is copy k of environment e, and copy 0 is nominal.
         stencil: Displacements of the copies.
         nstep: Number of steps.
+
+    Attributes:
+        report: Kinks found so far.
     """
 
     def __init__(self, sim: Stepper, stencil: Stencil, nstep: int):
@@ -110,7 +116,11 @@ class KinkDetector:
         self._evaluated_at = self._constraint_positions()
 
     def compare(self, step: int) -> None:
-        """Compares active constraints of the copies with those of the nominal one, after step `step` (from 0), and adds to `report`."""
+        """Compares the active constraints of perturbed copies with those of the nominal copy after a step, and adds the kinks to `report`.
+
+        Args:
+            step: Index of the step, from 0.
+        """
         causes, distance = self.sim._find_kinks(
             count=self.count,
             sides=self.sides,
@@ -128,7 +138,7 @@ class KinkDetector:
             self._evaluated_at = self._constraint_positions()
 
     def _constraint_positions(self) -> Array:
-        """Positions of the limited joints at which the next step evaluates its constraints, (copies, joints), rad or m."""
+        """Positions of the joints with limits at which the next step evaluates its constraints, (copies, joints), rad or m."""
         if not self._limited:
             return np.zeros((self.stencil.offsets.shape[0] * self.count, 0))
         place, dof, _ = (np.array(part) for part in zip(*self._limited, strict=True))
@@ -160,7 +170,7 @@ class KinkDetector:
 
 
 def _smooth_at_rest(sim: Stepper) -> bool:
-    """Whether contact at rest is no kink: gaps and overlaps have the same target velocity (Baumgarte, factor 1, no slop)."""
+    """Whether the step is smooth for contacts at rest: gaps and overlaps have the same target velocity (Baumgarte, factor 1, no slop)."""
     options = sim.options
     return options.stabilization == "baumgarte" and options.baumgarte == 1.0 and options.slop == 0.0
 
@@ -181,11 +191,11 @@ class _JointData:
 
 
 _joint_data: WeakKeyDictionary[Stepper, _JointData] = WeakKeyDictionary()
-"""Joint data by stepper of copies. The model is not the key, because hashing a model takes longer than a step."""
+"""Limits and dry friction of joints, by stepper of perturbed copies. Models are no keys: hashing a model takes longer than a step."""
 
 
 def _joint_data_of(sim: Stepper) -> _JointData:
-    """Joint data of a stepper's model, from the cache if possible."""
+    """Limits and dry friction of the joints of a stepper's model, read once per stepper."""
     known = _joint_data.get(sim)
     if known is None:
         known = _joint_data[sim] = _read_joint_data(sim.model)

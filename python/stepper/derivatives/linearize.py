@@ -17,8 +17,10 @@ from stepper.derivatives.pair_readings import Reader
 from stepper.derivatives.perturbations import ROUNDING, STATE, Array, Block, Stencil, blocks_of, stencil_of, step_of
 
 TOLERANCE = 1e-13
-"""Default residual to which perturbed copies are solved, m/s; that of the stepper counts if it is smaller. It costs two or three sweeps of
-the solver more than 1e-6, and reduces the noise of the derivatives."""
+"""Default residual to which perturbed copies are solved, m/s, unless that of the stepper is smaller.
+
+It costs two or three more sweeps of the solver than 1e-6, and reduces the noise of the derivatives.
+"""
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,7 @@ class Linearization:
         return self._block("ctrl", sensors=True)
 
     def _block(self, name: str, *, sensors: bool = False) -> Array:
-        """Derivative of the state or sensors by the quantity `name`; a KeyError if it was not computed."""
+        """Derivative matrix of the state, or of the sensors, by the quantity `name` of `wrt`; a KeyError if it was not computed."""
         blocks = self.sensors if sensors else self.blocks
         if name not in blocks:
             remedy = "sensors=True" if name in self.blocks else f"{name!r} in wrt"
@@ -178,20 +180,20 @@ def linearize(
 
 
 def _runs(chosen: Bools) -> list[slice]:
-    """Slices of consecutive environments in a mask (num_envs,)."""
+    """Slices of consecutive environments that are True in a mask (num_envs,)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]]).astype(np.int8)))
     return [slice(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
 def _positive(name: str, value: float) -> float:
-    """The value, or a ValueError unless it is a positive finite number; `name` is the argument's name."""
+    """Returns an argument as a float; a ValueError unless it is a positive finite number. `name` is the argument's name for the message."""
     if not isinstance(value, int | float | np.number) or not 0.0 < value < np.inf:
         raise ValueError(f"{name} is {value!r}, must be a number above 0")
     return float(value)
 
 
 def _rows(stencil: Stencil, envs: slice) -> Stencil:
-    """Stencil of some environments."""
+    """Stencil (displacements and half widths) of the environments of a slice."""
     return Stencil(stencil.offsets[envs], stencil.step[envs], stencil.central[envs], stencil.bounded[envs])
 
 
@@ -240,14 +242,24 @@ def _result(
     order: int,
     sensors: bool,
 ) -> Linearization:
-    """Linearization from arrays as of `_differences`. `order` is the order of the differences' error; 0 is no extrapolation."""
+    """Linearization from arrays of slopes and kinks.
+
+    Args:
+        sim: The stepper.
+        blocks: Quantities of `wrt`.
+        whole: Arrays of all environments, in the format of `_differences`.
+        width: Half width of the differences for coordinates of order 1.
+        tolerance: Residual to which copies were solved, m/s.
+        order: Order of the differences' error, for Richardson's extrapolation; 0 is no extrapolation.
+        sensors: Whether the slopes have rows for sensor readings.
+    """
     single = sim.num_envs is None
 
     def shown(array: NDArray[Any]) -> NDArray[Any]:
         return array[0] if single else array
 
     def split(array: NDArray[Any]) -> dict[str, NDArray[Any]]:
-        """Splits the columns of an array (num_envs, columns, ...) into blocks, and moves them to the last axes."""
+        """Splits an array (num_envs, columns, ...) into one array per quantity of `wrt`, with the columns as the last axes."""
         out, place = {}, 0
         for block in blocks:
             own = array[:, place : place + block.count]
@@ -277,11 +289,11 @@ def _result(
 
 
 def _groups(sim: Stepper, nstep: int) -> list[RowGroup]:
-    """Rows with the same unit: displacements, velocities, activations."""
+    """Groups of rows of A with the same unit: displacements, velocities and activations."""
     nv, duration = sim.model.nv, min(nstep * sim.timestep, 1.0)
     return [RowGroup(slice(0, nv), LEAST_SLOPE * duration), RowGroup(slice(nv, 2 * nv)), RowGroup(slice(2 * nv, _size(sim.model)))]
 
 
 def _size(model: Model) -> int:
-    """Number of rows of A."""
+    """Number of rows of A, the derivative matrix of the state: 2 nv + na."""
     return 2 * model.nv + model.na

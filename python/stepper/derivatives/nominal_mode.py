@@ -19,30 +19,30 @@ from stepper.derivatives.kinks import CURVATURE, Bools, Kink, RowGroup
 from stepper.derivatives.perturbations import Array, Stencil
 
 WIDTHS = 6
-"""Number of widths of differences. The narrowest is 1/1024 of the first; its rounding error is about 1e-6 of a slope."""
+"""Number of half widths at which a column is differentiated. The narrowest is 1/1024 of the first; its rounding error is about 1e-6."""
 
 WIDTH_RATIO = 0.25
-"""Ratio of each width to the one before."""
+"""Ratio of each half width of a difference to the next wider one."""
 
 CURVATURE_RATIO = 0.5
 """Largest ratio of the difference of two slopes at a quarter of the width to that at the full width that counts as curvature. In theory
 the ratio is 1/4 for curvature and 1 at a kink."""
 
 HARMLESS = np.uint32(Kink.CONTACT | Kink.SLOPE | Kink.UNSOLVED)
-"""Kinks that may have no effect, such as the begin of a contact without force. The comparison of slopes decides about these."""
+"""Flags of kinks that may have no effect, such as the begin of a contact without force. A comparison of slopes decides about them."""
 
 LARGEST_BEND = 0.1
-"""Largest relative difference of slopes that may count as curvature."""
+"""Largest relative difference of two slopes that may count as curvature and not as a kink."""
 
 
 @dataclass(frozen=True)
 class Pairs:
-    """Pairs of an environment and a column, which are differentiated again.
+    """Pairs of an environment and a column of its derivative matrix whose difference crossed a kink, to be differentiated again.
 
     Attributes:
         env: Index of the environment, (pairs,).
         column: Index of the column, (pairs,).
-        offsets: Displacements of the column, (pairs, 2, WIDTHS): to the first and to the second side; 0 for a side beyond a bound.
+        offsets: Displacements of the column's quantity, (pairs, 2, WIDTHS): to the first and the second side; 0 for a side beyond a bound.
     """
 
     env: NDArray[np.int64]
@@ -58,11 +58,11 @@ class Pairs:
 
 @dataclass(frozen=True)
 class Readings:
-    """Results of the displaced copies of some pairs.
+    """Results of stepping displaced copies, for pairs of an environment and a column of the derivative matrix.
 
     Attributes:
         slopes: Change of the result divided by the displacement of each copy, (pairs, 2, WIDTHS, rows).
-        differs: Whether a copy is not solved, or not in the nominal mode, (pairs, 2, WIDTHS) bool.
+        differs: Whether a copy was not solved, or has other active constraints than the unperturbed step, (pairs, 2, WIDTHS) bool.
         noise: Noise of the results, (pairs,), in SI units.
     """
 
@@ -72,7 +72,12 @@ class Readings:
 
 
 def pairs_of(flagged: Bools, stencil: Stencil) -> Pairs:
-    """Pairs for the flagged columns, a mask (num_envs, columns), with the displacements of the stencil and smaller ones."""
+    """Pairs of an environment and a column for the columns with kinks, with displacements of the stencil's width and smaller ones.
+
+    Args:
+        flagged: Mask of the columns with kinks, (num_envs, columns).
+        stencil: Displacements of the first differences.
+    """
     env, column = np.nonzero(flagged & (stencil.step[:, 0] > 0.0))
     width = stencil.step[env, 0, column, None] * WIDTH_RATIO ** np.arange(WIDTHS)
     first = np.sign(stencil.offsets[env, 0, 0, column])[:, None]
@@ -82,7 +87,7 @@ def pairs_of(flagged: Bools, stencil: Stencil) -> Pairs:
 
 
 def slopes_of(readings: Readings, offsets: Array, groups: Sequence[RowGroup]) -> tuple[Array, Bools, Bools]:
-    """Slopes of the nominal mode, from the copies that stay in it.
+    """Slopes (derivatives) of the nominal mode, which is the set of active constraints of the unperturbed step.
 
     A difference is valid if its copies (on both sides or on one) are in the nominal mode and a quarter of the width gives the same
     slope. (At a jump that slope would be four times as large.) The result is the widest valid difference. Without a valid difference, a
@@ -121,9 +126,17 @@ def slopes_of(readings: Readings, offsets: Array, groups: Sequence[RowGroup]) ->
 
 
 def _agree(a: Array, b: Array, width: Array, groups: Sequence[RowGroup], noise: Array) -> Bools:
-    """Whether two arrays of slopes, (..., widths, rows), agree apart from curvature and noise; (..., widths) bool.
+    """Whether slopes at one width, (..., widths, rows), agree with slopes at another width or side; (..., widths) bool.
 
-    With the width, a difference from curvature decreases, one from a kink is constant, and one from a jump increases.
+    Differences from curvature and noise are allowed. With the width, a difference from curvature decreases, one from a kink is constant,
+    and one from a jump increases.
+
+    Args:
+        a: Slopes from differences of half width `width`.
+        b: Slopes from narrower differences, or from the opposite side.
+        width: Half widths, (..., widths), in the unit of the column.
+        groups: Rows with the same unit.
+        noise: Noise of the results, (pairs,), in SI units.
     """
     good = np.ones(a.shape[:-1], np.bool_)
     safe = np.where(width > 0.0, width, 1.0)
@@ -142,7 +155,8 @@ def _agree(a: Array, b: Array, width: Array, groups: Sequence[RowGroup], noise: 
 Read = Callable[[Pairs, bool], Iterator[tuple[Pairs, Readings]]]
 """Function that steps displaced copies for pairs of an environment and a column (`Pairs`), and yields results for some pairs at a time.
 
-If the second argument is True, it uses the stabilization that is smooth at rest (see `Reader`)."""
+If the second argument is True, steps use a stabilization for which contacts at rest are no kink: Baumgarte with factor 1 and no slop.
+"""
 
 
 def settle(
@@ -153,10 +167,12 @@ def settle(
     solved: dict[str, NDArray[Any]] | None,
     read: Read,
 ) -> None:
-    """Replaces flagged columns by slopes of the nominal mode, and adds `Kink.UNDETERMINED` to columns without such a slope.
+    """Replaces columns whose difference crossed a kink by slopes of the nominal mode, the active constraints of the unperturbed step.
+
+    Columns without such a slope get the flag `Kink.UNDETERMINED`.
 
     Args:
-        whole: Arrays as of `linearize._differences`; "slopes" and "causes" are changed in place.
+        whole: Arrays of all environments; "slopes" (num_envs, levels, columns, rows) and "causes" (num_envs, columns) are changed in place.
         stencil: Displacements of the differences.
         groups: Slices of the rows with the same unit.
         solved: Implicit derivatives of all environments; None if these are not available.

@@ -16,13 +16,15 @@ from stepper.derivatives.nominal_mode import WIDTHS, Pairs, Readings
 from stepper.derivatives.perturbations import Array, Block, Stencil
 
 SAME_STEP = 1e-6
-"""Largest difference of velocities, m/s, between the nominal step and the step with a stabilization that is smooth at rest. A larger one
-means that the latter cannot replace the former. The value is the default tolerance of the solver."""
+"""Largest change of a velocity after a step, m/s, by which another stabilization may replace the one in use.
+
+The other one is smooth for contacts at rest. The value is the default tolerance of the solver.
+"""
 
 
 @dataclass(frozen=True)
 class Reader:
-    """Function for `nominal_mode.settle` that steps displaced copies of pairs.
+    """Callable that steps displaced copies for pairs of an environment and a column, and yields the results.
 
     For bodies at rest it can use Baumgarte stabilization with factor 1 and no slop. Gaps and overlaps then behave alike, so that the step
     is smooth there.
@@ -46,9 +48,12 @@ class Reader:
     sensors: bool
 
     def __call__(self, pairs: Pairs, at_rest: bool) -> Iterator[tuple[Pairs, Readings]]:
-        """Yields results of displaced copies for some pairs at a time.
+        """Yields results of displaced copies, for some pairs of an environment and a column at a time.
 
-        With `at_rest`, steps use the stabilization that is smooth at rest; without hard contact nothing is yielded then.
+        Args:
+            pairs: Pairs and their displacements.
+            at_rest: Whether to use Baumgarte stabilization with factor 1 and no slop, for which contacts at rest are smooth. Nothing is
+                yielded if it is True without hard contact.
         """
         options = replace(self.sim.options, tolerance=self.tolerance)
         if at_rest:
@@ -61,7 +66,7 @@ class Reader:
             yield some, self._read(some, options)
 
     def _read(self, pairs: Pairs, options: Options) -> Readings:
-        """Results of the displaced copies of some pairs, with given options of the step."""
+        """Steps the displaced copies of some pairs of an environment and a column with the given options, and returns the results."""
         offsets = pairs.offsets.reshape(len(pairs), -1)
         copies, ctrl = copies_of(self.sim, self.nominal, self.blocks, pairs, options)
         # Every copy is a separate column here, displaced to one side.

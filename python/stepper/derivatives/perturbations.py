@@ -21,7 +21,7 @@ from stepper.shared.selectors import parse, places
 Array = NDArray[np.float64]
 
 STATE: tuple[str, ...] = ("qpos", "qvel", "act")
-"""Parts of the state, in the order of the rows of A."""
+"""Parts of the state, in the order of the rows of the derivative matrix A."""
 NOISE_RATIO = 10.0
 """Noise of a velocity after a step, relative to the tolerance. Light bodies, such as feet, have a larger error than the residual."""
 KINK_DENSITY = 1.0
@@ -30,11 +30,11 @@ ROUNDING = 2.0**-52
 """Rounding error of a number of order 1: the machine epsilon of float64."""
 
 SIGNED = frozenset({"gravity", "body_ipos", "geom_pos", "jnt_range", "actuator_gainprm", "actuator_biasprm"})
-"""Fields whose values may be negative; all other fields must be at least 0."""
+"""Parameters of a model (field names) whose values may be negative; all other parameters must be at least 0."""
 ABSENT = frozenset({"body_mass", "body_inertia", "geom_size", "dof_frictionloss", "jnt_stiffness", "actuator_gainprm", "actuator_biasprm"})
-"""Fields whose zeros cannot be perturbed, because 0 means that the model lacks the property (for example a spring or dry friction)."""
+"""Parameters (field names) whose zeros cannot be perturbed, because 0 means that the model lacks the property, such as a spring."""
 OF_AXES = frozenset({"dof_damping", "dof_armature"})
-"""Fields whose zeros cannot be perturbed for free and ball joints, because all axes of such a joint must have one value."""
+"""Parameters (field names) whose zeros cannot be perturbed for free and ball joints, whose axes must all have one value."""
 
 
 def step_of(tolerance: float) -> float:
@@ -55,7 +55,7 @@ def step_of(tolerance: float) -> float:
 
 @dataclass(frozen=True)
 class Block:
-    """Columns of one perturbed quantity: a part of the state, the controls or a parameter.
+    """Columns of the derivative matrix for one perturbed quantity: a part of the state, the controls or a parameter.
 
     Attributes:
         name: Name in the argument `wrt`, for example "qpos", "ctrl" or "geom_friction[floor]".
@@ -115,18 +115,25 @@ class Stencil:
         return np.where(self.central[:, None, :, None], both, one) * (sign / self._divisor(2.0))
 
     def bends(self, changes: Array) -> Array:
-        """Absolute differences of the one-sided slopes at the two points, (num_envs, levels, columns, n); `changes` as in `slopes`."""
+        """Absolute differences between the one-sided slopes of every column, which indicate kinks.
+
+        Args:
+            changes: Results at the two displaced points minus the nominal results, (num_envs, levels, 2, columns, n), in their units.
+
+        Returns:
+            Differences, (num_envs, levels, columns, n), in the unit of the result over that of the column.
+        """
         first, second = changes[:, :, 0], changes[:, :, 1]
         bend: Array = np.abs(np.where(self.central[:, None, :, None], first + second, second - 2.0 * first)) / self._divisor(1.0)
         return bend
 
     def _divisor(self, factor: float) -> Array:
-        """Half widths times a factor, with 1 instead of 0, (num_envs, levels, columns, 1)."""
+        """Half widths of the differences times a factor, (num_envs, levels, columns, 1); 1 for columns that cannot be perturbed."""
         return np.where(self.step > 0.0, factor * self.step, 1.0)[..., None]
 
 
 def blocks_of(model: Model, wrt: Sequence[str]) -> list[Block]:
-    """Blocks of the names in `wrt`.
+    """Perturbed quantities for the names in `wrt`, in their order.
 
     Raises:
         TypeError: `wrt` is a string, or an entry is not a string.
@@ -154,7 +161,13 @@ def check_parameters(model: Model, parameters: Sequence[str]) -> None:
 
 
 def _check_names(argument: str, names: Sequence[str], example: str) -> None:
-    """Checks that an argument is a sequence of names without repetition."""
+    """Raises an error unless an argument is a sequence of names without repetition.
+
+    Args:
+        argument: Name of the argument, for the message.
+        names: Its value.
+        example: Valid value, for the message.
+    """
     if isinstance(names, str) or not all(isinstance(name, str) for name in names):
         remedy = f"({names!r},)" if isinstance(names, str) else example
         raise TypeError(f"{argument} is {names!r}, must be a sequence of names, for example {remedy}")
@@ -163,7 +176,7 @@ def _check_names(argument: str, names: Sequence[str], example: str) -> None:
 
 
 def _block(model: Model, name: str, argument: str) -> Block:
-    """Block of one name; `argument` is the name of the argument that contains it, for messages."""
+    """Perturbed quantity of a name such as "qpos" or "geom_friction[floor]"; `argument` is the user's argument with it, for messages."""
     selector = parse(name, argument)
     field, whole = selector.field, selector.elements is None and selector.columns is None
     sizes = {"qpos": model.nv, "qvel": model.nv, "act": model.na, "ctrl": model.nu}
@@ -189,7 +202,13 @@ def _block(model: Model, name: str, argument: str) -> Block:
 
 
 def _absent(model: Model, field: str, places: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Whether a 0 at these indices of a flattened field cannot be perturbed, (places,) bool."""
+    """Whether each number of a parameter cannot be perturbed if it is 0, (places,) bool.
+
+    Args:
+        model: The model.
+        field: Name of the parameter.
+        places: Indices of the numbers in the flattened parameter.
+    """
     if field in OF_AXES:
         joints = (model.joint(k) for k in range(model.njnt))
         turning = [joint.dofadr + i for joint in joints if joint.type in ("free", "ball") for i in range(joint.nv)]
@@ -198,7 +217,7 @@ def _absent(model: Model, field: str, places: NDArray[np.int64]) -> NDArray[np.b
 
 
 def stencil_of(model: Model, blocks: Sequence[Block], values: Mapping[str, Array], *, step: float, levels: int, centered: bool) -> Stencil:
-    """Displacements of all columns in all environments.
+    """Displacements of all perturbed columns in all environments.
 
     Coordinates of the state and controls are displaced by `step` in their SI unit, parameters by `step` times their size. Points are on
     both sides of the nominal one. A control at the end of its range, or a parameter at a bound such as 0, has both points on one side. They
@@ -237,7 +256,7 @@ def stencil_of(model: Model, blocks: Sequence[Block], values: Mapping[str, Array
 
 
 def _bounds(model: Model, block: Block) -> tuple[Array, Array]:
-    """Smallest and largest allowed value of each column, (columns,) each, in the field's unit."""
+    """Smallest and largest allowed value of each column of a perturbed quantity, (columns,) each, in its unit; infinite without a bound."""
     low, high = np.full(block.count, -np.inf), np.full(block.count, np.inf)
     if block.field == "ctrl":
         ranges = np.array(model.actuator_ctrlrange, np.float64)

@@ -1,4 +1,4 @@
-"""Vector-Jacobian products of rollouts. Checkpoints of states are stored; matrices are computed again when needed."""
+"""Vector-Jacobian products of rollouts: checkpoints of states are stored, and derivative matrices are recomputed in the backward pass."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ OUTPUTS = (*STATE, "sensors")
 
 @dataclass(frozen=True)
 class Gradients:
-    """Gradients returned by `Rollout.vjp`. With `num_envs=None` the axis of the environments is absent.
+    """Gradients of a scalar function of a rollout, returned by `Rollout.vjp`. With `num_envs=None` the axis of the environments is absent.
 
     Attributes:
         qpos: Gradient by the initial qpos, (num_envs, nq); for quaternions in their tangent space.
@@ -161,7 +161,11 @@ class Rollout:
         return self._gradients(adjoint, controls, parameters, kinked, lost)
 
     def _cotangent(self, name: str, given: ArrayLike | None) -> Array | None:
-        """Checked argument of `vjp`, (T, num_envs, ...); None if it was not given."""
+        """Checks an argument of `vjp`, the gradient by the states or readings `name`.
+
+        Returns:
+            The gradient, (T, num_envs, ...); None if it was not given.
+        """
         if given is None:
             return None
         states = getattr(self, name)
@@ -186,7 +190,7 @@ class Rollout:
         return np.concatenate(parts, axis=1)
 
     def _states(self, segment: range) -> list[State]:
-        """States before each control of a segment between two checkpoints, recomputed from the first one."""
+        """States before each control of a segment (the controls between two checkpoints), recomputed from the segment's checkpoint."""
         self._plant.set_state(self._checkpoints[segment.start // self.every])
         states = []
         for t in segment:
@@ -213,7 +217,15 @@ class Rollout:
         return out
 
     def _gradients(self, adjoint: Array, controls: Array, parameters: dict[str, Array], kinked: Bools, lost: Bools) -> Gradients:
-        """Gradients as returned by `vjp`, with quaternions for qpos, and without the axis of environments if `num_envs` is None."""
+        """Result of `vjp` from gradients in tangent coordinates. The axis of environments is left out if `num_envs` is None.
+
+        Args:
+            adjoint: Gradient by the initial state, (num_envs, 2 nv + na), in tangent coordinates.
+            controls: Gradient by the controls, (T, num_envs, nu).
+            parameters: Gradients by parameters, (num_envs, ...), by name.
+            kinked: Whether the steps of a control are near a kink, (T, num_envs).
+            lost: Whether an environment has a step without a derivative, (num_envs,).
+        """
         model = self._plant.model
         single = self._plant.num_envs is None
         nv = model.nv

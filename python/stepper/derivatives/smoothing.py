@@ -59,15 +59,15 @@ class Smoothing:
 def smoothed(
     sim: Stepper, smoothing: Smoothing, wrt: Sequence[str], *, ctrl: Array, draw: int, sensors: bool, **settings: Any
 ) -> Linearization:
-    """Means of the derivatives of `linearize` over random displacements.
+    """Linearization of the steps, averaged over random displacements of the state and the controls.
 
     Args:
         sim: The stepper; it does not change.
-        smoothing: The displacements.
-        wrt: As in `linearize`.
+        smoothing: Number and size of the displacements.
+        wrt: Names of the quantities to differentiate by, as in `linearize`.
         ctrl: Controls, (num_envs, nu) or (nu,).
         draw: Number that selects the random displacements, together with the seed.
-        sensors: As in `linearize`.
+        sensors: Whether to differentiate readings of ideal sensors.
         **settings: Other arguments of `linearize`.
 
     Returns:

@@ -13,7 +13,7 @@ from stepper.derivatives.perturbations import Array
 
 @functools.lru_cache(maxsize=8)
 def _places(model: Model) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Indices of the coordinates of a model.
+    """Indices of rotations and of all other coordinates in qpos and in qvel.
 
     Returns:
         Indices in qpos and in qvel of all coordinates except rotations, (k,) each. Indices of quaternions in qpos, (count, 4), and of the
@@ -34,7 +34,7 @@ def _places(model: Model) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray
 def _rates(quat: Array) -> Array:
     """Derivative of the quaternion q * exp(r / 2) by the rotation vector r in the body's frame, at r = 0, (..., 4, 3) in 1/rad.
 
-    Twice this matrix has orthonormal columns.
+    `quat` is the unit quaternion q, (..., 4). Twice the derivative has orthonormal columns.
     """
     w, x, y, z = np.moveaxis(quat, -1, 0)
     rates: Array = 0.5 * np.stack([-x, -y, -z, w, -z, y, z, w, -x, -y, x, w], axis=-1).reshape(*quat.shape[:-1], 4, 3)
@@ -42,7 +42,7 @@ def _rates(quat: Array) -> Array:
 
 
 def to_tangent(model: Model, qpos: Array, gradient: Array) -> Array:
-    """Converts a gradient by the entries of qpos, (..., nq), to one by displacements in tangent coordinates, (..., nv)."""
+    """Converts a gradient by the entries of qpos, (..., nq), to a gradient by displacements in tangent coordinates, (..., nv)."""
     q, v, quat, rotation = _places(model)
     out = np.zeros((*gradient.shape[:-1], model.nv))
     out[..., v] = gradient[..., q]
@@ -52,7 +52,7 @@ def to_tangent(model: Model, qpos: Array, gradient: Array) -> Array:
 
 
 def from_tangent(model: Model, qpos: Array, gradient: Array) -> Array:
-    """Converts a gradient by displacements in tangent coordinates, (..., nv), to one by the entries of qpos, (..., nq).
+    """Converts a gradient by displacements in tangent coordinates, (..., nv), to a gradient by the entries of qpos, (..., nq).
 
     The result is orthogonal to the quaternions in qpos.
     """

@@ -29,7 +29,7 @@ class UndeterminedDerivative(ArithmeticError):  # noqa: N818
 
 
 def first_undetermined(part: Linearization, needed: Bools, control: int, model: Model) -> dict[int, UndeterminedDerivative]:
-    """Errors for columns without a derivative, one per environment, by index of the environment.
+    """Errors for steps without a derivative, at most one per environment, by index of the environment.
 
     Args:
         part: Linearization of the steps of a control.
@@ -48,7 +48,13 @@ def first_undetermined(part: Linearization, needed: Bools, control: int, model: 
 
 
 def _coordinate(model: Model, name: str, column: int) -> str:
-    """Name of a column of the block `name`, with the name of the joint or actuator."""
+    """Text for a perturbed number, with its joint or actuator, such as "qvel[3] (joint 'knee')".
+
+    Args:
+        model: The model.
+        name: Name of the quantity in `wrt`, as "qvel".
+        column: Index of the number in this quantity.
+    """
     if name in ("qpos", "qvel"):
         joint = max((model.joint(k) for k in range(model.njnt)), key=lambda joint: joint.dofadr if joint.dofadr <= column else -1)
         return f"{name}[{column}] (joint {joint.name!r})" if joint.name else f"{name}[{column}]"

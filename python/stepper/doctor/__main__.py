@@ -1,4 +1,4 @@
-"""`python -m stepper.doctor`, which is `stepper doctor` for installations without the packages of the command line."""
+"""Entry point of `python -m stepper.doctor`, which does the same as `stepper doctor` without the packages of the command line."""
 
 import sys
 

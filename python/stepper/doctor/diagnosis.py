@@ -45,7 +45,10 @@ class Diagnosis:
     self_test: dict[str, str]
 
     def __bool__(self) -> bool:
-        """Whether the CPU level is available, there is one version of MuJoCo, and no self-test failed. Missing extras are no fault."""
+        """Whether the installation has no fault: the CPU level is available, there is one version of MuJoCo, and no self-test failed.
+
+        Missing optional packages are no fault.
+        """
         return not (self.level_error or self._mujoco_error or any(self.self_test.values()))
 
     @property
@@ -76,7 +79,7 @@ class Diagnosis:
 
 
 def diagnose(*, self_test: bool = True) -> Diagnosis:
-    """Examines this installation.
+    """Checks this installation.
 
     Args:
         self_test: Whether to compute a short trajectory at every CPU level, in a separate process each, and compare it bit for bit. This
@@ -104,7 +107,7 @@ def _versions() -> dict[str, str]:
 
 
 def _verdict(level: str) -> str:
-    """Fault in the self-test at a CPU level; an empty string if there is none."""
+    """Fault in the self-test at a CPU level, as text; an empty string if the trajectory is identical bit for bit to the expected one."""
     try:
         digest = digest_at(level)
     except (RuntimeError, subprocess.TimeoutExpired) as error:

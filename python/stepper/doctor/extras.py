@@ -15,7 +15,7 @@ PACKAGES = {
     "identify": ("scipy",),
     "onnx": ("onnxruntime",),
 }
-"""Packages of each extra in pyproject.toml."""
+"""Names of the packages of each extra (group of optional packages), as in pyproject.toml."""
 
 
 @dataclass(frozen=True)
@@ -47,5 +47,5 @@ class Extra:
 
 
 def extras() -> tuple[Extra, ...]:
-    """All extras with installed versions."""
+    """All extras (groups of optional packages) with the installed versions of their packages."""
     return tuple(Extra(name, {package: package_version(package) for package in packages}) for name, packages in PACKAGES.items())

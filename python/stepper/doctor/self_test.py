@@ -24,12 +24,12 @@ DIGEST = FOLDER / "digest.txt"
 LONGEST = 120.0
 """Largest duration of the self-test at one CPU level, s. It takes 0.3 s on an idle machine."""
 _ENVS = 19
-"""Number of environments, no multiple of any number of SIMD lanes, so that some lanes are empty."""
+"""Number of environments. It is no multiple of any SIMD width, so that some lanes are empty."""
 _CALLS, _STEPS = 50, 4
 
 
 def trajectory_digest() -> str:
-    """SHA-256 of the trajectories with both precisions and both contact laws, at the CPU level of this process."""
+    """SHA-256 of the self-test's trajectories with both precisions and both contact laws, at the CPU level of this process."""
     model = Model.from_file(SCENE)
     digest = hashlib.sha256()
     precisions: tuple[Precision, ...] = ("f64", "f32")
@@ -42,12 +42,12 @@ def trajectory_digest() -> str:
 
 
 def expected_digest() -> str:
-    """SHA-256 from the tested build."""
+    """SHA-256 of the self-test's trajectories as computed by the tested build."""
     return DIGEST.read_text(encoding="ascii").strip()
 
 
 def digest_at(level: str) -> str:
-    """SHA-256 of the trajectories, computed by a new process at a CPU level.
+    """SHA-256 of the self-test's trajectories, computed by a new process at a CPU level.
 
     Raises:
         RuntimeError: The process failed; the message has the last line of its output.

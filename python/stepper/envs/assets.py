@@ -20,7 +20,7 @@ _CACHE_SIZE = 64
 
 
 def load_quietly(source: str | ElementTree.Element, *, strict: bool = True) -> Model:
-    """Load a model without warnings about its solver settings, which the `contact` of the environment overrides.
+    """Loads a model without warnings about its solver settings, which the `contact` of the environment overrides.
 
     Args:
         source: Path or MJCF text, or root of an MJCF tree.
@@ -41,9 +41,10 @@ def remove_elements(tree: ElementTree.Element, is_unwanted: Callable[[ElementTre
 
 
 def cache_model(read: Callable[P, Model]) -> Callable[P, Model]:
-    """Decorator for a function that loads a model: it caches the model and its source file by the arguments.
+    """Decorator for a function that loads a model: results are cached by the arguments, together with the model's source file.
 
-    Renderers need the source, of which `stepper.load` remembers only those of the most recently loaded models.
+    Renderers need the source, and `stepper.load` remembers it only for the most recently loaded models. A call of the decorated function
+    makes the source known again.
     """
 
     def first(*args: P.args, **kwargs: P.kwargs) -> tuple[Model, Origin | None]:
@@ -63,7 +64,7 @@ def cache_model(read: Callable[P, Model]) -> Callable[P, Model]:
 
 
 def cache_per_model(function: F) -> F:
-    """Decorator that caches the results of a function of a model and further arguments.
+    """Decorator that caches the results of a function whose first argument is a model, for each model and further arguments.
 
     The key is the identity of the model (`id`), because hashing a model reads all its data in every call.
     """

@@ -1,4 +1,4 @@
-"""Steps and resets of a task in many environments: the common implementation of `StepperEnv` and `StepperVectorEnv`."""
+"""Steps and resets of a task in many environments, shared by the single environment `StepperEnv` and by `StepperVectorEnv`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _NON_FINITE = np.uint32(Status.NON_FINITE)
 
 
 class Batch:
-    """Episodes of a task in `num_envs` environments of one `Stepper`.
+    """Environments of a task on one `Stepper`, with their running episodes: steps, resets, observations, rewards and saved states.
 
     Args:
         task: The task.
@@ -92,26 +92,30 @@ class Batch:
 
     @property
     def now(self) -> Moment:
-        """Moment (view of the batch) after the last step or reset. If the caller has changed the stepper since, it is a new moment."""
+        """View of all environments (`Moment`) after the last step or reset, or after a later change of the stepper by the caller."""
         if self._seen is None or self._seen is not self.sim.xpos:  # The stepper returns the same array object until its state changes.
             self._reread(np.zeros(self.num_envs, dtype=bool))
             self._seen = self.sim.xpos
         return self._now
 
     def clear_last_step(self) -> None:
-        """Replace the present moment by one without a last step: action and velocity are zero."""
+        """Replaces the view `now` of the environments by one with zero actions and velocities, as before the first step."""
         self._now = self._moment(np.zeros((self.num_envs, self._actions)))
         position = position_of(self.task, self._now, self.num_envs)
         self._now.velocity = None if position is None else np.zeros_like(position)
         self._seen = None
 
     def _moment(self, action: Array) -> Moment:
-        """New moment after a step with some actions."""
+        """New view (`Moment`) of all environments for a step with actions (num_envs, n); it reads the stepper's quantities again."""
         shared: dict[str, Any] = {"episode_state": self._episode_state, "streams": self.streams}
         return Moment(self.sim, self.task, self.dt, action, self._default_qpos, **shared)
 
     def _reread(self, changed: Array) -> None:
-        """Replace the present moment after a change of the environments in the mask `changed` (num_envs,): quantities are read again."""
+        """Replaces the view `now` after a reset or change of some environments, so that quantities are read again.
+
+        Args:
+            changed: Mask of these environments, (num_envs,).
+        """
         self._now, self._seen = self._now.reread(changed), None
 
     @property
@@ -120,9 +124,13 @@ class Batch:
         return {row.name: columns.stop - columns.start for row, columns in self._rows}
 
     def seed(self, envs: Array, seeds: Sequence[int]) -> None:
-        """Restarts the random numbers of the environments `envs`, (n,).
+        """Seeds the random number generators of some environments.
 
-        Sensor errors have separate random numbers, which depend on the seed and the index of an environment.
+        Sensor errors have separate generators, which depend on the seed and the index of an environment.
+
+        Args:
+            envs: Indices of the environments, (n,).
+            seeds: Seed of each of them.
         """
         self.streams.seed(envs, seeds)
         self._seeded[envs] = True
@@ -130,7 +138,7 @@ class Batch:
             self._noise_seeds[envs], self._new_seeds[envs] = [_hashed_seed(seed) for seed in seeds], True
 
     def begin(self, mask: Array) -> None:
-        """Start a new episode in the environments of a mask, (num_envs,) bool."""
+        """Starts a new episode in the environments of a mask, (num_envs,) bool."""
         envs = np.flatnonzero(mask)
         self._end(envs)
         self.streams.ages[envs] += 1
@@ -138,12 +146,17 @@ class Batch:
         self._reread(mask)
 
     def _end(self, envs: Array) -> None:
-        """Call the hook `task.on_end` for the environments in `envs` (n,) whose episode has at least one step."""
+        """Calls the hook `Task.on_end` for those environments in `envs`, indices (n,), whose episode has at least one step."""
         if type(self.task).on_end is not Task.on_end and len(stepped := envs[self.lengths[envs] > 0]):
             call_hook(self.task, "on_end", self.now, stepped)
 
     def _place(self, mask: Array, envs: Array) -> None:
-        """Reset the environments of a mask (num_envs,), whose indices are `envs` (n,), and keep the present moment; `begin` replaces it."""
+        """Resets some environments and calls the hooks `Task.place` and `Task.on_reset`. It does not update the view `now`.
+
+        Args:
+            mask: Mask of the environments, (num_envs,) bool.
+            envs: Indices of the same environments, (n,).
+        """
         self._begin_episode_state(envs)
         qpos, qvel = np.empty((len(envs), len(self._default_qpos))), np.zeros((len(envs), self._qvel.shape[1]))
         qpos[:] = self._default_qpos
@@ -161,7 +174,11 @@ class Batch:
         self.returns[envs], self.lengths[envs] = 0.0, 0
 
     def _on_reset(self, mask: Array, rng: Rng) -> None:
-        """Call `Task.on_reset` for the environments of a mask (num_envs,).
+        """Calls the hook `Task.on_reset` for the environments of a mask (num_envs,).
+
+        Args:
+            mask: Environments that start an episode, (num_envs,) bool.
+            rng: Random number generator of these environments.
 
         Raises:
             ValueError: `on_reset` returned a value, changed rows of `episode_state` of environments outside the mask, or removed an array.
@@ -175,7 +192,10 @@ class Batch:
             check_rows_of_others(self.task, before, self._episode_state, ~mask)
 
     def _begin_episode_state(self, envs: Array) -> None:
-        """Set the rows of `episode_state` for new episodes in `envs` (n,). Names in `task.carried` are reset only after a new seed."""
+        """Sets the rows of the task's `episode_state` to their initial values for new episodes in the environments `envs`, indices (n,).
+
+        Arrays named in `task.carried` are only reset in environments with a new seed.
+        """
         seeded = envs[self._seeded[envs]]
         for name, values in self._initial.items():
             rows = seeded if name in self.task.carried else envs
@@ -223,7 +243,10 @@ class Batch:
         self._now, self._seen = self._now.restored({name: theirs[name] for name in last}, kept, mask), None
 
     def _episodes(self) -> dict[str, Array]:
-        """Arrays (num_envs, ...) that describe the running episodes, by name. They are references, not copies."""
+        """Arrays (num_envs, ...) by name that describe the running episodes, such as returns and lengths.
+
+        They are references, not copies.
+        """
         values = {"returns": self.returns, "lengths": self.lengths, "rng": self.streams.state, "ages": self.streams.ages}
         values |= {"noise_seeds": self._noise_seeds, "new_seeds": self._new_seeds, "seeded": self._seeded} | self._now.step_values()
         return values | {f"episode_state {name}": value for name, value in self._episode_state.items()}
@@ -295,7 +318,7 @@ class Batch:
         return reward, terminated, truncated, terms
 
     def _check_rewards(self, reward: Array, action: Array) -> None:
-        """Raise ValueError if a reward (num_envs,) is not finite; the message has the action (num_envs, n)."""
+        """Raises ValueError if a reward (num_envs,) is not finite; the message has the environment's row of `action`, (num_envs, n)."""
         if not _all_finite(reward):
             env = np.flatnonzero(~np.isfinite(reward))[0]
             raise ValueError(
@@ -308,7 +331,7 @@ class Batch:
         return infos_of(self.task, self._now, self.num_envs)
 
     def observation_array(self, out: Array | None = None) -> Array:
-        """Uninitialised array for observations, (num_envs, n): `out` if it is given, otherwise a new one.
+        """Uninitialised array for the observations of all environments, (num_envs, n): `out` if it is given, otherwise a new one.
 
         Raises:
             ValueError: An `out` of another shape or type.
@@ -316,7 +339,7 @@ class Batch:
         return output_array((self.num_envs, *self.observation_space.shape), self.dtype, out)
 
     def observation(self, out: Array | None = None) -> Array:
-        """Observations, (num_envs, n), written to `out`, an array of `observation_array`; None is a new one."""
+        """Observations of all environments, (num_envs, n), written to `out`, an array from `observation_array`; None is a new array."""
         out = self.observation_array() if out is None else out
         for row, columns in self._rows:
             value = row.read(self._now)
@@ -342,7 +365,7 @@ def _all_finite(values: Array) -> bool:
 
 
 def _check_actions(action: Array) -> None:
-    """Raise ValueError if an action (num_envs, n) is not finite."""
+    """Raises ValueError if an action in `action`, (num_envs, n), is not finite; the message has the environment and the column."""
     if not _all_finite(action):
         finite = np.isfinite(action)
         env, column = np.argwhere(~finite)[0]
@@ -365,7 +388,7 @@ def _warn_without_actions(task: Task, model: Model) -> None:
 
 
 def _dtype_of(value: Any) -> np.dtype[Any]:
-    """Scalar type of observations from the argument `dtype`."""
+    """NumPy type of observations, float64 or float32, from the argument `dtype`; a ValueError for any other type."""
     try:
         return np.dtype({"f64": np.float64, "f32": np.float32}[precision_of(value)])
     except ValueError:

@@ -35,14 +35,14 @@ def contact_forces(now: Moment, geoms: Sequence[str], against: Sequence[str] | N
 
 @per_moment
 def _contacts(now: Moment) -> Array:
-    """Contacts of all environments (`Moment.contacts`), read once per moment."""
+    """Contacts of all environments, in the format of `Stepper.contacts`, read once per moment (view of the batch after a step)."""
     contacts: Array = now.contacts()
     return contacts
 
 
 @cache_per_model
 def _columns(model: Model, geoms: tuple[str, ...]) -> Array:
-    """Column of each geom of the model, (ngeom,); -1 for others."""
+    """Index in `geoms` of each geom of the model, (ngeom,); -1 for geoms that are not in `geoms`."""
     columns = np.full(model.ngeom, -1)
     columns[[model.geom(name).id for name in geoms]] = np.arange(len(geoms))
     return columns

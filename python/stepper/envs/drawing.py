@@ -1,4 +1,4 @@
-"""Pictures of environments: `render_mode="rgb_array"`."""
+"""Pictures of environments for `render_mode="rgb_array"`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ RENDER_MODES: tuple[str, ...] = get_args(RenderMode)
 
 
 class Drawing:
-    """Pictures of the environments of a batch, with a renderer that is created for the first picture and not pickled.
+    """Pictures of environments, drawn by a renderer that is created for the first picture and is not pickled.
 
     Args:
         batch: The environments.
@@ -58,7 +58,17 @@ class Drawing:
 def camera_settings(
     width: int, height: int, camera_id: int | None, camera_name: str | None, camera_config: Mapping[str, Any] | None
 ) -> dict[str, Any]:
-    """Settings of a `Drawing` from the camera arguments of Gymnasium's environments.
+    """Camera settings of a renderer from the camera arguments of Gymnasium's environments.
+
+    Args:
+        width: Width of a picture in pixels.
+        height: Height of a picture in pixels.
+        camera_id: Index of a camera; None for `camera_name` or the default.
+        camera_name: Name of a camera; None for `camera_id` or the default.
+        camera_config: Settings of a free camera.
+
+    Returns:
+        The settings "width", "height", "camera" and "camera_config" by name.
 
     Raises:
         ValueError: Both `camera_id` and `camera_name` are given.

@@ -1,4 +1,4 @@
-"""Checks of a task's hooks, which change arrays in place: results that would be ignored, and wrong names or rows of `episode_state`."""
+"""Checks of a task's hooks (`on_reset`, `advance` and others), which return nothing and change arrays in place."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ IN_PLACE = {
     "on_end": "write rows of envs, as in now.episode_state[name][envs] = ...",
     "advance": "step now.sim, and write to arrays of now.episode_state",
 }
-"""Hooks of a task without a result, and how each has its effect."""
+"""Text for error messages about hooks of a task that return a value: how the hook must have its effect, by name of the hook."""
 
 
 def call_hook(task: Any, hook: str, *arguments: Any) -> None:
-    """Call a hook of a task.
+    """Calls a hook of a task by name, and checks that it returns nothing.
 
     Raises:
         ValueError: The hook returns a value, which would be ignored.
@@ -50,7 +50,9 @@ def in_words(value: Any) -> str:
 
 
 class EpisodeState(dict[str, Array]):
-    """Arrays (num_envs, ...) of the episodes by name. The names and shapes are those that `Task.episode_state` returns.
+    """Dictionary of a task's per-episode arrays, (num_envs, ...) by name, with fixed names and shapes: those from `Task.episode_state`.
+
+    Setting an unknown name raises KeyError, and setting another shape raises ValueError.
 
     Args:
         task: Name of the task's class, for error messages.
@@ -83,7 +85,12 @@ class EpisodeState(dict[str, Array]):
 
 
 def episode_state_of(task: Any, num_envs: int, carried: Collection[str]) -> EpisodeState:
-    """Initial arrays of `task.episode_state`.
+    """Initial per-episode arrays of a task, from its method `episode_state`.
+
+    Args:
+        task: The task.
+        num_envs: Number of environments.
+        carried: Names of arrays that keep their values between episodes.
 
     Raises:
         ValueError: The method returns no mapping, or an array without num_envs rows, or a name in `carried` is not among the arrays.
@@ -108,7 +115,7 @@ def episode_state_of(task: Any, num_envs: int, carried: Collection[str]) -> Epis
 
 
 def check_rows_of_others(task: Any, before: Mapping[str, Array], after: Mapping[str, Array], others: Array) -> None:
-    """Raise ValueError if `Task.on_reset` removed arrays of `episode_state`, or changed rows of environments that were not reset.
+    """Raises ValueError if `Task.on_reset` removed arrays of `episode_state`, or changed rows of environments that were not reset.
 
     Args:
         task: The task.

@@ -1,4 +1,4 @@
-"""Conversion of the arguments `task` and `autoreset_mode` of environments."""
+"""Conversion of the arguments `task` and `autoreset_mode` of environments to a `Task` and an `AutoresetMode`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SETTINGS = (
     *("contact", "options", "precision", "dtype", "max_episode_steps"),
     *("render_mode", "width", "height", "camera_id", "camera_name", "default_camera_config"),
 )
-"""Arguments of single and vector environments that do not belong to the task."""
+"""Arguments of single and vector environments that belong to the environment, not to the task."""
 VECTOR_SETTINGS = ("num_envs", "autoreset_mode", "threads", "episode_statistics", "model")
 """Arguments that only vector environments have."""
 
@@ -73,7 +73,14 @@ def autoreset(mode: AutoresetMode | str) -> AutoresetMode:
 
 
 def _unknown(kind: type[Task], name: str, of_task: list[str], *, vector: bool) -> str:
-    """Error message for an argument that neither environments nor tasks of the class `kind` have."""
+    """Error message for an argument that neither an environment nor its task has.
+
+    Args:
+        kind: Class of the task.
+        name: The unknown argument.
+        of_task: Names of the arguments of the task's constructor.
+        vector: Whether the environment is a vector environment.
+    """
     call = f"an environment of {kind.__name__}"
     if name == "seed":
         return f"{call}() takes no 'seed': give it to reset(seed=...), which begins episodes under it"
@@ -90,7 +97,7 @@ def _unknown(kind: type[Task], name: str, of_task: list[str], *, vector: bool) -
 
 
 def _in_words(value: Any) -> str:
-    """Description of a value that is not a task, for an error message."""
+    """Description of a value, given as a task but of another type, for an error message."""
     if value is None or isinstance(value, bool | int | float | list | tuple | dict):
         return f"{value!r} ({type(value).__name__})"
     if isinstance(value, type):
@@ -99,7 +106,7 @@ def _in_words(value: Any) -> str:
 
 
 def _remedy(value: Any) -> str:
-    """Remedy for a value that is not a task, as the end of a message."""
+    """Remedy for a value that was given as a task but is an environment or a function, as the end of a message; "" for other values."""
     if isinstance(value, gymnasium.Env | VectorEnv):
         name = value.spec.id if value.spec is not None else None
         return f": give the name of the environment{f', {name!r}' if name else ''} and num_envs, which make a batch of it"
@@ -109,7 +116,7 @@ def _remedy(value: Any) -> str:
 
 
 def _near_task(name: str) -> str:
-    """Hint for an unknown name of a task, as the middle of a message: similar names, or a remark on a name of Gymnasium."""
+    """Hint for an unknown name of a task: similar names, or the call that makes Gymnasium's environment of this name."""
     if name in gymnasium.registry:
         return f"; {name!r} is a name of Gymnasium: gymnasium.make_vec({name!r}, num_envs=...) makes its environments"
     return did_you_mean_or_all(name, sorted(TASKS))

@@ -23,7 +23,10 @@ def _tendon_matrices(model: Model) -> tuple[Array, Array]:
 
 
 def tendons(now: Moment) -> Terms:
-    """Lengths (m or rad) and velocities of the fixed tendons, (num_envs, ntendon) each, as "tendon_length" and "tendon_velocity"."""
+    """Lengths (m or rad) and velocities (m/s or rad/s) of the fixed tendons, (num_envs, ntendon) each.
+
+    Their names are "tendon_length" and "tendon_velocity".
+    """
     lengths, rates = _tendon_matrices(now.sim.model)
     return {"tendon_length": now.qpos @ lengths, "tendon_velocity": now.qvel @ rates}
 

@@ -46,7 +46,14 @@ def register_tasks() -> None:
 
 
 def _register(name: str, steps: int | None, arguments: dict[str, Any], threshold: float | None = None) -> None:
-    """Register an environment with its number of actions per episode, arguments and solved return, unless the name is registered."""
+    """Registers an environment with Gymnasium, unless the name is registered already.
+
+    Args:
+        name: Id of the environment, as "stepper/Hopper-v5".
+        steps: Number of actions per episode; None is no limit.
+        arguments: Arguments of `StepperEnv` and `StepperVectorEnv`.
+        threshold: Return at which the task counts as solved; None is undefined.
+    """
     if name not in registry:
         register(
             name,

@@ -199,5 +199,5 @@ class StepperEnv(gymnasium.Env[Array, Array]):
 
 
 def _of_one(terms: Terms) -> dict[str, Any]:
-    """Info dict of the single environment, with copies of the values, which later steps do not change."""
+    """Info dict of a single environment from arrays (1, ...) by name. Values are copies, which later steps do not change."""
     return {name: term[0] if term.ndim == 1 else term[0].copy() for name, term in terms.items()}

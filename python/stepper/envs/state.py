@@ -16,9 +16,9 @@ from stepper.shared.fields import APPLIED
 Array = NDArray[Any]
 
 _DECISIVE = ("task", "precision")
-"""Settings of which a difference implies further differences, so that an error message lists only this one."""
+"""Settings whose difference explains all other differences; the error message then lists this setting alone."""
 _LISTED = 3
-"""Largest number of differences that an error message lists."""
+"""Largest number of differing settings that an error message lists."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -42,7 +42,13 @@ class EnvState:
 
 
 def save(sim: Stepper, task: Task, episodes: dict[str, Array]) -> EnvState:
-    """State of a stepper and copies of the arrays `episodes` of its running episodes."""
+    """State of all environments of a stepper, for `restore`.
+
+    Args:
+        sim: The stepper.
+        task: The task of the environments.
+        episodes: Arrays (num_envs, ...) of the running episodes, by name, which are copied.
+    """
     pickled = sim.__getstate__()
     # Not read as attributes: the first access to sim.xfrc_applied etc. creates an array that every later step has to read.
     applied = {name: None if array is None else np.array(array) for name, array in zip(APPLIED, pickled["applied"], strict=True)}
@@ -82,12 +88,15 @@ def check_settings(sim: Stepper, task: Task, state: EnvState) -> None:
 
 
 def _shown(settings: dict[str, Any], name: str) -> str:
-    """Text of a setting for an error message."""
+    """Value of a setting as text for an error message; "absent" if there is no setting of this name."""
     return repr(settings[name]) if name in settings else "absent"
 
 
 def _settings(sim: Stepper, task: Task) -> dict[str, Any]:
-    """Settings that a state depends on, by name. Values that cannot be compared, such as functions, are left out."""
+    """Settings that a saved state depends on, by name: task, its arguments, precision and options of the step.
+
+    Values that cannot be compared, such as functions, are left out.
+    """
     options = asdict(sim.options) | {"timestep": sim.timestep, "tolerance": float(sim.tolerance)}
     names = [field.name for field in fields(task)] if is_dataclass(task) else [name for name in vars(task) if name[0] != "_"]
     arguments = {name: getattr(task, name) for name in names}
@@ -96,7 +105,7 @@ def _settings(sim: Stepper, task: Task) -> dict[str, Any]:
 
 
 def _plain(prefix: str, values: Mapping[Any, Any]) -> Iterator[tuple[str, Any]]:
-    """Numbers, strings and arrays of nested mappings, sequences and dataclasses, by dotted name."""
+    """Yields numbers, strings and arrays of nested mappings, sequences and dataclasses, with dotted names that begin with `prefix`."""
     for key, value in values.items():
         name = f"{prefix}{key}"
         if isinstance(value, np.ndarray):
@@ -112,7 +121,7 @@ def _plain(prefix: str, values: Mapping[Any, Any]) -> Iterator[tuple[str, Any]]:
 
 
 def restore(sim: Stepper, state: EnvState, mask: Array) -> None:
-    """Restore the state, parameters and applied forces of the environments in a mask (num_envs,).
+    """Restores the state, parameters and applied forces of the environments in a mask (num_envs,) from a saved state.
 
     Raises:
         ValueError: The state is from another model or precision. Nothing is changed.
@@ -129,7 +138,7 @@ def restore(sim: Stepper, state: EnvState, mask: Array) -> None:
 
 
 def _restore_parameters(sim: Stepper, parameters: dict[str, Any], mask: Array) -> None:
-    """Restore the randomized parameters of the environments in a mask (num_envs,); fields absent in `parameters` get the model's value."""
+    """Restores the randomized parameters of the environments in a mask (num_envs,). Fields absent in `parameters` get the model's value."""
     now = sim.randomized
     fields = {name: parameters.get(name) for name in {*now, *parameters}}
     changed = {name: value for name, value in fields.items() if not _same(value, now.get(name), mask)}
@@ -138,14 +147,14 @@ def _restore_parameters(sim: Stepper, parameters: dict[str, Any], mask: Array) -
 
 
 def _equal(one: Any, other: Any) -> bool:
-    """Whether two settings are equal; NaN equals itself."""
+    """Whether two settings are equal: values, or types, shapes and bytes of arrays. NaN equals itself."""
     if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
         return type(one) is type(other) and one.dtype == other.dtype and one.tobytes() == other.tobytes() and one.shape == other.shape
     return bool(one == other) or repr(one) == repr(other)
 
 
 def _same(one: Any, other: Any, mask: Array) -> bool:
-    """Whether two parameters, either of which may be None, agree in the environments of a mask."""
+    """Whether two values of a randomized parameter are equal in the environments of a mask (num_envs,). A value may be None."""
     if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
         return np.array_equal(one[mask], other[mask])
     return type(one) is type(other) and bool(one == other)

@@ -32,7 +32,7 @@ Camera: TypeAlias = Mapping[str, Any]
 
 
 _OWN = ("sim", "task", "dt", "action", "default_qpos", "episode_state", "velocity", "_streams", "_kept", "_end", "_expired")
-"""Attributes of a moment that are pickled with it. All other attributes are quantities of the stepper."""
+"""Attributes of a `Moment` that are pickled with it. Its other attributes are quantities of the stepper, which can be read again."""
 
 
 class Moment:
@@ -79,7 +79,7 @@ class Moment:
         return value
 
     def _healthy(self) -> Any:
-        """Result of `Task.healthy`; a ValueError if it is neither None nor a bool for each environment."""
+        """Result of the task's method `healthy`, (num_envs,) bool or None; a ValueError if it is anything else."""
         found, expected = self.task.healthy(self), (self.sim.num_envs,)
         if found is not None and not (isinstance(found, np.ndarray) and found.dtype == np.bool_ and found.shape == expected):
             described = f"{in_words(found)} of {found.dtype}" if isinstance(found, np.ndarray) else in_words(found)
@@ -105,7 +105,7 @@ class Moment:
         return Rng(self._streams.fork(name), np.arange(len(self._streams.state)))
 
     def keep(self, name: str, value: Array) -> None:
-        """Fix the value of a quantity for this moment, for example a value from the middle of the step.
+        """Fixes the value of a quantity in this view of the batch, for example a value from the middle of the step.
 
         Args:
             name: Name of the quantity, as "xpos". Reading `now.xpos` then gives this value instead of that after the step.
@@ -114,21 +114,24 @@ class Moment:
         self.__dict__[name] = self._kept[name] = value
 
     def end_step(self) -> None:
-        """Store positions and velocities after the step. `reread` drops values of `keep` in environments whose state differs from these."""
+        """Stores positions and velocities after the step. `reread` compares them with later ones, to drop values that `keep` has fixed."""
         if self._kept:
             self._end = self.qpos, self.qvel
 
     def without_kept(self) -> Moment:
-        """Moment of the same step without the values of `keep`."""
+        """View of the batch after the same step, without the values that `keep` has fixed."""
         return self._same_step(self.action) if self._kept else self
 
     def _same_step(self, action: Array) -> Moment:
-        """Moment of the same step, which reads all quantities again."""
+        """New view of the batch after the same step, which reads all quantities again.
+
+        `action` are the actions of the step, (num_envs, n).
+        """
         shared: dict[str, Any] = {"episode_state": self.episode_state, "streams": self._streams}
         return Moment(self.sim, self.task, self.dt, action, self.default_qpos, **shared)
 
     def reread(self, changed: Array) -> Moment:
-        """New moment that reads all quantities again, after a change of the stepper. The present moment expires.
+        """New view of the batch after a change of the stepper, which reads all quantities again. This view expires.
 
         Args:
             changed: Environments that were reset or set, (num_envs,) bool. Their action and velocity become zero. In the others, values of
@@ -146,19 +149,19 @@ class Moment:
 
     @property
     def kept(self) -> Terms:
-        """Values that were set by `keep`, by name."""
+        """Values that `keep` has fixed, (num_envs, ...) by name of the quantity."""
         return self._kept
 
     def step_values(self) -> Terms:
-        """Action of the last step, and velocity for tasks with a position, by name; a saved state has them."""
+        """Arrays of the last step that a saved state contains, by name: "action", and "velocity" for tasks with a position."""
         return {name: value for name in ("action", "velocity") if (value := getattr(self, name)) is not None}
 
     def restored(self, step_values: Terms, kept: Terms, mask: Array) -> Moment:
-        """New moment after some environments were restored from a saved state.
+        """New view of the batch after some environments were restored from a saved state.
 
         Args:
-            step_values: `step_values` of the moment in the saved state.
-            kept: `kept` of the moment in the saved state.
+            step_values: Action and velocity in the saved state, as from `Moment.step_values`.
+            kept: Values fixed by `keep` in the saved state, as from `Moment.kept`.
             mask: Environments that were restored, (num_envs,) bool.
         """
         made = self.reread(mask)
@@ -171,7 +174,7 @@ class Moment:
         return made
 
     def expire(self) -> None:
-        """Mark the moment as past. Quantities that were not read before raise RuntimeError from now on."""
+        """Marks this view of the batch as past: quantities that were not read before raise RuntimeError from now on."""
         self._expired = True
 
     def __getstate__(self) -> dict[str, Any]:
@@ -180,7 +183,7 @@ class Moment:
 
 
 def select(mask: Array, one: Array, other: Array) -> Array:
-    """Rows of `one` for the environments of a mask (num_envs,), of `other` for the rest."""
+    """Array (num_envs, ...) with the rows of `one` in the environments of a mask (num_envs,), and the rows of `other` elsewhere."""
     return np.where(mask.reshape(-1, *[1] * (other.ndim - 1)), one, other)
 
 
@@ -400,7 +403,7 @@ class MujocoTask(Task):
 
 
 def per_moment(function: Callable[[Moment], Array]) -> Callable[[Moment], Array]:
-    """Decorator that computes a function of a moment, `function(now)`, once per moment."""
+    """Decorator for a function `function(now)` of a moment (view of the batch after a step): its result is computed once per moment."""
 
     @functools.wraps(function)
     def quantity(now: Moment) -> Array:

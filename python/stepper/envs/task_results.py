@@ -21,17 +21,17 @@ _METHODS = {
 }
 """Names of the arguments of each method of a task, without `self`."""
 Table = list[tuple[Observation, slice]]
-"""Rows of a task's table of observations, each with its columns in the observation."""
+"""Rows of a task's table of observations, each with the slice of its columns in the observation."""
 
 
 def check_methods(task: Task) -> None:
-    """Raise TypeError if a method of a task takes another number of arguments than that of `Task`."""
+    """Raises TypeError if a task overrides a method of `Task` with another number of arguments."""
     for name, arguments in _METHODS.items():
         check_takes(getattr(task, name), arguments, f"{type(task).__name__}.{name}", is_method=True)
 
 
 def model_of(task: Task) -> Model:
-    """Model of a task; a TypeError if `task.model` returns something else."""
+    """Model of a task; a TypeError if `task.model` returns anything but a `stepper.Model`."""
     found: Any = task.model()
     if not isinstance(found, Model):
         raise WrongArgumentError(
@@ -41,7 +41,7 @@ def model_of(task: Task) -> Model:
 
 
 def bounds_of(task: Task, model: Model) -> tuple[Array, Array]:
-    """Lower and upper bounds of a task's actions, (n,) each; a ValueError if `task.action_bounds` returns something else."""
+    """Lower and upper bounds of a task's actions, (n,) each; a ValueError if `task.action_bounds` returns anything else."""
     found: Any = task.action_bounds(model)
     if isinstance(found, tuple | list | np.ndarray) and len(found) == 2:
         low, high = (np.asarray(bound, dtype=np.float64) for bound in found)
@@ -55,7 +55,7 @@ def bounds_of(task: Task, model: Model) -> tuple[Array, Array]:
 
 
 def _pair_in_words(found: Any) -> str:
-    """Description of wrong bounds of actions."""
+    """Description, for an error message, of what `Task.action_bounds` returned instead of lower and upper bounds."""
     if not (isinstance(found, tuple) and len(found) == 2 and all(isinstance(bound, np.ndarray) for bound in found)):
         return in_words(found)
     low, high = found
@@ -65,11 +65,11 @@ def _pair_in_words(found: Any) -> str:
 
 
 def table_of(task: Task, now: Moment) -> Table:
-    """Table of observations of a task, with the columns of each row.
+    """Rows of a task's table of observations, each with the slice of its columns in the observation.
 
     Args:
         task: The task.
-        now: A moment, from which the rows are read to find their widths.
+        now: View of the batch, from which the rows are read to find their widths.
 
     Raises:
         ValueError: `task.observations` returns something else than several rows, or a row does not give (num_envs, n) numbers.
@@ -97,7 +97,7 @@ def table_of(task: Task, now: Moment) -> Table:
 
 
 def _rows_like(given: Any) -> str:
-    """Remedy for a wrong table of observations, as the end of a message."""
+    """Remedy, as the end of an error message, for what `Task.observations` returned instead of a tuple of rows."""
     if isinstance(given, str):
         return f": return (Observation({given!r}),)"
     if isinstance(given, Mapping) and given:
@@ -107,7 +107,7 @@ def _rows_like(given: Any) -> str:
 
 
 def _row_like(row: Any) -> str:
-    """Remedy for a wrong row of a table of observations, as the end of a message."""
+    """Remedy, as the end of an error message, for a row in `Task.observations` that is no `Observation`; "" if there is none."""
     if isinstance(row, str):
         return f": return Observation({row!r})"
     if isinstance(row, np.ndarray):
@@ -120,7 +120,13 @@ def _row_like(row: Any) -> str:
 
 
 def _width(kind: str, row: Observation, now: Moment) -> int:
-    """Number of columns of a row of the task `kind`."""
+    """Number of columns of a row of observations.
+
+    Args:
+        kind: Name of the task's class, for error messages.
+        row: The row.
+        now: View of the batch, from which the row is read.
+    """
     expected = len(now.qpos)
     if row.func is None:
         try:
@@ -167,7 +173,7 @@ def rewards_of(task: Task, now: Moment, num_envs: int) -> tuple[Array, Terms]:
 
 
 def position_of(task: Task, now: Moment, num_envs: int) -> Array | None:
-    """Position of a task, (num_envs, ...) in its unit, or None; a ValueError if `Task.position` returns something else."""
+    """Result of `Task.position`, (num_envs, ...) in its unit, or None; a ValueError if it is anything else."""
     found: Any = task.position(now)
     if found is not None and not (isinstance(found, np.ndarray) and found.shape[:1] == (num_envs,)):
         raise ValueError(
@@ -178,7 +184,7 @@ def position_of(task: Task, now: Moment, num_envs: int) -> Array | None:
 
 
 def infos_of(task: Task, now: Moment, num_envs: int) -> Terms:
-    """Infos of a task; a ValueError if `Task.info` does not return arrays (num_envs, ...) by name."""
+    """Entries for the info dict from `Task.info`; a ValueError if it does not return arrays (num_envs, ...) by name."""
     infos: Any = task.info(now)
     if not isinstance(infos, Mapping):
         raise ValueError(
@@ -190,7 +196,7 @@ def infos_of(task: Task, now: Moment, num_envs: int) -> Terms:
 
 
 def check_terms(task: Task, method: str, terms: Mapping[str, Any], num_envs: int) -> None:
-    """Raise ValueError if an entry for the info dict is not an array (num_envs, ...)."""
+    """Raises ValueError if an entry for the info dict, returned by the task's method `method`, is not an array (num_envs, ...)."""
     for name, value in terms.items():
         if not isinstance(value, np.ndarray) or value.shape[:1] != (num_envs,):
             raise ValueError(
@@ -200,7 +206,7 @@ def check_terms(task: Task, method: str, terms: Mapping[str, Any], num_envs: int
 
 
 def rows_of(task: Task, method: str, values: Any, dtype: Any, num_envs: int) -> Array:
-    """New array (num_envs,) of a result of a task's method.
+    """Converts a result of the task's method `method` to a new array (num_envs,) of type `dtype`.
 
     Raises:
         ValueError: The result has another shape.

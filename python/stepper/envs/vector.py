@@ -64,7 +64,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
     """
 
     _drawing: Drawing | None = None
-    """None until the constructor sets it, because Gymnasium calls `close` after an error in the constructor."""
+    """Renderer of pictures; None until the constructor sets it, because Gymnasium calls `close` after an error in the constructor."""
 
     def __init__(
         self,
@@ -307,7 +307,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         self.__dict__ = state | {"_since": time.perf_counter() - state["_since"]}
 
     def _begins(self, options: dict[str, Any] | None, envs: ArrayLike | None) -> Array:
-        """Mask (num_envs,) of the environments that `reset` starts, from either argument."""
+        """Mask (num_envs,) of the environments that `reset` starts, from its argument `options` or `envs`."""
         if envs is None:
             return _mask(options, self.num_envs)
         if options:
@@ -323,7 +323,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
 
 
 def _infos(terms: Terms, mask: Array) -> dict[str, Any]:
-    """Info dict of a vector environment: each term with zeros outside the mask (num_envs,), and the mask as "_name"."""
+    """Info dict of a vector environment: each array of `terms`, with zeros outside the mask (num_envs,), and the mask as "_name"."""
     if mask.all():
         return {key: value for name, term in terms.items() for key, value in ((name, np.array(term)), (f"_{name}", mask))}
     if not mask.any():
@@ -358,7 +358,7 @@ def _seeds(seed: int | Sequence[int | None] | None, num_envs: int) -> list[int |
 
 
 def _mask_of(envs: ArrayLike | None, num_envs: int) -> Array:
-    """Mask (num_envs,) of the environments in `envs`: a mask, indices, or None for all."""
+    """Mask (num_envs,) of the environments that the argument `envs` selects: a mask, indices, or None for all."""
     mask = np.zeros(num_envs, dtype=bool)
     mask[selected(envs, num_envs)] = True
     return mask
@@ -370,7 +370,7 @@ def _are_indices(envs: ArrayLike | None) -> bool:
 
 
 def _scattered(seeds: list[int | None], ids: Array, num_envs: int) -> list[int | None]:
-    """List of num_envs seeds, with `seeds` at the indices `ids` and None elsewhere."""
+    """List of num_envs seeds, with `seeds` at the environments `ids` (indices, one per seed), and None elsewhere."""
     if len(seeds) != len(ids):
         raise ValueError(f"there are {len(seeds)} seeds, must be {len(ids)}: one for each environment of envs")
     every: list[int | None] = [None] * num_envs
@@ -380,7 +380,7 @@ def _scattered(seeds: list[int | None], ids: Array, num_envs: int) -> list[int |
 
 
 def _mask(options: dict[str, Any] | None, num_envs: int) -> Array:
-    """Mask (num_envs,) of the environments that `reset` starts, from Gymnasium's "reset_mask" in the options."""
+    """Mask (num_envs,) of the environments that `reset` starts, from Gymnasium's "reset_mask" in the options; all if it is absent."""
     if unknown := set(options or {}) - {"reset_mask"}:
         raise ValueError(f"unknown options {sorted(unknown)}, the only option is 'reset_mask'; reset(envs=...) takes indices")
     if options is None or "reset_mask" not in options:

@@ -12,8 +12,11 @@ _MOST_LINES = 8
 
 
 _LARGE_PART = 10.0
-"""Smallest ratio of a hull's volume to the mesh's volume at which the warning lists a part of a robot. `Model.explain()` lists ratios
-from 2 on. Of 1,390 collision meshes of 120 URDFs, 28 (of 13 robots) exceed 10, and 247 (of 49 robots) exceed 2."""
+"""Ratio of a hull's volume to the mesh's volume from which on the warning lists a part of a robot.
+
+`Model.explain()` lists ratios from 2 on. Of 1,390 collision meshes of 120 URDFs, 28 (of 13 robots) exceed 10, and 247 (of 49 robots) exceed
+2.
+"""
 
 
 _DEEP = 1e-3
@@ -29,7 +32,7 @@ class ModelWarning(UserWarning):
 
 
 def explained(model: Model) -> str:
-    """Text of `Model.explain()`, with a section on keyframes in which geoms overlap."""
+    """Text of `Model.explain()` for a model, followed by a section on keyframes in which geoms overlap."""
     lines = list(_keyframe_overlaps(model)) or ["nothing"]
     return f"{model.explain()}\n\nOverlaps of more than 1 mm in keyframes:" + "".join(f"\n  {line}" for line in lines)
 
@@ -63,12 +66,12 @@ def warn_about(model: Model, *, loaded: bool, excluded: bool, is_robot: bool) ->
 
 
 def _is_worth_a_warning(model: Model, geom: int, ratio: float, *, is_robot: bool) -> bool:
-    """Whether the warning lists a hull: every one of `Model.wide_hulls` on fixed ground, and parts of robots from `_LARGE_PART` on.
+    """Whether the warning about a loaded model lists a mesh whose convex hull is larger than the mesh.
 
     Args:
         model: The model.
         geom: Index of the geom.
-        ratio: Volume of the hull divided by that of the mesh.
+        ratio: Volume of the hull divided by that of the mesh. Fixed ground is always listed, parts of robots from `_LARGE_PART` on.
         is_robot: Whether fixed geoms are the base of a robot, as in a URDF, instead of ground.
     """
     body = model.body(model.geom(geom).bodyid)
@@ -79,7 +82,7 @@ def _is_worth_a_warning(model: Model, geom: int, ratio: float, *, is_robot: bool
 
 
 def _hulls(model: Model, hulls: list[tuple[int, float]]) -> str:
-    """Paragraph on meshes with large hulls, given as geom index and ratio of volumes."""
+    """Paragraph of the warning on meshes whose convex hulls are much larger. `hulls` are geom indices and ratios of volumes."""
     lines = [
         f"{_label(model, geom)}: {ratio:.1f} times the volume" if ratio < 100 else f"{_label(model, geom)}: more than 100 times the volume"
         for geom, ratio in hulls
@@ -95,7 +98,7 @@ def _label(model: Model, geom: int) -> str:
 
 
 def _overlaps(model: Model) -> list[str]:
-    """Paragraphs on the overlaps at `qpos0` that were excluded from contact, and on those that remain."""
+    """Paragraphs of the warning on overlaps at `qpos0`: those that were excluded from contact, and those that remain."""
     parts = []
     if model.excluded_overlaps:
         title = 'overlaps="exclude" disables contact between the bodies of these geoms, which overlap at the reference pose:'
@@ -107,7 +110,7 @@ def _overlaps(model: Model) -> list[str]:
 
 
 def _keyframe_overlaps(model: Model) -> Iterator[str]:
-    """Lines on the deepest overlap in each keyframe, if it is deep."""
+    """Yields a line on the deepest overlap in each keyframe, if it is deeper than 1 mm."""
     for number, name in enumerate(model.keyframe_names):
         try:
             found = model.replace(qpos0=model.keyframe(number).qpos).overlaps()
@@ -121,11 +124,11 @@ def _keyframe_overlaps(model: Model) -> Iterator[str]:
 
 
 def _overlap_line(one: str, other: str, depth: float) -> str:
-    """Line on two overlapping geoms; the depth of the overlap is in m."""
+    """Text on two overlapping geoms, given by name, and the depth of their overlap, m."""
     return f"{one} and {other} by {1e3 * depth:.2f} mm"
 
 
 def _listed(title: str, lines: list[str]) -> str:
-    """Paragraph: a title and at most `_MOST_LINES` indented lines."""
+    """Paragraph of a warning: a title and at most `_MOST_LINES` indented lines, then the number of the remaining ones."""
     more = [f"and {len(lines) - _MOST_LINES} more"] if len(lines) > _MOST_LINES else []
     return title + "".join(f"\n  {line}" for line in [*lines[:_MOST_LINES], *more])

@@ -82,7 +82,7 @@ def load(
 
 
 def _check_choices(overlaps: str, actuators: str | None) -> None:
-    """Raises a ValueError for an unknown value of an argument of `load`."""
+    """Raises ValueError if the argument `overlaps` or `actuators` of `load` has an unknown value."""
     if overlaps not in ("keep", "exclude"):
         raise ValueError(f'overlaps is {overlaps!r}, must be "keep" or "exclude"')
     if actuators not in (None, *KINDS):
@@ -92,7 +92,15 @@ def _check_choices(overlaps: str, actuators: str | None) -> None:
 def _read(
     source: Source, strict: bool, package_dirs: Sequence[str | os.PathLike[str]] | None, urdf: Urdf | None, actuators: Actuators | None
 ) -> Model:
-    """Model of a source other than a saved model; arguments are those of `load`."""
+    """Model of a source other than a saved model.
+
+    Args:
+        source: As in `load`.
+        strict: As in `load`.
+        package_dirs: As in `load`.
+        urdf: The parsed source, if it is a URDF.
+        actuators: As in `load`.
+    """
     _mujoco()
     compiled = compile_source(source, package_dirs)
     description = describe(compiled)
@@ -106,7 +114,7 @@ def _read(
 
 
 def read_urdf(source: Source) -> Urdf | None:
-    """URDF elements of a source, for messages and actuators; None if the source is not a URDF."""
+    """Parsed URDF of a source, for messages and actuators; None if the source is not a URDF."""
     if _is_compiled(source):
         return None
     if _is_text(source):
@@ -198,7 +206,13 @@ def _compile_file(path: Path, package_dirs: Sequence[str | os.PathLike[str]] | N
 
 
 def _compile(read: Any, source: str, place: str) -> Any:
-    """Result of a constructor of `mujoco.MjModel`; MuJoCo's errors become `ModelError`, in which `place` names the source."""
+    """Calls a constructor of `mujoco.MjModel` and returns the model; MuJoCo's errors become `ModelError`.
+
+    Args:
+        read: The constructor, such as `mujoco.MjModel.from_xml_string`.
+        source: Its argument, a path or text.
+        place: Name of the source in messages.
+    """
     try:
         with _warnings_of_mujoco(place):
             return read(source)
@@ -209,7 +223,7 @@ def _compile(read: Any, source: str, place: str) -> Any:
 
 @contextlib.contextmanager
 def _warnings_of_mujoco(place: str) -> Iterator[None]:
-    """Issues the compiler's warnings as Python warnings; MuJoCo would write them to MUJOCO_LOG.TXT in the working directory."""
+    """Context manager that issues warnings of MuJoCo's compiler as Python warnings. MuJoCo would write them to the file MUJOCO_LOG.TXT."""
     mujoco = _mujoco()
     messages: list[str] = []
     before = mujoco.get_mju_user_warning()

@@ -1,4 +1,4 @@
-"""Sources from which models were loaded. Drawing reads them again, because a Model stores no colours and visual meshes."""
+"""Memory of the sources from which models were loaded. Drawing reads them again, because a Model stores no colours and visual meshes."""
 
 from __future__ import annotations
 
@@ -11,10 +11,12 @@ from typing import Any
 from stepper._stepper import Model
 
 KEPT = 8
-"""Number of texts and compiled models that are kept after their Model was deleted, because a variant of it (`Model.replace`) may still
-exist. The number is small, because a compiled model may be large."""
+"""Number of sources that are texts or compiled models and are kept after their Model was deleted.
+
+They are kept because a variant of the model (`Model.replace`) may still exist. The number is small, because a compiled model may be large.
+"""
 KEPT_FILES = 256
-"""Number of file paths that are kept after their Model was deleted."""
+"""Number of sources that are file paths and are kept after their Model was deleted."""
 
 
 @dataclass(frozen=True)
@@ -37,11 +39,11 @@ class Origin:
 
 @dataclass(frozen=True)
 class _Entry:
-    """Source of a loaded model, with fields of the model by which variants of it are recognised.
+    """Remembered source of a loaded model, with data of the model by which its variants (`Model.replace`) are recognised.
 
     Attributes:
-        structure: Result of `_structure`.
-        places: Result of `_places`.
+        structure: Counts and names of the model's elements.
+        places: Sizes and poses of geoms and bodies, as bytes.
         origin: The source.
         model: The model, as a weak reference.
     """
@@ -53,7 +55,7 @@ class _Entry:
 
     @property
     def key(self) -> tuple[Any, ...]:
-        """Fields that are compared; a model with equal fields replaces this entry."""
+        """Data by which models are compared; a later model with equal data replaces this entry."""
         return self.structure, self.places
 
 
@@ -61,7 +63,13 @@ _remembered: list[_Entry] = []
 
 
 def remember(model: Model, source: Any, package_dirs: Sequence[str | os.PathLike[str]] | None) -> None:
-    """Stores the source of a model for `origin_of`."""
+    """Stores the source from which a model was loaded, for later calls of `origin_of`.
+
+    Args:
+        model: The model.
+        source: Path, text or compiled `mujoco.MjModel`.
+        package_dirs: Folders with the meshes of a URDF.
+    """
     folders = None if package_dirs is None else tuple(os.path.abspath(folder) for folder in package_dirs)
     is_path = isinstance(source, os.PathLike) or (isinstance(source, str) and "<" not in source)
     given = os.path.abspath(source) if is_path else source
@@ -77,9 +85,9 @@ def remember(model: Model, source: Any, package_dirs: Sequence[str | os.PathLike
 
 
 def origin_of(model: Model) -> Origin | None:
-    """Source of a model, or of the model from which `Model.replace` made it. None if this process did not load it from a source.
+    """Source from which this process loaded a model, or the model of which it is a variant by `Model.replace`; None if unknown.
 
-    The most recent model with equal names, sizes and places counts; without one, the most recent model with equal names.
+    The most recently loaded model with equal names, sizes and poses counts; without one, the most recent model with equal names.
     """
     structure, places = _structure(model), _places(model)
     alike = [entry for entry in reversed(_remembered) if entry.structure == structure]
@@ -88,10 +96,10 @@ def origin_of(model: Model) -> Origin | None:
 
 
 def _structure(model: Model) -> tuple[Any, ...]:
-    """Fields that `Model.replace` does not change: counts and names."""
+    """Counts and names of a model's elements, which `Model.replace` does not change."""
     return (model.name, model.nq, model.nv, model.ngeom, *model.body_names, *model.joint_names, *model.geom_names)
 
 
 def _places(model: Model) -> tuple[Any, ...]:
-    """Sizes and places of geoms and bodies, which `Model.replace` may change."""
+    """Sizes and poses of a model's geoms and bodies, as bytes, which `Model.replace` may change."""
     return tuple(values.tobytes() for values in (model.geom_size, model.geom_pos, model.geom_quat, model.body_pos, model.body_quat))

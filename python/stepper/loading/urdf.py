@@ -16,7 +16,7 @@ _PACKAGE = ("package://", "model://")
 _FILE = ("file://", "file:")
 
 VARIABLES = {"ROS_PACKAGE_PATH": "", "AMENT_PREFIX_PATH": "share", "GAZEBO_MODEL_PATH": "", "GZ_SIM_RESOURCE_PATH": ""}
-"""Environment variables with lists of folders, and the subfolder of these in which the packages are ("" for the folders themselves)."""
+"""Environment variables with lists of folders that contain packages, and the subfolder with the packages ("" if there is none)."""
 
 
 def resolve_meshes(text: str, place: str, file: Path | None, package_dirs: Sequence[str | os.PathLike[str]] | None) -> str:
@@ -73,7 +73,13 @@ class _SearchFolders:
 
 
 def _search_folders(file: Path | None, meshdir: str, package_dirs: Sequence[str | os.PathLike[str]] | None) -> _SearchFolders:
-    """Folders to search for meshes; `meshdir` is the setting of MuJoCo's compiler in the URDF, or ""."""
+    """Folders to search for meshes of a URDF.
+
+    Args:
+        file: File of the URDF; None for XML text.
+        meshdir: Setting of MuJoCo's compiler in the URDF; "" without one.
+        package_dirs: Argument of `load`.
+    """
     above = [] if file is None else list(file.absolute().parents)
     of_file = above[:1]
     if of_file and meshdir:
@@ -83,13 +89,20 @@ def _search_folders(file: Path | None, meshdir: str, package_dirs: Sequence[str 
 
 
 def _folders_of_environment() -> Iterator[Path]:
-    """Folders with packages from the environment variables `VARIABLES`."""
+    """Yields folders with packages from the environment variables `VARIABLES`, such as ROS_PACKAGE_PATH."""
     for variable, inner in VARIABLES.items():
         yield from (Path(folder).absolute() / inner for folder in os.environ.get(variable, "").split(os.pathsep) if folder)
 
 
 def _find_mesh(name: str, folders: _SearchFolders, place: str, link: str) -> Path:
-    """Path of an existing mesh file; otherwise a ModelError. `name` is as in the URDF, `link` and `place` are names for the message."""
+    """Path of an existing file for a mesh of a URDF; a ModelError if there is none.
+
+    Args:
+        name: Name of the mesh in the URDF.
+        folders: Folders to search.
+        place: Name of the URDF in messages.
+        link: Name of the link with the mesh.
+    """
     searched = list(dict.fromkeys(_candidates(name, folders)))
     for candidate in searched:
         if candidate.is_file():
@@ -102,7 +115,7 @@ def _find_mesh(name: str, folders: _SearchFolders, place: str, link: str) -> Pat
 
 
 def _without_prefix(prefixes: tuple[str, ...], name: str) -> str:
-    """Name without that of the prefixes with which it begins."""
+    """Name without the first of `prefixes` with which it begins; unchanged if it begins with none."""
     return next((name[len(prefix) :] for prefix in prefixes if name.startswith(prefix)), name)
 
 

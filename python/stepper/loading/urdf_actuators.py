@@ -68,13 +68,13 @@ def _can_drive(urdf: Urdf, name: str) -> bool:
 
 
 def _unbounded(name: str, limit: str) -> dict[str, Any]:
-    """Omission that lists a joint without a "velocity" or "effort" limit."""
+    """Entry for `Model.omitted` about a joint without a "velocity" or "effort" limit, whose actuator has unbounded controls."""
     reason = f"the file has no {limit} limit, so the control is unbounded; model.replace(actuator_ctrlrange=...) sets bounds"
     return {"kind": f"URDF {limit} limit", "name": name, "reason": reason, "changes_motion": False}
 
 
 def _mass_matrix(compiled: Any) -> np.ndarray[Any, Any]:
-    """Mass matrix at `qpos0`, nv x nv."""
+    """Mass matrix of a compiled `mujoco.MjModel` at `qpos0`, (nv, nv)."""
     mujoco = import_module("mujoco")
     data = mujoco.MjData(compiled)
     mujoco.mj_forward(compiled, data)
@@ -104,7 +104,15 @@ def _effective_inertia(mass: np.ndarray[Any, Any], compiled: Any, urdf: Urdf, na
 
 
 def _actuator(kind: Actuators, urdf: Urdf, joint: dict[str, Any], index: int, inertia: float) -> dict[str, Any]:
-    """Description of an actuator of a joint with index `index` and effective inertia `inertia`, kg m^2 or kg."""
+    """Actuator of a joint as a dictionary for the Rust library.
+
+    Args:
+        kind: Kind of actuator.
+        urdf: The URDF, for the limits.
+        joint: Dictionary of the joint.
+        index: Index of the joint.
+        inertia: Effective inertia of the joint, kg m^2 or kg.
+    """
     effort, speed = urdf.effort_limit(joint["name"]), urdf.speed_limit(joint["name"])
     position, velocity = 2 * math.pi * POSITION_FREQUENCY, 2 * math.pi * VELOCITY_FREQUENCY
     stiffness, damping = inertia * position**2, 2 * inertia * position
@@ -130,5 +138,5 @@ def _actuator(kind: Actuators, urdf: Urdf, joint: dict[str, Any], index: int, in
 
 
 def _symmetric(limit: float | None) -> list[float] | None:
-    """Range from -limit to limit; None without a limit."""
+    """Range [-limit, limit]; None without a limit."""
     return None if limit is None else [-limit, limit]

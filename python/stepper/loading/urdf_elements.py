@@ -32,7 +32,7 @@ _SHAPES = {
 
 
 def _under(path: str, children: dict[str, set[str]]) -> dict[str, set[str]]:
-    """The dictionary `children` with `path/` before each key."""
+    """Copy of the dictionary `children` with `path/` before each key."""
     return {f"{path}/{name}": attributes for name, attributes in children.items()}
 
 
@@ -49,7 +49,10 @@ READ: dict[str, set[str]] = {
     "robot/joint/limit": {"lower", "upper", "effort", "velocity"},
     "robot/joint/mimic": {"joint", "multiplier", "offset"},
 }
-"""Simulated elements and their attributes. The velocity limit is stored in the model, but not enforced."""
+"""Elements of a URDF that stepper simulates, as paths, and their attributes.
+
+The velocity limit is stored in the model, but not enforced.
+"""
 
 _CONTACT_SETTINGS = "contact settings of another simulator are not read; set them with model.replace(geom_friction=...) and similar fields"
 _ACTUATORS = 'stepper.load(..., actuators="position") adds actuators'
@@ -72,11 +75,11 @@ LEFT_OUT: dict[str, str] = {
     "robot/link/self_filter": "belongs to a perception program",
     "robot/deformable": "deformable bodies are not simulated",
 }
-"""Reason for each common element that is left out, with everything inside it."""
+"""Reason why stepper leaves out a URDF element, by the element's path. Everything inside the element is left out, too."""
 
 _UNKNOWN = "is not supported, and not read"
 _DRIVES = ("URDF transmission", "URDF ros2_control")
-"""Kinds of omissions for which the argument `actuators` of `load` is a substitute; the reason then mentions it."""
+"""Kinds of left-out elements for which the argument `actuators` of `load` is a substitute; the reason then mentions it."""
 _MUJOCO_ELEMENTS = frozenset({"robot/mujoco"})
 """Elements that MuJoCo's compiler reads and checks, and that are therefore never listed."""
 _MOVABLE = ("continuous", "revolute", "prismatic")
@@ -132,7 +135,7 @@ class Urdf:
 
 
 def _bound(given: float | None) -> float | None:
-    """The limit if it is positive and finite; otherwise None."""
+    """A limit of a joint if it is positive and finite; otherwise None."""
     return given if given is not None and 0.0 < given < math.inf else None
 
 
@@ -144,7 +147,12 @@ def refuse_xacro(urdf: Urdf) -> None:
 
 
 def omissions(urdf: Urdf, actuators: str | None = None) -> list[Omission]:
-    """Elements and attributes of a URDF that the model leaves out, as `Omission`; `actuators` is the argument of `load`."""
+    """Elements and attributes of a URDF that stepper does not simulate, in the format of `Model.omitted`.
+
+    Args:
+        urdf: The URDF.
+        actuators: Argument `actuators` of `load`; if None, reasons mention it where it is a substitute.
+    """
     if urdf.root is None:
         reason = "the XML is not well-formed, so that unsupported elements cannot be listed; correct the file"
         return [_omission("URDF", urdf.place, reason)]
@@ -156,12 +164,12 @@ def omissions(urdf: Urdf, actuators: str | None = None) -> list[Omission]:
 
 
 def _omission(kind: str, name: str, reason: str) -> Omission:
-    """Omission that does not change the motion."""
+    """Entry for `Model.omitted` about an element whose absence does not change the motion."""
     return {"kind": kind, "name": name, "reason": reason, "changes_motion": False}
 
 
 def _left_out(element: Element, path: str, owner: str) -> Iterator[Omission]:
-    """Yields attributes and descendants of an element that are not simulated.
+    """Yields an entry for each attribute and descendant of a URDF element that is not simulated.
 
     Args:
         element: The element.
@@ -183,7 +191,7 @@ def _left_out(element: Element, path: str, owner: str) -> Iterator[Omission]:
 
 
 def _masses(robot: Element) -> Iterator[Omission]:
-    """Yields inertias of links that are welded to the world and therefore have no effect."""
+    """Yields an entry for each link with inertia that is welded to the world, so that its inertia has no effect."""
     joints = robot.findall("joint")
     ends = [(_end(joint, "parent"), _end(joint, "child"), joint.get("type")) for joint in joints]
     moved = {child for _, child, _ in ends}
@@ -207,7 +215,10 @@ def _end(joint: Element, which: str) -> str:
 
 
 def _limits(urdf: Urdf) -> Iterator[Omission]:
-    """Yields joint limits that are ignored: empty ranges, ranges of continuous joints, and effort or velocity limits that count as none."""
+    """Yields an entry for each joint limit that is ignored.
+
+    These are empty ranges, ranges of continuous joints, and effort or velocity limits that count as none.
+    """
     for name, joint in urdf.joints.items():
         kind, limit = joint.get("type"), joint.find("limit")
         low, high = (urdf.number(name, "limit", end) for end in ("lower", "upper"))

@@ -14,11 +14,11 @@ from stepper._stepper import __version__
 from stepper.shared.machine import package_version
 
 Description = dict[str, Any]
-"""Data of JSON: numbers, strings, lists and dictionaries."""
+"""Settings as JSON data: numbers, strings, lists and dictionaries."""
 
 _PACKAGES = ("gymnasium", "mujoco-core", "numpy")
 _LONGEST = 60
-"""Largest number of characters of a value in the text of a difference."""
+"""Largest number of characters of a setting's value in the text of a difference; longer values are cut."""
 
 
 def describe(env: Any) -> Description:
@@ -45,12 +45,12 @@ def describe(env: Any) -> Description:
 
 
 def _plain(value: Any) -> Any:
-    """JSON data for values of other types: lists for arrays, and `repr` for anything else."""
+    """Conversion for `json.dumps` of values that JSON cannot represent: lists for arrays, and `repr` for anything else."""
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else repr(value)
 
 
 def _of_stepper(base: Any) -> Description:
-    """Settings of an environment of `stepper.envs`."""
+    """Settings of an environment of `stepper.envs`, before conversion to JSON data."""
     sim, task = base.sim, base.task
     options = dataclasses.asdict(sim.options) | {"timestep": sim.timestep, "tolerance": sim.tolerance}
     options["integrator"] = options["integrator"] or ("midpoint" if options["contact"] == "hard" else "of the model")
@@ -97,7 +97,7 @@ def _of_mujoco(base: Any) -> Description:
 
 
 def _of_other(base: Any) -> Description:
-    """Settings of an environment of another engine."""
+    """Settings of an environment on an engine other than stepper and MuJoCo: name of its class and size of the observation."""
     space = getattr(base, "single_observation_space", base.observation_space)
     return {"engine": type(base).__name__, "observation": {"size": int(space.shape[0])}}
 
@@ -123,7 +123,7 @@ def differences(one: Description, other: Description) -> list[str]:
 
 
 def _leaves(description: Description, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Yields dotted paths and values of the entries that are not dictionaries."""
+    """Yields dotted path and value of every entry of nested dictionaries that is not a dictionary itself."""
     for name, value in description.items():
         if isinstance(value, dict):
             yield from _leaves(value, f"{path}{name}.")
@@ -132,7 +132,7 @@ def _leaves(description: Description, path: str = "") -> Iterator[tuple[str, Any
 
 
 def _text(leaves: dict[str, Any], name: str) -> str:
-    """Shortened text of a value; "nothing" if it is missing."""
+    """Value of a setting as text, shortened to 60 characters; "nothing" if the setting is missing."""
     if name not in leaves:
         return "nothing"
     text = repr(leaves[name])

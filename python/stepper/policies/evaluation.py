@@ -19,7 +19,7 @@ from stepper.shared.progress import Tick, silent
 
 Array = NDArray[Any]
 Act = Callable[[Array], Array]
-"""Function of observations, (num_envs, n), that returns actions, (num_envs, nu): a `Policy` or any other."""
+"""Function of observations, (num_envs, n), that returns actions, (num_envs, nu): a `Policy` or any other function."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -134,7 +134,7 @@ def make(env: str, num_envs: int | None = None, *, training: bool = False, **set
 
 
 def _made(env: str, num_envs: int | None, *, training: bool, **settings: Any) -> Any:
-    """Environment of `make`, with the errors of Gymnasium."""
+    """Creates an environment like `make`, without conversion of Gymnasium's errors."""
     gymnasium = require("gymnasium", "to run policies")
     importlib.import_module("stepper.envs")  # The import registers the environments.
     has_module, env = ":" in env, import_env(env)
@@ -252,14 +252,30 @@ def compare(
 
 
 def _starts(env: str, episodes: int, seed: int, settings: dict[str, Any]) -> tuple[Array, Array]:
-    """Initial positions (episodes, nq) and velocities (episodes, nv) of episodes with seeds from `seed` on."""
+    """Initial positions (episodes, nq), m and rad, and velocities (episodes, nv), m/s and rad/s, of episodes in an environment on stepper.
+
+    Args:
+        env: Id of the environment.
+        episodes: Number of episodes.
+        seed: Seed of the first episode; episode k has the seed `seed + k`.
+        settings: Arguments of the environment.
+    """
     envs = make(env, episodes, **settings)
     envs.reset(seed=seed)
     return envs.unwrapped.sim.qpos.astype(np.float64), envs.unwrapped.sim.qvel.astype(np.float64)
 
 
 def _in_parallel(envs: Any, policy: Act, seed: int, starts: tuple[Array, Array] | None, infos: Sequence[str], *, tick: Tick) -> Evaluation:
-    """Evaluation with one environment per episode. Only the first episode of each environment counts."""
+    """Runs a policy for one episode in each environment of a vector environment.
+
+    Args:
+        envs: The vector environment.
+        policy: Function of observations that returns actions.
+        seed: Seed of the first environment.
+        starts: Initial positions and velocities; None draws them from the seed.
+        infos: Keys of infos whose means are returned.
+        tick: Function that is called with the environment's id and the fraction of the work that is done.
+    """
     observation, _ = envs.reset(seed=seed)
     if starts is not None:
         observation = envs.unwrapped.set_state(*starts)
@@ -283,7 +299,16 @@ def _in_parallel(envs: Any, policy: Act, seed: int, starts: tuple[Array, Array] 
 def _in_sequence(
     env: Any, policy: Act, seeds: range, starts: tuple[Array, Array] | None, infos: Sequence[str], *, tick: Tick
 ) -> Evaluation:
-    """Evaluation with one episode after the other in a single environment."""
+    """Runs a policy in a single environment, one episode after the other.
+
+    Args:
+        env: The environment.
+        policy: Function of observations that returns actions.
+        seeds: Seed of each episode.
+        starts: Initial positions and velocities of each episode; None draws them from the seeds.
+        infos: Keys of infos whose means are returned.
+        tick: Function that is called with the environment's id and the fraction of the work that is done.
+    """
     returns, lengths = np.zeros(len(seeds)), np.zeros(len(seeds), dtype=np.int64)
     sums = {key: np.zeros(len(seeds)) for key in infos}
     for k, seed in enumerate(seeds):
@@ -313,7 +338,7 @@ def _info(info: Mapping[str, Any], name: str) -> Array:
 
 
 def _interval(values: Array, confidence: float) -> tuple[float, float]:
-    """Confidence interval of a mean by Student's t distribution."""
+    """Confidence interval of the mean of `values`, (n,), by Student's t distribution."""
     stats = require("scipy.stats", "for confidence intervals")
     half = float(stats.t.ppf(0.5 + confidence / 2.0, len(values) - 1)) * float(values.std(ddof=1)) / math.sqrt(len(values))
     return float(values.mean()) - half, float(values.mean()) + half

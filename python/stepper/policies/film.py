@@ -18,7 +18,7 @@ from stepper.shared.progress import Tick, silent
 
 Array = NDArray[Any]
 FILMED = 300
-"""Largest number of actions of a film, unless given."""
+"""Default largest number of actions in a film."""
 
 
 def check_film(env: str, file: str | Path, **settings: Any) -> None:

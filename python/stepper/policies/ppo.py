@@ -56,13 +56,13 @@ PRINT_INTERVAL = 5.0
 
 
 class Moments:
-    """Running mean and variance of every column of a stream of rows, by Chan's update."""
+    """Running mean and variance of every column of a stream of rows, updated with batches by Chan's method."""
 
     def __init__(self, size: int):
         self.mean, self.var, self.count = np.zeros(size), np.ones(size), 1e-4
 
     def update(self, batch: Array) -> None:
-        """Updates the moments with a batch of rows, (n, size), in any unit."""
+        """Updates the running mean and variance with a batch of rows, (n, size), in any unit."""
         rows = batch.reshape(-1, len(self.mean)).astype(np.float64)
         shift, total = rows.mean(axis=0) - self.mean, self.count + len(rows)
         self.var = (self.var * self.count + rows.var(axis=0) * len(rows) + shift**2 * self.count * len(rows) / total) / total
@@ -117,7 +117,7 @@ class Run:
         self.episodes, self.recent = 0, deque[tuple[float, int]](maxlen=100)
 
     def normal(self, observation: Array) -> Tensor:
-        """Normalised observations, (num_envs, n), float32."""
+        """Observations normalised by their running mean and standard deviation, and clipped to +-10: (num_envs, n) float32 tensor."""
         scaled = (observation - self.observed.mean) / np.sqrt(self.observed.var + 1e-8)
         return torch.from_numpy(np.clip(scaled, -10.0, 10.0).astype(np.float32))
 
@@ -167,7 +167,12 @@ class Run:
         return samples
 
     def _count(self, info: dict[str, Any], over: Array) -> None:
-        """Adds returns and lengths of episodes that ended, by a mask (num_envs,), to `recent` and `episodes`."""
+        """Adds returns and lengths of ended episodes to `recent`, and their number to `episodes`.
+
+        Args:
+            info: Info dict of the step.
+            over: Environments whose episode ended, (num_envs,) bool.
+        """
         episode = info.get("episode") or info["final_info"]["episode"]
         self.recent += [(float(r), int(n)) for r, n in zip(episode["r"][over], episode["l"][over], strict=True)]
         self.episodes += int(over.sum())
@@ -321,7 +326,7 @@ def train(settings: Settings, folder: Path, *, every: float = 30.0, quiet: bool 
 
 
 def _cut(curve: Path, iteration: int) -> None:
-    """Removes the rows of a learning curve after an iteration, that of the checkpoint, because the run repeats these."""
+    """Removes the rows of a learning curve after the iteration of the checkpoint, because the continued run repeats these iterations."""
     if curve.exists():
         lines = curve.read_text().splitlines(keepends=True)
         curve.write_text("".join(lines[: iteration + 1]))

@@ -34,7 +34,7 @@ CAUSES = {
 
 
 class Failures:
-    """Counts of failures by kind, sensor and actuator, with row and environment of the first ones."""
+    """Counts of failures in a recording by kind, sensor and actuator, with row and environment of the first ones."""
 
     def __init__(self, sim: Stepper):
         bounds = np.asarray(sim.model.actuator_ctrlrange).reshape(-1, 2)

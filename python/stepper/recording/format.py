@@ -80,20 +80,20 @@ def digest_of(file: BinaryIO) -> str:
 
 
 def write_header(folder: Path, head: Header) -> None:
-    """Writes run.json with its SHA-256, atomically."""
+    """Writes the file run.json of a recording with its SHA-256, atomically."""
     text = json.dumps(head | {"sha256": _digest_of_header(head)}, indent=2) + "\n"
     with atomic_write(folder / HEADER) as file:
         file.write(text.encode())
 
 
 def _digest_of_header(head: Header) -> str:
-    """SHA-256 of the contents of run.json without the entry "sha256"."""
+    """SHA-256 of the contents of run.json without the entry "sha256", in hexadecimal."""
     held = {name: value for name, value in head.items() if name != "sha256"}
     return hashlib.sha256(json.dumps(held, sort_keys=True).encode()).hexdigest()
 
 
 def read_header(folder: Path) -> Header:
-    """Contents of run.json.
+    """Reads and checks the file run.json of a recording.
 
     Raises:
         RecordingError: The format has another version, or the file was changed.
@@ -163,7 +163,11 @@ def read_rows(folder: Path, head: Header) -> Iterator[tuple[str, str, Arrays]]:
 
 
 def _read_file(path: Path, entry: dict[str, Any]) -> tuple[list[str], Arrays]:
-    """Kinds of the rows and arrays of a .npz file; `entry` is its entry in run.json."""
+    """Reads a .npz file of a recording and checks it against its entry in run.json.
+
+    Returns:
+        Kind of each row, and the arrays by name.
+    """
     with path.open("rb") as file:
         if digest_of(file) != entry["sha256"]:
             raise RecordingError(

@@ -78,18 +78,24 @@ class Recorder:
         self._count("step", sum(value.nbytes for value in row.values()))
 
     def reset(self, _sim: Stepper, **arguments: Any) -> None:
-        """Records a reset. A reset clears applied forces, so that the next ones are recorded again."""
+        """Records a call of `Stepper.reset` with its arguments. A reset clears applied forces, so that the next ones are recorded again."""
         self._applied = [None] * len(APPLIED)
         self._add("reset", **arguments)
 
     def set_state(self, _sim: Stepper, **arguments: Any) -> None:
-        """Records a call of `set_state`."""
+        """Records a call of `Stepper.set_state` with its arguments."""
         if "state" in arguments:
             arguments = {"state": _state_bytes(self._sim)}
         self._add("set_state", **arguments)
 
     def randomize(self, sim: Stepper, *, envs: Any = None, fields: dict[str, Any] | None = None) -> None:
-        """Records a call of `randomize`, with only the rows of changed environments."""
+        """Records a call of `Stepper.randomize`, with only the rows of changed environments.
+
+        Args:
+            sim: The stepper.
+            envs: Argument of `randomize`: mask or indices of the environments; None is all.
+            fields: Arguments of `randomize` with parameters by name; None as a value stands for the model's value.
+        """
         chosen, order = np.zeros(sim.num_envs or 1, dtype=bool), selected(envs, sim.num_envs or 1)
         chosen[order] = True
         rows = {name: values for name, values in (fields or {}).items() if values is not None}
@@ -112,14 +118,14 @@ class Recorder:
         self.close()
 
     def _add(self, kind: str, **arguments: Any) -> None:
-        """Adds a row other than a step."""
+        """Adds a row for a call other than `step`: its kind, and its arguments as arrays, which are copied."""
         # Copy, because the caller may change the arrays later.
         arrays = {name: np.array(value) for name, value in arguments.items()}
         self._others |= {f"{len(self._kinds)}/{name}": value for name, value in arrays.items()}
         self._count(kind, sum(value.nbytes for value in arrays.values()))
 
     def _count(self, kind: str, nbytes: int) -> None:
-        """Counts a row and its size, and writes a file if the rows in memory are large enough."""
+        """Counts a new row of `nbytes` bytes, and writes a file if the rows in memory exceed the size `chunk`."""
         self._kinds.append(KINDS.index(kind))
         self.rows += 1
         self._bytes += nbytes
@@ -152,7 +158,7 @@ class Recorder:
         self._clear()
 
     def _so_far(self) -> dict[str, Any]:
-        """Entries of run.json for the files that were written."""
+        """Entries of run.json for the files that were written so far: rows, files and failures."""
         rows = sum(int(file["rows"]) for file in self._files)
         return {"rows": rows, "files": self._files, "failures": self.failures.summary()}
 
@@ -184,7 +190,12 @@ def _source(model: Model) -> str | None:
 
 
 def _parameters(fields: dict[str, Any], chosen: np.ndarray[Any, Any]) -> dict[str, np.ndarray[Any, Any]]:
-    """Arrays of a row for parameters per environment: values in the environments of a mask, and drives as JSON."""
+    """Arrays of a recorded row for parameters per environment, by name.
+
+    Args:
+        fields: Parameters for all environments, (num_envs, ...) by name; "actuators" is an `ActuatorModel`, which is stored as JSON.
+        chosen: Mask of the environments whose values are stored, (num_envs,) bool.
+    """
     rows = {name: values for name, values in fields.items() if name != "actuators"}
     kept = {f"randomized/{name}": np.asarray(values, np.float64).reshape(len(chosen), -1)[chosen] for name, values in rows.items()}
     if "actuators" in fields:

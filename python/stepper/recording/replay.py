@@ -113,7 +113,14 @@ def replay(path: str | os.PathLike[str], *, model: Model | None = None, threads:
 
 
 def recorded_stepper(folder: Path, head: Header, model: Model | None, threads: int | None) -> Stepper:
-    """Stepper with the settings of the recorded one; `model`, if given, must equal the recorded model."""
+    """New stepper with the model and settings of a recording.
+
+    Args:
+        folder: Folder of the recording.
+        head: Contents of its run.json.
+        model: Model that must equal the recorded one; None skips this check.
+        threads: Number of threads; None is as recorded.
+    """
     with reading(folder / MODEL):
         own = Model.from_file(folder / MODEL)
     for digest, place in [(own.digest, "the model in its folder"), (model.digest if model else own.digest, "the argument model")]:
@@ -137,7 +144,18 @@ def recorded_stepper(folder: Path, head: Header, model: Model | None, threads: i
 
 
 def repeat(sim: Stepper, kind: str, arrays: Arrays, row: int, step: int) -> Difference | None:
-    """Repeats a row of a recording. For a step, returns the first difference of the result; None if there is none."""
+    """Repeats the call in one row of a recording.
+
+    Args:
+        sim: Stepper in the state before the row.
+        kind: Kind of the row, as "step".
+        arrays: Arguments and recorded results of the row.
+        row: Index of the row.
+        step: Index of the call of `step`.
+
+    Returns:
+        First difference between the result of a step and the recorded one; None if there is none, and for other rows.
+    """
     if (kind == "start") != (row == 0):
         raise ValueError(f"the row has kind {kind}; the first row of a recording must have kind start, and no other row may")
     if kind == "step":
@@ -165,7 +183,7 @@ def repeat(sim: Stepper, kind: str, arrays: Arrays, row: int, step: int) -> Diff
 
 
 def apply_parameters(sim: Stepper, arrays: Arrays) -> None:
-    """Assigns the parameters in a row of the recording to a stepper; arrays have the rows of the changed environments only."""
+    """Sets the parameters in a row of a recording in a stepper. `arrays` have rows of the changed environments only."""
     rows = {name.removeprefix("randomized/"): values for name, values in arrays.items() if name.startswith("randomized/")}
     n = sim.num_envs or 1
     mask = arrays.get("envs", np.full(n, True))
@@ -182,7 +200,17 @@ def apply_parameters(sim: Stepper, arrays: Arrays) -> None:
 
 
 def _compare(sim: Stepper, arrays: Arrays, row: int, step: int) -> Difference | None:
-    """Compares the result of a step with the recorded arrays; returns the first difference."""
+    """Compares the present state of a stepper with the recorded result of a step.
+
+    Args:
+        sim: The stepper after the step.
+        arrays: Recorded arrays of the row.
+        row: Index of the row, for the result.
+        step: Index of the call of `step`, for the result.
+
+    Returns:
+        First difference; None if all fields are identical bit for bit.
+    """
     n = sim.num_envs or 1
     for name in COMPARED:
         was, now = arrays[name], np.asarray(getattr(sim, name))

@@ -78,13 +78,21 @@ def segments(path: str | os.PathLike[str]) -> Iterator[Segment]:
 
 
 def _state(sim: Stepper) -> dict[str, np.ndarray[Any, Any]]:
-    """Attribute `start` of a `Segment`: the current state."""
+    """Present qpos, qvel and act of a stepper by name, (num_envs, ...) float64."""
     n = sim.num_envs or 1
     return {name: np.asarray(getattr(sim, name), np.float64).reshape(n, -1) for name in ("qpos", "qvel", "act")}
 
 
 def _segment(sim: Stepper, row: int, start: dict[str, Any], steps: list[Arrays], unapplied: dict[str, np.ndarray[Any, Any]]) -> Segment:
-    """Segment from the arrays of its steps; `unapplied` has the values of forces and mocap poses that were not set."""
+    """Segment of a recording from its rows.
+
+    Args:
+        sim: Stepper with the recorded model.
+        row: Index of the first row.
+        start: State before the first step.
+        steps: Arrays of each call of `step`.
+        unapplied: Values of applied forces and mocap poses that were not set, by name.
+    """
     lead = (len(steps), sim.num_envs or 1)
 
     def stacked(name: str) -> np.ndarray[Any, Any]:

@@ -57,7 +57,7 @@ class FallingBlock(Task):
         return _scene()
 
     def sensors(self) -> SensorModel | None:
-        """Sensor noise, if it is set."""
+        """Sensor model with normal noise on height (m) and velocity (m/s); None if `noise` is 0."""
         return SensorModel(default=Transfer(noise_std=self.noise)) if self.noise else None
 
     def observations(self) -> tuple[Observation, ...]:
@@ -78,7 +78,7 @@ class FallingBlock(Task):
         return {"restitution": np.zeros(num_envs)}
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """Initial height and velocity of every environment."""
+        """Sets the initial height and velocity of the block, equal in all environments."""
         qpos[:], qvel[:] = HEIGHT, VELOCITY
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:

@@ -12,19 +12,19 @@ from stepper.shared.rotations import matrices
 
 @per_moment
 def frame(now: Moment) -> Array:
-    """Rotation matrices of the base, (num_envs, 3, 3)."""
+    """Rotation matrices from the frame of the robot's base to the world, (num_envs, 3, 3)."""
     return matrices(now.qpos[:, 3:7])
 
 
 def in_base(now: Moment, vectors: Array) -> Array:
-    """World vectors (num_envs, 3), expressed in the frame of the base."""
+    """Components of world vectors, (num_envs, 3), in the frame of the robot's base."""
     turned: Array = np.einsum("ni,nij->nj", vectors, frame(now))
     return turned
 
 
 @per_moment
 def linear_velocity(now: Moment) -> Array:
-    """Velocity of the base in its frame, (num_envs, 3), m/s."""
+    """Linear velocity of the robot's base, in its frame, (num_envs, 3), m/s."""
     return in_base(now, now.qvel[:, :3])
 
 

@@ -120,7 +120,7 @@ class G1Rough(RoughTask):
 
 
 def _named(name: str, table: Mapping[str, float]) -> float:
-    """Value of the first key of `table` that is a part of the name; 0 if there is none."""
+    """Value of the first key of `table` that is a part of a joint's name; 0 if there is none."""
     return next((value for part, value in table.items() if part in name), 0.0)
 
 
@@ -147,6 +147,6 @@ def _rough_scene(terrain: Terrain) -> Model:
 
 
 def _on(ground: Ground) -> Model:
-    """Model of the robot on a ground."""
+    """Model of the robot G1 with servos, on a ground."""
     visuals = Visuals({"rgba": "0.32 0.37 0.42 1"}, {"diffuse": "0.8 0.8 0.8"})
     return scene(_FILE, "G1", _HEIGHT, ground=ground, geom=_geom, servo=_servo, visuals=visuals)

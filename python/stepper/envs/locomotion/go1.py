@@ -116,12 +116,12 @@ def _feet(model: Model) -> list[int]:
 
 
 def _geom(name: str) -> dict[str, str]:
-    """MJCF attributes of a geom on plain ground: feet, trunk and head collide."""
+    """MJCF attributes of a geom of Go1, by the geom's name, for plain ground: only feet, trunk and head collide."""
     return _touching(name, name in ("trunk_collision", "head_collision"))
 
 
 def _touching(name: str, touches: bool) -> dict[str, str]:
-    """MJCF attributes of a geom. It collides with the ground if `touches` is true or it is a foot."""
+    """MJCF attributes of a geom of Go1, by the geom's name. It collides with the ground if `touches` is true or it is a foot."""
     is_foot = name.endswith("foot_collision")
     touches = touches or is_foot
     touch = {"priority": "1", "friction": "0.8 0.005 0.0005", "condim": "3"} if is_foot else {}
@@ -146,7 +146,13 @@ def _rough_scene(terrain: Terrain) -> Model:
 
 
 def _on(ground: Ground, geom: Callable[[str], Mapping[str, str]], height: float) -> Model:
-    """Model of the robot on a ground."""
+    """Model of the robot Go1 with servos, on a ground.
+
+    Args:
+        ground: Ground of the scene.
+        geom: Function from the name of a geom of the robot to its MJCF attributes.
+        height: Initial height of the trunk, m.
+    """
     squares = {"type": "2d", "builtin": "checker", "width": "64", "height": "64", "rgb1": ".30 .35 .40", "rgb2": ".36 .41 .46"}
     texture = Element("texture", {"name": "squares", **squares})
     material = Element("material", name="floor", texture="squares", texrepeat="2 2", texuniform="true")

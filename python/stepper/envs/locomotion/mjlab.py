@@ -44,7 +44,7 @@ class Servo:
 
 @dataclass(frozen=True)
 class Visuals:
-    """Attributes and elements that only affect pictures.
+    """MJCF attributes and elements of a scene that only affect pictures.
 
     Attributes:
         ground: MJCF attributes of the ground's geoms.
@@ -71,7 +71,7 @@ def plain_ground(roughness: float) -> Ground:
 
 
 def tiled_ground(tiles: Terrain) -> Ground:
-    """Ground of a generated terrain, as the geom "terrain"."""
+    """Ground that is a generated terrain of tiles, with the geom name "terrain"."""
 
     def ground(attributes: dict[str, str]) -> tuple[list[Element], list[Element]]:
         field, surface = tiles.elements(**attributes)
@@ -120,7 +120,10 @@ def scene(
 
 
 def _strip(tree: Element, geom: Callable[[str], Mapping[str, str]]) -> None:
-    """Remove assets, lights, cameras, exclusions and elements of class "visual"; set attributes of each named geom to `geom(name)`."""
+    """Removes elements of a robot's MJCF tree that physics does not need, and sets the attributes of its geoms; the tree changes in place.
+
+    Assets, lights, cameras, exclusions and elements of class "visual" are removed. Each named geom gets the attributes `geom(name)`.
+    """
     for asset in tree.findall("asset"):
         tree.remove(asset)
     remove_elements(tree, lambda element: element.tag in ("light", "camera", "exclude") or element.get("class") == "visual")
@@ -131,7 +134,7 @@ def _strip(tree: Element, geom: Callable[[str], Mapping[str, str]]) -> None:
 
 
 def _add_servos(tree: Element, servo: Callable[[str], Servo], height: float) -> None:
-    """Add position actuators with mjlab's gains, and the keyframe "stance" with this height of the base, m."""
+    """Adds position actuators with mjlab's gains to a robot's MJCF tree, and a keyframe "stance" with the base at `height`, m."""
     actuators, keyframes, angles = Element("actuator"), Element("keyframe"), []
     tree.extend([actuators, keyframes])
     for joint in tree.iter("joint"):

@@ -306,7 +306,7 @@ def _sensed(robot: Model, imu: str) -> Model:
 
 
 def _readings(row: str) -> Callable[[Moment], Array]:
-    """Function of a moment that reads the sensors of a row of the observation, (num_envs, n)."""
+    """Function of a moment (view of all environments) that reads the sensors of a row of the observation, (num_envs, n)."""
 
     def read(now: Moment) -> Array:
         first, count = _columns(now.sim.model, row)
@@ -318,7 +318,7 @@ def _readings(row: str) -> Callable[[Moment], Array]:
 
 @cache_per_model
 def _columns(model: Model, row: str) -> tuple[int, int]:
-    """First column in sensordata of the sensors of a row, which are adjacent, and their number of columns."""
+    """First column in sensordata of the sensors of an observation's row, which are adjacent, and their number of columns."""
     found = [sensor for sensor in map(model.sensor, range(len(model.sensor_names))) if re.fullmatch(f"{row}( .*)?", sensor.name)]
     return found[0].adr, sum(sensor.dim for sensor in found)
 

@@ -16,7 +16,7 @@ _TARGET = 0.2
 
 @dataclass(frozen=True, kw_only=True)
 class Acrobot(SuiteTask):
-    """Task: swing the tip up to the target, and hold it there.
+    """Task: swing the tip of a two-link arm up to a target, and hold it there.
 
     Attributes:
         sparse: Whether the reward is sparse: 1 in the target, 0 elsewhere.

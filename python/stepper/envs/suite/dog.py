@@ -157,13 +157,13 @@ def _target(now: Moment) -> Array:
 
 
 def _from_head(now: Moment, geom: str) -> Array:
-    """Vector from the head to a geom, in world axes, (num_envs, 3), m."""
+    """Vector from the dog's head to a geom, in world axes, (num_envs, 3), m."""
     offset: Array = _geom_position(now, geom) - now.site_xpos[:, now.sim.model.site("head").id]
     return offset
 
 
 def _to_head(now: Moment, vectors: Array) -> Array:
-    """World vectors (num_envs, n, 3), expressed in the frame of the head."""
+    """Components of world vectors, (num_envs, n, 3), in the frame of the dog's head."""
     local: Array = vectors @ matrices(now.site_xquat[:, now.sim.model.site("head").id])
     return local
 
@@ -189,7 +189,7 @@ def _fetching(now: Moment) -> Array:
 
 @cache_model
 def _scene(floor: float | None) -> Model:
-    """Model on a floor of this half side, m, without the ball; None is the arena with walls and ball."""
+    """Model of the dog on a floor of the half side `floor`, m, without the ball; None is the arena with walls and ball."""
     tree = source_tree(Dog.file)
     assets = package_file("dm_control", "suite/dog_assets", "for tasks of its suite, whose models it has")
     for compiler in tree.iter("compiler"):

@@ -20,7 +20,7 @@ _DAMPING = 0.03
 
 @dataclass(frozen=True, kw_only=True)
 class Finger(SuiteTask):
-    """Task: keep the body spinning."""
+    """Task: keep a body on a hinge spinning by touches of a planar finger."""
 
     file = "finger.xml"
     frame_skip: int = 2
@@ -53,7 +53,7 @@ class Finger(SuiteTask):
 
 @dataclass(frozen=True, kw_only=True)
 class FingerTurn(Finger):
-    """Task: turn the body until its tip is in the target. The target is a mocap body, with a random position in each episode.
+    """Task: turn a body on a hinge until its tip is in the target. The target is a mocap body, with a random position in each episode.
 
     Attributes:
         target_size: Radius of the target, m.

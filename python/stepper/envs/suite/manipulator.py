@@ -15,7 +15,7 @@ from stepper.shared.rotations import matrices
 from stepper.shared.streams import Rng
 
 _PROPS = {"ball", "target_ball", "cup", "peg", "target_peg", "slot"}
-"""Bodies of the file of which each task uses some."""
+"""Names of the bodies in dm_control's file that are objects, targets or receptacles. Each task keeps only those that it uses."""
 _CLOSE = 0.01
 """Distance within which two sites count as together, m."""
 _IN_HAND, _IN_TARGET = 0.1, 0.1
@@ -38,7 +38,7 @@ class Manipulator(SuiteTask):
 
     @property
     def _object(self) -> str:
-        """Name of the body that must be moved."""
+        """Name of the body that must be brought to the target: "ball" or "peg"."""
         return "peg" if self.peg else "ball"
 
     def model(self) -> Model:
@@ -81,7 +81,7 @@ class Manipulator(SuiteTask):
         sim.mocap_pos[mask], sim.mocap_quat[mask] = _posed(model, target)
 
     def _draw(self, model: Model, qpos: Array, qvel: Array, rng: Rng) -> Array:
-        """Draw positions and velocities into qpos and qvel, and return x, z (m) and angle (rad) of the target, (n, 3)."""
+        """Draws positions and velocities into qpos (n, nq) and qvel (n, nv), and returns x, z (m) and angle (rad) of the target, (n, 3)."""
         draw_arm(model, qpos, rng)
         widest = np.pi / 3.0 if self.insert else np.pi
         target = np.hstack([rng.uniform(-0.4, 0.4, 1), rng.uniform(0.1, 0.4, 1), rng.uniform(-widest, widest, 1)])
@@ -113,7 +113,11 @@ def _grasp(model: Model, qpos: Array) -> Array:
 
 
 def _posed(model: Model, target: Array) -> tuple[Array, Array]:
-    """Poses of the mocap bodies at the target (n, 3): positions (n, nmocap, 3) m and quaternions (n, nmocap, 4)."""
+    """Poses of the mocap bodies (target and receptacle) for poses of the target, (n, 3): x, z (m) and angle (rad).
+
+    Returns:
+        Positions (n, nmocap, 3), m, and quaternions (n, nmocap, 4).
+    """
     bodies = [body for body in map(model.body, range(model.nbody)) if body.mocapid >= 0]
     place, quat = np.zeros((len(target), len(bodies), 3)), np.zeros((len(target), len(bodies), 4))
     for body in bodies:
@@ -125,6 +129,6 @@ def _posed(model: Model, target: Array) -> tuple[Array, Array]:
 
 @cache_model
 def _scene(peg: bool, insert: bool) -> Model:
-    """Model with the objects of one task, of which target and receptacle are mocap bodies."""
+    """Model of the arm with the objects of one task; target and receptacle are mocap bodies."""
     placed = {"target_peg" if peg else "target_ball"} | ({"slot" if peg else "cup"} if insert else set())
     return arm_scene(Manipulator.file, unused=_PROPS - placed - {"peg" if peg else "ball"}, placed=placed)

@@ -143,6 +143,6 @@ def _body_position(now: Moment, body: str) -> Array:
 
 @cache_model
 def _scene(floor: float | None) -> Model:
-    """Model on a floor of this half side, m, without the ball; None is the arena with walls and ball."""
+    """Model of the quadruped on a floor of the half side `floor`, m, without the ball; None is the arena with walls and ball."""
     tree = remove_elements(source_tree(Quadruped.file), lambda element: element.tag == "rangefinder" or element.get("type") == "hfield")
     return load_quietly(tree if floor is None else open_floor(tree, floor, _BALL))

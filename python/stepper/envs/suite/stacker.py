@@ -67,7 +67,7 @@ class Stacker(SuiteTask):
 
     @property
     def _names(self) -> list[str]:
-        """Names of the boxes."""
+        """Names of the boxes, "box0" and so on."""
         return [f"box{k}" for k in range(self.boxes)]
 
     def _rates(self, now: Moment) -> Array:

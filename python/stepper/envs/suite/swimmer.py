@@ -64,7 +64,7 @@ def _to_target(now: Moment) -> Array:
 
 
 def _velocities(now: Moment) -> Array:
-    """Velocity along x and y (m/s) and about z (rad/s) of every link in its frame: (num_envs, links, 3)."""
+    """Velocity along x and y (m/s) and about z (rad/s) of every link, in the link's frame: (num_envs, links, 3)."""
     names = [f"{kind}_{k}" for k in range(now.sim.model.nbody - 2) for kind in ("velocimeter", "gyro")]
     both: Array = reading(now, "head_vel", "head_gyro", *names).reshape(len(now.qpos), -1, 6)
     return both[..., [0, 1, 5]]

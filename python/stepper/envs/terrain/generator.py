@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import mujoco
 
 _CELL_TOLERANCE = 1e-6
-"""Largest accepted difference of a number of cells from a whole number."""
+"""Largest accepted deviation of a number of grid cells from a whole number."""
 _MIN_EXTENT = 1e-3
 """Least extent in z of a height field, m: MuJoCo refuses 0, the extent of flat ground."""
 _BASE_THICKNESS = 0.5

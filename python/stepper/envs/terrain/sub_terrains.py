@@ -10,7 +10,7 @@ import numpy as np
 from stepper.envs.task import Array
 
 Range = tuple[float, float]
-"""Values of a parameter at difficulty 0 and at difficulty 1, with linear interpolation between them."""
+"""Pair of values of a parameter: at difficulty 0 and at difficulty 1. Values between are interpolated linearly."""
 
 _EDGE_MARGIN = 1e-9
 """Margin around a box, m, within which grid points count as on the box, so that rounding errors exclude no point on its edge."""
@@ -253,12 +253,12 @@ class DiscreteObstacles(BoxTerrain):
 
 
 def _at(values: Range, difficulty: float) -> float:
-    """Value of a parameter at a difficulty."""
+    """Value of a terrain parameter at a difficulty from 0 to 1; `values` are those at 0 and 1."""
     return values[0] + difficulty * (values[1] - values[0])
 
 
 def _from_middle(x: Array, y: Array) -> Array:
-    """Larger of the distances |x| and |y| from the middle, (m, n) m."""
+    """Chebyshev distance max(|x|, |y|) of grid points from the middle of a tile, (m, n) m, for x (n,) and y (m,)."""
     distance: Array = np.maximum(np.abs(x), np.abs(y)[:, None])
     return distance
 

@@ -21,11 +21,11 @@ GAIN_TYPES = {GAIN_FIXED: "Fixed", GAIN_AFFINE: "Affine"}
 BIAS_TYPES = {BIAS_NONE: "None", BIAS_AFFINE: "Affine"}
 INPUT_POS, INPUT_VEL, INPUT_VOLTAGE = 1, 2, 8
 PREVIOUS, LINEAR, CUBIC = range(3)
-"""Values of MJCF's attribute `interp` (zoh, linear, cubic): interpolation between two samples of a delayed control or reading."""
+"""MuJoCo's values of the MJCF attribute `interp` (zoh, linear, cubic): interpolation between samples of a delayed control or reading."""
 
 
 def reasons_to_omit(source: Source, a: int) -> list[str]:
-    """Properties of an actuator that are not supported, because of which it is left out; an empty list if it is kept."""
+    """Reasons why stepper cannot simulate an actuator, one text each; an empty list if it can. `a` is the index in MuJoCo's model."""
     m, mj = source.m, source.mujoco
     target, transmission = int(m.actuator_trnid[a, 0]), int(m.actuator_trntype[a])
     on_joint = transmission in (TRN_JOINT, TRN_JOINT_IN_PARENT)
@@ -55,7 +55,12 @@ def reasons_to_omit(source: Source, a: int) -> list[str]:
 
 
 def force_of(source: Source, a: int) -> Description | None:
-    """Gain and bias of an actuator: their parameters and types, as fields of its description. None if the actuator is not supported."""
+    """Gain and bias of an actuator as a dictionary for the Rust library; None if stepper does not support the actuator.
+
+    Args:
+        source: The compiled model.
+        a: Index of the actuator in MuJoCo's model.
+    """
     m = source.m
     kinds = int(m.actuator_gaintype[a]), int(m.actuator_biastype[a])
     gain, bias, inputs = m.actuator_gainprm[a], m.actuator_biasprm[a], int(m.actuator_ctrlspec[a])
@@ -76,12 +81,19 @@ def force_of(source: Source, a: int) -> Description | None:
 
 
 def _force(gain: list[float], bias: list[float], gain_type: str, bias_type: str) -> Description:
-    """Gain and bias of an actuator, as fields of its description."""
+    """Gain and bias of an actuator as a dictionary for the Rust library.
+
+    Args:
+        gain: Parameters of the gain.
+        bias: Parameters of the bias.
+        gain_type: Name of the type of gain in the Rust library, as "Fixed".
+        bias_type: Name of the type of bias, as "Affine".
+    """
     return {"gain": gain, "bias": bias, "force_model": {"gain": gain_type, "bias": bias_type, "disabled": False}}
 
 
 def delay(source: Source, a: int) -> tuple[float, int]:
-    """Delay of a control in s, at most the length of its history; and the interpolation: `PREVIOUS`, `LINEAR` or `CUBIC`."""
+    """Delay of an actuator's control, s, at most the length of its history, and its interpolation: `PREVIOUS`, `LINEAR` or `CUBIC`."""
     samples, between = (int(x) for x in source.m.actuator_history[a])
     return min(float(source.m.actuator_delay[a]), samples * float(source.m.opt.timestep)), between
 
@@ -92,7 +104,12 @@ def is_whole(time: float, step: float) -> bool:
 
 
 def actuator(source: Source, i: int) -> Description:
-    """Description of an actuator, which must be one of `source.actuators`."""
+    """Actuator as a dictionary for the Rust library.
+
+    Args:
+        source: The compiled model.
+        i: Index of the actuator in MuJoCo's model, one of `source.actuators`.
+    """
     m = source.m
     ctrl, on_site = int(m.actuator_ctrladr[i]), int(m.actuator_trntype[i]) == TRN_SITE
     group = int(m.actuator_group[i])
@@ -117,7 +134,12 @@ def actuator(source: Source, i: int) -> Description:
 
 
 def _transmission(source: Source, i: int) -> Description:
-    """Description of an actuator's transmission: joint, fixed tendon or site."""
+    """Transmission of an actuator (joint, fixed tendon or site) as a dictionary for the Rust library.
+
+    Args:
+        source: The compiled model.
+        i: Index of the actuator in MuJoCo's model.
+    """
     m, kind = source.m, int(source.m.actuator_trntype[i])
     target, reference = m.actuator_trnid[i].tolist()
     if kind == TRN_SITE:
@@ -127,7 +149,12 @@ def _transmission(source: Source, i: int) -> Description:
 
 
 def activation(source: Source, i: int) -> str | Description:
-    """Activation dynamics of an actuator, as in its description; the time constants of filters are in s."""
+    """Activation dynamics of an actuator, as a name or dictionary for the Rust library; time constants of filters are in s.
+
+    Args:
+        source: The compiled model.
+        i: Index of the actuator in MuJoCo's model.
+    """
     kind, tau = int(source.m.actuator_dyntype[i]), float(source.m.actuator_dynprm[i, 0])
     if kind == DYN_FILTER:
         return {"Filter": tau}

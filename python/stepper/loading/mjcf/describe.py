@@ -75,7 +75,7 @@ def describe(m: Any) -> Description:
 
 
 def _body(source: Source, i: int) -> Description:
-    """Description of a body."""
+    """Body as a dictionary for the Rust library; `i` is its index in MuJoCo's model."""
     m = source.m
     return {
         "name": source.name("BODY", i),
@@ -92,7 +92,7 @@ def _body(source: Source, i: int) -> Description:
 
 
 def _medium(source: Source) -> Description:
-    """Density, viscosity and wind of the surrounding fluid."""
+    """Density, viscosity and wind of the surrounding fluid as a dictionary for the Rust library."""
     opt = source.m.opt
     if source.skips_passive_forces:
         return {"density": 0.0, "viscosity": 0.0, "wind": [0.0, 0.0, 0.0]}
@@ -100,7 +100,7 @@ def _medium(source: Source) -> Description:
 
 
 def _joint(source: Source, i: int) -> Description:
-    """Description of a joint."""
+    """Joint as a dictionary for the Rust library; `i` is its index in MuJoCo's model."""
     m = source.m
     dof = source.dofs(i).start
     # Like MuJoCo, add rotor inertia and damping of the actuators, times gear^2, to those of the joint.
@@ -135,7 +135,7 @@ def _joint_range(source: Source, i: int) -> list[float] | None:
 
 
 def _geom(source: Source, i: int) -> Description:
-    """Description of a geom."""
+    """Geom as a dictionary for the Rust library; `i` is its index in MuJoCo's model."""
     m = source.m
     collides = not source.off("contact")
     return {
@@ -170,7 +170,7 @@ def _ellipsoid(source: Source, i: int) -> Description | None:
 
 
 def _shape(source: Source, i: int) -> str | Description:
-    """Description of a geom's shape."""
+    """Shape of a geom as a name or dictionary for the Rust library; `i` is the geom's index in MuJoCo's model."""
     m = source.m
     x, y, z = m.geom_size[i].tolist()
     kind, asset = int(m.geom_type[i]), int(m.geom_dataid[i])
@@ -190,7 +190,7 @@ def _shape(source: Source, i: int) -> str | Description:
 
 
 def _mesh(source: Source, i: int) -> Description:
-    """Description of a mesh asset."""
+    """Mesh asset as a dictionary for the Rust library; `i` is its index in MuJoCo's model."""
     m = source.m
     vertices = slice(int(m.mesh_vertadr[i]), int(m.mesh_vertadr[i] + m.mesh_vertnum[i]))
     faces = slice(int(m.mesh_faceadr[i]), int(m.mesh_faceadr[i] + m.mesh_facenum[i]))
@@ -202,7 +202,7 @@ def _mesh(source: Source, i: int) -> Description:
 
 
 def _height_field(source: Source, i: int) -> Description:
-    """Description of a height field asset."""
+    """Height field asset as a dictionary for the Rust library; `i` is its index in MuJoCo's model."""
     m = source.m
     rows, columns = int(m.hfield_nrow[i]), int(m.hfield_ncol[i])
     x, y, top, base = m.hfield_size[i].tolist()
@@ -219,7 +219,7 @@ def _height_field(source: Source, i: int) -> Description:
 
 
 def _pair(source: Source, i: int) -> Description:
-    """Description of an explicit contact pair."""
+    """Explicit contact pair as a dictionary for the Rust library; `i` is its index in MuJoCo's model."""
     m = source.m
     return {
         "name": source.name("PAIR", i),
@@ -234,7 +234,7 @@ def _pair(source: Source, i: int) -> Description:
 
 
 def _tendon(source: Source, i: int) -> Description:
-    """Description of a fixed tendon."""
+    """Fixed tendon as a dictionary for the Rust library; `i` is its index in MuJoCo's model."""
     m = source.m
     path = range(int(m.tendon_adr[i]), int(m.tendon_adr[i] + m.tendon_num[i]))
     limited = bool(m.tendon_limited[i]) and not source.off("limit")
@@ -254,7 +254,7 @@ def _tendon(source: Source, i: int) -> Description:
 
 
 def _equality(source: Source, i: int) -> Description:
-    """Description of an equality."""
+    """Equality constraint as a dictionary for the Rust library; `i` is its index in MuJoCo's model."""
     m, kind = source.m, int(source.m.eq_type[i])
     data, objects = m.eq_data[i].tolist(), [int(m.eq_obj1id[i]), int(m.eq_obj2id[i])]
     if kind in (CONNECT, WELD):
@@ -275,9 +275,15 @@ def _equality(source: Source, i: int) -> Description:
 
 
 def _points(source: Source, i: int, data: list[float], objects: list[int]) -> Description:
-    """Bodies and anchors of a connect or weld, and the relative orientation of a weld.
+    """Bodies and anchors of a connect or weld, and the relative orientation of a weld, as a dictionary for the Rust library.
 
     For an equality between sites, these are the bodies of the sites and the positions and orientations of the sites in their bodies.
+
+    Args:
+        source: The compiled model.
+        i: Index of the equality in MuJoCo's model.
+        data: MuJoCo's `eq_data` of the equality.
+        objects: Indices of its two bodies or sites.
     """
     m, weld = source.m, int(source.m.eq_type[i]) == WELD
     anchors, relpose = ([data[3:6], data[0:3]] if weld else [data[0:3], data[3:6]]), np.array(data[6:10])
@@ -292,7 +298,12 @@ def _points(source: Source, i: int, data: list[float], objects: list[int]) -> De
 
 
 def _keyframe(source: Source, i: int) -> Description:
-    """Description of a keyframe, with the controls and activations of the actuators in the description."""
+    """Keyframe as a dictionary for the Rust library, without controls and activations of actuators that are left out.
+
+    Args:
+        source: The compiled model.
+        i: Index of the keyframe in MuJoCo's model.
+    """
     m = source.m
     qpos = np.array(m.key_qpos[i])
     source.mujoco.mj_normalizeQuat(m, qpos)

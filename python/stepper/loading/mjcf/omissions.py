@@ -97,14 +97,15 @@ FLAGS = {
         "speculative": (7, "stepper always finds contacts that may close within a step in advance", False),
     },
 }
-"""Flags of MuJoCo that have no effect here: bit, stepper's behaviour, whether it changes the motion. A model's flags of these are listed.
+"""Flags of MuJoCo without effect in stepper, by kind and name: bit, stepper's behaviour, whether that changes the motion.
 
-`stepper.loading.mjcf.source.DISABLE` has the flags that take effect; a test compares both tables with the installed version.
+Models with such a flag list it as an omission. `stepper.loading.mjcf.source.DISABLE` has the flags that take effect; a test compares both
+tables with the installed version of MuJoCo.
 """
 
 
 def list_omissions(source: Source) -> None:
-    """Adds all elements that the description leaves out to `source.omitted`."""
+    """Adds all elements and settings of a compiled model that stepper does not simulate to the list `source.omitted`."""
     _scene(source)
     _joints(source)
     _contacts(source)
@@ -134,7 +135,7 @@ def _scene(source: Source) -> None:
 
 
 def _matters(source: Source, flag: str) -> bool:
-    """Whether a flag can affect this model; checked for two flags only, and True for all others."""
+    """Whether a flag of MuJoCo's options can affect this model; checked for two flags only, and True for all others."""
     if flag == "eulerdamp":
         return bool(np.any(source.m.dof_damping)) and not source.off("damper")
     return flag != "filterparent" or source.collides

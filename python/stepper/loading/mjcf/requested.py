@@ -13,7 +13,7 @@ SOLREF = (0.02, 1.0)
 SOLIMP = (0.9, 0.95, 0.001, 0.5, 2.0)
 
 _MOST_NAMES = 4
-"""Largest number of names of elements that are listed per kind."""
+"""Largest number of element names that a text lists for a kind of constraint."""
 
 
 def requested(source: Source) -> dict[str, Any]:
@@ -42,7 +42,7 @@ def _mjcf_name(source: Source, enum: str, value: int) -> str:
 
 
 def _soft(source: Source) -> list[str]:
-    """One text per kind of constraint, with the enabled constraints whose softness is not MuJoCo's default."""
+    """Texts on constraints whose softness is not MuJoCo's default, one per kind: their number and the first names."""
     m = source.m
     solid = ((m.geom_contype != 0) | (m.geom_conaffinity != 0)) & source.collides
     lossy = np.array([bool(np.any(m.dof_frictionloss[source.dofs(j)])) for j in range(m.njnt)], bool)
@@ -67,6 +67,6 @@ def _soft(source: Source) -> list[str]:
 
 
 def _differs(solref: np.ndarray[Any, Any], solimp: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """Whether each row differs from MuJoCo's default."""
+    """Whether each row of solref (n, 2) or solimp (n, 5) differs from MuJoCo's default: (n,) bool."""
     differs: np.ndarray[Any, Any] = np.any(solref != SOLREF, axis=1) | np.any(solimp != SOLIMP, axis=1)
     return differs

@@ -24,20 +24,20 @@ MISSING = {
     "plugin": "plugins of MuJoCo do not run here",
     "user": "callbacks of MuJoCo do not run here",
 }
-"""Reason for every type of sensor that is not simulated."""
+"""Reason why a type of sensor is not simulated, by its name in MJCF."""
 
 
 class _NotReadError(Exception):
-    """The sensor is not supported; the message is the reason."""
+    """Error for a sensor that stepper does not simulate; the message is the reason."""
 
 
 def kind_of(source: Source, i: int) -> str:
-    """Type of a sensor as named in MJCF, for example "jointpos"."""
+    """Type of a sensor as named in MJCF, for example "jointpos"; `i` is the sensor's index in MuJoCo's model."""
     return str(source.mujoco.mjtSensor(int(source.m.sensor_type[i])).name).removeprefix("mjSENS_").lower()
 
 
 def sites(source: Source) -> list[Description]:
-    """Descriptions of all sites."""
+    """Dictionaries of all sites for the Rust library, in their order in MuJoCo's model."""
     m = source.m
     return [
         {
@@ -52,7 +52,7 @@ def sites(source: Source) -> list[Description]:
 
 
 def _volume(kind: int, size: list[float]) -> Description:
-    """Description of a site's shape."""
+    """Shape of a site as a dictionary for the Rust library, from MuJoCo's `site_type` and `site_size` (m)."""
     x, y, z = size
     volumes: dict[int, Description] = {
         SPHERE: {"Sphere": {"radius": x}},
@@ -65,7 +65,7 @@ def _volume(kind: int, size: list[float]) -> Description:
 
 
 def sensors(source: Source) -> Iterator[Description]:
-    """Yields the descriptions of the sensors that are simulated, and adds the others to `source.omitted`."""
+    """Yields dictionaries for the Rust library of the sensors that are simulated, and adds the others to `source.omitted`."""
     m = source.m
     for i in range(m.nsensor):
         word, name = kind_of(source, i), source.label("SENSOR", i)
@@ -87,10 +87,16 @@ def sensors(source: Source) -> Iterator[Description]:
 
 
 def _history(source: Source, i: int, word: str, name: str) -> Description:
-    """Delay and interval of a sensor in s.
+    """Delay and sampling interval of a sensor, s, as a dictionary for the Rust library.
 
     A delayed reading between two steps is interpolated linearly, except if the sensor has an interval. Therefore a sensor that uses the
     previous sample (`PREVIOUS`) gets an interval of one step if its delay is no whole number of steps.
+
+    Args:
+        source: The compiled model, to which unsupported settings are added as omissions.
+        i: Index of the sensor in MuJoCo's model.
+        word: Type of the sensor in MJCF.
+        name: Name of the sensor in omissions.
     """
     m, step = source.m, float(source.m.opt.timestep)
     samples, between = (int(x) for x in m.sensor_history[i])
@@ -115,7 +121,13 @@ def _history(source: Source, i: int, word: str, name: str) -> Description:
 
 
 def _kind(source: Source, i: int, word: str) -> str | Description:
-    """Description of what a sensor measures; a `_NotReadError` if it is not supported. `word` is its type in MJCF."""
+    """Measured quantity of a sensor, as a name or dictionary for the Rust library; a `_NotReadError` if it is not supported.
+
+    Args:
+        source: The compiled model.
+        i: Index of the sensor in MuJoCo's model.
+        word: Type of the sensor in MJCF.
+    """
     target = int(source.m.sensor_objid[i])
     if word in MISSING:
         raise _NotReadError(MISSING[word])
@@ -158,7 +170,13 @@ def _loop(source: Source, body: int) -> str | None:
 
 
 def _frame(source: Source, i: int, what: str) -> Description:
-    """Description of a sensor of a frame; `what` is the measured quantity."""
+    """Dictionary for the Rust library of a sensor that measures the frame of an object, such as its position or orientation.
+
+    Args:
+        source: The compiled model.
+        i: Index of the sensor in MuJoCo's model.
+        what: Measured quantity, as named in the Rust library.
+    """
     m, reference = source.m, None
     if m.sensor_refid[i] >= 0 and what not in ("LinAcc", "AngAcc"):
         reference = _object(source, int(m.sensor_reftype[i]), int(m.sensor_refid[i]))
@@ -166,14 +184,14 @@ def _frame(source: Source, i: int, what: str) -> Description:
 
 
 def _inside(source: Source, i: int) -> Description:
-    """Description of an insidesite sensor."""
+    """Dictionary for the Rust library of an insidesite sensor; `i` is its index in MuJoCo's model."""
     m = source.m
     found = _object(source, int(m.sensor_objtype[i]), int(m.sensor_objid[i]))
     return {"InsideSite": {"object": found, "site": int(m.sensor_refid[i])}}
 
 
 def _object_types(source: Source) -> dict[int, str]:
-    """Names in the Rust crate of MuJoCo's object types with a frame."""
+    """Name in the Rust library of each type of object that has a frame, by MuJoCo's number of the type."""
     objects = source.mujoco.mjtObj
     return {
         int(objects.mjOBJ_BODY): "Body",
@@ -184,7 +202,13 @@ def _object_types(source: Source) -> dict[int, str]:
 
 
 def _object(source: Source, kind: int, index: int) -> Description:
-    """Description of an object with a frame."""
+    """Dictionary for the Rust library of an object with a frame: body, geom or site. Cameras raise `_NotReadError`.
+
+    Args:
+        source: The compiled model.
+        kind: MuJoCo's number of the object's type.
+        index: Index of the object.
+    """
     types = _object_types(source)
     if kind not in types:
         raise _NotReadError("cameras are not part of the model")
@@ -192,14 +216,20 @@ def _object(source: Source, kind: int, index: int) -> Description:
 
 
 def _geoms_of(source: Source, kind: int, index: int) -> list[int]:
-    """Indices of the geoms that a distance sensor measures: a geom, or all geoms of a body."""
+    """Indices of the geoms that a distance sensor measures: a single geom, or all geoms of a body.
+
+    Args:
+        source: The compiled model.
+        kind: MuJoCo's number of the object's type.
+        index: Index of the geom or body.
+    """
     if _object_types(source).get(kind) == "Geom":
         return [index]
     return [int(g) for g in np.flatnonzero(source.m.geom_bodyid == index)]
 
 
 def _proximity(source: Source, i: int) -> Description:
-    """Description of a distance, normal or fromto sensor."""
+    """Dictionary for the Rust library of a distance, normal or fromto sensor; `i` is its index in MuJoCo's model."""
     m, what = source.m, PROXIMITIES[kind_of(source, i)]
     first = _geoms_of(source, int(m.sensor_objtype[i]), int(m.sensor_objid[i]))
     second = _geoms_of(source, int(m.sensor_reftype[i]), int(m.sensor_refid[i]))
@@ -214,14 +244,14 @@ def _proximity(source: Source, i: int) -> Description:
 
 
 def _fields(names: tuple[str, ...], bits: int) -> list[str]:
-    """Names of the fields that a bit mask selects; a `_NotReadError` if it selects others."""
+    """Names of the data fields of a sensor that a bit mask selects; a `_NotReadError` if it selects fields that are not simulated."""
     if bits >> len(names):
         raise _NotReadError(f"of the sensor's data only {', '.join(names)} are simulated")
     return [name for k, name in enumerate(names) if bits >> k & 1]
 
 
 def _range(source: Source, i: int) -> Description:
-    """Description of a range finder."""
+    """Dictionary for the Rust library of a range finder; `i` is its index in MuJoCo's model."""
     m, site = source.m, int(source.m.sensor_objid[i])
     if _object_types(source).get(int(m.sensor_objtype[i])) != "Site":
         raise _NotReadError("cameras are not part of the model")
@@ -234,7 +264,13 @@ def _range(source: Source, i: int) -> Description:
 
 
 def _side(source: Source, kind: int, index: int) -> str | Description:
-    """Description of one side of the contacts that a contact sensor selects."""
+    """Filter of a contact sensor for one of the two geoms of a contact, as a name or dictionary for the Rust library.
+
+    Args:
+        source: The compiled model.
+        kind: MuJoCo's number of the type of object to which the geom must belong.
+        index: Index of this object; below 0 any geom matches.
+    """
     types = {**_object_types(source), int(source.mujoco.mjtObj.mjOBJ_XBODY): "Subtree"}
     if index < 0 or kind == int(source.mujoco.mjtObj.mjOBJ_UNKNOWN):
         return "Any"
@@ -242,7 +278,7 @@ def _side(source: Source, kind: int, index: int) -> str | Description:
 
 
 def _contact(source: Source, i: int) -> Description:
-    """Description of a contact sensor."""
+    """Dictionary for the Rust library of a contact sensor; `i` is its index in MuJoCo's model."""
     m = source.m
     bits, reduction, slots = (int(x) for x in m.sensor_intprm[i, :3])
     return {

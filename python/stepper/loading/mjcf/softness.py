@@ -29,7 +29,7 @@ def soft_settings(source: Source) -> Description:
 
 
 def joint_softness(source: Source, i: int) -> Description:
-    """Softness (solref and solimp) of a joint's limit and of its dry friction."""
+    """Softness (solref and solimp) of a joint's limit and of its dry friction, as a dictionary; `i` is its index in MuJoCo's model."""
     m, dof = source.m, source.dofs(i).start
     return {
         "limit_softness": _softness(m.jnt_solref[i], m.jnt_solimp[i]),
@@ -38,13 +38,25 @@ def joint_softness(source: Source, i: int) -> Description:
 
 
 def contact_softness(source: Source, i: int) -> Description:
-    """Softness (solref and solimp) of a geom's contacts, and its weight `solmix` in the mean over the two geoms of a contact."""
+    """Softness (solref and solimp) of a geom's contacts, and its weight `solmix` in the mean over the two geoms of a contact.
+
+    Args:
+        source: The compiled model.
+        i: Index of the geom in MuJoCo's model.
+    """
     m = source.m
     return {"softness": _contact(source, m.geom_solref[i], m.geom_solimp[i]), "solmix": float(m.geom_solmix[i])}
 
 
 def pair_softness(source: Source, i: int) -> Description:
-    """Softness (solref and solimp) of an explicit pair, and ratios of its friction coefficients in the second to the first direction."""
+    """Softness (solref and solimp) of an explicit contact pair, and ratios of its friction coefficients.
+
+    The ratios are those of the second to the first direction.
+
+    Args:
+        source: The compiled model.
+        i: Index of the pair in MuJoCo's model.
+    """
     m = source.m
     slide, other_slide, _, roll, other_roll = (m.opt.o_friction if source.overrides else m.pair_friction[i]).tolist()
     ratio = [b / a if a > 0 else 1.0 for a, b in ((slide, other_slide), (roll, other_roll))]
@@ -56,7 +68,7 @@ def pair_softness(source: Source, i: int) -> Description:
 
 
 def tendon_softness(source: Source, i: int) -> Description:
-    """Softness (solref and solimp) of a tendon's limit and of its dry friction."""
+    """Softness (solref and solimp) of a tendon's limit and of its dry friction, as a dictionary; `i` is its index in MuJoCo's model."""
     m = source.m
     return {
         "limit_softness": _softness(m.tendon_solref_lim[i], m.tendon_solimp_lim[i]),
@@ -65,17 +77,17 @@ def tendon_softness(source: Source, i: int) -> Description:
 
 
 def equality_softness(source: Source, i: int) -> Description:
-    """Softness (solref and solimp) of an equality."""
+    """Softness (solref and solimp) of an equality constraint, as a dictionary; `i` is its index in MuJoCo's model."""
     m = source.m
     return {"softness": _softness(m.eq_solref[i], m.eq_solimp[i])}
 
 
 def _contact(source: Source, solref: Any, solimp: Any) -> Description:
-    """Softness of a contact; with `option/flag override` that of the options, for all contacts."""
+    """Softness of a contact as a dictionary, from its solref and solimp, or from the options if `option/flag override` is enabled."""
     opt = source.m.opt
     return _softness(opt.o_solref, opt.o_solimp) if source.overrides else _softness(solref, solimp)
 
 
 def _softness(solref: Any, solimp: Any) -> Description:
-    """Description of a softness from solref and solimp."""
+    """Dictionary for the Rust library of a softness, from arrays solref (2,) and solimp (5,)."""
     return {"solref": solref.tolist(), "solimp": solimp.tolist()}

@@ -40,7 +40,7 @@ _CONSTRAINTS = ("contact", "limit", "frictionloss", "equality")
 
 @dataclass
 class Source:
-    """A compiled model and the list of its elements that the description omits.
+    """Compiled `mujoco.MjModel`, with the list of its elements that the conversion to stepper leaves out.
 
     Attributes:
         m: The `mujoco.MjModel`.
@@ -69,7 +69,14 @@ class Source:
         return bool(flags & DISABLE[feature]) or (feature in _CONSTRAINTS and bool(flags & DISABLE["constraint"]))
 
     def leave_out(self, kind: str, name: str, reason: str, *, changes_motion: bool = True) -> None:
-        """Adds an element that the description omits to `omitted`; arguments are the fields of `Omission`."""
+        """Adds an element to the list `omitted` of elements that stepper does not simulate.
+
+        Args:
+            kind: Kind of the element, as "actuator".
+            name: Name of the element.
+            reason: Reason why it is left out.
+            changes_motion: Whether the motion differs from MuJoCo's without it.
+        """
         self.omitted.append({"kind": kind, "name": name, "reason": reason, "changes_motion": changes_motion})
 
     @property
@@ -103,12 +110,12 @@ class Source:
 
     @cached_property
     def tendons(self) -> dict[int, int]:
-        """Fixed tendons, which are the ones in the description: index in the description by index in MuJoCo's model."""
+        """Index in stepper's model of each fixed tendon, by its index in MuJoCo's model; spatial tendons are absent."""
         kept = [t for t in range(self.m.ntendon) if self.is_fixed(t)]
         return {tendon: index for index, tendon in enumerate(kept)}
 
     def reason_to_omit_equality(self, equality: int) -> str:
-        """Reason why the description cannot have an equality; an empty string if it can."""
+        """Reason why stepper cannot simulate an equality constraint; an empty string if it can."""
         m, kind = self.m, int(self.m.eq_type[equality])
         if kind not in (CONNECT, WELD, JOINT, TENDON):
             return "constraints of deformable bodies are not simulated"
@@ -118,7 +125,7 @@ class Source:
 
     @cached_property
     def equalities(self) -> list[int]:
-        """Indices in MuJoCo's model of the equalities in the description."""
+        """Indices in MuJoCo's model of the equality constraints that stepper simulates."""
         return [] if self.off("equality") else [i for i in range(self.m.neq) if not self.reason_to_omit_equality(i)]
 
     @cached_property
@@ -161,5 +168,5 @@ class Source:
 
     @cached_property
     def actuators(self) -> list[int]:
-        """Indices in MuJoCo's model of the actuators in the description."""
+        """Indices in MuJoCo's model of the actuators that stepper simulates."""
         return [a for a in range(self.m.nactuator) if not reasons_to_omit(self, a)]

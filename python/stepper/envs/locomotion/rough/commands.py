@@ -16,8 +16,10 @@ from stepper.shared.streams import Rng
 Stages = Sequence[tuple[int, tuple[float, ...]]]
 
 STAGES: Stages = ((0, (-1.0, 1.0, 1.0, 0.5)), (120_000, (-1.5, 2.0, 1.0, 0.7)), (240_000, (-2.0, 3.0, 1.0, 0.7)))
-"""Actions of an environment from which on a stage of commands holds: least and largest velocity along x, largest along y (m/s) and about z
-(rad/s)."""
+"""Stages of the curriculum of commands: the number of actions of an environment at which a stage begins, and bounds of its commands.
+
+The bounds are the lowest and highest velocity along x, the highest along y (m/s), and the highest about z (rad/s).
+"""
 _TIMES = (3.0, 8.0)
 """Least and longest time of a command, s."""
 _STANDING, _HEADING, _FORWARD = 0.1, 0.3, 0.2
@@ -33,7 +35,7 @@ _PUSHES = np.array([0.5, 0.5, 0.4, 0.52, 0.52, 0.78])
 
 
 def command_state(num_envs: int) -> Terms:
-    """Arrays of `Task.episode_state` for commands and pushes."""
+    """Initial arrays for commands and pushes, (num_envs, ...) by name, as parts of `Task.episode_state`."""
     whole = {name: np.zeros(num_envs, dtype=np.int64) for name in ("steps", "command_left", "push_left")}
     flags = {name: np.zeros(num_envs, dtype=bool) for name in ("turns_to_heading", "stands")}
     return whole | flags | {"velocity_command": np.zeros((num_envs, 3)), "heading_command": np.zeros(num_envs)}
@@ -63,7 +65,7 @@ def draw_commands(state: Terms, envs: Array, rng: Rng, dt: float, stages: Stages
 
 
 def resample_commands(now: Moment, stages: Stages = STAGES) -> None:
-    """Draws new commands in environments whose command has expired."""
+    """Draws new commands in the environments whose present command has expired."""
     state = now.episode_state
     state["command_left"] -= 1
     due = np.flatnonzero(state["command_left"] <= 0)
@@ -72,12 +74,24 @@ def resample_commands(now: Moment, stages: Stages = STAGES) -> None:
 
 
 def draw_push_times(state: Terms, envs: Array, rng: Rng, dt: float) -> None:
-    """Draws the number of actions before the next push of the environments `envs` (n,)."""
+    """Draws the number of actions before the next push, for the environments `envs`, indices (n,).
+
+    Args:
+        state: Arrays of the task's episode state, which are changed in place.
+        envs: Indices of the environments, (n,).
+        rng: Random number generator of these environments.
+        dt: Time of an action, s.
+    """
     state["push_left"][envs] = _actions(rng.uniform(0.0, 1.0, 1)[:, 0], _PUSH_TIMES, dt)
 
 
 def push(now: Moment, scale: float) -> None:
-    """Changes the velocities of environments whose time for a push has come, by at most `scale` times the largest changes."""
+    """Pushes the base in environments whose time for a push has come: changes its velocities by random amounts.
+
+    Args:
+        now: View of all environments.
+        scale: Factor of the largest changes of velocity.
+    """
     state, sim = now.episode_state, now.sim
     state["push_left"] -= 1
     due = np.flatnonzero(state["push_left"] <= 0)
@@ -90,7 +104,7 @@ def push(now: Moment, scale: float) -> None:
 
 
 def _change_velocities(sim: Stepper, envs: Array, changes: Array) -> None:
-    """Adds changes (n, 6) in the world to the velocities of the base in the environments `envs` (n,)."""
+    """Adds changes, (n, 6) in world axes, m/s and rad/s, to the velocities of the base in the environments `envs`, indices (n,)."""
     qvel = np.array(sim.qvel[envs], dtype=np.float64)
     qvel[:, :3] += changes[:, :3]
     # Rates of turn of a free joint are those in the frame of the body.
@@ -112,14 +126,20 @@ def command(now: Moment) -> Array:
 
 
 def _actions(drawn: Array, times: tuple[float, float], dt: float) -> Array:
-    """Number of actions for drawn numbers from 0 to 1, between two times."""
+    """Number of actions, (...) int, that lasts a random time.
+
+    Args:
+        drawn: Uniform random numbers from 0 to 1, (...).
+        times: Shortest and longest time, s.
+        dt: Time of an action, s.
+    """
     seconds = times[0] + drawn * (times[1] - times[0])
     count: Array = np.maximum(1, np.round(seconds / dt)).astype(np.int64)
     return count
 
 
 def _of(rng: Rng, envs: Array) -> Rng:
-    """Random numbers of some environments, by their indices."""
+    """Random number generator for some environments of `rng`, given by their indices (n,)."""
     mask = np.zeros(len(rng.envs), dtype=bool)
     mask[envs] = True
     return rng.of(mask)

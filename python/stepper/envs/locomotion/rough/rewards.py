@@ -27,21 +27,21 @@ _COLLISION_FORCE = 10.0
 
 @per_moment
 def _speed(now: Moment) -> Array:
-    """Speed of the command: (num_envs,) m/s plus rad/s."""
+    """Speed of the command: (num_envs,), m/s plus rad/s."""
     wanted = command(now)
     speed: Array = np.hypot(wanted[:, 0], wanted[:, 1]) + np.abs(wanted[:, 2])
     return speed
 
 
 def _linear(now: Moment) -> Array:
-    """Agreement of the velocity of the base with the command, from 0 to 1."""
+    """Reward term: agreement of the base's linear velocity with the command, from 0 to 1, (num_envs,)."""
     velocity = linear_velocity(now)
     error = square_sum(command(now)[:, :2] - velocity[:, :2]) + np.square(velocity[:, 2])
     return np.exp(-error / 0.25)
 
 
 def _angular(now: Moment) -> Array:
-    """Agreement of the angular velocity with the command, from 0 to 1."""
+    """Reward term: agreement of the base's angular velocity with the command, from 0 to 1, (num_envs,)."""
     rates = now.qvel[:, 3:6]
     error = np.square(command(now)[:, 2] - rates[:, 2]) + square_sum(rates[:, :2])
     reward: Array = np.exp(-error / 0.5)
@@ -49,12 +49,15 @@ def _angular(now: Moment) -> Array:
 
 
 def _upright(now: Moment) -> Array:
-    """Agreement of the base's vertical axis with the normal of the ground, from 0 to 1."""
+    """Reward term: agreement of the base's vertical axis with the normal of the ground, from 0 to 1, (num_envs,)."""
     return np.exp(-square_sum(ground_normal(now)[:, :2]) / 0.2)
 
 
 def _pose(now: Moment) -> Array:
-    """Agreement of the joint angles with the stance, from 0 to 1. The tolerances depend on the speed of the command."""
+    """Reward term: agreement of the joint angles with the stance, from 0 to 1, (num_envs,).
+
+    The tolerances of the angles depend on the speed of the command.
+    """
     stand, walk, run = _tolerances(now.sim.model, type(now.task))
     speed = _speed(now)[:, None]
     tolerance = np.where(speed < _MOVES, stand, np.where(speed < _RUNS, walk, run))
@@ -63,7 +66,7 @@ def _pose(now: Moment) -> Array:
 
 
 def _limits(now: Moment) -> Array:
-    """Sum of the angles by which joints exceed their soft limits, rad."""
+    """Reward term: sum of the angles by which joints exceed their soft limits, (num_envs,), rad."""
     low, high = _soft_limits(now.sim.model)
     angles = now.qpos[:, 7:]
     beyond: Array = np.einsum("ij->i", np.maximum(low - angles, 0.0) + np.maximum(angles - high, 0.0))
@@ -71,40 +74,49 @@ def _limits(now: Moment) -> Array:
 
 
 def _action_rate(now: Moment) -> Array:
-    """Squared norm of the difference between the last two actions."""
+    """Reward term: squared norm of the difference between the last two actions, (num_envs,)."""
     return square_sum(now.episode_state["last"] - now.episode_state["before"])
 
 
 def _clearance(now: Moment) -> Array:
-    """Sum over the feet of |height - target height| times horizontal speed, while the command is to move, m^2/s."""
+    """Reward term: sum over the feet of |height - target height| times horizontal speed, (num_envs,), m^2/s.
+
+    It is 0 if the command is to stand.
+    """
     return _moving(now, np.abs(foot_heights(now) - _HEIGHT) * foot_speeds(now))
 
 
 def _swing(now: Moment) -> Array:
-    """Sum over the feet that just landed of (greatest height of the swing / target height - 1)^2, while the command is to move."""
+    """Reward term: sum of (greatest height of the swing / target height - 1)^2 over the feet that just landed, (num_envs,).
+
+    It is 0 if the command is to stand.
+    """
     state = now.episode_state
     return _moving(now, np.square(state["swing"] / _HEIGHT - 1.0) * state["landed"])
 
 
 def _slip(now: Moment) -> Array:
-    """Sum of the squared horizontal speeds of feet on the ground, while the command is to move, m^2/s^2."""
+    """Reward term: sum of the squared horizontal speeds of feet on the ground, (num_envs,), m^2/s^2; 0 if the command is to stand."""
     return _moving(now, np.square(foot_speeds(now)) * (foot_forces(now) > 0.0))
 
 
 def _landing(now: Moment) -> Array:
-    """Sum of the normal forces on feet that just landed, while the command is to move, N."""
+    """Reward term: sum of the normal forces on feet that just landed, (num_envs,), N; 0 if the command is to stand."""
     return _moving(now, foot_forces(now) * now.episode_state["landed"])
 
 
 def _roll_rate(now: Moment) -> Array:
-    """Squared angular velocity of the base about its x and y axes, rad^2/s^2."""
+    """Reward term: squared angular velocity of the base about its x and y axes, (num_envs,), rad^2/s^2."""
     return square_sum(now.qvel[:, 3:5])
 
 
 def _collisions(part: str) -> Callable[[Moment], Array]:
-    """Term of a part of the robot: `frame_skip` if one of its geoms collides with the terrain in the last step of the action, else 0.
+    """Function that computes the reward term for collisions of a part of the robot with the terrain, (num_envs,).
 
-    `part` is the attribute of the task with the names of the geoms: "SHANKS" or "TRUNK".
+    The term is `frame_skip` if a geom of the part collides in the last time step of the action, else 0.
+
+    Args:
+        part: Attribute of the task with the names of the geoms: "SHANKS" or "TRUNK".
     """
 
     def collisions(now: Moment) -> Array:
@@ -123,7 +135,7 @@ def touches_terrain(now: Moment, geoms: tuple[str, ...]) -> Array:
 
 
 def _moving(now: Moment, costs: Array) -> Array:
-    """Sums over the feet of costs (num_envs, nfeet); 0 in environments whose command is to stand: (num_envs,)."""
+    """Sum over the feet of costs (num_envs, nfeet), 0 in environments whose command is to stand: (num_envs,)."""
     # einsum, because np.sum would add the costs in another order for a single environment, with other rounding.
     sums: Array = np.einsum("ij->i", costs) * (_speed(now) > _MOVES)
     return sums
@@ -144,11 +156,11 @@ TERMS: Mapping[str, Callable[[Moment], Array]] = {
     "shank_collision": _collisions("SHANKS"),
     "trunk_collision": _collisions("TRUNK"),
 }
-"""Terms of the reward by name: functions of a moment with values (num_envs,)."""
+"""Unweighted reward terms by name: functions of a moment (view of all environments) that return values (num_envs,)."""
 
 
 def terms_of(now: Moment, weights: Mapping[str, float]) -> Terms:
-    """Terms of the reward times their weights, (num_envs,) each, by name. Terms of weight 0 are left out."""
+    """Reward terms times their weights, (num_envs,) each, by name. Terms of weight 0 are left out."""
     return {name: weight * TERMS[name](now) for name, weight in weights.items() if weight}
 
 

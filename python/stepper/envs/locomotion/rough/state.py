@@ -71,13 +71,13 @@ def foot_forces(now: Moment) -> Array:
 
 @cache_per_model
 def _sites(model: Model, names: tuple[str, ...]) -> list[int]:
-    """Indices of sites by name."""
+    """Indices of a model's sites, in the order of their names."""
     return [model.site(name).id for name in names]
 
 
 @cache_per_model
 def _bodies(model: Model, names: tuple[str, ...]) -> list[int]:
-    """Indices of the bodies of sites by the names of the sites."""
+    """Indices of the bodies to which a model's sites belong, in the order of the sites' names."""
     return [model.site(name).bodyid for name in names]
 
 

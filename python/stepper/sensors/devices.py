@@ -47,7 +47,11 @@ def encoder_velocity(bits: int, period: float, *, turn: float = 2 * math.pi) -> 
 
 
 def _drift(stability: float) -> float:
-    """`Transfer.drift_std`, per sqrt(s), of a Gauss-Markov process with this stationary standard deviation."""
+    """Value of `Transfer.drift_std`, per sqrt(s), for a drift with a stationary standard deviation and a correlation time of 100 s.
+
+    Args:
+        stability: Stationary standard deviation, in the unit of the readings.
+    """
     return stability * math.sqrt(2.0 / _TAU)
 
 
@@ -127,7 +131,7 @@ DEVICES: dict[str, Callable[[], Transfer]] = {
     "ati_gamma_force": lambda: Transfer(quantum=1 / 40, limits=(-130.0, 130.0)),
     "ati_gamma_torque": lambda: Transfer(quantum=1 / 800, limits=(-10.0, 10.0)),
 }
-"""All devices by name. An entry is a function that returns the `Transfer`."""
+"""Functions without arguments that return the `Transfer` of a device, by name of the device."""
 
 
 def find(name: str) -> Transfer:

@@ -67,7 +67,7 @@ class HeightGrid:
             self._look_up(u, v, bool(nears_border[rows].any()), out[rows])
 
     def _look_up(self, u: Array, v: Array, checks: bool, out: Array) -> None:
-        """Writes heights at points, given in cells, to `out`. Changes u and v.
+        """Writes heights, m, at points given in cells of the grid to `out`. The arrays u and v are overwritten.
 
         Args:
             u: Distances along x from the corner with the smallest x and y, in cells.

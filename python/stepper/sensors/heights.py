@@ -18,7 +18,7 @@ from stepper.sensors.height_grid import HeightGrid
 Array = NDArray[Any]
 
 _UPRIGHT = 1e-9
-"""Largest absolute x and y component of the quaternion of a height field whose z axis counts as vertical."""
+"""Largest absolute x and y component of a height field's quaternion at which its z axis counts as vertical."""
 
 
 class HeightField:
@@ -193,7 +193,15 @@ class HeightField:
         return pos, np.asarray(2.0 * np.arctan2(quat[..., 3], quat[..., 0]))
 
     def _around(self, pose: tuple[Array, Array], places: Array, angles: Array, offsets: ArrayLike, out: Array | None) -> Array:
-        """Heights as of `around` for a pose of the height field as of `_pose`; NaN beyond the border."""
+        """Heights of the ground at rotated offsets around points, (n, k), m; NaN beyond the border.
+
+        Args:
+            pose: Position (..., 3), m, and angle about z (...), rad, of the height field.
+            places: World x and y of the centres, (n, 2), m.
+            angles: Headings about the z axis, (n,), rad.
+            offsets: Positions relative to the centres, ahead and to the left, (k, 2), m.
+            out: Destination of the result; None is a new array.
+        """
         given = np.asarray(offsets, dtype=np.float64)
         if given.ndim != 2 or given.shape[1] != 2:
             raise ValueError(f"offsets has shape {given.shape}, must be (n, 2)")
@@ -226,6 +234,6 @@ def _filled(heights: Array, beyond: float) -> Array:
 
 
 def _rotated(places: Array, angle: Array) -> Array:
-    """Points (..., 2) rotated by angles (...), rad."""
+    """Points (..., 2) in the plane, rotated about the origin by angles (...), rad."""
     c, s = np.cos(angle), np.sin(angle)
     return np.stack([c * places[..., 0] - s * places[..., 1], s * places[..., 0] + c * places[..., 1]], axis=-1)

@@ -75,7 +75,7 @@ class SensorModel:
         return out | ({"default": plain(self.default)} if self.default else {})
 
     def transfers(self, model: Model, num_envs: int) -> list[dict[str, Any] | None]:
-        """Transfer functions of all sensors of a model, as fields of the Rust crate's `Transfer`; None for ideal sensors.
+        """Transfer functions of all sensors of a model, as dictionaries for the Rust library; None for ideal sensors.
 
         Raises:
             ValueError: A name or pattern matches no sensor, or an array has a wrong shape.
@@ -85,12 +85,16 @@ class SensorModel:
         return [self._row(name, num_envs) for name in names]
 
     def chosen(self, index: np.ndarray[Any, Any]) -> SensorModel:
-        """Copy with the numbers of some environments, by a mask (num_envs,) or by indices (n,), which may repeat."""
+        """Copy of this sensor model for some environments only: arrays of numbers per environment keep the entries of `index`.
+
+        Args:
+            index: Boolean mask (num_envs,), or indices (n,), which may repeat.
+        """
         default = None if self.default is None else _chosen(self.default, index)
         return SensorModel({name: _chosen(transfer, index) for name, transfer in self.named.items()}, default=default)
 
     def _row(self, name: str, num_envs: int) -> dict[str, Any] | None:
-        """Transfer function of a sensor as fields of the Rust crate; None if it is ideal."""
+        """Transfer function of a sensor, given by name, as a dictionary for the Rust library; None if the sensor is ideal."""
         transfer = fitting(self.named, self.default, name)
         if transfer is None:
             return None
@@ -109,7 +113,7 @@ class SensorModel:
 
 
 def _chosen(transfer: Transfer, index: np.ndarray[Any, Any]) -> Transfer:
-    """Transfer function with the numbers of some environments only, by a mask or by indices."""
+    """Copy of a transfer function for some environments only, by a mask (num_envs,) or by indices (n,)."""
 
     def chosen_of(value: Any) -> Any:
         """Value of a field in the chosen environments."""
@@ -123,7 +127,7 @@ def _chosen(transfer: Transfer, index: np.ndarray[Any, Any]) -> Transfer:
 
 
 def _read(table: Any, place: str) -> Transfer:
-    """Transfer function from a table of a file; messages begin with `place`."""
+    """Transfer function from a table of a TOML or JSON file; error messages begin with `place`."""
     if not isinstance(table, dict):
         raise ValueError(f"{place} is {table!r}, must be a table of entries like noise_std")
     given = dict(table)

@@ -91,7 +91,7 @@ class SensorSpec:
 
 
 _OBJECTS = {"body": "XBody", "inertial": "Body", "geom": "Geom", "site": "Site"}
-"""Attributes for the measured frame of a frame sensor, and their names in the Rust crate."""
+"""Attributes of `SensorSpec` for the measured frame of a frame sensor, and their names in the Rust library."""
 _OF = ("joint", "tendon", "actuator", "site", "body", "inertial", "geom")
 _WORDS: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
     "joint": (("joint",), JOINTS),
@@ -102,11 +102,18 @@ _WORDS: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
     "frame": (tuple(_OBJECTS), FRAMES),
     "scene": ((), SCENE),
 }
-"""For each family of sensors, the attributes that may name the measured element, and the types with their names in the Rust crate."""
+"""Attributes and types by family of sensors: attributes of `SensorSpec` that may name the measured element, and MJCF types.
+
+The types have their names in the Rust library as values.
+"""
 
 
 def describe(model: Model, sensors: Mapping[str, RayFan | Combination | SensorSpec]) -> list[dict[str, Any]]:
-    """Descriptions of sensors, as fields of the Rust crate's `Sensor`.
+    """Sensors as dictionaries for the Rust library, in order.
+
+    Args:
+        model: The model to which they are added.
+        sensors: Sensors by name.
 
     Raises:
         TypeError: An entry is no sensor, or has an attribute of a wrong type.
@@ -134,7 +141,7 @@ def describe(model: Model, sensors: Mapping[str, RayFan | Combination | SensorSp
 
 
 def _fan(model: Model, fan: RayFan, place: str) -> dict[str, Any]:
-    """Description of a ray fan; messages begin with `place`."""
+    """Ray fan as a dictionary for the Rust library; error messages begin with `place`."""
     site = _index(model.site_names, fan.site, "site", place)
     for what in ("geoms", "data"):
         if isinstance(getattr(fan, what), str):
@@ -157,7 +164,13 @@ def _fan(model: Model, fan: RayFan, place: str) -> dict[str, Any]:
 
 
 def _terms(names: Sequence[str], combination: Combination, place: str) -> list[tuple[int, float]]:
-    """Indices and coefficients of a combination; `names` are those of the sensors so far, and messages begin with `place`."""
+    """Index and coefficient of each sensor in a linear combination.
+
+    Args:
+        names: Names of the model's sensors and of the sensors that were added before.
+        combination: The combination.
+        place: Beginning of error messages.
+    """
     if not isinstance(combination.terms, Mapping):
         raise TypeError(f"{place}: terms is {combination.terms!r}, must be a mapping of names to coefficients")
     terms: list[tuple[int, float]] = []
@@ -170,7 +183,7 @@ def _terms(names: Sequence[str], combination: Combination, place: str) -> list[t
 
 
 def _kind(model: Model, reading: SensorSpec, place: str) -> str | dict[str, Any]:
-    """Description of a sensor with a type of MJCF; messages begin with `place`."""
+    """Sensor with a type of MJCF, as a name or dictionary for the Rust library; error messages begin with `place`."""
     family = next((family for family, (_, words) in _WORDS.items() if reading.type in words), None)
     if family is None:
         known = ", ".join(word for _, words in _WORDS.values() for word in words)
@@ -199,13 +212,27 @@ def _kind(model: Model, reading: SensorSpec, place: str) -> str | dict[str, Any]
 
 
 def _named(model: Model, what: str, name: str, place: str) -> int:
-    """Index of the element that an attribute of `SensorSpec` names."""
+    """Index of the element that an attribute of `SensorSpec` names.
+
+    Args:
+        model: The model.
+        what: Name of the attribute, as "site" or "inertial".
+        name: Value of the attribute.
+        place: Beginning of error messages.
+    """
     kind = "body" if what == "inertial" else what
     return _index(getattr(model, f"{kind}_names"), name, kind, place)
 
 
 def _index(names: Sequence[str], name: str, kind: str, place: str) -> int:
-    """Index of a name; a ValueError if it is missing. `kind` is the kind of element, and messages begin with `place`."""
+    """Index of a name in a list of names; a ValueError if it is missing.
+
+    Args:
+        names: Names of all elements.
+        name: The name.
+        kind: Kind of element, for the message.
+        place: Beginning of the message.
+    """
     if name not in names:
         raise ValueError(f"{place}: there is no {kind} {name!r}; the names are: {', '.join(filter(None, names)) or 'none'}")
     return names.index(name)

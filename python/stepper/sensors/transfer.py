@@ -70,7 +70,7 @@ class Transfer:
         check_numbers(self, "noise")
 
     def _row(self, num_envs: int) -> dict[str, Any]:
-        """Fields of the Rust crate's `Transfer`."""
+        """Transfer function as a dictionary for the Rust library. Numbers are lists with one value, or one per environment."""
         mixes = np.ndim(self.scale) == 2
         low, high = (-math.inf, math.inf) if self.limits is None else self.limits
         plain = ("scale_std", "misalignment_std", "bias", "bias_std", "drift_std", "quantum", "delay", "jitter", "dropout")
@@ -88,6 +88,9 @@ class Transfer:
         }
 
     def _spread(self, num_envs: int) -> list[float]:
-        """Value of the field `noise_std` of the Rust crate: standard deviation of Gaussian noise, or half width of uniform noise."""
+        """Parameter of the white noise for the Rust library, one number or one per environment.
+
+        It is the standard deviation of Gaussian noise, or the half width of uniform noise, in the unit of the readings.
+        """
         half_widths = math.sqrt(3.0) if self.noise == "uniform" else 1.0
         return [std * half_widths for std in numbers("noise_std", self.noise_std, num_envs)]

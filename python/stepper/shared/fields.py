@@ -33,7 +33,7 @@ _DERIVED = {
     "geom_pos": "Contacts and sensors; no mass, no inertia and no centre of mass.",
     "dof_armature": "Inverse weights of MuJoCo's contact law, by `replace`.",
 }
-"""Other quantities that change with a field, by name of the field, where they are not obvious."""
+"""Other quantities of a model that change with a field, by name of the field, where they are not obvious."""
 
 
 @dataclass(frozen=True)
@@ -61,20 +61,28 @@ class Field:
 
 
 def _field(name: str, shape: str, quantity: str, unit: str, per_environment: bool) -> Field:
-    """Field from a row of the table in the Rust crate."""
+    """Entry of the table of fields.
+
+    Args:
+        name: Name in MuJoCo's vocabulary, as "geom_friction".
+        shape: Shape as text: "(ngeom, 3)".
+        quantity: Description of the quantity.
+        unit: Unit.
+        per_environment: Whether values may differ between environments.
+    """
     element = _ELEMENTS.get(shape.strip("()").partition(",")[0], "")
     return Field(name, element, shape, quantity, unit, per_environment, _DERIVED.get(name, ""))
 
 
 FIELDS: dict[str, Field] = {row[0]: _field(*row) for row in _stepper.fields()}
-"""Fields of a model by name."""
+"""Fields of a model (arrays that `Model.replace` can change) by name."""
 RANDOMIZED: dict[str, str] = {name: field.element for name, field in FIELDS.items() if field.per_environment}
-"""Kind of element (`Field.element`) of each field that `Stepper.randomize` takes, by name of the field."""
+"""Kind of element of each field that `Stepper.randomize` takes, by name of the field, as "geom" for "geom_friction"."""
 
 
 @dataclass(frozen=True)
 class Compound:
-    """Parameter that is a number in one or more fields.
+    """Parameter of an element that is stored as a number in one or more fields of the model, as the stiffness of a servo.
 
     Attributes:
         element: Kind of the elements that have it, as "actuator".
@@ -95,12 +103,12 @@ COMPOUNDS = {
     ),
     "actuator_kv": Compound("actuator", (("actuator_biasprm", 2, -1.0),), "velocity gain of a servo", "N s/m or N m s/rad"),
 }
-"""Parameters made of numbers in one or more fields, by name."""
+"""Parameters that are stored as numbers in one or more fields of a model, by name."""
 
 APPLIED = ("qfrc_applied", "xfrc_applied", "mocap_pos", "mocap_quat", "eq_active")
 """Arrays of a stepper that users write and every step reads, in the order of a pickled stepper."""
 OF_PAIRS: dict[str, str] = {"geom_friction": "pair_friction", "geom_restitution": "pair_restitution"}
-"""Fields of explicit pairs that replace a field of the two geoms in contacts of the pair, by name of the geom field."""
+"""Field of explicit contact pairs that overrides a field of geoms in contacts of the pair, by name of the geom field."""
 
 
 def check_pairs(model: Model, field: str, geoms: Collection[int], pairs: Collection[int], remedy: str) -> None:

@@ -112,7 +112,13 @@ def package_file(package: str, file: str, purpose: str) -> str:
 
 
 def _missing(module: str, purpose: str, extra: str = "") -> MissingPackageError:
-    """Error for a missing package, with the command that installs it."""
+    """Error for a missing package, with the command that installs it.
+
+    Args:
+        module: Name of the module.
+        purpose: End of the sentence "<module> is needed ...".
+        extra: Extra of stepper-sim that contains the module; "" for the command in `INSTALL`.
+    """
     top = module.split(".", maxsplit=1)[0]
     how = f'pip install "stepper-sim[{extra}]"' if extra else INSTALL.get(module) or INSTALL.get(top) or f"pip install {top}"
     return MissingPackageError(f"{module} is needed {purpose}, and is not installed: {how}", name=module)

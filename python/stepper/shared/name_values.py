@@ -8,7 +8,7 @@ from typing import TypeVar
 
 T = TypeVar("T")
 _WORDS = {"true": True, "false": False, "none": None}
-"""Values of words, in addition to Python's own."""
+"""Values of the words true, false and none in any case, in addition to Python's own literals."""
 
 
 def literal(text: str) -> object:
@@ -23,7 +23,7 @@ def literal(text: str) -> object:
 
 
 def name_values(texts: Sequence[str], option: str, convert: Callable[[str], T]) -> dict[str, T]:
-    """Values by name from texts NAME=VALUE.
+    """Dictionary of values by name from texts NAME=VALUE of a command-line option.
 
     Args:
         texts: Texts of the option, which may be given several times.

@@ -33,7 +33,7 @@ def progress_lines() -> Tick:
 
 
 def _remaining(done: float, made: float, seconds: float) -> str:
-    """Text with the estimated remaining time; empty without progress, or below a second.
+    """Text with the estimated remaining time of a call; empty without progress, or below a second.
 
     Args:
         done: Fraction of the work that is done.

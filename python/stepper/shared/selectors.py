@@ -39,7 +39,7 @@ _LIST = rf"\[({_ITEM}(?:,{_ITEM})*)\]\s*"
 _TEXT = re.compile(rf"\s*([A-Za-z_][\w.]*)\s*(?:{_LIST})?(?:{_LIST})?", re.DOTALL)
 _EARLIER = re.compile(r"\s*(\w+):([^=]+)(.*)", re.DOTALL)
 _JOINT_ROWS = {"dof": ("dofadr", "nv"), "coordinate": ("qposadr", "nq")}
-"""Attributes of a joint for its first row and its number of rows, in fields of degrees of freedom and of coordinates."""
+"""Attributes of a joint for its first row and its number of rows, by kind of row: degrees of freedom or coordinates."""
 
 
 @dataclass(frozen=True)
@@ -69,12 +69,12 @@ class Selector:
 
 
 def _global(field: str) -> bool:
-    """Whether a field belongs to the whole model."""
+    """Whether a field belongs to the whole model, as "gravity", and not to its elements."""
     return field in FIELDS and not FIELDS[field].element
 
 
 def _quoted(item: Item) -> str:
-    """Text of an element in a selector, in quotes where `parse` needs them."""
+    """Name, pattern or index as text for a selector, in quotes where `parse` needs them."""
     if isinstance(item, int):
         return str(item)
     plain = item and item == item.strip() and item.isprintable() and not re.search(r"""[\[\],'"\\]|^-?[0-9]+$""", item)
@@ -119,7 +119,7 @@ def parse_range(text: str, where: str = "selector") -> tuple[Selector, tuple[flo
 
 @functools.lru_cache(maxsize=1024)
 def _parsed(text: str, where: str) -> tuple[Selector, str]:
-    """Selector at the start of a text, and the rest of the text; `where` is the argument's name for messages."""
+    """Selector at the start of a text, and the rest of the text. Results are cached; `where` is the argument's name for messages."""
     found = _TEXT.match(text)
     if found is None or text[found.end() : found.end() + 1] not in ("", "="):
         raise _spelling(where, text)
@@ -135,7 +135,13 @@ def _parsed(text: str, where: str) -> tuple[Selector, str]:
 
 
 def _items(part: str, text: str, where: str) -> tuple[Item, ...]:
-    """Names, patterns and indices between brackets; `text` and `where` are for messages."""
+    """Names, patterns and indices between two brackets of a selector.
+
+    Args:
+        part: Text between the brackets.
+        text: The whole selector, for messages.
+        where: Name of the argument with the selector, for messages.
+    """
     items: list[Item] = []
     for item in (found.strip() for found in re.findall(_ITEM, part, re.DOTALL)):
         if re.fullmatch("-?[0-9]+", item):
@@ -153,7 +159,7 @@ def _items(part: str, text: str, where: str) -> tuple[Item, ...]:
 
 
 def _spelling(where: str, text: str) -> ValueError:
-    """Error for a text that is not a selector. If it has the form "mass:box" of an earlier version, the message gives the present form."""
+    """Error for a text that is not a selector. For the form "mass:box" of an earlier version, the message gives the present form."""
     earlier = _EARLIER.fullmatch(text)
     if earlier is None:
         return ValueError(
@@ -170,7 +176,7 @@ def _spelling(where: str, text: str) -> ValueError:
 
 @dataclass(frozen=True)
 class Part:
-    """Numbers that a selector selects in one field.
+    """Numbers in one field of a model that a selector selects.
 
     Attributes:
         field: Name of the field.
@@ -184,7 +190,7 @@ class Part:
 
 
 def parts_of(model: Model, selector: Selector, where: str = "selector") -> list[Part]:
-    """Numbers that a selector selects, per field. A compound parameter (`COMPOUNDS`) can have numbers in several fields.
+    """Numbers that a selector selects, as one `Part` per field. A compound parameter (`COMPOUNDS`) can have numbers in several fields.
 
     Raises:
         ValueError: An unknown field, element or column.
@@ -199,7 +205,7 @@ def parts_of(model: Model, selector: Selector, where: str = "selector") -> list[
 
 
 def numbers_of(model: Model, selector: Selector, where: str = "selector") -> frozenset[tuple[str, int]]:
-    """Field and flat index of each number that a selector selects. Selectors of the same numbers give equal sets.
+    """Set with the field and flat index of each number that a selector selects. Selectors of the same numbers give equal sets.
 
     Raises:
         ValueError: An unknown field, element or column.
@@ -208,7 +214,9 @@ def numbers_of(model: Model, selector: Selector, where: str = "selector") -> fro
 
 
 def places(model: Model, selector: Selector, where: str = "selector") -> NDArray[np.int64]:
-    """Indices of the selected numbers in the flattened field, with the axes (elements, columns); see the module for axes that are left out.
+    """Indices in the flattened field of the numbers that a selector selects, with the axes (elements, columns).
+
+    A single name or index that selects one row gives no axis for elements. A single column gives no axis for columns.
 
     Raises:
         ValueError: An unknown field, element or column.
@@ -237,7 +245,14 @@ def places(model: Model, selector: Selector, where: str = "selector") -> NDArray
 
 
 def _columns(index: NDArray[np.int64], columns: Sequence[int], selector: Selector, where: str) -> NDArray[np.int64]:
-    """Selected columns of an array of indices; a single column has no axis."""
+    """Columns of an array of indices, (..., columns). A single column gives no axis, several columns give one.
+
+    Args:
+        index: The array.
+        columns: Columns to select.
+        selector: Selector with the columns, for messages.
+        where: Name of the argument with the selector, for messages.
+    """
     width = index.shape[-1] if index.ndim else 0
     if wrong := [column for column in columns if not -width <= column < width]:
         there = f"columns are 0 to {width - 1}" if width else "it is a single number; leave out the columns"
@@ -249,7 +264,14 @@ def _columns(index: NDArray[np.int64], columns: Sequence[int], selector: Selecto
 
 
 def _of_joints(rows: Sequence[int | range], selector: Selector, where: str, *, one: bool) -> NDArray[np.int64]:
-    """Indices of the degrees of freedom or coordinates of some joints. `selector.columns` selects among those of each joint."""
+    """Indices of degrees of freedom or coordinates of some joints, selected by the columns of a selector.
+
+    Args:
+        rows: Range of rows of each joint. An int (a row without joint) is an error.
+        selector: Selector, whose columns count from the first row of each joint.
+        where: Name of the argument with the selector, for messages.
+        one: Whether the result has no axis for joints.
+    """
     if any(isinstance(own, int) for own in rows):
         raise ValueError(f"{where} has '{selector}': an index is one row of {selector.field}; leave out the columns, or name a joint")
     columns = selector.columns or ()
@@ -267,14 +289,18 @@ def rows_of(model: Model, kind: str, items: Sequence[Item] | None, where: str = 
 
 
 def _flat(chosen: Iterable[Iterable[int | range]]) -> list[int]:
-    """List of row indices from indices and ranges, in their order and without duplicates."""
+    """List of row indices from nested indices and ranges, in their order and without duplicates."""
     return list(dict.fromkeys(int(k) for rows in chosen for part in rows for k in np.atleast_1d(part)))
 
 
 def _chosen(model: Model, kind: str, item: Item, where: str) -> tuple[list[Any], bool]:
-    """Rows that an item selects, and whether the item is an index or an exact name (not a pattern).
+    """Rows that a name, pattern or index selects, and whether it is an index or an exact name, not a pattern.
 
-    For "dof" and "coordinate" a joint's rows are one range.
+    Args:
+        model: The model.
+        kind: Kind of row: "geom", "dof", ... For "dof" and "coordinate" the rows of a joint are one range.
+        item: Name, pattern or index.
+        where: Beginning of error messages.
     """
     labels = _labels(model, kind)
     if isinstance(item, int):
@@ -302,7 +328,10 @@ def _chosen(model: Model, kind: str, item: Item, where: str) -> tuple[list[Any],
 
 
 def _labels(model: Model, kind: str) -> list[list[str]]:
-    """Labels of each element. The first is its name, "" if it has none. Geoms also have "body/geom", explicit pairs "geom/geom"."""
+    """Texts by which a selector can name each element of a kind. The first is the name, "" if there is none.
+
+    Geoms also have "body/geom", and explicit pairs "geom/geom".
+    """
     if kind == "equality":
         return [[""] for _ in range(len(model.eq_active0))]
     names = list(getattr(model, f"{'joint' if kind in _JOINT_ROWS else kind}_names"))
@@ -337,7 +366,7 @@ def randomized_fields(sim: Stepper, values: Mapping[str, ArrayLike | None], envs
     present = sim.randomized
 
     def base(field: str) -> Array:
-        """Present values of a field in the selected environments, flattened."""
+        """Present values of a field in the selected environments, (environments, numbers), or (numbers,) without environments."""
         own = np.asarray(getattr(model, field), np.float64)
         now = np.asarray(present.get(field, np.broadcast_to(own, (n, *own.shape))), np.float64).reshape(n, -1)
         return now[rows].reshape(*lead, -1)
@@ -380,7 +409,7 @@ def _whole(
     known: Collection[str],
     fields: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """Complete arrays of fields for `randomize` or `replace`.
+    """Complete arrays of fields, with the numbers that selectors set, for `Stepper.randomize` or `Model.replace`.
 
     Args:
         where: Name of the call, for error messages.
@@ -419,8 +448,8 @@ def conflict(where: str, one: object, other: object, field: str, differ: str = "
 
     Args:
         where: Name of the call or the argument that has both.
-        one: A selector or name.
-        other: The other one.
+        one: First selector or name.
+        other: Second selector or name.
         field: Name of the field.
         differ: Difference of what they give, as "to 1 and to 2"; empty if that does not matter.
     """
@@ -431,7 +460,14 @@ def conflict(where: str, one: object, other: object, field: str, differ: str = "
 
 
 def _numbers(what: str, value: ArrayLike, lead: tuple[int, ...], tail: tuple[int, ...]) -> Array:
-    """Values of a selector, broadcast to (*lead, *tail): leading axes of environments, then the shape of the selected numbers."""
+    """Values for a selector as an array of the shape (*lead, *tail).
+
+    Args:
+        what: Name of the values, for the error message.
+        value: A single number, an array of that shape, or an array (*lead,).
+        lead: Shape of the axes of environments.
+        tail: Shape of the selected numbers.
+    """
     given = np.asarray(value, np.float64)
     if given.shape == lead and tail:
         given = given.reshape(*lead, *(1 for _ in tail))

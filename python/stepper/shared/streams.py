@@ -22,7 +22,7 @@ _STEP = 2.0**-53
 
 
 def _mix(words: Words) -> Words:
-    """Steele, Lea and Flood's finalizer (splitmix64): a permutation of 64-bit integers, in place. Related inputs become unrelated."""
+    """Hashes 64-bit integers in place with Steele, Lea and Flood's finalizer (splitmix64), and returns them. It is a permutation."""
     words ^= words >> _SHIFTS[0]
     words *= _MIX_1
     words ^= words >> _SHIFTS[1]
@@ -33,7 +33,7 @@ def _mix(words: Words) -> Words:
 
 @lru_cache(maxsize=64)
 def _steps(size: int) -> Words:
-    """Increments of the counter of a stream for its next `size` numbers, (size,). `_mix` turns counters into random integers."""
+    """Increments of a stream's counter for its next `size` random numbers, (size,) uint64."""
     return np.multiply(np.arange(1, size + 1, dtype=np.uint64), _GAMMA, dtype=np.uint64)
 
 
@@ -82,13 +82,13 @@ class Streams:
         self.ages[envs] = 0
 
     def fork(self, name: str) -> Streams:
-        """Independent streams, a function of these streams, their ages and a name. Draws from the result do not change these streams."""
+        """Independent streams of random numbers, which depend on these streams, their ages and a name. These streams do not change."""
         forked = copy.copy(self)
         forked.state = _mix(_mix(self.state + _hash_of(name)) + self.ages * _GAMMA)
         return forked
 
     def words(self, envs: Array, size: int) -> Words:
-        """Next `size` random 64-bit integers of each stream in `envs` (n,): (n, size) uint64."""
+        """Next `size` random 64-bit integers from the streams of the environments `envs`, indices (n,): (n, size) uint64."""
         words = self.state[envs][:, None] + _steps(size)
         if size:
             self.state[envs] = words[:, -1]

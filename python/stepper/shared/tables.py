@@ -40,7 +40,7 @@ def read_file(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def named_tables(data: Mapping[str, Any], name: str, place: str) -> dict[str, Any]:
-    """Table `name` of a dictionary that may have this table and "default".
+    """Table `name` of a dictionary that may have only this table and "default"; an empty dictionary if it is absent.
 
     Raises:
         ValueError: There are other tables, or the entry is not a table. `place` names the source in the message.
@@ -54,10 +54,16 @@ def named_tables(data: Mapping[str, Any], name: str, place: str) -> dict[str, An
 
 
 def by_name(given: Any, default: Any, kind: type[T], what: str) -> dict[str, T]:
-    """Copy of a mapping of names to objects of the class `kind`.
+    """Copy of a mapping of names to objects of the class `kind`, after a check of all values.
+
+    Args:
+        given: The mapping; None is an empty one.
+        default: Default object, which is only checked; None is none.
+        kind: Class of the objects.
+        what: Kind of object, for the message.
 
     Raises:
-        TypeError: Not a mapping, or an object (or the default) of another class. `what` names the kind of object in the message.
+        TypeError: `given` is no mapping, or an object has another class.
     """
     if given is not None and not isinstance(given, Mapping):
         raise TypeError(f"{what}s is {given!r}, must be a mapping of names to stepper.{kind.__name__}")
@@ -69,20 +75,20 @@ def by_name(given: Any, default: Any, kind: type[T], what: str) -> dict[str, T]:
 
 
 def fitting(named: Mapping[str, T], default: T | None, name: str) -> T | None:
-    """Entry for a name: the one with this name, else the one of the first pattern that matches, else the default."""
+    """Value for a name from a mapping of names and patterns: that of the name, else of the first matching pattern, else the default."""
     patterns = [value for pattern, value in named.items() if fnmatch.fnmatchcase(name, pattern)]
     return named.get(name) or (patterns[0] if patterns else default)
 
 
 def check_names(named: Mapping[str, T], names: Sequence[str], kind: str) -> None:
-    """Raise ValueError if a name or pattern in `named` matches none of the elements `names`."""
+    """Raises ValueError if a name or pattern in `named` matches none of the elements `names`; `kind` is the kind of element."""
     for name in named:
         if name not in names and not fnmatch.filter(names, name):
             raise ValueError(f"no {kind} fits {name!r}, there are: {', '.join(names) or 'none'}")
 
 
 def check_number(name: str, value: Any) -> None:
-    """Raise TypeError if a value is neither a number nor an array of numbers."""
+    """Raises TypeError if a value is neither a number nor an array of numbers; `name` is its name for the message."""
     try:
         fits = np.asarray(value).dtype.kind in "iuf"
     except ValueError:
@@ -92,7 +98,7 @@ def check_number(name: str, value: Any) -> None:
 
 
 def check_numbers(part: Any, *others: str) -> None:
-    """Check that the fields of a dataclass are numbers, except those named in `others`.
+    """Checks that the fields of a dataclass are numbers, except those named in `others`.
 
     Raises:
         TypeError: A field is not a number.
@@ -112,7 +118,13 @@ def check_numbers(part: Any, *others: str) -> None:
 
 
 def numbers(name: str, value: ArrayLike, num_envs: int, envs: np.ndarray[Any, Any] | None = None) -> list[float]:
-    """List of a parameter's values: one value for all environments, or one for each of `envs` (None is all environments).
+    """List of a parameter's values for the Rust library: one value for all environments, or one per environment.
+
+    Args:
+        name: Name of the parameter, for the error message.
+        value: A number, or an array (num_envs,).
+        num_envs: Number of environments.
+        envs: Mask (num_envs,) or indices of the environments whose values are returned; None is all.
 
     Raises:
         ValueError: The shape is not (), (1,) or (num_envs,).

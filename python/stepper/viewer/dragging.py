@@ -12,7 +12,10 @@ from stepper.viewer.frames import values_of
 from stepper.viewer.looks import Array
 
 FREQUENCY = 10.0
-"""Angular frequency of the spring with the effective mass at the point, rad/s, as in MuJoCo's viewer (visual/map/stiffness is 100)."""
+"""Angular frequency of the spring that drags a body, rad/s, for the effective mass at the point, as in MuJoCo's viewer.
+
+MuJoCo's visual/map/stiffness is 100.
+"""
 
 
 @dataclass
@@ -35,7 +38,17 @@ class Drag:
 
     @classmethod
     def begin(cls, sim: Stepper, env: int, body: int, place: Array) -> Drag | None:
-        """Starts to drag a body at a point in world coordinates, (3,), m. None if the body cannot move."""
+        """Starts to drag a body.
+
+        Args:
+            sim: The stepper.
+            env: Index of the environment.
+            body: Index of the body.
+            place: Point of the body, in world coordinates, (3,), m.
+
+        Returns:
+            The spring and damper; None if the body cannot move.
+        """
         mass = effective_mass(sim, env, body, place)
         if mass is None:
             return None
@@ -81,6 +94,6 @@ def effective_mass(sim: Stepper, env: int, body: int, place: Array) -> float | N
 
 
 def _row(sim: Stepper, name: str, env: int) -> Array:
-    """Values of a quantity of a stepper in one environment, in its unit."""
+    """Values of a quantity of a stepper in one environment, (...) float64, in its unit."""
     values: Array = values_of(sim, name, np.array([env]))[0]
     return values.astype(np.float64)

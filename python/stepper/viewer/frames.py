@@ -65,7 +65,7 @@ def shown_envs(sim: Stepper, envs: Envs, most: int) -> Array:
 
 
 def frame_of(sim: Stepper, envs: Array, *, energy: bool = False) -> Frame:
-    """Frame of some environments of a stepper, with indices (n,). Energies are 0 without `energy=True`."""
+    """Frame for drawing of some environments of a stepper, with indices (n,). Energies are 0 without `energy=True`."""
     listed = sim.contacts()
     row = np.full((sim.num_envs or 1), -1)
     row[envs] = np.arange(len(envs))
@@ -84,7 +84,13 @@ def frame_of(sim: Stepper, envs: Array, *, energy: bool = False) -> Frame:
 
 
 def sizes_of(sim: Stepper, envs: Array, scene: Scene) -> Array:
-    """Current sizes of the drawn geoms in some environments, (n, ngeom, 3), m, including randomized sizes."""
+    """Current sizes of all geoms in some environments, (n, ngeom, 3), m, including randomized sizes.
+
+    Args:
+        sim: The stepper.
+        envs: Indices of the environments, (n,).
+        scene: Drawing of the model, with the sizes of geoms that are not randomized.
+    """
     sizes = np.tile(scene.sizes, (len(envs), 1, 1))
     if "geom_size" in sim.randomized:
         sized = sized_geoms(sim.model)

@@ -22,13 +22,16 @@ SHOWN = 16
 """Largest number of environments that are shown by default."""
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4", "as fast as it can")
 SLIDERS = 12
-"""Largest number of controls for which the folder of sliders is open initially."""
+"""Largest number of actuators for which the folder of control sliders is open initially."""
 _MAX_LAG = 0.25
-"""Largest lag behind real time that is caught up, s. A simulation that is too slow does not accumulate more."""
+"""Largest lag behind real time, s. The view does not catch up lags of a slower simulation beyond it."""
 
 
 class _Applied(NamedTuple):
-    """Wrench of a dragged body in `xfrc_applied`: values at the body without and with this wrench, (6,) each, N and N m."""
+    """Force and torque by which a dragged body is pulled, stored so that they can be removed from `xfrc_applied`.
+
+    `without` and `with_it` are the values of `xfrc_applied` at the body without and with the pull, (6,) each, N and N m.
+    """
 
     env: int
     body: int
@@ -37,7 +40,12 @@ class _Applied(NamedTuple):
 
 
 def scene_for(model: Model, source: Any) -> Scene:
-    """Drawing of a model. Warns about meshes and height fields that are not drawn because the source of the model is unknown."""
+    """Drawing of a model, with a warning about meshes and height fields that are not drawn because the source of the model is unknown.
+
+    Args:
+        model: The model.
+        source: Source of the model, as for `stepper.load`; None is the source from which the model was loaded.
+    """
     scene = scene_of(model, looks_of(model, source))
     if scene.missing:
         names = ", ".join(model.geom(g).name or f"#{g}" for g in scene.missing[:5])
@@ -247,14 +255,21 @@ class View:
             time.sleep(self._clock - clock)
 
     def _dragged(self, phase: str, k: int, geom: int, place: Array) -> None:
-        """Stores an event of dragging from the browser (see `Window.on_pull`) for the next `update`."""
+        """Stores an event of dragging from the browser for the next `update`.
+
+        Args:
+            phase: "start", "update" or "end".
+            k: Row of the environment among those shown.
+            geom: Index of the geom.
+            place: Position of the pointer in the environment's world coordinates, (3,), m.
+        """
         with self._lock:
             if phase == "start":
                 self._grabbed = (int(self.envs[k]), self._body_of[geom], place)
             self._target = None if phase == "end" else place
 
     def _pull(self) -> None:
-        """Applies the force on the dragged body for the next step."""
+        """Starts, continues or ends dragging as the last event of the browser requires, and applies the force for the next step."""
         with self._lock:
             grabbed, self._grabbed, target = self._grabbed, None, self._target
         if grabbed is not None:
@@ -267,12 +282,16 @@ class View:
             self._apply((self._drag.env, self._drag.body, self._drag.wrench(self.sim, self._strength.value)))
 
     def _release(self) -> None:
-        """Ends dragging and removes the force."""
+        """Ends dragging of a body and removes its force from `xfrc_applied`."""
         self._drag = None
         self._apply(None)
 
     def _apply(self, wrench: tuple[int, int, Array] | None) -> None:
-        """Replaces the wrench of dragging, (environment, body, wrench), in `xfrc_applied`; other applied forces remain. None removes it."""
+        """Replaces the force and torque of dragging in `xfrc_applied`; other applied forces remain.
+
+        Args:
+            wrench: Environment, body, and force and torque (6,), N and N m; None removes the previous ones.
+        """
         forces = self.sim.xfrc_applied if self.sim.num_envs is not None else self.sim.xfrc_applied[None]
         if self._applied is not None:
             # Entries that changed since then were written by a reset or by the program, without this wrench.

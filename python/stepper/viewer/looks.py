@@ -59,7 +59,7 @@ def sized_geoms(model: Model) -> list[int]:
 
 
 def _check_same(model: Model, m: Any) -> None:
-    """Raises LooksError unless MuJoCo's model has the same bodies, joints and geoms."""
+    """Raises LooksError unless the compiled model `m` of MuJoCo has the same bodies, joints and geoms as stepper's model."""
     mujoco = require("mujoco", "to read the looks of a model")
 
     def names(kind: Any, count: int) -> list[str]:

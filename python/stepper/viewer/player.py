@@ -134,14 +134,19 @@ class Player:
         self._slider.on_update(self._moved)
 
     def _moved(self, event: Any) -> None:
-        """Pauses and requests a frame when the user moves the slider."""
+        """Callback of the slider for the frame: if the user moved it, pauses the recording and requests the frame."""
         if event.client is not None:  # None if `seek` moved the slider.
             self._play.value = False
             self._requested = min(int(event.target.value), len(self.run_of) - 1)
 
 
 def recorded_scene(run: RecordedRun, source: Any = None) -> Scene:
-    """Drawing of a recorded model from `source`; if None, from the file that is named in the recording, or without a source."""
+    """Drawing of a recorded model.
+
+    Args:
+        run: The recording.
+        source: Source of the model; None is the file that is named in the recording, or no source if that cannot be read.
+    """
     if source is None and run.source is not None:
         try:
             return scene_for(run.sim.model, run.source)

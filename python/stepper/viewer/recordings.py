@@ -92,7 +92,7 @@ class RecordedRun:
         return replace(here, **contacts, **{name: self._columns[name][index] for name in _RECORDED})
 
     def _whole(self, name: str, values: Array) -> Array:
-        """Values of a quantity in all environments of `sim`, with `values` in the shown environments."""
+        """Values of a quantity in all environments: `values` in the shown ones, and the present values of the stepper in the others."""
         if self._single:
             first: Array = values[0]
             return first
@@ -101,7 +101,7 @@ class RecordedRun:
         return whole
 
     def _set_parameters(self, index: int) -> None:
-        """Sets the parameters of the environments to those of frame `index`."""
+        """Sets the parameters of the stepper's environments to those that were recorded at the frame `index`."""
         due = sum(start <= index for start, _ in self._parameters)
         if due == self._in_force:
             return

@@ -16,14 +16,19 @@ from stepper.shared.machine import require
 from stepper.viewer.looks import Array, LooksError, looks_of, row, sized_geoms
 
 TRACK = "track"
-"""Name of the default camera, if the model has a camera of this name. In Gymnasium's models it follows the robot."""
+"""Name of the camera that is used by default if the model has it. In Gymnasium's models it follows the robot."""
 SHADOWS = 1024
-"""Largest size of a shadow map, pixels. Without a graphics card, MuJoCo's default of 4,096 takes most of the time of a picture. Pictures
-of the default size hardly differ."""
+"""Largest size of a shadow map, pixels.
+
+Without a graphics card, MuJoCo's default of 4,096 takes most of the time of a picture. Pictures of the default size hardly differ.
+"""
 _LAMP = {"ambient": 0.15, "diffuse": 0.55, "specular": 0.2}
-"""White light of the added lamp, from 0 to 1. Pictures are as bright as those of the same scene with a light in the MJCF."""
+"""White light of the lamp that is added to scenes without a light, from 0 to 1.
+
+Pictures are as bright as those of the same scene with a light in the MJCF.
+"""
 _SLANT = (-0.3, 0.4, -1.0)
-"""Direction of the lamp's light, for which the visible sides of a box differ in brightness."""
+"""Direction of the added lamp's light, for which the visible sides of a box differ in brightness."""
 _CONFIG = ("distance", "azimuth", "elevation", "lookat", "trackbodyid")
 
 
@@ -114,7 +119,13 @@ class Renderer:
         self._freeing()
 
     def _chosen(self, camera: str | int | None, config: Mapping[str, Any] | None, default: Mapping[str, Any] | None) -> tuple[Any, int]:
-        """MuJoCo's camera for the arguments of `Renderer`, and the index of the body that a free camera follows; 0 is none."""
+        """MuJoCo's camera for the camera arguments of `Renderer`, and the index of the body that a free camera follows; 0 is none.
+
+        Args:
+            camera: Name or index of a camera of the model; None selects the first available one.
+            config: Settings of a free camera; None if it is not requested.
+            default: Settings of the free camera that is used if nothing else is available.
+        """
         mujoco, m = self._mujoco, self._m
         names = [m.camera(k).name for k in range(m.ncam)]
         if camera is None and config is None and TRACK in names:
@@ -133,9 +144,13 @@ class Renderer:
         return chosen, 0
 
     def _free(self, camera: Any, config: Mapping[str, Any]) -> int:
-        """Sets a free camera from its settings and returns the index of the body that it follows; 0 is none.
+        """Sets a free camera from its settings, and returns the index of the body that it follows; 0 is none.
 
         By default the whole scene is visible, as in Gymnasium.
+
+        Args:
+            camera: MuJoCo's camera, which is changed.
+            config: Settings: distance, azimuth, elevation, lookat, trackbodyid.
         """
         if unknown := set(config) - set(_CONFIG):
             raise ValueError(f"camera_config has {sorted(unknown)}, must contain only: {', '.join(_CONFIG)}")
@@ -154,7 +169,7 @@ class Renderer:
 
 
 def _add_lamp(mujoco: Any, scene: Any) -> None:
-    """Adds a distant light with shadows to MuJoCo's scene."""
+    """Adds a distant light with shadows to a scene of MuJoCo's renderer."""
     light = scene.lights[scene.nlight]
     scene.nlight += 1
     light.type, light.headlight, light.castshadow, light.texid = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, 0, 1, -1
@@ -165,7 +180,7 @@ def _add_lamp(mujoco: Any, scene: Any) -> None:
 
 
 def _renderer(mujoco: Any, m: Any, width: int, height: int) -> Any:
-    """MuJoCo's renderer, with an OpenGL context that is available on this machine."""
+    """MuJoCo's renderer for a compiled model, with an OpenGL context that is available on this machine."""
     if not hasattr(mujoco, "Renderer"):
         raise RuntimeError('this build of MuJoCo has no renderer: pip install "mujoco>=4.0,<5"')
     chosen = os.environ.get("MUJOCO_GL")

@@ -109,7 +109,14 @@ def log_rerun(
 
 
 class _Writer:
-    """Writer of a .rrd file. The constructor writes the planes, which do not change; `write` adds a frame."""
+    """Writer of a log file (.rrd) for the Rerun viewer. The constructor writes the planes, which do not change; `write` adds a frame.
+
+    Args:
+        path: File to write.
+        scene: Drawing of the model.
+        sim: The stepper.
+        envs: Indices of the environments to log.
+    """
 
     def __init__(self, path: str | os.PathLike[str], scene: Scene, sim: Stepper, envs: Array):
         self._rr = rr = require("rerun", "to write logs for Rerun")
@@ -129,7 +136,7 @@ class _Writer:
             self._log_planes(bodies)
 
     def write(self, seconds: float, frame: Frame) -> None:
-        """Adds a frame at a time of the timeline, s."""
+        """Adds a frame to the log at a time of the timeline, s."""
         rr, stream = self._rr, self._stream
         stream.set_time(TIMELINE, duration=seconds)
         self._log_geoms()
@@ -167,7 +174,7 @@ class _Writer:
         self._stream.disconnect()
 
     def _log_geoms(self) -> None:
-        """Adds the shapes of the geoms, in the frames of their bodies: of all geoms in the first frame, and later of changed ones."""
+        """Adds the shapes of the geoms to the log, in the frames of their bodies: all in the first frame, later only changed ones."""
         sizes, places = sizes_of(self._sim, self._envs, self._scene), parameter_of(self._sim, "geom_pos", self._envs)
         shapes = np.concatenate([sizes, places], axis=2)
         new = np.ones(shapes.shape[:2], bool) if self._shapes is None else np.any(shapes != self._shapes, axis=2)
@@ -176,10 +183,10 @@ class _Writer:
             self._log_shapes(self._names[row], sizes[row], places[row], new[row])
 
     def _log_shapes(self, bodies: list[str], sizes: Array, places: Array, chosen: Array) -> None:
-        """Adds the shapes of some geoms of an environment.
+        """Adds the shapes of some geoms of an environment to the log.
 
         Args:
-            bodies: Names of the bodies in the log.
+            bodies: Paths of the environment's bodies in the log.
             sizes: Sizes of the geoms, (ngeom, 3), m.
             places: Positions of the geoms in their bodies, (ngeom, 3), m.
             chosen: Mask of the geoms to add, (ngeom,).
@@ -200,7 +207,7 @@ class _Writer:
                 self._stream.log(f"{bodies[self._body[g]]}/{_path_part(name)}/{k}_{_path_part(part.name)}", mesh)
 
     def _log_planes(self, bodies: list[str]) -> None:
-        """Adds the planes of an environment, which do not change; `bodies` are the names of the bodies in the log."""
+        """Adds the planes of an environment to the log; `bodies` are the paths of the environment's bodies in the log."""
         model, rr, scene = self._model, self._rr, self._scene
         at, quat = np.asarray(model.geom_pos), np.asarray(model.geom_quat)
         for g in scene.planes:
@@ -212,12 +219,12 @@ class _Writer:
 
 
 def _body_paths(model: Model, env: int) -> list[str]:
-    """Paths of the bodies of an environment in the log."""
+    """Paths in the log of all bodies of an environment, as "env_0/torso"."""
     return [f"env_{env}/world"] + [f"env_{env}/{_path_part(model.body(b).name or f'body_{b}')}" for b in range(1, model.nbody)]
 
 
 def _path_part(name: str) -> str:
-    """Name with other characters than letters, digits, "_", "-" and "." replaced by "_", as part of a path in the log."""
+    """Name as a part of a path in the log: characters other than letters, digits, "_", "-" and "." are replaced by "_"."""
     return "".join(letter if letter.isalnum() or letter in "_-." else "_" for letter in name)
 
 

@@ -15,11 +15,14 @@ from stepper._stepper import Model, Stepper
 from stepper.viewer.looks import Array
 
 RINGS, SEGMENTS = 12, 24
-"""Numbers of faces of round meshes from pole to pole, and around the axis."""
+"""Numbers of faces of round meshes: from pole to pole, and around the axis."""
 PLAIN = (0.62, 0.66, 0.72, 1.0)
 """Colour of geoms without a known colour."""
 VISIBLE_GROUPS = 3
-"""Geoms of this group and above are hidden initially, as in MuJoCo's viewer. They are often collision geometry of robots with meshes."""
+"""First group of geoms that is hidden initially, as in MuJoCo's viewer; later groups are hidden, too.
+
+These groups often contain the collision geometry of robots with meshes.
+"""
 UNSEEN = 1e-3
 """Opacity below which a geom is not drawn. Some models hide geoms in this way."""
 
@@ -43,7 +46,7 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Part:
-    """Instances of one mesh, the same in each environment, which the viewer draws together.
+    """Instances of one mesh, equal in all environments, which the viewer draws together as one batch.
 
     Attributes:
         name: Name of the mesh.
@@ -127,7 +130,16 @@ def scene_of(model: Model, looks: Any | None) -> Scene:
 
 
 def _pieces(kind: str, g: int, looks: Any | None) -> list[tuple[str, Mesh, Axes, float]]:
-    """Meshes that draw geom `g`: name, mesh, and `axes` and `end` as in `Part`. Empty if the mesh is unknown."""
+    """Meshes that draw a geom; empty if its mesh is unknown. A capsule has three, other geoms have one.
+
+    Args:
+        kind: Type of the geom, as "capsule".
+        g: Index of the geom.
+        looks: `mujoco.MjModel` with the visual meshes; None if it is unknown.
+
+    Returns:
+        For each mesh its name, the mesh, and the values of `Part.axes` and `Part.end`.
+    """
     if kind == "capsule":
         return [("tube", _TUBE, (0, 0, 1), 0.0), ("sphere", _SPHERE, (0, 0, 0), -1.0), ("sphere", _SPHERE, (0, 0, 0), 1.0)]
     if kind in _SIMPLE:
@@ -141,14 +153,14 @@ def _pieces(kind: str, g: int, looks: Any | None) -> list[tuple[str, Mesh, Axes,
 
 
 def _mesh(looks: Any, asset: int) -> Mesh:
-    """Mesh asset of MuJoCo's model."""
+    """Mesh asset of a compiled `mujoco.MjModel`, by its index."""
     vertices = slice(int(looks.mesh_vertadr[asset]), int(looks.mesh_vertadr[asset] + looks.mesh_vertnum[asset]))
     faces = slice(int(looks.mesh_faceadr[asset]), int(looks.mesh_faceadr[asset] + looks.mesh_facenum[asset]))
     return Mesh(np.array(looks.mesh_vert[vertices], np.float32), np.array(looks.mesh_face[faces], np.int32), flat=True)
 
 
 def _height_field(looks: Any, asset: int) -> Mesh:
-    """Surface of a height field of MuJoCo's model: two triangles per cell."""
+    """Surface of a height field asset of a compiled `mujoco.MjModel`, by its index, with two triangles per cell."""
     rows, columns, start = int(looks.hfield_nrow[asset]), int(looks.hfield_ncol[asset]), int(looks.hfield_adr[asset])
     x, y, top, _ = looks.hfield_size[asset].tolist()
     heights = looks.hfield_data[start : start + rows * columns] * top
@@ -161,7 +173,10 @@ def _height_field(looks: Any, asset: int) -> Mesh:
 
 
 def _colours(looks: Any) -> Array:
-    """Colours of all geoms, (ngeom, 4), from 0 to 1: those of the geom or its material, times the mean colour of its texture."""
+    """Colours of all geoms of a compiled `mujoco.MjModel`, (ngeom, 4), from 0 to 1.
+
+    They are those of the geom or its material, times the mean colour of its texture.
+    """
     rgba = np.array(looks.geom_rgba, np.float64)
     texture = _texture_colours(looks)
     for g in range(looks.ngeom):
@@ -178,7 +193,7 @@ def _colours(looks: Any) -> Array:
 
 
 def _texture_colours(looks: Any) -> list[Array]:
-    """Mean colour of each texture, (3,), from 0 to 1."""
+    """Mean colour of each texture of a compiled `mujoco.MjModel`, (3,), from 0 to 1."""
     found = []
     for t in range(looks.ntex):
         channels, start = int(looks.tex_nchannel[t]), int(looks.tex_adr[t])
@@ -223,7 +238,7 @@ def _shown(model: Model, parts: list[Part]) -> frozenset[int]:
 
 
 def _box_around(model: Model, looks: Any | None) -> tuple[Array, float]:
-    """Attributes `center`, (3,), m, and `extent`, m, of a `Scene`."""
+    """Middle, (3,), m, and diagonal, m, of the bounding box of all moving geoms at the reference pose; of all geoms if none moves."""
     at = np.asarray(Stepper(model).geom_xpos)
     body = np.array([model.geom(g).bodyid for g in range(model.ngeom)], dtype=np.int64)
     moving = np.flatnonzero(body > 0)

@@ -19,9 +19,9 @@ from stepper.viewer.shapes import FLAT, Part, Scene, instances
 FRAMES = 30.0
 """Largest number of frames per second that are sent to the browser."""
 FORCE = 0.5
-"""Length of the arrow of a force as large as the model's weight, as a fraction of the scene's extent."""
+"""Length of the arrow for a force that equals the model's weight, as a fraction of the scene's extent."""
 TILES = 48
-"""Largest number of tiles along a side of a floor."""
+"""Largest number of square tiles along a side of a drawn floor."""
 _CONTACT_COLOUR, _FORCE_COLOUR, _PULL_COLOUR = (255, 200, 40), (230, 60, 40), (40, 160, 255)
 _FLOOR = (0.42, 0.46, 0.52)
 
@@ -73,7 +73,7 @@ class Window:
 
     @property
     def frame(self) -> Frame | None:
-        """Frame that is shown; None before the first."""
+        """Frame that is shown in the browser; None before the first one."""
         return self._frame
 
     @property
@@ -129,7 +129,13 @@ class Window:
             self._listen(part, handle, respond)
 
     def _listen(self, part: Part, handle: Any, respond: Callable[[str, int, int, Array], None]) -> None:
-        """Registers the callback for dragging instances of a part."""
+        """Registers a callback for dragging instances of a mesh with Ctrl and the left mouse button.
+
+        Args:
+            part: The instances.
+            handle: Handle of viser for these instances.
+            respond: Function respond(phase, row, geom, place), as for `on_pull`.
+        """
 
         # An asynchronous callback receives the phases in order.
         async def dragged(event: Any) -> None:
@@ -171,7 +177,15 @@ class Window:
         self._pulls = server.scene.add_arrows("/scene/pull", np.zeros((1, 2, 3), np.float32), _PULL_COLOUR, **arrow)
 
     def _add(self, k: int, part: Part, place: Array, quat: Array, scale: Array) -> Any:
-        """Adds the instances of a part to the scene of the browser, and returns their handle."""
+        """Adds the instances of a mesh in all environments to the scene of the browser, and returns their handle.
+
+        Args:
+            k: Index of the part.
+            part: The instances in one environment.
+            place: Positions, (n, 3), m.
+            quat: Orientations, (n, 4), quaternions (w, x, y, z).
+            scale: Scales of the mesh's axes, (n, 3).
+        """
         colours = np.round(255 * np.tile(part.rgba, (self.count, 1))).astype(np.uint8)
         return self.server.scene.add_batched_meshes_simple(
             f"/scene/{k} {part.name}", part.mesh.vertices, part.mesh.faces, quat, place,
@@ -181,7 +195,7 @@ class Window:
         )  # fmt: skip
 
     def _floor(self, geom: int) -> Any:
-        """Adds a floor of tiles for a plane, shared by all environments; it ends in fog."""
+        """Adds a floor of tiles for a plane, shared by all environments, and returns its handle; the floor ends in fog."""
         extent = self.scene.extent
         side = 20 * extent + 4 * self._spacing * np.sqrt(self.count)
         tile = max(10.0 ** np.round(np.log10(0.4 * extent)), side / TILES)
@@ -255,7 +269,7 @@ class Window:
             self._pulls.visible = pull is not None
 
     def _draw_contacts(self, frame: Frame, offsets: Array) -> None:
-        """Sends the contacts with a force; `offsets` are the positions of the environments, (n, 3), m."""
+        """Sends the positions and force arrows of contacts to the browser; `offsets` are the positions of the environments, (n, 3), m."""
         pressed = np.linalg.norm(frame.contact_force, axis=1) > 1e-6 * self._weight
         place = (frame.contact_pos + offsets[frame.contact_env])[pressed].astype(np.float32)
         if len(place):
@@ -266,7 +280,7 @@ class Window:
         self._forces.visible = bool(len(place)) and self._show_forces.value
 
     def _shift(self, frame: Frame) -> tuple[float, float, float]:
-        """Displacement of the scene, m, that keeps the followed environment at its initial place; 0 if none is followed."""
+        """Displacement of the scene in x and y, m, that keeps the followed environment at its initial place; 0 if none is followed."""
         chosen = "none" if self._follow is None else self._follow.value
         if chosen == "none" or self._start is None:
             return (0.0, 0.0, 0.0)
@@ -274,7 +288,7 @@ class Window:
         return (x, y, 0.0)
 
     def _write(self, frame: Frame) -> None:
-        """Updates the text with time, residual, penetration depth and status."""
+        """Updates the text in the browser's panel: time, residual, penetration depth and status."""
         flags = Status(int(np.bitwise_or.reduce(frame.status)))
         wrong = flags.name if flags else "OK"
         lines = [

@@ -72,7 +72,7 @@ class Episode:
             raise ValueError(f"{self.name}: {error}") from None
 
     def _checked(self, model: Model) -> Episode:
-        """This episode with arrays of floats; a ValueError for wrong shapes or values."""
+        """This episode with arrays of float64, after a check against a model; a ValueError for wrong shapes or values."""
         if not self.period > 0:
             raise ValueError(f"period is {self.period}, must be above 0 s")
         ctrl = np.asarray(self.ctrl, np.float64)
@@ -103,7 +103,13 @@ class Episode:
 
 
 def _rows(name: str, given: ArrayLike, count: int) -> Array:
-    """Readings of a channel as an array (count, dim), after a check."""
+    """Readings of a channel as an array (count, dim) float64, after a check of shape and values.
+
+    Args:
+        name: Name of the channel, for the message.
+        given: Readings, (count,) or (count, dim).
+        count: Number of control periods.
+    """
     array = np.asarray(given, np.float64)
     array = array[:, None] if array.ndim == 1 else array
     if array.ndim != 2 or len(array) != count:
@@ -168,7 +174,15 @@ def episodes_of(
 
 
 def _read(path: Path, model: Model, channels: Sequence[str] | None, columns: dict[str, str], start: Any) -> list[Episode]:
-    """Episodes of one recording, CSV file or npz file; see `episodes_of` for the arguments."""
+    """Episodes of one recording, CSV file or npz file.
+
+    Args:
+        path: Path of the file or recording.
+        model: Model with the sensors, joints and actuators of the measurements.
+        channels: Names of the channels to use; None is all.
+        columns: New names of columns of a CSV file, or of arrays of an npz file.
+        start: Initial state of logs whose first row does not have it; None is none.
+    """
     if (path / HEADER).exists():
         return _of_recording(path, model, channels)
     if path.is_dir() or path.suffix not in (".csv", ".npz"):
@@ -190,7 +204,7 @@ def _read(path: Path, model: Model, channels: Sequence[str] | None, columns: dic
 
 
 def _csv(path: Path) -> dict[str, Array]:
-    """Columns of a CSV file by heading, (rows,) each; empty cells are NaN."""
+    """Columns of a CSV file of numbers, (rows,) each, by heading; empty cells are NaN."""
     with path.open(newline="", encoding="utf-8-sig") as file:
         rows = list(csv.reader(file))
     if len(rows) < 3:
@@ -211,7 +225,7 @@ def _csv(path: Path) -> dict[str, Array]:
 
 
 def _gathered(table: dict[str, Array]) -> dict[str, Array]:
-    """Table in which columns "name[0]", "name[1]" ... are joined to one array "name", (rows, n)."""
+    """Copy of a table in which columns named "name[0]", "name[1]" ... are joined to one array "name", (rows, n)."""
     out: dict[str, Array] = {}
     parts: dict[str, dict[int, Array]] = {}
     for name, values in table.items():
@@ -280,7 +294,13 @@ def _start(model: Model, start: Any) -> dict[str, Array]:
 
 
 def _of_recording(path: Path, model: Model, channels: Sequence[str] | None) -> list[Episode]:
-    """Episodes of a recording: one for each environment and each stretch between resets. Channels are the named sensors."""
+    """Episodes of a recording: one for each environment and each stretch between resets.
+
+    Args:
+        path: Folder of the recording.
+        model: Model with the sensors of the recording.
+        channels: Names of the sensors whose readings are used; None is all named sensors.
+    """
     episodes = []
     for segment in segments(path):
         own = {name: (sensor["adr"], sensor["dim"]) for sensor in segment.model.sensors if (name := sensor["name"])}

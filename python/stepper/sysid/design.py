@@ -106,7 +106,15 @@ def design(
 
 
 def _read(found: Identification, episode: Episode, names: list[str], options: Options, actuators: ActuatorModel | None) -> Episode:
-    """Copy of an experiment whose readings are the predictions of the estimate. Differences of poses are relative to these readings."""
+    """Copy of an experiment with readings predicted by the estimate. Differences of poses are relative to these readings.
+
+    Args:
+        found: Result of the identification so far.
+        episode: The experiment: controls and initial state.
+        names: Names of the channels to predict.
+        options: Options of the step.
+        actuators: Known attributes of the drives.
+    """
     model = found.estimate
     channels = find_channels(model, names)
     blank = {channel.name: np.zeros((len(np.asarray(episode.ctrl)), len(channel.columns))) for channel in channels}

@@ -16,26 +16,26 @@ from stepper.sysid.residuals import Residuals
 from stepper.sysid.uncertainty import Uncertainty
 
 UNKNOWN = 0.5
-"""A parameter is not determined if its standard deviation is above this fraction of half the width of its bounds."""
+"""Standard deviation above which a parameter is not determined, as a fraction of half the width of its bounds."""
 VAGUE = 0.7
-"""A positive quantity is also not determined if the standard deviation of its logarithm is above this.
+"""Standard deviation of the logarithm of a positive parameter above which the parameter is not determined.
 
 Its 95 % interval then spans a factor of four up and down.
 """
 TWINS = 0.98
-"""Correlation above which the data determine only a combination of two parameters (with `LOOSE`)."""
+"""Correlation of two parameters above which the data determine only a combination of them, such as their ratio (with `LOOSE`)."""
 LOOSE = 0.1
-"""Standard deviation of a parameter, in scales, below which a high correlation is not reported."""
+"""Standard deviation, in units of a parameter's scale, below which a high correlation of the parameter is not reported."""
 ROUGH = 0.3
-"""Relative difference between derivatives from one finite-difference step and from twice that, above which a warning is given."""
+"""Relative difference of derivatives above which a warning is given: those from one finite-difference step and from twice that step."""
 
 
 def undetermined(blocks: Sequence[Block], std: Array, reach: Array) -> np.ndarray[Any, np.dtype[np.bool_]]:
     """Mask (n,) of the parameters that the data do not determine.
 
     Args:
-        blocks: Parameters.
-        std: Standard deviations, in scales, (n,).
+        blocks: Parameters, n numbers in total.
+        std: Standard deviations, in units of the parameters' scales, (n,).
         reach: Half widths of the bounds, in units of the scales, (n,).
     """
     logarithmic = np.concatenate([np.full(block.size, block.kind.log) for block in blocks])
@@ -114,7 +114,17 @@ def _fit_warnings(
     known: np.ndarray[Any, Any],
     weights: Array,
 ) -> list[str]:
-    """Warnings from the residuals and from the other searches; see `warnings_of` for the arguments."""
+    """Warnings about an estimate from the sizes of its residuals and from searches that ended elsewhere.
+
+    Args:
+        residuals: Residuals of the fit.
+        x: Estimate: parameters, then uncertain initial states, in units of the scales, (n + starts,).
+        sure: Uncertainty of the estimate.
+        searches: All searches, with `x` and `cost`.
+        labels: Labels of the parameters, (n,).
+        known: Indices of the parameters that the data determine.
+        weights: Weight of each reading in the robust loss, (m,), 0 to 1.
+    """
     out = []
     std = np.sqrt(np.diag(sure.covariance))
     best = min(s.cost for s in searches)

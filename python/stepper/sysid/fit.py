@@ -32,13 +32,16 @@ from stepper.sysid.uncertainty import uncertainty, weights_of
 
 Loss = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]
 START_SPREAD = 1.5
-"""Largest distance of start points of searches from the given start, in scales. For positive quantities it is a factor e^1.5 = 4.5."""
+"""Largest distance of start points of searches from the given start, in units of the parameters' scales.
+
+For positive quantities it is a factor e^1.5 = 4.5.
+"""
 SAME_MINIMUM = 1e-2
-"""Distance between the ends of two searches, in scales, below which they count as the same minimum."""
+"""Distance between the ends of two searches below which they count as the same minimum, in units of the parameters' scales."""
 ABANDON_RATIO = 9.0
 """Ratio of a search's cost to the lowest one above which the search is abandoned. Its residuals are then three times as large."""
 COARSE, FINE = 1e-4, 1e-4
-"""Relative change of x at which a search ends, and factor on it for the last search, which ends at 1e-8."""
+"""Relative change of the unknowns at which a search ends, and factor on it for the last search, which ends at 1e-8."""
 NOISE_TOLERANCE = 0.05
 """Relative change of the estimated noise below which its iteration ends."""
 MIN_NOISE = 1e-6
@@ -135,7 +138,10 @@ def identify(
 
 @dataclass(frozen=True)
 class _Found:
-    """End of a search: the point x, its cost, its linearisation, and whether the search converged."""
+    """End of a search for the least-squares estimate.
+
+    Fields are the vector x of unknowns, half the sum of losses, residuals and Jacobian at x, and whether the search converged.
+    """
 
     x: Array
     cost: float
@@ -144,7 +150,14 @@ class _Found:
 
 
 class _Solver:
-    """Solver that runs several searches concurrently. Each batch of environments evaluates the next point of every search.
+    """Solver that runs several least-squares searches concurrently. Each batch of environments evaluates the next point of every search.
+
+    Args:
+        optimize: Module `scipy.optimize`.
+        residuals: Residuals to minimise.
+        loss, f_scale: Arguments of `identify`.
+        most: Largest number of evaluations per search.
+        tick: Progress callback.
 
     Attributes:
         loss, f_scale: Arguments of `identify`.
@@ -157,18 +170,23 @@ class _Solver:
         self.evaluations = 0
 
     def with_residuals(self, residuals: Residuals) -> _Solver:
-        """Solver with these settings for other residuals."""
+        """Solver with the settings of this one for other residuals; it begins with no evaluations."""
         return _Solver(self._optimize, residuals, loss=self.loss, f_scale=self.f_scale, most=self._most, tick=self._tick)
 
     def search(self, starts: Sequence[Array], tolerance: float = COARSE) -> list[_Found]:
-        """Local minima found from some start points. A search ends when the relative change of x is below the tolerance."""
+        """Runs a least-squares search from each of some start points, concurrently, and returns their ends in this order.
+
+        Args:
+            starts: Start points x, (n + starts,) each.
+            tolerance: Relative change of x below which a search ends.
+        """
         together = Together(self._residuals, len(starts))
         self._searches += 1
         before = self.evaluations
         name = f"search {self._searches}"
 
         def report_progress() -> None:
-            """Report the fraction of the evaluations that may be needed."""
+            """Reports the fraction of the largest number of evaluations that is used."""
             self._tick(name, min(1.0, (self.evaluations - before) / (len(starts) * self._most)))
 
         with ThreadPoolExecutor(len(starts)) as pool:
@@ -181,7 +199,15 @@ class _Solver:
         return found
 
     def _one(self, together: Together, search: int, x0: Array, tolerance: float, report_progress: Callable[[], None]) -> _Found:
-        """Search from one start x0. `search` is its index in `together`; `report_progress` reports the progress after each evaluation."""
+        """Runs a least-squares search from one start point, in a thread.
+
+        Args:
+            together: Batch in which concurrent searches evaluate their points.
+            search: Index of the search in `together`.
+            x0: Start point, (n + starts,).
+            tolerance: Relative change of x below which the search ends.
+            report_progress: Function that is called after each evaluation.
+        """
         held: dict[bytes, Linearized] = {}
 
         def at(x: Array) -> Linearized:
@@ -206,7 +232,7 @@ class _Solver:
 
 
 def _distinct(searches: Sequence[_Found]) -> list[Array]:
-    """Ends of searches that may still lead to the lowest minimum, without duplicates, the best first."""
+    """End points of searches that may still lead to the lowest minimum, without duplicates, in ascending order of their cost."""
     out: list[Array] = []
     least = min(s.cost for s in searches)
     for found in sorted(searches, key=lambda s: s.cost):
@@ -216,7 +242,7 @@ def _distinct(searches: Sequence[_Found]) -> list[Array]:
 
 
 def _begun(model: Model, blocks: list[Block]) -> Model:
-    """Model with the start values of the parameters. Features that are absent in the model, such as dry friction, then exist in it."""
+    """Copy of a model with the start values of the parameters, so that features such as dry friction exist in it."""
     theta = np.concatenate([block.start for block in blocks])[None]
     fields = write(blocks, theta, model).fields
     return model.replace(**{name: array[0] for name, array in fields.items()}) if fields else model
@@ -234,7 +260,7 @@ def _given_noise(simulator: Simulator, noise: Mapping[str, ArrayLike]) -> Array:
 
 
 def _first_noise(simulator: Simulator) -> Array:
-    """First guess of the noise of each column, (width,): the standard deviation of the readings."""
+    """First guess of the noise of each column of the readings, (width,): the standard deviation of the readings."""
     sigma = np.ones(simulator.width)
     for channel in simulator.channels:
         rows = np.concatenate([np.asarray(e.readings[channel.name]) for e in simulator.episodes if channel.name in e.readings])
@@ -247,7 +273,15 @@ def _first_noise(simulator: Simulator) -> Array:
 
 
 def _noise_left(residuals: Residuals, at: Linearized, loss: str) -> Array:
-    """Estimated noise of each column, (width,): root mean square of the residuals, or a robust estimate by the median for robust losses."""
+    """Estimate of the noise of each column of the readings, (width,), from the residuals of a fit.
+
+    It is the root mean square of the residuals, or for robust losses an estimate by their median.
+
+    Args:
+        residuals: The residual function.
+        at: Residuals at the end of the fit.
+        loss: Loss function of the fit.
+    """
     simulator = residuals.simulator
     rows = np.concatenate(residuals.whitened(at)) * residuals.sigma
     sigma = residuals.sigma.copy()
@@ -267,7 +301,16 @@ def _noise_left(residuals: Residuals, at: Linearized, loss: str) -> Array:
 
 
 def _starts(qmc: Any, residuals: Residuals, count: int, seed: int) -> list[Array]:
-    """Start points of `count` searches: that of the model, and the best of eight times as many points of a Sobol sequence around it."""
+    """Start points of least-squares searches, `count` in total, (n + starts,) each.
+
+    The first is that of the model. The others are the best of eight times as many points of a Sobol sequence around it.
+
+    Args:
+        qmc: Module `scipy.stats.qmc`.
+        residuals: Residuals, which rank the points.
+        count: Number of searches.
+        seed: Seed of the Sobol sequence.
+    """
     points = [residuals.start]
     if count > 1:
         n = residuals.n
@@ -286,7 +329,16 @@ def _starts(qmc: Any, residuals: Residuals, count: int, seed: int) -> list[Array
 def _concluded(
     model: Model, residuals: Residuals, best: _Found, searches: list[_Found], solver: _Solver, *, seconds: float
 ) -> Identification:
-    """Result of an identification: covariance, warnings and statistics of the best search. `seconds` is the elapsed time, s."""
+    """Result of an identification: estimate, covariance, warnings and statistics.
+
+    Args:
+        model: Model that was given to `identify`.
+        residuals: Residuals of the fit.
+        best: End of the best search.
+        searches: Ends of all searches.
+        solver: Solver that ran the searches.
+        seconds: Elapsed time, s.
+    """
     n, simulator, loss, f_scale = residuals.n, residuals.simulator, solver.loss, solver.f_scale
     # Derivatives from twice the step: where they differ, the motion is not smooth.
     (twice,) = residuals.linearize([best.x], 2 * residuals.step)
@@ -322,7 +374,13 @@ def _concluded(
 
 
 def _shift_warnings(residuals: Residuals, best: _Found, solver: _Solver) -> tuple[str, ...]:
-    """Warnings about readings that fit better one sample earlier or later."""
+    """Warnings about readings that fit better if they are shifted one sample earlier or later.
+
+    Args:
+        residuals: Residuals of the fit.
+        best: End of the best search.
+        solver: Solver, for fits of shifted readings.
+    """
     if not suspicious(residuals.whitened(best.at)):
         return ()
     tried = []
@@ -336,9 +394,14 @@ def _shift_warnings(residuals: Residuals, best: _Found, solver: _Solver) -> tupl
 
 
 def _freed_ratio(residuals: Residuals, best: _Found, solver: _Solver) -> float | None:
-    """Ratio of the mean square residual with estimated initial states to that of the fit.
+    """Mean square residual of a fit that also estimates the initial states, divided by that of the present fit.
 
-    It is None if the fit already estimates the initial state of every episode.
+    It is None if the present fit already estimates the initial state of every episode.
+
+    Args:
+        residuals: Residuals of the present fit.
+        best: End of its best search.
+        solver: Solver, for the fit with initial states.
     """
     other = residuals.freed(FREED_STD)
     if other is None or other.count <= other.n:
@@ -350,12 +413,12 @@ def _freed_ratio(residuals: Residuals, best: _Found, solver: _Solver) -> float |
 
 
 def _rms(residuals: Residuals, at: Linearized) -> Array:
-    """Root mean square of the residuals of each column, in units of its noise, (width,)."""
+    """Root mean square of the residuals of each column of the readings, in units of the column's noise, (width,)."""
     rows = np.concatenate(residuals.whitened(at))
     counts = np.isfinite(rows).sum(axis=0)
     return np.asarray(np.sqrt(np.nansum(rows**2, axis=0) / np.maximum(counts, 1)))
 
 
 def _by_channel(simulator: Simulator, values: Array) -> dict[str, list[float]]:
-    """Values of the columns, (width,), as lists by name of the channel."""
+    """Numbers per column of the readings, (width,), as a list for each channel, by name of the channel."""
     return {channel.name: [float(v) for v in values[channel.lines]] for channel in simulator.channels}

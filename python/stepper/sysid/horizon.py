@@ -37,35 +37,39 @@ from stepper.sysid.rivals import (
 from stepper.sysid.roots import root_of
 
 STEP = 1e-5
-"""Smallest half width of finite differences of parameters (in scales) and velocities (m/s, rad/s)."""
+"""Smallest half width of finite differences of parameters (in units of their scales) and velocities (m/s, rad/s)."""
 POSITION_STEP = 1e-7
 """Smallest half width of finite differences of displacements, m or rad."""
 STEPS = 6
-"""Largest number of Gauss-Newton steps per sample."""
+"""Largest number of Gauss-Newton steps of the estimate per sample."""
 HALVINGS = 4
-"""Largest number of halvings of a step."""
+"""Largest number of halvings of a Gauss-Newton step that increases the cost."""
 COST_TOLERANCE = 0.01
-"""Largest accepted increase of the cost by a step, in squared standard deviations."""
+"""Largest accepted increase of the cost by a Gauss-Newton step, in squared standard deviations."""
 SETTLED_CHANGE = 0.1
 """Largest change of a parameter, in standard deviations, at which the Gauss-Newton steps end."""
 SETTLED_STEP = 0.5
 """Step length up to which an estimate counts as settled although no shorter step lowers the cost, in standard deviations."""
 MAX_CHANGE = 0.5
-"""Largest change of a parameter by one sample, in scales."""
+"""Largest change of a parameter by one Gauss-Newton step, in units of the parameter's scale."""
 UNCERTAIN_FRICTION = 0.1
-"""Standard deviation of log(friction) before the window above which an object that slips at the estimate is tried as held too."""
+"""Standard deviation of log(friction) above which sticking is tried for an object that slips at the estimate."""
 HELD_START = 2.0
-"""A held object is first tried at a friction that is larger than the estimate by this, in log(friction): large enough to hold it."""
+"""Difference from the estimated log(friction) to the value at which sticking of an object is first tried: large enough to hold it."""
 HELD_RANGE = 0.5
-"""The smallest friction that can hold an object is searched within this distance of the estimate, in log(friction). The two are close,
-because the same force of friction determines both."""
+"""Largest distance from the estimated log(friction) at which the smallest friction that holds an object is searched.
+
+The two values are close, because the same force of friction determines both.
+"""
 SPREAD = 3.0
-"""Range of other parameters in the search for a held object, in standard deviations."""
+"""Range of other parameters in the search for an estimate with a sticking object, in standard deviations."""
 
 
 @dataclass(frozen=True)
 class Linear:
-    """Linearisation of the window's predictions about an estimate.
+    """Linearisation about an estimate of the predicted readings in a window of recent samples.
+
+    Its unknowns are n parameters and the uncertain coordinates of the state at the start of the window.
 
     Attributes:
         points: Simulated points, (count, n + states): the estimate, points along all directions, and other values of friction.
@@ -76,7 +80,7 @@ class Linear:
         J: Derivatives of the residuals at the estimate, (T, width, n + states).
         expected: Mean of the residuals over the distribution of the unknowns, (T, width).
         noise: Standard deviations of the residuals, (T, width): 1 for the noise, plus the contribution of curvature.
-        cost: Sum of squares of the window's residuals and of the distance from the arrival cost's mean, at the estimate.
+        cost: Sum of squares of the window's residuals and of the distance from the mean before the window, at the estimate.
     """
 
     points: Array
@@ -91,7 +95,9 @@ class Linear:
 
 
 class Horizon:
-    """Estimate, window and arrival cost of one hypothesis.
+    """Moving-horizon estimate of parameters under one hypothesis about frictions (which objects stick and which slip).
+
+    It has a window of recent samples, and a normal distribution of the unknowns from earlier samples (the arrival cost).
 
     Args:
         problem: Model, parameters and noise.
@@ -126,13 +132,13 @@ class Horizon:
         self._now = 0.0
 
     def copy(self) -> Horizon:
-        """Independent copy. Both use the same environments, because each sets their state before use."""
+        """Independent copy of this hypothesis. Both use the same environments, because each sets their state before use."""
         other = copy.copy(self)
         other._samples, other._bounds = copy.copy(self._samples), dict(self._bounds)
         return other
 
     def branch(self, x: Array) -> Horizon:
-        """Copy of this hypothesis, with Gauss-Newton steps from another initial estimate on the samples of the same window.
+        """Copy of this hypothesis, with its estimate computed again on the same window from another initial estimate.
 
         Args:
             x: Initial estimate, (n + states,): n parameters theta, then displacements and changes of velocity at the start of the window.
@@ -144,11 +150,14 @@ class Horizon:
         return other
 
     def held(self, j: int) -> Horizon | None:
-        """Hypothesis in which friction `j` holds the object during the window, with all other unknowns estimated again.
+        """Hypothesis in which a friction holds its object during the window, with all other unknowns estimated again.
 
         While the object slips at the estimate, the readings do not depend on its mass. So a search that follows derivatives cannot find the
-        other explanation: a lighter object that is held. The search therefore begins at a friction that is large enough to hold it.
-        Afterwards the distribution of the friction before the window is truncated at the smallest value that the readings allow.
+        alternative: a lighter object that is held. The search therefore begins at a friction that is large enough to hold it. Afterwards
+        the distribution of the friction before the window is truncated at the smallest value that the readings allow.
+
+        Args:
+            j: Index of the friction in the parameter vector theta.
 
         Returns:
             The hypothesis; None if the readings exclude it.
@@ -173,10 +182,17 @@ class Horizon:
         return other
 
     def _best_start(self, j: int, friction: float) -> Array:
-        """Point with another friction `j` and with the value of another parameter that explains the window best, (n + states,).
+        """Start point of a search with another friction: the value of another parameter is chosen that explains the window best.
 
         An object that is too heavy stays on the ground, and the derivatives with respect to its mass are zero. So several values of each
-        other parameter are simulated, within `SPREAD` standard deviations of its mean before the window.
+        parameter other than frictions are simulated, within `SPREAD` standard deviations of its mean before the window.
+
+        Args:
+            j: Index of the friction in the parameter vector theta.
+            friction: Logarithm of its value.
+
+        Returns:
+            Point x, (n + states,).
         """
         problem = self._problem
         points = np.tile(self.x, (len(self.at.points), 1))
@@ -192,7 +208,12 @@ class Horizon:
         return np.asarray(points[int(((residual**2).sum(axis=(1, 2)) + (apart**2).sum(axis=0)).argmin())])
 
     def _smallest_possible(self, j: int, about: float) -> float:
-        """Smallest friction `j` near the value `about` that the readings allow if all other unknowns are those of the estimate."""
+        """Smallest friction that the readings in the window allow, as a logarithm, if all other unknowns have their estimates.
+
+        Args:
+            j: Index of the friction in the parameter vector theta.
+            about: Logarithm of the friction near which the search takes place.
+        """
         points = np.tile(self.x, (len(self.at.points), 1))
         points[:, j] = np.linspace(about + HELD_RANGE, about - HELD_RANGE, len(points))
         _, residual = self._problem.predict(self._begin, points, list(self._samples), self._now)
@@ -200,20 +221,20 @@ class Horizon:
         return float(points[max(int(slips.argmax()) - 1, 0) if slips.any() else -1, j])
 
     def absorb(self, evidence: float) -> None:
-        """Merge a similar hypothesis: add its evidence to this one."""
+        """Adds the evidence of a similar hypothesis, which is then dropped, to this one; `evidence` is a logarithm."""
         more = float(np.logaddexp(self.evidence, evidence)) - self.evidence
         self._past, self.evidence = self._past + more, self.evidence + more
 
     def take(self, sample: Sample) -> None:
-        """Add a sample to the window, and update the estimate."""
+        """Adds a sample (controls and readings) to the window, and updates the estimate."""
         self._samples.append(sample)
         self._now += self._problem.period
         self._settle()
 
     def worth_trying_held(self) -> list[int]:
-        """Indices of the frictions at which the object slips at the estimate, and which were uncertain before the window.
+        """Indices of the frictions at which an object slips at the estimate, although sticking is worth trying.
 
-        There are none if no other parameter was uncertain then.
+        These frictions were uncertain before the window. The list is empty if no other parameter was uncertain then.
         """
         problem, std = self._problem, np.sqrt(np.diag(self._cov))
         if not any(std[k] > WIDE * problem.scale[k] for k in range(problem.n) if k not in problem.kinked):
@@ -221,11 +242,11 @@ class Horizon:
         return [j for j in problem.kinked if j not in self._holding and std[j] > UNCERTAIN_FRICTION]
 
     def holds(self, j: int) -> bool:
-        """Whether friction `j` holds the object at the estimate."""
+        """Whether the friction with index `j` in theta holds its object at the estimate, so that the object sticks."""
         return j in self._holding
 
     def leave(self) -> None:
-        """Remove the oldest sample from a full window, and add it to the arrival cost."""
+        """Removes the oldest sample from a full window, and adds its information to the distribution of the unknowns before the window."""
         if len(self._samples) == self._problem.length:
             self._advance(self.at)
 
@@ -234,9 +255,11 @@ class Horizon:
         return np.maximum(self._problem.low, [self._bound(j) for j in range(self._problem.n)])
 
     def _points(self) -> tuple[Array, Directions, Array]:
-        """Points to simulate, the directions of the finite differences, and the widths of local differences (see `Linear`).
+        """Points x to simulate for derivatives and for comparisons of frictions.
 
-        The points are the estimate, points above and below it, and points with other values of friction.
+        Returns:
+            Points (count, n + states): the estimate, points above and below it, and points with other values of friction. Then the
+            directions of the finite differences, and the widths of differences above and below along single coordinates, (n + states, 2).
         """
         problem, m, n = self._problem, len(self._problem.dofs), self._problem.n
         h = np.concatenate([STEP * problem.scale, np.full(m, POSITION_STEP), np.full(m, STEP)])
@@ -258,7 +281,7 @@ class Horizon:
         return points, directions, spans
 
     def _compare(self, at: Linear) -> Verdict:
-        """Compare the estimate with other values of friction, and raise lower bounds by values that the readings exclude."""
+        """Compares the estimate with other values of friction, and raises lower bounds of frictions to values that the readings exclude."""
         problem = self._problem
         unknown = [bool(self._cov[j, j] > (WIDE * problem.scale[j]) ** 2) for j in problem.kinked]
         verdict = verdict_of(
@@ -277,14 +300,17 @@ class Horizon:
         return verdict
 
     def _bound(self, j: int) -> float:
-        """Lower bound of friction `j` from excluded values; -inf without one. It decreases with time, because friction may drift."""
+        """Lower bound of a friction from values that the readings exclude, as a logarithm; -inf without one.
+
+        It decreases with time, because friction may drift. `j` is the index of the friction in theta.
+        """
         if j not in self._bounds:
             return -math.inf
         value, when = self._bounds[j]
         return value - 3 * float(self._problem.drift[j]) * math.sqrt(max(self._now - when, 0.0))
 
     def _settle(self) -> None:
-        """Gauss-Newton steps until a step is small compared with the standard deviations.
+        """Makes Gauss-Newton steps on the estimate until a step is small compared with the standard deviations.
 
         In smooth motion one step suffices. Where a contact begins, the slopes differ after the step, and so does the covariance.
         """
@@ -321,10 +347,15 @@ class Horizon:
         self.at, self.settled = best, False
 
     def _hold(self, at: Linear) -> list[int]:
-        """Set the derivatives with respect to sticking frictions to zero, and store the first rival of this sample.
+        """Sets the derivatives with respect to frictions at which objects stick to zero, and stores the first rival of this sample.
+
+        A rival is a point with another friction that explains the window equally well or better.
+
+        Args:
+            at: Linearisation about the estimate; its `J` is changed in place.
 
         Returns:
-            Indices of the sticking frictions.
+            Indices of the frictions at which objects stick.
         """
         verdict = self._compare(at)
         if self.rival is None and verdict.rival is not None:
@@ -334,7 +365,7 @@ class Horizon:
         return verdict.holding
 
     def _expect(self, at: Linear) -> None:
-        """Set `newest` and `normalized_innovation` from the prediction of the newest sample."""
+        """Sets `newest` and `normalized_innovation` from the prediction errors of the newest sample."""
         seen = self._problem.seen(self._samples[-1][1])
         self.newest, J = at.expected[-1][seen], at.J[-1][seen]
         self.normalized_innovation = 0.0
@@ -343,7 +374,7 @@ class Horizon:
             self.normalized_innovation = float(self.newest @ np.linalg.solve(expected, self.newest)) / len(self.newest)
 
     def _linear(self) -> Linear:
-        """Linearisation of the window about the estimate."""
+        """Linearisation about the estimate of the predicted readings in the window."""
         points, directions, spans = self._points()
         made, residual = self._problem.predict(self._begin, points, list(self._samples), self._now)
         J, curved = directions.derivative(residual[: 1 + 2 * len(self.x)], spans)
@@ -354,7 +385,10 @@ class Horizon:
         return Linear(points, directions, spans, made, residual, J.transpose(1, 2, 0).copy(), expected, noise, cost)
 
     def _gauss_newton(self, at: Linear) -> tuple[Array, Array]:
-        """Gauss-Newton step on the cost of window and arrival cost, (n + states,), and posterior covariance. It also sets the evidence."""
+        """Gauss-Newton step, (n + states,), on the squared residuals of the window plus the arrival cost, and the posterior covariance.
+
+        It also sets `evidence`.
+        """
         N = len(self.x)
         root = root_of(self._cov)
         rows = np.concatenate([(at.J / at.noise[..., None]).reshape(-1, N), np.linalg.solve(root, np.eye(N))])
@@ -379,13 +413,16 @@ class Horizon:
         return step, np.asarray((inverse + inverse.T) / 2)
 
     def _move(self, start: Array, step: Array) -> None:
-        """Set the estimate to start + step, clipped to the bounds."""
+        """Sets the estimate to start + step, (n + states,) each, with parameters clipped to their bounds."""
         n = self._problem.n
         self.x = start + step
         self.x[:n] = np.clip(self.x[:n], self.low(), self._problem.high)
 
     def _advance(self, at: Linear) -> None:
-        """Move the oldest sample from the window to the arrival cost, and propagate the arrival cost to the new start of the window."""
+        """Moves the oldest sample from the window to the arrival cost, by a Kalman update.
+
+        The arrival cost is the normal distribution of the unknowns before the window. It is then propagated to the new start of the window.
+        """
         problem, N, m, n = self._problem, len(self.x), len(self._problem.dofs), self._problem.n
         linearized, J, residual = at.points[0], at.J[0] / at.noise[0][:, None], at.expected[0] / at.noise[0]
         expected = J @ self._cov @ J.T + np.eye(len(J))

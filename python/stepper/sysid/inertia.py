@@ -24,7 +24,7 @@ import numpy as np
 Array: TypeAlias = np.ndarray[Any, np.dtype[np.float64]]
 
 LOG_CHOLESKY = ("alpha", "d1", "d2", "d3", "s12", "s23", "s13", "t1", "t2", "t3")
-"""Names of the ten numbers, in the order of the source."""
+"""Names of the ten log-Cholesky parameters of an inertia, in the order of Rucker and Wensing (2022)."""
 
 
 def second_moments(inertia: Array) -> Array:
@@ -38,7 +38,7 @@ def principal_moments(moments: Array) -> Array:
 
 
 def factor(theta: Array) -> Array:
-    """Triangular factor U, (..., 4, 4), a matrix from log-Cholesky parameters, (..., 10)."""
+    """Triangular factors U of pseudo-inertias, (..., 4, 4), from log-Cholesky parameters, (..., 10): the pseudo-inertia is U U^T."""
     alpha, d1, d2, d3, s12, s23, s13, t1, t2, t3 = np.moveaxis(theta, -1, 0)
     U = np.zeros((*theta.shape[:-1], 4, 4))
     for k, d in enumerate((d1, d2, d3)):
@@ -50,16 +50,16 @@ def factor(theta: Array) -> Array:
 
 
 def bodies(theta: Array, mass: float, inertia: Array) -> tuple[Array, Array, Array, Array]:
-    """Bodies relative to one of a given mass (kg) and principal moments (3,) (kg m^2), which is where theta is 0.
+    """Inertial parameters of bodies from log-Cholesky parameters theta, relative to a reference body, for which theta is 0.
 
     Args:
         theta: Log-Cholesky parameters theta, (..., 10).
-        mass: Mass of that body.
-        inertia: Principal moments of inertia of the model's body, (3,), kg m^2.
+        mass: Mass of the reference body, kg.
+        inertia: Principal moments of inertia of the reference body, (3,), kg m^2.
 
     Returns:
-        Mass (...,); centre of mass (..., 3) in m and principal moments (..., 3); and principal axes, the columns of rotations (..., 3, 3).
-        Places and axes are in the inertial frame of the body where theta is 0.
+        Masses (...,); centres of mass (..., 3) in m; principal moments (..., 3); and principal axes, the columns of rotations (..., 3, 3).
+        Centres and axes are in the inertial frame of the reference body.
     """
     gyration = np.sqrt(np.maximum(second_moments(inertia), 1e-12 * inertia.max()) / mass)
     U = factor(theta)
@@ -74,13 +74,18 @@ def bodies(theta: Array, mass: float, inertia: Array) -> tuple[Array, Array, Arr
 
 
 def tensor(inertia: Array, axes: Array) -> Array:
-    """Inertia about the centre of mass, (..., 6) as xx, yy, zz, xy, xz, yz, kg m^2, from principal moments and axes."""
+    """Inertia about the centre of mass, (..., 6) as xx, yy, zz, xy, xz, yz, kg m^2.
+
+    Args:
+        inertia: Principal moments, (..., 3), kg m^2.
+        axes: Principal axes, the columns of rotations (..., 3, 3).
+    """
     full = (axes * inertia[..., None, :]) @ np.swapaxes(axes, -1, -2)
     return np.stack([full[..., i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))], axis=-1)
 
 
 def quaternion(R: Array) -> Array:
-    """Unit quaternions (..., 4) of rotation matrices (..., 3, 3): the eigenvector of Bar-Itzhack's matrix (2000), right at every angle."""
+    """Unit quaternions (..., 4) of rotation matrices (..., 3, 3), as eigenvectors of Bar-Itzhack's matrix; accurate at every angle."""
     m = np.moveaxis(R, (-2, -1), (0, 1))
     K = np.zeros((*R.shape[:-2], 4, 4))
     K[..., 0, 0] = m[0, 0] + m[1, 1] + m[2, 2]

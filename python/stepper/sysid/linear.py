@@ -77,15 +77,18 @@ class Directions:
 
 
 def mean_shift(curved: Array) -> Array:
-    """Mean of a function over the distribution minus its value at the estimate, (T, width), from the terms of `Directions.derivative`.
+    """Mean of a function over the distribution of the unknowns minus its value at the estimate, (T, width).
 
     It is exact for quadratic functions. Without it, a kink shifts every estimate to the same side.
+
+    Args:
+        curved: Curvature terms along each direction, (n, T, width), as returned by `Directions.derivative`.
     """
     return np.asarray(curved.sum(axis=0) / math.sqrt(2.0))
 
 
 def _given(covariance: Array, rest: Sequence[int]) -> Array:
-    """Conditional covariance of the numbers with indices `rest`, given the others, (k, k)."""
+    """Conditional covariance of the numbers with the indices `rest`, (k, k), if all other numbers are known."""
     size = 1 / np.sqrt(np.diag(covariance))
     inverse = np.linalg.inv(covariance * np.outer(size, size) + RIDGE * np.eye(len(size)))
     return np.asarray(np.linalg.inv(inverse[np.ix_(rest, rest)]) / np.outer(size[rest], size[rest]))

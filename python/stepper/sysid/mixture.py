@@ -21,13 +21,16 @@ from stepper.sysid.problem import Problem, Sample
 from stepper.sysid.roots import RIDGE, root_of
 
 MAX_HYPOTHESES = 4
-"""Largest number of hypotheses."""
+"""Largest number of a tracker's hypotheses about friction."""
 UNLIKELY = 0.01
-"""Weight below which a hypothesis is dropped. It is less than the probability of 2.5 % beyond each end of an interval."""
+"""Probability below which a hypothesis is dropped. It is less than the 2.5 % beyond each end of a 95 % interval."""
 CLOSE = 0.05
-"""Difference of the logarithms of friction between a rival and a hypothesis, below which the rival starts no new hypothesis."""
+"""Difference of log(friction) between a point and a hypothesis below which the point starts no new hypothesis."""
 CLOSE_STD = 3.0
-"""Difference for the same purpose, in standard deviations of the hypothesis. The larger of both bounds counts."""
+"""Difference of log(friction) below which a point starts no new hypothesis, in standard deviations of the present one.
+
+The larger of this and `CLOSE` counts.
+"""
 MERGE_DISTANCE = 0.3
 """Largest distance between two hypotheses that are merged, in units of the smaller standard deviation."""
 MERGE_STD_RATIO = 1.5
@@ -74,9 +77,13 @@ class Mixture:
         return np.array([self._quantile(j, sigmas, ends[:, j], stds[:, j]) for j in range(len(self.high))])
 
     def _quantile(self, j: int, sigmas: float, ends: Array, std: Array) -> float:
-        """Quantile of parameter j by bisection between the hypotheses' quantiles `ends`, (k,).
+        """Quantile of one parameter of the mixture, by bisection between the quantiles of its normal distributions.
 
-        Their standard deviations are `std`, (k,).
+        Args:
+            j: Index of the parameter.
+            sigmas: Probability of the quantile, as the number of standard deviations of a normal distribution: 1.96 is 97.5 %.
+            ends: Quantiles of the parameter under each hypothesis, (k,).
+            std: Standard deviations of the parameter under each hypothesis, (k,).
         """
         low, high, share = float(ends.min()), float(ends.max()), _normal(sigmas)
         for _ in range(50):
@@ -99,7 +106,7 @@ class Mixture:
 
 
 def mixture_of(hypotheses: Sequence[Horizon], problem: Problem) -> Mixture:
-    """Distribution of the parameters under these hypotheses."""
+    """Distribution of the parameters: the weighted sum of their normal distributions under some hypotheses."""
     n = problem.n
     return Mixture(
         weights_of(hypotheses),
@@ -111,14 +118,22 @@ def mixture_of(hypotheses: Sequence[Horizon], problem: Problem) -> Mixture:
 
 
 def weights_of(hypotheses: Sequence[Horizon]) -> Array:
-    """Probabilities of hypotheses, (k,)."""
+    """Probabilities of hypotheses, (k,), from the evidence of each; their sum is 1."""
     evidence = np.array([h.evidence for h in hypotheses])
     share = np.exp(evidence - evidence.max())
     return np.asarray(share / share.sum())
 
 
 def updated(hypotheses: Sequence[Horizon], sample: Sample, problem: Problem) -> list[Horizon]:
-    """Hypotheses after a new sample, the most probable first. Rivals may add hypotheses, and improbable ones are dropped."""
+    """Hypotheses after a new sample, the most probable first.
+
+    A point with another friction that explains the readings starts a new hypothesis. Improbable hypotheses are dropped.
+
+    Args:
+        hypotheses: Hypotheses before the sample.
+        sample: Controls and readings.
+        problem: Fixed data of the tracker.
+    """
     for hypothesis in hypotheses:
         hypothesis.take(sample)
     out = list(hypotheses)
@@ -136,7 +151,7 @@ def updated(hypotheses: Sequence[Horizon], sample: Sample, problem: Problem) -> 
 
 
 def _held(hypotheses: Sequence[Horizon]) -> list[Horizon]:
-    """Hypotheses in which a friction holds its object, for frictions that slip in all given hypotheses."""
+    """New hypotheses in which a friction holds its object, for frictions at which the object slips in all given hypotheses."""
     out: list[Horizon] = []
     for hypothesis in hypotheses:
         for j in hypothesis.worth_trying_held():
@@ -152,7 +167,7 @@ def _held(hypotheses: Sequence[Horizon]) -> list[Horizon]:
 
 
 def _likely(hypotheses: list[Horizon], problem: Problem) -> list[Horizon]:
-    """Most probable hypotheses, with similar ones merged."""
+    """Most probable of some hypotheses, at most `MAX_HYPOTHESES`, in descending order; similar hypotheses are merged."""
     kept: list[Horizon] = []
     for hypothesis in sorted(hypotheses, key=lambda h: -h.evidence):
         for other in kept:
@@ -166,13 +181,13 @@ def _likely(hypotheses: list[Horizon], problem: Problem) -> list[Horizon]:
 
 
 def _near(hypothesis: Horizon, x: Array, problem: Problem) -> bool:
-    """Whether the frictions of a point x, (n + states,), are close to those of a hypothesis."""
+    """Whether the frictions of a point x, (n + states,), are so close to those of a hypothesis that x needs no new hypothesis."""
     std = np.sqrt(np.diag(hypothesis.posterior))
     return all(abs(hypothesis.x[j] - x[j]) <= max(CLOSE, CLOSE_STD * std[j]) for j in problem.kinked)
 
 
 def _alike(one: Horizon, other: Horizon, problem: Problem) -> bool:
-    """Whether two hypotheses have nearly the same distribution of the parameters."""
+    """Whether two hypotheses have nearly the same distribution of the parameters, so that they can be merged."""
     n = problem.n
     stds = np.sqrt([np.diag(one.posterior)[:n], np.diag(other.posterior)[:n]])
     least, most = stds.min(axis=0), stds.max(axis=0)

@@ -26,11 +26,11 @@ from stepper.sysid.shift import Watch, finding
 from stepper.sysid.simulate import UNTRUSTED, find_channels, noise_of, solved
 
 FRICTION_DRIFT = 0.02
-"""Default drift of friction: standard deviation of the random change of its logarithm in one second."""
+"""Default drift of friction in a `Tracker`: standard deviation of the random change of its logarithm in one second."""
 PRIOR = 1.0
 """Default prior standard deviation of the logarithm of a positive quantity."""
 LEAST_WEIGHT = 0.05
-"""Weight above which a hypothesis that has not converged makes the result undetermined."""
+"""Probability of a hypothesis above which its lack of convergence makes the tracker's result undetermined."""
 
 
 @dataclass(frozen=True)
@@ -251,11 +251,11 @@ class Tracker:
         return write(self.blocks, self._mixture().draw(count, seed), self.model).fields
 
     def _mixture(self) -> Mixture:
-        """Current distribution of the parameters."""
+        """Present distribution of the parameters: the weighted sum of normal distributions of the tracker's hypotheses."""
         return mixture_of(self._hypotheses, self._problem)
 
     def _checked(self, readings: Mapping[str, ArrayLike]) -> dict[str, Array]:
-        """Readings of all channels as arrays (columns,), with NaN for absent channels, after a check."""
+        """Readings of a sample for all channels of the tracker, (columns,) each, after a check; NaN for absent channels."""
         known = {channel.name: channel for channel in self._problem.channels}
         out = {}
         for name, given in readings.items():

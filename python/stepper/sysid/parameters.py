@@ -22,7 +22,7 @@ from stepper.sysid import inertia as shape
 from stepper.sysid.inertia import Array
 
 REACH = math.log(1e3)
-"""Default bounds of a positive quantity: largest change of its logarithm, up or down."""
+"""Default bound of a positive parameter: largest change of its logarithm, up or down, a factor of 1000."""
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ class FitParameter:
 
 
 def _no_kind(selector: Selector) -> str:
-    """Error message for a selector that belongs to no kind."""
+    """Error message for a selector of numbers that `identify` cannot estimate."""
     columns = [name for name in KINDS if name.startswith(f"{selector.field}[")]
     if columns and selector.columns is None:
         which = ", ".join(
@@ -170,7 +170,7 @@ class Variants:
         self.delays: dict[str, Array] = {}
 
     def of(self, field: str) -> Array:
-        """Writable array of a field, (count, ...), which starts with the model's values."""
+        """Array of a field with one row per variant, (count, ...), which starts with the model's values and can be changed in place."""
         if field not in self.fields:
             own = np.asarray(getattr(self.model, field), np.float64)
             self.fields[field] = np.tile(own, (self.count, *(1,) * own.ndim))
@@ -221,11 +221,11 @@ class Block:
 
     @property
     def size(self) -> int:
-        """Number of numbers of theta in the block, n."""
+        """Number n of entries of the parameter vector theta that belong to this parameter."""
         return len(self.start)
 
     def _prepare(self, model: Model) -> None:
-        """Set labels, units, start and bounds from the model. Subclasses override it."""
+        """Sets labels, units, start and bounds of this parameter from the model. Subclasses for other kinds of parameters override it."""
         if check := _CHECKS.get(self.parameter.kind):
             check(self.parameter, model, self.index)
         numbers = self.selector if self.kind.columns is None else replace(self.selector, columns=self.kind.columns)
@@ -237,7 +237,11 @@ class Block:
         self._interval(own[0])
 
     def _interval(self, own: float) -> None:
-        """Set start, bounds and prior of a parameter with one number, which is `own` in the model."""
+        """Sets start, bounds and prior of a parameter that is a single number.
+
+        Args:
+            own: Value of the parameter in the model, in its unit.
+        """
         parameter, kind = self.parameter, self.kind
         start = own if parameter.start is None else float(parameter.start)
         if kind.log and not start > 0:
@@ -261,7 +265,12 @@ class Block:
             self.prior = (np.log([mean]) if kind.log else np.array([mean])), np.array([std])
 
     def write(self, theta: Array, variants: Variants) -> None:
-        """Write the values of theta, (count, size), into the fields of `count` variants."""
+        """Writes the parameter's values for several variants of a model into the fields of these variants.
+
+        Args:
+            theta: Entries of the parameter vector theta, (count, size).
+            variants: The `count` variants, which are changed in place.
+        """
         value = self.natural(theta) * self.ratio
         before = self._flat(variants, self.parts[0][0])[:, self.parts[0][1]]
         for field, places, sign in self.parts:
@@ -272,19 +281,19 @@ class Block:
 
     @staticmethod
     def _flat(variants: Variants, field: str) -> Array:
-        """Writable view of a field with one row per variant, (count, numbers)."""
+        """View of a field of model variants, (count, numbers), which can be changed in place."""
         return variants.of(field).reshape(variants.count, -1)
 
     def natural(self, theta: Array) -> Array:
-        """Values in their units, (..., size), from theta, (..., size)."""
+        """Values of the parameter in their units, (..., size), from its entries in the parameter vector theta, (..., size)."""
         return np.exp(theta) if self.kind.log else np.asarray(theta, float)
 
 
 class _OfOneBody(Block):
-    """Block with several numbers of one body, which start at the model's values."""
+    """Parameter with several numbers of a single body, such as its centre of mass. The search starts at the model's values."""
 
     def _one(self) -> int:
-        """Index of the body. Raises ValueError for several bodies, or with start, bounds or prior."""
+        """Index of the parameter's body. Raises ValueError if it selects several bodies, or has a start, bounds or a prior."""
         if (
             len(self.index) != 1
             or self.parameter.start is not None
@@ -305,7 +314,7 @@ class _OfOneBody(Block):
 
 
 class _Com(_OfOneBody):
-    """Centre of mass of a body. Theta is its position in the body's frame, (3,) m."""
+    """Centre of mass of a body as a parameter. Theta is its position in the body's frame, (3,) m."""
 
     def _prepare(self, model: Model) -> None:
         """Sets scale, limits, labels and units for a centre of mass."""
@@ -322,7 +331,7 @@ class _Com(_OfOneBody):
 
 
 class _Moments(_OfOneBody):
-    """Principal moments of inertia of a body.
+    """Principal moments of inertia of a body as a parameter.
 
     Theta is half the logarithm of the ratios of the second moments of mass to the model's, so that the triangle inequality holds.
     """
@@ -348,7 +357,10 @@ class _Moments(_OfOneBody):
 
 
 class _Inertia(_OfOneBody):
-    """Mass, centre of mass and inertia of a body. Theta is the ten log-Cholesky parameters (inertia.py), 0 for the model's body."""
+    """Mass, centre of mass and inertia of a body as a parameter.
+
+    Theta is ten log-Cholesky parameters (inertia.py), 0 for the model's body.
+    """
 
     def _prepare(self, model: Model) -> None:
         """Sets scale, limits, labels and units for all inertial parameters of a body."""
@@ -379,7 +391,7 @@ class _Inertia(_OfOneBody):
 
 
 class _Delay(Block):
-    """Delay of actuators, s."""
+    """Delay of actuators as a parameter, s."""
 
     def _prepare(self, model: Model) -> None:
         self._interval(0.0)
@@ -391,7 +403,7 @@ class _Delay(Block):
 
 
 class _Reading(Block):
-    """Bias, scale or delay of a sensor. `Simulator` applies it to the predicted readings."""
+    """Bias, scale or delay of a sensor as a parameter. `Simulator` applies it to the predicted readings."""
 
     def _prepare(self, model: Model) -> None:
         if self.parameter.kind != "sensor.bias":
@@ -409,7 +421,7 @@ class _Reading(Block):
             self.prior = None if self.prior is None else (np.repeat(self.prior[0], dim), np.repeat(self.prior[1], dim))
 
     def write(self, theta: Array, variants: Variants) -> None:
-        """Write nothing, because the parameter is not part of the model."""
+        """Writes nothing, because parameters of sensors are not part of the model."""
 
 
 _BLOCKS: dict[str, type[Block]] = {
@@ -420,7 +432,7 @@ _SAME = {
     "actuator_kp": ("actuator_kp", "actuator_gainprm"),
     "actuator_gainprm": ("actuator_kp", "actuator_gainprm"),
 }
-"""Kinds that change the same numbers, by kind. `bind` rejects two of them for one element."""
+"""Kinds of parameters that change the same numbers of a model, by kind. `bind` rejects two of them for one element."""
 
 
 def bind(parameters: Sequence[FitParameter | str], model: Model) -> list[Block]:
@@ -464,7 +476,7 @@ def write(blocks: Sequence[Block], theta: Array, model: Model) -> Variants:
 
 
 def split(blocks: Sequence[Block], theta: Array) -> list[Array]:
-    """Numbers of each block in theta, (..., n): list of arrays (..., size)."""
+    """Splits parameter vectors theta, (..., n), into one array (..., size) per parameter."""
     return np.split(theta, np.cumsum([block.size for block in blocks])[:-1], axis=-1)
 
 
@@ -474,7 +486,7 @@ def natural(blocks: Sequence[Block], theta: Array) -> Array:
 
 
 def _indices(parameter: FitParameter, model: Model) -> tuple[int, ...]:
-    """Indices of the elements of a parameter. Fields of degrees of freedom give the indices of their joints."""
+    """Indices of a parameter's elements in the model, such as bodies. For degrees of freedom they are the indices of the joints."""
     items, where = parameter.parsed.elements or (), f"parameters has '{parameter}'"
     if not parameter.parsed.field.startswith("dof_"):
         return tuple(rows_of(model, KINDS[parameter.kind].element, items, where))
@@ -511,11 +523,17 @@ def _check_servo(parameter: FitParameter, model: Model, index: Sequence[int]) ->
 
 
 _CHECKS = {"actuator_gainprm": _check_gain_types, "actuator_kp": _check_servo}
-"""Functions that check the elements of a parameter, by kind."""
+"""Functions that raise ValueError if a parameter's elements do not fit its kind, by kind of parameter."""
 
 
 def _unnamed(parameter: FitParameter, model: Model, index: int) -> list[int]:
-    """Indices for the selector of an element without a name; for fields of degrees of freedom, those of the joint."""
+    """Indices by which a selector names an element without a name: its index, or all degrees of freedom of a joint.
+
+    Args:
+        parameter: Parameter with the field of the selector.
+        model: The model.
+        index: Index of the element or joint.
+    """
     if not parameter.parsed.field.startswith("dof_"):
         return [index]
     joint = model.joint(index)

@@ -15,12 +15,12 @@ from stepper.sysid.parameters import Block, write
 from stepper.sysid.simulate import Channel, compared
 
 Sample = tuple[Array, dict[str, Array]]
-"""Sample of a tracker: controls of a period, (nu,), and readings at its end by channel, (columns,)."""
+"""Pair of the controls of a period, (nu,), and the readings at its end by channel, (columns,)."""
 
 
 @dataclass(frozen=True)
 class Problem:
-    """Fixed data of a tracker: model, parameters, channels and noise.
+    """Fixed data of an online identification (`Tracker`): model, parameters, channels and noise.
 
     Attributes:
         model: The model.
@@ -60,7 +60,7 @@ class Problem:
         return len(self.scale)
 
     def seen(self, readings: dict[str, Array]) -> np.ndarray[Any, np.dtype[np.bool_]]:
-        """Mask of the columns of the residuals that are measured and have finite noise, (width,)."""
+        """Mask of the columns of a sample's readings that are measured and have finite noise, (width,)."""
         parts = []
         for channel in self.channels:
             finite = np.isfinite(readings[channel.name])
@@ -71,7 +71,7 @@ class Problem:
     def predict(
         self, begin: tuple[Array, Array, Array], points: Array, samples: Sequence[Sample], now: float
     ) -> tuple[dict[str, Array], Array]:
-        """Simulate the window from several points.
+        """Simulates a window of samples from several initial states and parameter vectors.
 
         Args:
             begin: qpos, qvel and act at the start of the window.

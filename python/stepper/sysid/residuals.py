@@ -15,12 +15,12 @@ from stepper.sysid.shift import shifted
 from stepper.sysid.simulate import Simulator
 
 JUMP = 0.5
-"""Relative difference between the derivatives above and below a point, above which a jump on one side is assumed."""
+"""Relative difference between the one-sided derivatives at a point above which a reading is assumed to jump on one side."""
 
 
 @dataclass(frozen=True)
 class Linearized:
-    """Residuals and their Jacobian at a point x.
+    """Residuals of measurements, priors and initial states at a point x of the unknowns, with their Jacobian.
 
     Attributes:
         residual: Residuals, (m,): measured readings by episode and row, then priors, then displacements of initial states.
@@ -130,13 +130,22 @@ class Residuals:
         return np.concatenate([np.insert(np.argwhere(mask), 0, e, axis=1) for e, mask in enumerate(self.masks)])
 
     def _wide(self) -> int:
-        """Largest number of uncertain coordinates of the initial state in an episode, 0 if all initial states are exact."""
+        """Largest number of uncertain coordinates of the initial state in any episode, 0 if all initial states are exact."""
         return max((len(s) for s in self._starts if s is not None), default=0)
 
     def _around(self, x: Array, step: float, width: int) -> tuple[Array, Array]:
-        """Points of the central differences around x, and their widths above and below, (n + width, 2).
+        """Points for central differences of the predicted readings around a point x.
 
         Coordinate k of the initial states is displaced in all episodes at once, because the episodes are independent.
+
+        Args:
+            x: The point, (n + starts,).
+            step: Half width of the differences.
+            width: Largest number of uncertain initial coordinates per episode.
+
+        Returns:
+            Rows of n parameters, `width` common displacements of initial states, and the initial states of x, for each point. Then the
+            widths above and below, (n + width, 2).
         """
         rows = np.zeros((1 + 2 * (self.n + width), self.n + width))
         rows[:, : self.n] = x[: self.n]
@@ -151,7 +160,12 @@ class Residuals:
         return np.concatenate([rows, np.tile(x[self.n :], (len(rows), 1))], axis=1), spans
 
     def _predict(self, rows: Array, points: Array | None = None) -> list[Array]:
-        """Predicted readings by episode, (count, T, width), at rows of `_around`, or at points x, (count, n + starts)."""
+        """Predicted readings by episode, (count, T, width) each.
+
+        Args:
+            rows: Points as returned by `_around`.
+            points: Points x, (count, n + starts), whose initial states replace those in `rows`; None uses `rows`.
+        """
         width = self._wide()
         own = rows[:, self.n + width :] if points is None else points[:, self.n :]
         starts: list[tuple[Array, Array] | None] = []
@@ -168,13 +182,25 @@ class Residuals:
         return self.simulator.predict(rows[:, : self.n] * self.scale, starts if any(s is not None for s in starts) else None)
 
     def _with_priors(self, x: Array, y: list[Array]) -> Array:
-        """Residual vector, (m,), at x with predicted readings y by episode, (T, width)."""
+        """Residual vector at a point x, (m,): of the readings, of the priors, and of the initial states.
+
+        Args:
+            x: The point, (n + starts,).
+            y: Predicted readings by episode, (T, width).
+        """
         parts = [((p - m) / self.sigma)[mask] for p, m, mask in zip(y, self.simulator.measured, self.masks, strict=True)]
         parts += [np.array([(x[j] - mean) / std]) for j, mean, std in self.priors]
         return np.concatenate([*parts, x[self.n :]])
 
     def _assemble(self, x: Array, made: list[Array], spans: Array, width: int) -> Linearized:
-        """Residual and Jacobian at x from the predictions `made` at all points of `_around`, by episode."""
+        """Residuals and Jacobian at a point x from predictions at the points of central differences.
+
+        Args:
+            x: The point, (n + starts,).
+            made: Predicted readings by episode, (count, T, width).
+            spans: Widths of the differences above and below, (n + width, 2).
+            width: Largest number of uncertain initial coordinates per episode.
+        """
         residual = self._with_priors(x, [y[0] for y in made])
         jacobian = np.zeros((len(residual), len(x)))
         at = 0
@@ -235,7 +261,7 @@ def _unknown_starts(episodes: Sequence[Episode], n: int) -> tuple[list[Array | N
 
 
 def _priors(blocks: Sequence[object], scale: Array) -> list[tuple[int, float, float]]:
-    """Index in x, mean and standard deviation of each number with a prior, in the units of x."""
+    """Index in the vector x of unknowns, mean and standard deviation of each number with a prior, in units of its scale."""
     out, at = [], 0
     for block in blocks:
         prior = getattr(block, "prior", None)
@@ -247,9 +273,9 @@ def _priors(blocks: Sequence[object], scale: Array) -> list[tuple[int, float, fl
 
 
 class Together:
-    """Batch evaluation for concurrent searches in threads.
+    """Batch evaluation of residuals for several searches, each in a thread.
 
-    Each search submits its next point and waits. The last one to submit evaluates the points of all in one batch.
+    Each search submits its next point and waits. The last search to submit evaluates the points of all searches in one batch.
 
     Args:
         residuals: Residuals to evaluate.
@@ -264,13 +290,20 @@ class Together:
         self._stopped = False
 
     def stop(self) -> None:
-        """End all searches: `ask` raises InterruptedError at their next points."""
+        """Ends all searches: `ask` raises InterruptedError at their next points."""
         with self._turn:
             self._stopped = True
             self._turn.notify_all()
 
     def ask(self, search: int, x: Array) -> Linearized:
-        """Residuals at x, (n + starts,). Waits until all other searches have submitted a point or ended."""
+        """Submits the next point of a search, and returns the residuals there.
+
+        Waits until all other searches have submitted a point or ended.
+
+        Args:
+            search: Index of the search.
+            x: The point, (n + starts,).
+        """
         with self._turn:
             self._asked[search] = x
             if not self._stopped:
@@ -284,14 +317,14 @@ class Together:
         return answer
 
     def leave(self) -> None:
-        """Remove one search from the batch, because it has ended."""
+        """Removes one search from the batch, because it has ended."""
         with self._turn:
             self._active -= 1
             if not self._stopped:
                 self._answer()
 
     def _answer(self) -> None:
-        """Evaluate all submitted points, if every active search has submitted one."""
+        """Evaluates all submitted points in one batch, if every active search has submitted one."""
         if not self._asked or len(self._asked) < self._active:
             return
         searches = sorted(self._asked)

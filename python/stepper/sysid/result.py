@@ -79,12 +79,12 @@ class Identification:
     warnings: tuple[str, ...]
 
     def warned(self, warnings: tuple[str, ...]) -> Identification:
-        """Copy with these warnings."""
+        """Copy of this result with other warnings."""
         return replace(self, warnings=warnings)
 
     @cached_property
     def blocks(self) -> list[Block]:
-        """Blocks of theta, one for each parameter."""
+        """Entries of the parameter vector theta that belong to each parameter, as one `Block` per parameter."""
         return bind(self.parameters, self.model)
 
     @property

@@ -17,40 +17,49 @@ import numpy as np
 from stepper.sysid.inertia import Array
 
 WIDE = 0.3
-"""Standard deviation, in scales, above which a parameter counts as unknown."""
+"""Standard deviation above which a parameter counts as unknown, in units of its scale."""
 FLAT = 0.01
-"""Sum of squared differences of residuals below which two frictions give the same prediction."""
+"""Sum of squared differences of residuals, in units of the noise, below which two frictions give the same prediction."""
 KINKED = (*(f"{field}_friction[{column}]" for field in ("geom", "pair") for column in range(3)), "dof_frictionloss")
-"""Kinds of parameters on which the readings do not depend while nothing slides."""
+"""Kinds of friction parameters. While nothing slides, the readings do not depend on them."""
 OTHERS = (-0.5, -0.15, 0.15, 0.5)
-"""Offsets of other frictions from the estimate, as logarithms."""
+"""Offsets of compared frictions from the estimate, as logarithms."""
 NEAR = 2.5
-"""Distance of the two nearest other frictions from the estimate, in standard deviations."""
+"""Distance of the two nearest compared frictions from the estimate, in standard deviations."""
 NEAREST = 0.005
-"""Smallest distance of the two nearest other frictions from the estimate, as a logarithm."""
+"""Smallest distance of the two nearest compared frictions from the estimate, as a logarithm."""
 ABOVE_BOUND = 0.02
-"""Distance from the lower bound to the compared value next to it, as a logarithm. The bound can rise by this with every sample."""
+"""Distance from the lower bound of a friction to the next compared value, as a logarithm. Per sample the bound can rise by this."""
 CLOSE = 0.025
-"""Largest distance of consecutive values in an excluded range, as a logarithm. At the onset of slip, minima are 0.05 wide."""
+"""Largest distance of consecutive values in an excluded range of frictions, as a logarithm.
+
+At the onset of slip, minima of the cost are 0.05 wide.
+"""
 OTHERS_PER_FRICTION = len(OTHERS) + 3
-"""Number of other values that are compared with each friction."""
+"""Number of other values with which the estimate of each friction is compared."""
 BETTER = 1.0
-"""Decrease of the cost above which a larger friction is a rival; increase below which a larger friction counts as equally good."""
+"""Decrease of the cost above which a larger friction is a rival of the estimate, and increase below which it is equally good.
+
+The cost is the sum of squared residuals in units of the noise.
+"""
 LOWER = 0.0
-"""Decrease of the cost above which a smaller friction is a rival of an undetermined one.
+"""Decrease of the cost above which a smaller friction is a rival of an undetermined estimate.
 
 Equal costs give it a weight of about 3 %, the share of the prior in which friction slips a little.
 """
 EXCLUDED = 12.0
-"""Difference of costs above which a smaller friction is a rival of a determined one, or a value is excluded (3.5 standard deviations)."""
+"""Difference of costs (3.5 standard deviations) above which a value of friction is excluded.
+
+It is also the decrease above which a smaller friction is a rival of a determined estimate.
+"""
 LEAST_GAIN = 0.01
-"""Smallest relative gain of information about a friction, according to the derivatives, that `share_of` checks with other values."""
+"""Relative gain of information about a friction, from derivatives, above which `share_of` checks it with other values of friction."""
 LEAST_DISTANCE = 2.0
-"""Squared offset of another value from the estimate, in units of the variance from the derivatives, above which `share_of` uses it."""
+"""Squared distance of a friction from the estimate above which `share_of` uses it, in units of the variance from the derivatives."""
 POSSIBLE = 9.0
-"""Increase of the cost below which `share_of` uses another value: three standard deviations."""
+"""Increase of the cost below which the readings allow a value of friction: three standard deviations."""
 LEAST_SHARE = 0.04
-"""Lower bound of the result of `share_of`. Intervals become at most five times as wide."""
+"""Lower bound of the fraction that `share_of` returns. Intervals become at most five times as wide."""
 TWO_SIDED = 1.96
 """Half width of a 95 % interval, in standard deviations."""
 _NORMAL = NormalDist()
@@ -58,7 +67,7 @@ _NORMAL = NormalDist()
 
 @dataclass(frozen=True)
 class Verdict:
-    """Result of a comparison of the estimate with other frictions.
+    """Result of a comparison of the estimated frictions with other values.
 
     Attributes:
         rival: Row, in the points of `verdict_of`, whose friction explains the readings best in place of the estimate; None without rival.
@@ -74,7 +83,13 @@ class Verdict:
 
 
 def other_frictions(x: float, std: float, bound: float) -> Array:
-    """Other values to compare with a friction x, (OTHERS_PER_FRICTION,), logarithms."""
+    """Values to compare with an estimated friction, (OTHERS_PER_FRICTION,), as logarithms.
+
+    Args:
+        x: Estimate of the friction, as a logarithm.
+        std: Its standard deviation.
+        bound: Lower bound from values that the readings exclude; -inf without one.
+    """
     last = bound + ABOVE_BOUND if math.isfinite(bound) else x + 2 * OTHERS[0]
     near = float(np.clip(NEAR * std, NEAREST, -OTHERS[1] / 2))
     return np.array([*(x + step for step in (*OTHERS, -near, near)), last])
@@ -83,7 +98,9 @@ def other_frictions(x: float, std: float, bound: float) -> Array:
 def verdict_of(
     kinked: list[int], unknown: list[bool], *, points: Array, residual: Array, J: Array, mean: Array, root: Array, first: int
 ) -> Verdict:
-    """Compare an estimate with other values of its frictions.
+    """Compares the estimate of a window of samples with points that have other values of friction.
+
+    The arrival cost is the normal distribution of the N unknowns (parameters and initial state) before the window.
 
     Args:
         kinked: Indices of the frictions.
@@ -117,7 +134,7 @@ def verdict_of(
 
 
 def excluded_end(values: Array, costs: Array) -> float | None:
-    """Largest value of the excluded range that begins with the smallest value; None if the smallest value is possible.
+    """Largest value of the range of frictions that the readings exclude, starting from the smallest value; None if that is possible.
 
     At the onset of slip, the cost can have two minima with a rise between them, and the true value can lie at the first. The range
     therefore ends before the first possible value, and where the distance of two values could hide a minimum.
@@ -161,7 +178,7 @@ def share_of(rises: Array, step: float, *, before: float, after: float) -> float
 
 
 def truncated_normal(low: float) -> tuple[float, float, float]:
-    """95 % interval of a standard normal distribution truncated at `low`, and the probability of values above `low`.
+    """Ends of the 95 % interval of a standard normal distribution truncated below `low`, and the probability of values above `low`.
 
     The probability is at least 1e-9, where the quantiles are still accurate.
     """
@@ -170,9 +187,15 @@ def truncated_normal(low: float) -> tuple[float, float, float]:
 
 
 def widened(covariance: Array, j: int, before: float, share: float) -> Array:
-    """Covariance, (N, N), in which friction j keeps only the fraction `share` of the information gained since its variance was `before`.
+    """Covariance, (N, N), in which a friction keeps only a part of the information that was gained about it.
 
     Variances of correlated numbers increase accordingly.
+
+    Args:
+        covariance: Covariance, (N, N).
+        j: Index of the friction.
+        before: Variance of the friction before the information was gained.
+        share: Fraction of the gained information that is kept.
     """
     after = float(covariance[j, j])
     gained = 1 / after - 1 / before
@@ -184,9 +207,10 @@ def widened(covariance: Array, j: int, before: float, share: float) -> Array:
 
 
 def _profiles(j: int, points: Array, residual: Array, *, J: Array, mean: Array, whitening: Array) -> tuple[Array, Array]:
-    """Profile costs of friction j: costs of points, minimised over all other unknowns, which enter linearly by the derivatives.
+    """Profile costs of a friction: costs of points, minimised over all other unknowns, which enter linearly by the derivatives.
 
-    For the cost without prior knowledge of the friction, the arrival cost is also minimised over the friction.
+    The arrival cost is the normal distribution of the unknowns before the window. For the cost without prior knowledge of the friction, it
+    is also minimised over the friction.
 
     Args:
         j: Index of the friction.
@@ -210,10 +234,16 @@ def _profiles(j: int, points: Array, residual: Array, *, J: Array, mean: Array, 
 
 
 def _holds(residual: Array, values: Array, window: Array, *, unknown: bool) -> bool:
-    """Whether the object sticks at the estimated friction, which is the first of the points.
+    """Whether the object sticks at the estimated friction.
 
     With an undetermined friction the object sticks if the largest value gives the same prediction. With a determined friction, the object
     may slip a little although it sticks in reality. It counts as sticking if the largest value explains the window equally well and sticks.
+
+    Args:
+        residual: Residuals at the estimate (first) and at points with other values of the friction, (count, T, width).
+        values: Values of the friction at these points, (count,), logarithms.
+        window: Costs of these points, (count,).
+        unknown: Whether the friction was undetermined before the window.
     """
     *_, second, largest = np.argsort(values)
     if unknown:
@@ -227,6 +257,6 @@ def _same(one: Array, other: Array) -> bool:
 
 
 def _least(A: Array, b: Array) -> Array:
-    """Squared distances of the rows of b, (count, m), from the column space of A, (m, k): (count,)."""
+    """Squared distances of the rows of b, (count, m), from the column space of A, (m, k), by least squares: (count,)."""
     Q = np.linalg.qr(A / np.linalg.norm(A, axis=0))[0]
     return np.asarray((b**2).sum(axis=1) - ((b @ Q) ** 2).sum(axis=1))

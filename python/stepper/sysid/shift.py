@@ -20,19 +20,19 @@ from stepper.sysid.inertia import Array
 LATE, EARLY = 1, -1
 """Shifts: readings of row k + 1, or of row k - 1, belong to the control of row k."""
 RATIO = 0.75
-"""Ratio of the mean square residual with a shift to that without it, below which the shift is reported."""
+"""Mean square residual with shifted readings, divided by that without the shift, below which the shift is reported."""
 COLOURED = 0.3
-"""Correlation of consecutive residuals above which fits with shifts are made, if it is also statistically significant."""
+"""Correlation of consecutive residuals above which fits with shifted readings are made, if it is also statistically significant."""
 LOUD = 1.5
-"""Mean square of residuals, in units of the noise, above which fits with shifts are made."""
+"""Mean square of residuals, in units of the noise, above which fits with shifted readings are made."""
 RECENT = 15
 """Number of samples over which a tracker's normalised innovation squared is averaged."""
 UNEXPLAINED = 3.0
 """Mean normalised innovation squared above which the tracker's model does not explain the readings."""
 COPY_INTERVAL = 100
-"""Number of samples after which the stored copy of the tracker, from which shifted trackers start, is replaced."""
+"""Number of samples after which a tracker's stored copy is replaced. Trackers of shifted readings start from this copy."""
 CAUGHT_UP = 2
-"""Number of past samples that each shifted tracker processes per update, until it has caught up."""
+"""Number of past samples that a tracker of shifted readings processes per update, until it has reached the present one."""
 FREED_STD = (0.1, 1.0)
 """Standard deviations of displacement (m, rad) and velocity (m/s, rad/s) with which the initial state is estimated for comparison."""
 OF_TRACKER = "A wrong initial state can look the same: stepper.sysid.identify with the same readings tries both, and says which fits better"
@@ -47,7 +47,7 @@ _WORDS = {
 
 
 def finding(shift: int, ratio: float, remark: str = OF_TRACKER) -> str:
-    """Warning about a shift, with the evidence and the remedy.
+    """Warning that readings are one row early or late, with the evidence and the remedy.
 
     Args:
         shift: `LATE` or `EARLY`.
@@ -89,7 +89,7 @@ def finding_of_fit(shift: int, ratio: float, freed: float | None) -> str:
 
 
 def _percent(ratio: float) -> str:
-    """Ratio as a percentage with two digits."""
+    """Text of a ratio as a percentage with two digits."""
     return f"{100 * ratio:.2g} %"
 
 
@@ -107,7 +107,11 @@ def shifted(episode: Episode, shift: int) -> Episode:
 
 
 def suspicious(whitened: list[Array]) -> bool:
-    """Whether residuals in units of their noise, (T, width) by episode, are large or correlated in time."""
+    """Whether residuals are so large or so correlated in time that readings may be shifted.
+
+    Args:
+        whitened: Residuals in units of their noise, (T, width), by episode.
+    """
     square = np.concatenate([rows[np.isfinite(rows)] for rows in whitened])
     if len(square) and float(np.mean(square**2)) > LOUD:
         return True
@@ -139,13 +143,16 @@ class Watch:
         self._twins: dict[int, _Twin] = {}
 
     def begin(self, tracker: Any) -> None:
-        """Before each sample of the tracker: stores a copy of it every `COPY_INTERVAL` samples, except while shifted copies run."""
+        """Stores a copy of the tracker every `COPY_INTERVAL` samples, except while copies process shifted readings.
+
+        Call it before each sample.
+        """
         if self._origin is None or (len(self._samples) >= COPY_INTERVAL and not self._twins):
             self._origin = twin_of(tracker)
             self._samples, self._surprise = [], self._surprise[-RECENT:]
 
     def add(self, ctrl: Array, readings: Mapping[str, Array], surprise: float) -> bool:
-        """Add a sample, and return whether the model explains the recent readings.
+        """Adds a sample, and returns whether the model explains the recent readings.
 
         Args:
             ctrl: Controls, (nu,).
@@ -166,7 +173,7 @@ class Watch:
         return not unexplained
 
     def _follow(self) -> None:
-        """Advance the shifted copies, and compare them with the tracker when they have processed all samples."""
+        """Lets the copies with shifted readings process past samples, and compares them with the tracker when they have processed all."""
         for twin in self._twins.values():
             for _ in range(CAUGHT_UP):
                 twin.take(self._samples)
@@ -180,14 +187,19 @@ class Watch:
 
 
 class _Twin:
-    """Copy of a tracker that processes each control with the readings of the next or the previous sample."""
+    """Copy of a tracker that processes each control with the readings of the next or the previous sample.
+
+    Args:
+        tracker: The tracker, which does not change.
+        shift: `LATE` for the readings of the next sample, `EARLY` for those of the previous one.
+    """
 
     def __init__(self, tracker: Any, shift: int):
         self._tracker, self._shift, self._at = twin_of(tracker), shift, 0
         self._surprise: list[float] = []
 
     def take(self, samples: list[tuple[Array, Mapping[str, Array]]]) -> None:
-        """Process one more sample, if there is one."""
+        """Processes the next of the stored samples, if there is one."""
         if self.done(samples):
             return
         k = self._at
@@ -201,11 +213,11 @@ class _Twin:
         self._at += 1
 
     def done(self, samples: list[tuple[Array, Mapping[str, Array]]]) -> bool:
-        """Whether all available samples are processed. With `LATE`, the last sample has no readings yet."""
+        """Whether this copy has processed all available samples. With `LATE`, the last sample has no readings yet."""
         return self._at >= len(samples) - (self._shift == LATE)
 
     def left(self) -> float:
-        """Mean normalised innovation squared of the processed samples."""
+        """Mean normalised innovation squared of the samples that this copy has processed; infinite before the first."""
         return float(np.mean(self._surprise)) if self._surprise else np.inf
 
 

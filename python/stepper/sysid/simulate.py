@@ -55,7 +55,7 @@ class Channel:
 
 
 def channels_of(model: Model, episodes: Sequence[Episode]) -> list[Channel]:
-    """All channels of the episodes, in order of appearance.
+    """Channels of the readings of some episodes, in order of appearance, with adjacent columns in the array of all readings.
 
     Raises:
         KeyError: A channel is neither a sensor nor a coordinate of the model.
@@ -74,7 +74,13 @@ def channels_of(model: Model, episodes: Sequence[Episode]) -> list[Channel]:
 
 
 def _channel(model: Model, name: str, width: int) -> Channel:
-    """Channel of a name. Its columns in the rows of residuals begin at `width`."""
+    """Channel by name.
+
+    Args:
+        model: The model.
+        name: Name of a sensor, "qpos", "qvel", "act", "qpos:JOINT" or "qvel:JOINT".
+        width: First column of the channel in the array of all readings.
+    """
     if name in model.sensor_names:
         sensor = model.sensor(name)
         quaternion = model.sensors[sensor.id]["datatype"] == "quaternion"
@@ -97,7 +103,7 @@ def _channel(model: Model, name: str, width: int) -> Channel:
 
 
 def find_channels(model: Model, names: Iterable[str]) -> list[Channel]:
-    """Channels of these names, with adjacent columns in the rows of residuals.
+    """Channels by name, in order, with adjacent columns in the array of all readings.
 
     Raises:
         KeyError: A name is neither a sensor nor a coordinate of the model.
@@ -145,7 +151,7 @@ def compared(model: Model, channel: Channel, rows: Array, measured: Array) -> Ar
 
 
 def solved(options: Options) -> Options:
-    """Options with the default tolerance `TOLERANCE`, unless the user has set a tolerance."""
+    """Copy of options of the step with the default tolerance `TOLERANCE`, unless the user has set a tolerance."""
     return options if options.tolerance is not None else replace(options, tolerance=TOLERANCE)
 
 
@@ -195,11 +201,11 @@ class Simulator:
         self.untrusted, self.steps = 0.0, 0
 
     def with_episodes(self, episodes: Sequence[Episode]) -> Simulator:
-        """Copy of the simulator for other episodes."""
+        """Simulator with the settings of this one for other episodes."""
         return Simulator(self.model, episodes, self.blocks, self.options, threads=self.threads, actuators=self._known)
 
     def _nstep(self, episode: Episode) -> int:
-        """Number of time steps per period of an episode."""
+        """Number of time steps per control period of an episode; a ValueError if it is no whole number."""
         ratio = episode.period / self.timestep
         if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-3 * ratio:
             near = episode.period / max(1, round(ratio))
@@ -210,7 +216,10 @@ class Simulator:
         return round(ratio)
 
     def _measured(self, episode: Episode) -> Array:
-        """Readings of an episode in the columns of all channels, (T, width); see `measured`."""
+        """Readings of an episode in the columns of all channels, (T, width); NaN means not measured.
+
+        For poses and quaternions, whose predictions are displacements from the readings, they are 0.
+        """
         out = np.full((len(np.asarray(episode.ctrl)), self.width), np.nan)
         for channel in self.channels:
             given = episode.readings.get(channel.name)
@@ -257,7 +266,16 @@ class Simulator:
         return list(groups.values())
 
     def _run(self, theta: Array, group: list[int], starts: list[tuple[Array, Array] | None]) -> tuple[list[Array], int, int]:
-        """Predictions of a group of episodes for all variants; number of steps with flags of `UNTRUSTED`; number of steps."""
+        """Predictions of some episodes for all parameter vectors.
+
+        Args:
+            theta: Parameter vectors, (count, n).
+            group: Indices of the episodes, with equal steps per period and equal kinds of applied forces.
+            starts: Displacements of the initial positions and velocities of each episode; None is 0.
+
+        Returns:
+            Predictions by episode, (count, T, width); number of time steps with flags of `UNTRUSTED`; number of all time steps.
+        """
         variants = write(self.blocks, theta, self.model)
         shared = {name: array for name, array in variants.fields.items() if name not in RANDOMIZED}
         count = len(theta)
@@ -287,10 +305,18 @@ class Simulator:
         starts: list[tuple[Array, Array] | None],
         out: list[Array],
     ) -> tuple[int, int]:
-        """Simulate some variants that share a compiled model in all episodes of a group, and write the predictions to `out`.
+        """Simulates some model variants in all episodes of a group, and writes the predictions to `out`.
+
+        Args:
+            model: Compiled model that the variants share.
+            variants: Parameter values of all variants.
+            part: Indices of the variants to simulate.
+            group: Indices of the episodes.
+            starts: Displacements of the initial positions and velocities of each episode; None is 0.
+            out: Predictions by episode, (count, T, width), which are changed in place.
 
         Returns:
-            Number of steps with flags of `UNTRUSTED`, and number of steps.
+            Number of time steps with flags of `UNTRUSTED`, and number of all time steps.
         """
         E, episodes, nstep = len(group), [self.episodes[e] for e in group], self.nstep[group[0]]
         index = np.repeat(part, E)
@@ -310,7 +336,7 @@ class Simulator:
         T = max(len(np.asarray(e.ctrl)) for e in episodes)
 
         def padded(arrays: list[Any]) -> Array:
-            """Inputs of all episodes, extended to T rows with their last row and repeated for every variant."""
+            """Inputs of all episodes, (T, variants * episodes, ...): extended with their last row, and repeated for every variant."""
             rows = np.stack([np.concatenate([a, np.repeat(a[-1:], T - len(a), axis=0)]) for a in map(np.asarray, arrays)], axis=1)
             return np.tile(rows, (1, len(part), *(1,) * (rows.ndim - 2)))
 
@@ -335,7 +361,7 @@ class Simulator:
         return bad, int(alive.sum()) * len(part) * (nstep if self._fine else 1)
 
     def _stepper(self, model: Model, count: int) -> Stepper:
-        """Stepper of a model with `count` environments, from a cache."""
+        """Stepper of a model with `count` environments; up to eight are cached."""
         key = (model.digest, count)
         if key not in self._steppers:
             if len(self._steppers) >= 8:
@@ -344,7 +370,13 @@ class Simulator:
         return self._steppers[key]
 
     def _read(self, y: Array, theta: Array, nstep: int) -> Array:
-        """Predicted readings with the bias, scale and delay of theta, one row per sample: (count, T, width)."""
+        """Applies bias, scale and delay of sensors to predicted readings, and returns one row per sample: (count, T, width).
+
+        Args:
+            y: Predicted readings of ideal sensors, (count, rows, width), which are changed in place.
+            theta: Parameter vectors, (count, n).
+            nstep: Number of time steps per sample.
+        """
         for block, piece in zip(self.blocks, split(self.blocks, theta), strict=True):
             for channel in self.channels:
                 if block not in self._readers or channel.name not in block.names:
@@ -360,7 +392,16 @@ class Simulator:
 
 
 def _rollout(sim: Stepper, ctrl: Array, nstep: int, *, fields: list[str], applied: dict[str, Array], fine: bool) -> dict[str, Any]:
-    """`Stepper.rollout` with applied forces and mocap poses that change each period. With `fine` it returns a row for every time step."""
+    """Calls `Stepper.rollout` with applied forces and mocap poses that change in each control period.
+
+    Args:
+        sim: The stepper.
+        ctrl: Controls, (T, num_envs, nu).
+        nstep: Number of time steps per period.
+        fields: Names of the arrays to return.
+        applied: Applied forces and mocap poses by name, (T, num_envs, ...).
+        fine: Whether the result has a row for every time step, not for every period.
+    """
     held, each = (nstep, 1) if fine else (1, nstep)
     if not applied:
         return sim.rollout(np.repeat(ctrl, held, axis=0), each, fields=fields)
@@ -373,9 +414,9 @@ def _rollout(sim: Stepper, ctrl: Array, nstep: int, *, fields: list[str], applie
 
 
 def _delayed(y: Array, steps: Array) -> Array:
-    """Rows y, (count, T, dim), delayed by `steps` rows, (count,), with linear interpolation.
+    """Readings y, (count, T, dim), delayed by `steps` rows, (count,), with linear interpolation.
 
-    Before the first row the value is the first.
+    Before the delay has passed, the value is that of the first row.
     """
     at = np.clip(np.arange(y.shape[1]) - steps[:, None], 0, None)
     low = np.minimum(at.astype(int), y.shape[1] - 1)
@@ -385,7 +426,7 @@ def _delayed(y: Array, steps: Array) -> Array:
 
 
 def _turn(a: Array, b: Array) -> Array:
-    """Rotation vectors (..., 3), rad, from quaternions a to b, in the frame of a."""
+    """Rotation vectors (..., 3), rad, of the turns from unit quaternions a to b, (..., 4), in the frame of a."""
     w = (a * b).sum(axis=-1, keepdims=True)
     v = a[..., :1] * b[..., 1:] - b[..., :1] * a[..., 1:] - np.cross(a[..., 1:], b[..., 1:])
     v = v * np.where(w < 0, -1.0, 1.0)
@@ -394,7 +435,12 @@ def _turn(a: Array, b: Array) -> Array:
 
 
 def _room_for_delays(known: ActuatorModel | None, blocks: Sequence[Block]) -> ActuatorModel | None:
-    """Actuator model whose delays are the upper bounds of the search, so that the stepper reserves delay lines of that length."""
+    """Actuator model whose delays are the upper bounds of the identified delays, so that the stepper allocates delay lines of that length.
+
+    Args:
+        known: Known attributes of the drives.
+        blocks: Unknown parameters.
+    """
     longest = {name: float(block.high[0]) for block in blocks if block.parameter.kind == "actuator.delay" for name in block.names}
     if not longest:
         return known

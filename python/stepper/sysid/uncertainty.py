@@ -22,7 +22,7 @@ from stepper.shared.machine import require
 from stepper.sysid.inertia import Array
 
 LARGEST_AUTOCORRELATION = 0.97
-"""Upper bound of the first-order autocorrelation, as Andrews and Monahan advise."""
+"""Upper bound of an estimated first-order autocorrelation of residuals, as Andrews and Monahan advise."""
 LONGEST_MEMORY = 10
 """Highest order of an autoregression of residuals."""
 ROWS_PER_ORDER = 10
@@ -102,13 +102,21 @@ def uncertainty(J: Array, r: Array, times: np.ndarray[Any, np.dtype[np.int64]], 
 
 
 def _at_least(covariance: Array, other: Array) -> Array:
-    """Covariance with its standard deviations raised to those of `other` where these are larger; correlations stay."""
+    """Covariance (n, n) with its standard deviations raised to those of the covariance `other` where these are larger.
+
+    Correlations do not change.
+    """
     grow = np.sqrt(np.maximum(1.0, np.diag(other) / np.diag(covariance)))
     return np.asarray(grow[:, None] * covariance * grow)
 
 
 def _by_time(rows: Array, times: np.ndarray[Any, np.dtype[np.int64]]) -> list[Array]:
-    """Sums of the rows with the same episode and time: one array (times, n) per episode."""
+    """Sums of the rows, (k, n), that have the same episode and time: one array (times, n) per episode.
+
+    Args:
+        rows: Scores or other numbers of each reading.
+        times: Indices of the episode, row and column of each reading, (k, 3).
+    """
     places = _places(times)
     out = []
     for e in np.unique(times[:, 0]):
@@ -120,7 +128,11 @@ def _by_time(rows: Array, times: np.ndarray[Any, np.dtype[np.int64]]) -> list[Ar
 
 
 def _places(times: np.ndarray[Any, np.dtype[np.int64]]) -> np.ndarray[Any, np.dtype[np.int64]]:
-    """Time index of each reading from the first of its episode, in units of the interval between readings."""
+    """Time index of each reading from the first reading of its episode, (k,), in units of the interval between readings.
+
+    Args:
+        times: Indices of the episode, row and column of each reading, (k, 3).
+    """
     _, episode = np.unique(times[:, 0], return_inverse=True)
     first = np.full(int(episode.max()) + 1, np.iinfo(np.int64).max)
     np.minimum.at(first, episode, times[:, 1])
@@ -129,7 +141,13 @@ def _places(times: np.ndarray[Any, np.dtype[np.int64]]) -> np.ndarray[Any, np.dt
 
 
 def _coloured(r: Array, J: Array, times: np.ndarray[Any, np.dtype[np.int64]]) -> Array:
-    """Covariance of J^T r, (n, n), for residuals r whose columns are stationary and mutually independent."""
+    """Covariance of J^T r, (n, n), for residuals r that are correlated in time: stationary in each column, independent between columns.
+
+    Args:
+        r: Residuals of the readings, (k,).
+        J: Their Jacobian, (k, n).
+        times: Indices of the episode, row and column of each reading, (k, 3).
+    """
     toeplitz = require("scipy.linalg", "to identify parameters").matmul_toeplitz
     S = np.zeros((J.shape[1],) * 2)
     for column in np.unique(times[:, 2]):
@@ -150,7 +168,12 @@ def _coloured(r: Array, J: Array, times: np.ndarray[Any, np.dtype[np.int64]]) ->
 
 
 def _autocovariance(series: list[Array], count: int) -> Array:
-    """Autocovariance of a column's residuals at all lags, from an autoregression. `count` is the number of measured residuals."""
+    """Autocovariance at all lags of the residuals of one column of the readings, from an autoregression.
+
+    Args:
+        series: Residuals by episode, 0 where not measured.
+        count: Number of measured residuals.
+    """
     solve = require("scipy.linalg", "to identify parameters").solve_toeplitz
     longest = max(map(len, series))
     most = min(LONGEST_MEMORY, count // ROWS_PER_ORDER, longest - 1)
@@ -175,7 +198,11 @@ def _autocovariance(series: list[Array], count: int) -> Array:
 
 
 def _long_run(scores: list[Array]) -> Array:
-    """Covariance of the sum of the scores of all episodes, (n, n)."""
+    """Covariance of the sum of the scores of all episodes, (n, n), for scores that are correlated in time.
+
+    Args:
+        scores: Scores by episode, (times, n).
+    """
     n = scores[0].shape[1]
     before = sum((s[:-1] ** 2).sum(axis=0) for s in scores)
     rho = sum((s[1:] * s[:-1]).sum(axis=0) for s in scores) / np.where(before > 0, before, 1.0)

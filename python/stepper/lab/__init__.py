@@ -46,7 +46,7 @@ _FOLDERS = {
     **dict.fromkeys(("Account", "Chart", "Tuning", "account", "chart", "tune"), "accuracy"),
     **dict.fromkeys(("Comparison", "compare"), "comparison"),
 }
-"""Folder of each name that is not in `study`. A folder is imported at the first use of one of its names."""
+"""Folder of each public name that is not in the folder `study`. A folder is imported at the first use of one of its names."""
 
 
 def __getattr__(name: str) -> Any:

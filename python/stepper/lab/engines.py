@@ -184,7 +184,14 @@ class MujocoBatch(MujocoFields):
 
     @classmethod
     def from_file(cls, path: str, num_envs: int, *, threads: int = 1, settings: MujocoEngine | None = None) -> Self:
-        """Batch of an MJCF file, with settings as in `mujoco_model`."""
+        """Batch of environments of an MJCF file in MuJoCo.
+
+        Args:
+            path: MJCF file.
+            num_envs: Number of environments.
+            threads: Threads; 0 is one per core.
+            settings: Integrator, cone and solver; None keeps those of the file, or MuJoCo's defaults.
+        """
         return cls(mujoco_model(path, settings), num_envs, threads=threads, setting=settings.setting if settings else "defaults")
 
     @property

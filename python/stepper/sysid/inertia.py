@@ -38,7 +38,7 @@ def principal_moments(moments: Array) -> Array:
 
 
 def factor(theta: Array) -> Array:
-    """Triangular factors U of pseudo-inertias, (..., 4, 4), from log-Cholesky parameters, (..., 10): the pseudo-inertia is U U^T."""
+    """Triangular matrices U of pseudo-inertias U U^T, (..., 4, 4), from log-Cholesky parameters, (..., 10)."""
     alpha, d1, d2, d3, s12, s23, s13, t1, t2, t3 = np.moveaxis(theta, -1, 0)
     U = np.zeros((*theta.shape[:-1], 4, 4))
     for k, d in enumerate((d1, d2, d3)):
@@ -78,7 +78,7 @@ def tensor(inertia: Array, axes: Array) -> Array:
 
     Args:
         inertia: Principal moments, (..., 3), kg m^2.
-        axes: Principal axes, the columns of rotations (..., 3, 3).
+        axes: Principal axes, the columns of rotation matrices (..., 3, 3).
     """
     full = (axes * inertia[..., None, :]) @ np.swapaxes(axes, -1, -2)
     return np.stack([full[..., i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))], axis=-1)

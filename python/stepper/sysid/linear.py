@@ -77,7 +77,7 @@ class Directions:
 
 
 def mean_shift(curved: Array) -> Array:
-    """Mean of a function over the distribution of the unknowns minus its value at the estimate, (T, width).
+    """Mean of a function over the distribution of the unknowns minus its value at the estimate, (T, width), in the unit of the function.
 
     It is exact for quadratic functions. Without it, a kink shifts every estimate to the same side.
 

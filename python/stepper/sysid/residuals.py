@@ -302,7 +302,7 @@ class Together:
 
         Args:
             search: Index of the search.
-            x: The point, (n + starts,).
+            x: The point, (n + starts,), in units of the scales.
         """
         with self._turn:
             self._asked[search] = x

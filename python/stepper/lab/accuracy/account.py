@@ -32,13 +32,13 @@ from stepper.shared.progress import Tick, silent
 Array = NDArray[np.float64]
 Description = dict[str, Any]
 _BATCHES = 4
-"""Number of batches of states from which steps are timed."""
+"""Number of batches of states from which the steps of a scene are timed."""
 _ROUNDS = 11
 """Number of timed rounds."""
 _SHORTEST_ROUND = 4e-3
-"""Shortest duration of a round, s of processor time."""
+"""Shortest duration of a timed round, s of processor time."""
 _USED_FRICTION = 1e-9
-"""Fraction of the friction cone, or ratio of torque to peak force (m), above which a contact counts as using friction."""
+"""Fraction of the friction cone, or ratio of friction torque to peak force (m), above which a contact counts as using friction."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,12 @@ def account(source: Any, *, episodes: int = 4, tick: Tick | None = None) -> Acco
 
 
 def _uses(study: Study, seen: Touching) -> Iterator[Use]:
-    """Rows of the table of used parts."""
+    """Yields rows of the table of used elements: kinds of elements of the scene, and how many of each a run used.
+
+    Args:
+        study: The study.
+        seen: Statistics of the run.
+    """
     model, options = study.loaded[0], study.options
     pressed = [pair for pair in seen.pairs if pair.impulse > 0]
     rubbed = [pair for pair in pressed if pair.cone > _USED_FRICTION or pair.twists > _USED_FRICTION * pair.peak]
@@ -149,7 +154,13 @@ def _uses(study: Study, seen: Touching) -> Iterator[Use]:
 
 
 def _used(uses: tuple[Use, ...], seen: Touching, episodes: int) -> Section:
-    """Section of the document with the used parts."""
+    """Section of the document with the table of used elements of the scene.
+
+    Args:
+        uses: Rows of the table.
+        seen: Statistics of the run.
+        episodes: Number of episodes of the run.
+    """
     words = [
         f"{counted(seen.steps, 'step')} of {counted(episodes, 'episode')} at the nominal point. `stepper tune` removes unused parts, and "
         "measures on other episodes what that changes."
@@ -160,7 +171,7 @@ def _used(uses: tuple[Use, ...], seen: Touching, episodes: int) -> Section:
 
 
 def _spent(study: Study, parts: tuple[Part, ...]) -> Section:
-    """Section of the document with the costs."""
+    """Section of the document with the time and memory that each part of the scene costs."""
     if not parts:
         return Section("Costs", ["The model has no source from which parts can be removed; give MJCF, URDF or an MjModel."])
     words = [
@@ -182,7 +193,7 @@ def _no_sensors(description: Description) -> None:
 
 
 def _no_friction(description: Description) -> None:
-    """Removes friction from all contacts, in place."""
+    """Removes friction from all contacts in a description of a model, in place."""
     for one in (*description["geoms"], *description["pairs"]):
         one["condim"] = 1
 
@@ -201,7 +212,7 @@ def _no_limits(description: Description) -> None:
 
 
 def _no_dry_friction(description: Description) -> None:
-    """Removes dry friction from joints and tendons, in place."""
+    """Removes dry friction from joints and tendons in a description of a model, in place."""
     for one in (*description["joints"], *description["tendons"]):
         one["frictionloss"] = 0.0
 
@@ -217,7 +228,7 @@ def _no_medium(description: Description) -> None:
 
 
 def _no_actuators(description: Description) -> None:
-    """Removes all actuators, and keyframes, which have their controls from a description, in place."""
+    """Removes all actuators from a description of a model, in place; and all keyframes, because they contain controls."""
     description["actuators"], description["keyframes"] = [], []
 
 
@@ -233,15 +244,22 @@ _PARTS: tuple[tuple[str, Callable[[Description], None]], ...] = (
 )
 """Removable parts: name and function, in the order of removal."""
 _REMAINDER = "motion of the bodies"
-"""Name of the part that remains in the end."""
+"""Name of the part of a scene that remains when all removable parts are removed."""
 
 
 _States = tuple[Array, Array, Array, Array]
-"""State of a batch: qpos, qvel, act and ctrl."""
+"""States of a batch of environments: qpos, qvel, act and ctrl, (num_envs, ...) each."""
 
 
 class _Steps(Timed):
-    """Timed steps of a model from given states. Before each timed step, an untimed step gives the solver its warm start."""
+    """Timed steps of a model from given states. Before each timed step, an untimed step gives the solver its warm start.
+
+    Args:
+        model: Model to time.
+        study: Study with precision, sensors and actuators.
+        states: Batches of states.
+        options: Options of the step.
+    """
 
     def __init__(self, model: Model, study: Study, states: list[_States], options: Any):
         sensors = study.sensors if model.nsensordata else None
@@ -250,7 +268,7 @@ class _Steps(Timed):
         self._states, self.times = states, []
 
     def once(self) -> float:
-        """Processor time of the timed steps, s."""
+        """Makes one timed step from each batch of states, and returns the processor time of these steps, s."""
         total, sim = 0.0, self.sim
         for qpos, qvel, act, ctrl in self._states:
             sim.set_state(qpos=qpos, qvel=qvel, act=act if sim.model.na else None)
@@ -263,7 +281,7 @@ class _Steps(Timed):
 
 
 def _states(study: Study, episodes: range) -> tuple[list[_States], Any]:
-    """Batches of states of some episodes, and the options of their stepper."""
+    """Batches of states that occur in some episodes of a study, and the options of their stepper."""
     world = world_of(study, USUAL, [study.nominal] * len(episodes), sensors=None)
     assert isinstance(world, StepperWorld)
     sim = world.sim
@@ -281,7 +299,13 @@ def _states(study: Study, episodes: range) -> tuple[list[_States], Any]:
 
 
 def _costs(study: Study, episodes: range, tick: Tick) -> Iterator[Part]:
-    """Costs of the whole scene, of each removable part, and of the rest."""
+    """Yields the costs of a scene: of the whole, of each removable part, and of what remains without these parts.
+
+    Args:
+        study: The study.
+        episodes: Numbers of the episodes from which steps are timed.
+        tick: Progress callback.
+    """
     compiled = study.loaded[1]
     if compiled is None:
         return

@@ -33,7 +33,7 @@ class Stage:
         return math.isfinite(self.end)
 
     def within(self, seconds: float) -> Stage:
-        """Stage that ends with this one, and lasts at most `seconds` from now."""
+        """Stage that ends when this one ends, or `seconds` from now if that is earlier."""
         return Stage(min(self.end, time.time() + seconds))
 
     def one(self, share: float) -> Stage:

@@ -126,7 +126,15 @@ def chart(
 
 
 def _dots(ground: ChartBasis, points: Sequence[Point], invariants: Invariants, *, quick: bool, report_progress: Tick) -> tuple[Dot, ...]:
-    """Points of the chart as numbers: measures invariants and costs of all runs."""
+    """Points of the chart as numbers. The function measures costs, and errors of invariants, of all runs.
+
+    Args:
+        ground: Study, reference and time budget.
+        points: Runs of all settings at all time steps, with their errors.
+        invariants: Invariants of the scene.
+        quick: Whether to measure with fewer repeats.
+        report_progress: Progress callback.
+    """
     study, limit = ground.study, ground.budget.stage(INVARIANTS)
     nothing, kept = np.full(len(ground.episodes), np.nan), [dict[str, Array]() for _ in points]
     usual = study.options.timestep or float(study.loaded[0].timestep)
@@ -158,7 +166,14 @@ def _dots(ground: ChartBasis, points: Sequence[Point], invariants: Invariants, *
 
 
 def _dot(ground: ChartBasis, point: Point, cost: tuple[float, float] | None, kept: dict[str, Array]) -> Dot:
-    """Point of the chart from a run, its cost (alone, in a batch) and its errors of invariants by name, (episodes,)."""
+    """Point of the chart as numbers.
+
+    Args:
+        ground: Study, reference and time budget.
+        point: Run of some settings at a time step, with its errors.
+        cost: Microseconds of one core for a simulated second, alone and in a batch; None if not measured.
+        kept: Errors of invariants by name, (episodes,) each.
+    """
     study, trace, nan = ground.study, point.trace, math.nan
     outcome = study.decisive or next(iter(study.all_outcomes), None)
     values = np.full(1, nan) if outcome is None or trace is None or trace.stopped else trace.outcomes[outcome.name]

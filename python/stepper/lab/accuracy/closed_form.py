@@ -21,7 +21,7 @@ from stepper.lab.study.worlds import StepperWorld
 
 Array = NDArray[np.float64]
 _INITIAL_DIFFERENCE = 1e-9
-"""Largest accepted difference between the initial states of a closed form and of the episodes, m, rad, m/s, rad/s."""
+"""Largest accepted difference between the initial state of a closed-form solution and that of an episode, m, rad, m/s, rad/s."""
 
 
 def reference_of(

@@ -23,14 +23,25 @@ BATCH = 32
 _PEER_BATCH = 4
 """Number of environments of a timed batch in MuJoCo and rapier. They step one after the other, so that more give the same cost."""
 _LONG_RUN = 0.1
-"""Processor time above which the first run of a case is used as a measurement, s. In shorter runs, filling caches would count."""
+"""Processor time above which a run's first repetition counts as a measurement, s.
+
+In shorter runs, filling caches takes much of the time.
+"""
 
 _PAIRS, _PAIR_SECONDS = 8, 0.01
 """Number of rounds in which two settings are compared, and shortest duration of a round, s of processor time."""
 
 
 class _Case(Timed):
-    """Timed run of some settings with the controls and forces of a recorded trace, so that only steps are timed."""
+    """Timed run of some settings with the controls and forces of a recorded run, so that only the steps are timed.
+
+    Args:
+        study: The study.
+        settings: Settings, with the time step.
+        trace: Recorded run.
+        num_envs: Number of environments that are stepped together.
+        stage: Stage of the time budget; None is no bound.
+    """
 
     def __init__(self, study: Study, settings: Mapping[str, Any], trace: Trace, num_envs: int, stage: Stage | None = None):
         self.world: World = world_of(study, USUAL, [study.nominal] * num_envs, **(dict(settings) | {"sensors": None}))

@@ -76,7 +76,14 @@ def shifts(study: Study, own: Trace, converged: Trace) -> list[Shift]:
 
 
 def newcombe(one: int, two: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Confidence interval of one / trials - two / trials (numbers of successes), by Newcombe's method."""
+    """Confidence interval of a difference of two success rates, one / trials - two / trials, by Newcombe's method.
+
+    Args:
+        one: Number of successes in the first sample.
+        two: Number of successes in the second sample.
+        trials: Number of trials in each sample.
+        confidence: Probability that the interval contains the difference.
+    """
     p, q = one / trials, two / trials
     (a, b), (c, d) = wilson(one, trials, confidence), wilson(two, trials, confidence)
     return p - q - math.hypot(p - a, d - q), p - q + math.hypot(b - p, q - c)

@@ -30,7 +30,7 @@ _RAPIER = ("#000000", "#9e9e9e")
 _SINGLE = ", f32"
 _FLOOR = 1e-12
 _ACROSS = 3
-"""Number of panels of invariants per row of the picture."""
+"""Number of panels per row of the picture of invariants and outcomes."""
 
 
 def draw(study: Study, distance: Distance, reference: Reference, dots: Sequence[Dot], *, path: Path, note: str) -> Path:
@@ -95,7 +95,10 @@ def draw_later(study: Study, dots: Sequence[Dot], *, path: Path) -> Path | None:
 
 
 def _colours(labels: Sequence[str]) -> dict[str, str]:
-    """Colour of each label. Settings that differ only in precision have the same colour, and another line style."""
+    """Colour of each line of the chart, by its label.
+
+    Settings that differ only in precision have the same colour, and another line style.
+    """
     found: dict[str, str] = {}
     counts = {"ours": 0, "law": 0, "theirs": 0, "rapier": 0}
     for label in labels:
@@ -111,12 +114,20 @@ def _colours(labels: Sequence[str]) -> dict[str, str]:
 
 
 def _line(label: str) -> str:
-    """Style of a line of the chart by engine and precision."""
+    """Matplotlib's style of a line of the chart (solid, dashed ...), from the engine and precision in its label."""
     return "--" if label.startswith("MuJoCo:") else "-." if label.startswith("rapier:") else ":" if label.endswith(_SINGLE) else "-"
 
 
 def _panel(panel: Axes, dots: Sequence[Dot], cost: str, colours: dict[str, str], markers: dict[float, str]) -> None:
-    """Draws error against one of the costs, with a line per label and a marker per time step."""
+    """Draws error against cost into a panel, with a line per label, a marker per time step, and the Pareto front.
+
+    Args:
+        panel: The panel.
+        dots: Points of the chart.
+        cost: Cost to draw: "alone" or "batch".
+        colours: Colour of each label.
+        markers: Marker of each time step.
+    """
     good = [dot for dot in dots if math.isfinite(dot.error) and math.isfinite(getattr(dot, cost))]
     for label, colour in colours.items():
         own = [dot for dot in good if dot.label == label]
@@ -137,7 +148,13 @@ def _panel(panel: Axes, dots: Sequence[Dot], cost: str, colours: dict[str, str],
 
 
 def _scale(panel: Axes, axes: str, *, there: bool) -> None:
-    """Set logarithmic axes, or write a note into a panel without points."""
+    """Sets logarithmic axes, or writes a note into a panel without points.
+
+    Args:
+        panel: The panel.
+        axes: Axes to set: "x", "y" or "xy".
+        there: Whether the panel has points.
+    """
     if not there:
         panel.text(0.5, 0.5, "nothing was measured: see the notes of the rows", transform=panel.transAxes, ha="center", fontsize=11)
         return
@@ -148,7 +165,7 @@ def _scale(panel: Axes, axes: str, *, there: bool) -> None:
 
 
 def _legends(figure: Figure, panels: Sequence[Axes], markers: dict[float, str]) -> None:
-    """Adds legends for the time steps and for the settings."""
+    """Adds legends for the time steps and for the settings to the picture of a chart."""
     lines = require("matplotlib.lines", "to draw a chart")
     marks = [
         lines.Line2D([], [], marker=mark, color="#444444", linestyle="none", label=f"{dt * 1e3:.4g} ms") for dt, mark in markers.items()
@@ -160,7 +177,7 @@ def _legends(figure: Figure, panels: Sequence[Axes], markers: dict[float, str]) 
 
 
 def _split(panel: Axes, study: Study, dots: Sequence[Dot], labels: Sequence[str], colours: dict[str, str]) -> None:
-    """Draw bars of the parts of the error at the study's time step."""
+    """Draws bars for the parts of the error (solver, time step, model) at the study's time step, for each label."""
     own = study.options.timestep or float(study.loaded[0].timestep)
     chosen = [min((dot for dot in dots if dot.label == label), key=lambda dot: abs(dot.timestep - own)) for label in labels]
     place, there = np.arange(len(chosen)), False
@@ -179,7 +196,7 @@ def _split(panel: Axes, study: Study, dots: Sequence[Dot], labels: Sequence[str]
 
 
 def _kept(panel: Axes, name: str, dots: Sequence[Dot], colours: dict[str, str]) -> None:
-    """Draw the errors of an invariant against the time step."""
+    """Draws the largest error of an invariant against the time step, with a line per label."""
     for label, colour in colours.items():
         own = [dot for dot in dots if dot.label == label and math.isfinite(dot.invariants[name])]
         x, y = [1e3 * dot.timestep for dot in own], [max(dot.invariants[name], _FLOOR) for dot in own]
@@ -196,7 +213,7 @@ def _kept(panel: Axes, name: str, dots: Sequence[Dot], colours: dict[str, str]) 
 
 
 def _shifted(panel: Axes, name: str, study: Study, dots: Sequence[Dot], colours: dict[str, str]) -> None:
-    """Draw differences of an outcome from the converged runs with their intervals, at the study's time step."""
+    """Draws differences of an outcome from the converged runs with their intervals, at the study's time step, for each label."""
     own = study.options.timestep or float(study.loaded[0].timestep)
     labels = list(colours)
     for k, label in enumerate(labels):

@@ -51,7 +51,7 @@ class Invariant:
 
     @property
     def label(self) -> str:
-        """Name and unit."""
+        """Name and unit of the invariant, for tables and pictures."""
         return f"{self.name}, {self.unit}" if self.unit else self.name
 
 
@@ -66,7 +66,7 @@ ANGULAR = Invariant("angular momentum", "kg m2/s")
 
 @dataclass(frozen=True)
 class _Measured:
-    """Measurements of one state, from MuJoCo's library.
+    """Measurements of one state (positions and velocities) with MuJoCo's library.
 
     Attributes:
         errors: Position errors by invariant, m or rad.
@@ -106,7 +106,7 @@ class Invariants:
         self._choose()
 
     def _choose(self) -> None:
-        """Set `kinds` and `left_out` from properties of the scene."""
+        """Sets the lists of invariants that apply to the scene (`kinds`) and that do not (`left_out`), from properties of the scene."""
         m, mujoco = self._model, self._mujoco
         collides = bool(m.npair or (np.any(m.geom_contype) and np.any(m.geom_conaffinity)))
         if collides and not m.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT):
@@ -146,7 +146,13 @@ class Invariants:
         return found
 
     def _episode(self, trace: Trace, e: int, count: int) -> dict[Invariant, float]:
-        """Largest errors of episode e over its first `count` control periods."""
+        """Largest error of every invariant in one episode.
+
+        Args:
+            trace: Recorded run.
+            e: Index of the episode in the run.
+            count: Number of control periods to evaluate, from the start.
+        """
         path = [(trace.qpos[e], trace.qvel[e]), *zip(trace.path[0][:count, e], trace.path[1][:count, e], strict=True)]
         errors: dict[Invariant, float] = {}
         if NORM in self.kinds:
@@ -177,7 +183,7 @@ class Invariants:
         return bool(self._model.opt.disableflags & int(self._mujoco.mjtDisableBit.mjDSBL_GRAVITY))
 
     def _norms(self, qpos: Array) -> float:
-        """Largest deviation of a quaternion's norm from 1."""
+        """Largest deviation from 1 of the norm of a quaternion in the positions `qpos`, (nq,)."""
         model, worst = self._study.loaded[0], 0.0
         for j in range(model.njnt):
             joint = model.joint(j)
@@ -187,7 +193,7 @@ class Invariants:
         return worst
 
     def _state(self, qpos: Array, qvel: Array) -> _Measured:
-        """Measurements of a state, (nq,) and (nv,)."""
+        """Measures energies, momenta and position errors of a state, (nq,) m and rad, and (nv,) m/s and rad/s, with MuJoCo's library."""
         m, d, mujoco = self._model, self._data, self._mujoco
         d.qpos[:], d.qvel[:] = qpos, qvel
         mujoco.mj_fwdPosition(m, d)
@@ -219,7 +225,11 @@ class Invariants:
         )
 
     def _over_limits(self, unit: str) -> float:
-        """Largest violation of a limit: slides and tendons for "m", hinges and balls for "rad"."""
+        """Largest violation of a limit in the present state of MuJoCo's data, m or rad.
+
+        Args:
+            unit: "m" for limits of slides and tendons, "rad" for hinges and ball joints.
+        """
         m, d, kinds = self._model, self._data, self._mujoco.mjtJoint
         worst = 0.0
         for j in np.flatnonzero(m.jnt_limited):
@@ -239,7 +249,7 @@ class Invariants:
         return worst
 
     def _units(self, e: int) -> tuple[str, ...]:
-        """Units of the error of equality e."""
+        """Units of the position error of an equality constraint, given by its index: "m", "rad", both or none."""
         m, kinds = self._model, self._mujoco.mjtEq
         kind = m.eq_type[e]
         if kind == kinds.mjEQ_WELD:
@@ -250,7 +260,12 @@ class Invariants:
         return ("m",) if int(kind) in (int(kinds.mjEQ_CONNECT), int(kinds.mjEQ_TENDON)) else ()
 
     def _parts(self, e: int, rows: Array) -> dict[str, Array]:
-        """Error of equality e by unit, from its rows of `efc_pos`."""
+        """Position error of an equality constraint, by unit.
+
+        Args:
+            e: Index of the constraint.
+            rows: Its rows of MuJoCo's `efc_pos`.
+        """
         units = self._units(e)
         if self._model.eq_type[e] != self._mujoco.mjtEq.mjEQ_WELD:
             return {unit: rows for unit in units}
@@ -259,7 +274,15 @@ class Invariants:
         return {"m": rows[:3]} | ({"rad": 2.0 * rows[3:] / scale} if scale > 0 else {})
 
     def _work(self, trace: Trace, e: int, seen: list[_Measured]) -> Array:
-        """Work of the actuators since the start, without the energy that their damping removes, (1 + T,), J."""
+        """Work of the actuators since the start, at the start and after each control period, (1 + T,), J.
+
+        It does not include the energy that their damping removes.
+
+        Args:
+            trace: Recorded run.
+            e: Index of the episode in the run.
+            seen: Measurements of the states at these times.
+        """
         m, done, off = self._model, [0.0], self._mujoco.mjtDisableBit
         if m.nu == 0 or m.opt.disableflags & int(off.mjDSBL_ACTUATION):
             return np.zeros(len(seen))
@@ -276,7 +299,10 @@ class Invariants:
 
 
 def _nominal(study: Study) -> Any:
-    """`mujoco.MjModel` with nominal parameters; None if the model has no source. Fields that MuJoCo lacks affect no invariant."""
+    """Compiled `mujoco.MjModel` of a study with nominal parameters; None if the model has no source.
+
+    Fields that MuJoCo lacks are left out, because they affect no invariant.
+    """
     model, compiled = study.loaded
     if compiled is None:
         return None
@@ -290,7 +316,7 @@ def _nominal(study: Study) -> Any:
 
 
 def _inflow(study: Study, m: Any, mujoco: Any) -> str | None:
-    """Reason why energy may be added in a way that is not accounted for; None if there is none."""
+    """Reason why a scene may gain energy that the energy balance does not count; None if there is none."""
     kinds = mujoco.mjtGain, mujoco.mjtBias, mujoco.mjtDyn
     plain = [
         m.actuator_gaintype[k] == kinds[0].mjGAIN_FIXED
@@ -330,7 +356,7 @@ def _along_positions(m: Any, mujoco: Any, k: int) -> bool:
 
 
 def _losses(m: Any, mujoco: Any, kinds: list[Invariant]) -> bool:
-    """Whether the scene may dissipate energy."""
+    """Whether a scene may dissipate energy, by damping, friction or impacts."""
     touches = {PENETRATION, *LIMITS.values(), *LOOPS.values()} & set(kinds)
     damped = any(np.any(own != 0) for own in (m.dof_damping, m.dof_frictionloss, m.tendon_damping, m.tendon_frictionloss))
     servo = bool(m.nu and np.any(m.actuator_biasprm[:, 2] != 0))

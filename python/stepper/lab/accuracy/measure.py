@@ -28,14 +28,17 @@ Array = NDArray[np.float64]
 TARGET = {"m": 1e-4, "rad": 1e-3}
 """Target uncertainty of a reference, by unit. If no horizon is given, errors are measured until the reference exceeds it."""
 REFERENCE, RUNS, LAWS, SOURCES, INVARIANTS, COSTS = 0.3, 0.55, 0.65, 0.71, 0.77, 1.0
-"""Fractions of the time budget at which stages must be finished.
+"""Fractions of the time budget at which the stages of a chart must be finished.
 
-The stages are: the reference, all runs, a converged run of each contact law, runs with a tight solver tolerance, invariants, costs."""
+The stages are: the reference, all runs, a converged run of each contact law, runs with a tight solver tolerance, invariants, costs.
+"""
 
 
 _MAX_SLOWDOWN, _MIN_PATIENCE = 10.0, 10.0
-"""Largest ratio of a run's duration to that of the reference's finest run, and duration that is always allowed, s. Slower runs have usually
-diverged."""
+"""Largest ratio of a run's duration to that of the reference's finest run, and duration that is always allowed, s.
+
+Slower runs are stopped, because they have usually diverged.
+"""
 
 
 @dataclass(frozen=True)
@@ -151,7 +154,7 @@ def measure(
 
 
 def _laws(ground: ChartBasis, lines: Sequence[Line], tick: Callable[[float], None]) -> dict[str, Reference | str]:
-    """Converged run of each contact law of some lines, by `_law`, or the reason why it failed."""
+    """Converged run for each contact law that occurs in some lines of a chart, or the reason why there is none, by key of the law."""
     laws: dict[str, Reference | str] = {ground.study.options.contact: ground.reference}
     first = {_law(line): line for line in reversed(lines) if _law(line) not in laws}
     jobs = [(line, 1.0 / (len(first) - k)) for k, line in enumerate(reversed(first.values()))]
@@ -162,21 +165,26 @@ def _laws(ground: ChartBasis, lines: Sequence[Line], tick: Callable[[float], Non
 
 
 def _law(line: Line) -> str:
-    """Key of a line's contact law. Lines with equal keys share a converged run."""
+    """Key of the contact law of a line of the chart. Lines with equal keys share a converged run."""
     return line.law if line.engine == "stepper" else json.dumps(line.settings, sort_keys=True)
 
 
 def _solved_key(line: Line, dt: float) -> str:
-    """Key of a line at a time step, without its solver settings. Equal keys share the run with a tight tolerance."""
+    """Key of a line of the chart at a time step `dt`, s, without its solver settings. Equal keys share the run with a tight tolerance."""
     return json.dumps({name: own for name, own in line.settings.items() if name not in TIGHT} | {"timestep": dt}, sort_keys=True)
 
 
 def _runs(
     ground: ChartBasis, steps: Sequence[float], count: int, study: Study, own: tuple[int, Line]
 ) -> list[tuple[Trace | None, str]] | str:
-    """Runs of a line at all time steps, each with a note; or the reason why the line cannot be run.
+    """Runs of one line of the chart at all time steps, each with a note (None for a run without time); or the reason why it cannot be run.
 
-    `own` is index and line; `count` is the number of lines, among which the remaining time is divided.
+    Args:
+        ground: Data that all points share.
+        steps: Time steps, s.
+        count: Number of lines, among which the remaining time is divided.
+        study: The study.
+        own: Index of the line, and the line.
     """
     (number, line), stage = own, ground.budget.stage(RUNS)
     made: dict[float, tuple[Trace | None, str]] = {}
@@ -191,7 +199,13 @@ def _runs(
 
 
 def _solved(ground: ChartBasis, study: Study, own: tuple[Line, float, float]) -> tuple[Trace | None, str]:
-    """Run of a line at a time step (s) with a tight solver tolerance, up to the horizon. `own` has a fraction of the remaining time."""
+    """Run of a line of the chart with a tight solver tolerance, up to the horizon, and a note; None without time for the run.
+
+    Args:
+        ground: Data that all points share.
+        study: The study.
+        own: Line, time step (s), and the fraction of the remaining time that the run may take.
+    """
     line, dt, share = own
     return _run(
         ground, ground.budget.stage(SOURCES).one(share), line.settings | TIGHT | {"timestep": dt}, study, until=ground.distance.horizon
@@ -199,7 +213,15 @@ def _solved(ground: ChartBasis, study: Study, own: tuple[Line, float, float]) ->
 
 
 def _run(ground: ChartBasis, stage: Stage, settings: dict[str, Any], study: Study, until: float = math.inf) -> tuple[Trace | None, str]:
-    """Run with some settings, and a note if it was stopped; None without time for it. `until` is the simulated time, s."""
+    """Run of a study with changed settings, and a note if the run was stopped; None without time for the run.
+
+    Args:
+        ground: Data that all points share.
+        stage: Stage of the time budget.
+        settings: Changed settings, with the time step.
+        study: The study.
+        until: Simulated time at which the run ends, s.
+    """
     if stage.limited and not stage.left:
         return None, f"the budget of {ground.budget.seconds:g} s was spent before"
     patient = patience(study, ground.reference.trace, settings["timestep"], slower=_MAX_SLOWDOWN, least=_MIN_PATIENCE)
@@ -212,7 +234,13 @@ def _run(ground: ChartBasis, stage: Stage, settings: dict[str, Any], study: Stud
 
 
 def _converged(ground: ChartBasis, study: Study, own: tuple[Line, float]) -> Reference | str:
-    """Converged run of a line's contact law, or the reason why it failed. `own` has a fraction of the remaining time."""
+    """Converged run for the contact law of a line of the chart, or the reason why it failed.
+
+    Args:
+        ground: Data that all points share.
+        study: The study.
+        own: Line, and the fraction of the remaining time that the run may take.
+    """
     line, share = own
     # Hard contact has one integrator for all lines. MuJoCo's law has that of the line, because the study's may be one of hard contact.
     law = None if line.law == "hard" else {name: own for name, own in line.settings.items() if name != "precision"}
@@ -238,7 +266,7 @@ def _converged(ground: ChartBasis, study: Study, own: tuple[Line, float]) -> Ref
 def _point(
     ground: ChartBasis, at: tuple[Line, float], own: tuple[Trace | None, str], tight: tuple[Trace | None, str], law: Reference | str
 ) -> Point:
-    """Point of the chart.
+    """Point of the chart from the runs of a line at a time step.
 
     Args:
         ground: Data that all points share.

@@ -21,13 +21,13 @@ from stepper.shared.machine import one_core
 
 Description = dict[str, Any]
 _Cut = tuple[str, str, Callable[[Description], None]]
-"""Removable part: its name, the reason, and the function that removes it from a description."""
+"""Removable part of a scene: its name, the reason why it may be removed, and the function that removes it from a description."""
 _NO_FRICTION = 1e-9
 """Ratio of tangential to normal force below which a contact counts as frictionless."""
 _MAX_CONE_USE = 0.9
 """Largest used fraction of the friction cone at which a contact counts as never sliding."""
 _FRICTION_FACTOR = 2.0
-"""Factor by which friction is increased in the test of contacts that never slide; the motion must not change."""
+"""Factor by which friction is increased to test contacts that never slide: the motion must not change."""
 _LIMIT_DISTANCE = 0.01
 """Distance from a limit, as a fraction of the joint's range, beyond which the limit counts as not needed."""
 
@@ -58,7 +58,7 @@ class Spare:
 
 @dataclass(frozen=True)
 class Bench:
-    """Test bench for removable parts: episodes of a study with some settings.
+    """Episodes of a study with some settings, as a test of how removing parts of the scene changes motion and time.
 
     Attributes:
         study: The study.
@@ -75,7 +75,10 @@ class Bench:
     trace: Trace
 
     def errors(self, smaller: Sequence[Model], tick: Callable[[float], None]) -> list[float]:
-        """Largest change of the motion with each smaller model, m or rad; infinite if the controller or a measure reads a removed part."""
+        """Largest change of the motion with each of some smaller models, m or rad.
+
+        A change is infinite if the controller or a measure reads a removed part.
+        """
         found: dict[int, float] = {}
         for number, error in each(self.study, smaller, self._error):
             found[number] = error
@@ -83,19 +86,26 @@ class Bench:
         return [found[number] for number in range(len(smaller))]
 
     def _error(self, _: Study, smaller: Model) -> float:
-        """Largest error of the episodes with a smaller model; infinite if the distance cannot be measured."""
+        """Largest change of the motion in any episode with a smaller model, m or rad.
+
+        It is infinite if the controller or a measure reads a removed part. The first argument is not used.
+        """
         try:
             return float(self.distance(run(self._study_with(smaller), self.episodes, **self.settings), self.trace).max())
         except KeyError:
             return math.inf
 
     def saved(self, smaller: Model) -> tuple[float, float]:
-        """Saved fraction of a batch's time with a smaller model, and its lower bound."""
+        """Fraction of a batch's processor time that a smaller model saves (the median), and its lower bound."""
         with one_core():
             return saving((self.study, self.settings), (self._study_with(smaller), self.settings), self.trace)
 
     def cheaper(self, before: Mapping[str, Any], after: Mapping[str, Any]) -> tuple[float, float, float]:
-        """Effect of a change of settings.
+        """Effect of replacing some settings by others.
+
+        Args:
+            before: Settings in addition to those of the test.
+            after: Settings that replace them.
 
         Returns:
             Largest change of the motion (m or rad), saved fraction of the time, and its lower bound.
@@ -106,13 +116,20 @@ class Bench:
             return error, *saving((self.study, one), (self.study, other), self.trace)
 
     def spare(self, cut: _Cut, smaller: Model, error: float, budget: float) -> Spare:
-        """Result of removing a part: change of the motion (given as `error`), and saved time."""
+        """Effect of removing a part of the scene, with the saved time, which is measured here.
+
+        Args:
+            cut: Name of the part, reason, and function that removes it.
+            smaller: Model without the part.
+            error: Largest change of the motion, m or rad.
+            budget: Largest allowed change, m or rad.
+        """
         what, why, _ = cut
         saved, least = self.saved(smaller) if math.isfinite(error) else (math.nan, math.nan)
         return Spare(what, why, error, saved, least, error <= budget and least > 0)
 
     def _study_with(self, smaller: Model) -> Study:
-        """The study with a smaller model, ideal sensors, and without parameters of sensors."""
+        """Copy of the study with a smaller model and ideal sensors, without parameters of sensors."""
         # The controller reads the parameters. Sensors are ideal and may be removed, so that their parameters are dropped.
         kept = {name: own for name, own in self.study.parameters.items() if own.kind != "sensor"}
         return replace(self.study, model=smaller, parameters=kept, sensors=None)
@@ -155,7 +172,7 @@ def spares(bench: Bench, budget: float, tick: Callable[[float], None]) -> tuple[
 
 
 def _settings(bench: Bench, seen: Touching, budget: float) -> Iterator[Spare]:
-    """Effects of settings that the episodes may not need: 64 bits, and the solver's Newton method."""
+    """Yields effects of replacing settings that the episodes may not need: 64-bit precision, and the solver's Newton method."""
     own = bench.settings
     bits = own.get("precision", bench.study.precision)
     error, saved, least = bench.cheaper({"precision": "f64"}, {"precision": "f32"})
@@ -169,7 +186,7 @@ def _settings(bench: Bench, seen: Touching, budget: float) -> Iterator[Spare]:
 
 
 def _smaller(whole: Description, cuts: Sequence[Callable[[Description], None]]) -> Model:
-    """Model of a description without some parts."""
+    """Model from a copy of a description, from which some functions remove parts."""
     # Meshes and height fields stay shared, because no cut changes them.
     description = {name: value if name in ("meshes", "height_fields") else copy.deepcopy(value) for name, value in whole.items()}
     for cut in cuts:
@@ -178,7 +195,10 @@ def _smaller(whole: Description, cuts: Sequence[Callable[[Description], None]]) 
 
 
 def _pairs(model: Model, compiled: Any, seen: Touching, whole: Description) -> list[_Cut]:
-    """Removable pairs: bodies that may collide but never came near, with their explicit pairs; and unused explicit pairs of others."""
+    """Removable contact pairs of a scene, as a list of cuts.
+
+    They are bodies that may collide but never came near, with their explicit pairs; and unused explicit pairs of other bodies.
+    """
     bodies = {pair.geoms: _bodies(model, pair.geoms) for pair in seen.pairs}
     may = pairs_that_may_touch(model, compiled)
     never = sorted(may - set(bodies.values()))
@@ -204,24 +224,24 @@ def _pairs(model: Model, compiled: Any, seen: Touching, whole: Description) -> l
 
 
 def _without_pairs(description: Description, gone: set[tuple[int, int]]) -> None:
-    """Remove explicit pairs, given by their geoms, from a description."""
+    """Removes explicit contact pairs, given by their two geoms, from a description in place."""
     description["pairs"] = [pair for pair in description["pairs"] if _ordered(pair["geoms"]) not in gone]
 
 
 def _explicit(whole: Description) -> dict[tuple[int, int], int]:
-    """Indices of the explicit pairs in a description, by their geoms, the lower index first."""
+    """Index of each explicit contact pair in a description, by its two geoms, the lower index first."""
     return {_ordered(pair["geoms"]): k for k, pair in enumerate(whole["pairs"])}
 
 
 def _meet(model: Model, geoms: tuple[int, int]) -> bool:
-    """Whether two geoms may collide without an explicit pair."""
+    """Whether two geoms may collide by their masks and bodies, even without an explicit pair."""
     one, other = model.geom(geoms[0]), model.geom(geoms[1])
     masks = (one.contype & other.conaffinity) or (other.contype & one.conaffinity)
     return bool(masks) and _bodies(model, geoms) in pairs_of_bodies(model)
 
 
 def _bodies(model: Model, geoms: tuple[int, int]) -> tuple[int, int]:
-    """Bodies of two geoms, the lower index first."""
+    """Indices of the bodies of two geoms, the lower index first."""
     return _ordered([model.geom(g).bodyid for g in geoms])
 
 
@@ -232,7 +252,7 @@ def _ordered(pair: Sequence[int]) -> tuple[int, int]:
 
 
 def _frictionless(model: Model, seen: Touching, whole: Description) -> list[_Cut]:
-    """Removable friction: geoms and explicit pairs whose contacts have no tangential forces."""
+    """Removable friction of a scene, as a list of cuts: geoms and explicit pairs whose contacts have no tangential forces."""
     pressed = {pair.geoms: pair for pair in seen.pairs if pair.impulse > 0}
     idle = {key for key, pair in pressed.items() if pair.used <= _NO_FRICTION and pair.twists <= _NO_FRICTION * pair.peak}
     explicit = _explicit(whole)
@@ -252,7 +272,7 @@ def _frictionless(model: Model, seen: Touching, whole: Description) -> list[_Cut
 
 
 def cones(model: Model, seen: Touching, whole: Description) -> list[_Cut]:
-    """Friction cones of contacts that never slide, with functions that widen them.
+    """Friction cones of contacts that never slide, as a list of cuts whose functions widen the cones.
 
     A contact that stays inside its cone would move in the same way without a bound on friction. There are two tests: the used share of each
     contact's cone, and the change of the motion with a wider cone. The engine has no friction without a bound, so that nothing is removed.
@@ -288,7 +308,7 @@ def cones(model: Model, seen: Touching, whole: Description) -> list[_Cut]:
 
 
 def _limits(model: Model, seen: Touching) -> list[_Cut]:
-    """Removable limits: those of joints that never came near them."""
+    """Removable limits of a scene, as a list of cuts: limits of joints that never came near them."""
     far = []
     for k in range(model.njnt):
         joint = model.joint(k)
@@ -310,7 +330,7 @@ def _limits(model: Model, seen: Touching) -> list[_Cut]:
 
 
 def _sensors(model: Model, seen: Touching) -> list[_Cut]:
-    """Removable sensors: all of them, if neither the controller nor an outcome reads one."""
+    """Removable sensors of a scene, as a list of cuts: all of them, if neither the controller nor an outcome reads one."""
     if not model.sensors or seen.senses:
         return []
 

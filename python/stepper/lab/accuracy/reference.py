@@ -43,7 +43,7 @@ _MIN_PATIENCE, _PATIENCE_PER_STEP = 2.0, 1e-4
 _MAX_SLOWDOWN = 3.0
 """Largest ratio of the second method's duration to the first's."""
 _SHARE = 0.4
-"""Largest fraction of the remaining time for one run of a reference."""
+"""Largest fraction of the remaining time budget for one run of a reference."""
 _ROUNDING = 1e-11
 """Difference of two runs below which it counts as rounding, m or rad."""
 _SMOOTH_ORDERS = (1.6, 2.6)
@@ -102,7 +102,7 @@ class Reference:
 
     @property
     def words(self) -> str:
-        """Description as a sentence: time step, order, second method and uncertainty."""
+        """Description of the reference as a sentence: time step, observed order, second method and uncertainty."""
         if self.exact:
             return f"the closed form {self.exact}"
         smooth, n = int(self.extrapolates.sum()), len(self.extrapolates)
@@ -229,9 +229,14 @@ def converge(
 
 
 def _by(integrator: str, runs: Sequence[Trace], again: Callable[..., Trace], stage: Stage, study: Study) -> list[Trace] | None:
-    """Runs with another integrator at the time steps of given runs; None if one takes too long or the budget ends.
+    """Runs with another integrator at the time steps of given runs; None if one takes too long or the time budget ends.
 
-    `again` is the function that runs the episodes with some settings.
+    Args:
+        integrator: Name of the integrator.
+        runs: Given runs.
+        again: Function that runs the episodes with some settings.
+        stage: Stage of the time budget.
+        study: The study.
     """
     made: list[Trace] = []
     for of in runs:
@@ -243,12 +248,19 @@ def _by(integrator: str, runs: Sequence[Trace], again: Callable[..., Trace], sta
 
 
 def _sound(second: Sequence[Trace], runs: Sequence[Trace]) -> bool:
-    """Whether the second method stays finite in all episodes in which the first method does."""
+    """Whether runs with the second integrator stay finite in all episodes in which those of the first stay finite."""
     return all(bool((own.finite | ~of.finite).all()) for own, of in zip(second, runs[-2:], strict=True))
 
 
 def _assessed(runs: Sequence[Trace], second: Sequence[Trace], distance: Distance, target: float) -> Reference:
-    """Reference from up to three runs of the first method and two of the second, with the uncertainty of the finest run."""
+    """Reference from runs at successive halvings of the time step, with an estimate of the finest run's uncertainty.
+
+    Args:
+        runs: Up to three runs of the first method, the finest last.
+        second: Two runs of the second method at the two finest steps, or none.
+        distance: Definition of the difference of two runs.
+        target: Target of the uncertainty, m or rad.
+    """
     nothing = np.full(len(runs[-1].qpos), np.nan)
     one = distance(runs[-3], runs[-2]) if len(runs) == 3 else nothing
     two = distance(runs[-2], runs[-1]) if len(runs) > 1 else np.full(len(nothing), np.inf)

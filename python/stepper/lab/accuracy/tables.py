@@ -71,7 +71,10 @@ def write(found: ChartData, folder: Path) -> tuple[Document, list[Path]]:
 
 
 def _episodes(found: ChartData, path: Path) -> Path:
-    """Write errors and outcomes of every episode to an .npz file: arrays (points, episodes), with "label" and "timestep" of the points."""
+    """Writes errors and outcomes of every episode to an .npz file, as arrays (points, episodes), and returns its path.
+
+    The arrays "label" and "timestep" name the settings and time step of each point.
+    """
     nothing = np.full(len(found.ground.episodes), np.nan)
     kept: dict[str, Any] = {
         "label": np.array([dot.label for dot in found.dots]),
@@ -90,7 +93,13 @@ def _episodes(found: ChartData, path: Path) -> Path:
 
 
 def _sections(found: ChartData, picture: Path, later: Path | None) -> list[Section]:
-    """Sections of the document."""
+    """Sections of the document of a chart.
+
+    Args:
+        found: Data of the chart.
+        picture: Picture of error against cost.
+        later: Picture of invariants and outcomes; None if there is none.
+    """
     dots, ground = found.dots, found.ground
     best = set(map(id, [*front(dots, "alone"), *front(dots, "batch")]))
     study, unit = ground.study, ground.distance.unit
@@ -120,7 +129,7 @@ def _sections(found: ChartData, picture: Path, later: Path | None) -> list[Secti
 
 
 def _words(found: ChartData) -> list[str]:
-    """Paragraphs that explain errors, costs and the reference."""
+    """Paragraphs for the document of a chart that explain errors, costs and the reference."""
     ground = found.ground
     reference, unit, horizon = ground.reference, ground.distance.unit, ground.distance.horizon
     what = "largest distance of a body, geom or site" if unit == "m" else "largest angle of a body"
@@ -152,7 +161,7 @@ def _words(found: ChartData) -> list[str]:
 
 
 def _kept(found: ChartData, picture: Path | None) -> Section:
-    """Section with the errors of invariants."""
+    """Section of the document of a chart with the errors of invariants."""
     kinds, left = [kind.label for kind in found.invariants.kinds], found.invariants.left_out
     words = [
         "Errors of laws that every correct motion satisfies, also a chaotic one: the largest of all episodes, after every control period, "
@@ -166,7 +175,7 @@ def _kept(found: ChartData, picture: Path | None) -> Section:
 
 
 def _distributions(found: ChartData) -> Section:
-    """Section with differences of outcomes from the converged runs."""
+    """Section of the document of a chart with differences of outcomes from the converged runs."""
     study, reference = found.ground.study, found.ground.reference
     title = "Distributions of outcomes"
     if not study.all_outcomes:

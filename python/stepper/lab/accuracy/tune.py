@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 _REFERENCE_SHARE = 0.1
 """Target uncertainty of the reference, as a fraction of the error budget."""
 _RETRY_RATIO = 0.8
-"""Largest ratio of the next tested candidate's error to that of a candidate that failed on held-out episodes."""
+"""Ratio of errors up to which a candidate is tested after another one failed on held-out episodes: its error to the failed one's."""
 
 _BISECTIONS = 3
 """Number of rounds of bisection between the longest time step within the budget and the next longer one."""
@@ -233,7 +233,17 @@ def tune(
 
 @dataclass
 class _Case:
-    """Settings with a number of time steps per control period, and the result of their run."""
+    """Candidate settings at one time step, with the result of their run.
+
+    Attributes:
+        name: Name of the settings.
+        line: Changed settings without the time step.
+        steps: Number of time steps per control period.
+        settings: Changed settings with the time step.
+        trace: Recorded run.
+        error: Largest error plus uncertainty of the reference, m or rad.
+        cost: Microseconds of one core for a simulated second, alone and in a batch; NaN if not measured.
+    """
 
     name: str
     line: dict[str, Any]
@@ -245,7 +255,10 @@ class _Case:
 
 
 def _lines(study: Study) -> list[tuple[str, dict[str, Any]]]:
-    """Names and changed settings of the candidates: the study's settings in both precisions, then those of a chart, without duplicates."""
+    """Candidate settings as pairs of a name and changed settings, without duplicates.
+
+    They are the study's settings in both precisions, then those of a chart.
+    """
     other = "f32" if study.precision == "f64" else "f64"
     named: list[tuple[str, dict[str, Any]]] = [(OWN, {}), (f"{OWN}, {other}", {"precision": other})]
     # Settings of a chart without a precision have 64 bits, whatever the precision of the study.
@@ -262,10 +275,19 @@ def _lines(study: Study) -> list[tuple[str, dict[str, Any]]]:
 def _candidates(
     study: Study, episodes: Sequence[int], distance: Distance, reference: Reference, budget: float, *, alone: bool, report_progress: Tick
 ) -> tuple[Candidate, list[Candidate]]:
-    """Candidate with the study's settings, and all candidates including it, with their errors and costs.
+    """Finds and measures candidate settings: the candidate with the study's settings, and all candidates including it.
 
     First, all settings run at time steps around that of the study, by factors of two. Then settings that may become the cheapest run at
     time steps between the longest one within the budget and the next longer one.
+
+    Args:
+        study: The study.
+        episodes: Numbers of the episodes.
+        distance: Definition of errors.
+        reference: Reference of these episodes.
+        budget: Allowed error, m or rad.
+        alone: Whether the cost of a single environment counts, instead of a batch.
+        report_progress: Progress callback.
     """
     by = 0 if alone else 1
     timestep = study.options.timestep or float(study.loaded[0].timestep)
@@ -363,7 +385,7 @@ def _removable(
 
 
 def _distinct(study: Study, episodes: range, settings: Mapping[str, Any]) -> list[int]:
-    """Numbers of the episodes whose motion and controls differ from those of all episodes before them, counted from episode 0."""
+    """Numbers of the episodes in a range whose motion and controls differ from those of all earlier episodes, counted from episode 0."""
     trace = run(study, range(episodes.stop), **settings)
     seen: set[bytes] = set()
     found = []
@@ -377,7 +399,16 @@ def _distinct(study: Study, episodes: range, settings: Mapping[str, Any]) -> lis
 
 
 def _trial(study: Study, candidate: Candidate, episodes: Sequence[int], distance: Distance, budget: float, *, confidence: float) -> Trial:
-    """Test of a candidate on held-out episodes."""
+    """Tests a candidate on held-out episodes.
+
+    Args:
+        study: The study.
+        candidate: The candidate.
+        episodes: Numbers of the held-out episodes.
+        distance: Definition of errors.
+        budget: Allowed error, m or rad.
+        confidence: Confidence of the lower bound of the fraction of episodes within the budget.
+    """
     parts = [episodes[k : k + _HELD_OUT_BATCH] for k in range(0, len(episodes), _HELD_OUT_BATCH)]
     apart, unsure = np.empty(len(episodes)), np.empty(len(episodes))
     for number, (own, doubt) in each(study, parts, functools.partial(_held_out, candidate, distance, budget)):
@@ -390,7 +421,10 @@ def _trial(study: Study, candidate: Candidate, episodes: Sequence[int], distance
 
 
 def _held_out(candidate: Candidate, distance: Distance, budget: float, study: Study, episodes: Sequence[int]) -> tuple[Array, Array]:
-    """Errors of held-out episodes, and the uncertainty of their reference, (episodes,) each, m or rad."""
+    """Errors of a candidate in held-out episodes, and the uncertainty of their reference, (episodes,) each, m or rad.
+
+    An error is infinite if the run was stopped.
+    """
     reference = reference_of(study, episodes, distance, target=_REFERENCE_SHARE * budget)
     stage = Stage().within(patience(study, reference.trace, candidate.settings["timestep"]))
     trace = run(study, episodes, stage=stage, **candidate.settings)
@@ -398,7 +432,7 @@ def _held_out(candidate: Candidate, distance: Distance, budget: float, study: St
 
 
 def _options(study: Study, chosen: Candidate | None) -> tuple[Options | None, str | None]:
-    """Options and precision of a candidate; None for None."""
+    """Options of the step and precision of a candidate; a pair of None without a candidate."""
     if chosen is None:
         return None, None
     given = dict(chosen.settings)
@@ -407,7 +441,7 @@ def _options(study: Study, chosen: Candidate | None) -> tuple[Options | None, st
 
 
 def words_of(options: Options, precision: str | None) -> str:
-    """Python expression that makes options and precision, without default values."""
+    """Python expression that makes some options and a precision, without arguments that have their default values."""
     usual = Options()
     own = {f.name: getattr(options, f.name) for f in fields(Options) if getattr(options, f.name) != getattr(usual, f.name)}
     arguments = ", ".join(f"{name}={value!r}" for name, value in own.items())
@@ -485,7 +519,7 @@ def _sections(found: Tuning, reference: Reference, *, coverage: float, confidenc
 
 
 def _compared(found: Tuning, cost: str) -> str:
-    """Sentence that compares the chosen settings with the study's: ratio of costs, and whether the study's are within the budget."""
+    """Sentence that compares the chosen settings with the study's: ratio of costs, and whether the study's keep the error budget."""
     assert found.chosen is not None
     unit, usual = found.distance.unit, found.usual
     if found.chosen is usual:
@@ -507,7 +541,12 @@ def _compared(found: Tuning, cost: str) -> str:
 
 
 def _usual_error(usual: Candidate, unit: str) -> str:
-    """Sentence on the error of the study's own settings, in `unit`."""
+    """Sentence on the error of the study's own settings.
+
+    Args:
+        usual: Candidate with these settings.
+        unit: Unit of the error.
+    """
     if usual.stopped:
         return "With the study's own settings, episodes were stopped: they took far longer than the reference, as diverging motions do."
     if not math.isfinite(usual.error):
@@ -516,7 +555,7 @@ def _usual_error(usual: Candidate, unit: str) -> str:
 
 
 def _cheaper(found: Tuning) -> str:
-    """Sentence on cheaper candidates, with the reason why none was chosen."""
+    """Sentence on candidates that are cheaper than the chosen one, with the reason why none of them was chosen."""
     assert found.chosen is not None
     kept = [own for own in found.candidates if own.error <= found.budget]
     before = kept.index(found.chosen)
@@ -529,7 +568,12 @@ def _cheaper(found: Tuning) -> str:
 
 
 def _removal(own: Spare, budget: float) -> str:
-    """Entry of the table: whether a part is removed, or the reason why it is not."""
+    """Text for the table of removable parts: whether a part is removed, or the reason why it is not.
+
+    Args:
+        own: Effect of removing the part.
+        budget: Largest allowed change of the motion, m or rad.
+    """
     if own.removed:
         return f"yes: {own.setting}" if own.setting else "yes"
     if math.isnan(own.saved):
@@ -540,7 +584,7 @@ def _removal(own: Spare, budget: float) -> str:
 
 
 def _save(found: Tuning, folder: Path) -> list[Path]:
-    """Writes the report and tune.json to a folder; returns the files."""
+    """Writes the report, tune.json and the smaller model to a folder, and returns the paths of the files."""
     folder.mkdir(parents=True, exist_ok=True)
     files = found.document.save(folder, "tune")
     contents = {
@@ -563,7 +607,7 @@ def _save(found: Tuning, folder: Path) -> list[Path]:
 
 
 def _plain(value: Any) -> Any:
-    """Copy of a value with None for numbers that are not finite, which JSON does not have."""
+    """Copy of nested data with None for numbers that are not finite, which JSON cannot represent."""
     if isinstance(value, dict):
         return {name: _plain(own) for name, own in value.items()}
     if isinstance(value, list | tuple):

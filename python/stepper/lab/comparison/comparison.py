@@ -42,7 +42,7 @@ class Comparison:
         return {course.name: self._figures(course) for course in self.courses}
 
     def _figures(self, course: Course) -> dict[str, float]:
-        """Numbers of a course for the table, by heading with the unit."""
+        """Numbers for the table from the recorded run of one engine, by heading with the unit."""
         apart = np.abs(course.qpos - self.courses[0].qpos).max(axis=2) > ONSET
         parted = np.where(apart.any(axis=0), (apart.argmax(axis=0) + 1) * course.timestep, np.inf)
         first = np.where((course.pairs > 0).any(axis=0), ((course.pairs > 0).argmax(axis=0) + 1) * course.timestep, np.inf)
@@ -153,7 +153,7 @@ def compare(
 
 
 def _load(source: Any) -> tuple[Model, Any]:
-    """Model of a source, and its `mujoco.MjModel`; None without MuJoCo or for saved models."""
+    """Model of a source, and its `mujoco.MjModel`, which is None without MuJoCo or for saved models."""
     if isinstance(source, Model):
         return source, None
     if importlib.util.find_spec("mujoco") is None:
@@ -172,13 +172,13 @@ def _load(source: Any) -> tuple[Model, Any]:
 
 
 def _start(model: Model, num_envs: int, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Initial states: reference pose (num_envs, nq) with small random velocities (num_envs, nv), so that episodes differ."""
+    """Initial positions (num_envs, nq), the reference pose, and small random velocities (num_envs, nv), so that episodes differ."""
     qpos = np.tile(np.asarray(model.qpos0, float), (num_envs, 1))
     return qpos, rng.normal(0.0, 0.01, (num_envs, model.nv))
 
 
 def _random(model: Model, num_envs: int, steps: int, hold: int, rng: np.random.Generator) -> Array:
-    """Random controls, (steps, num_envs, nu), each held for `hold` steps."""
+    """Random controls within the actuators' ranges, (steps, num_envs, nu), each held for `hold` steps."""
     bounds = np.asarray(model.actuator_ctrlrange, float).reshape(model.nu, 2)
     low, high = np.where(np.isfinite(bounds), bounds, [-1.0, 1.0]).T
     drawn = rng.uniform(low, high, (steps // hold + 1, num_envs, model.nu))

@@ -12,9 +12,9 @@ from stepper.shared.machine import require
 
 
 def draw(courses: Sequence[Course], path: Path) -> Path:
-    """Draw four quantities against time, as medians over episodes with the range between quartiles, in one colour per engine.
+    """Draws overlap, force, energy and difference from hard contact against time, and returns the path of the picture.
 
-    The result is the path.
+    Lines are medians over episodes with the range between quartiles, in one colour per engine.
     """
     require("matplotlib", "to draw the comparison")
     from matplotlib.figure import Figure  # noqa: PLC0415  (optional)

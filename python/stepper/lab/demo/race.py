@@ -22,7 +22,7 @@ from stepper.loading import load
 from stepper.shared.machine import allowed_cores, one_core, package_file, provenance, require
 
 MATCHED = MujocoEngine("implicitfast, elliptic", "IMPLICITFAST", "ELLIPTIC", "NEWTON")
-"""Settings of MuJoCo that are most similar to stepper's."""
+"""Settings of MuJoCo that are most similar to stepper's default settings."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,15 @@ def _own_contacts(batch: StepperBatch, sample: int = 32) -> tuple[float, float]:
 
 
 def _chunk(batch: EngineBatch, control: Array, plan: Plan, steps: range, clock: Callable[[], float]) -> float:
-    """Make some steps of the plan, and return microseconds per step and environment."""
+    """Makes some steps of the demo's plan, and returns the duration in microseconds per step and environment.
+
+    Args:
+        batch: Environments of one engine.
+        control: Random controls, (k, num_envs, nu).
+        plan: Settings of the demo.
+        steps: Indices of the steps to make.
+        clock: Clock, s.
+    """
     quiet, spent = np.zeros((batch.num_envs, control.shape[2])), 0.0
     for step in steps:
         ctrl = control[step // plan.hold, : batch.num_envs] if step < plan.steps else quiet
@@ -121,7 +129,15 @@ def _chunk(batch: EngineBatch, control: Array, plan: Plan, steps: range, clock: 
 
 
 def _look(batch: EngineBatch, track: Track, phase: str, referee: Referee, plan: Plan) -> None:
-    """Add measurements of the current states to a track."""
+    """Adds measurements of the present states of an engine to its track.
+
+    Args:
+        batch: Environments of the engine.
+        track: Measurements of the engine, which are extended.
+        phase: "control" or "rest".
+        referee: Measurement by MuJoCo.
+        plan: Settings of the demo.
+    """
     track.samples[phase].append(referee.measure(batch.qpos[: plan.num_peers], batch.qvel[: plan.num_peers]))
     if isinstance(batch, StepperBatch):
         track.own[phase].append(_own_contacts(batch))
@@ -182,13 +198,20 @@ def _batches(model: Model, path: str, plan: Plan, threads: int) -> list[EngineBa
 
 
 def _ratios(ours: Track, theirs: Track) -> dict[str, float]:
-    """Speed relative to another engine, by phase: median ratio of the times of corresponding chunks."""
+    """Speed of one engine relative to another, by phase: median ratio of the times of corresponding chunks of steps."""
     pairs = {phase: list(zip(times, theirs.times[phase], strict=True)) for phase, times in ours.times.items() if times}
     return {phase: median(their / our for our, their in both) for phase, both in pairs.items()}
 
 
 def _engine_figures(batch: EngineBatch, one: Track, many: Track, peers: dict[str, Track]) -> dict[str, object]:
-    """Figures of one engine, from its tracks on one core and on many; rates are medians over the chunks."""
+    """Figures of one engine for the table: rates (medians over the chunks) and measurements.
+
+    Args:
+        batch: Environments of the engine.
+        one: Measurements on one core.
+        many: Measurements on all cores.
+        peers: Measurements of the engines with which it is compared, by name.
+    """
     rates = {phase: 1e6 / median(times) for phase, times in one.times.items() if times}
     spread = {phase: [1e6 / max(times), 1e6 / min(times)] for phase, times in one.times.items() if times}
     samples = one.samples["control"] + one.samples["rest"]

@@ -21,12 +21,16 @@ def length(metres: float) -> str:
 
 
 def _phases(values: dict[str, float], form: str) -> str:
-    """Text of the values of all phases, with a format such as ".2f"."""
+    """Text of one number per phase ("control", "rest"), with a format such as ".2f"."""
     return " / ".join(format(value, form) for value in values.values())
 
 
 def _rows(peers: Sequence[str]) -> list[tuple[str, Callable[[Figures], str]]]:
-    """Rows of the table: label, and function from an engine's figures to the text of its cell."""
+    """Rows of the demo's table: label, and function from an engine's figures to the text of its cell.
+
+    Args:
+        peers: Names of the engines with which speeds are compared.
+    """
     return [
         ("environments", lambda f: f"{f['num_envs']:,}"),
         ("steps a second, one core, control / rest", lambda f: _phases(f["steps_per_second_one_core"], ",.0f")),
@@ -47,12 +51,17 @@ def _rows(peers: Sequence[str]) -> list[tuple[str, Callable[[Figures], str]]]:
 
 
 def _certified(figures: Figures, form: Callable[[Figures], str]) -> str:
-    """Text of an engine's certificates, by phase; "not reported" for MuJoCo."""
+    """Text on how well an engine solved its steps, by phase; "not reported" for MuJoCo.
+
+    Args:
+        figures: Figures of the engine.
+        form: Function from the statistics of a phase to text.
+    """
     return " / ".join(form(certificate) for certificate in figures.get("certificates", {}).values()) or "not reported"
 
 
 def _notes(figures: Figures) -> list[str]:
-    """Notes below the table: settings, method of measurement and machine."""
+    """Notes below the demo's table: settings, method of measurement and machine."""
     plan, engines = figures["plan"], figures["engines"]
     ours = next(f for f in engines.values() if "options" in f)
     options, came_from = ours["options"], figures["provenance"]

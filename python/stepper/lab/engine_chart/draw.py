@@ -50,7 +50,7 @@ def write_csv(path: Path, scene: Scene, rows: Sequence[Row], provenance: Mapping
 
 
 def _lines(rows: Sequence[Row]) -> dict[tuple[str, str], list[Row]]:
-    """Rows by (engine, settings): the lines of the chart."""
+    """Points of the chart grouped by (engine, settings), one group for each line."""
     lines: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         lines.setdefault((row.engine, row.setting), []).append(row)
@@ -97,7 +97,7 @@ def _legends(figure: Figure, axes: Axes, markers: Mapping[float, str]) -> None:
 
 
 def _columns(lines: Sequence[Line2D]) -> list[Line2D]:
-    """Labelled lines in two columns of a legend, stepper's on the left. Blank entries fill up the shorter column."""
+    """Lines of a chart's legend in the order of two columns, stepper's on the left. Blank entries fill up the shorter column."""
     blank = require("matplotlib.lines", "to draw a chart").Line2D
     named = [line for line in lines if not str(line.get_label()).startswith("_")]
     left = [line for line in named if str(line.get_label()).startswith("stepper")]

@@ -37,7 +37,7 @@ class Effort:
 
 @dataclass(frozen=True)
 class Row:
-    """Point of a chart.
+    """Point of a chart: error and cost of an engine with some settings at one time step.
 
     Attributes:
         scene: Name of the scene.
@@ -94,7 +94,7 @@ class _Case(Timed):
 
 
 def _prepare(scene: Scene, engine: Engine, dt: float) -> _Case:
-    """Run a scene once with an engine and a time step, dt in s, for its error. Returns the case, which is not timed yet."""
+    """Runs a scene once with an engine and a time step dt, s, to compute its error, and returns the run, which is not timed yet."""
     run = engine.start(scene.mjcf, dt)
     qpos, qvel = scene.start(run, dt)
     nstep = round(scene.duration / dt)
@@ -107,7 +107,7 @@ def _prepare(scene: Scene, engine: Engine, dt: float) -> _Case:
 
 
 def _row(scene: Scene, case: _Case) -> Row:
-    """Row of the table for a case, with the median of its measured times."""
+    """Point of the chart from a timed run, with the median of its measured times."""
     middle = median(case.times)
     micro = 1e6 / case.run.num_envs
     spread = 0.5 * (max(case.times) - min(case.times)) / middle
@@ -134,7 +134,7 @@ def slope(rows: Sequence[Row], floor: float = 1e-11, ceiling: float = 0.3) -> fl
 
 
 def _with_slopes(rows: list[Row]) -> list[Row]:
-    """Rows with the slope of error over time step of their engine and setting."""
+    """Copies of the chart's points with `slope`, the order of convergence over the time steps of their engine and setting."""
     lines: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         lines.setdefault((row.engine, row.setting), []).append(row)

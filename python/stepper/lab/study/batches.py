@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class _Batch:
-    """Batch of episodes: point and number of each episode, and the name of the common settings."""
+    """Episodes that are stepped together: point and number of each episode, and the name of their common settings."""
 
     setting: str
     episodes: tuple[tuple[Point, int], ...]
@@ -78,12 +78,12 @@ def run_points(study: Study, points: Sequence[Point], journal: Journal, tick: Ca
 
 
 def _name(point: Point) -> str:
-    """Text that identifies a point."""
+    """Text that identifies a point: its settings and parameter values."""
     return json.dumps([point.setting, sorted(point.values.items())])
 
 
 def _batches(study: Study, points: Sequence[Point]) -> Iterator[_Batch]:
-    """Batches of all episodes at some points; each batch has points that can be stepped together."""
+    """Yields batches for all episodes at some points; each batch has episodes that can be stepped together."""
     groups: dict[str, list[Point]] = {}
     noisy = together(study)
     for point in {_name(point): point for point in points}.values():
@@ -104,7 +104,7 @@ def together(study: Study) -> bool:
 
 
 def group_of(study: Study, point: Point) -> str:
-    """Key of the group of a point: points with equal keys can be stepped together."""
+    """Key of a point for grouping: points of a study with equal keys can be stepped in one batch."""
     shared = {name: value for name, value in point.values.items() if study.parameters[name].kind == "options"}
     fields = model_fields(study.parameters, study.loaded[0], [point.values])
     engine, _, options, _ = options_of(study, point.setting, point.values)
@@ -114,9 +114,13 @@ def group_of(study: Study, point: Point) -> str:
 
 
 def options_of(study: Study, setting: str, values: Values, **changed: Any) -> tuple[str, Precision, Options, dict[str, Any]]:
-    """Engine, precision, options of the step, and the other settings (named, changed, or from parameters) that differ from the study's.
+    """Engine, precision, options of the step, and all settings that differ from the study's.
 
-    The arguments are those of `world_of`, with the parameter values of one environment.
+    Args:
+        study: The study.
+        setting: Name of the settings; their values override those of parameters.
+        values: Values of the parameters in one environment.
+        **changed: Further changed settings.
     """
     given: dict[str, Any] = {study.parameters[n].leaf: v for n, v in values.items() if study.parameters[n].kind == "options"}
     # Named settings override values of parameters.
@@ -126,7 +130,7 @@ def options_of(study: Study, setting: str, values: Values, **changed: Any) -> tu
 
 
 def _check_shared_options(study: Study, values_by_env: Sequence[Values]) -> None:
-    """Raise ValueError if environments of a batch differ in parameters that are options of the step; a batch has one value of each."""
+    """Raises ValueError if environments of a batch differ in a parameter that is an option of the step, such as the timestep."""
     names = [name for name, parameter in study.parameters.items() if parameter.kind == "options"]
     for env, values in enumerate(values_by_env):
         for name in names:
@@ -203,7 +207,7 @@ def starts(study: Study, world: World, episodes: Sequence[int]) -> tuple[Array, 
 
 
 def _started(made: Any, world: World) -> tuple[Array, Array]:
-    """Positions and velocities that a study's `start` returned.
+    """Positions and velocities that the study's function `start` has returned, as arrays (num_envs, ...) after a check.
 
     Raises:
         ValueError: They are not two arrays with one row per environment.
@@ -268,7 +272,13 @@ def running(study: Study, world: World, episodes: Sequence[int], *, by_step: boo
 
 
 def _check_controls(controller: Any, world: World, ctrl: Any) -> None:
-    """Raise ValueError if the controller returns another shape, or controls that are not finite in an episode whose state is finite."""
+    """Raises ValueError if controls have a wrong shape, or are not finite in an episode whose state is finite.
+
+    Args:
+        controller: The controller that returned them, for the message.
+        world: The environments.
+        ctrl: The controls.
+    """
     if ctrl is None:
         return
     n, nu = world.num_envs, world.model.nu
@@ -293,7 +303,7 @@ def _check_controls(controller: Any, world: World, ctrl: Any) -> None:
 
 
 def outcomes_of(watch: Watch, world: World) -> dict[str, Array]:
-    """Final value of every outcome by name, (num_envs,), in its unit; NaN (a failure) if the episode diverged."""
+    """Final value of every outcome by name, (num_envs,), in its unit; NaN, which counts as a failure, if the episode diverged."""
     return {name: np.where(world.diverged, np.nan, value) for name, value in watch.values(world).items()}
 
 
@@ -317,12 +327,28 @@ def run_batch(
 
 
 def run_episodes(study: Study, setting: str, values_by_env: Sequence[Values], episodes: Sequence[int], **changed: Any) -> list[Row]:
-    """Run a batch of episodes, and return their rows, without the keys of the journal. See `world_of` for the arguments."""
+    """Runs a batch of episodes in new environments, and returns their rows (results), without the keys of the journal.
+
+    Args:
+        study: The study.
+        setting: Name of the settings.
+        values_by_env: Values of the parameters by name, for each episode.
+        episodes: Numbers of the episodes.
+        **changed: Further changed settings, as for `world_of`.
+    """
     return rows_in(world_of(study, setting, values_by_env, **changed), study, setting, values_by_env, episodes)
 
 
 def rows_in(world: World, study: Study, setting: str, values_by_env: Sequence[Values], episodes: Sequence[int]) -> list[Row]:
-    """Run a batch of episodes in a given world, and return their rows, without the keys of the journal."""
+    """Runs a batch of episodes in given environments, and returns their rows (results), without the keys of the journal.
+
+    Args:
+        world: Environments, one for each episode.
+        study: The study.
+        setting: Name of the settings.
+        values_by_env: Values of the parameters by name, for each episode.
+        episodes: Numbers of the episodes.
+    """
     seen: list[Watch] = []
 
     def record(now: World) -> None:
@@ -336,14 +362,19 @@ def rows_in(world: World, study: Study, setting: str, values_by_env: Sequence[Va
 
 
 def _run(study: Study, batch: _Batch) -> list[Row]:
-    """Rows of one batch, without the keys of the journal."""
+    """Runs one batch of episodes, and returns their rows (results), without the keys of the journal."""
     return run_episodes(study, batch.setting, [point.values for point, _ in batch.episodes], [e for _, e in batch.episodes])
 
 
 def _rows(study: Study, setting: str, members: Sequence[tuple[Values, int]], world: World, outcomes: Mapping[str, Array]) -> list[Row]:
-    """Rows of finished episodes, without the keys of the journal.
+    """Rows (results) of finished episodes, without the keys of the journal.
 
-    `members` has the parameter values and the number of each episode, and `outcomes` arrays (num_envs,).
+    Args:
+        study: The study.
+        setting: Name of the settings.
+        members: Parameter values and number of each episode.
+        world: Environments after the episodes.
+        outcomes: Outcomes by name, (num_envs,) each.
     """
     decisive, certificate, settings = study.decisive, world.certificate(), world.settings()
     success = None if decisive is None else decisive.succeeds(outcomes[decisive.name])

@@ -91,7 +91,11 @@ class Recorded:
 
 
 def _read_csv(path: Path) -> tuple[list[str] | None, Array]:
-    """Names of the actuators (None if the first line does not have them), and controls (T, nu), of a CSV file."""
+    """Reads a CSV file of controls.
+
+    Returns:
+        Names of the actuators (None if the first line does not have them), and controls (T, nu).
+    """
     with path.open(newline="", encoding="utf-8-sig") as file:
         lines = [(number, row) for number, row in enumerate(csv.reader(file), 1) if row]
     names = None
@@ -277,7 +281,7 @@ class StateCheck:
             )
 
     def _held(self) -> dict[str, str | None]:
-        """Digests of attributes and closure variables by name; None for those that are empty or have no digest."""
+        """Digest of each attribute and closure variable of the controller, by name; None for those that are empty or have no digest."""
         owner = getattr(self._controller, "__self__", self._controller)
         held = {} if isinstance(owner, ModuleType) else dict(getattr(owner, "__dict__", {}))
         names = getattr(getattr(self._controller, "__code__", None), "co_freevars", ())
@@ -288,7 +292,7 @@ class StateCheck:
 
 
 def _state_of(value: Any) -> str | None:
-    """Digest of a value; None if it is None, empty, or has no digest."""
+    """Digest of a value that a controller holds; None if the value is None, empty, or has no digest."""
     if value is None or (isinstance(value, Collection) and not isinstance(value, np.ndarray) and not len(value)):
         return None
     try:
@@ -309,7 +313,7 @@ class _Digest:
         return self._hash.hexdigest()
 
     def take(self, value: Any, where: str) -> None:
-        """Add a value of any type to the digest; `where` names it in error messages."""
+        """Adds a value of any type to the digest; `where` names the value in error messages."""
         if value is None or isinstance(value, int | float | complex | str | bytes | Path):
             self._part(type(value).__qualname__, repr(value).encode())
         elif isinstance(value, np.ndarray | np.generic) and value.dtype.hasobject:
@@ -326,27 +330,38 @@ class _Digest:
         self._hash.update(f"{len(kind)} {kind} {len(data)} ".encode() + data)
 
     def _source(self, file: Path | None) -> None:
-        """Add the bytes of a source file, and of the modules that it imports from the folder of a study."""
+        """Adds the bytes of a Python file to the digest, and those of the modules that it imports from the folder of a study.
+
+        Args:
+            file: The file; None adds nothing.
+        """
         self._part("file", b"" if file is None else file.read_bytes())
         if file is not None and file.parent in _study_folders():
             for module in sorted(_imported_neighbours(file)):
                 self._part("imported module", module.read_bytes())
 
     def _sequence(self, kind: str, values: Collection[Any], where: str) -> None:
-        """Adds a kind and the values of a sequence to the digest; `where` is for messages."""
+        """Adds a text for the kind of a sequence, and its values, to the digest; `where` names the sequence in error messages."""
         self._part(kind, str(len(values)).encode())
         for number, own in enumerate(values):
             self.take(own, f"{where}[{number}]")
 
     def _mapping(self, kind: str, values: Mapping[Any, Any], where: str, called: str = "[{!r}]") -> None:
-        """Adds a kind and the entries of a mapping, sorted by key, to the digest; `where` is for messages."""
+        """Adds a text for the kind of a mapping, and its entries sorted by key, to the digest.
+
+        Args:
+            kind: Kind of the mapping.
+            values: The mapping.
+            where: Name of the mapping in error messages.
+            called: Format that makes the name of an entry from `where` and its key.
+        """
         self._part(kind, str(len(values)).encode())
         for name, own in sorted(values.items(), key=lambda item: repr(item[0])):
             self.take(name, where)
             self.take(own, where + called.format(name))
 
     def _compound(self, value: Any, where: str) -> None:
-        """Adds a container, function, class or object to the digest; `where` is for messages."""
+        """Adds a container, function, class or object to the digest; `where` names it in error messages."""
         kind = type(value).__qualname__
         if isinstance(value, Mapping):
             self._mapping(kind, value, where)
@@ -372,7 +387,7 @@ class _Digest:
             self._object(value, where)
 
     def _routine(self, value: Any, where: str) -> None:
-        """Adds a function or method with its source file to the digest."""
+        """Adds a function or method, with its source file, to the digest; `where` names it in error messages."""
         owner = getattr(value, "__self__", None)
         if inspect.ismethod(value):
             self.take(value.__func__, where)
@@ -396,7 +411,7 @@ class _Digest:
             self.take(owner, where)
 
     def _class(self, value: type, where: str) -> None:
-        """Adds a class with the source files of its bases to the digest."""
+        """Adds a class, with the source files of its bases, to the digest; `where` names it in error messages."""
         for base in value.__mro__[:-1]:
             file = _file_of(base)
             self._part("class", f"{base.__module__} {base.__qualname__}".encode())
@@ -407,7 +422,10 @@ class _Digest:
                         self.take(own, f"{where}.{name}")
 
     def _object(self, value: Any, where: str) -> None:
-        """Adds an object to the digest: its type, and its attribute `digest`, its array or its attributes."""
+        """Adds an object to the digest: its type, and its attribute `digest`, its array or its attributes.
+
+        `where` is for error messages.
+        """
         self.take(type(value), where)
         digest = getattr(value, "digest", None)
         if isinstance(digest, str | bytes):
@@ -423,7 +441,7 @@ class _Digest:
             self._attributes(value, where)
 
     def _attributes(self, value: Any, where: str) -> None:
-        """Adds the public attributes of an object to the digest; a TypeError if it has none."""
+        """Adds the attributes of an object, except those that begin with an underscore, to the digest; a TypeError if it has none."""
         state = getattr(value, "state_dict", None)
         if state is not None:
             self.take(dict(state()), f"{where}.state_dict()")

@@ -96,7 +96,7 @@ def cell(value: Any) -> str:
 
 @functools.cache
 def _template() -> Any:
-    """Jinja template of an HTML page. It escapes special characters in texts."""
+    """Jinja template of an HTML page, which escapes special characters in texts. It is loaded once."""
     check_pages()
     jinja2, markupsafe = importlib.import_module("jinja2"), importlib.import_module("markupsafe")
 

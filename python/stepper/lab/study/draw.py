@@ -28,10 +28,15 @@ _COLUMNS = 3
 _LABEL = 44
 """Number of characters after which a label of the legend is wrapped."""
 _LABEL_WIDTH = 0.2
-"""Width of a cliff's value in a panel, as a fraction of the parameter's range: seven digits of 8 points in a panel of 3 inches."""
+"""Width of the text with a cliff's value in a panel, as a fraction of the parameter's range.
+
+It is that of seven digits of 8 points in a panel of 3 inches. A cliff is a value at which success ends.
+"""
 _ABOVE_FAILURES, _BELOW_SUCCESSES = 0.55, 0.05
-"""Places of the text with a cliff's value, on the axis of the share of successes. Intervals of small shares end below the first, those of
-large shares above the second."""
+"""Heights of the text with a cliff's value: on its failing side, and on its other side. The axis is the fraction of successes.
+
+Intervals of small fractions end below the first height, those of large fractions above the second.
+"""
 _ANNOTATED = 5
 """Largest number of settings for which panels print the values of cliffs. With more settings, see `draw_cliffs`."""
 
@@ -148,7 +153,14 @@ def cliffs_of(sweep: Sweep) -> Any | None:
 
 
 def _panel(panel: Axes, sweep: Sweep, name: str, *, shares: bool) -> None:
-    """Draw the panel of a parameter: success rates if `shares` is set, otherwise mean outcomes."""
+    """Draws the panel of a parameter: success rates if `shares` is set, otherwise mean outcomes.
+
+    Args:
+        panel: The panel.
+        sweep: The sweep.
+        name: Name of the parameter.
+        shares: Whether to draw success rates.
+    """
     study, parameter = sweep.study, sweep.study.parameters[name]
     settings = [USUAL, *study.settings]
     words = any(isinstance(value, str) for value in parameter.levels())
@@ -177,9 +189,15 @@ def _panel(panel: Axes, sweep: Sweep, name: str, *, shares: bool) -> None:
 
 
 def _annotate(panel: Axes, sweep: Sweep, cliff: Cliff, number: int) -> None:
-    """Write the value of a cliff next to its line: on the failing side at the height `_ABOVE_FAILURES`.
+    """Writes the value of a cliff next to its line in a panel, on the side of the failures.
 
-    If that side is narrower than the text, it is on the other side at the height `_BELOW_SUCCESSES`. `number` is that of the settings.
+    If that side is narrower than the text, the text is on the side of the successes.
+
+    Args:
+        panel: The panel.
+        sweep: The sweep.
+        cliff: The cliff.
+        number: Index of its settings, which determines the colour.
     """
     values = [float(level.value or 0) for level in sweep.points(cliff.parameter, cliff.setting)]
     middle, width = (cliff.low + cliff.high) / 2, max(values) - min(values)
@@ -196,7 +214,15 @@ def _annotate(panel: Axes, sweep: Sweep, cliff: Cliff, number: int) -> None:
 
 
 def _series(panel: Axes, sweep: Sweep, name: str, number: int, *, shares: bool) -> None:
-    """Draw the points of one of the settings. Markers of later settings are smaller, so that overlapping markers stay visible."""
+    """Draws success rates or mean outcomes for one of the settings. Markers of later settings are smaller, so that all stay visible.
+
+    Args:
+        panel: The panel.
+        sweep: The sweep.
+        name: Name of the parameter.
+        number: Index of the settings.
+        shares: Whether to draw success rates.
+    """
     settings = [USUAL, *sweep.study.settings]
     setting, colour = settings[number], COLOURS[number % len(COLOURS)]
     points, levels = sweep.points(name, setting), sweep.levels_of(name, setting)
@@ -218,7 +244,7 @@ def _series(panel: Axes, sweep: Sweep, name: str, number: int, *, shares: bool) 
 
 
 def _axis_values(levels: Sequence[Level]) -> list[Any]:
-    """Values of levels for an axis of Matplotlib: words or numbers."""
+    """Parameter values of some levels for an axis of Matplotlib: words or numbers."""
     return [level.value if isinstance(level.value, str) else float(level.value or 0) for level in levels]
 
 
@@ -234,18 +260,28 @@ def _wrapped(setting: str) -> str:
 
 
 def _legend_columns(labels: Sequence[str], width: float) -> int:
-    """Number of columns of a legend, for the picture's width in inches. A character needs 0.08 inches, a marker with margin 0.7."""
+    """Number of columns of a legend that fit into a picture. A character needs 0.08 inches, a marker with its margin 0.7 inches.
+
+    Args:
+        labels: Texts of the legend.
+        width: Width of the picture, inches.
+    """
     longest = max(len(line) for label in (*labels, "where success ends") for line in label.split("\n"))
     return max(1, min(4, int(width / (0.08 * longest + 0.7))))
 
 
 def _line(**style: Any) -> Any:
-    """Line of Matplotlib for a legend, with some style."""
+    """Line of Matplotlib without points, for a legend, with the given style."""
     return require("matplotlib.lines", "to draw a sweep").Line2D([], [], **style)
 
 
 def _bars(levels: Sequence[Level], *, shares: bool) -> tuple[list[float], list[float], list[float]]:
-    """Success rates (or mean outcomes) of some levels, and lengths of the error bars below and above them."""
+    """Values and lengths of error bars (below and above) for a panel of a sweep.
+
+    Args:
+        levels: Statistics at the values of a parameter.
+        shares: Whether the values are success rates, instead of mean outcomes.
+    """
     if shares:
         y = [level.share for level in levels]
         if all(level.episodes == 1 for level in levels):

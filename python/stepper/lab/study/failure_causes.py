@@ -91,7 +91,7 @@ def causes_of(study: Study, rows: Sequence[Row], journal: Journal) -> list[Verdi
 
 
 def _cause_in(study: Study, row: Row) -> tuple[str, str] | None:
-    """Cause and rule that follow from the row of an episode; None if the episode must be repeated to find them."""
+    """Cause of a failure, and rule, that follow from the row of an episode alone; None if the episode must be repeated to find them."""
     outcome = study.decisive
     assert outcome is not None
     assert outcome.threshold is not None
@@ -108,14 +108,22 @@ def _cause_in(study: Study, row: Row) -> tuple[str, str] | None:
 
 
 def _applies(study: Study, trial: str, row: Row) -> bool:
-    """Whether a trial would change an episode: ideal sensors only with sensor errors, hard contact only with soft contact."""
+    """Whether repeating an episode in a trial would change it.
+
+    Ideal sensors change it only if sensors have errors, and hard contact only if contact is soft.
+
+    Args:
+        study: The study.
+        trial: Name of the trial.
+        row: Row of the episode.
+    """
     if trial == "hard contact":
         return bool(row["settings"]["contact"] != "hard")
     return trial == "finer" or study.sensors is not None or any(study.parameters[name].kind == "sensor" for name in row["parameters"])
 
 
 def _finer(settings: dict[str, Any]) -> dict[str, Any]:
-    """Settings with a shorter time step, a tighter tolerance and ideal sensors."""
+    """Copy of an episode's settings with a shorter time step, a tighter tolerance and ideal sensors."""
     better: dict[str, Any] = {"timestep": settings["timestep"] / FINER, "iterations": 10 * settings["iterations"], "sensors": None}
     # With 32 bits a hundredth of the tolerance cannot be reached.
     return better | ({"precision": "f64"} if settings["precision"] == "f32" else {"tolerance": TIGHTER * settings["tolerance"]})
@@ -132,7 +140,15 @@ _TRIALS: tuple[tuple[str, Callable[[dict[str, Any]], dict[str, Any]], str, str],
 def _repeated(
     study: Study, rows: Sequence[Row], journal: Journal, name: str, change: Callable[[dict[str, Any]], dict[str, Any]]
 ) -> list[Row]:
-    """Rows of the same episodes with settings changed by `change`; `name` is the trial, which is part of their keys in the journal."""
+    """Rows of the same episodes with changed settings.
+
+    Args:
+        study: The study.
+        rows: Rows of the episodes.
+        journal: Journal, to which the new rows are added.
+        name: Name of the trial, which is part of the keys of the new rows.
+        change: Function from an episode's settings to the changed ones.
+    """
     groups: dict[str, list[Row]] = {}
     for row in rows:
         key = json.dumps([group_of(study, Point(row["parameters"], row["setting"])), row["settings"]], sort_keys=True)

@@ -50,7 +50,13 @@ if TYPE_CHECKING:
 
 
 def check_keys(given: Iterable[str], known: Collection[str], place: str) -> None:
-    """Raise ValueError for unknown entries of a table; the message has similar known entries. `place` names the table."""
+    """Raises ValueError for unknown entries of a table in a study file; the message has similar known entries.
+
+    Args:
+        given: Names of the entries.
+        known: Names that the table may have.
+        place: Name of the table in the message.
+    """
     unknown = sorted(set(given) - set(known))
     if unknown:
         guesses = "".join(did_you_mean(name, known) for name in unknown[:1])
@@ -58,7 +64,7 @@ def check_keys(given: Iterable[str], known: Collection[str], place: str) -> None
 
 
 def read_study(path: Path, kind: type[Study]) -> Study:
-    """Study from a file, for `Study.from_file`. `kind` is the class `Study`."""
+    """Study from a TOML or Python file, for `Study.from_file`. `kind` is the class `Study`."""
     if path.suffix == ".py":
         module = load_file(path)
         study = getattr(module, "study", None)
@@ -74,7 +80,13 @@ def read_study(path: Path, kind: type[Study]) -> Study:
 
 
 def _made(data: dict[str, Any], path: Path, kind: type[Study]) -> Study:
-    """Study from the contents of a TOML file."""
+    """Study from the contents of a TOML file.
+
+    Args:
+        data: Contents of the file.
+        path: Path of the file.
+        kind: Class `Study`.
+    """
     folder, given = path.resolve().parent, dict(data)
     known = {field.name for field in fields(kind) if not field.name.startswith("_")} | {"policy"}
     if renamed := next((key for key in given if key not in known and present_keyword("stepper.lab.Study", key)), None):
@@ -106,7 +118,12 @@ def _made(data: dict[str, Any], path: Path, kind: type[Study]) -> Study:
 
 
 def _tables(own: dict[str, Any], name: str) -> dict[str, Any]:
-    """Tables in the form of `SensorModel.from_dict`: those by element under `name`, and "default" for all other elements."""
+    """Dictionary for `SensorModel.from_dict` or `ActuatorModel.from_dict` from a table of a study file.
+
+    Args:
+        own: Table with an entry per element, and "default" for all other elements.
+        name: Key for the entries per element: "sensors" or "actuators".
+    """
     return {name: {k: v for k, v in own.items() if k != "default"}} | ({"default": own["default"]} if "default" in own else {})
 
 
@@ -137,13 +154,13 @@ def _drive(source: str, folder: Path) -> Callable[[Any], Any]:
 
 
 def _measured(table: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Table of an outcome, with a function in place of a measure "file.py:function"."""
+    """Copy of an outcome's table in a study file, with the function in place of a measure "file.py:function"."""
     measure = table.get("measure", "")
     return table | {"measure": find(measure, folder)} if ":" in measure else table
 
 
 def _part(kind: type[Any], table: Any, place: str) -> Any:
-    """Object of a dataclass from a table of a study file; `place` names the table in error messages."""
+    """Object of a dataclass, such as `Outcome`, from a table of a study file; `place` names the table in error messages."""
     if not isinstance(table, dict):
         raise ValueError(f"{place} is {table!r}, must be a table")
     known = {field.name for field in fields(kind)}

@@ -16,7 +16,12 @@ def _stats() -> Any:
 
 
 def _trial(successes: int, trials: int, alternative: str) -> Any:
-    """Result of SciPy's binomial test, from which intervals are computed.
+    """Result of SciPy's binomial test, from which confidence intervals are computed.
+
+    Args:
+        successes: Number of successes.
+        trials: Number of trials.
+        alternative: Alternative hypothesis, as in SciPy: "two-sided", "greater" or "less".
 
     Raises:
         ValueError: There is no trial, or there are more successes than trials.

@@ -66,7 +66,10 @@ def _on_ray(study: Study, jobs: Sequence[Job], run: Callable[[Study, Job], Made]
 
 
 def _of_task(study: Study) -> Study:
-    """Copy of the study for a task, with its cached properties. threads=0 becomes 1, because each task would otherwise use all CPUs."""
+    """Copy of a study for a task of Ray, with its cached properties.
+
+    threads=0 becomes 1, because each task would otherwise use all CPUs.
+    """
     made = copy.copy(study)
     object.__setattr__(made, "threads", max(1, study.threads))
     return made

@@ -19,7 +19,7 @@ from stepper._status import Status
 Row = dict[str, Any]
 """Result of one episode, by name: key, setting, parameters, episode, seed, outcomes, success, certificate, settings, in_force."""
 _VERSION = 1
-"""Version of the database tables, in the header of the file."""
+"""Version of the journal's database tables, which is stored in the header of the SQLite file."""
 _TABLES = (
     "CREATE TABLE study (name TEXT NOT NULL)",
     "CREATE TABLE rows (key TEXT NOT NULL PRIMARY KEY, row TEXT NOT NULL, crc INTEGER NOT NULL)",
@@ -117,7 +117,13 @@ def _create(file: sqlite3.Connection, study: str) -> None:
 
 
 def _read(file: sqlite3.Connection, path: Path, study: str | None) -> Iterator[Row]:
-    """Rows in the order in which they were written."""
+    """Yields the rows of a journal in the order in which they were written, after a check of version and study.
+
+    Args:
+        file: Open database.
+        path: Path of the file, for messages.
+        study: Name of the study; None is any.
+    """
     if (version := file.execute("PRAGMA user_version").fetchone()[0]) != _VERSION:
         raise JournalError(
             f"{path} is a journal of version {version}, must be version {_VERSION}: delete it to run the study from the start, or use the "

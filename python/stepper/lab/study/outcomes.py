@@ -121,7 +121,7 @@ class Outcome:
 
 
 def _compare(text: str, name: str) -> tuple[Any, float]:
-    """Operator and threshold of a comparison such as ">= 0.05"; `name` is the outcome, for error messages."""
+    """Comparison operator and threshold from a text such as ">= 0.05"; `name` is the outcome, for error messages."""
     found = re.fullmatch(r"\s*(>=|<=|>|<)\s*(\S+)\s*", text) if isinstance(text, str) else None
     try:
         if found is not None:

@@ -49,7 +49,7 @@ LEVELS = 5
 _HEADS = ("sensor", "actuator", "options", "controller")
 """First words of selectors that are not fields of the model."""
 OF_MODEL = frozenset({"field", "sensor", "actuator"})
-"""Kinds of selectors (`Parameter.kind`) that name elements of the model."""
+"""Kinds of parameters (`Parameter.kind`) whose selectors name elements of the model."""
 
 
 @hint_keywords("stepper.lab.Parameter")
@@ -184,7 +184,12 @@ def selected(parameters: Mapping[str, Parameter], texts: Sequence[str], model: M
 
 
 def _with_range(text: str, parameters: Mapping[str, Parameter]) -> tuple[str, Parameter]:
-    """Name and parameter from a selector with its range."""
+    """Name and parameter from a selector with its range, such as "geom_friction[floor][0]=0.2..1".
+
+    Args:
+        text: The selector with its range.
+        parameters: Parameters of the study, for the error message.
+    """
     selector, bounds = parse_range(text, "parameters") if _selects(text) else (None, None)
     if selector is None or bounds is None:
         raise ValueError(_no_parameter(text, parameters, "give a selector with its range, as 'geom_friction[floor][0]=0.2..1'"))
@@ -192,7 +197,7 @@ def _with_range(text: str, parameters: Mapping[str, Parameter]) -> tuple[str, Pa
 
 
 def _changed(parameter: Parameter, model: Model) -> frozenset[tuple[str, int]]:
-    """Numbers that a parameter changes. Selectors of the same numbers give equal sets."""
+    """Set of the numbers that a parameter changes, as pairs of a field and an index. Selectors of the same numbers give equal sets."""
     if parameter.kind == "field":
         return numbers_of(model, parameter.parsed, _where(parameter))
     rows = rows_of(model, parameter.kind, parameter.parsed.elements, _where(parameter)) if parameter.kind in ("sensor", "actuator") else [0]
@@ -200,12 +205,21 @@ def _changed(parameter: Parameter, model: Model) -> frozenset[tuple[str, int]]:
 
 
 def _set_numbers(parameter: Parameter, model: Model) -> frozenset[tuple[str, int]]:
-    """Numbers of the model or the engine that a parameter sets: none if it scales them, adds to them, or is read by the controller."""
+    """Set of the numbers of the model or engine that a parameter replaces, as pairs of a field and an index.
+
+    It is empty if the parameter scales numbers, adds to them, or is read by the controller.
+    """
     return _changed(parameter, model) if parameter.operation == "set" and parameter.kind != "controller" else frozenset()
 
 
 def _no_parameter(text: str, parameters: Mapping[str, Parameter], otherwise: str) -> str:
-    """Error message for a text that is neither the name of a parameter nor a selector; `otherwise` is a further remedy."""
+    """Error message for a text that is neither the name of a parameter nor a selector.
+
+    Args:
+        text: The text.
+        parameters: Parameters of the study.
+        otherwise: Further remedy.
+    """
     field = text.partition("=")[0].partition("[")[0].strip()
     head, dot, _ = field.partition(".")
     word, words = (head, _HEADS[:3]) if dot else (field, [*FIELDS, *COMPOUNDS])
@@ -303,7 +317,7 @@ def check(parameters: Mapping[str, Parameter], model: Model) -> None:
 
 
 def _where(parameter: Parameter) -> str:
-    """Text that names the selector of a parameter in error messages."""
+    """Text that names a parameter's selector in error messages."""
     return f"selector {parameter.selector!r}"
 
 
@@ -321,12 +335,12 @@ def _check_pairs(parameters: Mapping[str, Parameter], model: Model) -> None:
 
 
 def _rows(parameter: Parameter, model: Model) -> list[int]:
-    """Indices of the elements that a parameter of a field changes."""
+    """Indices of the model's elements that a parameter of the kind "field" changes."""
     return rows_of(model, FIELDS[parameter.parsed.field].element, parameter.parsed.elements, _where(parameter))
 
 
 _PARTS: dict[str, type] = {"": Drive, "motor": DCMotor, "servo": PID}
-"""Classes with the numbers of an actuator, by the part of the selector before the last dot."""
+"""Class with the numeric attributes of an actuator, by the part of a selector before the last dot: "", "motor" or "servo"."""
 _NO_NUMBERS = frozenset({"noise", "limits", "motor", "servo", "control"})
 
 
@@ -340,7 +354,7 @@ def _number_of(kind: type, leaf: str) -> None:
 
 
 def _places(parameter: Parameter, model: Model) -> list[tuple[str, NDArray[np.int64], float]]:
-    """Field, indices in the flattened field and sign of all numbers that a parameter changes."""
+    """Numbers of the model that a parameter changes: for each field its name, indices in the flattened field, and sign."""
     selector = parameter.parsed
     if selector.field not in FIELDS and selector.field not in COMPOUNDS:
         raise ValueError(unknown_field("selector", selector.field, [*FIELDS, *COMPOUNDS, "controller"], "docs/reference/what_can_vary.md"))
@@ -378,7 +392,13 @@ def model_fields(parameters: Mapping[str, Parameter], model: Model, values_by_en
 
 
 def _scale_inertia(made: dict[str, Array], model: Model, before: Array) -> None:
-    """Multiply inertias in `made` by the ratio of the masses after and before a parameter's change; `before` is (n, nbody)."""
+    """Multiplies inertias by the ratio of the masses after and before a parameter's change.
+
+    Args:
+        made: Fields by name, (n, ...) each; "body_inertia" is changed, or added.
+        model: The model.
+        before: Masses before the change, (n, nbody), kg.
+    """
     masses, own = made["body_mass"], np.asarray(model.body_inertia, float)
     rows = made.setdefault("body_inertia", np.tile(own, (len(masses), 1, 1)))
     rows *= np.divide(masses, before, out=np.ones_like(masses), where=before > 0)[:, :, None]
@@ -387,7 +407,14 @@ def _scale_inertia(made: dict[str, Array], model: Model, before: Array) -> None:
 def sensor_model(
     parameters: Mapping[str, Parameter], base: SensorModel | None, model: Model, values_by_env: Sequence[Values]
 ) -> SensorModel | None:
-    """Sensor model with values per environment of the parameters "sensor...."; None for ideal sensors."""
+    """Sensor model in which parameters of sensors have one value per environment; None for ideal sensors.
+
+    Args:
+        parameters: Parameters of the study by name.
+        base: Sensor model of the study.
+        model: The model.
+        values_by_env: Values of the parameters by name, for each environment.
+    """
     given = {name: p for name, p in parameters.items() if p.kind == "sensor" and any(name in values for values in values_by_env)}
     if not given:
         return base
@@ -404,7 +431,13 @@ def sensor_model(
 
 
 def _numbers(parameter: Parameter, before: Any, values: Sequence[Value | None]) -> Array:
-    """Numbers per environment after the parameter's operation on `before`; None keeps it."""
+    """Numbers per environment after the operation of a parameter.
+
+    Args:
+        parameter: The parameter.
+        before: Number or numbers before the operation; None is 0.
+        values: Value of the parameter in each environment; None keeps the number.
+    """
     own = 0.0 if before is None else before
     return np.array([own if value is None else parameter.change(own, float(value)) for value in values], float)
 
@@ -412,7 +445,13 @@ def _numbers(parameter: Parameter, before: Any, values: Sequence[Value | None]) 
 def actuator_model(
     parameters: Mapping[str, Parameter], base: ActuatorModel | None, model: Model, values_by_env: Sequence[Values]
 ) -> ActuatorModel | None:
-    """Actuator model with values per environment of the parameters "actuator...."; None for ideal actuators.
+    """Actuator model in which parameters of actuators have one value per environment; None for ideal actuators.
+
+    Args:
+        parameters: Parameters of the study by name.
+        base: Actuator model of the study.
+        model: The model.
+        values_by_env: Values of the parameters by name, for each environment.
 
     Raises:
         ValueError: A parameter belongs to a servo or motor that the drive does not have.
@@ -431,7 +470,14 @@ def actuator_model(
 
 
 def _driven(own: Drive, parameter: Parameter, values: Sequence[Value | None], place: str) -> Drive:
-    """Drive with values per environment of a parameter; `place` names it in error messages."""
+    """Copy of a drive in which a parameter has one value per environment.
+
+    Args:
+        own: The drive.
+        parameter: The parameter.
+        values: Value of the parameter in each environment; None keeps the drive's number.
+        place: Name of the parameter and actuator in error messages.
+    """
     part, _, leaf = parameter.leaf.rpartition(".")
     holder: Drive | PID | DCMotor | None = own if not part else getattr(own, part, None)
     if holder is None or not hasattr(holder, leaf):

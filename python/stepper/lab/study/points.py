@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 USUAL = "stepper"
 """Name of the settings that are the options of the study itself."""
 _LACKING = {"midpoint", "auto"}
-"""Integrator and solver that MuJoCo does not have."""
+"""Values of the options `integrator` and `solver` that MuJoCo does not have."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Point:
 
 
 def inapplicable(study: Study, setting: str, parameter: Parameter) -> str | None:
-    """Reason why a parameter has no effect with some settings; None if it has one."""
+    """Reason why a parameter has no effect with the settings of this name; None if it has an effect."""
     given = study.setting(setting)
     if parameter.kind == "options" and parameter.leaf in given:
         return f"these settings fix {parameter.leaf}"
@@ -45,7 +45,7 @@ def inapplicable(study: Study, setting: str, parameter: Parameter) -> str | None
 
 
 def _lacking(parameter: Parameter) -> str | None:
-    """Reason why MuJoCo cannot apply a parameter; None if it can."""
+    """Reason why the engine MuJoCo cannot apply a parameter; None if it can."""
     if parameter.kind in ("sensor", "actuator"):
         return "MuJoCo has no sensor errors and no drives"
     if parameter.kind == "options" and parameter.leaf not in MUJOCO_SETTINGS:
@@ -58,7 +58,7 @@ def _lacking(parameter: Parameter) -> str | None:
 
 
 def nominal_of(study: Study, setting: str) -> dict[str, Value]:
-    """Nominal values of the parameters that have an effect with some settings."""
+    """Nominal values by name of the parameters that have an effect with the settings of this name."""
     return {name: value for name, value in study.nominal.items() if not inapplicable(study, setting, study.parameters[name])}
 
 

@@ -36,9 +36,9 @@ from stepper.shared.machine import package_version, require
 
 Array = NDArray[np.float64]
 _THIRDS = 3
-"""Number of parts of a parameter's range in which mean outcomes are computed."""
+"""Number of equal parts of a parameter's range in which mean outcomes are computed."""
 _RESAMPLES = 499
-"""Number of bootstrap samples for intervals."""
+"""Number of bootstrap samples for the confidence intervals of Sobol indices."""
 
 
 @dataclass(frozen=True)
@@ -163,7 +163,13 @@ def rank(
 
 
 def _names(study: Study, chosen: Sequence[str] | None, setting: str) -> list[str]:
-    """Names of the parameters to rank, after a check. `chosen` are the names from the user; None is all with low and high."""
+    """Names of the parameters to rank, after a check.
+
+    Args:
+        study: The study.
+        chosen: Names from the user; None is all parameters with low and high.
+        setting: Name of the settings.
+    """
     if not study.all_outcomes:
         raise ValueError("the study has no outcome, so there is nothing to rank by; give it one")
     study.setting(setting)
@@ -182,7 +188,11 @@ def _names(study: Study, chosen: Sequence[str] | None, setting: str) -> list[str
 
 
 def _design(stats: Any, study: Study, names: Sequence[str], samples: int) -> tuple[Array, Array, list[Array]]:
-    """Matrices of Saltelli's design, (samples, parameters) each: A, B, and for each parameter A with that parameter's column of B."""
+    """Points of Saltelli's design, as matrices (samples, parameters) of parameter values.
+
+    Returns:
+        Matrix A, matrix B, and for each parameter the matrix A with that parameter's column of B.
+    """
     sampler = stats.qmc.Sobol(d=2 * len(names), rng=np.random.default_rng([study.seed, 2]))
     unit = sampler.random(samples)
     low, high = (np.array([getattr(study.parameters[name], end) for name in names], float) for end in ("low", "high"))
@@ -197,14 +207,20 @@ def _design(stats: Any, study: Study, names: Sequence[str], samples: int) -> tup
 
 
 def _indices(stats: Any, study: Study, values: Array, n: int) -> tuple[Array, Array, Array, Array]:
-    """Total and first-order indices, (parameters,), and the ends of their 95 % intervals, (parameters, 2).
+    """Total and first-order Sobol indices, (parameters,), and the ends of their 95 % intervals, (parameters, 2).
 
     Intervals are percentiles over resampled points. The corrected percentiles of SciPy's bootstrap are NaN for parameters without effect.
+
+    Args:
+        stats: Module `scipy.stats`.
+        study: The study.
+        values: Outcome of every point, (points,), in the order of the design.
+        n: Number of samples.
     """
     rows = values.reshape(-1, n)
 
     def indices_of(some: NDArray[np.int64]) -> tuple[Array, Array]:
-        """Total and first-order indices of some points, (parameters,) each."""
+        """Total and first-order Sobol indices from some samples, given by their indices, (parameters,) each."""
         a, b, *mixed = rows[:, some]
         if np.ptp([a, b]) == 0.0:
             # A resample without variance has no shares of it.
@@ -220,13 +236,20 @@ def _indices(stats: Any, study: Study, values: Array, n: int) -> tuple[Array, Ar
 
 
 def _point(study: Study, names: Sequence[str], row: Array, setting: str) -> Point:
-    """Point with the values in a row of the design, and nominal values of other parameters."""
+    """Point of the study with the parameter values in a row of the design; other parameters are nominal.
+
+    Args:
+        study: The study.
+        names: Names of the ranked parameters.
+        row: Their values, (parameters,).
+        setting: Name of the settings.
+    """
     nominal = {name: value for name, value in study.nominal.items() if not inapplicable(study, setting, study.parameters[name])}
     return Point(nominal | {name: float(value) for name, value in zip(names, row, strict=True)}, setting)
 
 
 def _values(study: Study, rows: Sequence[dict[str, Any]]) -> Array:
-    """Outcome of every point, (points,): mean over the episodes of the point."""
+    """Outcome of every point, (points,): mean over the episodes of the point; a ValueError if it is not finite or always equal."""
     name = measured(study)
     if study.decisive is not None:
         values = np.array([row["success"] for row in rows], float)
@@ -250,14 +273,23 @@ def _values(study: Study, rows: Sequence[dict[str, Any]]) -> Array:
 
 
 def _thirds(study: Study, values: Array, column: Array) -> tuple[tuple[float, ...], tuple[tuple[float, float], ...]]:
-    """Mean outcomes in the thirds of a parameter's range, and their intervals. `column` has the parameter's values, (points,)."""
+    """Mean outcomes in the lowest, middle and highest third of a parameter's range, and their 95 % intervals.
+
+    Args:
+        study: The study.
+        values: Outcome of every point, (points,).
+        column: Value of the parameter at every point, (points,).
+    """
     order = np.argsort(column, kind="stable")
     parts = [_average(study, values[own]) for own in np.array_split(order, _THIRDS)]
     return tuple(mean for mean, _ in parts), tuple(ends for _, ends in parts)
 
 
 def _average(study: Study, values: Array) -> tuple[float, tuple[float, float]]:
-    """Mean over points, and its 95 % interval. Each point is one trial, because only points are independent, not their episodes."""
+    """Mean of outcomes over points, and its 95 % interval.
+
+    Each point is one trial, because only points are independent, not their episodes.
+    """
     mean = float(values.mean())
     if study.decisive is not None:
         return mean, wilson(round(float(values.sum())), len(values))

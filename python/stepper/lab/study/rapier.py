@@ -46,7 +46,7 @@ def lacks(compiled: Any, model: Model) -> str | None:
 
 
 _Lack = Callable[[Any, Any], bool]
-"""Test of an `MjModel`, with the library MuJoCo as second argument, for an element that rapier lacks."""
+"""Test whether a scene has something that rapier lacks: function of an `MjModel` and the module `mujoco` that returns a bool."""
 
 
 def _colliding(m: Any) -> NDArray[np.intp]:
@@ -55,7 +55,7 @@ def _colliding(m: Any) -> NDArray[np.intp]:
 
 
 def _other_joints(m: Any, mujoco: Any) -> bool:
-    """Whether a joint is a ball, or a body has several joints."""
+    """Whether an `MjModel` has ball joints, or a body with several joints, which the rapier scene does not support."""
     return bool(np.any(m.jnt_type == mujoco.mjtJoint.mjJNT_BALL)) or bool(np.any(m.body_jntnum > 1))
 
 
@@ -67,18 +67,18 @@ def _other_shapes(m: Any, mujoco: Any) -> bool:
 
 
 def _joint_forces(m: Any, _: Any) -> bool:
-    """Whether a joint has damping, armature, dry friction or a spring."""
+    """Whether a joint of an `MjModel` has damping, armature, dry friction or a spring."""
     return any(np.any(own != 0) for own in (m.dof_damping, m.dof_armature, m.dof_frictionloss, m.jnt_stiffness))
 
 
 def _other_friction(m: Any, _: Any) -> bool:
-    """Whether condim differs between colliding geoms, or is neither 1 nor 3."""
+    """Whether condim of an `MjModel` differs between colliding geoms, or is neither 1 nor 3."""
     own = _colliding(m)
     return not np.isin(m.geom_condim[own], (1, 3)).all() or len({int(x) for x in m.geom_condim[own]}) > 1
 
 
 def _other_contacts(m: Any, mujoco: Any) -> bool:
-    """Whether contacts have settings that the rapier scene does not support, such as margins or pairs."""
+    """Whether contacts of an `MjModel` have settings that the rapier scene does not support, such as margins or pairs."""
     own = _colliding(m)
     off = mujoco.mjtDisableBit
     flags = off.mjDSBL_CONTACT | off.mjDSBL_LIMIT | off.mjDSBL_CONSTRAINT | off.mjDSBL_FILTERPARENT | off.mjDSBL_GRAVITY
@@ -86,7 +86,7 @@ def _other_contacts(m: Any, mujoco: Any) -> bool:
 
 
 def _senses_accelerations(m: Any, mujoco: Any) -> bool:
-    """Whether a sensor depends on accelerations or contact forces."""
+    """Whether a sensor of an `MjModel` depends on accelerations or contact forces."""
     return bool(m.nsensor and np.any(m.sensor_needstage == int(mujoco.mjtStage.mjSTAGE_ACC)))
 
 
@@ -105,7 +105,7 @@ _LACKS: tuple[tuple[str, _Lack], ...] = (
     ("it has no margins, priorities, exclusions and explicit pairs in the sense of MJCF", _other_contacts),
     ("its contact forces and accelerations cannot be read, and the model has sensors of them", _senses_accelerations),
 )
-"""Reasons why rapier cannot run a scene, each with its test."""
+"""Reasons why rapier cannot run a scene, each with the test of an `MjModel` that detects it."""
 
 
 class RapierWorld(MujocoWorld):
@@ -310,7 +310,11 @@ class RapierScene:
         return qpos, qvel
 
     def _motion(self, b: int) -> tuple[Array, Array, Array, Array]:
-        """Position (m), orientation, linear velocity (m/s) and angular velocity (rad/s) of a body's frame, in world axes."""
+        """Motion of a body's frame in world axes, by the body's index in MuJoCo.
+
+        Returns:
+            Position (m), orientation (w, x, y, z), linear velocity (m/s) and angular velocity (rad/s).
+        """
         if b == 0:
             return np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3), np.zeros(3)
         own = self.world.rigid_bodies[self.bodies[b]]
@@ -363,12 +367,12 @@ class _Scene(RapierScene):
                 own.add_torque(_tuple(applied[b, 3:]))
 
     def _mujoco_frame(self, b: int, root: int) -> Array:
-        """Centre of mass of body b in the frame of the body `root` to which it is fixed, (3,) m."""
+        """Centre of mass of body b, in the frame of the body `root` to which it is fixed, (3,), m."""
         reference = self._at_reference
         return _rotate(_conjugate(reference.xquat[root]), reference.xipos[b] - reference.xpos[root])
 
     def _body(self, b: int) -> Any:
-        """Handle of a new rapier body, with the mass of all bodies that are fixed to body b."""
+        """Adds a body to the rapier scene, with the mass of MuJoCo's body b and of all bodies fixed to it, and returns its handle."""
         m, d, rp = self._model, self._data, self._rp
         parts = np.flatnonzero(m.body_weldid == b)
         mass = float(m.body_mass[parts].sum())
@@ -395,7 +399,7 @@ class _Scene(RapierScene):
         return handle
 
     def _collider(self, g: int) -> None:
-        """Add geom g to the world."""
+        """Adds the geom with index g in MuJoCo to the rapier scene, as a collider."""
         m, d, rp, kinds = self._model, self._data, self._rp, self._mujoco.mjtGeom
         root = int(m.body_weldid[m.geom_bodyid[g]])
         size, kind = [float(x) for x in m.geom_size[g]], m.geom_type[g]
@@ -427,7 +431,7 @@ class _Scene(RapierScene):
         self.world.add_collider(shape, self.bodies[root] if root else None)
 
     def _joint(self, j: int) -> RapierJoint:
-        """Add joint j to the world."""
+        """Adds the joint with index j in MuJoCo to the rapier scene, and returns its data."""
         m, d, rp, kinds = self._model, self._data, self._rp, self._mujoco.mjtJoint
         b, kind = int(m.jnt_bodyid[j]), int(m.jnt_type[j])
         parent, q, v = int(m.body_weldid[m.body_parentid[b]]), int(m.jnt_qposadr[j]), int(m.jnt_dofadr[j])
@@ -446,7 +450,7 @@ class _Scene(RapierScene):
         return found
 
     def _local(self, b: int, place: Array, turn: Array) -> Any:
-        """Frame with this position and quaternion in world axes, expressed in the frame of body b."""
+        """Frame for rapier with a position, (3,), m, and a quaternion in world axes, expressed in the frame of body b."""
         back = _conjugate(self._data.xquat[b])
         return self._rp.Isometry3(_tuple(_rotate(back, place - self._data.xpos[b])), self._rotation(_product(back, turn)))
 
@@ -466,7 +470,7 @@ def _along_x(axis: Array) -> Array:
 
 
 def _nearest(angle: float, before: float) -> float:
-    """Angle plus the number of full turns that brings it closest to `before`, rad, because rapier's joints do not count turns."""
+    """Angle plus the number of full turns that brings it closest to `before`, rad. Rapier's joints do not count turns."""
     return float(angle + 2.0 * np.pi * np.round((before - angle) / (2.0 * np.pi)))
 
 

@@ -238,7 +238,7 @@ def _observation(study: Study) -> list[Section]:
 
 
 def _transfer_words(own: dict[str, Any] | None) -> str:
-    """Text with the entries of a transfer function that differ from those of an ideal sensor."""
+    """Text with the entries of a sensor's transfer function that differ from those of an ideal sensor."""
     ideal = Transfer()._row(1)
     entries = (
         []
@@ -267,7 +267,13 @@ def _drives(study: Study) -> list[Section]:
 
 
 def _contacts(study: Study, seen: Touching, episodes: int) -> list[Section]:
-    """Section with the contact pairs: durations, impulses and friction."""
+    """Section with the contact pairs: durations, impulses and friction.
+
+    Args:
+        study: The study.
+        seen: Statistics of the contacts.
+        episodes: Number of episodes of these statistics.
+    """
     model, _ = study.loaded
     head = (
         *("pair", "pressed, share of time", "impulse, N s", "peak, N", "friction in force", "largest ratio used", "impulse at that bound"),
@@ -306,7 +312,12 @@ def _settings(study: Study, found: Sweep) -> list[Section]:
 
 
 def _differences(own: dict[str, Any], usual: dict[str, Any]) -> str:
-    """Differences of settings from the usual ones, as text. "no NAME" marks a setting that the engine does not have."""
+    """Text with the settings that differ from the usual ones. "no NAME" marks a setting that the engine does not have.
+
+    Args:
+        own: All settings of an engine.
+        usual: All settings of the study.
+    """
     names = list(dict.fromkeys((*usual, *own)))
     changed = [name for name in names if own.get(name) != usual.get(name)]
     changes = [f"no {name}" if own.get(name) is None else f"{name} {cell(own[name])}" for name in changed]
@@ -314,7 +325,7 @@ def _differences(own: dict[str, Any], usual: dict[str, Any]) -> str:
 
 
 def _perturbations(found: Sweep, folder: Path) -> list[Section]:
-    """Sections with the effect of each parameter on the outcomes."""
+    """Sections with the effect of each parameter on the outcomes, and the picture of the sweep in `folder`."""
     study = found.study
     outcome = study.decisive or study.all_outcomes[0]
     unit = f", {outcome.unit}" if outcome.unit else ""
@@ -345,7 +356,7 @@ def _perturbations(found: Sweep, folder: Path) -> list[Section]:
 
 
 def _repeated(levels: Sequence[Level]) -> list[str]:
-    """Paragraph on levels without an interval, with the reason; empty if all levels have one."""
+    """Paragraph on levels (values of a parameter) without a confidence interval, with the reason; empty if all levels have one."""
     fewest = min((level for level in levels), key=lambda level: level.different / level.episodes)
     if fewest.different == fewest.episodes:
         return []
@@ -357,7 +368,7 @@ def _repeated(levels: Sequence[Level]) -> list[str]:
 
 
 def _interval(level: Level) -> str:
-    """Text of the confidence interval of a level's success rate; episodes must differ for an interval."""
+    """Text of the confidence interval of a level's success rate, or why it has none: its episodes repeat one another."""
     if level.different < level.episodes:
         return f"none, {level.different} different"
     return "{:.3f} to {:.3f}".format(*level.interval)
@@ -371,7 +382,7 @@ def _picture(found: Sweep, folder: Path) -> Path | None:
 
 
 def _level_row(study: Study, level: Level) -> list[Any]:
-    """Row of the table of perturbations for a level."""
+    """Row of the table of perturbations: statistics at one value of a parameter."""
     parameter = study.parameters.get(level.parameter)
     shares = [level.successes, level.share, _interval(level)] if study.decisive else []
     point = (level.setting, level.parameter or "nominal", level.value, parameter.unit if parameter else "")
@@ -379,7 +390,13 @@ def _level_row(study: Study, level: Level) -> list[Any]:
 
 
 def _cliffs(found: Sweep, folder: Path, *, searched: bool = True) -> list[Section]:
-    """Section with the cliffs; `searched` is whether they were searched."""
+    """Sections on cliffs, the values of parameters at which success ends.
+
+    Args:
+        found: The sweep.
+        folder: Folder of the picture.
+        searched: Whether cliffs were searched.
+    """
     if found.study.decisive is None:
         return []
     (folder / "cliffs.png").unlink(missing_ok=True)
@@ -403,7 +420,11 @@ def _cliffs(found: Sweep, folder: Path, *, searched: bool = True) -> list[Sectio
 
 
 def _no_cliff(levels: Sequence[Level]) -> list[list[Any]]:
-    """Row of the table of cliffs for a parameter without one, from its levels with one of the settings; empty without levels."""
+    """Row of the table of cliffs for a parameter without a cliff; empty without levels.
+
+    Args:
+        levels: Statistics at the values of the parameter, with one of the settings.
+    """
     if not levels:
         return []
     numbers = not any(isinstance(level.value, str) for level in levels)
@@ -421,7 +442,7 @@ def _no_cliff(levels: Sequence[Level]) -> list[list[Any]]:
 
 
 def _transfer(study: Study, found: Sweep) -> list[Section]:
-    """Section that compares the outcomes with measurements on the real system or other settings."""
+    """Section that compares the outcomes of the study's settings with those of its other settings and engines."""
     outcome = measured(study)
     own = [level for level in found.levels_of("")]
     head = (
@@ -453,7 +474,7 @@ def _transfer(study: Study, found: Sweep) -> list[Section]:
 
 
 def _nominal_rows(found: Sweep, setting: str) -> dict[int, dict[str, Any]]:
-    """Rows of the journal at the nominal point with some settings, by number of the episode."""
+    """Rows of the journal with nominal values of all parameters and one of the settings, by number of the episode."""
     nominal = nominal_of(found.study, setting)
     return {row["episode"]: row for row in found.table.rows if row["setting"] == setting and row["parameters"] == nominal}
 

@@ -15,7 +15,7 @@ from stepper.lab.study.study import Study
 from stepper.shared.files import atomic_write
 
 IN_FORCE, JOURNAL = "in_force.json", "journal.sqlite"
-"""Names of the files with the provenance of rows, and with the rows."""
+"""Names of the files in a study's folder with the provenance of the rows, and with the rows (results of episodes)."""
 
 
 class Results:
@@ -37,7 +37,7 @@ class Results:
             raise
 
     def _write_in_force(self, study: Study) -> None:
-        """Add `Study.in_force` (model, versions, digests) to in_force.json, under its digest."""
+        """Adds the provenance of the study (model, versions, digests) to in_force.json, under the digest of this entry."""
         file = self.folder / IN_FORCE
         entries: dict[str, Any] = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
         text = json.dumps(study.in_force, sort_keys=True, default=str)

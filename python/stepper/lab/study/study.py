@@ -136,7 +136,7 @@ class Study(metaclass=Hinting):
     _source: _Source | None = field(default=None, repr=False, compare=False)
 
     def _check_functions(self) -> None:
-        """Check that controller, start and exact can be called, and with which arguments."""
+        """Raises an error unless controller, start and exact are functions that can be called with the right arguments."""
         if not (self.controller is None or self.controller == "random" or callable(self.controller)):
             raise TypeError(f'controller is {self.controller!r}, must be a function, Recorded, Policy, "random" or None')
         if not (self.start is None or callable(self.start)):
@@ -436,7 +436,7 @@ class Study(metaclass=Hinting):
 
 
 def _check_options(given: Mapping[str, Any]) -> None:
-    """Raise ValueError for unknown options of stepper, and for values that are none of an option's words. A `Stepper` checks numbers."""
+    """Raises ValueError for unknown options of the step, and for words that an option cannot have. A `Stepper` checks numbers."""
     if unknown := sorted(given.keys() - SETTINGS):
         of_mujoco = '; MuJoCo has it: add engine = "mujoco",' if unknown[0] in MUJOCO_SETTINGS else ""
         hint = of_mujoco or did_you_mean(unknown[0], SETTINGS) or ","
@@ -450,18 +450,18 @@ def _check_options(given: Mapping[str, Any]) -> None:
 
 @cache
 def _words() -> dict[str, tuple[Any, ...]]:
-    """Words that each option with a choice among words can have, by its name; None among them stands for the default."""
+    """Words that each option with a choice among words can have, by name of the option; None among them stands for the default."""
     hints = get_type_hints(Options) | {"precision": Precision}
     return {name: tuple(word for part in (get_args(hints[name]) or ()) for word in _members(part)) for name in CHOICES}
 
 
 def _members(part: Any) -> tuple[Any, ...]:
-    """Words of a part of an annotation: a Literal, `NoneType`, or a word."""
+    """Words that a part of a type annotation allows: those of a Literal, None for `NoneType`, or a single word."""
     return get_args(part) or ((None,) if part is type(None) else (part,))
 
 
 def _force_types(model: Model) -> list[str]:
-    """Gain and bias types of every actuator. Parameters of gains depend on them, and the digest of a model does not include them."""
+    """Gain type and bias type of every actuator, on which parameters of gains depend. The digest of a model does not include them."""
     return [f"{actuator.gaintype} {actuator.biastype}" for actuator in map(model.actuator, range(model.nu))]
 
 

@@ -21,13 +21,16 @@ from stepper.lab.study.study import Study
 from stepper.lab.study.table import Table
 
 CLIFF = 0.5
-"""Fraction of successes that defines a cliff: it is at least this on one side, and below it on the other."""
+"""Fraction of successes that defines a cliff (a value at which success ends).
+
+It is at least this on one side of the cliff, and below it on the other.
+"""
 RESOLUTION = 1e-3
-"""Default width of a cliff's bracket, as a fraction of the parameter's range."""
+"""Default width of the interval to which bisection locates a cliff, as a fraction of the parameter's range."""
 _POINTS_PER_ROUND = 7
-"""Number of points inside a bracket that one round of the bisection runs as one batch."""
+"""Number of values between the ends of an interval that one round of the bisection runs as one batch."""
 Bisected = list[tuple[float, list[Row]]]
-"""Values of a parameter with the rows of their episodes."""
+"""Values of a parameter, each with the rows (results) of its episodes."""
 UNSOLVED = Status.NOT_CONVERGED | Status.NON_FINITE | Status.CONTACTS_FULL | Status.UNRESOLVED | Status.TUNNELLED | Status.INFEASIBLE
 """Flags of steps that were not solved reliably."""
 
@@ -202,7 +205,12 @@ def sweep(
 
 
 def _point(study: Study, cell: tuple[str, str, Value | None]) -> Point:
-    """Point of a cell (settings, parameter, value): all other parameters are nominal."""
+    """Point of a study with one parameter at a value and all others nominal.
+
+    Args:
+        study: The study.
+        cell: Name of the settings, name of the parameter ("" for the nominal point), and value.
+    """
     setting, name, value = cell
     chosen = nominal_of(study, setting)
     if value is not None:
@@ -216,7 +224,14 @@ def measured(study: Study) -> str:
 
 
 def _level(study: Study, cell: tuple[str, str, Value | None], rows: Sequence[Row], nominal: Sequence[Row]) -> Level:
-    """Statistics of a cell (settings, parameter, value) from its rows, and the rows of the same episodes at the nominal point."""
+    """Statistics of the episodes at one value of a parameter.
+
+    Args:
+        study: The study.
+        cell: Name of the settings, name of the parameter ("" for the nominal point), and value.
+        rows: Rows of the episodes.
+        nominal: Rows of the same episodes at the nominal point.
+    """
     name = measured(study)
     pairs = [
         (row["outcomes"][name], was["outcomes"][name], diverged(was)) for row, was in zip(rows, nominal, strict=True) if not diverged(row)
@@ -242,7 +257,7 @@ def _level(study: Study, cell: tuple[str, str, Value | None], rows: Sequence[Row
 
 
 def _different(study: Study, rows: Sequence[Row]) -> int:
-    """Number of distinct episodes: all if starts or controls are random, otherwise those with distinct rows."""
+    """Number of distinct episodes: all if initial states or controls are random, otherwise the number of different rows."""
     if study.qpos_noise or study.qvel_noise or (study.controller == "random" and study.loaded[0].nu):
         return len(rows)
     return len({json.dumps([row["outcomes"], row["certificate"]], sort_keys=True) for row in rows})
@@ -254,26 +269,40 @@ def _deviation(values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
 
 
 class _Progress:
-    """Progress of all bisections together, counted in rounds."""
+    """Progress of all bisections together, counted in rounds, for a progress callback.
+
+    Args:
+        what: Text for the callback.
+        rounds: Number of rounds of all bisections.
+        tick: Progress callback; None reports nothing.
+    """
 
     def __init__(self, what: str, rounds: int, tick: Tick | None):
         self._what, self._rounds, self._tick, self._done = what, rounds, tick, 0
 
     def of_round(self, done: float) -> None:
-        """Report the completed fraction of the current round."""
+        """Reports the completed fraction of the current round of a bisection."""
         if self._tick is not None:
             # Only `end` reports 1, because a bisection may need fewer rounds than predicted.
             self._tick(self._what, min((self._done + done) / self._rounds, 0.99))
         self._done += done == 1.0
 
     def end(self) -> None:
-        """Report the end, if there were rounds."""
+        """Reports the end of all bisections, if there were rounds."""
         if self._tick is not None and self._rounds:
             self._tick(self._what, 1.0)
 
 
 def _brackets(study: Study, levels: Sequence[Level], resolution: float) -> list[tuple[Level, Level, float]]:
-    """Neighbouring levels with a cliff between them, and the width at which bisection ends; empty if the values are counts or words."""
+    """Neighbouring values of a parameter with a cliff between them, as pairs of levels, and the width at which bisection ends.
+
+    The list is empty if the values are counts or words.
+
+    Args:
+        study: The study.
+        levels: Statistics at the values of the parameter.
+        resolution: Width as a fraction of the parameter's range.
+    """
     numeric = [level for level in levels if isinstance(level.value, int | float) and not isinstance(level.value, bool)]
     if not levels or study.parameters[levels[0].parameter].leaf in COUNTS:
         return []
@@ -283,13 +312,13 @@ def _brackets(study: Study, levels: Sequence[Level], resolution: float) -> list[
 
 
 def _rounds(one: Level, other: Level, width: float) -> int:
-    """Number of rounds in which a bisection narrows a bracket to a width."""
+    """Number of rounds in which a bisection narrows the interval between two levels to a width, in the parameter's unit."""
     apart = abs(float(other.value or 0) - float(one.value or 0))
     return max(1, math.ceil(math.log(apart / width) / math.log(_POINTS_PER_ROUND + 1) - 1e-9)) if apart > width else 0
 
 
 def _shares(study: Study, points: Sequence[Point], journal: Journal, progress: _Progress) -> list[tuple[float, list[Row]]]:
-    """Fraction of successes and rows of each point."""
+    """Runs the episodes of some points, and returns the fraction of successes and the rows of each point."""
     rows = run_points(study, points, journal, progress.of_round)
     n = study.episodes
     cut = [rows[k * n : (k + 1) * n] for k in range(len(points))]
@@ -299,9 +328,17 @@ def _shares(study: Study, points: Sequence[Point], journal: Journal, progress: _
 def _bisect(
     study: Study, one: Level, other: Level, width: float, run: Callable[[Sequence[Point]], list[tuple[float, list[Row]]]]
 ) -> tuple[Cliff, Bisected]:
-    """Cliff between two levels, with a bracket of at most `width`, and the values that were run with their rows.
+    """Locates a cliff between two levels by bisection. Each round runs several values at once.
 
-    `run` returns the fraction of successes and the rows of each point. Each round runs several points at once.
+    Args:
+        study: The study.
+        one: Level at the lower value.
+        other: Level at the higher value.
+        width: Largest width of the resulting interval, in the parameter's unit.
+        run: Function that runs some points and returns the fraction of successes and the rows of each.
+
+    Returns:
+        The cliff, and all values that were run, with their rows.
     """
     assert isinstance(one.value, int | float)
     assert isinstance(other.value, int | float)

@@ -100,7 +100,14 @@ def explicit_friction(compiled: Any) -> dict[tuple[int, int], float]:
 
 
 def _friction_of_pairs(model: Model, friction: Array) -> dict[tuple[int, int], float]:
-    """Sliding friction of explicit pairs by their geoms, the lower index first. Of two pairs of the same geoms the first is used."""
+    """Sliding friction of the explicit contact pairs of a model, by their geoms, the lower index first.
+
+    Of two pairs of the same geoms the first is used.
+
+    Args:
+        model: The model.
+        friction: Friction coefficients of the explicit pairs.
+    """
     found: dict[tuple[int, int], float] = {}
     for k in range(model.npair):
         pair = model.pair(k)
@@ -166,7 +173,14 @@ def pairs_that_may_touch(model: Model, compiled: Any) -> set[tuple[int, int]]:
 
 
 class _Ledger:
-    """Accumulator of the statistics of contacts, step by step."""
+    """Accumulator that adds up the statistics of contacts, step by step.
+
+    Args:
+        model: Model of the scene.
+        num_envs: Number of environments.
+        friction: Friction coefficients of the geoms, (ngeom, 3).
+        explicit: Sliding friction of explicit pairs by their geoms, the lower index first.
+    """
 
     def __init__(self, model: Model, num_envs: int, friction: Array, explicit: Mapping[tuple[int, int], float]):
         self.model, self.num_envs, self.friction, self.explicit, self.steps = model, num_envs, friction, explicit, 0
@@ -231,7 +245,7 @@ class _Ledger:
             book["twists"] = max(book["twists"], float(twist[pushes].max()))
 
     def result(self, *, senses: bool) -> Touching:
-        """Statistics of all steps so far. `senses` is whether a sensor was read."""
+        """Statistics of all steps so far. `senses` is whether the controller or an outcome has read a sensor."""
         names = [name or f"#{k}" for k, name in enumerate(self.model.geom_names)]
         pairs = [
             Pair(

@@ -30,7 +30,10 @@ _WEIGHT_FIELDS = frozenset({"body_mass", "body_inertia", "body_ipos", "dof_armat
 _LARGEST_STATE = 1e10
 """Bound of positions (m, rad) and velocities (m/s, rad/s) beyond which an episode counts as diverged: mjMAXVAL, at which MuJoCo resets."""
 _RNG_KEY = 2
-"""Third number of the seeds of `World.rng`, after the study's seed and the episode's number: initial states have 0, random controls 1."""
+"""Third number of the seeds of `World.rng`, after the study's seed and the episode's number.
+
+Initial states have the third number 0, and random controls 1, so that all these random numbers are independent.
+"""
 
 
 @dataclass(frozen=True)
@@ -177,7 +180,7 @@ class World:
         return lost
 
     def _beyond(self) -> NDArray[np.bool_]:
-        """Whether each environment's current state is not finite or larger than `_LARGEST_STATE`, (num_envs,)."""
+        """Whether the current state of each environment is not finite or larger than `_LARGEST_STATE`, (num_envs,)."""
         state = np.concatenate([self.qpos, self.qvel], axis=1)
         beyond: NDArray[np.bool_] = ~(np.abs(state) <= _LARGEST_STATE).all(axis=1)
         return beyond
@@ -259,7 +262,7 @@ class StepperWorld(World):
 
 
 def _default_integrator(sim: Stepper) -> str:
-    """Integrator of a stepper whose options have None."""
+    """Name of the integrator that a stepper uses if its options have None."""
     if sim.options.contact == "hard":
         return "midpoint"
     return Options.from_model(sim.model).integrator or "euler" if sim.model.requested else "euler"
@@ -275,7 +278,11 @@ def own_fields(options: Options) -> frozenset[str]:
 
 
 def _split(plan: Plan) -> tuple[Model, dict[str, Array]]:
-    """Model with the values that all environments of a plan share, and the fields that differ, (num_envs, *shape)."""
+    """Values of a plan for a batch, divided into those that its environments share and those that differ.
+
+    Returns:
+        Model with the shared values, and the other fields by name, (num_envs, *shape) each.
+    """
     shared, varying, may_vary = {}, {}, own_fields(plan.options)
     for field, rows in plan.fields.items():
         before = np.asarray(getattr(plan.model, field), float)
@@ -294,7 +301,7 @@ def _split(plan: Plan) -> tuple[Model, dict[str, Array]]:
 MUJOCO_SETTINGS = ("integrator", "cone", "solver", "impratio", "noslip_iterations", "iterations", "tolerance", "timestep")
 """Names of settings with engine="mujoco"."""
 _MUJOCO_ENUMS = {"integrator": ("mjtIntegrator", "mjINT_"), "cone": ("mjtCone", "mjCONE_"), "solver": ("mjtSolver", "mjSOL_")}
-"""Enumeration of MuJoCo, and prefix of its names, by name of the setting."""
+"""MuJoCo's enumeration, and the prefix of its members, by name of the setting."""
 _MUJOCO_COUNTS = frozenset({"iterations", "noslip_iterations"})
 """Settings of MuJoCo that are whole numbers."""
 _MUJOCO_POSITIVE = frozenset({"impratio", "timestep"})
@@ -335,7 +342,7 @@ class MujocoWorld(World):
         self._status = np.zeros(num_envs, np.int64)
 
     def _models_of(self, plan: Plan, num_envs: int) -> list[Any]:
-        """MjModel of each environment; environments with equal parameters share one."""
+        """Compiled `MjModel` of each environment of a plan; environments with equal parameters share one."""
         base = plan.compiled.__copy__()
         configure(self._mujoco, base, plan.mujoco or {})
         made: dict[bytes, Any] = {}
@@ -388,7 +395,7 @@ class MujocoWorld(World):
 
     @contextlib.contextmanager
     def _quiet(self) -> Iterator[None]:
-        """Context in which MuJoCo does not write MUJOCO_LOG.TXT to the working directory. Its warning counters still count."""
+        """Context manager in which MuJoCo writes no MUJOCO_LOG.TXT to the working directory. Its warning counters still count."""
         before = self._mujoco.get_mju_user_warning()
         self._mujoco.set_mju_user_warning(_ignore)
         try:
@@ -522,7 +529,7 @@ class MujocoWorld(World):
 
 @functools.cache
 def _contact_type() -> Any:
-    """NumPy type of the rows of `Stepper.contacts`."""
+    """NumPy type of the rows of the structured array that `Stepper.contacts` returns."""
     return Stepper(load("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")).contacts().dtype
 
 
@@ -581,7 +588,7 @@ def check_mujoco(settings: Mapping[str, Any], mujoco: Any = None) -> None:
 
 
 def _mujoco_choice(mujoco: Any, name: str, value: Any) -> Any:
-    """Member of MuJoCo's enumeration for the word `value` of a setting."""
+    """Member of MuJoCo's enumeration for the word of a setting, such as "elliptic" for the setting "cone"."""
     kind, prefix = _MUJOCO_ENUMS[name]
     choice = getattr(getattr(mujoco, kind), prefix + str(value).upper(), None)
     if choice is None:

@@ -26,9 +26,9 @@ from stepper.envs import TASKS
 from stepper.shared.machine import cpu_name, one_core
 
 STEPS = 6
-"""Steps of each adapter per round."""
+"""Number of vector steps of each adapter per round of the measurement."""
 SETTINGS: dict[str, Any] = {"precision": "f32", "autoreset_mode": "SameStep"}
-"""Settings of all adapters. Some set the autoreset mode themselves."""
+"""Settings of the environments of all adapters. Some adapters set the autoreset mode themselves."""
 
 Step = Callable[[], Any]
 
@@ -166,11 +166,11 @@ CONTESTANTS: dict[str, tuple[str | None, Callable[[str, int], Step]]] = {
     "`ray.RayVectorEnv.step`, one actor": ("ray", ray),
     "`ray.RayVectorEnv.rollout`, one actor": ("ray", ray_rollout),
 }
-"""Adapters by name: required library, and function that makes the step to measure."""
+"""Adapters to measure, by their name in the table: required library, and function that makes the step to time."""
 
 
 def race(name: str, num_envs: int, rounds: int) -> dict[str, tuple[float, float]]:
-    """Environment steps per second of each adapter, and the ratio to the first one in the same round: medians over rounds."""
+    """Environment steps per second of each adapter, and the ratio to `StepperVectorEnv` in the same round: medians over rounds."""
     made = {label: make(name, num_envs) for label, (library, make) in CONTESTANTS.items() if library is None or find_spec(library)}
     times: dict[str, list[float]] = {label: [] for label in made}
     for k in range(rounds + 2):

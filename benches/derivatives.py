@@ -105,7 +105,7 @@ SMOOTH: dict[str, dict[str, Any]] = {
     "hard, smooth at rest, euler": {"stabilization": "baumgarte", "baumgarte": 1.0, "slop": 0.0, "integrator": "euler"},
     "mujoco": {"contact": "mujoco"},
 }
-"""Settings of `smoothness`: fields of Options."""
+"""Settings whose steps `smoothness` measures, by name: fields of `Options`."""
 
 
 def implicit(num_envs: int = 24) -> None:
@@ -207,7 +207,18 @@ def horizon(steps: int = 32) -> None:
 
 
 def by_whole_rollouts(sim: stepper.Stepper, ctrl: Array, weights: Array, speeds: Array, h: float = 1e-6) -> tuple[Array, Array]:
-    """Central differences of whole rollouts by the controls, (num_envs, T nu), and by the first state, (num_envs, 2 nv)."""
+    """Derivatives of a scalar function by central differences of whole rollouts.
+
+    Args:
+        sim: Stepper with the initial states.
+        ctrl: Controls, (T, num_envs, nu).
+        weights: Weights of the final positions in the function.
+        speeds: Weights of the final velocities.
+        h: Half width of the differences.
+
+    Returns:
+        Derivatives by the controls, (num_envs, T nu), and by the initial state, (num_envs, 2 nv).
+    """
     model, n = sim.model, len(sim.qpos)
     options = Options(**{**vars(sim.options), "tolerance": 1e-13})
     size = ctrl.shape[0] * model.nu

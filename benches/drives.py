@@ -35,7 +35,7 @@ STAGES = {
     "the same, friction": replace(CHAIN, friction=0.005, motor=replace(MOTOR, efficiency=0.85)),
 }
 ROUGH = "MJCF's frictionloss"
-"""Name of the row for comparison: dry friction of 0.3 N m on every hinge, without drives."""
+"""Name of the table's row without drives but with dry friction of 0.3 N m on every hinge, for comparison."""
 
 
 def main() -> None:

@@ -41,17 +41,17 @@ from stepper.shared.machine import cpu_name, one_core
 
 NAMES = ("HalfCheetah", "Hopper", "Ant", "Humanoid")
 GYMNASIUMS, ENVPOOLS = 16, 256
-"""Numbers of environments of Gymnasium and EnvPool. More do not increase their speed."""
+"""Numbers of environments of Gymnasium's and of EnvPool's batch. More do not increase their speed."""
 LIMIT = 1000
 """Number of actions in an episode."""
 BESIDE = ("EnvPool", "mujoco.batch", "Gymnasium's own")
-"""Reference engines: the table has a column with the speed relative to each."""
+"""Reference engines. For each, the table has a column with stepper's speed relative to it."""
 TURN = 0.15
-"""Processor time of a turn, s."""
+"""Processor time of a turn, in which one batch is stepped, s."""
 
 
 class Timed(Protocol):
-    """Batch of environments that is measured in turns."""
+    """Batch of environments whose speed is measured in turns with those of other engines."""
 
     def turn(self) -> None:
         """Step for the time of a turn."""
@@ -130,7 +130,7 @@ def ours(name: str, num_envs: int, contact: str, precision: str) -> Contender:
 
 
 class Elsewhere:
-    """Batch over mjbatch in another process.
+    """Batch of environments on mjbatch in another process.
 
     Args:
         python: Python interpreter that has mjbatch.
@@ -152,7 +152,7 @@ class Elsewhere:
         self._answer()
 
     def _answer(self) -> Any:
-        """Next answer of the other process. An error if it has ended."""
+        """Next answer of the other process, from JSON; an error if the process has ended."""
         line = self._process.stdout.readline() if self._process.stdout else ""
         if not line:
             raise RuntimeError(f"the mjbatch process exited with code {self._process.wait()}: see its error message above")
@@ -171,7 +171,7 @@ class Elsewhere:
 
 
 def batches(name: str, num_envs: int) -> Contender:
-    """Batch of stepper's task code over `mujoco.batch`."""
+    """Batch of environments with stepper's task code and the physics of `mujoco.batch`."""
     return Contender(mujoco_vector.MujocoVectorEnv(name, num_envs, max_episode_steps=LIMIT), num_envs)
 
 

@@ -15,7 +15,7 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
 
 def megabytes(requirements):
-    """Size of packages with all that they require, MB (10^6 bytes)."""
+    """Size on disk of packages with all packages that they require, MB (10^6 bytes)."""
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "pip", "install", "--quiet", "--no-compile", "--target", folder, *requirements]
         subprocess.run(command, check=True)

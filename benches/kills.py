@@ -38,7 +38,7 @@ COMMAND = "import sys; from stepper.cli import main; sys.argv[0] = 'stepper'; ma
 
 @dataclass
 class Count:
-    """Results of the kills of one command.
+    """Results of killing one command repeatedly.
 
     Attributes:
         rows: Number of rows in the journal at each kill.
@@ -52,7 +52,14 @@ class Count:
 
 
 def start(command: str, study: Path, out: Path, more: list[str]) -> subprocess.Popen[bytes]:
-    """Start a command of stepper as a process."""
+    """Starts a command of stepper for a study as a process.
+
+    Args:
+        command: Name of the command, as "sweep".
+        study: File of the study.
+        out: Output folder.
+        more: Further arguments.
+    """
     with out.with_suffix(".log").open("wb") as log:
         return subprocess.Popen([sys.executable, "-c", COMMAND, command, str(study), "--out", str(out), *more], stdout=log, stderr=log)
 
@@ -77,7 +84,19 @@ def differences(whole: Path, cut: Path) -> Iterator[str]:
 
 
 def kill(command: str, study: Path, folder: Path, *, kills: int, more: list[str], draw: random.Random) -> tuple[Count, int, float]:
-    """Kill a command `kills` times, and let it finish after the last kill. Returns results, rows of the study, and length of a run in s."""
+    """Kills a command repeatedly, restarts it each time, and lets it finish after the last kill.
+
+    Args:
+        command: Name of the command.
+        study: File of the study.
+        folder: Folder for all output.
+        kills: Number of kills.
+        more: Further arguments of the command.
+        draw: Random number generator.
+
+    Returns:
+        Results, number of rows of the study, and duration of an uninterrupted run, s.
+    """
     whole, cut = folder / f"{study.stem} {command} whole", folder / f"{study.stem} {command} cut"
     for out in (whole, cut):
         shutil.rmtree(out, ignore_errors=True)

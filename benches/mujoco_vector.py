@@ -32,9 +32,9 @@ _READ = {
     "sensordata_ideal": "sensordata",
     "sensordata": "sensordata",
 }
-"""Attributes of `Stepper`, each with MuJoCo's name."""
+"""MuJoCo's name of each attribute of `Stepper` that `MujocoSim` reads from a batch of MuJoCo."""
 _DERIVED = {"body_mass", "body_inertia", "body_ipos", "dof_armature"}
-"""Parameters from which MuJoCo derives constants."""
+"""Parameters from which MuJoCo derives constants, so that a change recomputes these."""
 
 
 def reads_contact_forces(task: Task) -> bool:

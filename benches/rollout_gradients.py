@@ -30,15 +30,23 @@ WIDTHS = (1e-4, 1e-5, 1e-6)
 """Half widths of the differences of whole rollouts, for coordinates in SI units."""
 
 SAME = 0.01
-"""Relative difference within which two derivatives agree. The curvature of a stiff contact (1e4 / s^2) changes a slope by as much over the
-widest difference. Gradient methods are insensitive to it: Adam divides by the size of the gradient."""
+"""Relative difference within which two derivatives agree.
+
+The curvature of a stiff contact (1e4 / s^2) changes a slope by as much over the widest difference. Gradient methods are insensitive to it:
+Adam divides by the size of the gradient.
+"""
 
 FLOOR = 1e-3
-"""Absolute tolerance of the agreement, relative to the largest derivative of the same scene and kind, or to 1. An error of this size
-rotates the gradient by a thousandth of a radian."""
+"""Absolute tolerance within which two derivatives agree, relative to the largest derivative of the same scene and kind, or to 1.
+
+An error of this size rotates the gradient by a thousandth of a radian.
+"""
 
 NOISE = 1e-5
-"""Noise of the narrowest difference, relative as in `FLOOR`. The rollouts are solved to 1e-13 m/s."""
+"""Noise of the difference with the smallest width, relative to the largest derivative of the same scene and kind, or to 1.
+
+The rollouts are solved to 1e-13 m/s.
+"""
 
 LAWS = {"hard": Options(tolerance=1e-13), "mujoco": Options(contact="mujoco", tolerance=1e-13)}
 """Options by contact law: the defaults with the solver tolerance of `linearize`, so that gradients and differences belong to one
@@ -47,7 +55,7 @@ function."""
 AXES = {"x": "1 0 0", "y": "0 1 0", "z": "0 0 1"}
 
 START = {"rest": 250, "sliding": 250, "impact": 0, "separation": 250}
-"""Kinds of motion, each with the number of steps before the rollout begins."""
+"""Number of steps before the rollout begins, by kind of motion."""
 
 
 @dataclass(frozen=True)
@@ -161,7 +169,14 @@ def directions(scene: Scene, rng: np.random.Generator, count: int) -> Iterator[t
 
 
 def judge(scene: Scene, seed: int, into: Judged, count: int = 4) -> None:
-    """Compare derivatives of a random function of the last state with differences of whole rollouts."""
+    """Compares derivatives of a random function of the last state with differences of whole rollouts.
+
+    Args:
+        scene: Initial state and controls.
+        seed: Seed of the function and of the coordinates.
+        into: Counts of verdicts, which are increased.
+        count: Number of coordinates of each kind.
+    """
     sim, model, rng = scene.sim, scene.sim.model, np.random.default_rng(seed)
     n, nv = len(sim.qpos), model.nv
     made = rollout(sim, scene.ctrl, scene.nstep)
@@ -190,9 +205,13 @@ def judge(scene: Scene, seed: int, into: Judged, count: int = 4) -> None:
 
 
 def verdict_of(ours: float, central: Array, sides: Array, scale: float) -> str:
-    """Verdict on a derivative, from central (3,) and one-sided (2, 3) differences of all widths.
+    """Verdict on a derivative, by differences of whole rollouts.
 
-    `scale` is the largest derivative of the same scene and kind.
+    Args:
+        ours: The derivative.
+        central: Central differences of all widths, (3,).
+        sides: One-sided differences of all widths, (2, 3).
+        scale: Largest derivative of the same scene and kind.
     """
     size, noise, floor = max(np.abs(central).max(), np.abs(sides).max()), NOISE * scale, FLOOR * scale
     if np.ptp(central) > SAME * size + noise:
@@ -208,7 +227,15 @@ def verdict_of(ours: float, central: Array, sides: Array, scale: float) -> str:
 def differences(
     scene: Scene, env: int, chosen: list[tuple[str, Array, Array]], weights: tuple[Array, Array], end: Array
 ) -> list[tuple[Array, Array]]:
-    """Differences of whole rollouts along each chosen coordinate, at all widths: central (3,) and one-sided (2, 3)."""
+    """Differences of whole rollouts along some coordinates, at all widths: central (3,) and one-sided (2, 3) for each.
+
+    Args:
+        scene: Initial state and controls.
+        env: Index of the environment.
+        chosen: Coordinates, as from `directions`.
+        weights: Weights of the function of the last state, for positions and velocities.
+        end: Last positions without displacement.
+    """
     sim, model = scene.sim, scene.sim.model
     nv, sizes = model.nv, np.array([sign * h for h in WIDTHS for sign in (1, -1)])
     moves = np.concatenate([[np.zeros(2 * nv)], *(sizes[:, None] * state for _, state, _ in chosen)])

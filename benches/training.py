@@ -42,9 +42,9 @@ POLICIES = EXAMPLES / "policies"
 RUNS = Path("out/train")
 COLORS = {"stepper, MuJoCo's law": "C0", "stepper, hard contact": "C1", "MuJoCo": "C2"}
 FRESH = 20
-"""Number of evaluation episodes of a run."""
+"""Number of episodes in which the policy of a training run is evaluated."""
 KEPT = 50
-"""Number of rows per run in learning_curves.csv."""
+"""Number of rows of each training run in learning_curves.csv."""
 COLUMNS = ("run", "seed", "steps", "seconds", "processor", "return", "length")
 
 
@@ -70,7 +70,12 @@ class Report:
 
 
 def collect(runs: Path, curves: Path) -> list[dict[str, str]]:
-    """Rows of the learning curves: those of a file, where the runs in a folder replace those of the same name."""
+    """Rows of the learning curves from a file; training runs in a folder replace runs of the same name.
+
+    Args:
+        runs: Folder of the training runs.
+        curves: File learning_curves.csv.
+    """
     rows: list[dict[str, str]] = []
     if curves.exists():
         with curves.open() as file:
@@ -131,7 +136,7 @@ def draw(rows: list[dict[str, str]], path: Path) -> None:
 
 
 def _is_known(run: str) -> bool:
-    """Whether the environment of a folder of runs is registered. Prints a line if it is not."""
+    """Whether the environment of a folder of training runs is registered with Gymnasium; prints a line if it is not."""
     known = re.sub(r"^stepper_", "stepper/", re.sub(r"(-v\d+)_\w+$", r"\1", run)) in gymnasium.registry
     if not known:
         print(f"skipped {run}: its environment is not registered")
@@ -139,7 +144,7 @@ def _is_known(run: str) -> bool:
 
 
 def _named(run: str) -> tuple[str, str]:
-    """Engine with contact law, and task, from the name of a folder of runs.
+    """Engine with contact law, and task, from the name of a folder of training runs.
 
     Examples of names are "stepper_Hopper-v5", "stepper_Hopper-v5_hard" and "Hopper-v5".
     """
@@ -175,7 +180,7 @@ def table_of_runs(page: Path, runs: Path, episodes: int) -> str:
 
 
 def _digits(mean: float) -> int:
-    """Number of decimals of returns in a table, by their mean."""
+    """Number of decimals with which a table shows returns, by their mean."""
     return 0 if abs(mean) > 100.0 else 2
 
 
@@ -234,7 +239,7 @@ TRANSFERS: dict[str, tuple[str, dict[str, Any]]] = {
     "stepper, hard contact": ("stepper/{}", {"contact": "hard"}),
     "MuJoCo": ("{}", {}),
 }
-"""Environments of the transfer, by label: pattern of the environment's name, arguments."""
+"""Environments in which policies of another environment are evaluated, by label: pattern of the environment's id, and arguments."""
 
 
 def table_of_transfers(page: Path, episodes: int, only: str) -> str:
@@ -275,9 +280,12 @@ RACERS: dict[str, tuple[str, dict[str, Any]]] = {
     "EnvPool": ("envpool/{}", {}),
     "Gymnasium's own": ("{}", {}),
 }
-"""Environments of the race, by label: pattern of the environment's name, arguments. All have MuJoCo's contact law."""
+"""Environments whose training times are compared, by label: pattern of the environment's id, and arguments.
+
+All have MuJoCo's contact law.
+"""
 RACE: dict[str, Any] = {"num_envs": 128, "horizon": 64, "minibatch": 1024, "epochs": 8, "threads": 1}
-"""Hyperparameters of the race. With few environments, the first whole episodes end early in the training."""
+"""Hyperparameters for the comparison of training times. With few environments, the first whole episodes end early in the training."""
 RACE_SEEDS = (1, 2, 3)
 
 
@@ -330,7 +338,7 @@ ENGINES: dict[str, tuple[str, dict[str, Any]]] = {
     "stepper, MuJoCo's law": ("stepper/{}", {"contact": "mujoco"}),
     "mujoco.batch": ("mujoco_batch/{}", {}),
 }
-"""Environments of the command `engines`, by label: pattern of the environment's name, arguments."""
+"""Environments of the command `engines`, by label: pattern of the environment's id, and arguments."""
 
 
 def engines(task: str, runs: Path, episodes: int, steps: int | None = None) -> str:

@@ -26,13 +26,16 @@ from stepper.envs.suite import SUITE
 Array = NDArray[Any]
 
 NSTEP = 4
-"""Simulation steps of 5 ms between two corrections."""
+"""Number of simulation steps, 5 ms each, between two corrections of the filter."""
 ENCODER, GYRO, ATTITUDE = 0.01, 0.05, 0.01
 """Standard deviations of the sensor noise: rad, rad/s, components of a unit vector."""
 PUSH = 60.0
 """Standard deviation of the external forces on the trunk, N."""
 CONTROL = 0.3
-"""Standard deviation of the random control that each member adds. It models the external forces and all other unknown effects."""
+"""Standard deviation of the random control that each environment of the ensemble adds to the commanded one.
+
+It models the external forces and all other unknown effects.
+"""
 INFLATION = 1.01
 """Factor on the spread of the ensemble at each correction (covariance inflation): a finite ensemble underestimates its covariance."""
 
@@ -80,18 +83,18 @@ class EnsembleFilter:
         self._own = np.zeros((members, model.nu))
 
     def begin(self, qpos: Array, qvel: Array, spread: float = 0.05) -> None:
-        """Draw initial states around qpos (nq,) and qvel (nv,), with standard deviation `spread` on the tangent space."""
+        """Draws initial states of the ensemble around qpos (nq,) and qvel (nv,), with standard deviation `spread` on the tangent space."""
         members, nv = self.sim.num_envs or 1, self.sim.model.nv
         displaced = self.sim.model.integrate_pos(qpos, spread * self._random.normal(size=(members, nv)))
         self.sim.reset(qpos=displaced, qvel=qvel + spread * self._random.normal(size=(members, nv)))
 
     def predict(self, control: Array) -> None:
-        """Step all members with a control (nu,) plus each member's random control."""
+        """Steps all environments of the ensemble with a control (nu,), to which each adds a random control."""
         self._own = 0.9 * self._own + CONTROL * (1.0 - 0.9**2) ** 0.5 * self._random.normal(size=self._own.shape)
         self.sim.step(control + self._own, NSTEP)
 
     def correct(self, readings: Array) -> None:
-        """Correct all members with sensor readings (m,)."""
+        """Corrects all environments of the ensemble with sensor readings (m,), by the Kalman gain from the ensemble's covariance."""
         sim, model = self.sim, self.sim.model
         nv, members = model.nv, sim.num_envs or 1
         middle, displacements = mean_configuration(model, np.asarray(sim.qpos))
@@ -148,7 +151,7 @@ class Outcome:
 
 
 def run(seconds: float = 10.0, members: int = 128, seed: int = 0, **settings: Any) -> Outcome:
-    """Estimation errors on a moving robot that random forces push; the first second does not count.
+    """Runs the filter on a moving robot that random forces push, and returns estimation errors; the first second does not count.
 
     Args:
         seconds: Simulated time, s.

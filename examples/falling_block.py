@@ -31,7 +31,7 @@ ACTION = Box(-1.0, 1.0, (1,), dtype=np.float32)
 
 
 class FallingBlock(gymnasium.Env[Array, Array]):
-    """Environment with one block.
+    """Gymnasium environment of a single block with a thruster, which must stay above 0.05 m.
 
     Observation (2,): measured height in m and velocity in m/s. Action (1,): thrust divided by half the weight, positive upwards.
 
@@ -66,14 +66,14 @@ class FallingBlock(gymnasium.Env[Array, Array]):
 
 
 class FallingBlocks(VectorEnv[Array, Array, Array]):
-    """Vector environment of blocks, each with a separate restitution.
+    """Vector environment of blocks with thrusters, each with a separate restitution.
 
     Args:
         num_envs: Number of blocks.
         sensors: Sensor model. Its parameters may differ between blocks. None is ideal sensors.
         autoreset_mode: Time at which a finished episode is reset. NEXT_STEP: at the next `step`, which ignores the block's action.
-            SAME_STEP: within the step that ends it; the last observation is `info["final_obs"]`. DISABLED: by
-            `reset(options={"reset_mask": mask})`.
+            SAME_STEP: within the step that ends it; the last observation is `info["final_obs"]`. DISABLED: by `reset(options={"reset_mask":
+                mask})`.
         threads: Number of threads; 0 is all. The results do not depend on it.
     """
 
@@ -124,7 +124,7 @@ class FallingBlocks(VectorEnv[Array, Array, Array]):
         return observation, reward, np.zeros(self.num_envs, dtype=bool), truncated, info
 
     def _begin(self, mask: Array) -> dict[str, Any]:
-        """Start episodes of the blocks in a mask, and return their info."""
+        """Starts episodes of the blocks in a mask, (num_envs,), and returns the info dict with their restitution."""
         # Drawn for all blocks, so that a block's restitution does not depend on which other blocks are reset.
         self._restitution[mask, 1] = self.np_random.uniform(*RESTITUTION, self.num_envs)[mask]
         self._sim.randomize(mask, geom_restitution=self._restitution)
@@ -141,11 +141,11 @@ POLICIES = {
     "with the motion": lambda height, velocity: np.where(velocity > 0, 1.0, -1.0),
     "down below 0.05 m": lambda height, velocity: np.where((velocity < 0) & (height < LOWEST), -1.0, 1.0),
 }
-"""Policies: functions from heights and velocities to thrusts, (num_envs,) each."""
+"""Policies by name: functions from heights (m) and velocities (m/s) to thrusts, (num_envs,) each."""
 
 
 def scores(policy: Any, num_envs: int = 1000, seed: int = 0) -> Array:
-    """Returns of one episode of every block, (num_envs,)."""
+    """Returns of a policy in one episode of every block, (num_envs,)."""
     env = FallingBlocks(num_envs)
     observation, _ = env.reset(seed=seed)
     total = np.zeros(num_envs)

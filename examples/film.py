@@ -38,7 +38,14 @@ RATE = 12.5
 
 
 def pictures(policy_file: Path, name: str, camera: dict[str, Any], seconds: float) -> Iterator[Array]:
-    """Yield the frames of a policy in its environment, after 1.5 s without frames."""
+    """Yields the frames of a film of a policy in its environment; the first 1.5 s are not filmed.
+
+    Args:
+        policy_file: File of the policy.
+        name: Id of the environment.
+        camera: Settings of the camera.
+        seconds: Simulated length of the film, s.
+    """
     env = gymnasium.make(name, render_mode="rgb_array", width=WIDTH, height=HEIGHT, default_camera_config=camera)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", stepper.policies.PolicyWarning)

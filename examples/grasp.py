@@ -59,7 +59,13 @@ class Score:
 
 
 def score(policy: Policy, rollouts: int, processor: float) -> Score:
-    """Evaluate a policy in 32 episodes whose seeds the training does not use. Further arguments are fields of `Score`."""
+    """Evaluates a policy in 32 episodes whose seeds the training does not use.
+
+    Args:
+        policy: The policy.
+        rollouts: Number of training episodes until now.
+        processor: Processor time of the training until now, s.
+    """
     envs: Any = gymnasium.make_vec(NAME, num_envs=32)
     observation, _ = envs.reset(seed=ppo.EVALUATION_SEED)
     gain = 0.0
@@ -80,7 +86,13 @@ def grip(net: ppo.ActorCritic) -> None:
 
 
 def by_derivatives(rollouts: int, seed: int = 1, **given: Any) -> Iterator[Score]:
-    """Learn with gradients through whole episodes; yield a score before learning and after every update."""
+    """Learns with gradients through whole episodes, and yields a score before learning and after every update.
+
+    Args:
+        rollouts: Number of training episodes.
+        seed: Seed of all random numbers.
+        **given: Hyperparameters, as in `Plan`.
+    """
     plan = Plan(**{"num_envs": 8, "horizon": ACTIONS, "rate": 5e-3, "seed": seed, **given})
     envs = gymnasium.make_vec(NAME, num_envs=plan.num_envs, autoreset_mode=gymnasium.vector.AutoresetMode.DISABLED)
     learner, spent = Learner(envs, TASK, plan), 0.0
@@ -95,7 +107,13 @@ def by_derivatives(rollouts: int, seed: int = 1, **given: Any) -> Iterator[Score
 
 
 def by_ppo(rollouts: int, seed: int = 1, **given: Any) -> Iterator[Score]:
-    """Learn with PPO; yield a score after every update."""
+    """Learns with PPO, and yields a score after every update.
+
+    Args:
+        rollouts: Number of training episodes.
+        seed: Seed of all random numbers.
+        **given: Settings of the learner, as in `stepper.policies.ppo_settings.Settings`.
+    """
     own = {"num_envs": 64, "horizon": ACTIONS, "minibatch": 640, "epochs": 8, "initial_std": Plan.std, "threads": 1}
     run, spent = ppo.Run(Settings(env=NAME, seed=seed, **{**own, **given})), 0.0
     grip(run.net)
@@ -107,9 +125,9 @@ def by_ppo(rollouts: int, seed: int = 1, **given: Any) -> Iterator[Score]:
 
 
 LEARNERS = {"derivatives": (by_derivatives, 320), "PPO": (by_ppo, 1600)}
-"""Learners, each with its number of training episodes."""
+"""Function of each learner, and its number of training episodes, by name of the learner."""
 MARKS = (30.0, 35.0)
-"""Returns of interest. The table has the numbers of rollouts and the times after which a learner first reaches each."""
+"""Returns of interest: the table has the numbers of episodes and the times after which a learner first reaches each."""
 
 
 def row(name: str, seed: int, scores: list[Score]) -> str:

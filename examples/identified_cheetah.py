@@ -22,7 +22,7 @@ from stepper.sysid import episodes_of
 
 POLICY = Path(__file__).parent / "policies/half_cheetah.npz"
 MASS, FRICTION = 7.5, 0.3
-"""Parameters of the robot: mass of the torso in kg, friction of all geoms."""
+"""True parameters of the simulated robot: mass of the torso, kg, and friction of all geoms."""
 PARAMETERS = ("body_mass[torso]", "geom_friction[floor,?foot][0]")
 NOISE = {"qpos": 1e-3, "qvel": 0.02}
 SECONDS, ROWS = 1.0, 3
@@ -50,19 +50,23 @@ def recorded(folder: Path, runs: int = 4) -> None:
 
 
 def nominal() -> stepper.Model:
-    """Nominal model: that of the environment."""
+    """Nominal model: that of the environment in which the policy was trained."""
     return StepperVectorEnv("HalfCheetah", 1).sim.model
 
 
 def options() -> stepper.Options:
-    """Simulation options of the environment."""
+    """Simulation options of the environment in which the policy was trained."""
     return StepperVectorEnv("HalfCheetah", 1).sim.options
 
 
 def pieces(episode: stepper.sysid.Episode, rng: np.random.Generator) -> list[stepper.sysid.Episode]:
-    """Noisy segments of `ROWS` samples of an episode. Prediction errors of a gait grow too fast for predictions of a second.
+    """Noisy segments of `ROWS` samples of an episode. Each segment begins at the measured state of the sample before it.
 
-    Each segment begins at the measured state of the sample before it.
+    They are short, because prediction errors of a gait grow too fast for predictions of a second.
+
+    Args:
+        episode: Episode of the recording.
+        rng: Random number generator of the noise.
     """
     rows = {name: np.asarray(array) for name, array in episode.readings.items()}
     rows = {name: array + NOISE[name] * rng.standard_normal(array.shape) for name, array in rows.items()}

@@ -68,7 +68,7 @@ ROBOTS = {
     "walker": Robot("walker-walk", nstep=10, horizon=20, noise=0.5, temperature=0.2, reward=_walker, start={}),
     "quadruped": Robot("quadruped-walk", nstep=8, horizon=15, noise=0.4, temperature=0.2, reward=_quadruped, start={2: 0.57}),
 }
-"""Robots by name."""
+"""Robots, with the parameters of their planners, by name."""
 
 
 def model_of(robot: Robot) -> stepper.Model:
@@ -188,7 +188,7 @@ def run(name: str, *, seconds: float = 4.0, samples: int = 128, seed: int = 0, *
 
 
 def _is(plant: stepper.Stepper, plan: Plan, k: int) -> bool:
-    """Whether the state of the plant equals the prediction after control `k` of a plan, bit for bit."""
+    """Whether the present state of the plant equals the prediction of a plan after its control `k`, bit for bit."""
     return np.array_equal(plant.qpos[0], plan.qpos[k]) and np.array_equal(plant.qvel[0], plan.qvel[k])
 
 

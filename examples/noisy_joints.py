@@ -66,7 +66,13 @@ def reward(qpos: Array, qvel: Array, ctrl: Array) -> Array:
 
 
 def scores(sensors: stepper.SensorModel | None, seed: int = 0, episodes: int = EPISODES) -> Array:
-    """Scores of episodes, (episodes,). The initial states depend on the seed, not on the sensors."""
+    """Scores of the regulator in some episodes, (episodes,). The initial states depend on the seed, not on the sensors.
+
+    Args:
+        sensors: Sensor model; None is ideal sensors.
+        seed: Seed of the initial states and the sensor noise.
+        episodes: Number of episodes.
+    """
     model = cartpole()
     gain = regulator(model)
     sim = stepper.Stepper(model, episodes, sensors=sensors, seed=seed)

@@ -75,7 +75,13 @@ class Goal:
         return total
 
     def ends(self, model: stepper.Model, qpos: Array, qvel: Array) -> tuple[Array, Array]:
-        """Gradient (n,) and Hessian (n, n) of the cost with respect to the final state, on its tangent space."""
+        """Gradient (n,) and Hessian (n, n) of the cost of a plan by its final state, on the tangent space, with n = 2 nv.
+
+        Args:
+            model: The model.
+            qpos: Final positions, (nq,).
+            qvel: Final velocities, (nv,).
+        """
         numbers = np.zeros(model.nq)
         numbers[:2] = 2 * self.miss * (qpos[:2] - self.place)
         speeds = np.zeros(model.nv)
@@ -102,7 +108,17 @@ class Plan:
 
 
 def tried(sim: stepper.Stepper, goal: Goal, plan: Plan | Array, changes: Array, gains: Array) -> Plan:
-    """Best plan of a line search: the previous controls plus scaled changes and feedback on the deviation from the previous states."""
+    """Best plan of a line search, whose step lengths are simulated as one batch.
+
+    A plan has the previous controls plus scaled changes, and feedback on the deviation from the previous states.
+
+    Args:
+        sim: Stepper with one environment per step length.
+        goal: Goal with the cost.
+        plan: Previous plan, or initial forces (T, 2), N.
+        changes: Changes of the forces, (T, 2), N.
+        gains: Feedback gains, (T, 2, n).
+    """
     model, count = sim.model, len(sim.qpos)
     sim.reset()
     before = plan.ctrl if isinstance(plan, Plan) else plan
@@ -122,7 +138,17 @@ def tried(sim: stepper.Stepper, goal: Goal, plan: Plan | Array, changes: Array, 
 
 
 def improve(moments: stepper.Stepper, goal: Goal, plan: Plan, regularization: float) -> tuple[Array, Array, float]:
-    """Changes of the forces (T, 2), feedback gains (T, 2, n), and the share of steps near a kink."""
+    """Improvement of a plan by one iteration of the linear-quadratic regulator, from linearizations of all its steps.
+
+    Args:
+        moments: Stepper with one environment per step of the plan.
+        goal: Goal with the cost.
+        plan: The plan.
+        regularization: Number that is added to the diagonal of the Hessian by the forces.
+
+    Returns:
+        Changes of the forces (T, 2), feedback gains (T, 2, n), and the fraction of steps near a kink.
+    """
     T = len(plan.ctrl)
     moments.set_state(plan.qpos[:-1], plan.qvel[:-1])
     lin = moments.linearize(ctrl=plan.ctrl, nstep=HOLD)
@@ -146,13 +172,29 @@ STARTS = (1.35, 1.4, 1.45, 1.5)
 def push(
     law: str = "mujoco", place: tuple[float, float] = (0.15, 0.06), controls: int = 40, rounds: int = 60, *, verbose: bool = True
 ) -> Plan:
-    """Best plan over all initial forces that pushes the box to `place` (m), with `controls` forces of 20 ms each."""
+    """Plan that pushes the box to a place: the best of several plans, each optimised from another initial force.
+
+    Args:
+        law: Name of the contact law.
+        place: Goal of the box in x and y, m.
+        controls: Number of forces in a plan, each for 20 ms.
+        rounds: Largest number of iterations.
+        verbose: Whether to print the costs.
+    """
     plans = [_plan(law, Goal(np.array(place)), np.tile([start, 0.0], (controls, 1)), rounds, verbose=verbose) for start in STARTS]
     return min(plans, key=lambda plan: plan.cost)
 
 
 def _plan(law: str, goal: Goal, start: Array, rounds: int, *, verbose: bool) -> Plan:
-    """Plan optimised from the initial forces `start`, (controls, 2), N."""
+    """Plan optimised from initial forces.
+
+    Args:
+        law: Name of the contact law.
+        goal: Goal with the cost.
+        start: Initial forces, (controls, 2), N.
+        rounds: Largest number of iterations.
+        verbose: Whether to print the costs.
+    """
     model = stepper.load(SCENE)
     first, trials, moments = (stepper.Stepper(model, n, options=LAWS[law]) for n in (1, len(LENGTHS), len(start)))
     # The initial forces push the ball into the box: without contact, the gradient of the cost by the forces is zero.

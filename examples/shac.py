@@ -43,7 +43,7 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True)
 class Differentiable:
-    """Observation and reward of a task as PyTorch functions.
+    """Observation and reward of a task as functions of PyTorch tensors, so that gradients flow through them.
 
     Attributes:
         observation: Function from qpos (n, nq) and qvel (n, nv) to observations.
@@ -124,7 +124,13 @@ class Horizon:
 
 
 class Learner:
-    """State of a training. The environments must end episodes by truncation only."""
+    """State of a training: environments, networks and optimizers. The environments must end episodes by truncation only.
+
+    Args:
+        envs: Vector environment.
+        task: Observation and reward as PyTorch functions.
+        plan: Hyperparameters.
+    """
 
     def __init__(self, envs: Any, task: Differentiable, plan: Plan):
         self.envs, self.task, self.plan = envs, task, plan
@@ -162,21 +168,28 @@ class Learner:
         return ((observation - mean) / std).clamp(-10.0, 10.0).float()
 
     def act(self, observation: Tensor, noise: Tensor) -> tuple[Tensor, Tensor]:
-        """Actions, and the part of the network's output beyond their range.
+        """Actions of the policy, and the part of the network's output beyond the range of the actions.
 
         Gradients ignore the clipping to the range (straight-through).
+
+        Args:
+            observation: Normalised observations.
+            noise: Standard normal noise.
         """
         asked = self.net.actor(self.normal(observation)) + torch.exp(self.net.log_std) * noise
         beyond = asked - asked.detach().clamp(-1.0, 1.0)
         return self.middle + self.half * (asked - beyond.detach()), beyond
 
     def slow(self, done: float) -> None:
-        """Set the learning rate of the policy after a share `done` of the training: linear from `rate` to a tenth of it."""
+        """Lowers the learning rate of the policy: linearly from `rate` to a tenth of it.
+
+        `done` is the finished fraction of the training.
+        """
         for group in self.actor.param_groups:
             group["lr"] = self.plan.rate * (1.0 - 0.9 * done)
 
     def begin_some(self) -> None:
-        """Reset the environments whose episode is over.
+        """Resets the environments whose episode is over.
 
         The episodes are staggered, so that each horizon has samples of all parts of an episode.
         """
@@ -224,14 +237,14 @@ class Learner:
         return {"gradient": norm, "value_error": error, "near_kink": kinks, "left_out": left_out, "std": std}
 
     def _scale(self) -> float:
-        """Factor that divides rewards by the standard deviation of the returns."""
+        """Factor for rewards: the inverse of the standard deviation of the returns."""
         return float(1.0 / np.sqrt(self.returned.var[0] + 1e-8))
 
     def objective(self, made: Horizon) -> tuple[Tensor, float, float]:
-        """Loss, share of steps near a kink, and share of environments left out.
+        """Loss of the policy on collected samples, with the fraction of steps near a kink and of environments left out.
 
-        The loss is a differentiable function of the policy's weights. Its states follow the linearization x' = x'_0 + A (x - x_0) +
-        B (u - u_0) about the collected states and actions, so that its value is that of the samples and its gradient has A and B.
+        The loss is a differentiable function of the policy's weights. Its states follow the linearization x' = x'_0 + A (x - x_0) + B (u -
+        u_0) about the collected states and actions, so that its value is that of the samples and its gradient has A and B.
         """
         states, actions, noise = made.states, made.actions, made.noise
         T, n, size = len(actions), actions.shape[1], states.shape[2]
@@ -261,7 +274,13 @@ class Learner:
 
     @staticmethod
     def _check(ours: Tensor, theirs: Array, what: str) -> None:
-        """Raise ValueError if a function of `Differentiable` differs from the task's."""
+        """Raises ValueError if a result of the task's PyTorch functions differs from that of the task.
+
+        Args:
+            ours: Result of the PyTorch function.
+            theirs: Result of the task.
+            what: Name of the result for the message.
+        """
         worst = float(np.abs(ours.detach().numpy() - theirs).max())
         if worst > 1e-5:  # The task gets its actions as float32.
             raise ValueError(f"the {what} in PyTorch differs from the task's by {worst:.1e}: correct it in TASKS")

@@ -71,7 +71,14 @@ class Curve(BaseCallback):
 
 
 def make(env: str, num_envs: int, seed: int, **settings: Any) -> VecNormalize:
-    """Vector environment with normalised observations and rewards."""
+    """Stable-Baselines3's vector environment of stepper, with normalised observations and rewards.
+
+    Args:
+        env: Name of the environment.
+        num_envs: Number of environments.
+        seed: Seed of the first episodes.
+        settings: Arguments of the environment.
+    """
     envs = StepperVecEnv(env, num_envs, infos="ended", **settings)
     envs.seed(seed)
     return VecNormalize(envs, gamma=SETTINGS["gamma"])

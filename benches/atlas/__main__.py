@@ -61,7 +61,13 @@ def main() -> None:
 
 
 def _added(rows: list[Row], notes: dict[str, object], data: Path) -> tuple[list[Row], dict[str, object]]:
-    """Rows and notes of the existing report, with new rows added or replaced."""
+    """Rows and notes of the existing report, in which new rows are added or replace old ones.
+
+    Args:
+        rows: New rows.
+        notes: Provenance of the new rows.
+        data: CSV file of the existing report.
+    """
     kept, before = read_csv(data)
     renewed = {(row.number, row.engine) for row in rows}
     numbers = [scene.number for scene in scenes.ALL]

@@ -17,7 +17,7 @@ from atlas.world import NOT_FINITE, Array, CannotRunError, DivergedError, Touch,
 
 @dataclass(frozen=True)
 class Stepper:
-    """Engine stepper with a setting.
+    """Engine stepper with some settings, as a column of the atlas.
 
     Attributes:
         name: Name in the table.
@@ -47,7 +47,15 @@ def _load(mjcf: str) -> stepper.Model:
 
 
 class _StepperWorld(World):
-    """World in stepper."""
+    """Environments of a scene in stepper.
+
+    Args:
+        mjcf: Model in MJCF.
+        options: Options of the step.
+        num_envs: Number of environments.
+        precision: "f64" or "f32".
+        restitution: Coefficient of restitution of every contact; None is inelastic.
+    """
 
     def __init__(self, mjcf: str, options: stepper.Options, num_envs: int, precision: str, restitution: float | None) -> None:
         super().__init__(mjcf, options.timestep or 0.0, num_envs)
@@ -91,7 +99,7 @@ class _StepperWorld(World):
 
 @dataclass(frozen=True)
 class Mujoco:
-    """Engine MuJoCo with a setting.
+    """Engine MuJoCo with some settings, as a column of the atlas.
 
     Attributes:
         name: Name in the table.
@@ -109,7 +117,16 @@ class Mujoco:
 
 
 class _MujocoWorld(World):
-    """World in MuJoCo."""
+    """Environments of a scene in MuJoCo.
+
+    Args:
+        engine: Engine with its settings.
+        mjcf: Model in MJCF.
+        dt: Time step, s.
+        num_envs: Number of environments.
+        restitution: Coefficient of restitution of every contact; None is inelastic.
+        iterations: Iterations of the contact solver; None keeps the engine's.
+    """
 
     def __init__(self, engine: Mujoco, mjcf: str, dt: float, num_envs: int, *, restitution: float | None, iterations: int | None) -> None:
         super().__init__(mjcf, dt, num_envs)
@@ -156,7 +173,7 @@ class _MujocoWorld(World):
 
 
 ELASTIC_STEPS = 10.0
-"""Duration of an elastic impact of tuned MuJoCo, in time steps. Its contact is a spring."""
+"""Duration of an elastic impact in MuJoCo with tuned contacts, in time steps. Contacts are then springs."""
 
 
 def _stiffen(model: mujoco.MjModel, time_constant: float, restitution: float | None) -> None:

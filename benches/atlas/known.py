@@ -13,7 +13,7 @@ from atlas.scenes.mechanisms import HELD, RING
 
 @dataclass(frozen=True)
 class Bound:
-    """An error above the tolerance of its scene that stays below a bound.
+    """Known error of stepper that is above the tolerance of its scene, and stays below a bound.
 
     Attributes:
         largest: Function from the time step, s, to the bound, in the unit of the scene.
@@ -26,7 +26,7 @@ class Bound:
 
 @dataclass(frozen=True)
 class Slope:
-    """An error that is proportional to a power of the time step.
+    """Known error of stepper that is proportional to a power of the time step.
 
     Attributes:
         power: Exponent: the order of the rule, or twice that where the scene measures squares.
@@ -43,12 +43,12 @@ class Slope:
 
 @dataclass(frozen=True)
 class Divergence:
-    """A state that overflows, which a step must report."""
+    """Known failure in which a state overflows; the step must report it."""
 
 
 @dataclass(frozen=True)
 class Known:
-    """Failures with a common reason.
+    """Known failures of stepper in scenes of the atlas, with a common reason.
 
     Attributes:
         scenes: Regular expression for "number name" of the scenes.
@@ -66,7 +66,12 @@ class Known:
 
 
 def below(largest: float, because: str) -> Bound:
-    """Bound that does not depend on the time step."""
+    """Bound of a known error that does not depend on the time step.
+
+    Args:
+        largest: The bound, in the unit of the scene.
+        because: Where the bound comes from.
+    """
     return Bound(lambda _dt: largest, because)
 
 
@@ -86,7 +91,7 @@ BAUMGARTE_SPEED = 1.0
 PYRAMID_ROWS = sum(boxes * (row * BAUMGARTE_SPEED) ** 2 / 2 for row, boxes in enumerate((4, 3, 2, 1), start=1))
 """Kinetic energy of the pyramid of scene 17 if each row of boxes leaves the row below at that speed, J."""
 BOUNCE = 49 * 10.0 * G * math.sqrt(2 * G * 5.0)
-"""Energy error of the 49 spheres of scene S2 per second by which a bounce is late, W."""
+"""Change of the energy error of the 49 spheres of scene S2 per second by which their bounce is late, W."""
 
 KNOWN: tuple[Known, ...] = (
     Known(

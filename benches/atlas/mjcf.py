@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 G = 9.81
-"""m/s^2."""
+"""Gravity, m/s^2."""
 
 
 def document(world: str, *, friction: float = 1.0, gravity: Iterable[float] = (0.0, 0.0, -G), before: str = "", after: str = "") -> str:
@@ -28,7 +28,15 @@ FLOOR = '<geom name="floor" type="plane" size="0 0 1"/>'
 
 
 def free(name: str, geom: str, pos: Iterable[float], quat: Iterable[float] = (1, 0, 0, 0), inside: str = "") -> str:
-    """Free body with one geom."""
+    """MJCF of a free body with one geom.
+
+    Args:
+        name: Name of the body.
+        geom: Attributes of the geom.
+        pos: Position, m.
+        quat: Orientation, (w, x, y, z).
+        inside: Further MJCF inside the body.
+    """
     return f'<body name="{name}" pos="{numbers(pos)}" quat="{numbers(quat)}"><freejoint/><geom name="{name}" {geom}/>{inside}</body>'
 
 
@@ -48,7 +56,14 @@ def about_y(angle: float) -> tuple[float, float, float, float]:
 
 
 def incline(geom: str, height: float, slope: float, friction: float) -> str:
-    """Scene with a body on a plane inclined about y, downhill towards +x. `height` is the distance from plane to centre, m."""
+    """MJCF of a scene with a free body on a plane inclined about y, downhill towards +x.
+
+    Args:
+        geom: Attributes of the body's geom.
+        height: Distance from the plane to the body's centre, m.
+        slope: Inclination, rad.
+        friction: Friction of all geoms.
+    """
     turn = about_y(slope)
     at = (height * math.sin(slope), 0.0, height * math.cos(slope))
     plane = f'<geom name="floor" type="plane" size="0 0 1" quat="{numbers(turn)}"/>'

@@ -60,5 +60,12 @@ def draw(path: Path, rows: Sequence[Row]) -> None:
 
 
 def _cell(x: float, y: float, width: float, row: Row) -> Rectangle:
-    """Rectangle of a cell at a place of the picture."""
+    """Rectangle of a cell of the figure.
+
+    Args:
+        x: Left end.
+        y: Lower end.
+        width: Width.
+        row: Result whose ratio of error to tolerance gives the colour.
+    """
     return Rectangle((x, y), width, 0.88, facecolor=_colour(row), linewidth=0)

@@ -13,7 +13,13 @@ HINGE = '<joint name="{name}" type="hinge" axis="{axis}"/>'
 
 
 def _leg(name: str, front: int, left: int) -> str:
-    """Leg with a hip about x, and thigh and knee about y. Only its foot collides."""
+    """MJCF of a leg of the quadruped, with a hip about x, and thigh and knee about y. Only its foot collides.
+
+    Args:
+        name: Name of the leg.
+        front: 1 for a front leg, -1 for a hind leg.
+        left: 1 for a left leg, -1 for a right leg.
+    """
     hinge = {
         part: HINGE.format(name=f"{name}_{part}", axis=axis) for part, axis in (("hip", "1 0 0"), ("thigh", "0 1 0"), ("knee", "0 1 0"))
     }

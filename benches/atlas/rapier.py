@@ -17,7 +17,15 @@ SLIDE, HINGE = int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE
 
 
 class RapierWorld(World):
-    """Batch with one rapier world per environment. Joints are impulse joints, rapier's type that supports loops."""
+    """Environments of a scene in the engine rapier, one rapier world each. Joints are impulse joints, the type that supports loops.
+
+    Args:
+        mjcf: Model in MJCF.
+        dt: Time step, s.
+        num_envs: Number of environments.
+        restitution: Coefficient of restitution of every contact; None is inelastic.
+        iterations: Iterations of the contact solver; None keeps rapier's.
+    """
 
     def __init__(self, mjcf: str, dt: float, num_envs: int, restitution: float | None, iterations: int | None) -> None:
         super().__init__(mjcf, dt, num_envs)
@@ -48,7 +56,7 @@ class RapierWorld(World):
         return np.array([w.state()[1] for w in self._worlds])
 
     def set(self, qpos: ArrayLike | None = None, qvel: ArrayLike | None = None) -> None:
-        """Set states, as `World.set`."""
+        """Sets states of all environments, (num_envs, n), or (n,) for all; None keeps positions or velocities."""
         presents = map(np.array, zip(*(w.state() for w in self._worlds), strict=True))
         states = (
             present if given is None else np.broadcast_to(np.asarray(given, float), present.shape)

@@ -14,7 +14,7 @@ from atlas.run import CANNOT, HELD, Row
 from atlas.scene import Scene
 
 USUAL = 2e-3
-"""Time step whose error the summary shows, s."""
+"""Time step whose errors the summary of the atlas shows, s."""
 
 HEAD = """# The failure atlas
 
@@ -68,7 +68,7 @@ def write_markdown(path: Path, scenes: Sequence[Scene], rows: Sequence[Row], pro
 
 
 def _line(cells: Sequence[str]) -> str:
-    """Row of a Markdown table."""
+    """Row of a Markdown table, from the texts of its cells."""
     return "| " + " | ".join(cells) + " |\n"
 
 
@@ -121,7 +121,11 @@ def _reasons(scenes: Sequence[Scene], by: Mapping[tuple[str, str, float, str], R
 
 
 def _grouped(where: Sequence[str]) -> list[str]:
-    """Lines that join the entries of a scene."""
+    """Lines of text that join entries of the same scene.
+
+    Args:
+        where: Entries in order, each beginning with its scene.
+    """
     lines: dict[str, list[str]] = {}
     for entry in where:
         title, _, rest = entry.rpartition(" (")

@@ -15,7 +15,7 @@ HELD, FAILS, CANNOT = "holds", "fails", "cannot run"
 
 @dataclass(frozen=True)
 class Row:
-    """Result of one run.
+    """Result of running one scene in one engine at one time step.
 
     Attributes:
         number: Number of the scene.
@@ -45,7 +45,7 @@ class Row:
 
 
 class _Metered:
-    """Engine that keeps the worlds it has started, for their costs and flags."""
+    """Wrapper of an engine that keeps all started environments, from which it computes their cost and status flags."""
 
     def __init__(self, engine: Engine) -> None:
         self.engine = engine
@@ -58,7 +58,7 @@ class _Metered:
         return world
 
     def cost(self) -> tuple[float, str]:
-        """Processor time per simulated second of an environment, s/s, and status flags with their counts."""
+        """Processor time per simulated second of an environment, s/s, and status flags with their counts, over all started environments."""
         seconds = sum(w.seconds * w.num_envs for w in self.worlds)
         cpu, flags = sum(w.cpu for w in self.worlds), sum((w.flags for w in self.worlds), Counter())
         return (cpu / seconds if seconds > 0.0 else math.nan), " ".join(f"{name}:{count}" for name, count in flags.items())

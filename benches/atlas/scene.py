@@ -10,13 +10,13 @@ from typing import Protocol
 from atlas.world import World
 
 LONG = (1e-4, 5e-4, 2e-3, 5e-3, 2e-2)
-"""Time steps of the long sweep, s."""
+"""Time steps at which most scenes run, s."""
 SHORT = (2e-3, 2e-2)
-"""Time steps of the short sweep, for scenes with long runs, s."""
+"""Time steps for scenes with long runs, s."""
 
 
 class Engine(Protocol):
-    """Engine with a setting, a column of the table."""
+    """Engine with its settings, as a column of the atlas."""
 
     @property
     def name(self) -> str:
@@ -39,7 +39,7 @@ class Engine(Protocol):
 
 @dataclass(frozen=True)
 class Scene:
-    """Scene with its right answer, a row of the table.
+    """Difficult scene with its right answer, as a row of the atlas.
 
     Attributes:
         number: Number of the scene, "1" to "44", or "S1" to "S7" for the tests of SimBenchmark.
@@ -71,10 +71,10 @@ class Scene:
         return f"{self.number} {self.name}"
 
     def holds(self, error: float, dt: float) -> bool:
-        """Whether an error is within the tolerance."""
+        """Whether an error at a time step, s, is within the scene's tolerance."""
         return math.isfinite(error) and error <= self.tolerance(dt)
 
 
 def flat(value: float) -> Callable[[float], float]:
-    """Tolerance that does not depend on the time step."""
+    """Function of the time step that always returns `value`, for tolerances that do not depend on it."""
     return lambda _dt: value

@@ -39,7 +39,7 @@ class TooSlowError(Exception):
 
 @dataclass(frozen=True)
 class Touch:
-    """Contact point: two geoms, normal (3,) from the first to the second, and normal force in N."""
+    """Contact point with a force: two geoms, normal (3,) from the first to the second, and normal force in N."""
 
     geoms: tuple[int, int]
     normal: Array
@@ -96,11 +96,11 @@ class World(ABC):
 
     @abstractmethod
     def touches(self, env: int = 0) -> list[Touch]:
-        """Contacts of the last step with a force."""
+        """Contacts of the last step that exert a force, in one environment."""
 
     @abstractmethod
     def _advance(self, ctrl: Array | None, nstep: int) -> None:
-        """Make steps. The time of this method counts as the cost."""
+        """Makes `nstep` steps with controls (num_envs, nu). The time of this method counts as the cost."""
 
     @abstractmethod
     def _check(self) -> None:

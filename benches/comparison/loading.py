@@ -37,7 +37,7 @@ ROBOTS = (
 
 
 def seconds(engine: str, file: str) -> list[float]:
-    """Times of the first and the second load in this process, s."""
+    """Times in which an engine loads a file for the first and the second time in this process, s."""
     mujoco = require("mujoco", "to read MJCF") if engine != "saved" else None
     times = []
     for _ in range(2):
@@ -51,7 +51,7 @@ def seconds(engine: str, file: str) -> list[float]:
 
 
 def in_turns(file: Path, turns: int) -> dict[str, list[float]]:
-    """Median times of the first and the second load, s, by engine."""
+    """Medians over turns of the times to load a file first and again, s, by engine. Each load is in a new process."""
     times: dict[str, list[list[float]]] = {engine: [] for engine in ("mujoco", "stepper", "saved")}
     with tempfile.TemporaryDirectory() as folder:
         saved = Path(folder) / "model.stepper"

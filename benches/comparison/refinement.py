@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 NUM_ENVS, WARM_UP, SECONDS = 256, 120, 0.04
 REFINED = 64
-"""Number of steps of the reference per time step of the model."""
+"""Number of steps of the reference solution per time step of the model."""
 QUANTILES = (0.5, 0.75, 0.9)
 """Quantiles of the errors over environments in the table."""
 
@@ -61,7 +61,11 @@ def main() -> None:
 
 
 def reference(model: Model) -> tuple[Array, Array, Array, Array]:
-    """Initial qpos and qvel after random controls, constant controls, and reference of the final qpos."""
+    """Initial state and reference solution of the comparison for all environments of a model.
+
+    Returns:
+        Initial qpos and qvel after random controls, constant controls, and final qpos of the reference.
+    """
     low, high = np.nan_to_num(np.asarray(model.actuator_ctrlrange), neginf=-1.0, posinf=1.0).T
     sim, rng = Stepper(model, NUM_ENVS), np.random.default_rng(1)
     for _ in range(WARM_UP):
@@ -71,7 +75,13 @@ def reference(model: Model) -> tuple[Array, Array, Array, Array]:
 
 
 def final_qpos(model: Model, given: tuple[Array, Array, Array], parts: int) -> Array:
-    """Final qpos, with `parts` steps per time step of the model."""
+    """Final positions, (num_envs, nq), from given initial states and controls.
+
+    Args:
+        model: The model.
+        given: Initial qpos and qvel, and controls.
+        parts: Number of steps per time step of the model.
+    """
     (qpos, qvel, ctrl), dt = given, float(model.timestep)
     steps = max(4, round(SECONDS / dt))
     sim = Stepper(model, NUM_ENVS, options=Options(timestep=dt / parts))

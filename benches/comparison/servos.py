@@ -25,13 +25,23 @@ from many_contacts.scenes import unitree
 from stepper import Options, Stepper, load
 
 NUM_ENVS, COMPARED, STEPS, TURNS, CHANGE, END = 128, 32, 200, 5, 0.04, 0.2
-"""Environments, environments of the errors, steps per turn, turns, time between two targets (s), and time of the errors (s)."""
+"""Settings of the measurement.
+
+They are the number of environments, number of environments of the errors, steps per turn, turns, time between two targets (s) and time of
+the errors (s).
+"""
 EFFORTS = (87, 87, 87, 87, 12, 12, 12)
 """Torque limits of a Panda, N m."""
 
 
 def arm(kp: float, kv: float, share: float) -> Any:
-    """Arm with position servos, without contacts."""
+    """Arm of seven joints with position servos, without contacts.
+
+    Args:
+        kp: Stiffness of the servos, N m/rad.
+        kv: Damping of the servos, N m s/rad.
+        share: Fraction of a Panda's torque limits.
+    """
     s = mujoco.MjSpec()
     s.option.timestep = 2e-3
     body = s.worldbody
@@ -48,7 +58,7 @@ def arm(kp: float, kv: float, share: float) -> Any:
 
 
 def robot(walker: unitree.Walker, assets: Assets, share: float) -> Any:
-    """Robot on a plane with a share of its efforts."""
+    """Model of a robot on a plane, with a fraction `share` of its torque limits."""
     s = unitree.spec(walker, assets)
     for act in s.actuators:
         act.forcerange = share * act.forcerange
@@ -56,7 +66,16 @@ def robot(walker: unitree.Walker, assets: Assets, share: float) -> Any:
 
 
 def run(sim: Stepper, script: tuple[Any, Any], steps: int) -> tuple[Any, float]:
-    """Configurations after a number of steps, and the processor time, s."""
+    """Steps a batch with prescribed servo targets.
+
+    Args:
+        sim: The batch.
+        script: Initial positions, and servo targets that change every `CHANGE` s.
+        steps: Number of steps.
+
+    Returns:
+        Positions at the end, and the processor time, s.
+    """
     (start, targets), n, h = script, len(sim.qpos), sim.options.timestep
     assert h is not None
     sim.reset()

@@ -40,7 +40,7 @@ PEERS = (f"MuJoCo {MATCHED.setting}", "MuJoCo defaults")
 PLAN = Plan(num_envs=256, peers=64, steps=300, rest=0)
 """Default plan of the measurement."""
 ALONE = 8
-"""Number of environments that are stepped alone, one after the other, for a mean time."""
+"""Number of environments that are stepped alone (one environment per stepper), for a mean time."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def cases(plan: Plan, only: list[str]) -> Iterator[Case | str]:
 
 
 def fast(model: Model) -> Options:
-    """Options "fast": MuJoCo's integrator, Baumgarte stabilisation, and a solver tolerance of 1 mm/s."""
+    """Options of stepper's setting "fast": MuJoCo's integrator, Baumgarte stabilisation, and a solver tolerance of 1 mm/s."""
     return Options(timestep=Stepper(model).timestep, integrator="euler", stabilization="baumgarte", tolerance=1e-3)
 
 
@@ -87,7 +87,7 @@ def batches(case: Case, plan: Plan, threads: int) -> list[EngineBatch]:
 
 
 def alone(case: Case, plan: Plan) -> dict[str, list[float]]:
-    """Step times of single environments, one step per call from Python, us, by engine and chunk."""
+    """Step times of single environments, with one step per call from Python, us: a list over chunks of steps by engine."""
     mujoco = require("mujoco", "to run MuJoCo beside stepper")
 
     def ours(options: Options | None = None) -> Callable[[Array], None]:
@@ -123,12 +123,22 @@ def alone(case: Case, plan: Plan) -> dict[str, list[float]]:
 
 
 def ratio(ours: list[float], theirs: list[float]) -> float:
-    """Speedup: median of the ratios of consecutive chunks."""
+    """Speedup of stepper: median over chunks of steps of the ratio of the other engine's time to stepper's.
+
+    Args:
+        ours: Times of stepper, one per chunk.
+        theirs: Times of the other engine.
+    """
     return median(their / our for our, their in zip(ours, theirs, strict=True))
 
 
 def against(times: dict[str, list[float]], name: str) -> float:
-    """Speedup of a setting of stepper relative to the faster setting of MuJoCo."""
+    """Speedup of a setting of stepper relative to the faster setting of MuJoCo.
+
+    Args:
+        times: Times per chunk of steps, by name of engine and setting.
+        name: Name of stepper's setting.
+    """
     return min(ratio(times[name], times[peer]) for peer in PEERS)
 
 

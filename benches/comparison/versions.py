@@ -64,7 +64,13 @@ def main() -> None:
 
 
 def ask(worker: subprocess.Popen[str], path: str, seed: int) -> float:
-    """Step time of a build per environment, us."""
+    """Step time of a build of stepper per environment, us, measured by its process.
+
+    Args:
+        worker: Process of the build.
+        path: File of the robot.
+        seed: Seed of the controls.
+    """
     assert worker.stdin is not None and worker.stdout is not None
     print(json.dumps([path, seed]), file=worker.stdin, flush=True)
     answer = worker.stdout.readline()

@@ -53,7 +53,7 @@ def main() -> None:
 
 
 def _ordered(rows: Iterable[Row]) -> list[Row]:
-    """Rows of the current packages and versions, in the order of `PACKAGES`."""
+    """Rows of the packages and versions in `PACKAGES`, in this order; other rows are left out."""
     places = {(p.name, p.version): i for i, p in enumerate(PACKAGES)}
     return sorted((r for r in rows if (r.package, r.version) in places), key=lambda r: (places[r.package, r.version], r.file))
 

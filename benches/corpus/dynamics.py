@@ -35,7 +35,7 @@ def kept_activations(m: Any, model: stepper.Model) -> NDArray[np.intp]:
 
 
 def _indices(pieces: Any) -> NDArray[np.intp]:
-    """Indices in pieces, which are given as start and count."""
+    """Indices of all entries of some pieces, each given as (start, count)."""
     return np.array([i for start, count in pieces for i in range(start, start + count)], np.intp)
 
 
@@ -77,7 +77,7 @@ def agreement(m: Any, model: stepper.Model, rng: np.random.Generator) -> tuple[f
 
 
 def _relative(metric: Array, found: Array, expected: Array, floor: float) -> float:
-    """Relative error |found - expected| / |expected|, with |expected|^2 at least `floor`."""
+    """Relative error |found - expected| / |expected| in the norm of a metric, with |expected|^2 at least `floor`."""
     difference = found - expected
     return math.sqrt(max(float(difference @ metric @ difference), 0.0) / max(float(expected @ metric @ expected), floor))
 

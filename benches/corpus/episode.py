@@ -39,7 +39,15 @@ def rest_episode(m: Any, model: stepper.Model, rng: np.random.Generator) -> Epis
 
 
 def _run(m: Any, model: stepper.Model, qvel: Array, control: Callable[[], Array], steps: int) -> Episode:
-    """Episode of both engines from the reference pose, with initial velocities and controls."""
+    """Episode of stepper and MuJoCo from the reference pose.
+
+    Args:
+        m: Compiled model of MuJoCo.
+        model: Model of stepper.
+        qvel: Initial velocities, (nv,).
+        control: Function that returns the controls of the next step.
+        steps: Number of steps.
+    """
     sim, data = stepper.Stepper(model), mujoco.MjData(m)
     sim.set_state(qvel=qvel)
     data.qvel[:] = qvel
@@ -76,7 +84,7 @@ def _kinds_of_warnings() -> list[Any]:
 
 
 class Limits:
-    """Ranges of hinges and slides that have limits."""
+    """Limits of the hinges and slides of a model, to measure their violation."""
 
     def __init__(self, m: Any) -> None:
         off = int(mujoco.mjtDisableBit.mjDSBL_LIMIT) | int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
@@ -85,22 +93,22 @@ class Limits:
         self.hinge: NDArray[np.bool_] = m.jnt_type[on] == HINGE
         self.low, self.high = m.jnt_range[on].T
         self.outside = np.zeros(len(self.adr))
-        """Find the limited joints, and the violation of each range in the reference pose, m or rad."""
+        """Violation of the range of each limited joint in the reference pose, m or rad."""
         self.outside = self.excess(m.qpos0)
 
     def excess(self, qpos: Array) -> Array:
-        """Increase of the violation of each range since the reference pose, m or rad."""
+        """Increase of the violation of each joint's range since the reference pose, at positions `qpos` (nq,), m or rad."""
         q = qpos[self.adr]
         beyond: Array = np.maximum(np.maximum(self.low - q, q - self.high), 0.0)
         return np.maximum(beyond - self.outside, 0.0)
 
     def worst(self, excess: Array) -> tuple[float, float]:
-        """Largest values of hinges, rad, and of slides, m."""
+        """Largest entries of `excess` for hinges, rad, and for slides, m."""
         return float(excess[self.hinge].max(initial=0.0)), float(excess[~self.hinge].max(initial=0.0))
 
 
 class _Track:
-    """Record of the motion in one engine."""
+    """Record of the motion of one engine in an episode, for its summary."""
 
     def __init__(self, limits: Limits) -> None:
         self.limits = limits
@@ -108,10 +116,10 @@ class _Track:
         self.excess = np.zeros(len(limits.adr))
 
     def add(self, energy: float, qpos: Array) -> None:
-        """Add the state after a step."""
+        """Adds the kinetic energy and the positions after a step to the record."""
         self.energies.append(energy)
         self.excess = np.maximum(self.excess, self.limits.excess(qpos))
 
     def motion(self) -> Motion:
-        """Summary over all steps."""
+        """Summary of the motion over all steps of the episode."""
         return Motion(float(np.mean(self.energies)), float(np.max(self.energies)), *self.limits.worst(self.excess))

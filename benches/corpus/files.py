@@ -31,7 +31,7 @@ def candidates(package: Package, folder: Path) -> list[str]:
 
 
 def _root(path: Path) -> str:
-    """Name of the outermost element. "mujoco" for invalid XML, so that MuJoCo reports the error."""
+    """Name of the outermost element of an XML file. It is "mujoco" for invalid XML, so that MuJoCo reports the error."""
     try:
         for _, element in ET.iterparse(path, events=("start",)):
             return str(element.tag)
@@ -86,7 +86,7 @@ def _compile_urdf(folder: Path, path: Path) -> mujoco.MjModel:
 
 
 def _mend(inertia: ET.Element) -> None:
-    """Remove the products of inertia if the inertia is not positive definite with them."""
+    """Removes the products of inertia of a URDF's inertia if they make it not positive definite."""
     xx, xy, xz, yy, yz, zz = (float(inertia.get(name, "0")) for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
     if np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])[0] <= 0.0:
         for name in ("ixy", "ixz", "iyz"):
@@ -114,7 +114,7 @@ def resolve(reference: str, folder: Path, urdf: Path) -> Path:
 
 
 def _upwards(start: Path, end: Path) -> Iterator[Path]:
-    """Yield a folder and its parents up to another folder."""
+    """Yields a folder and all folders above it, up to the folder `end`."""
     yield start
     while start not in (end, start.parent):
         start = start.parent

@@ -12,13 +12,13 @@ UNSOLVED = 1e-3
 ENERGY = 10.0
 """Largest allowed ratio of mean kinetic energies between the engines."""
 ENERGY_FLOOR = 1e-3
-"""Smallest energy of the comparison, J. Smaller energies count as this."""
+"""Smallest kinetic energy in the comparison of the engines, J. Smaller energies count as this."""
 HINGE_EXCESS = 0.05
 """Largest allowed increase of a hinge's limit violation since the reference pose, rad."""
 SLIDE_EXCESS = 0.01
 """Largest allowed increase of a slide's limit violation since the reference pose, m: a third of the stroke of a gripper finger."""
 AGREES = 1e-6
-"""Relative error of smooth dynamics that counts as agreement.
+"""Largest relative error of smooth dynamics that counts as agreement with MuJoCo.
 
 MuJoCo rounds a centre of mass within some nanometres of the body's origin to the origin, an effect of 1e-9 to 1e-7. Mass matrices have
 condition numbers of up to 1e9.
@@ -44,12 +44,12 @@ class Fault:
 
 
 def agrees(row: Row) -> bool:
-    """Whether the smooth dynamics agree with MuJoCo's."""
+    """Whether the smooth dynamics of a model agree with MuJoCo's."""
     return max(row.mass_error, row.bias_error, row.acceleration_error) <= AGREES
 
 
 def faults(row: Row) -> list[Fault]:
-    """Criteria that a model violates in stepper. Empty if it steps well."""
+    """Criteria that a model violates in stepper; empty if it steps well."""
     if row.outcome != MEASURED:
         return [Fault(row.outcome, row.note)]
     found = [fault for name, episode in episodes(row) for fault in _faults(name, episode)]
@@ -85,7 +85,12 @@ def episodes(row: Row) -> list[tuple[str, Episode]]:
 
 
 def _faults(name: str, episode: Episode) -> list[Fault]:
-    """Criteria that an episode violates."""
+    """Criteria that one episode of a model violates in stepper.
+
+    Args:
+        name: Name of the episode, for the text.
+        episode: Measurements of the episode.
+    """
     shares = {flag.upper(): getattr(episode, flag) for flag in ("non_finite", "contacts_full", "unresolved")}
     found = [Fault(flag, f"{share:.2%} of the steps, {name}") for flag, share in shares.items() if share]
     ratio = max(episode.ours.mean_energy, ENERGY_FLOOR) / max(episode.theirs.mean_energy, ENERGY_FLOOR)
@@ -101,5 +106,5 @@ def _faults(name: str, episode: Episode) -> list[Fault]:
 
 
 def _energies(motion: Motion) -> str:
-    """Text of the mean and the largest kinetic energy, J."""
+    """Text of the mean and the largest kinetic energy of a motion, J."""
     return f"{motion.mean_energy:.2g} (at most {motion.max_energy:.2g})"

@@ -39,7 +39,14 @@ def library() -> str:
 
 
 def measure(package: Package, folder: Path, file: str, known: set[str]) -> Row:
-    """Row of a file. Errors become outcomes of the row."""
+    """Measures one file, and returns its row of the table. Errors become outcomes of the row.
+
+    Args:
+        package: Package of the file.
+        folder: Folder of the package.
+        file: Path of the file in the package.
+        known: Digests of the models that were measured already.
+    """
     row = Row(package.name, package.version, file, library(), MEASURED)
     begin = time.perf_counter()
     try:
@@ -62,7 +69,7 @@ def measure(package: Package, folder: Path, file: str, known: set[str]) -> Row:
 
 
 def _compare(row: Row, m: mujoco.MjModel) -> Row:
-    """Row with the comparison of a compiled model in both engines."""
+    """Copy of a row with the comparison of a compiled model in stepper and MuJoCo."""
     begin = time.perf_counter()
     model = stepper.load(m, strict=False)
     row = dataclasses.replace(row, load_seconds=time.perf_counter() - begin)
@@ -91,7 +98,12 @@ def _compare(row: Row, m: mujoco.MjModel) -> Row:
 
 
 def _missing(refusal: str, model: stepper.Model) -> list[str]:
-    """Kinds of elements that strict loading rejects: those that are omitted and named in the error message."""
+    """Kinds of elements because of which strict loading fails: those that are omitted and named in the error message.
+
+    Args:
+        refusal: Error message of strict loading.
+        model: Model without these elements.
+    """
     lines = [line.strip() for line in refusal.splitlines()]
     return sorted({kind for kind, name, _ in model.omitted if any(line.startswith(f"{kind} {name}") for line in lines)})
 

@@ -63,7 +63,7 @@ class Corpus:
     rows: Sequence[Row]
 
     def files(self, package: str) -> list[Row]:
-        """Rows of a package."""
+        """Rows of all files of a package."""
         return [row for row in self.rows if row.package == package and row.file]
 
     @property
@@ -78,7 +78,7 @@ class Corpus:
 
 
 def _distinct(rows: Iterable[Row]) -> list[Row]:
-    """Rows without those of equal models, and without files that are not models."""
+    """Rows without repetitions of equal models, and without files that are not models."""
     kept = {row.model or row.key: row for row in rows if row.outcome in (MEASURED, REFUSED, FAILED, LATE)}
     return list(kept.values())
 
@@ -151,18 +151,18 @@ def _missing(corpus: Corpus) -> str:
 
 
 def _name(row: Row) -> str:
-    """Name of a row, with the elements that were left out."""
+    """Name of a model for a table, with the elements that were left out."""
     name = f"{row.package}: {row.file}"
     return f"{name}, without {row.missing}" if row.missing else name
 
 
 def _figures(row: Row) -> str:
-    """Text of all faults of a row."""
+    """Text of all criteria that a model violates in stepper, with the measured values."""
     return "; ".join(" ".join(str(fault).split())[:300] for fault in judge.faults(row))
 
 
 def _start(row: Row) -> str:
-    """Text of overlaps and limit violations in the reference pose."""
+    """Text of the overlaps and limit violations of a model in the reference pose."""
     parts = [
         f"{row.overlap * 1e3:.2g} mm overlap" if row.overlap > 1e-4 else "",
         f"hinge {row.hinge_outside:.2g} rad outside" if row.hinge_outside > 1e-3 else "",
@@ -172,12 +172,12 @@ def _start(row: Row) -> str:
 
 
 def _only_less(row: Row) -> bool:
-    """Whether the only fault of a model is less kinetic energy than in MuJoCo."""
+    """Whether less kinetic energy than in MuJoCo is the only criterion that a model violates."""
     return {fault.criterion for fault in judge.faults(row)} == {judge.LESS_ENERGY}
 
 
 def _faulty(rows: Iterable[Row]) -> str:
-    """Table of faulty models. Variants of a scene with the same faults share a row."""
+    """Table of models that violate criteria. Variants of a scene with the same violations share a row."""
     alike: dict[object, list[Row]] = {}
     for row in rows:
         criteria = frozenset(fault.criterion for fault in judge.faults(row))
@@ -260,7 +260,7 @@ frequent ones are:
 
 
 def _gist(note: str) -> str:
-    """Message of MuJoCo's compiler without names and positions in the file."""
+    """Error message of MuJoCo's compiler without names and positions in the file, so that equal errors have equal texts."""
     message = re.split(r" Element | in package| line \d", note)[0]
     return re.sub(r"'[^']*'|\S*/\S*", "...", message).strip(" ,")
 

@@ -68,7 +68,7 @@ REFUSED, FAILED, LATE, ABSENT = "refused", "failed", "out of time", "not downloa
 
 @dataclass(frozen=True)
 class Row:
-    """Row of one file of a package.
+    """Measurements of one file of a package, as a row of the corpus table.
 
     Attributes:
         package: Name of the package.
@@ -131,7 +131,10 @@ class Row:
 
 
 def flatten(record: DataclassInstance, prefix: str = "") -> dict[str, str]:
-    """Fields as text by name. Nested fields have names such as "random.ours.mean_energy"; numbers have five digits."""
+    """Fields of a dataclass object as texts by name.
+
+    Nested fields have names such as "random.ours.mean_energy"; numbers have five digits.
+    """
     flat: dict[str, str] = {}
     for entry in dataclasses.fields(record):
         value = getattr(record, entry.name)
@@ -143,7 +146,13 @@ def flatten(record: DataclassInstance, prefix: str = "") -> dict[str, str]:
 
 
 def unflatten(kind: type[Any], flat: Mapping[str, str], prefix: str = "") -> Any:
-    """Record of a dataclass type from its fields as text, the inverse of `flatten`."""
+    """Object of a dataclass from texts by name, as `flatten` makes them.
+
+    Args:
+        kind: The dataclass.
+        flat: Texts by name.
+        prefix: Beginning of the names that belong to the object.
+    """
     values: dict[str, Any] = {}
     for name, of in get_type_hints(kind).items():
         if dataclasses.is_dataclass(of) and isinstance(of, type):

@@ -21,7 +21,7 @@ from corpus.row import ABSENT, FAILED, LATE, MEASURED, REFUSED, Row, unflatten
 
 @dataclass
 class Sweep:
-    """Sweep with its settings and results.
+    """Measurement of all files of some packages: settings and results.
 
     Attributes:
         cache: Folder of the downloaded packages.
@@ -64,12 +64,12 @@ class Sweep:
         keep(row)
 
     def _known(self, key: tuple[str, str, str]) -> list[str]:
-        """Digests of the models that this build has measured in other files."""
+        """Digests of the models that this build has measured in files other than `key` (package, version, file)."""
         rows = list(self.rows.values())
         return [r.model for r in rows if r.model and r.outcome in (MEASURED, REFUSED) and r.stepper == library() and r.key != key]
 
     def _measure(self, package: Package, file: str) -> Row:
-        """Row of a file, measured in another process with a time limit."""
+        """Measures a file in another process with a time limit, and returns its row."""
         key = (package.name, package.version, file)
         command: Sequence[str] = [sys.executable, "-m", "corpus.measure", package.name, file, "--cache", str(self.cache)]
         try:

@@ -24,7 +24,13 @@ COLOUR = 0.8
 
 
 def _table(title: str, rows: Sequence[Row], kept: Kept) -> str:
-    """Markdown table of some rows, which is also printed."""
+    """Markdown table of repeated identifications, which is also printed.
+
+    Args:
+        title: Heading of the table.
+        rows: Rows of the table.
+        kept: Store of finished repetitions.
+    """
     lines = [f"| {title} | {HEAD} |", "|" + "---|" * (HEAD.count("|") + 2)]
     lines += [f"| {name} | {tally.row()} |" for name, tally in repeated(rows, kept)]
     print("\n".join(lines), flush=True)
@@ -37,7 +43,12 @@ def _trials(threads: int) -> list[Trial]:
 
 
 def _own(count: int, threads: int) -> list[Row]:
-    """Rows with hard contact and white noise, from each start."""
+    """Rows of the table for stepper with hard contact and white noise, one for each scene and start.
+
+    Args:
+        count: Number of repetitions per row.
+        threads: Number of threads.
+    """
     return [
         Row(f"{t.scene.name}, from {start[0]:g} kg and {start[1]:g}", t.scene.truth, partial(t.once, start), count, first=k * count)
         for t in _trials(threads)
@@ -46,7 +57,7 @@ def _own(count: int, threads: int) -> list[Row]:
 
 
 def _coloured(count: int, threads: int) -> list[Row]:
-    """Rows with noise that is correlated in time."""
+    """Rows of the table for readings with noise that is correlated in time."""
     return [
         Row(
             f"{t.scene.name}, noise of autocorrelation {COLOUR:g}", t.scene.truth, partial(t.once, t.scene.starts[0], colour=COLOUR), count

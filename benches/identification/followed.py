@@ -15,7 +15,7 @@ Array = np.ndarray[Any, Any]
 
 @dataclass(frozen=True)
 class Followed:
-    """Results of a run at its marks, the samples after which estimates are compared with the truth.
+    """Results of a run of a `Tracker` at its marks, the samples after which estimates are compared with the truth.
 
     Attributes:
         error: Logarithms of estimate over truth, (marks, n).
@@ -35,7 +35,7 @@ class Followed:
 
 
 def followed(tracker: stepper.sysid.Tracker, ctrl: Array, readings: Mapping[str, Array], truths: Mapping[int, Array]) -> Followed:
-    """Run of a tracker over all samples.
+    """Runs a tracker over all samples, and returns the results at some of them.
 
     Args:
         tracker: Tracker before its first sample.

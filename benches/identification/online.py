@@ -15,7 +15,7 @@ from identification.followed import Followed, followed
 from identification.scenes import HARD, by_sensor, held
 
 STILL, SHAKEN = 1.0, 3.0
-"""Durations of holding and shaking, s."""
+"""Durations of holding the box at rest and of shaking it, s."""
 PERIOD = 0.02
 NOISE = {"wrist_force": 0.3, "lift": 1e-4}
 MARKS = (0.9, 2.4, 4.0)
@@ -46,7 +46,13 @@ def readings(masses: np.ndarray[Any, Any], friction: float) -> dict[str, np.ndar
 
 
 def follow(seed: int, changes: bool = False, marks: Sequence[float] = MARKS) -> Followed:
-    """Results of one run at its marks, s. With `changes`, the mass decreases by a quarter after 2.6 s."""
+    """Runs a tracker on the shaken box, and returns its results at the times `marks`, s.
+
+    Args:
+        seed: Seed of the noise.
+        changes: Whether the mass decreases by a quarter after 2.6 s.
+        marks: Times at which estimates are compared with the truth, s.
+    """
     rng = np.random.default_rng(seed)
     ctrl = controls()
     t = (1 + np.arange(len(ctrl))) * PERIOD
@@ -68,7 +74,7 @@ def follow(seed: int, changes: bool = False, marks: Sequence[float] = MARKS) -> 
 
 
 def table(count: int) -> str:
-    """Markdown table of `count` runs with constant parameters, and of `count` runs with a changing mass."""
+    """Markdown table of online identifications: `count` runs with constant parameters, and `count` runs with a changing mass."""
     lines = [
         "| box | after | mass error | interval | coverage | friction determined | error | interval | coverage | update | 99 % of updates |"
     ]

@@ -16,7 +16,7 @@ from identification.scenes import Scene
 
 Readings: TypeAlias = "dict[str, np.ndarray[Any, Any]]"
 Answer: TypeAlias = "tuple[np.ndarray[Any, Any], np.ndarray[Any, Any], np.ndarray[Any, Any]]"
-"""Estimated values (2,), and lower and upper bounds of their 95 % intervals (2,) each."""
+"""Result of an identification: estimated values (2,), and lower and upper bounds of their 95 % intervals (2,) each."""
 Peer: TypeAlias = "Callable[[Scene, tuple[float, float], Readings], Answer]"
 
 VERSION = 1
@@ -25,7 +25,7 @@ VERSION = 1
 
 @dataclass
 class Tally:
-    """Results of the repetitions from one start.
+    """Results of the repetitions of an identification from one start.
 
     Attributes:
         truth: True values.
@@ -38,19 +38,19 @@ class Tally:
     seconds: list[float] = field(default_factory=list)
 
     def coverage(self) -> Any:
-        """Share of the repetitions whose interval contains the truth, for each value."""
+        """Fraction of the repetitions whose interval contains the true value, for each of the values."""
         return np.mean([(low <= self.truth) & (self.truth <= high) for _, low, high in self.answers], axis=0)
 
     def error(self) -> Any:
-        """Root mean square of the relative errors."""
+        """Root mean square over the repetitions of the relative error of each value."""
         return np.sqrt(np.mean([(value / self.truth - 1) ** 2 for value, _, _ in self.answers], axis=0))
 
     def width(self) -> Any:
-        """Median half width of the intervals, relative to the truth."""
+        """Median over the repetitions of the half width of each value's interval, relative to the true value."""
         return np.median([(high - low) / 2 / self.truth for _, low, high in self.answers], axis=0)
 
     def row(self) -> str:
-        """Cells of a Markdown table, in the order of `HEAD`."""
+        """Cells of the row of a Markdown table, in the order of `HEAD`."""
         mass, friction = (
             f"{100 * e:.2g} % | {100 * w:.2g} % | {100 * c:.0f} %"
             for e, w, c in zip(self.error(), self.width(), self.coverage(), strict=True)
@@ -128,7 +128,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Row:
-    """Row of a table.
+    """Repeated identification, as a row of a table.
 
     Attributes:
         name: Text of the first cell.
@@ -176,7 +176,7 @@ class Kept:
             self._answers[made["row"], made["seed"]] = (value, low, high), made["seconds"]
 
     def of(self, row: Row, seed: int) -> tuple[Answer, float]:
-        """Answer of a repetition and its processor time, s. Computed if the store does not have it."""
+        """Answer of a repetition and its processor time, s. It is computed and stored if the store does not have it."""
         if (row.name, seed) not in self._answers:
             began = time.process_time()
             answer = row.once(seed)

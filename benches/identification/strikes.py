@@ -16,7 +16,7 @@ PERIOD = 0.02
 START_STD = (1e-4, 1e-3)
 """Standard deviations of the true initial state, m (rad) and m/s (rad/s). The tracker gets them as `start_std`."""
 GUESS = 0.4
-"""Standard deviation of the logarithm of random initial values, as of the fixed ones."""
+"""Standard deviation of the logarithm of random initial values; the fixed ones deviate as much."""
 
 STRUCK = springy_finger("struck box", stiffness=3000, damping=5, mass="{0}", friction="{1}")
 
@@ -94,7 +94,7 @@ class Strike:
         return out
 
     def draw(self, rng: np.random.Generator) -> np.ndarray[Any, Any]:
-        """Random true values of a run, (2,)."""
+        """Random true values of both parameters for a run, (2,)."""
         return np.array(self.truth) * np.exp(np.array(self.spread) * rng.uniform(-1, 1, 2))
 
     def tracker(self, prior: float | None = None, **settings: Any) -> stepper.sysid.Tracker:
@@ -225,7 +225,7 @@ def resting(model: stepper.Model) -> list[int]:
 
 
 def follow(scene: Strike, seed: int, **settings: Any) -> Followed:
-    """Results of one run with the noise of a seed."""
+    """Runs a tracker on a scene with the noise of a seed, and returns the results. `settings` are arguments of the tracker."""
     rng = np.random.default_rng(seed)
     truth = scene.draw(rng)
     noisy = readings(scene, truth, rng)
@@ -233,7 +233,10 @@ def follow(scene: Strike, seed: int, **settings: Any) -> Followed:
 
 
 def follow_matched(scene: Strike, seed: int) -> Followed:
-    """Results of a run in which the tracker's assumptions hold: initial values are drawn from the prior, and parameters are constant."""
+    """Runs a tracker on a scene in which its assumptions hold, and returns the results.
+
+    Initial values are drawn from the prior, and parameters are constant.
+    """
     truth = scene.draw(np.random.default_rng(seed))
     guess = truth * np.exp(GUESS * np.random.default_rng([seed, 1]).standard_normal(2))
     return follow(replace(scene, start=(float(guess[0]), float(guess[1]))), seed, prior=GUESS, drift=0.0)
@@ -245,7 +248,10 @@ HEAD = "scene | after | last event | parameter | error | interval | determined |
 
 
 def table(count: int) -> str:
-    """Markdown table of `count` runs of each scene. Errors, widths and coverage are of the runs in which the value is determined."""
+    """Markdown table of `count` runs of each scene.
+
+    Errors, widths and coverage are those of the runs in which the tracker marks the value as determined.
+    """
     return _table(count, follow)
 
 
@@ -255,7 +261,12 @@ def matched_table(count: int) -> str:
 
 
 def _table(count: int, run: Callable[[Strike, int], Followed]) -> str:
-    """Markdown table of runs in all scenes, which is also printed."""
+    """Markdown table of runs in all scenes, which is also printed.
+
+    Args:
+        count: Number of runs of each scene.
+        run: Function that runs a scene with a seed.
+    """
     lines = [f"| {HEAD} |", "|" + "---|" * (HEAD.count("|") + 1)]
     for make in STRIKES:
         scene = make()
@@ -265,7 +276,7 @@ def _table(count: int, run: Callable[[Strike, int], Followed]) -> str:
 
 
 def rows(scene: Strike, runs: list[Followed]) -> list[str]:
-    """Table rows of a scene, two for each mark."""
+    """Table rows of a scene from its runs, two for each mark (sample after which estimates are compared)."""
     lines = []
     for k, (mark, what) in enumerate(scene.marks.items()):
         for j, parameter in enumerate(scene.parameters):

@@ -55,7 +55,14 @@ def readings(scene: Scene) -> Readings:
 
 
 def identified(scene: Scene, start: tuple[float, float], given: Readings, settings: dict[str, Any]) -> Answer:
-    """Answer of one identification by `mujoco.sysid`. `settings` are arguments of its `optimize`."""
+    """Result of one identification by `mujoco.sysid`.
+
+    Args:
+        scene: The scene.
+        start: Initial values of both parameters.
+        given: Readings by channel.
+        settings: Arguments of its function `optimize`.
+    """
     sysid = require("mujoco.sysid", "to compare with it")
     spec = mujoco.MjSpec.from_string(scene.text(*start))
     model = spec.compile()

@@ -88,7 +88,7 @@ def main() -> None:
 
 
 def _plan(args: argparse.Namespace, num_envs: int) -> Plan:
-    """Extent of the measurement from the command line."""
+    """Extent of the measurement (`Plan`) from the arguments of the command line."""
     return Plan(num_envs, args.peers, tuple(args.precision), tuple(args.settings), args.rounds, args.patience, args.seed)
 
 
@@ -106,7 +106,7 @@ def _save(scenes: Sequence[Scene], args: argparse.Namespace) -> None:
 
 
 def _path(scene: Scene, cache: Path, out: Path) -> Path:
-    """Path of the MJCF file of a scene, which is written here."""
+    """Writes the MJCF file of a scene, and returns its path."""
     return written(scene.spec(Assets(cache)), out / "many_contacts" / f"{scene.name.replace(' ', '_')}.xml")
 
 
@@ -116,7 +116,7 @@ def _words(error: Exception) -> str:
 
 
 def _measured(scene: Scene, plan: Plan, cache: Path, out: Path) -> list[dict[str, Any]]:
-    """Rows of a scene; an error is printed, and gives no rows."""
+    """Measures a scene, and returns its rows of the table; an error is printed, and gives no rows."""
     begin = time.perf_counter()
     try:
         rows = measure(scene, _path(scene, cache, out), plan)
@@ -130,7 +130,7 @@ def _measured(scene: Scene, plan: Plan, cache: Path, out: Path) -> list[dict[str
 
 
 def _ratios(row: dict[str, Any]) -> str:
-    """Text of the speedups in a row."""
+    """Text of the speedups over MuJoCo in a row of the table."""
     return " ".join(f"{found['ratio']:.2f}" for found in row["ours"].values())
 
 

@@ -16,7 +16,7 @@ from many_contacts.scene import Array, Script
 
 @dataclass
 class Effort:
-    """Work of the solver in a phase.
+    """Work of the solver in a phase of an episode.
 
     Attributes:
         certificate: Status flags and residuals of the steps.
@@ -30,7 +30,7 @@ class Effort:
 
 
 class Batch(EngineBatch, Protocol):
-    """Batch of environments of one engine that can be reset."""
+    """Batch of environments of one engine that can be reset and that follows the inputs of a script."""
 
     def begin(self, script: Script) -> None:
         """Set all environments to the initial states of the script."""
@@ -47,7 +47,7 @@ class Batch(EngineBatch, Protocol):
 
 
 class Ours(StepperBatch):
-    """Batch of stepper, with one thread and the arguments of `StepperBatch`."""
+    """Batch of environments in stepper, with one thread; the arguments are those of `StepperBatch`."""
 
     def __init__(self, model: Model, num_envs: int, *, precision: Precision, options: Options | None, setting: str) -> None:
         super().__init__(model, num_envs, precision=precision, options=options, setting=setting)
@@ -84,7 +84,7 @@ class Ours(StepperBatch):
 
 
 class Theirs(MujocoBatch):
-    """Batch of MuJoCo, with one thread."""
+    """Batch of environments in MuJoCo, with one thread."""
 
     def begin(self, script: Script) -> None:
         """Set all environments to the initial states, as `Batch.begin`."""

@@ -59,7 +59,7 @@ def save_robots(folder: Path, precisions: Iterable[Precision], only: list[str]) 
 
 @dataclass(frozen=True)
 class Anatomy:
-    """Results of `anatomy` for an episode.
+    """Times of the parts of a step in an episode, measured by the program `anatomy`.
 
     Attributes:
         micros: Time of an environment step, us.
@@ -84,11 +84,11 @@ class Anatomy:
 
 
 Floors: TypeAlias = Mapping[tuple[str, int, str], Anatomy]
-"""Results of `anatomy` by name of the episode, number of environments and precision."""
+"""Times of the parts of a step, by name of the episode, number of environments and precision."""
 
 
 def floors(path: Path) -> Floors:
-    """Results from a file of `anatomy --json`; empty if the file does not exist."""
+    """Reads the times of the parts of a step from a file of `anatomy --json`; empty if the file does not exist."""
     if not path.exists():
         return {}
     found = json.loads(path.read_text(encoding="utf-8"))["episodes"]
@@ -96,5 +96,5 @@ def floors(path: Path) -> Floors:
 
 
 def _anatomy(found: Mapping[str, Any]) -> Anatomy:
-    """Result of `anatomy` from its JSON."""
+    """Times of the parts of a step from the JSON that the program `anatomy` writes."""
     return Anatomy(found["micros"], found["floor"], {part["name"]: (part["micros"], part["floor"]) for part in found["parts"]})

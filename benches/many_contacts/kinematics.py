@@ -10,7 +10,10 @@ import numpy as np
 from many_contacts.scene import Array
 
 ROUNDS, DAMPING, NEAR, FARTHEST = 200, 1e-4, 1e-6, 0.2
-"""Largest number of iterations, damping, tolerance of the error, and largest step of a joint per iteration (rad or m)."""
+"""Settings of the inverse kinematics.
+
+They are the largest number of iterations, damping, tolerance of the error, and largest step of a joint per iteration (rad or m).
+"""
 
 
 class UnreachableError(Exception):
@@ -69,7 +72,7 @@ def _rotation_vector(turn: Array) -> Array:
 
 
 def eased(begin: Array, end: Array, blocks: int) -> Array:
-    """Minimum-jerk interpolation from `begin` to `end`, at rest at both ends, (blocks, ...). The last block equals `end`."""
+    """Minimum-jerk interpolation from `begin` to `end`, (blocks, ...), at rest at both ends. The last entry equals `end`."""
     t = np.arange(1, blocks + 1) / blocks
     share = (t**3 * (10 - 15 * t + 6 * t**2)).reshape(-1, *([1] * begin.ndim))
     return np.asarray(begin + share * (end - begin))

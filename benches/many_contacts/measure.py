@@ -31,7 +31,7 @@ CHUNK = 20
 MEASURED_ENVS = 32
 """Number of environments of each batch whose contacts, penetration and slip are measured."""
 LEAD = Options(tolerance=1e-3)
-"""Options of the steps that lead to the initial states of an episode."""
+"""Options of stepper for the steps that lead to the initial states of an episode."""
 DROPPED = 0.02
 """Displacement relative to the holder above which an object counts as dropped, m."""
 PEERS = (f"MuJoCo {MATCHED.setting}", "MuJoCo defaults")
@@ -63,7 +63,7 @@ class Plan:
 
 @dataclass
 class Track:
-    """Measurements of a batch in a phase.
+    """Measurements of one batch of environments in a phase of the episode.
 
     Attributes:
         times: Microseconds per environment step, a list of rounds for each chunk.
@@ -94,12 +94,12 @@ class Track:
 
 
 def options(setting: str, model: Model) -> Options | None:
-    """Options of a setting, by its name in `SETTINGS`."""
+    """Options of the step for a name in `SETTINGS`; None is the default."""
     return {"default": None, "fast": fast(model), "pgs": PGS, "law": LAW}[setting]
 
 
 def read(path: Path) -> tuple[Model, str]:
-    """Model of stepper, and a note about its omitted elements."""
+    """Model of stepper from an MJCF file, and a note about its omitted elements."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ModelWarning)
         try:
@@ -186,7 +186,7 @@ def save_episodes(scene: Scene, path: Path, plan: Plan, folder: Path) -> None:
 
 
 def _warmed_up(scene: Scene, script: Script, model: Model, path: Path) -> Script:
-    """Script whose initial states have settled for `scene.lead` steps, made by stepper in f64 for all engines.
+    """Copy of a script whose initial states have settled for `scene.lead` steps, made by stepper in f64 for all engines.
 
     A file next to the model's file `path` caches these states.
     """
@@ -206,7 +206,7 @@ def _warmed_up(scene: Scene, script: Script, model: Model, path: Path) -> Script
 
 
 def _figures(track: Track) -> dict[str, Any]:
-    """Numbers of a track for the table."""
+    """Numbers for the table from the measurements of a batch in a phase."""
     return {
         "microseconds": track.microseconds,
         "contacts": float(np.mean([s.contacts for s in track.samples])),
@@ -217,7 +217,12 @@ def _figures(track: Track) -> dict[str, Any]:
 
 
 class _StateMeter:
-    """Measurement of states of both engines, by MuJoCo's collision detection and kinematics."""
+    """Measurement of states of both engines with MuJoCo's collision detection and kinematics.
+
+    Args:
+        model: Compiled model of the scene.
+        path: Its MJCF file.
+    """
 
     def __init__(self, model: mujoco.MjModel, path: Path) -> None:
         self.model, self.data, self.referee = model, mujoco.MjData(model), Referee(str(path))
@@ -238,7 +243,18 @@ class _StateMeter:
 
 
 def _play(scene: Scene, script: Script, batches: Sequence[Batch], plan: Plan, meter: _StateMeter) -> dict[tuple[str, str], Track]:
-    """Run the script `plan.rounds` times in all batches, which take turns of `CHUNK` steps. Returns tracks by names of batch and phase."""
+    """Runs a script `plan.rounds` times in all batches, which take turns of `CHUNK` steps.
+
+    Args:
+        scene: Scene with the phases.
+        script: Initial states and inputs.
+        batches: Batches of environments.
+        plan: Extent of the measurement.
+        meter: Measurement of states.
+
+    Returns:
+        Measurements by names of batch and phase.
+    """
     tracks = {(batch.name, phase.name): Track() for batch in batches for phase in scene.phases}
     order, start = list(batches), time.perf_counter()
     for k in range(plan.rounds):
@@ -271,7 +287,14 @@ def _play(scene: Scene, script: Script, batches: Sequence[Batch], plan: Plan, me
 
 
 def _chunk(batch: Batch, script: Script, steps: range, phase: str | None) -> float:
-    """Make some steps. Returns microseconds per environment step. With the name of a phase, the batch records its steps."""
+    """Makes some steps of a script, and returns the time in microseconds per environment step.
+
+    Args:
+        batch: Environments.
+        script: Inputs of the steps.
+        steps: Indices of the steps.
+        phase: Name of the phase for the batch's statistics; None records none.
+    """
     spent, n = 0.0, batch.num_envs
     for step in steps:
         block = min(step // script.hold, len(script.control) - 1)
@@ -287,7 +310,13 @@ def _chunk(batch: Batch, script: Script, steps: range, phase: str | None) -> flo
 
 
 def _restart(batch: Batch, script: Script, restarts: Any) -> None:
-    """Reset the environments whose episode has ended, to the next initial states of the script."""
+    """Resets the environments whose episode has ended to the next initial states of the script.
+
+    Args:
+        batch: Environments.
+        script: Script with these states.
+        restarts: Number of resets of each environment so far, which is increased.
+    """
     if script.ended is None or script.anew is None:
         return
     mask = script.ended(batch.qpos)

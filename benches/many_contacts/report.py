@@ -95,7 +95,7 @@ def _table(head: Sequence[str], lines: Iterable[Sequence[object]]) -> str:
 
 
 def _both(values: Iterable[object]) -> str:
-    """Values for f64 and f32, separated by a slash."""
+    """Text of two values, for f64 and f32, separated by a slash."""
     return " / ".join(map(str, values))
 
 
@@ -105,19 +105,26 @@ def _mm(metres: float) -> str:
 
 
 def _number(found: Row | None, name: str, form: str, unit: float = 1.0) -> str:
-    """Figure in a unit as text; a dash if it was not measured."""
+    """Figure of a row of results as text, in a unit; a dash if it was not measured.
+
+    Args:
+        found: The row; None if there is none.
+        name: Name of the figure.
+        form: Format, as ".2f".
+        unit: Factor on the figure before it is written, to convert its unit.
+    """
     return "-" if found is None else format(unit * found[name], form)
 
 
 def _slip(found: Sequence[float] | None) -> str:
-    """Text of the median slip in mm, with the share of dropped objects."""
+    """Text of the median slip of held objects in mm, with the fraction of dropped objects."""
     if found is None:
         return ""
     return _mm(found[0]) + (f" ({found[1]:.0%} dropped)" if found[1] else "")
 
 
 def means(rows: Sequence[Row], column: str) -> float | None:
-    """Geometric mean of a column's ratios over scenes. The rows of a group have the weight of one scene."""
+    """Geometric mean over scenes of the speedups in a column; None without speedups. A group of rows has the weight of one scene."""
     return grouped_mean((row["group"], row["ours"][column]["ratio"]) for row in rows if column in row["ours"])
 
 
@@ -169,7 +176,7 @@ def speed(rows: Sequence[Row], floors: Floors, factor: float = 1.0) -> str:
 
 
 def _targets(defaults: Sequence[str]) -> list[float]:
-    """Target of the mean speedup for each column."""
+    """Target of the mean speedup for each column of the table, by the column's precision."""
     return [dict(zip(("f64", "f32"), MEAN, strict=True))[name.split()[0]] for name in defaults]
 
 
@@ -179,7 +186,7 @@ def _reached(ratio: float, target: float) -> str:
 
 
 def _label(column: str) -> str:
-    """Heading of a column: precision, and setting if it is not the default."""
+    """Heading of a column of the table: precision, and setting if it is not the default."""
     precision, _, setting = column.partition(" ")
     return precision if setting == "default" else f"{setting} {precision}"
 

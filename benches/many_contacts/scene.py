@@ -15,14 +15,14 @@ from many_contacts.assets import Assets
 Array: TypeAlias = NDArray[np.float64]
 
 LEAST = (2.5, 4.0)
-"""Target of the speedup over MuJoCo for each scene, in f64 and f32."""
+"""Smallest speedup over MuJoCo that every scene should have, in f64 and f32."""
 MEAN = (5.0, 9.0)
 """Target of the geometric mean of the speedup over scenes, in f64 and f32."""
 
 
 @dataclass(frozen=True)
 class Phase:
-    """Phase of an episode.
+    """Phase of an episode: a number of steps with a name.
 
     Attributes:
         name: Name of the phase.
@@ -92,7 +92,7 @@ class Scene:
         return sum(phase.steps for phase in self.phases)
 
     def row(self, phase: Phase) -> str:
-        """Name of the table row of a phase."""
+        """Name of a phase's row in the table."""
         alone = sum(p.timed for p in self.phases) == 1
         return self.name if alone else f"{self.name}: {phase.name}"
 
@@ -103,7 +103,7 @@ def still(qpos: Array, num_envs: int) -> Array:
 
 
 def uncontrolled(num_envs: int, nu: int = 0) -> Array:
-    """Zero controls, (1, num_envs, nu)."""
+    """Zero controls for a script of one block, (1, num_envs, nu)."""
     return np.zeros((1, num_envs, nu))
 
 

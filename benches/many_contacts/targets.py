@@ -23,13 +23,13 @@ AVX512 = 4 / 3
 
 
 def scale(came_from: Mapping[str, Any]) -> float:
-    """Factor on the targets for the machine of the measurements."""
+    """Factor on the target speedups for the machine of the measurements: larger with AVX-512."""
     return AVX512 if came_from["cpu_level"] == "avx512" else 1.0
 
 
 @dataclass(frozen=True)
 class Reached:
-    """Result of an episode in one precision, with default settings.
+    """Result of measuring an episode in one precision, with default settings.
 
     Attributes:
         name: Name of the episode.
@@ -106,14 +106,23 @@ def percent(share: float) -> str:
 
 
 def mean(found: Sequence[Reached], value: Callable[[Reached], float | None]) -> float | None:
-    """Grouped mean of a value over results; None if one of them is missing."""
+    """Geometric mean of a number over results, in which each group has the weight of one; None if a number is missing.
+
+    Args:
+        found: The results.
+        value: Function from a result to the number.
+    """
     numbers = [(one.group, value(one)) for one in found]
     known = [(group, number) for group, number in numbers if number is not None]
     return grouped_mean(known) if len(known) == len(numbers) else None
 
 
 def part(found: Sequence[Reached]) -> tuple[str, float] | None:
-    """Part of the step with the largest mean excess above its floor, and this excess as a share of the step's time."""
+    """Part of the step whose time is farthest above its floor (least time of its arithmetic), on average over some results.
+
+    Returns:
+        Name of the part, and its mean excess as a fraction of the step's time; None without measurements of parts.
+    """
     excesses = [one.anatomy.excess for one in found if one.anatomy]
     if len(excesses) < len(found):
         return None
@@ -144,7 +153,14 @@ def lines(rows: Sequence[Row], came_from: Mapping[str, Any], floors: Floors, thr
 
 
 def _line(what: str, targets: Sequence[float], by_precision: Sequence[Sequence[Reached]], factor: float) -> list[str]:
-    """Row of the table of targets."""
+    """Row of the table of targets.
+
+    Args:
+        what: First cell.
+        targets: Target speedups in f64 and f32.
+        by_precision: Results in each precision.
+        factor: Factor on the targets for this machine.
+    """
     cells: list[list[str]] = [[], [], [], [], []]
     for target, found in zip((factor * target for target in targets), by_precision, strict=True):
         ratio, at_floor, way = mean(found, lambda one: one.ratio), mean(found, lambda one: one.at_floor), part(found)
@@ -159,6 +175,11 @@ def _line(what: str, targets: Sequence[float], by_precision: Sequence[Sequence[R
 
 
 def _unsolved(worst: Reached, named: bool) -> str:
-    """Text of the largest share of unsolved steps, with the name of its scene."""
+    """Text of the largest fraction of unsolved steps.
+
+    Args:
+        worst: Result with this fraction.
+        named: Whether to add the name of the episode.
+    """
     text = percent(worst.unsolved)
     return f"{text} ({worst.name})" if named and worst.unsolved else text

@@ -30,7 +30,7 @@ OTHERS = {
         ),
     ],
 }
-"""Packages with lists of files."""
+"""Packages with lists of further model files."""
 
 NO_MODELS = ("common", "shared", "shared_asset", "point")
 """Stems of files that are not complete models."""

@@ -30,7 +30,7 @@ TASKS = (
 )
 """Models of Gymnasium's tasks."""
 BOUNDS = (1e-6, 1e-3)
-"""Largest differences of the configuration up to which two motions agree, rad or m."""
+"""Bounds of the difference of configurations, rad or m, for which the table has the time until two motions differ by more."""
 HOLD = 5
 """Number of steps per random control."""
 NOISE = 0.01
@@ -69,12 +69,15 @@ def _line(source: Source, episodes: int, seconds: float) -> str:
 
 
 def _first(parted: NDArray[np.bool_]) -> int:
-    """Index of the first true entry, or the number of entries if there is none."""
+    """Index of the first true entry of a mask, or the number of entries if there is none."""
     return int(np.argmax(parted)) if parted.any() else len(parted)
 
 
 def _apart(compiled: Any, model: stepper.Model, episodes: int, steps: int) -> Array:
-    """Largest difference of the configurations, (steps, episodes). Both engines start from the same states."""
+    """Largest difference between the configurations of MuJoCo and of this simulator, after each step of each episode.
+
+    Both engines start from the same random states and receive the same random controls. Returns an array (steps, episodes), rad or m.
+    """
     rng = np.random.default_rng(0)
     start = compiled.qpos0 + rng.normal(0.0, NOISE, (episodes, compiled.nq))
     low, high = np.where(compiled.actuator_ctrllimited[:, None].astype(bool), compiled.actuator_ctrlrange, [-1.0, 1.0]).T

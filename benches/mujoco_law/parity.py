@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 AGREES = 1e-9
-"""Largest difference of velocities that counts as agreement, relative to 1 + max |qvel|. A larger spread of MuJoCo's solvers replaces
-it."""
+"""Largest difference of velocities after a step that counts as agreement, relative to 1 + max |qvel|.
+
+A larger spread of MuJoCo's solvers replaces it.
+"""
 SAME_DISTANCE = 1e-9
 """Largest difference of the distances of equal contacts, m."""
 _EPISODE = 20
@@ -22,7 +24,7 @@ _EPISODE = 20
 _BLOWN_UP = 1e3
 """Velocity above which an episode is reset, rad/s or m/s. Some models diverge in MuJoCo from random states."""
 _ATTEMPTS = 10
-"""Largest number of attempts per state."""
+"""Largest number of attempts to find each state."""
 _NOISE = (0.02, 0.3)
 """Standard deviations of the initial configuration (on the tangent space) and of the initial velocity of an episode."""
 
@@ -132,7 +134,14 @@ def _begin(compiled: Any, data: Any, rng: np.random.Generator) -> None:
 
 
 def _step(compiled: Any, data: Any, start: dict[str, Array], solver: Any) -> tuple[list[tuple[int, int, float]], Array]:
-    """Contacts at a state, and velocity after one step without warm start."""
+    """Contacts at a state, and velocity after one step of MuJoCo without warm start.
+
+    Args:
+        compiled: MuJoCo's model.
+        data: MuJoCo's data.
+        start: State, by name of the field.
+        solver: MuJoCo's constant of the solver.
+    """
     for name, value in start.items():
         getattr(data, name)[:] = value
     data.qacc_warmstart[:] = 0.0

@@ -14,7 +14,7 @@ from mujoco_law.parity import Parity
 
 @dataclass(frozen=True)
 class Row:
-    """Row of a model.
+    """Comparison of one model, as a row of the table.
 
     Attributes:
         name: Package and name of the model.
@@ -58,7 +58,7 @@ def _percent(share: float) -> str:
 
 
 def _number(values: np.ndarray[tuple[int], np.dtype[np.float64]], quantile: float) -> str:
-    """Text of a quantile of some values."""
+    """Text of a quantile of some numbers."""
     return f"{np.quantile(values, quantile):.0e}" if len(values) else "-"
 
 
@@ -73,7 +73,7 @@ def write_csv(path: Path, rows: list[Row]) -> None:
 
 
 def write_table(path: Path, rows: list[Row]) -> None:
-    """Replace the table of a page."""
+    """Replaces the table of the page docs/benchmarks/mujoco_law.md."""
     measured = [row for row in rows if row.parity]
     header = ["model", *measured[0].cells(), "omitted"] if measured else []
     lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]

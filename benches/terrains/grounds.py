@@ -43,29 +43,29 @@ STONES = 200
 
 
 def _flat(x: Array, _: Array) -> Array:
-    """Height of flat ground."""
+    """Height of flat ground, 0, at positions x."""
     return np.zeros_like(x)
 
 
 def _plane(spec: Any) -> None:
-    """Add a plane."""
+    """Adds a plane to an `MjSpec`."""
     spec.worldbody.add_geom(name="floor", type=PLANE, size=[0, 0, 0.01])
 
 
 def _box(spec: Any, half: list[float], pos: list[float]) -> None:
-    """Add a box with half sizes and a position, m."""
+    """Adds a box to an `MjSpec`, with half sizes and a position, m."""
     spec.worldbody.add_geom(type=BOX, size=half, pos=pos)
 
 
 def _stairs(spec: Any) -> None:
-    """Add a flight of stairs along x."""
+    """Adds a flight of stairs along x to an `MjSpec`."""
     for k in range(STAIRS):
         top = STEP_HEIGHT * (k + 1)
         _box(spec, [STEP_DEPTH / 2, 4.0, top / 2], [STEP_DEPTH * (k - STAIRS / 2 + 0.5), 0.0, top / 2])
 
 
 def _stair_height(x: Array, _: Array) -> Array:
-    """Height of the stairs."""
+    """Height of the stairs at positions x, m."""
     return STEP_HEIGHT * np.clip(np.floor(x / STEP_DEPTH + STAIRS / 2) + 1, 1, STAIRS)
 
 
@@ -77,7 +77,7 @@ def elevation() -> Array:
 
 
 def _field(spec: Any) -> None:
-    """Add the height field."""
+    """Adds the height field to an `MjSpec`."""
     z = elevation()
     low, high = float(z.min()), float(z.max())
     asset = spec.add_hfield(name="rough", nrow=POINTS, ncol=POINTS, size=[HALF, HALF, high - low, 0.5])
@@ -86,7 +86,7 @@ def _field(spec: Any) -> None:
 
 
 def _mesh(spec: Any) -> None:
-    """Add the surface of the height field as a mesh of triangles."""
+    """Adds the surface of the height field to an `MjSpec`, as a mesh of triangles."""
     line = np.linspace(-HALF, HALF, POINTS)
     x, y = np.meshgrid(line, line)
     vertices = np.stack([x, y, elevation()], axis=-1).reshape(-1, 3)
@@ -98,7 +98,7 @@ def _mesh(spec: Any) -> None:
 
 
 def _field_height(x: Array, y: Array) -> Array:
-    """Height of the field at the nearest grid points."""
+    """Height of the field at the grid points nearest to positions x and y, m."""
     z = elevation()
     column, row = (np.clip(np.rint((at + HALF) / (2 * HALF) * (POINTS - 1)).astype(int), 0, POINTS - 1) for at in (x, y))
     return np.asarray(z[row, column])
@@ -118,14 +118,14 @@ def _stones() -> Array:
 
 
 def _stones_and_floor(spec: Any) -> None:
-    """Add a plane and stones on it."""
+    """Adds a plane, and stones on it, to an `MjSpec`."""
     _plane(spec)
     for x, y, a, b, c, turn in _stones():
         spec.worldbody.add_geom(type=BOX, size=[a, b, c], pos=[x, y, c], quat=[np.cos(turn / 2), 0, 0, np.sin(turn / 2)])
 
 
 def _stone_height(x: Array, y: Array) -> Array:
-    """Largest possible height of the stones."""
+    """Largest possible height of the stones, m, at all positions."""
     height = np.zeros_like(x)
     for cx, cy, a, b, c, _ in _stones():
         height = np.where(np.hypot(x - cx, y - cy) < np.hypot(a, b), np.maximum(height, 2 * c), height)
@@ -133,7 +133,7 @@ def _stone_height(x: Array, y: Array) -> Array:
 
 
 def _tiles(count: int) -> Callable[[Any], None]:
-    """Function that adds a square of boxes with slightly different heights."""
+    """Function that adds a square of `count` boxes with slightly different heights to an `MjSpec`."""
 
     def add(spec: Any) -> None:
         side = int(np.ceil(np.sqrt(count)))
@@ -146,14 +146,14 @@ def _tiles(count: int) -> Callable[[Any], None]:
 
 
 def _far_boxes(spec: Any) -> None:
-    """Add a plane, and boxes out of reach."""
+    """Adds a plane to an `MjSpec`, and boxes that the robot cannot reach."""
     _plane(spec)
     for k in range(200):
         _box(spec, [0.15, 0.15, 0.1], [50.0 + 0.5 * (k % 20), 0.5 * (k // 20), 0.1])
 
 
 def _tile_height(x: Array, _: Array) -> Array:
-    """Largest possible height of the tiles."""
+    """Largest possible height of the tiles, m, at all positions."""
     return np.full_like(x, 0.02)
 
 

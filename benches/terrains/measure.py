@@ -96,7 +96,13 @@ class Track:
 
 
 def build(ground: Ground, cache: Path, out: Path) -> tuple[Model, Path]:
-    """Model of stepper, and file of MuJoCo's model."""
+    """Model of stepper for a robot on a ground, and file of MuJoCo's model.
+
+    Args:
+        ground: The ground.
+        cache: Folder of the downloads.
+        out: Folder for the files of the models.
+    """
     path = _written(ground, ground.add, cache, out)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ModelWarning)
@@ -109,7 +115,14 @@ def build(ground: Ground, cache: Path, out: Path) -> tuple[Model, Path]:
 
 
 def _written(ground: Ground, add: Callable[[Any], None], cache: Path, out: Path) -> Path:
-    """Path of the MJCF file of the robot on a ground, which is written here."""
+    """Writes the MJCF file of the robot on a ground, and returns its path.
+
+    Args:
+        ground: The ground.
+        add: Function that adds its geoms to an `MjSpec`.
+        cache: Folder of the downloads.
+        out: Folder for the file.
+    """
     spec = unitree.spec(unitree.GO1, Assets(cache))
     spec.delete(spec.geom("floor"))
     add(spec)
@@ -134,7 +147,14 @@ def _foothold(ground: Ground, qpos: Array) -> Array:
 
 
 def measure(ground: Ground, plan: Plan, cache: Path, out: Path) -> dict[str, Any]:
-    """Measure a ground. Returns its row of the tables as a dictionary for JSON."""
+    """Measures the step time on a ground, and returns a row of the tables as a dictionary for JSON.
+
+    Args:
+        ground: The ground.
+        plan: Extent of the measurement.
+        cache: Folder of the downloads.
+        out: Folder for the files of the models.
+    """
     model, path = build(ground, cache, out)
     actions = script(ground, mujoco.MjModel.from_xml_path(str(path)), plan)
     referee = Referee(str(path))
@@ -155,7 +175,15 @@ def measure(ground: Ground, plan: Plan, cache: Path, out: Path) -> dict[str, Any
 
 
 def _play(batches: Sequence[Batch], actions: Script, plan: Plan, tracks: dict[str, Track], referee: Referee | None) -> None:
-    """Run an episode in all batches, in turns."""
+    """Runs an episode in all batches, which take turns of `CHUNK` steps.
+
+    Args:
+        batches: Batches of environments.
+        actions: Initial states and actions.
+        plan: Extent of the measurement.
+        tracks: Measurements by name of the batch, which are extended.
+        referee: Measurement of contacts; None does not measure.
+    """
     for batch in batches:
         batch.begin(actions)
     restarts = {batch.name: np.zeros(batch.num_envs, np.intp) for batch in batches}
@@ -178,7 +206,13 @@ def _play(batches: Sequence[Batch], actions: Script, plan: Plan, tracks: dict[st
 
 
 def _restart(batch: Batch, actions: Script, restarts: Any) -> None:
-    """Reset the environments whose robot has fallen."""
+    """Resets the environments whose robot has fallen.
+
+    Args:
+        batch: Environments.
+        actions: Script with the states after a reset.
+        restarts: Number of resets of each environment so far, which is increased.
+    """
     assert actions.ended is not None
     assert actions.anew is not None
     mask = actions.ended(batch.qpos)

@@ -69,7 +69,7 @@ def _engines(rows: Sequence[dict[str, Any]]) -> tuple[list[str], list[str]]:
 
 
 def _label(name: str) -> str:
-    """Heading of a column."""
+    """Heading of a column of the tables, from the name of an engine and its setting."""
     return name.removeprefix("stepper ").removesuffix(" default")
 
 

@@ -45,7 +45,7 @@ def thrown(now: Any, _: list[np.random.Generator]) -> tuple[Any, Any]:
 
 
 def lost(now: Any) -> np.ndarray[Any, Any]:
-    """Share of the horizontal speed that the impact has taken."""
+    """Fraction of the horizontal speed that the block has lost by the impact, (num_envs,)."""
     gone: np.ndarray[Any, Any] = 1.0 - now.read("qvel", "x")[:, 0] / now.parameters["speed"]
     return gone
 

@@ -45,7 +45,7 @@ def seen(readings: Any) -> Any:
 
 
 def encoders() -> Any:
-    """Sensor model in the training of the second policy: noise of 0.02 rad and 0.2 rad/s, drift, and 10 ms of delay."""
+    """Sensor model with noise of 0.02 rad and 0.2 rad/s, drift, and 10 ms of delay; the second policy is trained with it."""
     angle = stepper.Transfer(noise_std=0.02, drift_std=0.005, delay=0.01)
     rate = stepper.Transfer(noise_std=0.2, delay=0.01)
     named = dict.fromkeys(ANGLES, angle) | dict.fromkeys(RATES, rate)
@@ -66,12 +66,17 @@ class Balance:
         self.file = file
 
     def __call__(self, now: Any) -> Any:
-        """Controls, (num_envs, 1)."""
+        """Controls of the policy for the present sensor readings, (num_envs, 1)."""
         return self.policy(seen(now.sensordata))
 
 
 def balancing(name: str, file: str) -> Any:
-    """Study of a policy: whether the poles stay upright for 10 s."""
+    """Study of a policy: whether the poles stay upright for 10 s.
+
+    Args:
+        name: Name of the study.
+        file: File name of the policy in examples/policies.
+    """
     return stepper.lab.Study(
         name=name,
         model=model,

@@ -104,7 +104,10 @@ def reach(model: Any, place: Any, begin: Any, close: float = 0.0) -> Any:
 
 
 def way(time: float) -> tuple[int, float]:
-    """Index of the current segment between two waypoints, and the share of it that is done. Each begins and ends at rest."""
+    """Index of the current segment between two waypoints at a time, s, and the finished fraction of its path.
+
+    Each segment begins and ends at rest.
+    """
     k = min(max(0, int(np.searchsorted(TIMES, time, side="right")) - 1), len(TIMES) - 2)
     s = float(np.clip((time - TIMES[k]) / (TIMES[k + 1] - TIMES[k]), 0.0, 1.0))
     return k, 3 * s**2 - 2 * s**3

@@ -77,7 +77,7 @@ def arm(target: Any) -> Any:
 
 
 def controls(target: Any, closed: Any) -> Any:
-    """Servo targets of seven joints and two fingers, (n, 9), from the hand's target (n, 3) and the closing command (n,)."""
+    """Servo targets of seven joints and two fingers, (n, 9), from the hand's target (n, 3), m, and the closing commands (n,), 0 or 1."""
     finger = np.where(closed, 0.0, OPEN)[:, None]
     return np.concatenate([arm(target), finger, -finger], axis=1)
 
@@ -111,7 +111,13 @@ def start(now: Any, rng: Any) -> Any:
 
 
 def picking(name: str, controller: Any, control: float) -> Any:
-    """Study of a controller: success is a cube lifted by 10 cm within 4 s."""
+    """Study of a controller that picks the cube: success is a cube lifted by 10 cm within 4 s.
+
+    Args:
+        name: Name of the study.
+        controller: The controller.
+        control: Control period, s.
+    """
     return stepper.lab.Study(
         name=name,
         model=scene,

@@ -9,7 +9,7 @@ CONTROL, MASS, GRAVITY = 0.008, 0.3, 9.81
 
 
 def force(now: Any, time: Any) -> Any:
-    """Force of the push for a control that begins at a time, N: its mean over the control period. It is zero after the reaction."""
+    """Force of the push over the control period that begins at a time, N: its mean. It is zero after the gripper's reaction."""
     return now.parameters["push"] * np.clip((now.parameters["reaction"] - time) / CONTROL, 0.0, 1.0)
 
 

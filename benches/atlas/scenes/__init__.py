@@ -53,5 +53,5 @@ ALL: tuple[Scene, ...] = tuple(sorted((scene for topic in TOPICS for scene in to
 
 
 def of(number: str) -> tuple[Scene, ...]:
-    """Scenes with a number."""
+    """Scenes of the atlas with a number, such as "36"; several scenes may share it."""
     return tuple(scene for scene in ALL if scene.number == number)

@@ -15,7 +15,7 @@ LINK, FAR = 0.5, 1.2
 
 
 def out_of_reach() -> str:
-    """Scene 36. The arm begins bent; the target is at the height of its first joint."""
+    """MJCF of scene 36: a bent two-link arm whose tip is pulled to a point beyond its reach, at the height of its first joint."""
     second = (
         f'<body pos="{LINK} 0 0"><joint axis="0 1 0" damping=".1"/><geom type="capsule" size=".02" fromto="0 0 0 {LINK} 0 0" mass="1"/>'
     )
@@ -29,7 +29,7 @@ def out_of_reach() -> str:
 
 
 def gap_left(engine: Engine, dt: float) -> float:
-    """Error after three seconds: distance of the tip from the target less the smallest possible one (m), or speed of the arm (m/s).
+    """Error of scene 36 after three seconds: distance of the arm's tip from the target less the smallest possible one (m), or speed (m/s).
 
     The speed counts if the kinetic energy is above 1 mJ. It is the speed of the arm's total mass with the same energy.
     """
@@ -50,13 +50,22 @@ ROD, ROD_MASS = 0.3, 0.5
 
 
 def hinge_in_a_ball(joint: str) -> str:
-    """Scene 37. The contact normal passes through the hinge, so that no motion can reduce the overlap."""
+    """MJCF of scene 37: a pendulum whose joint is inside a ball.
+
+    The contact normal passes through the joint: no motion reduces the overlap.
+
+    Args:
+        joint: MJCF of the joint: a hinge or a ball joint.
+    """
     rod = f'<geom type="capsule" size=".02" fromto="0 0 0 {ROD} 0 0" mass="{ROD_MASS}" condim="1"/>'
     return document(f'<geom size=".05" condim="1"/><body name="rod">{joint}{rod}</body>')
 
 
 def pendulum_gain(joint: str):
-    """Measure: largest gain of energy within two seconds, relative to the potential energy of the rod."""
+    """Function that measures scene 37, a pendulum with its joint inside a ball.
+
+    It returns the largest gain of energy within two seconds, relative to the potential energy of the rod. `joint` is the MJCF of the joint.
+    """
 
     def measure(engine: Engine, dt: float) -> float:
         world = engine.start(hinge_in_a_ball(joint), dt)
@@ -73,14 +82,17 @@ SLOT, TOO_WIDE, ASIDE = 0.1, 1e-3, 4e-4
 
 
 def narrow_slot() -> str:
-    """Scene 37. A box on a slide between two walls, which overlaps each wall by a millimetre in the middle."""
+    """MJCF of scene 37: a box on a slide between two walls, which overlaps each wall by a millimetre in the middle."""
     walls = "".join(f'<geom type="box" size=".05 .1 .1" pos="{side * (SLOT + 0.05)} 0 0" condim="1"/>' for side in (1, -1))
     box = f'<geom type="box" size="{SLOT + TOO_WIDE} .05 .05" mass="1" condim="1"/>'
     return document(f'{walls}<body name="box"><joint type="slide" axis="1 0 0"/>{box}</body>', gravity=(0, 0, 0))
 
 
 def off_the_middle(engine: Engine, dt: float) -> float:
-    """Distance from the middle (m) or speed (m/s) half a second after a start 0.4 mm off the middle."""
+    """Error of scene 37, a box in a slot that is too narrow: distance from the middle (m) or speed (m/s), the larger of the two.
+
+    It is measured half a second after a start 0.4 mm off the middle.
+    """
     world = engine.start(narrow_slot(), dt)
     world.set(qpos=[ASIDE])
     world.run(max(0.5, 50 * dt))
@@ -93,13 +105,13 @@ OUTSIDE = 0.5
 
 
 def beyond_its_range() -> str:
-    """Scene 39. A rod on a hinge whose range ends at zero, without gravity."""
+    """MJCF of scene 39: a rod without gravity on a hinge that begins half a radian outside its range, which ends at zero."""
     rod = '<geom type="capsule" size=".02" fromto="0 0 0 .3 0 0" mass="1"/>'
     return document(f'<body name="rod"><joint name="hinge" axis="0 1 0" limited="true" range="-60 0"/>{rod}</body>', gravity=(0, 0, 0))
 
 
 def comes_back(engine: Engine, dt: float) -> float:
-    """Angle outside the range (rad) or speed (rad/s) after half a second."""
+    """Error of scene 39, a hinge outside its range: angle outside (rad) or speed (rad/s) after half a second."""
     world = engine.start(beyond_its_range(), dt)
     world.set(qpos=[OUTSIDE])
     world.run(0.5)

@@ -15,17 +15,25 @@ from atlas.world import World
 RADIUS, HALF = 0.1, 0.5
 """Radius of the ball, and half size of the square surface, m."""
 CREST, BOWL = 0.5, 0.5
-"""Half the curvatures of crest and bowl, 1/m."""
+"""Half the curvatures of the ground surfaces "crest" and "bowl", 1/m."""
 POINTS = 41
 SPEED = 0.5
 TENT, VALLEY = 0.1, 0.2
-"""Slopes of both sides of the tent, and of the far side of the valley, rad."""
+"""Slopes of both sides of the ground surface "tent", and of the far side of the "valley", rad."""
 
 Heights = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 
 
 def _start(engine: Engine, dt: float, heights: Heights, at: tuple[float, float], kind: str) -> World:
-    """World with a frictionless ball on a surface, 1 um above it."""
+    """Environment with a frictionless ball on a surface of triangles or a height field, 1 um above it.
+
+    Args:
+        engine: The engine.
+        dt: Time step, s.
+        heights: Function from x and y to the height of the surface, m.
+        at: Initial x and y of the ball, m.
+        kind: Kind of surface: "hfield" or "mesh".
+    """
     line = np.linspace(-HALF, HALF, POINTS)
     x, y = np.meshgrid(line, line)
     z = heights(x, y)
@@ -40,7 +48,13 @@ def _start(engine: Engine, dt: float, heights: Heights, at: tuple[float, float],
 
 
 def _share(world: World, velocity: tuple[float, float], seconds: float) -> float:
-    """Share of the initial kinetic energy that is left after some time, corrected by the potential energy."""
+    """Fraction of a ball's initial kinetic energy that is left after some time, corrected by its potential energy.
+
+    Args:
+        world: Environment with the ball at rest.
+        velocity: Initial velocity in x and y, m/s.
+        seconds: Simulated time, s.
+    """
     world.set(qvel=[*velocity, 0, 0, 0, 0])
     before = float(world.energy()[0])
     kinetic = float(world.kinetic()[0])
@@ -49,7 +63,10 @@ def _share(world: World, velocity: tuple[float, float], seconds: float) -> float
 
 
 def crest(kind: str):
-    """Measure: relative change of the energy of a ball that glides along a straight crest, a row of edges, for 0.6 s."""
+    """Function that measures scene 38 with a ball that glides along a straight crest, a row of edges, for 0.6 s.
+
+    It returns the relative change of the energy. `kind` is the kind of surface: "hfield" or "mesh".
+    """
 
     def measure(engine: Engine, dt: float) -> float:
         world = _start(engine, dt, lambda _x, y: -CREST * y**2, (-0.3, 0.0), kind)
@@ -69,14 +86,17 @@ def tent(engine: Engine, dt: float) -> float:
 
 
 def valley(engine: Engine, dt: float) -> float:
-    """Distance of the share of energy that a ball keeps at a concave edge from the range [cos^2(angle), 1]."""
+    """Error of scene 38 with a ball that glides over a concave edge: distance of its remaining share of energy from [cos^2(angle), 1]."""
     world = _start(engine, dt, lambda x, _y: math.tan(VALLEY) * np.maximum(x, 0.0), (-0.2, 0.01), "hfield")
     left = _share(world, (2 * SPEED, 0.0), 0.3)
     return max(math.cos(VALLEY) ** 2 - left, left - 1.0, 0.0)
 
 
 def bowl(kind: str):
-    """Measure: largest relative change of the energy of a ball in a bowl of facets within 1 s from rest."""
+    """Function that measures scene 38 with a ball in a bowl of facets, within 1 s from rest.
+
+    It returns the largest relative change of the energy. `kind` is the kind of surface: "hfield" or "mesh".
+    """
 
     def measure(engine: Engine, dt: float) -> float:
         sign = 1.0 if kind == "hfield" else -1.0
@@ -100,7 +120,10 @@ FACETS = "each of 40 edges of 0.025 rad, back and forth, takes sin^2 of its angl
 
 
 def _bowl(dt: float) -> float:
-    """Tolerance of the relative change of energy: that at 40 edges between facets, back and forth, and that of contacts a step late."""
+    """Tolerance of the relative change of energy of a ball in a bowl of facets at a time step, s.
+
+    It is that at 40 edges between facets, back and forth, and that of contacts a step late.
+    """
     return 3 * 40 * math.sin(0.025) ** 2 + 2 * dt
 
 

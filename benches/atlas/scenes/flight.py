@@ -27,7 +27,7 @@ PERIOD = 4 * float(ellipk(M)) / RATE
 
 
 def omega(t: float) -> Array:
-    """Exact angular velocity in body axes after t s, from (0, SPIN, TOUCH), by Jacobi's elliptic functions."""
+    """Exact angular velocity of scene 8's tumbling body in body axes after t s, from (0, SPIN, TOUCH), by Jacobi's elliptic functions."""
     sn, cn, dn, _ = ellipj(ellipk(M) + RATE * t, M)
     a1 = math.sqrt((2 * ENERGY * I3 - L2) / (I1 * (I3 - I1)))
     a2 = math.sqrt((2 * ENERGY * I3 - L2) / (I2 * (I3 - I2)))
@@ -41,7 +41,10 @@ START = (0, 0, 0, 0, SPIN, TOUCH)
 
 
 def tumbling(engine: Engine, dt: float) -> float:
-    """Largest relative error of energy or angular momentum over a hundred periods, sampled ten times per period."""
+    """Error of scene 8, a tumbling body: largest relative error of energy or angular momentum over a hundred periods.
+
+    It is sampled ten times per period.
+    """
     world = engine.start(TUMBLER, dt)
     world.set(qvel=START)
     spin, worst = np.array([0, I2 * SPIN, I3 * TOUCH]), 0.0
@@ -52,7 +55,7 @@ def tumbling(engine: Engine, dt: float) -> float:
 
 
 def flips(engine: Engine, dt: float) -> float:
-    """Largest error of the angular velocity within one period, relative to SPIN, sampled ten times."""
+    """Error of scene 8, a tumbling body: largest error of the angular velocity within one period, relative to SPIN, sampled ten times."""
     world = engine.start(TUMBLER, dt)
     world.set(qvel=START)
     worst = 0.0
@@ -63,7 +66,12 @@ def flips(engine: Engine, dt: float) -> float:
 
 
 def second_order(rate: float, factor: float = 1.0):
-    """Tolerance (rate h)^2: error of a second-order integrator for a motion with an angular rate."""
+    """Function of the time step h for tolerances (rate h)^2, the error of a second-order integrator.
+
+    Args:
+        rate: Angular rate of the motion, rad/s.
+        factor: Factor of the tolerance.
+    """
     return lambda dt: factor * (rate * dt) ** 2
 
 
@@ -73,7 +81,13 @@ FIXED = '<inertial pos="0 0 0" mass="0.12" diaginertia="0.00017231 0.00000658 0.
 
 
 def _spun(inside: str, engine: Engine, dt: float) -> Array:
-    """Angular velocity of a tumbling body after 10,000 steps, (3,) rad/s. `inside` is MJCF of a body with a place for its fixed child."""
+    """Angular velocity of the tumbling body of scene 9 after 10,000 steps, (3,) rad/s.
+
+    Args:
+        inside: MJCF of the body, with a place for its fixed child.
+        engine: The engine.
+        dt: Time step, s.
+    """
     shape = '<geom type="sphere" size=".01" mass="0" contype="0" conaffinity="0"/>'
     world = engine.start(document(f'<body name="root"><freejoint/>{inside.format(FIXED + shape)}</body>', gravity=(0, 0, 0)), dt)
     world.set(qvel=[0, 0, 0, 20.0, 30.0, 10.0])
@@ -82,7 +96,10 @@ def _spun(inside: str, engine: Engine, dt: float) -> Array:
 
 
 def fixed_child(engine: Engine, dt: float) -> float:
-    """Relative difference of the angular velocities after 10,000 steps."""
+    """Error of scene 9: relative difference after 10,000 steps of the angular velocities of a body and of one with a fixed child.
+
+    Both have the same total inertia.
+    """
     merged, nested = _spun("{}", engine, dt), _spun('<body name="child">{}</body>', engine, dt)
     return float(np.linalg.norm(nested - merged) / np.linalg.norm(merged))
 
@@ -91,7 +108,10 @@ def fixed_child(engine: Engine, dt: float) -> float:
 
 
 def swimming(engine: Engine, dt: float) -> float:
-    """Sum of squares of linear (kg m/s) and angular (kg m^2/s) momentum after ten seconds of swinging all joints."""
+    """Error of scene 10, a floating quadruped: sum of squares of linear (kg m/s) and angular (kg m^2/s) momentum.
+
+    It is measured after ten seconds of swinging all joints.
+    """
     world = engine.start(quadruped(gravity=0.0, torques=True), dt)
     rng = np.random.default_rng(2)
     qpos = world.qpos[0]
@@ -110,7 +130,7 @@ LENGTH = 0.5
 
 
 def chain(links: int) -> str:
-    """Planar chain of links of 0.5 m and 0.25 kg, with a hinge each."""
+    """MJCF of scene 11: a planar chain of hinged links of 0.5 m and 0.25 kg."""
     text = ""
     for k in range(links):
         text += f'<body pos="0 0 {-LENGTH if k else 0}"><joint axis="0 1 0"/>'
@@ -137,7 +157,7 @@ def fastest(links: int) -> float:
 
 
 def _released(links: int) -> Array:
-    """Initial angles: the first link is at 1.2 rad from the vertical, with the others in line."""
+    """Initial joint angles of the chain of scene 11, rad: the first link is at 1.2 rad from the vertical, with the others in line."""
     qpos = np.zeros(links)
     qpos[0] = 1.2
     return qpos
@@ -145,7 +165,10 @@ def _released(links: int) -> Array:
 
 @cache
 def reference(links: int) -> Array:
-    """Angles and rates after a second, by the integrator DOP853 with MuJoCo's accelerations, rtol = atol = 1e-12."""
+    """Angles and rates of the chain of scene 11 after a second, rad and rad/s.
+
+    They come from the integrator DOP853 with MuJoCo's accelerations, rtol = atol = 1e-12.
+    """
     model = mujoco.MjModel.from_xml_string(chain(links))
     d = mujoco.MjData(model)
 
@@ -159,7 +182,7 @@ def reference(links: int) -> Array:
 
 
 def pendulum_state(links: int):
-    """Measure: largest error of an angle after one second, rad."""
+    """Function that measures scene 11, a swinging chain: largest error of an angle after one second, rad."""
 
     def measure(engine: Engine, dt: float) -> float:
         world = engine.start(chain(links), dt)
@@ -171,7 +194,10 @@ def pendulum_state(links: int):
 
 
 def pendulum_energy(links: int):
-    """Measure: largest deviation of the energy in five seconds, relative to the work of lifting all links by one length."""
+    """Function that measures scene 11, a swinging chain: largest deviation of the energy in five seconds.
+
+    The deviation is relative to the work of lifting all links by one length.
+    """
 
     def measure(engine: Engine, dt: float) -> float:
         world = engine.start(chain(links), dt)

@@ -17,7 +17,7 @@ CREEP = 1e-9
 """Speed below which a body counts as sticking, m/s: 3 cm a year. The rounding of g dt is 1e-15 m/s or less."""
 NO_CREEP = "1e-9 m/s, 3 cm a year; rounding is 1e-15 m/s"
 SETTLE = 200
-"""Steps before a measurement, in which a cold start may converge and a soft contact may settle."""
+"""Number of steps before a measurement, in which a cold start may converge and a soft contact may settle."""
 
 
 def creep(world: World, steps: int, body: int = 0) -> float:
@@ -37,17 +37,17 @@ CRITICAL = math.atan(MU_INCLINE)
 
 
 def sticking(engine: Engine, dt: float) -> float:
-    """Creep speed a tenth of a degree below the friction angle, over 1e5 steps, m/s."""
+    """Error of scene 3, a box on an incline: creep speed a tenth of a degree below the friction angle, over 1e5 steps, m/s."""
     return creep(engine.start(incline(BLOCK, HEIGHT, CRITICAL - NEAR, MU_INCLINE), dt), STEPS)
 
 
 def sticking_at_ten_degrees(engine: Engine, dt: float) -> float:
-    """Creep speed on an incline of 10 degrees with friction 1, m/s."""
+    """Error of scene 3: creep speed of a box on an incline of 10 degrees with friction 1, m/s."""
     return creep(engine.start(incline(BLOCK, HEIGHT, math.radians(10), 1.0), dt), 10_000)
 
 
 def penetration_at_rest(engine: Engine, dt: float) -> float:
-    """Penetration of the box's lowest corner on an incline of 10 degrees, m."""
+    """Error of scene 3: penetration of the lowest corner of a box on an incline of 10 degrees, m."""
     slope = math.radians(10)
     world = engine.start(incline(BLOCK, HEIGHT, slope, 1.0), dt)
     world.run(2.0)
@@ -58,7 +58,10 @@ def penetration_at_rest(engine: Engine, dt: float) -> float:
 
 
 def sliding(engine: Engine, dt: float) -> float:
-    """Relative error of the acceleration a tenth of a degree above the friction angle, where a is g / 500."""
+    """Error of scene 3, a sliding box: relative error of its acceleration a tenth of a degree above the friction angle.
+
+    The acceleration is g / 500 there.
+    """
     slope = CRITICAL + NEAR
     right = G * (math.sin(slope) - MU_INCLINE * math.cos(slope))
     world = engine.start(incline(BLOCK, HEIGHT, slope, MU_INCLINE), dt)
@@ -78,12 +81,17 @@ STOP = SPEED**2 / (2 * MU_BOX * G)
 
 
 def extrapolated(way: Array, half: Array) -> Array:
-    """Richardson extrapolation 2 x(h/2) - x(h), which removes the error of order h."""
+    """Richardson extrapolation 2 x(h/2) - x(h) of distances, which removes the error of order h.
+
+    Args:
+        way: Results with the time step h.
+        half: Results with the time step h/2.
+    """
     return 2 * half - way
 
 
 def _stop(engine: Engine, dt: float, along: Array) -> Array:
-    """Displacements (n, 2) of boxes until they stop, m, for directions `along` (n, 2)."""
+    """Displacements of sliding boxes until they stop, (n, 2) m, for initial directions `along` (n, 2)."""
     world = engine.start(document(FLOOR + free("body", BLOCK, (0, 0, HEIGHT)), friction=MU_BOX), dt, len(along))
     world.step(SETTLE)
     start = world.qpos
@@ -95,14 +103,14 @@ def _stop(engine: Engine, dt: float, along: Array) -> Array:
 
 
 def stopping(engine: Engine, dt: float) -> float:
-    """Error of the extrapolated stopping distance, m."""
+    """Error of scene 4, sliding boxes: error of the extrapolated stopping distance, m."""
     along = np.array([[math.cos(0.5), math.sin(0.5)]])
     way = extrapolated(_stop(engine, dt, along), _stop(engine, dt / 2, along))
     return float(np.linalg.norm(way - STOP * along))
 
 
 def isotropy(engine: Engine, dt: float) -> float:
-    """Largest difference of the stopping distances in nine directions, or largest sideways drift, m."""
+    """Error of scene 5: largest difference of the stopping distances in nine directions, or largest sideways drift, m."""
     angles = np.radians([0, 10, 22.5, 30, 45, 60, 67.5, 80, 90])
     along = np.array([np.cos(angles), np.sin(angles)]).T
     end = _stop(engine, dt, along)
@@ -117,7 +125,7 @@ SLIP = 10 * 3.5 * MU_BALL * G * COARSEST
 
 
 def _roll(engine: Engine, dt: float) -> tuple[float, float]:
-    """Speed (m/s) and travelled distance (m) of a ball after two seconds."""
+    """Speed (m/s) and travelled distance (m) of the ball of scene 6, which first slips and then rolls, after two seconds."""
     world = engine.start(document(FLOOR + free("body", ball(RADIUS, 0.7), (0, 0, RADIUS)), friction=MU_BALL), dt)
     world.step(SETTLE)
     start = world.qpos[0]
@@ -127,7 +135,7 @@ def _roll(engine: Engine, dt: float) -> tuple[float, float]:
 
 
 def slip_to_roll(engine: Engine, dt: float) -> float:
-    """Error of the final speed (m/s) or of the extrapolated distance (m), the larger of the two."""
+    """Error of scene 6, a ball that slips and then rolls: of the final speed (m/s) or of the extrapolated distance (m), the larger one."""
     (v, way), (_, half) = _roll(engine, dt), _roll(engine, dt / 2)
     slip_time, slip_way, rolling = 2 * SLIP / (7 * MU_BALL * G), 12 * SLIP**2 / (49 * MU_BALL * G), 5 * SLIP / 7
     right = slip_way + rolling * (2.0 - slip_time)
@@ -140,7 +148,14 @@ LOAD = 2.0
 
 
 def _tray(mu: float, factor: float, engine: Engine, dt: float) -> World:
-    """World with a body at rest, pushed by `factor` times the force at which it slides."""
+    """Environment of scene 32: a body at rest on a tray, pushed by `factor` times the force at which it slides.
+
+    Args:
+        mu: Friction.
+        factor: Ratio of the force to the threshold.
+        engine: The engine.
+        dt: Time step, s.
+    """
     mass = LOAD / (mu * G)
     world = engine.start(document(FLOOR + free("body", box((0.1, 0.1, 0.02), mass), (0, 0, 0.02)), friction=mu), dt)
     world.step(SETTLE)
@@ -149,7 +164,7 @@ def _tray(mu: float, factor: float, engine: Engine, dt: float) -> World:
 
 
 def tray_holds(mu: float):
-    """Measure: creep speed at 0.99 of the threshold, m/s."""
+    """Function that measures scene 32, a body on a tray: creep speed at 0.99 of the force at which it slides, m/s."""
 
     def measure(engine: Engine, dt: float) -> float:
         return creep(_tray(mu, 0.99, engine, dt), 2000)
@@ -158,7 +173,10 @@ def tray_holds(mu: float):
 
 
 def tray_slips(mu: float):
-    """Measure: relative error of the acceleration (F - mu m g) / m at 1.01 of the threshold."""
+    """Function that measures scene 32, a body on a tray pushed with 1.01 of the force at which it slides.
+
+    It returns the relative error of the acceleration (F - mu m g) / m.
+    """
 
     def measure(engine: Engine, dt: float) -> float:
         world = _tray(mu, 1.01, engine, dt)

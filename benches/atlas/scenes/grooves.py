@@ -19,7 +19,7 @@ SLOPE, SPEED, SECONDS = 0.2, 0.5, 1.0
 
 
 def _start(engine: Engine, dt: float, kind: str, friction: float, slope: float) -> World:
-    """World with a ball in a groove along x. Gravity is tilted, so that +x is downhill."""
+    """Environment with a ball in a groove along x. Gravity is tilted by the angle `slope`, rad, so that +x is downhill."""
     if kind == "planes":
         turn = (math.pi / 2 - OPENING) / 2
         sides = [(math.cos(turn), sign * math.sin(turn), 0, 0) for sign in (1, -1)]
@@ -33,7 +33,10 @@ def _start(engine: Engine, dt: float, kind: str, friction: float, slope: float) 
 
 
 def level(kind: str):
-    """Measure: relative change of the speed of a ball that glides along a level groove without friction for a second."""
+    """Function that measures scene 42 with a ball that glides along a level groove without friction for a second.
+
+    It returns the relative change of the ball's speed. `kind` is the kind of groove.
+    """
 
     def measure(engine: Engine, dt: float) -> float:
         world = _start(engine, dt, kind, 0.0, 0.0)
@@ -45,10 +48,14 @@ def level(kind: str):
 
 
 def downhill(kind: str, rolls: bool):
-    """Measure: relative error of the distance that a ball travels in a second from rest.
+    """Function that measures scene 42 with a ball in an inclined groove: relative error of the distance travelled in a second from rest.
 
-    The contacts are at r sin(opening) from the rotation axis. For rolling, v = w r sin(opening) and
-    a = g sin(slope) / (1 + 2/5 / sin^2(opening)).
+    The contacts are at r sin(opening) from the rotation axis. For rolling, v = w r sin(opening) and a = g sin(slope) / (1 + 2/5 /
+    sin^2(opening)).
+
+    Args:
+        kind: Kind of groove.
+        rolls: Whether friction makes the ball roll.
     """
 
     def measure(engine: Engine, dt: float) -> float:

@@ -17,7 +17,10 @@ BALL, MASS, SPEED, CUT, PHASES = 0.03, 0.17, 5.0, math.radians(30), 5
 
 
 def billiards(engine: Engine, dt: float) -> float:
-    """Largest error of a velocity after the impact over the five starts, relative to the speed before it."""
+    """Error of scene 34, an elastic collision of two balls: largest error of a velocity after it, relative to the speed before it.
+
+    Five starts put the collision at five phases of a step.
+    """
     aside = 2 * BALL * math.sin(CUT)
     pair = free("cue", ball(BALL, MASS), (-0.2, -aside, 0)) + free("object", ball(BALL, MASS), (0, 0, 0))
     world = engine.start(document(pair, friction=0.0, gravity=(0, 0, 0)), dt, PHASES, restitution=1.0)
@@ -39,7 +42,10 @@ RADIUS, HEIGHTS, BOUNCES = 0.1, 0.5 + 0.5 * np.arange(20) / 20, 2
 
 
 def apexes(e: float):
-    """Measure: largest error of the first two apexes over all heights, m."""
+    """Function that measures scene 35: balls that fall from twenty heights and bounce with restitution e.
+
+    It returns the largest error of the first two apexes over all heights, m.
+    """
 
     def measure(engine: Engine, dt: float) -> float:
         world = engine.start(document(FLOOR + free("ball", ball(RADIUS, 1.0), (0, 0, RADIUS + 1.0))), dt, len(HEIGHTS), restitution=e)

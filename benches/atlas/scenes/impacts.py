@@ -29,7 +29,7 @@ def recursion(h: float, v: float, steps: int) -> list[tuple[float, float]]:
 
 
 def falling(engine: Engine, dt: float) -> float:
-    """Largest deviation of height (m) or velocity (m/s) from the recursion in eight steps."""
+    """Error of scene 1, a block that falls on the floor: largest deviation from the textbook recursion in eight steps, m or m/s."""
     world = engine.start(BLOCK, dt, restitution=E)
     world.set([0.20], [-0.10])
     worst = 0.0
@@ -40,7 +40,7 @@ def falling(engine: Engine, dt: float) -> float:
 
 
 def one_step(engine: Engine, dt: float) -> float:
-    """Error of the velocity after one step into the floor, m/s."""
+    """Error of scene 2, a block that hits the floor: error of its velocity after one step, m/s."""
     world = engine.start(BLOCK, dt, restitution=E)
     world.set([0.005], [-1.5])
     world.step()
@@ -53,7 +53,7 @@ RADIUS, DROP, BOUNCE = 0.1, 0.9, 0.5
 
 
 def apexes(engine: Engine, dt: float) -> float:
-    """Largest error of the first three apexes, from the energy after each bounce, m."""
+    """Error of scene 7, a bouncing ball: largest error of the first three apexes, m, from the energy after each bounce."""
     world = engine.start(document(FLOOR + free("ball", ball(RADIUS, 1.0), (0, 0, RADIUS + DROP))), dt, restitution=BOUNCE)
     found, before, worst = 0, 0.0, 0.0
     for _ in range(round(2.0 / dt)):
@@ -74,13 +74,19 @@ BALLS, V = 5, 0.5
 
 
 def cradle(gap: float) -> str:
-    """Equal balls on a line, with gaps of `gap` m between them."""
+    """MJCF of scene 26, Newton's cradle: equal balls on a line, with gaps of `gap` m between them."""
     row = "".join(free(f"ball{k}", ball(RADIUS, 1.0), (k * (2 * RADIUS + gap) - (0.05 if k == 0 else 0.0), 0, 0)) for k in range(BALLS))
     return document(row, gravity=(0, 0, 0))
 
 
 def _strike(engine: Engine, dt: float, gap: float) -> np.ndarray:
-    """Velocities of the balls along their line after all impacts, (BALLS,) m/s. `gap` is the distance between neighbours, m."""
+    """Velocities of the balls of Newton's cradle along their line after all impacts, (BALLS,) m/s.
+
+    Args:
+        engine: The engine.
+        dt: Time step, s.
+        gap: Distance between neighbours, m.
+    """
     world = engine.start(cradle(gap), dt, restitution=1.0)
     qvel = np.zeros((1, 6 * BALLS))
     qvel[0, 0] = V
@@ -90,13 +96,13 @@ def _strike(engine: Engine, dt: float, gap: float) -> np.ndarray:
 
 
 def conservation_error(engine: Engine, dt: float) -> float:
-    """Relative error of the total momentum or kinetic energy of a row of touching balls after an impact, the larger of the two."""
+    """Error of scene 26 with touching balls: relative error of total momentum or kinetic energy after an impact, the larger of the two."""
     v = _strike(engine, dt, 0.0)
     return float(max(abs(v.sum() / V - 1.0), abs((v**2).sum() / V**2 - 1.0)))
 
 
 def sequential_impact_error(engine: Engine, dt: float) -> float:
-    """Largest error of a ball's velocity, m/s, after a row of separated balls has passed on an impact one by one.
+    """Error of scene 26 with separated balls, which pass on an impact one by one: largest error of a ball's final velocity, m/s.
 
     The first ball has speed V, and only the last one must move in the end, with the same speed.
     """

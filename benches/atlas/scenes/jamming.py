@@ -17,7 +17,10 @@ JAW, WEDGE, SQUEEZE, WIDTH, THICK = 1.0, 1.0, 50.0, 0.05, 0.01
 
 
 def wedge(factor: float) -> str:
-    """Scene 18. The wedge is a body of two plates, wider at the top; friction is factor * tan alpha."""
+    """MJCF of scene 18: two jaws on slides squeeze a wedge, a body of two plates that is wider at the top.
+
+    Friction is factor * tan alpha.
+    """
     plates, jaws = "", ""
     for side in (1, -1):
         normal = np.array([side * math.cos(ALPHA), 0.0, -math.sin(ALPHA)])
@@ -31,7 +34,7 @@ def wedge(factor: float) -> str:
 
 
 def _squeezed(engine: Engine, dt: float, factor: float):
-    """World with a wedge that two jaws squeeze."""
+    """Environment of scene 18 with a wedge that two jaws squeeze; friction is factor * tan alpha."""
     world = engine.start(wedge(factor), dt)
     for side in (1, -1):
         world.push(f"jaw{side}", (-side * SQUEEZE, 0, 0))
@@ -39,12 +42,12 @@ def _squeezed(engine: Engine, dt: float, factor: float):
 
 
 def wedge_held(engine: Engine, dt: float) -> float:
-    """Creep speed with mu = 1.01 tan alpha, m/s."""
+    """Error of scene 18, a wedge between jaws: creep speed with mu = 1.01 tan alpha, at which it must stick, m/s."""
     return creep(_squeezed(engine, dt, 1.01), 2000)
 
 
 def wedge_expelled(engine: Engine, dt: float) -> float:
-    """Relative error of the acceleration with mu = 0.9 tan alpha.
+    """Error of scene 18, a wedge between jaws: relative error of its acceleration with mu = 0.9 tan alpha, at which the jaws expel it.
 
     The jaws close with v tan alpha, with v the speed of the wedge. Wedge: m a = 2 N (sin - mu cos); jaw: M a tan = F - N (cos + mu sin).
     """
@@ -65,7 +68,7 @@ TIP = 1e-4
 
 
 def rod(mu: float) -> str:
-    """Scene 19. A rod in the x-z plane; its lower tip is a small sphere on the floor."""
+    """MJCF of scene 19: a slender rod in the x-z plane; its lower tip is a small sphere on the floor."""
     c, s = math.cos(THETA), math.sin(THETA)
     inertia = f'<inertial pos="0 0 0" mass="{MASS}" diaginertia="{INERTIA} {INERTIA} {INERTIA}"/>'
     tip = f'<geom type="sphere" size="{TIP}" pos="{numbers((HALF * c, 0, -HALF * s))}" mass="0"/>'
@@ -73,7 +76,7 @@ def rod(mu: float) -> str:
 
 
 def _contact() -> tuple[np.ndarray, np.ndarray]:
-    """Jacobian J (2, 3) of the tip in (x, z, rotation about y), and W = J M^-1 J^T (2, 2)."""
+    """Jacobian J (2, 3) of the tip of scene 19's rod in (x, z, rotation about y), and W = J M^-1 J^T (2, 2), in 1/kg."""
     x, z = HALF * math.cos(THETA), -HALF * math.sin(THETA) - TIP
     jacobian = np.array([[1.0, 0.0, z], [0.0, 1.0, -x]])
     return jacobian, jacobian @ np.diag([1 / MASS, 1 / MASS, 1 / INERTIA]) @ jacobian.T
@@ -94,7 +97,7 @@ def _jamming() -> float:
 
 
 def _slide(engine: Engine, dt: float, mu: float) -> np.ndarray:
-    """Velocity (x, z, rotation about y) after one step of sliding in the jamming direction."""
+    """Velocity of scene 19's rod (x, z, rotation about y) after one step of sliding in the direction in which it jams."""
     world = engine.start(rod(mu), dt)
     world.set(qvel=[_jamming() * SLIDE, 0, 0, 0, 0, 0])
     world.step()
@@ -102,7 +105,10 @@ def _slide(engine: Engine, dt: float, mu: float) -> np.ndarray:
 
 
 def right_velocity(mu: float, dt: float) -> np.ndarray:
-    """Right velocity (x, z, rotation) after one step, by Coulomb's law: the tip slides with v_n = 0 if possible, else it sticks."""
+    """Right velocity of scene 19's rod (x, z, rotation) after one step, by Coulomb's law.
+
+    The tip slides with v_n = 0 if possible, else it sticks.
+    """
     jacobian, w = _contact()
     inverse = np.diag([1 / MASS, 1 / MASS, 1 / INERTIA])
     free = np.array([_jamming() * SLIDE, -G * dt, 0.0])
@@ -116,7 +122,10 @@ def right_velocity(mu: float, dt: float) -> np.ndarray:
 
 
 def painleve(factor: float):
-    """Measure: error of the velocity (m/s, rad/s) after one step with friction of `factor` times the critical one."""
+    """Function that measures scene 19, Painleve's rod, with friction of `factor` times the critical one.
+
+    It returns the error of the rod's velocity after one step (m/s, rad/s).
+    """
 
     def measure(engine: Engine, dt: float) -> float:
         mu = factor * critical()
@@ -131,7 +140,7 @@ SIDE = 0.1
 
 
 def hinged() -> str:
-    """Scene 20. Cubes hinged to the world at their outer lower edges. In the upright pose their inner faces coincide."""
+    """MJCF of scene 20: two cubes hinged to the world at their outer lower edges. In the upright pose their inner faces coincide."""
     text = ""
     for side in (1, -1):
         text += f'<body pos="{side * 2 * SIDE} 0 0"><joint type="hinge" axis="0 {-side} 0"/>'
@@ -140,7 +149,7 @@ def hinged() -> str:
 
 
 def aligned(engine: Engine, dt: float) -> float:
-    """Largest angle from upright (rad) or speed (rad/s) after five seconds."""
+    """Error of scene 20, two hinged boxes: largest angle from upright (rad) or speed (rad/s) after five seconds."""
     world = engine.start(hinged(), dt)
     world.set([-0.3, -0.3], [0.0, 0.0])
     world.run(5.0)
@@ -159,15 +168,18 @@ PINCHES = (
     (0.5, "cube", 20),
     (1.0, "cube", None),
 )
-"""Cases: friction, object, iterations of the solver."""
+"""Cases of scene 31, a pinch grasp: friction, shape of the object, iterations of the solver."""
 
 
 HELD = {"cube": box((0.02, 0.02, 0.02), OBJECT), "ball": ball(0.02, OBJECT)}
-"""Objects. A cube has four contact points per side, whose loads statics does not determine; a ball has one."""
+"""Geoms of the objects of scene 31 by shape. A cube has four contact points per side, whose loads statics does not determine.
+
+A ball has one.
+"""
 
 
 def pinch(mu: float, shape: str) -> str:
-    """Scene 31. A free object between fingers on slides with force motors. The heavy carriage hardly slows down under the load."""
+    """MJCF of scene 31: a free object between two fingers on slides with force motors, on a heavy carriage that hardly slows down."""
     fingers, motors = "", ""
     for side in (1, -1):
         fingers += f'<body name="finger{side}" pos="{side * 0.03} 0 0"><joint name="finger{side}" type="slide" axis="{-side} 0 0"/>'
@@ -180,7 +192,14 @@ def pinch(mu: float, shape: str) -> str:
 
 
 def _lifted(engine: Engine, dt: float, case: tuple[float, str, int | None], factor: float) -> tuple[float, float]:
-    """Slip of the object relative to the hand from 0.25 s to 0.5 s, m, and mean downward acceleration of the slip, m/s^2."""
+    """Slip of the object of scene 31 relative to the hand from 0.25 s to 0.5 s, m, and mean downward acceleration of the slip, m/s^2.
+
+    Args:
+        engine: The engine.
+        dt: Time step, s.
+        case: Friction, shape of the object, iterations of the solver.
+        factor: Ratio of the finger force to the required one.
+    """
     mu, shape, iterations = case
     world = engine.start(pinch(mu, shape), dt, iterations=iterations)
     force = OBJECT * (G + LIFT) / (2 * mu) * factor
@@ -195,7 +214,7 @@ def _lifted(engine: Engine, dt: float, case: tuple[float, str, int | None], fact
 
 
 def pinch_holds(*case: float | str | None):
-    """Measure: slip speed with 1.01 of the required force, m/s."""
+    """Function that measures scene 31, a pinch grasp with 1.01 of the required force: slip speed, m/s. `case` is an entry of `PINCHES`."""
 
     def measure(engine: Engine, dt: float) -> float:
         return _lifted(engine, dt, case, 1.01)[0] / 0.25
@@ -204,7 +223,10 @@ def pinch_holds(*case: float | str | None):
 
 
 def pinch_slips(*case: float | str | None):
-    """Measure: relative error of the slip acceleration, 0.01 (g + a), with 0.99 of the required force."""
+    """Function that measures scene 31, a pinch grasp with 0.99 of the required force. `case` is an entry of `PINCHES`.
+
+    It returns the relative error of the slip acceleration 0.01 (g + a).
+    """
 
     def measure(engine: Engine, dt: float) -> float:
         return abs(_lifted(engine, dt, case, 0.99)[1] / (0.01 * (G + LIFT)) - 1.0)

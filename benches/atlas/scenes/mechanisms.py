@@ -22,7 +22,10 @@ CARRIER = 1.0
 
 
 def hung_from_a_carrier() -> str:
-    """Scene 13. The chain hangs by hinges from a plate of 1 kg on four feet; the contact force shows the tension."""
+    """MJCF of scene 13: a chain with a heavy ball hangs by hinges from a plate of 1 kg on four feet.
+
+    The contact force under the plate shows the tension.
+    """
     text = ""
     for k in range(LINKS):
         axis = "0 1 0" if k % 2 == 0 else "1 0 0"
@@ -32,14 +35,14 @@ def hung_from_a_carrier() -> str:
 
 
 def tension(engine: Engine, dt: float) -> float:
-    """Relative error of the contact force under the plate, after two seconds."""
+    """Error of scene 13, a ball on a chain: relative error of the contact force under the carrying plate, after two seconds."""
     world = engine.start(hung_from_a_carrier(), dt)
     world.run(2.0)
     return abs(world.normal_force() / ((CARRIER + LINKS * LINK_MASS + BALL_MASS) * G) - 1.0)
 
 
 def of_loose_links() -> str:
-    """Scene 13 with free bodies, each connected to the one above by an equality."""
+    """MJCF of scene 13 with a chain of free bodies, each connected to the one above by an equality."""
     text, joints = "", ""
     for k in range(LINKS):
         text += f'<body name="link{k}" pos="0 0 {-LINK * k}"><freejoint/>{ROD}{WEIGHT if k == LINKS - 1 else ""}</body>'
@@ -49,7 +52,7 @@ def of_loose_links() -> str:
 
 
 def stretch(engine: Engine, dt: float) -> float:
-    """Displacement of the ball after two seconds, m."""
+    """Error of scene 13, a ball on a chain of loose links: displacement of the ball after two seconds, m."""
     world = engine.start(of_loose_links(), dt)
     start = world.qpos[0, -7:-4]
     world.run(2.0)
@@ -59,11 +62,14 @@ def stretch(engine: Engine, dt: float) -> float:
 # Scene 22: critically damped servos on 1 kg, with stiffnesses given by h sqrt(k/m).
 
 HELD = 200
-"""Steps."""
+"""Number of steps for which scene 22 runs."""
 
 
 def servo(ratio: float):
-    """Measure: share of an offset that is left after 200 steps with h sqrt(k/m) = ratio."""
+    """Function that measures scene 22, a critically damped servo on 1 kg with h sqrt(k/m) = ratio.
+
+    It returns the share of an offset that is left after 200 steps.
+    """
 
     def measure(engine: Engine, dt: float) -> float:
         k = (ratio / dt) ** 2
@@ -82,7 +88,7 @@ CRANK, BASE, SPIN = 0.5, 1.0, 2.0
 
 
 def four_bar() -> str:
-    """Cranks of 0.5 m on pivots 1 m apart, a coupler of 1 m; no gravity."""
+    """MJCF of scene 23: a parallelogram of cranks of 0.5 m on pivots 1 m apart and a coupler of 1 m, without gravity."""
     rod = '<geom type="capsule" size=".02" fromto="0 0 0 {} 0 0" mass="{}" ' + GHOST + "/>"
     hinge = '<joint type="hinge" axis="0 -1 0"/>'
     coupler = f'<body name="coupler" pos="{CRANK} 0 0">{hinge}{rod.format(BASE, 1.0)}</body>'
@@ -93,7 +99,10 @@ def four_bar() -> str:
 
 
 def _turning(engine: Engine, dt: float) -> tuple[float, float]:
-    """Largest gap of the loop (m) and largest relative error of the energy in ten seconds, with six passes through the singularity."""
+    """Largest gap of scene 23's parallelogram (m) and largest relative error of its energy in ten seconds.
+
+    It passes six times through the singularity in which all links are in line.
+    """
     world = engine.start(four_bar(), dt)
     # All angles are zero when the links are in line; the loop is closed at any common angle of the cranks.
     world.set([1.0, -1.0, 1.0], [-SPIN, SPIN, -SPIN])
@@ -111,12 +120,12 @@ def _turning(engine: Engine, dt: float) -> tuple[float, float]:
 
 
 def loop_gap(engine: Engine, dt: float) -> float:
-    """Largest gap of the loop, m."""
+    """Error of scene 23, a turning parallelogram: largest gap of the loop, m."""
     return _turning(engine, dt)[0]
 
 
 def loop_energy(engine: Engine, dt: float) -> float:
-    """Largest relative error of the energy."""
+    """Error of scene 23, a turning parallelogram: largest relative error of the energy."""
     return _turning(engine, dt)[1]
 
 
@@ -124,7 +133,7 @@ RING = 8
 
 
 def ring() -> str:
-    """Scene 23. Links of 0.2 m form a regular octagon in a vertical plane, fixed at one corner, where an equality closes the loop."""
+    """MJCF of scene 23: a ring of links of 0.2 m, a regular octagon in a vertical plane. An equality closes it at its fixed corner."""
     turn, length = 2 * math.pi / RING, 0.2
     text = ""
     for k in range(RING):
@@ -137,7 +146,7 @@ def ring() -> str:
 
 
 def ring_gap(engine: Engine, dt: float) -> float:
-    """Largest gap of the ring in five seconds of swinging, m."""
+    """Error of scene 23, a hanging ring of links: largest gap in five seconds of swinging, m."""
     world = engine.start(ring(), dt)
     gap = 0.0
     for _ in range(100):
@@ -154,7 +163,7 @@ LIMIT, LIMITED = 0.3, 5
 
 
 def limited() -> str:
-    """Scene 24. Five links of 0.3 m with limits of 0.3 rad, except the first joint."""
+    """MJCF of scene 24: a chain of five links of 0.3 m with limits of 0.3 rad, except at the first joint."""
     text = ""
     for k in range(LIMITED):
         limits = f'range="{-LIMIT} {LIMIT}" limited="true"' if k else ""
@@ -164,11 +173,14 @@ def limited() -> str:
 
 
 RATE = math.sqrt(G / 0.3) * LIMITED
-"""Estimate of the fastest motion, rad/s: five times the frequency of a pendulum of one link."""
+"""Estimate of the fastest motion of scene 24, rad/s: five times the frequency of a pendulum of one link."""
 
 
 def gain(engine: Engine, dt: float) -> float:
-    """Largest gain of energy in 1e4 steps, relative to the work of lifting the chain by its length."""
+    """Error of scene 24, a chain with joint limits: largest gain of energy in 1e4 steps.
+
+    It is relative to the work of lifting the chain by its length.
+    """
     world = engine.start(limited(), dt)
     world.set([1.5, 0.2, -0.2, 0.2, -0.2], np.zeros(LIMITED))
     start, worst = float(world.energy()[0]), 0.0

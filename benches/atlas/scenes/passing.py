@@ -20,11 +20,14 @@ FLYERS = {
     "a capsule": ('type="capsule" size=".02 .03" mass="1"', 0.05),
     "a cylinder": ('type="cylinder" size=".06 .03" mass="1"', 0.03),
 }
-"""Bodies by name: geom, and height of the body's origin above its lowest point, m."""
+"""Flying bodies of scene 43 by name: geom, and height of the body's origin above its lowest point, m."""
 
 
 def near_miss(flyer: str) -> Callable[[Engine, float], float]:
-    """Measure: largest change of a velocity (m/s or rad/s) of a body that flies past a box at 4 m/s, 1.5 mm above it."""
+    """Function that measures scene 43: a body, named in `FLYERS`, that flies past a box at 4 m/s, 1.5 mm above it.
+
+    It returns the largest change of a velocity, m/s or rad/s.
+    """
 
     def measure(engine: Engine, dt: float) -> float:
         geom, height = FLYERS[flyer]
@@ -52,7 +55,10 @@ SLIDERS = {
 
 
 def small_tiles(slider: str) -> Callable[[Engine, float], float]:
-    """Measure: share of the speed that a body loses over ten seams, or its largest rise divided by 10 mm, the larger of the two."""
+    """Function that measures scene 44: a body that slides over ten seams of flush tiles without friction.
+
+    It returns the share of the speed that the body loses, or its largest rise divided by 10 mm, the larger of the two.
+    """
 
     def measure(engine: Engine, dt: float) -> float:
         geom, height = SLIDERS[slider]

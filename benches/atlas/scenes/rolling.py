@@ -18,7 +18,7 @@ DISC = f'type="cylinder" size="{DISC_RADIUS} {DISC_HALF}" mass="{DISC_MASS}"'
 
 
 def _tilted(tilt: float) -> tuple[float, tuple[float, ...]]:
-    """Height and orientation of a disc whose axis is tilted from the vertical about x, its lowest point on the floor."""
+    """Height (m) and orientation of the disc of scene 29 whose axis is tilted from the vertical about x, its lowest point on the floor."""
     return DISC_RADIUS * math.sin(tilt) + DISC_HALF * math.cos(tilt), (math.cos(tilt / 2), math.sin(tilt / 2), 0.0, 0.0)
 
 
@@ -113,16 +113,16 @@ SECONDS = 0.5
 
 
 def gripping() -> float:
-    """Largest ratio of tensions T2/T1 of a light rope with BEADS corners. It tends to exp(mu phi) for many corners.
+    """Largest ratio of tensions T2/T1 at which the rope of scene 30 does not slip, for a light rope with BEADS corners.
 
-    At each corner, (T1 + T2) sin(d/2) mu >= (T2 - T1) cos(d/2).
+    It tends to exp(mu phi) for many corners. At each corner, (T1 + T2) sin(d/2) mu >= (T2 - T1) cos(d/2).
     """
     t = ROPE_MU * math.tan(STEP_ANGLE / 2)
     return ((1 + t) / (1 - t)) ** BEADS
 
 
 def rope() -> str:
-    """Scene 30. Beads on hinges half around a bollard, with a straight link at each end."""
+    """MJCF of scene 30: a rope of beads on hinges, half around a bollard, with a straight link at each end."""
     reach = BOLLARD + BEAD
     places = [np.array([reach * math.cos(a), 0, reach * math.sin(a)]) for a in (STEP_ANGLE * (k + 0.5) for k in range(BEADS))]
     link = 2 * reach * math.sin(STEP_ANGLE / 2)
@@ -139,7 +139,13 @@ def rope() -> str:
 
 
 def _pulled(engine: Engine, dt: float, factor: float) -> float:
-    """Displacement of the strongly pulled end of the rope in half a second, m, in the direction of the pull."""
+    """Displacement of the strongly pulled end of scene 30's rope in half a second, m, in the direction of the pull.
+
+    Args:
+        engine: The engine.
+        dt: Time step, s.
+        factor: Ratio of the pull to that at which the rope slips.
+    """
     world = engine.start(rope(), dt)
     world.push("bead0", (0, 0, -HOLD))
     world.push(f"bead{BEADS + 1}", (0, 0, -HOLD * gripping() * factor))
@@ -152,12 +158,15 @@ def _pulled(engine: Engine, dt: float, factor: float) -> float:
 
 
 def capstan_holds(engine: Engine, dt: float) -> float:
-    """Creep speed of a rope around a bollard that is pulled with 0.95 of the force at which it slips, m/s."""
+    """Error of scene 30, a rope around a bollard: creep speed with 0.95 of the pull at which it slips, m/s."""
     return abs(_pulled(engine, dt, 0.95)) / SECONDS
 
 
 def capstan_slips(engine: Engine, dt: float) -> float:
-    """Shortfall at 1.05 of the threshold, m: half the displacement that the excess force causes, less the simulated one, at least 0."""
+    """Error of scene 30, a rope around a bollard pulled with 1.05 of the force at which it slips: shortfall of its displacement, m.
+
+    The shortfall is half the displacement that the excess force causes, less the simulated one, at least 0.
+    """
     surplus = 0.05 * HOLD * gripping() / ((BEADS + 2) * BEAD_MASS)
     return max(0.0, 0.5 * surplus * SECONDS**2 / 2 - _pulled(engine, dt, 1.05))
 

@@ -17,7 +17,7 @@ from atlas.scene import Engine, Scene, flat
 from atlas.world import World
 
 SAMPLE = 0.01
-"""Sampling interval of energy and penetration, s."""
+"""Sampling interval of energy and penetration in the scenes of SimBenchmark, s."""
 
 # S1. A plate of 20 x 20 x 1 m and 10 kg on the ground (mu 0.4), 25 balls of 1 kg on it (mu 0.8), 150 N on the plate, 60 degrees off x.
 
@@ -26,7 +26,7 @@ WAY = np.array([0.5, math.sqrt(0.75), 0.0])
 
 
 def rolling_accelerations() -> tuple[float, float]:
-    """Exact accelerations of plate and balls, m/s^2.
+    """Exact accelerations of plate and balls of scene S1, m/s^2.
 
     A friction force f accelerates the lowest point of a ball by f/m (1 + 5/2), and the plate by (F - mu (M + n m) g - n f) / M.
     """
@@ -36,7 +36,7 @@ def rolling_accelerations() -> tuple[float, float]:
 
 
 def balls_on_plate() -> str:
-    """Scene S1: the plate on the ground, and the balls on the plate."""
+    """MJCF of scene S1: a plate on the ground, and balls on the plate."""
     balls = "".join(
         free(f"ball{i}{j}", ball(0.5, BALL) + ' friction="0.8 0 0"', (2.0 * i - 4, 2.0 * j - 4, 1.5)) for i in range(5) for j in range(5)
     )
@@ -44,7 +44,10 @@ def balls_on_plate() -> str:
 
 
 def rolling(engine: Engine, dt: float) -> float:
-    """Mean squared error of the velocities of the plate and of the first ball over 4 s, (m/s)^2."""
+    """Error of scene S1, balls on a pulled plate: mean squared error of velocities over 4 s, (m/s)^2.
+
+    The velocities are those of the plate and of the first ball.
+    """
     world = engine.start(balls_on_plate(), dt)
     world.push("plate", FORCE * WAY)
     plate, first = rolling_accelerations()
@@ -60,7 +63,7 @@ def rolling(engine: Engine, dt: float) -> float:
 
 
 def _energy_error(world: World, seconds: float) -> float:
-    """Mean squared deviation of the energy from its initial value, J^2."""
+    """Mean squared deviation of the energy of an environment from its initial value over some time, J^2."""
     start, errors = float(world.energy()[0]), []
     every = max(SAMPLE, world.dt)
     for _ in range(round(seconds / every)):
@@ -70,7 +73,7 @@ def _energy_error(world: World, seconds: float) -> float:
 
 
 def bouncing(engine: Engine, dt: float) -> float:
-    """Mean squared error of the energy of 24 kJ, J^2."""
+    """Error of scene S2, 49 elastic spheres that bounce for 20 s: mean squared error of their energy of 24 kJ, J^2."""
     spheres = "".join(free(f"ball{i}{j}", ball(0.1, 10.0), (2.0 * i, 2.0 * j, 5.0)) for i in range(7) for j in range(7))
     return _energy_error(engine.start(document(FLOOR + spheres, friction=0.0), dt, restitution=1.0), 20.0)
 
@@ -79,7 +82,7 @@ def bouncing(engine: Engine, dt: float) -> float:
 
 
 def spheres(height: float) -> str:
-    """Scenes S3 and S4: a cube of spheres, with the centres of the lowest layer at a height in m."""
+    """MJCF of scenes S3 and S4: a cube of 6 x 6 x 6 spheres, with the centres of the lowest layer at a height in m."""
     rng = np.random.default_rng(42)
     text = ""
     for i in range(6):
@@ -91,7 +94,7 @@ def spheres(height: float) -> str:
 
 
 def falling_cube(engine: Engine, dt: float) -> float:
-    """Mean over 10 s of the sum of squared overlaps, m^2."""
+    """Error of scene S3, a falling cube of spheres: mean over 10 s of the sum of squared overlaps, m^2."""
     world = engine.start(spheres(0.101), dt, restitution=0.0)
     errors, every = [], max(10 * SAMPLE, dt)
     upper = np.triu_indices(216, 1)
@@ -105,7 +108,7 @@ def falling_cube(engine: Engine, dt: float) -> float:
 
 
 def elastic_cube(engine: Engine, dt: float) -> float:
-    """Mean squared error of the energy over 10 s, J^2."""
+    """Error of scene S4, a falling cube of elastic spheres: mean squared error of the energy over 10 s, J^2."""
     return _energy_error(engine.start(spheres(1.101), dt, restitution=1.0), 10.0)
 
 
@@ -113,7 +116,7 @@ def elastic_cube(engine: Engine, dt: float) -> float:
 
 
 def _posed(world: World, height: float) -> np.ndarray:
-    """Configuration with the robot in `POSE` at a height in m. The last 19 coordinates are the robot's."""
+    """Configuration of an environment with the quadruped in `POSE` at a height in m. The last 19 coordinates are the robot's."""
     qpos = world.qpos[0]
     qpos[-17] = height
     qpos[-12:] = POSE
@@ -121,7 +124,7 @@ def _posed(world: World, height: float) -> np.ndarray:
 
 
 def momentum(engine: Engine, dt: float) -> float:
-    """Mean squared error of the linear momentum over 10 s, (kg m/s)^2. A sphere of 10 kg hits the floating robot at 5 m/s."""
+    """Error of scene S5, a floating quadruped that a sphere of 10 kg hits at 5 m/s: mean squared error of linear momentum, (kg m/s)^2."""
     world = engine.start(quadruped(gravity=0.0, beside=free("ball", ball(0.2, 10.0), (0, -5, 2))), dt)
     qvel = np.zeros(world.model.nv)
     qvel[1] = 5.0
@@ -134,7 +137,10 @@ def momentum(engine: Engine, dt: float) -> float:
 
 
 def energy(engine: Engine, dt: float) -> float:
-    """Mean squared error of the energy over 2 s of free flight, J^2, after 1 s with an upward force of twice the weight."""
+    """Error of scene S6, a flying quadruped: mean squared error of the energy over 2 s of free flight, J^2.
+
+    An upward force of twice the weight acts for 1 s before.
+    """
     world = engine.start(quadruped(), dt)
     world.set(_posed(world, 2.0), np.zeros(world.model.nv))
     world.push("trunk", (0, 0, 2 * float(world.model.body_subtreemass[0]) * G))
@@ -144,12 +150,14 @@ def energy(engine: Engine, dt: float) -> float:
 
 
 GAINS = (400.0, 1.0)
-"""Servo gains from SimBenchmark's header, N m/rad and N m s/rad. With the 40 N m/rad of its yaml file this robot would fall: four legs give
-160 N m/rad, less than m g h = 180 N m/rad."""
+"""Servo gains of the quadruped from SimBenchmark's header, N m/rad and N m s/rad.
+
+With the 40 N m/rad of its yaml file this robot would fall: four legs give 160 N m/rad, less than m g h = 180 N m/rad.
+"""
 
 
 def standing(engine: Engine, dt: float) -> float:
-    """Largest velocity (m/s, rad/s) of the robot after ten seconds of standing."""
+    """Error of scene S7, a standing quadruped: largest velocity (m/s, rad/s) after ten seconds."""
     world = engine.start(quadruped(beside=FLOOR, gains=GAINS), dt)
     world.set(_posed(world, STAND), np.zeros(world.model.nv))
     world.run(10.0, POSE)

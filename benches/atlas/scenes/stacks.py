@@ -19,14 +19,17 @@ SWEEP = (5e-4, 2e-3, 5e-3, 2e-2)
 
 
 def tower(top: float) -> str:
-    """Stack of ten boxes of 10 cm. Nine have 1 kg, and the top one has `top` kg."""
+    """MJCF of scene 12: a stack of ten boxes of 10 cm. Nine have 1 kg, and the top one has `top` kg."""
     masses = [1.0] * (COUNT - 1) + [float(top)]
     boxes = (free(f"box{k}", box((HALF,) * 3, m), (0, 0, HALF * (2 * k + 1))) for k, m in enumerate(masses))
     return document(FLOOR + "".join(boxes), friction=0.5)
 
 
 def weights(top: float):
-    """Measure: largest relative error of the force in an interface, compared with the weight above it, after two seconds."""
+    """Function that measures scene 12, a stack of ten boxes with a top box of `top` kg, after two seconds.
+
+    It returns the largest relative error of the force between two boxes, compared with the weight above it.
+    """
 
     def measure(engine: Engine, dt: float) -> float:
         world = engine.start(tower(top), dt)
@@ -42,7 +45,7 @@ def weights(top: float):
 
 
 def stands_a_minute(engine: Engine, dt: float) -> float:
-    """Largest displacement of a box in a stack whose top box is 1000 times heavier, after 60 s or `LONGEST` steps, m."""
+    """Error of scene 12, a stack whose top box is 1000 times heavier: largest displacement of a box after 60 s or `LONGEST` steps, m."""
     world = engine.start(tower(1000), dt)
     start = world.qpos.reshape(COUNT, 7)[:, :3]
     world.step(min(round(60.0 / dt), LONGEST))
@@ -95,7 +98,7 @@ TABLE_MASS = 7.0
 
 
 def table(order: tuple[int, ...]) -> str:
-    """Scene 15: a plate on four spherical feet, listed in the given order."""
+    """MJCF of scene 15: a plate on four spherical feet, listed in the given order."""
     feet = "".join(f'<geom type="sphere" size=".02" mass="0" pos="{LEGS[k][0]} {LEGS[k][1]} -.38"/>' for k in order)
     plate = '<geom type="box" size=".35 .25 .02" contype="0" conaffinity="0" mass="0"/>'
     inertia = f'<inertial pos="0.02 0.01 -0.05" mass="{TABLE_MASS}" diaginertia="0.4 0.5 0.6"/>'
@@ -103,7 +106,7 @@ def table(order: tuple[int, ...]) -> str:
 
 
 def table_forces(engine: Engine, dt: float) -> float:
-    """Relative error of the sum of the normal forces of the feet, after two seconds."""
+    """Error of scene 15, a table with four feet: relative error of the sum of the normal forces of the feet, after two seconds."""
     world = engine.start(table((0, 1, 2, 3)), dt)
     world.run(2.0)
     return abs(world.normal_force() / (TABLE_MASS * G) - 1.0)
@@ -127,7 +130,7 @@ OVERLAP = 0.25
 
 
 def pyramid() -> str:
-    """Scene 17: ten overlapping boxes of 1 kg."""
+    """MJCF of scene 17: a pyramid of ten overlapping boxes of 1 kg."""
     text = ""
     for row in range(4):
         for k in range(4 - row):
@@ -137,7 +140,10 @@ def pyramid() -> str:
 
 
 def pops(engine: Engine, dt: float) -> float:
-    """Largest kinetic energy during separation, relative to the work of lifting the whole pyramid by one overlap."""
+    """Error of scene 17, overlapping boxes that separate: largest kinetic energy during the separation.
+
+    It is relative to the work of lifting the whole pyramid by one overlap.
+    """
     world = engine.start(pyramid(), dt)
     worst = 0.0
     for _ in range(max(1, round(3.0 / max(dt, 5e-3)))):
@@ -147,7 +153,7 @@ def pops(engine: Engine, dt: float) -> float:
 
 
 def _apart(world: World) -> bool:
-    """Whether the boxes stand in four rows, without overlap beyond a hundredth of their size."""
+    """Whether the boxes of scene 17's pyramid stand in four rows, without overlap beyond a hundredth of their size."""
     heights = np.sort(world.qpos.reshape(10, 7)[:, 2])
     rows = [heights[:4], heights[4:7], heights[7:9], heights[9:]]
     centres = [PYRAMID * (2 * row + 1) for row in range(4)]
@@ -155,7 +161,10 @@ def _apart(world: World) -> bool:
 
 
 def share(dt: float) -> float:
-    """Tolerance of forces from that of the solver: 1e-6 m/s over the load g dt of a step, times ten interfaces."""
+    """Tolerance of forces in a stack at a time step, s, relative to the forces.
+
+    It is the solver's tolerance of 1e-6 m/s over the load g dt of a step, times ten interfaces.
+    """
     return max(1e-6, 10 * 1e-6 / (G * dt))
 
 

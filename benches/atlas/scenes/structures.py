@@ -13,7 +13,7 @@ from atlas.world import World
 
 
 def _moved(world: World, seconds: float) -> float:
-    """Largest displacement of a free body after some time, m."""
+    """Largest displacement of a free body of an environment after some time, m."""
     start = world.qpos.reshape(-1, 7)[:, :3]
     world.run(seconds)
     return float(np.linalg.norm(world.qpos.reshape(-1, 7)[:, :3] - start, axis=1).max())
@@ -25,27 +25,29 @@ THIN, TALL, DEEP, LEAN, CARD = 0.001, 0.2, 0.15, math.radians(25), 0.17
 RISE = TALL * math.cos(LEAN) + THIN * math.sin(LEAN)
 """Vertical distance from the centre of a leaning card to its lowest and to its highest edge, m."""
 REACH = TALL * math.sin(LEAN) + THIN * math.cos(LEAN)
-"""Horizontal distance from the centre of a leaning card to the edge where two cards of a frame meet, m. That edge is 2 THIN sin LEAN below
-the highest one."""
+"""Horizontal distance from the centre of a leaning card to the edge where two cards of a frame meet, m.
+
+That edge is 2 THIN sin LEAN below the highest one.
+"""
 SPACING = 0.35
 
 
 def _frame(name: str, x: float, z: float) -> str:
-    """Frame of two cards that lean against each other over (x, z). Each requires friction below tan LEAN = 0.47 at its foot."""
+    """MJCF of a frame of two cards that lean against each other over (x, z). Each requires friction tan LEAN = 0.47 at its foot."""
     card = box((THIN, DEEP, TALL), CARD)
     cards = (free(f"{name}{side}", card, (x + side * REACH, 0, z + RISE), about_y(-side * LEAN)) for side in (-1, 1))
     return "".join(cards)
 
 
 def house() -> str:
-    """House of cards. Each frame has two highest edges, 2 THIN cos LEAN from its middle; the card across lies on four of them."""
+    """MJCF of a house of cards. Each frame has two highest edges, 2 THIN cos LEAN from its middle; the card across lies on four of them."""
     across = free("across", box((TALL, DEEP, THIN), CARD), (0, 0, 2 * RISE + THIN))
     frames = _frame("left", -SPACING / 2, 0) + _frame("right", SPACING / 2, 0) + _frame("top", 0, 2 * RISE + 2 * THIN)
     return document(FLOOR + frames + across, friction=0.7)
 
 
 def cards(engine: Engine, dt: float) -> float:
-    """Largest displacement of a card in five seconds, m."""
+    """Error of the house of cards in scene 16: largest displacement of a card in five seconds, m."""
     return _moved(engine.start(house(), dt), 5.0)
 
 
@@ -63,7 +65,10 @@ def _catenary(s: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def arch() -> str:
-    """Arch of blocks of equal arc length. The last ones are cut horizontally at the floor, where the thrust needs friction 0.42 < mu."""
+    """MJCF of an arch of blocks of equal arc length.
+
+    The last ones are cut horizontally at the floor, where they need friction 0.42 < mu.
+    """
     ends = math.sinh(SPREAD)
     ground = -math.cosh(SPREAD)
     assets, bodies = "", ""
@@ -98,7 +103,7 @@ DOMINO = (0.005, 0.025, 0.05)
 
 
 def dominoes(engine: Engine, dt: float) -> float:
-    """Number of dominoes that have not fallen past 45 degrees in order within four seconds."""
+    """Error of the row of dominoes in scene 16: number that have not fallen past 45 degrees in order within four seconds."""
     row = "".join(free(f"domino{k}", box(DOMINO, 0.05), (GAP * k, 0, DOMINO[2])) for k in range(DOMINOES))
     world = engine.start(document(FLOOR + row, friction=0.6), dt)
     qpos = world.qpos[0].reshape(DOMINOES, 7)

@@ -29,14 +29,14 @@ TILT = 0.1
 
 
 def _pushed(factor: float, engine: Engine, dt: float) -> World:
-    """World with a box that is pushed by `factor` times the force at which it tips."""
+    """Environment of scene 41 with a box that is pushed by `factor` times the force at which it tips."""
     world = engine.start(document(FLOOR + free("box", BOX, (0, 0, TALL)), friction=MU), dt)
     world.push("box", (factor * FORCE, 0, 0))
     return world
 
 
 def _leaning(factor: float, engine: Engine, dt: float) -> World:
-    """World with a box on a plane whose slope is `factor` times that at which it tips."""
+    """Environment of scene 41 with a box on a plane whose slope is `factor` times that at which it tips."""
     return engine.start(incline(BOX, TALL, math.atan(factor * WIDE / TALL), MU), dt)
 
 
@@ -52,7 +52,10 @@ def _upright(world: World) -> np.ndarray:
 
 
 def stays(start):
-    """Measure: tilt in two seconds of a box that is pushed or leans with 0.999 of the threshold, rad."""
+    """Function that measures scene 41, a box at 0.999 of the threshold at which it tips: its tilt in two seconds, rad.
+
+    `start` makes the environment: `_pushed` or `_leaning`.
+    """
 
     def measure(engine: Engine, dt: float) -> float:
         world = start(BELOW, engine, dt)
@@ -67,7 +70,10 @@ def stays(start):
 
 @cache
 def _fall(kind: str) -> float:
-    """Exact time until a box at 1.001 of the threshold has tilted by `TILT`, s: I phi'' = torque about the edge."""
+    """Exact time until the box of scene 41 at 1.001 of the threshold has tilted by `TILT`, s, from I phi'' = torque about the edge.
+
+    `kind` is the kind of load: pushed or leaning.
+    """
     pull = ABOVE * FORCE if kind == "pushed" else MASS * G * math.sin(math.atan(ABOVE * WIDE / TALL))
     weight = MASS * G if kind == "pushed" else MASS * G * math.cos(math.atan(ABOVE * WIDE / TALL))
     corner = math.atan2(TALL, WIDE)
@@ -86,7 +92,10 @@ def _fall(kind: str) -> float:
 
 
 def tips(start, kind: str):
-    """Measure: relative error of the tilt at the time at which it should be `TILT`."""
+    """Function that measures scene 41, a box at 1.001 of the threshold at which it tips.
+
+    It returns the relative error of its tilt at the time at which this should be `TILT`.
+    """
 
     def measure(engine: Engine, dt: float) -> float:
         world = start(ABOVE, engine, dt)

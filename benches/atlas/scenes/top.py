@@ -26,18 +26,21 @@ TOP = document(f"""<body name="top"><joint type="ball"/>
 
 
 def precession() -> float:
-    """Rate W of slow steady precession, rad/s: I1 cos(tilt) W^2 - I3 spin W + m g l = 0."""
+    """Rate W of slow steady precession of the heavy top of scene 40, rad/s: I1 cos(tilt) W^2 - I3 spin W + m g l = 0."""
     a, b = ABOUT_POINT[0] * math.cos(TILT), ABOUT_POINT[2] * SPIN
     return 2 * WEIGHT / (b + math.sqrt(b**2 - 4 * a * WEIGHT))
 
 
 def _axes(world: World) -> Array:
-    """Axes of the top, columns of (3, 3)."""
+    """Axes of the heavy top of scene 40 in world axes, columns of a matrix (3, 3)."""
     return np.asarray(world.at().xmat[1].reshape(3, 3))
 
 
 def steady(engine: Engine, dt: float) -> float:
-    """Largest angle between the top's axis and that of steady precession in five seconds, rad, sampled a hundred times."""
+    """Error of scene 40, a heavy top: largest angle between its axis and that of steady precession in five seconds, rad.
+
+    It is sampled a hundred times.
+    """
     rate, world = precession(), engine.start(TOP, dt)
     world.set(about_y(TILT), [-rate * math.sin(TILT), 0.0, SPIN])
     worst = 0.0
@@ -51,7 +54,7 @@ def steady(engine: Engine, dt: float) -> float:
 
 
 def _nutation(engine: Engine, dt: float) -> tuple[float, float]:
-    """Largest relative errors of the energy and of the angular momenta about the vertical and the axis, with nutation."""
+    """Largest relative errors of a nutating top's energy, and of its angular momenta about the vertical and about its axis."""
     world = engine.start(TOP, dt)
     world.set(about_y(TILT), [0.0, 0.0, SPIN])
     energy, momentum = 0.0, 0.0
@@ -68,12 +71,12 @@ def _nutation(engine: Engine, dt: float) -> tuple[float, float]:
 
 
 def energy(engine: Engine, dt: float) -> float:
-    """Largest deviation of the energy, relative to weight times arm."""
+    """Error of scene 40, a nutating top: largest deviation of the energy, relative to weight times arm."""
     return _nutation(engine, dt)[0]
 
 
 def momentum(engine: Engine, dt: float) -> float:
-    """Largest deviation of the two constant angular momenta, relative to that about the axis."""
+    """Error of scene 40, a nutating top: largest deviation of the two constant angular momenta, relative to that about the axis."""
     return _nutation(engine, dt)[1]
 
 

@@ -17,14 +17,14 @@ American Journal of Physics 47, 984)."""
 
 
 def turntable() -> str:
-    """Ball of 1 kg on a table of 1000 t on a hinge, which the ball does not slow down."""
+    """MJCF of scene 33: a ball of 1 kg on a turntable of 1000 t on a hinge, which the ball does not slow down."""
     table = f"""<body name="table" pos="0 0 {-THICK}"><joint type="hinge" axis="0 0 1"/>
       <geom name="table" type="box" size="3 3 {THICK}" mass="1e6"/></body>"""
     return document(table + free("ball", ball(RADIUS, MASS), (START, 0, RADIUS)))
 
 
 def rolling(engine: Engine, dt: float) -> float:
-    """Largest error of the centre's velocity, relative to its speed, sampled ten times per second."""
+    """Error of scene 33, a ball on a turntable: largest error of its velocity, relative to its speed, sampled ten times per second."""
     world = engine.start(turntable(), dt)
     velocity = np.array([0.0, SPEED])
     # No slip: velocity + spin x (0, 0, -radius) is the velocity of the table at the contact.

@@ -17,7 +17,7 @@ CUBE = box((0.1, 0.1, 0.1), 1.0)
 
 
 def flicker(engine: Engine, dt: float) -> float:
-    """Largest relative error of the wall's force in 200 steps, after a second of pushing on a frictionless floor."""
+    """Error of scene 21, a box pushed into a wall: largest relative error of the wall's force in 200 steps, after a second of pushing."""
     wall = '<geom name="wall" type="box" size=".05 .5 .5" pos=".16 0 .5"/>'
     world = engine.start(document(FLOOR + wall + free("cube", CUBE, (0, 0, 0.1)), friction=0.0), dt)
     world.push("cube", (PUSH, 0, 0))
@@ -34,7 +34,10 @@ FIELD = '<asset><hfield name="flat" nrow="3" ncol="41" size="4 .5 .1 .1" elevati
 
 
 def seams(kind: str):
-    """Measure: largest change of height (m), speed (m/s) or pitch (rad) of a box that slides at 1 m/s without friction for a second."""
+    """Function that measures scene 21, a box that slides over a floor with seams at 1 m/s without friction for a second.
+
+    It returns the largest change of height (m), speed (m/s) or pitch (rad). `kind` is the kind of floor.
+    """
 
     def measure(engine: Engine, dt: float) -> float:
         if kind == "tiles":
@@ -61,7 +64,7 @@ RADIUS, THIN, FAST = 0.02, 0.001, 100.0
 
 
 def tunnelling(engine: Engine, dt: float) -> float:
-    """Largest penetration of the sphere beyond the near face of the wall, m."""
+    """Error of scene 25, a fast sphere at a thin wall: largest penetration of the sphere beyond the near face of the wall, m."""
     wall = f'<geom type="box" size="{THIN} 1 1"/>'
     start = -0.5 * FAST * 0.02 - 0.3
     world = engine.start(document(wall + free("ball", ball(RADIUS, 0.1), (start, 0, 0)), gravity=(0, 0, 0)), dt)
@@ -80,7 +83,7 @@ FAR_SECONDS = 1.0
 
 
 def rounding_far_away(dt: float) -> float:
-    """Tolerance for rounding far from the origin, m.
+    """Tolerance of scene 27, far from the origin, for rounding at a time step, m.
 
     Each step rounds a coordinate twice, in integration and position correction, by at most half the spacing of numbers at `FAR`. Steady
     motion repeats its rounding, so that all errors may add up.
@@ -89,7 +92,7 @@ def rounding_far_away(dt: float) -> float:
 
 
 def _final_positions(engine: Engine, dt: float, shift: float) -> np.ndarray:
-    """Positions of a rolling ball and of a box that slides to rest, after a second, (6,) m.
+    """Positions after a second of a rolling ball and of a box that slides to rest, in scene 27, (6,) m.
 
     The scene, with its floor, lies `shift` (m) from the origin along every axis. The result is relative to this shift.
     """
@@ -106,7 +109,7 @@ def _final_positions(engine: Engine, dt: float, shift: float) -> np.ndarray:
 
 
 def far_away(engine: Engine, dt: float) -> float:
-    """Largest difference of a coordinate between the shifted and the original motion, m."""
+    """Error of scene 27: largest difference of a coordinate between the motion far from the origin and at the origin, m."""
     return float(np.abs(_final_positions(engine, dt, FAR) - _final_positions(engine, dt, 0.0)).max())
 
 
@@ -114,7 +117,7 @@ def far_away(engine: Engine, dt: float) -> float:
 
 
 def extreme(engine: Engine, dt: float) -> float:
-    """Largest gain of energy of a box that falls on the floor, in 2000 steps, relative to its initial potential energy."""
+    """Error of scene 28, a falling box at an extreme time step: largest gain of energy in 2000 steps, relative to its initial energy."""
     world = engine.start(document(FLOOR + free("cube", CUBE, (0, 0, 0.5), (0.9, 0.2, 0.3, 0.1)), friction=0.5), dt)
     world.set(qvel=[0.5, 0, -1.0, 1.0, 2.0, 0.5])
     start, worst = float(world.energy()[0]), 0.0

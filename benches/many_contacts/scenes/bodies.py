@@ -13,7 +13,7 @@ from many_contacts.scene import Phase, Scene, Script, still, turned, uncontrolle
 from many_contacts.scenes import unitree
 
 FALL, SETTLE, LIE = 800, 40, 200
-"""Numbers of steps of the fall, of settling in each engine, and of lying."""
+"""Numbers of steps in which humanoids fall, settle in each engine, and lie."""
 STIFFER = 20.0
 """Factor on mjlab's servo gains. With mjlab's gains the robot would fall without a policy."""
 SOLE = (0.093, 0.026, 0.01)
@@ -26,7 +26,10 @@ def humanoid(file: str, assets: Assets) -> Any:
 
 
 def limp(model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Script:
-    """Script from random orientations at a height of 1 m, with random joint angles within 0.35 rad, without controls."""
+    """Script for humanoids that fall without controls.
+
+    They start at a height of 1 m with random orientations and random joint angles within 0.35 rad.
+    """
     qpos = still(model.qpos0, num_envs)
     qpos[:, 2] = 1.0
     qpos[:, 3:7] = turned(rng, num_envs)

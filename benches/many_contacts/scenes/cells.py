@@ -18,11 +18,11 @@ BESIDE = np.array([0.0, -0.003, 0.02])
 ABOVE, PULL = np.array([0.0, 0.0, 0.12]), np.array([0.0, -0.12, 0.0])
 SAWYER = (Phase("settles", 40, timed=False), Phase("reaches", 200), Phase("pulls", 200))
 BENT = (1.39, -0.75, -0.07, 1.06, 0.05, 1.26, 3.16)
-"""Initial guess of the joint angles, rad. The reference pose is outside the joint ranges."""
+"""Initial guess of Sawyer's joint angles for the inverse kinematics, rad. The reference pose is outside the joint ranges."""
 DOWN = np.array([1.0, 0.0, 1.0, 0.0]) / np.sqrt(2)
-"""Orientation of the mocap body (`sawyer_xyz_env.py`)."""
+"""Orientation of the mocap body that guides Sawyer's hand (`sawyer_xyz_env.py`), a quaternion."""
 HOLD = 5
-"""Number of steps per target, metaworld's `frame_skip`."""
+"""Number of steps for which a target of the hand is held, metaworld's `frame_skip`."""
 
 
 def sawyer(assets: Assets) -> Any:
@@ -114,7 +114,7 @@ def _pointing(way: Array) -> Array:
 
 
 def _place(model: mujoco.MjModel, body: str) -> slice:
-    """Columns of qpos with the pose of a free body."""
+    """Columns of qpos with the position and orientation of a free body."""
     adr = int(model.jnt_qposadr[model.body(body).jntadr[0]])
     return slice(adr, adr + 7)
 

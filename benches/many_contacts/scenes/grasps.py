@@ -14,9 +14,9 @@ from many_contacts.scene import Phase, Scene, Script, still
 from many_contacts.scenes.heaps import parsed
 
 MASSES = (0.05, 0.3, 2.0)
-"""kg."""
+"""Masses of the box in the scenes, kg."""
 HALF, OPEN, GRIP = 0.02, 0.03, 20.0
-"""Half size of the box, m; half the distance between open fingers, m; force of each finger, N."""
+"""Half size of the box, m; half the distance between the open fingers, m; force of each finger, N."""
 LIFT, HOLD = 0.15, 5
 """Height of the lift, m, and number of steps per target."""
 HELD = ("box", "left")

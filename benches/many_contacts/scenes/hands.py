@@ -25,12 +25,12 @@ PHASES = (Phase("drops", 100, timed=False), Phase("turns", STEPS))
 
 
 def spec(name: str, assets: Assets) -> Any:
-    """Model of the hand with its object."""
+    """Model of the Shadow hand with its object, by the name of the scene."""
     return assets.spec("gymnasium-robotics", f"gymnasium_robotics/envs/assets/hand/manipulate_{name}.xml")
 
 
 def script(name: str, model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Script:
-    """Script with targets in the middle of their ranges while the object drops, and random targets afterwards."""
+    """Script for the Shadow hand: targets in the middle of their ranges while the object drops, and random targets afterwards."""
     place = int(model.joint("object:joint").qposadr[0])
     starts = np.tile(still(model.qpos0, num_envs), (DRAWS + 1, 1, 1))
     starts[..., place : place + 3] += rng.normal(scale=0.005, size=(DRAWS + 1, num_envs, 3))

@@ -46,7 +46,7 @@ def bin_of_boxes(count: int, _: Assets) -> Any:
 
 
 def pour(count: int, model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Script:
-    """Script from layers of four boxes above the bin, with random orientations."""
+    """Script for a heap: layers of four boxes fall into the bin with random orientations."""
     qpos = still(model.qpos0, num_envs).reshape(num_envs, count, 7)
     layer, place = np.divmod(np.arange(count), 4)
     corner = 0.1 * np.array([(-1, -1), (1, -1), (-1, 1), (1, 1)])[place]
@@ -85,12 +85,12 @@ PHASES_OF_WALL = (Phase("stands", 100), Phase("impact", 60))
 
 
 def plate(_: Assets) -> Any:
-    """Model of SimBenchmark's plate with 25 balls."""
+    """Model of the plate with 25 balls of SimBenchmark, as an `MjSpec`."""
     return parsed(balls_on_plate(), 0.002)
 
 
 def pulled(model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Script:
-    """Script with a constant force on the plate and a random initial speed."""
+    """Script for the plate with balls: a constant force on the plate, and a random initial speed."""
     push = np.zeros((model.nbody, 6))
     push[model.body("plate").id, :3] = FORCE * WAY
     qvel = np.zeros((num_envs, model.nv))

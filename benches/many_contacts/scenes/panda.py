@@ -19,7 +19,7 @@ from many_contacts.scene import Array, Phase, Scene, Script
 FOLDER = "robosuite/models/assets"
 JOINTS = tuple(f"joint{i}" for i in range(1, 8))
 GAINS = ((600, 50), (600, 50), (600, 50), (600, 50), (250, 30), (150, 25), (50, 15))
-"""Stiffness (N m/rad) and damping (N m s/rad) of each joint, from libfranka's examples/joint_impedance_control.cpp."""
+"""Stiffness (N m/rad) and damping (N m s/rad) of the servo of each joint, from libfranka's examples/joint_impedance_control.cpp."""
 TORQUE = (80, 80, 80, 80, 80, 12, 12)
 """Torque limits of robosuite's motors, N m."""
 REST = (0.0, np.pi / 16, 0.0, -np.pi / 2 - np.pi / 3, 0.0, np.pi - 0.2, np.pi / 4)

@@ -22,12 +22,12 @@ from many_contacts.assets import Assets
 from many_contacts.scene import Array, Phase, Scene, Script
 
 HOLD = 4
-"""Number of steps per action."""
+"""Number of steps for which an action is held."""
 STEPS = 300
 WALKING = (6.0, 10.0)
 """Target speedups of walkers, in f64 and f32."""
 FREQUENCY, DAMPING_RATIO = 10 * 2.0 * math.pi, 2.0
-"""Natural frequency (rad/s) and damping ratio of a servo that moves its armature alone; they determine the gains."""
+"""Natural frequency (rad/s) and damping ratio of a servo that moves only the armature of its joint; they determine the gains."""
 FALLEN = math.cos(math.radians(70.0))
 """Vertical component of the trunk's z axis below which the robot counts as fallen."""
 DRAWS = 8
@@ -59,7 +59,7 @@ class Motor:
 
     @property
     def scale(self) -> float:
-        """Displacement of the target by an action of 1, rad."""
+        """Displacement of the servo's target by an action of 1, rad."""
         return 0.25 * self.effort / self.stiffness
 
 
@@ -185,7 +185,15 @@ def home(walker: Walker, model: mujoco.MjModel) -> Array:
 
 
 def script(walker: Walker, model: mujoco.MjModel, num_envs: int, rng: np.random.Generator, noise: float = 1.0) -> Script:
-    """Script with random actions of standard deviation `noise` (mjlab's `init_std` is 1), and resets of fallen robots."""
+    """Script for a walking robot: random actions, and resets of fallen robots.
+
+    Args:
+        walker: The robot.
+        model: Its compiled model.
+        num_envs: Number of environments.
+        rng: Random number generator.
+        noise: Standard deviation of the actions (mjlab's `init_std` is 1).
+    """
     qpos = home(walker, model)
     starts = np.tile(qpos, (DRAWS + 1, num_envs, 1))
     starts[..., :2] += rng.uniform(-0.5, 0.5, (DRAWS + 1, num_envs, 2))
@@ -205,7 +213,7 @@ def _motor(walker: Walker, joint: str) -> Motor:
 
 
 def fallen(qpos: Array) -> NDArray[np.bool_]:
-    """Mask (n,) of the robots (n, nq) that lean by more than 70 degrees."""
+    """Mask (n,) of the robots that lean by more than 70 degrees, from configurations (n, nq)."""
     x, y = qpos[:, 4], qpos[:, 5]
     return np.asarray(1 - 2 * (x * x + y * y) < FALLEN)
 

@@ -34,7 +34,7 @@ Step = Callable[[], Any]
 
 
 def native(name: str, num_envs: int) -> Step:
-    """Vector environment without an adapter."""
+    """Function that steps a `StepperVectorEnv` without an adapter, with one constant action."""
     envs = make_native(name, num_envs, **SETTINGS)
     action = _action(envs.single_action_space, num_envs)
     envs.reset(seed=0)
@@ -42,7 +42,7 @@ def native(name: str, num_envs: int) -> Step:
 
 
 def envpool(name: str, num_envs: int) -> Step:
-    """Adapter with EnvPool's interface, with a quarter of the environments in a batch."""
+    """Function that steps all environments through the adapter with EnvPool's interface, with a quarter of the environments in a batch."""
     pool = StepperPool(name, num_envs, num_envs // 4, seed=0, precision="f32")
     action = _action(pool.action_space, num_envs)
     pool.async_reset()
@@ -59,7 +59,11 @@ def envpool(name: str, num_envs: int) -> Step:
 
 
 def sb3(infos: str) -> Callable[[str, int], Step]:
-    """Adapter to Stable-Baselines3's `VecEnv`."""
+    """Function of a task's name and a number of environments. It returns a function that steps them through Stable-Baselines3's `VecEnv`.
+
+    Args:
+        infos: Argument `infos` of the adapter `StepperVecEnv`.
+    """
 
     def make(name: str, num_envs: int) -> Step:
         from stepper.adapters.sb3 import StepperVecEnv  # noqa: PLC0415
@@ -73,7 +77,7 @@ def sb3(infos: str) -> Callable[[str, int], Step]:
 
 
 def pytorch(name: str, num_envs: int) -> Step:
-    """Vector environment with PyTorch tensors."""
+    """Function that steps a vector environment with PyTorch tensors."""
     import torch  # noqa: PLC0415
     from stepper.adapters.torch import TorchVectorEnv  # noqa: PLC0415
 
@@ -84,7 +88,7 @@ def pytorch(name: str, num_envs: int) -> Step:
 
 
 def torchrl(name: str, num_envs: int) -> Step:
-    """Adapter to TorchRL, with `step_and_maybe_reset`."""
+    """Function that steps the adapter to TorchRL by its method `step_and_maybe_reset`."""
     import torch  # noqa: PLC0415
     from stepper.adapters.torchrl import StepperTorchRLEnv  # noqa: PLC0415
 
@@ -101,7 +105,7 @@ def torchrl(name: str, num_envs: int) -> Step:
 
 
 def rllib(name: str, num_envs: int) -> Step:
-    """Vector environment in the wrapper of RLlib's env runner, which makes a dictionary of infos for each environment."""
+    """Function that steps a vector environment in RLlib's wrapper, which makes a dictionary of infos for each environment."""
     from gymnasium.wrappers.vector import DictInfoToList  # noqa: PLC0415
 
     envs = DictInfoToList(make_native(name, num_envs, precision="f32", dtype="float32"))
@@ -111,7 +115,7 @@ def rllib(name: str, num_envs: int) -> Step:
 
 
 def pufferlib(name: str, num_envs: int) -> Step:
-    """Adapter to PufferLib's `PufferEnv`."""
+    """Function that steps the adapter to PufferLib's `PufferEnv`."""
     from stepper.adapters.pufferlib import StepperPufferEnv  # noqa: PLC0415
 
     env = StepperPufferEnv(name, num_envs, precision="f32")
@@ -121,7 +125,7 @@ def pufferlib(name: str, num_envs: int) -> Step:
 
 
 def ray(name: str, num_envs: int) -> Step:
-    """Adapter to Ray with one actor that has the environments in four blocks, stepped by one remote call per step."""
+    """Function that steps the adapter to Ray: one actor has the environments in four blocks, and each step is one remote call."""
     import ray  # noqa: PLC0415
     from stepper.adapters.ray import RayVectorEnv  # noqa: PLC0415
 
@@ -230,7 +234,7 @@ def _action(space: Any, num_envs: int) -> Any:
 
 
 def main() -> None:
-    """Print the tables."""
+    """Print markdown tables with the speed of each adapter, and with the time that overlapping policy and environments saves."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", default=("HalfCheetah", "Ant"), metavar="TASK", help=f"one of {', '.join(sorted(TASKS))}")
     parser.add_argument("--num-envs", type=int, default=1024)

@@ -73,7 +73,10 @@ def noise(sim: stepper.Stepper, lin: Linearization) -> Array:
 
 
 def agreement() -> None:
-    """Print the share of entries that agree for two sizes of the difference step, and the share of columns near a kink."""
+    """Print the share of entries of the derivative matrices A and B that agree for two sizes of the difference step.
+
+    The table also has the share of columns near a kink.
+    """
     print("| robot | options | contacts | environments near a kink | columns near a kink | entries that agree | away from kinks |")
     print("|---|---|---|---|---|---|---|")
     for robot in ROBOTS:

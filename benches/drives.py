@@ -39,7 +39,7 @@ ROUGH = "MJCF's frictionloss"
 
 
 def main() -> None:
-    """Print the table."""
+    """Print a markdown table with the relative step time of each kind of drive."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--num-envs", type=int, default=128)
     parser.add_argument("--calls", type=int, default=200)

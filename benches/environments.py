@@ -54,7 +54,7 @@ class Timed(Protocol):
     """Batch of environments whose speed is measured in turns with those of other engines."""
 
     def turn(self) -> None:
-        """Step for the time of a turn."""
+        """Step the environments for the duration of one measurement turn, and store the times."""
 
     @property
     def rate(self) -> float:
@@ -159,7 +159,7 @@ class Elsewhere:
         return json.loads(line)
 
     def turn(self) -> None:
-        """Step for the time of a turn."""
+        """Step the environments in the other process for the duration of one measurement turn, and store the times of the steps."""
         if self._process.stdin:
             print(TURN, file=self._process.stdin, flush=True)
         self._times += self._answer()
@@ -189,7 +189,7 @@ def gymnasiums(name: str) -> Contender:
 
 
 def main() -> None:
-    """Print the table."""
+    """Print a markdown table with the environment steps per second of each library for each task."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", default=NAMES, metavar="TASK", help=f"one of {', '.join(sorted(TASKS))}")
     parser.add_argument("--num-envs", type=int, default=1024)

@@ -20,7 +20,10 @@ from stepper.envs.assets import model_file
 
 
 def main() -> None:
-    """Serve turns. Arguments: name of the task, number of environments, file of the saved stepper model."""
+    """Step environments for as long as each line of standard input requests, and write the times of the steps.
+
+    Arguments of the command line: name of the task, number of environments, file of the saved stepper model.
+    """
     name, num_envs, saved = sys.argv[1], int(sys.argv[2]), sys.argv[3]
     task: Any = TASKS[name]()
     path = model_file(task.xml_file)

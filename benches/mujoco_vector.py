@@ -158,7 +158,12 @@ class MujocoSim(MujocoFields):
             self._batch.forward(ids)
 
     def randomize(self, envs: Array | None = None, **fields: Array) -> None:
-        """Set parameters of each environment, as `Stepper.randomize`."""
+        """Set model parameters of the environments `envs` (None is all).
+
+        Args:
+            envs: Boolean mask (num_envs,), or indices.
+            **fields: Arrays (num_envs, ...) by the name of the model's field, in the field's unit.
+        """
         ids = self._indices(envs)
         for name, values in fields.items():
             self._batch.expand(name)[ids] = values[ids]
@@ -214,11 +219,15 @@ class MujocoVectorEnv(VectorEnv[Array, Array, Array]):
         return self._envs.reset(seed=seed, options=options)
 
     def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
-        """Step all environments, as `StepperVectorEnv.step`."""
+        """Step all environments by one action. Arguments and results are those of `StepperVectorEnv.step`.
+
+        Args:
+            actions: Actions, (num_envs, nu), in the units of the task.
+        """
         return self._envs.step(actions)
 
     def set_state(self, qpos: Array, qvel: Array, envs: Any = None) -> Array:
-        """Set states, as `StepperVectorEnv.set_state`."""
+        """Set states and return observations. Arguments and results are those of `StepperVectorEnv.set_state`."""
         return self._envs.set_state(qpos, qvel, envs)
 
 

@@ -49,7 +49,7 @@ def rays(sim: stepper.Stepper, m: mujoco.MjModel) -> list[float]:
 
 
 def main() -> None:
-    """Print the table."""
+    """Print a markdown table with the times of the derived quantities for each model and precision."""
     print(f"{cpu_name()}, CPU level {cpu_levels()[-1]}, {ENVS} environments, {RAYS} rays per environment\n")
     print("| | mass_matrix, us | qfrc_bias, us | qacc_smooth, us | inverse_dynamics, us | rays, ns each | mj_multiRay, ns each |")
     print("|---|---|---|---|---|---|---|")

@@ -22,7 +22,7 @@ from stepper.shared.machine import cpu_name, one_core
 
 
 def some(num_envs: int = 256) -> None:
-    """Print the cost of states of single environments."""
+    """Print the time to save, restore and copy states of single environments, compared with the time of a step."""
     sim, ctrl = touching("dm_control/quadruped", Options(), num_envs)
     begin, kept = sim.get_state(), [sim.get_state(env) for env in range(num_envs)]
     sources = np.random.default_rng(0).integers(0, num_envs, num_envs)
@@ -46,7 +46,7 @@ def some(num_envs: int = 256) -> None:
 
 
 def main() -> None:
-    """Print the table."""
+    """Print a markdown table with the time to save and restore the state of all environments, compared with a step."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--some", action="store_true", help="measure states of single environments")
     given = parser.parse_args()

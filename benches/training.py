@@ -63,7 +63,7 @@ class Report:
 
     @classmethod
     def copied(cls) -> Report:
-        """Output files in out/training: copies of those of the documentation, which stays unchanged."""
+        """Files in out/training that the report is written to: copies of those in the documentation, which do not change."""
         docs = cls.of_docs()
         OUT.mkdir(parents=True, exist_ok=True)
         return cls(Path(shutil.copy(docs.page, OUT)), Path(shutil.copy(docs.curves, OUT)), OUT)

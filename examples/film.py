@@ -64,7 +64,7 @@ def pictures(policy_file: Path, name: str, camera: dict[str, Any], seconds: floa
 
 
 def main() -> None:
-    """Write the film."""
+    """Write the film of all robots to a GIF file."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("file", type=Path, help="GIF to write")
     parser.add_argument("--seconds", type=float, default=3.0, help="length of the film, s [3]")

@@ -102,7 +102,10 @@ def returns(parameters: dict[str, Any], episodes: int = 32, actions: int = 200) 
 
 
 def main() -> None:
-    """Identify the robot, evaluate the policy and print both."""
+    """Identify the robot's parameters, and print them with the returns of the policy in three batches of environments.
+
+    These have the nominal parameters, samples of the identified parameters, and the true parameters.
+    """
     with tempfile.TemporaryDirectory() as folder:
         recorded(Path(folder) / "run")
         found = identified(Path(folder) / "run")

@@ -30,7 +30,15 @@ class Stepper:
     precision: str = "f64"
 
     def start(self, mjcf: str, dt: float, num_envs: int = 1, *, restitution: float | None = None, iterations: int | None = None) -> World:
-        """Load a scene, as `atlas.scene.Engine.start`."""
+        """Load a scene, as environments of this engine with its settings.
+
+        Args:
+            mjcf: Model in MJCF.
+            dt: Time step, s.
+            num_envs: Number of environments.
+            restitution: Newton's coefficient of restitution of every contact; None is the default of the engine, inelastic.
+            iterations: Iterations of the contact solver; None is the default of the setting.
+        """
         options = dataclasses.replace(self.options, timestep=dt)
         if iterations is not None:
             options = dataclasses.replace(options, iterations=iterations)
@@ -112,7 +120,15 @@ class Mujoco:
     solref: float | None = None
 
     def start(self, mjcf: str, dt: float, num_envs: int = 1, *, restitution: float | None = None, iterations: int | None = None) -> World:
-        """Load a scene, as `atlas.scene.Engine.start`."""
+        """Load a scene, as environments of this engine with its settings.
+
+        Args:
+            mjcf: Model in MJCF.
+            dt: Time step, s.
+            num_envs: Number of environments.
+            restitution: Newton's coefficient of restitution of every contact; None is the default of the engine, inelastic.
+            iterations: Iterations of the contact solver; None is the default of the setting.
+        """
         return _MujocoWorld(self, mjcf, dt, num_envs, restitution=restitution, iterations=iterations)
 
 
@@ -202,7 +218,15 @@ class Rapier:
     name: str
 
     def start(self, mjcf: str, dt: float, num_envs: int = 1, *, restitution: float | None = None, iterations: int | None = None) -> World:
-        """Load a scene, as `atlas.scene.Engine.start`."""
+        """Load a scene, as environments of this engine with its settings.
+
+        Args:
+            mjcf: Model in MJCF.
+            dt: Time step, s.
+            num_envs: Number of environments.
+            restitution: Newton's coefficient of restitution of every contact; None is the default of the engine, inelastic.
+            iterations: Iterations of the contact solver; None is the default of the setting.
+        """
         from atlas.rapier import RapierWorld  # noqa: PLC0415  (optional)
 
         return RapierWorld(mjcf, dt, num_envs, restitution, iterations)

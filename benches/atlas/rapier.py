@@ -66,13 +66,13 @@ class RapierWorld(World):
             world.put(q, v)
 
     def push(self, body: str, force: ArrayLike, torque: ArrayLike = (0, 0, 0)) -> None:
-        """Apply a lasting force, as `World.push`."""
+        """Apply a lasting force (N) and torque (N m) at a body's centre of mass, in world axes, (num_envs, 3) or (3,) for all."""
         for env, world in enumerate(self._worlds):
             parts = (np.broadcast_to(np.asarray(part, float), (self.num_envs, 3))[env] for part in (force, torque))
             world.push(self.body(body), *parts)
 
     def touches(self, env: int = 0) -> list[Touch]:
-        """Contacts of the last step with a force."""
+        """Contacts of the last step that exert a force, in one environment."""
         return self._worlds[env].touches(self.dt)
 
     def _advance(self, ctrl: Array | None, nstep: int) -> None:
@@ -100,7 +100,7 @@ class _Loaded(RapierScene):
         self._geoms = geoms
 
     def push(self, body: int, force: Array, torque: Array) -> None:
-        """Apply a lasting force and torque."""
+        """Apply a lasting force (N) and torque (N m) at a body's centre of mass, in world axes, (3,) each."""
         b = self.world.rigid_bodies[self.bodies[body]]
         b.reset_forces()
         b.reset_torques()

@@ -20,7 +20,7 @@ class Engine(Protocol):
 
     @property
     def name(self) -> str:
-        """Name in the table."""
+        """Name of the engine with its settings, the heading of its column in the table."""
 
     def start(self, mjcf: str, dt: float, num_envs: int = 1, *, restitution: float | None = None, iterations: int | None = None) -> World:
         """Load a scene.

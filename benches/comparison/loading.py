@@ -51,7 +51,10 @@ def seconds(engine: str, file: str) -> list[float]:
 
 
 def in_turns(file: Path, turns: int) -> dict[str, list[float]]:
-    """Medians over turns of the times to load a file first and again, s, by engine. Each load is in a new process."""
+    """Times to load a file for the first and for the second time in a process, s, by engine.
+
+    Each pair is a median over `turns` processes.
+    """
     times: dict[str, list[list[float]]] = {engine: [] for engine in ("mujoco", "stepper", "saved")}
     with tempfile.TemporaryDirectory() as folder:
         saved = Path(folder) / "model.stepper"

@@ -31,7 +31,7 @@ QUANTILES = (0.5, 0.75, 0.9)
 
 
 def main() -> None:
-    """Print the table."""
+    """Print a markdown table with the trajectory errors of each robot at three time steps."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("references", type=Path, help="folder of the references; missing ones are computed")
     folder = parser.parse_args().references

@@ -87,7 +87,7 @@ def run(sim: Stepper, script: tuple[Any, Any], steps: int) -> tuple[Any, float]:
 
 
 def main() -> None:
-    """Print the table."""
+    """Print a markdown table with step time and error of each robot with bounded servos."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cache", type=Path, default=Path("out/corpus"), help="folder of the downloads [out/corpus]")
     parser.add_argument("--precision", default="f64", choices=("f64", "f32"))

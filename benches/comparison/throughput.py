@@ -76,7 +76,7 @@ def fast(model: Model) -> Options:
 
 
 def batches(case: Case, plan: Plan, threads: int) -> list[EngineBatch]:
-    """Batches to measure: stepper in both precisions with both settings, and MuJoCo with both settings."""
+    """Batches to measure: stepper in f64 and f32, with defaults and with the setting "fast", and MuJoCo with two settings."""
     quick = fast(case.model)
     return [
         *(StepperBatch(case.model, plan.num_envs, precision=p, threads=threads) for p in ("f64", "f32")),

@@ -29,7 +29,7 @@ MODELS = (
 
 
 def main() -> None:
-    """Print the table."""
+    """Print a markdown table with the step times of two builds for each robot."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("builds", nargs="*", metavar="FOLDER", help="two folders with the package `stepper`: before and after")
     parser.add_argument("--integrator", default="", help="integrator [default of each build]")

@@ -23,7 +23,7 @@ PAGES = Path("docs/benchmarks")
 
 
 def main() -> None:
-    """Measure the missing rows and write the report."""
+    """Measure the models of the corpus that have no measurement of this build yet, and write the report."""
     parser = argparse.ArgumentParser(prog="corpus", description=__doc__)
     parser.add_argument("--package", action="append", choices=[p.name for p in PACKAGES], help="package to measure; may be repeated [all]")
     parser.add_argument("--only", default="", metavar="SUBSTRING", help="measure only files with this in their path")

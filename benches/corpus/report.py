@@ -272,7 +272,7 @@ def _reasons() -> str:
 
 
 def _provenance(notes: Mapping[str, object], rows: Sequence[Row]) -> str:
-    """Section with machine and versions."""
+    """Section of the report with the notes (machine and versions) and the number of measured files per build of stepper."""
     text = "## Provenance\n\n"
     text += "".join(f"* {key}: {value if isinstance(value, str) else json.dumps(value)}\n" for key, value in notes.items())
     builds = Counter(row.stepper for row in rows)

@@ -96,7 +96,7 @@ class Scene:
         return stepper.load(self.text(mass, friction))
 
     def readings(self, options: stepper.Options) -> dict[str, np.ndarray[Any, Any]]:
-        """Ideal sensor readings by channel, (T, dim) each."""
+        """Ideal sensor readings of the scene's motion with the true parameters, by channel: T readings of dim numbers each, (T, dim)."""
         model = self.model(*self.truth)
         sim = stepper.Stepper(model, options=options)
         made = sim.rollout(self.ctrl, round(self.period / sim.timestep), fields=("sensordata",))["sensordata"]

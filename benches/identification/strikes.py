@@ -83,11 +83,11 @@ class Strike:
     marks: dict[int, str]
 
     def model(self, values: Any) -> stepper.Model:
-        """Model with the given values."""
+        """Model with the given values of the scene's two parameters, such as mass (kg) and friction."""
         return stepper.load(self.source.format(*(repr(float(value)) for value in values)))
 
     def velocities(self, model: stepper.Model) -> np.ndarray[Any, Any]:
-        """Initial velocities, (nv,)."""
+        """Initial velocities of all degrees of freedom of a model, (nv,), m/s or rad/s."""
         out = np.zeros(model.nv)
         for name, value in self.qvel.items():
             out[model.joint(name).dofadr] = value
@@ -256,7 +256,10 @@ def table(count: int) -> str:
 
 
 def matched_table(count: int) -> str:
-    """Markdown table of `count` runs of each scene in which the tracker's assumptions hold; see `follow_matched`."""
+    """Markdown table of `count` runs of each scene in which the assumptions of the tracker hold.
+
+    Its initial values are drawn from its prior, and the parameters are constant.
+    """
     return _table(count, follow_matched)
 
 

@@ -54,23 +54,23 @@ class Ours(StepperBatch):
         self.efforts: dict[str, Effort] = {}
 
     def begin(self, script: Script) -> None:
-        """Set all environments to the initial states, as `Batch.begin`."""
+        """Set all environments to the initial states of the script."""
         n = self.num_envs
         self.sim.reset(qpos=script.qpos[:n], qvel=None if script.qvel is None else script.qvel[:n])
         if script.push is not None:
             self.sim.xfrc_applied[:] = script.push
 
     def restart(self, mask: NDArray[np.bool_], qpos: Array) -> None:
-        """Reset the environments of a mask, as `Batch.restart`."""
+        """Reset the environments of a mask (num_envs,), at rest in configurations (num_envs, nq)."""
         self.sim.reset(mask, qpos=qpos)
 
     def move(self, mocap: Array) -> None:
-        """Set the poses of the mocap bodies, as `Batch.move`."""
+        """Set the poses of the mocap bodies, (num_envs, nmocap, 7)."""
         self.sim.mocap_pos[:] = mocap[..., :3]
         self.sim.mocap_quat[:] = mocap[..., 3:]
 
     def record(self, phase: str) -> None:
-        """Record the last step, as `EngineBatch.record`."""
+        """Add the solver's work in the last step, status flags included, to the statistics of the phase of this name."""
         effort = self.efforts.setdefault(phase, Effort())
         effort.certificate.add(self.sim)
         newton_steps = int(np.sum(self.sim.newton_steps))
@@ -79,7 +79,7 @@ class Ours(StepperBatch):
 
     @property
     def failed(self) -> int:
-        """Number of failed environments, as `Batch.failed`."""
+        """Number of environment steps that stepper has marked as not finite since the measurement began."""
         return sum(effort.certificate.non_finite for effort in self.efforts.values())
 
 
@@ -87,26 +87,26 @@ class Theirs(MujocoBatch):
     """Batch of environments in MuJoCo, with one thread."""
 
     def begin(self, script: Script) -> None:
-        """Set all environments to the initial states, as `Batch.begin`."""
+        """Set all environments to the initial states of the script."""
         n = self.num_envs
         self.reset(script.qpos[:n], None if script.qvel is None else script.qvel[:n])
         if script.push is not None:
             self.bind("xfrc_applied")[:] = script.push
 
     def restart(self, mask: NDArray[np.bool_], qpos: Array) -> None:
-        """Reset the environments of a mask, as `Batch.restart`."""
+        """Reset the environments of a mask (num_envs,), at rest in configurations (num_envs, nq)."""
         self.bind("qpos")[mask] = qpos[mask]
         for name in ("qvel", "qacc_warmstart"):
             self.bind(name)[mask] = 0.0
 
     def move(self, mocap: Array) -> None:
-        """Set the poses of the mocap bodies, as `Batch.move`."""
+        """Set the poses of the mocap bodies, (num_envs, nmocap, 7)."""
         self.bind("mocap_pos")[:] = mocap[..., :3]
         self.bind("mocap_quat")[:] = mocap[..., 3:]
 
     @property
     def failed(self) -> int:
-        """Number of failed environments, as `Batch.failed`."""
+        """Number of environments that MuJoCo has reset since the measurement began."""
         return int(np.count_nonzero(self.restarted))
 
 

@@ -72,7 +72,10 @@ def _rotation_vector(turn: Array) -> Array:
 
 
 def eased(begin: Array, end: Array, blocks: int) -> Array:
-    """Minimum-jerk interpolation from `begin` to `end`, (blocks, ...), at rest at both ends. The last entry equals `end`."""
+    """Minimum-jerk interpolation from `begin` to `end` at `blocks` equally spaced times, (blocks, ...), at rest at both ends.
+
+    The first entry is one interval after `begin`, and the last one equals `end`.
+    """
     t = np.arange(1, blocks + 1) / blocks
     share = (t**3 * (10 - 15 * t + 6 * t**2)).reshape(-1, *([1] * begin.ndim))
     return np.asarray(begin + share * (end - begin))

@@ -124,7 +124,7 @@ def _slip(found: Sequence[float] | None) -> str:
 
 
 def means(rows: Sequence[Row], column: str) -> float | None:
-    """Geometric mean over scenes of the speedups in a column; None without speedups. A group of rows has the weight of one scene."""
+    """Geometric mean over scenes of the speedups in a column; None without speedups. Scenes of the same group count as one scene."""
     return grouped_mean((row["group"], row["ours"][column]["ratio"]) for row in rows if column in row["ours"])
 
 
@@ -234,7 +234,7 @@ class Report:
     robots: Mapping[str, Any] | None
 
     def show(self) -> str:
-        """Both tables for each number of environments."""
+        """Markdown tables of speed and accuracy for each number of environments, one after the other."""
         parts = []
         for num_envs in sorted({row["num_envs"] for row in self.rows}):
             some = [row for row in self.rows if row["num_envs"] == num_envs]

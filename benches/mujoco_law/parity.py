@@ -54,16 +54,16 @@ class States:
 
 @dataclass(frozen=True)
 class Parity:
-    """Agreement of one step between the engines.
+    """Agreement between stepper and MuJoCo after one step from the same states of a model.
 
     Attributes:
         states: Number of states.
         touching: Share of states with contacts.
-        same: Share of states with equal contacts: geoms, number and distance.
+        same: Share of states in which both engines find the same contacts: geoms, number and distance.
         error: Difference of velocities after the step, relative to 1 + max |qvel|, for states with equal contacts, (n,).
-        spread: Difference between MuJoCo's solvers in the same states, (n,).
-        newton_steps: Mean number of Newton steps.
-        residual: Largest residual, m/s.
+        spread: Difference between the results of MuJoCo's own solvers, relative to 1 + max |qvel|, in the same n states, (n,).
+        newton_steps: Mean number of Newton steps of stepper's solver.
+        residual: Largest residual of stepper's solver, m/s.
     """
 
     states: int
@@ -76,7 +76,7 @@ class Parity:
 
     @property
     def agrees(self) -> float:
-        """Share of states with agreeing velocities, of those with equal contacts."""
+        """Share of states in which the velocities after the step agree, among the states with equal contacts; 1 if there are none."""
         return float(np.mean(self.error <= np.maximum(AGREES, self.spread))) if len(self.error) else 1.0
 
 

@@ -36,7 +36,7 @@ class Row:
         return f"{self.name:36} {numbers} {self.left_out}"
 
     def cells(self) -> dict[str, str]:
-        """Cells of the table by column."""
+        """Cells of this model's row in the table, by the heading of the column; empty if the model was not compared."""
         p = self.parity
         if p is None:
             return {}

@@ -108,11 +108,11 @@ for _name in _WRITING:
 
 
 def kind(field: str, remedy: str = "") -> type[ReadOnly]:
-    """Subclass of `ReadOnly` for a field, with the error message for writes to it.
+    """Subclass of the read-only array type `ReadOnly` for one attribute, with its error message for attempts to write to it.
 
     Args:
         field: Name of the attribute, as "qpos".
-        remedy: Remedy in the message; "" is `remedy_of(field)`.
+        remedy: Advice at the end of the message: the call that sets the values. "" takes `remedy_of(field)`.
     """
     message = (
         f"{field} is a read-only copy, and writing to it would change nothing: {remedy or remedy_of(field)}. Its copy() can be written to"

@@ -159,10 +159,10 @@ def output_array(shape: tuple[int, ...], dtype: Any, out: Array | None) -> Array
 
 
 def copied(values: Array, out: Array | None) -> Array:
-    """Copy of an array (...), in its unit, written to `out` if that is given.
+    """Copy of an array of any shape, in the same unit, in the array `out` if that is given.
 
     Raises:
-        ValueError: An `out` of another shape or scalar type.
+        ValueError: `out` has another shape or scalar type.
     """
     found = output_array(values.shape, values.dtype, out)
     found[...] = values

@@ -93,9 +93,9 @@ def valley(engine: Engine, dt: float) -> float:
 
 
 def bowl(kind: str):
-    """Function that measures scene 38 with a ball in a bowl of facets, within 1 s from rest.
+    """Function that measures scene 38 with a ball that rolls from rest in a bowl of facets for 1 s.
 
-    It returns the largest relative change of the energy. `kind` is the kind of surface: "hfield" or "mesh".
+    It returns the largest change of the ball's energy relative to the initial energy. `kind` is the kind of surface: "hfield" or "mesh".
     """
 
     def measure(engine: Engine, dt: float) -> float:

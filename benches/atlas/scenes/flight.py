@@ -84,7 +84,7 @@ def _spun(inside: str, engine: Engine, dt: float) -> Array:
     """Angular velocity of the tumbling body of scene 9 after 10,000 steps, (3,) rad/s.
 
     Args:
-        inside: MJCF of the body, with a place for its fixed child.
+        inside: MJCF of the body; the placeholder {} in it gets the MJCF of a child with inertia that is fixed to the body.
         engine: The engine.
         dt: Time step, s.
     """

@@ -135,7 +135,7 @@ def _roll(engine: Engine, dt: float) -> tuple[float, float]:
 
 
 def slip_to_roll(engine: Engine, dt: float) -> float:
-    """Error of scene 6, a ball that slips and then rolls: of the final speed (m/s) or of the extrapolated distance (m), the larger one."""
+    """Error of scene 6, a ball that slips, then rolls: error of its final speed, m/s, or extrapolated distance, m, the larger one."""
     (v, way), (_, half) = _roll(engine, dt), _roll(engine, dt / 2)
     slip_time, slip_way, rolling = 2 * SLIP / (7 * MU_BALL * G), 12 * SLIP**2 / (49 * MU_BALL * G), 5 * SLIP / 7
     right = slip_way + rolling * (2.0 - slip_time)

@@ -17,9 +17,9 @@ JAW, WEDGE, SQUEEZE, WIDTH, THICK = 1.0, 1.0, 50.0, 0.05, 0.01
 
 
 def wedge(factor: float) -> str:
-    """MJCF of scene 18: two jaws on slides squeeze a wedge, a body of two plates that is wider at the top.
+    """MJCF of scene 18: two jaws on slides squeeze a wedge of half-angle alpha, a body of two plates that is wider at the top.
 
-    Friction is factor * tan alpha.
+    The friction coefficient is factor * tan(alpha); the wedge sticks if it is at least tan(alpha).
     """
     plates, jaws = "", ""
     for side in (1, -1):
@@ -34,7 +34,7 @@ def wedge(factor: float) -> str:
 
 
 def _squeezed(engine: Engine, dt: float, factor: float):
-    """Environment of scene 18 with a wedge that two jaws squeeze; friction is factor * tan alpha."""
+    """Environment of scene 18 with a wedge of half-angle alpha that two jaws squeeze; the friction coefficient is factor * tan(alpha)."""
     world = engine.start(wedge(factor), dt)
     for side in (1, -1):
         world.push(f"jaw{side}", (-side * SQUEEZE, 0, 0))
@@ -42,7 +42,7 @@ def _squeezed(engine: Engine, dt: float, factor: float):
 
 
 def wedge_held(engine: Engine, dt: float) -> float:
-    """Error of scene 18, a wedge between jaws: creep speed with mu = 1.01 tan alpha, at which it must stick, m/s."""
+    """Error of scene 18, a wedge of half-angle alpha between jaws: creep speed with mu = 1.01 tan(alpha), at which it must stick, m/s."""
     return creep(_squeezed(engine, dt, 1.01), 2000)
 
 
@@ -92,12 +92,18 @@ def critical() -> float:
 
 
 def _jamming() -> float:
-    """Direction of slip, 1 or -1, whose friction presses the tip down: the tip is ahead of the rod's centre."""
+    """Direction of sliding along x, 1 or -1, in which scene 19's rod jams: friction then presses the tip into the floor.
+
+    The tip is ahead of the rod's centre in this direction.
+    """
     return math.copysign(1.0, float(_contact()[1][0, 1]))
 
 
 def _slide(engine: Engine, dt: float, mu: float) -> np.ndarray:
-    """Velocity of scene 19's rod (x, z, rotation about y) after one step of sliding in the direction in which it jams."""
+    """Velocity of scene 19's rod (x, z, rotation about y) after one step, m/s and rad/s.
+
+    It starts with its tip sliding in the direction of jamming.
+    """
     world = engine.start(rod(mu), dt)
     world.set(qvel=[_jamming() * SLIDE, 0, 0, 0, 0, 0])
     world.step()

@@ -66,9 +66,9 @@ HELD = 200
 
 
 def servo(ratio: float):
-    """Function that measures scene 22, a critically damped servo on 1 kg with h sqrt(k/m) = ratio.
+    """Function that measures scene 22, a critically damped servo on a mass m = 1 kg, with stiffness k such that h sqrt(k/m) = ratio.
 
-    It returns the share of an offset that is left after 200 steps.
+    h is the time step. The function returns the share of an offset that is left after 200 steps.
     """
 
     def measure(engine: Engine, dt: float) -> float:

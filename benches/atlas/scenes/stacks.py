@@ -161,9 +161,10 @@ def _apart(world: World) -> bool:
 
 
 def share(dt: float) -> float:
-    """Tolerance of forces in a stack at a time step, s, relative to the forces.
+    """Largest relative error of a force in a stack that counts as correct, at the time step `dt`, s.
 
-    It is the solver's tolerance of 1e-6 m/s over the load g dt of a step, times ten interfaces.
+    It is ten times (once per contact of the stack) the solver's tolerance, 1e-6 m/s, divided by the velocity g dt that gravity adds in a
+    step.
     """
     return max(1e-6, 10 * 1e-6 / (G * dt))
 

@@ -40,7 +40,7 @@ def _frame(name: str, x: float, z: float) -> str:
 
 
 def house() -> str:
-    """MJCF of a house of cards. Each frame has two highest edges, 2 THIN cos LEAN from its middle; the card across lies on four of them."""
+    """MJCF of a house of cards: two frames of two leaning cards, a card across their tops, and a third frame on that card."""
     across = free("across", box((TALL, DEEP, THIN), CARD), (0, 0, 2 * RISE + THIN))
     frames = _frame("left", -SPACING / 2, 0) + _frame("right", SPACING / 2, 0) + _frame("top", 0, 2 * RISE + 2 * THIN)
     return document(FLOOR + frames + across, friction=0.7)

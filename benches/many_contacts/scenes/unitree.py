@@ -166,7 +166,7 @@ def spec(walker: Walker, assets: Assets) -> Any:
 
 
 def _servo(s: Any, joint: str, motor: Motor) -> None:
-    """Add a position servo with the gains of a motor to a joint."""
+    """Add a position servo with the gains of a motor to a joint of the `MjSpec` s."""
     act = s.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
     act.gaintype, act.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
     act.gainprm[0], act.biasprm[1], act.biasprm[2] = motor.stiffness, -motor.stiffness, -motor.damping
@@ -174,7 +174,7 @@ def _servo(s: Any, joint: str, motor: Motor) -> None:
 
 
 def home(walker: Walker, model: mujoco.MjModel) -> Array:
-    """Initial configuration, (nq,)."""
+    """Initial configuration of a walking robot, (nq,)."""
     qpos: Array = model.qpos0.copy()
     qpos[2] = walker.height
     for j in range(model.njnt):
@@ -208,7 +208,7 @@ def script(walker: Walker, model: mujoco.MjModel, num_envs: int, rng: np.random.
 
 
 def _motor(walker: Walker, joint: str) -> Motor:
-    """Motor of a joint."""
+    """Motor, among those of a robot, that drives the joint with the given name."""
     return next(m for m in walker.motors if any(re.fullmatch(pattern, joint) for pattern in m.joints))
 
 

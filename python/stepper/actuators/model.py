@@ -146,7 +146,10 @@ def _changed(part: Any, change: Callable[[np.ndarray[Any, Any]], np.ndarray[Any,
     """Copy of a drive, motor or servo in which `change` was applied to all arrays with one number per environment."""
 
     def changed(value: Any) -> Any:
-        """Value of a field after the change. Motors, servos and tuples are changed part by part; numbers and texts stay as they are."""
+        """Copy of the value of a field, with `change` applied to arrays. Motors, servos and tuples are converted part by part.
+
+        Numbers and texts are returned unchanged.
+        """
         if isinstance(value, PID | DCMotor):
             return _changed(value, change)
         if isinstance(value, tuple):

@@ -150,7 +150,7 @@ class StepperPool:
         """Resets all environments and waits for the result; only for batch_size = num_envs.
 
         Returns:
-            Observations (num_envs, n), and infos as of `recv`.
+            Observations (num_envs, n), and infos in the format of `recv`.
 
         Raises:
             RuntimeError: batch_size is not num_envs.

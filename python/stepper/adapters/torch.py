@@ -79,7 +79,7 @@ class TorchVectorEnv:
         self.envs.close()
 
     def _destination(self, out: torch.Tensor | None) -> torch.Tensor:
-        """Tensor for the observations: `out`, or the buffer that was not used last."""
+        """CPU tensor for the observations: `out` if it is given, or one of two internal buffers, which are used in turn."""
         if out is None:
             self._buffers.reverse()
             return self._buffers[0]

@@ -66,7 +66,7 @@ class StepperBackend(SimBackend):  # type: ignore[misc]
 
     @property
     def model(self) -> Model:
-        """The model."""
+        """Model of the scene."""
         return self.sim.model
 
     @property
@@ -243,7 +243,11 @@ class StepperBackend(SimBackend):  # type: ignore[misc]
         self.set_state_tensor(torch.from_numpy(np.asarray(env_indices, dtype=np.int64)), position, velocity, randomization)
 
     def _reset(self, mask: Array, qpos: Array, qvel: Array, randomization: Any) -> None:
-        """Resets the environments of a mask (num_envs,) to states for all environments, in float64."""
+        """Resets the environments of a mask (num_envs,) to given positions (num_envs, nq) and velocities (num_envs, nv), in float64.
+
+        Raises:
+            ValueError: `randomization` is not empty, which this backend does not support.
+        """
         if randomization is not None and not randomization.is_empty():
             raise ValueError("randomization is given, must be None: use sim.randomize")
         if mask.any():

@@ -83,9 +83,8 @@ def derivatives(
     """Derivatives of the state after `nstep` steps in all environments, by the implicit function theorem.
 
     Returns:
-        Arrays by name: "slopes" (num_envs, 1, columns, rows), "causes" with the flags of `Kink` (num_envs, columns), and others.
-            "implicit",
-        (num_envs,) bool, is False where the derivatives are not valid, because the step was not solved or the theorem does not apply.
+        Arrays by name: "slopes" (num_envs, 1, columns, rows), "causes" with the flags of `Kink` (num_envs, columns), and others. The mask
+            "implicit", (num_envs,), is False where the theorem does not apply or the step was not solved; derivatives are not valid there.
     """
     if nstep > 1:
         return _product(sim, nominal, blocks, float(stencil.step.max(initial=0.0)), nstep=nstep, tolerance=tolerance)

@@ -88,12 +88,20 @@ class Linearization:
 
     @property
     def C(self) -> Array:  # noqa: N802
-        """Derivative of the sensor readings after the steps by the state before, (num_envs, nsensordata, n); errors are as for `A`."""
+        """Derivative of the sensor readings after the steps by the state before, (num_envs, nsensordata, n).
+
+        Raises:
+            KeyError: `wrt` lacks "qpos", "qvel" or "act".
+        """
         return np.concatenate([self._block(name, sensors=True) for name in STATE], axis=-1)
 
     @property
     def D(self) -> Array:  # noqa: N802
-        """Derivative of the sensor readings after the steps by the controls, (num_envs, nsensordata, nu); errors are as for `B`."""
+        """Derivative of the sensor readings after the steps by the controls, (num_envs, nsensordata, nu).
+
+        Raises:
+            KeyError: `wrt` lacks "ctrl".
+        """
         return self._block("ctrl", sensors=True)
 
     def _block(self, name: str, *, sensors: bool = False) -> Array:

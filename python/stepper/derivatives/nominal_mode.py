@@ -60,6 +60,8 @@ class Pairs:
 class Readings:
     """Results of stepping displaced copies, for pairs of an environment and a column of the derivative matrix.
 
+    Each pair has copies on two sides of the nominal value, at WIDTHS different distances.
+
     Attributes:
         slopes: Change of the result divided by the displacement of each copy, (pairs, 2, WIDTHS, rows).
         differs: Whether a copy was not solved, or has other active constraints than the unperturbed step, (pairs, 2, WIDTHS) bool.
@@ -95,8 +97,8 @@ def slopes_of(readings: Readings, offsets: Array, groups: Sequence[RowGroup]) ->
 
     Args:
         readings: Results of the displaced copies.
-        offsets: Displacements, (pairs, 2, WIDTHS), in the unit of the column, as in `Pairs`.
-        groups: Rows with the same unit, as for `KinkDetector.compare_slopes`.
+        offsets: Displacements, (pairs, 2, WIDTHS), in the unit of the column.
+        groups: Groups of rows of the derivative matrix with the same unit.
 
     Returns:
         Slopes, (pairs, rows); whether each is a slope of the nominal mode, (pairs,) bool; whether it is one of another mode, (pairs,) bool.

@@ -71,7 +71,7 @@ class Block:
 
     @property
     def count(self) -> int:
-        """Number of columns."""
+        """Number of columns, which are the perturbed coordinates or parameter values of this block."""
         return len(self.places)
 
 

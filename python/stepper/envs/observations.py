@@ -1,4 +1,4 @@
-"""Rows of observation tables that several tasks use."""
+"""Rows of the observation table (`Task.observations`) that several tasks use."""
 
 from __future__ import annotations
 

@@ -108,7 +108,7 @@ class Moment:
         """Fixes the value of a quantity in this view of the batch, for example a value from the middle of the step.
 
         Args:
-            name: Name of the quantity, as "xpos". Reading `now.xpos` then gives this value instead of that after the step.
+            name: Name of the quantity, as "xpos". Reading `now.xpos` then gives this value instead of the one at the end of the step.
             value: Value, (num_envs, ...), in the unit of the quantity.
         """
         self.__dict__[name] = self._kept[name] = value
@@ -223,7 +223,7 @@ class Observation:
             check_takes(self.func, ["now"], f"func of Observation {self.name!r}")
 
     def read(self, now: Moment) -> Array:
-        """Values of the row, (num_envs, n), in its unit, with noise and before `clip`."""
+        """Values of this row of the observation table, (num_envs, n), in its unit, with noise and before `clip`."""
         value: Array = getattr(now, self.name) if self.func is None else self.func(now)
         flat = value.reshape(len(value), -1)
         flat = flat if self.columns is None else flat[:, self.columns]
@@ -398,7 +398,7 @@ class MujocoTask(Task):
     xml_file: str
 
     def model(self) -> Model:
-        """The scene of `xml_file`."""
+        """Model of the scene, loaded from the file `xml_file`."""
         return load_quietly(model_file(self.xml_file), strict=self.strict)
 
 

@@ -365,7 +365,7 @@ def _mask_of(envs: ArrayLike | None, num_envs: int) -> Array:
 
 
 def _are_indices(envs: ArrayLike | None) -> bool:
-    """Whether the argument `envs` has indices and not a mask."""
+    """Whether the argument `envs` contains indices of environments, and not a boolean mask (or None)."""
     return envs is not None and np.asarray(envs).dtype != np.bool_
 
 

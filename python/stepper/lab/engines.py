@@ -79,7 +79,7 @@ class Certificate:
     sweeps: int = 0
 
     def add(self, sim: Stepper) -> None:
-        """Add the last step of all environments of a stepper."""
+        """Add the status flags, residuals and iterations of the last step of a stepper to these statistics."""
         status = np.asarray(sim.status)
         self.env_steps += status.size
         self.worst_residual = max(self.worst_residual, float(np.max(sim.residual)))
@@ -127,11 +127,11 @@ class StepperBatch:
         return np.asarray(self.sim.qvel, dtype=np.float64)
 
     def reset(self, qpos: Array, qvel: Array | None = None) -> None:
-        """Reset all environments to positions (num_envs, nq), m and rad, and velocities (num_envs, nv); see `EngineBatch.reset`."""
+        """Reset all environments to positions (num_envs, nq), m and rad, and velocities (num_envs, nv); None is zero velocity."""
         self.sim.reset(qpos=qpos, qvel=qvel)
 
     def step(self, ctrl: Array | None = None, nstep: int = 1) -> None:
-        """Step all environments with controls (num_envs, nu); see `EngineBatch.step`."""
+        """Step all environments `nstep` times with controls (num_envs, nu), in the actuators' units; None keeps the last controls."""
         self.sim.step(ctrl, nstep)
 
     def record(self, phase: str) -> None:
@@ -205,7 +205,7 @@ class MujocoBatch(MujocoFields):
         return np.array(self._bound["qvel"])
 
     def reset(self, qpos: Array, qvel: Array | None = None) -> None:
-        """Reset all environments to positions (num_envs, nq), m and rad, and velocities (num_envs, nv); see `EngineBatch.reset`."""
+        """Reset all environments to positions (num_envs, nq), m and rad, and velocities (num_envs, nv); None is zero velocity."""
         self._batch.reset(stage=require("mujoco", "to run MuJoCo").mjtStage.mjSTAGE_NONE.value)
         self.bind("qpos")[:] = qpos
         if qvel is not None:

@@ -98,7 +98,10 @@ def _label(model: Model, geom: int) -> str:
 
 
 def _overlaps(model: Model) -> list[str]:
-    """Paragraphs of the warning on overlaps at `qpos0`: those that were excluded from contact, and those that remain."""
+    """Paragraphs of a warning on geoms that overlap at the pose `qpos0`: excluded pairs, and pairs that still collide.
+
+    With overlaps="exclude", contact between bodies that overlap was disabled, except with the ground.
+    """
     parts = []
     if model.excluded_overlaps:
         title = 'overlaps="exclude" disables contact between the bodies of these geoms, which overlap at the reference pose:'

@@ -92,14 +92,14 @@ def _check_choices(overlaps: str, actuators: str | None) -> None:
 def _read(
     source: Source, strict: bool, package_dirs: Sequence[str | os.PathLike[str]] | None, urdf: Urdf | None, actuators: Actuators | None
 ) -> Model:
-    """Model of a source other than a saved model.
+    """Model of any source other than a model file of `Model.save`.
 
     Args:
-        source: As in `load`.
-        strict: As in `load`.
-        package_dirs: As in `load`.
+        source: Path, text or compiled `mujoco.MjModel`.
+        strict: Whether elements that stepper does not support are errors.
+        package_dirs: Folders to search for meshes of a URDF.
         urdf: The parsed source, if it is a URDF.
-        actuators: As in `load`.
+        actuators: Kind of actuator that the joints of a URDF get; None is no actuators.
     """
     _mujoco()
     compiled = compile_source(source, package_dirs)

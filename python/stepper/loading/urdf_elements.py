@@ -173,7 +173,7 @@ def _left_out(element: Element, path: str, owner: str) -> Iterator[Omission]:
 
     Args:
         element: The element.
-        path: Path of the element, as in `READ`.
+        path: Path of the element from the root, such as "robot/link/inertial".
         owner: Name of the link or joint that contains the element; "" if none does.
     """
     for attribute in element.attrib:
@@ -215,9 +215,9 @@ def _end(joint: Element, which: str) -> str:
 
 
 def _limits(urdf: Urdf) -> Iterator[Omission]:
-    """Yields an entry for each joint limit that is ignored.
+    """Yields an entry for each joint limit of a URDF that is ignored.
 
-    These are empty ranges, ranges of continuous joints, and effort or velocity limits that count as none.
+    Ignored are empty ranges, ranges of continuous joints, and effort or velocity limits whose value stands for no limit.
     """
     for name, joint in urdf.joints.items():
         kind, limit = joint.get("type"), joint.find("limit")

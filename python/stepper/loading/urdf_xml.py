@@ -1,4 +1,7 @@
-"""Parsing of the XML of URDF files. These often violate the XML standard in two ways that MuJoCo's parser accepts; see `parse`."""
+"""Parsing of the XML of URDF files, including two violations of the XML standard that MuJoCo's parser accepts.
+
+These are blank lines before the XML declaration, and prefixes without a declared namespace.
+"""
 
 from __future__ import annotations
 

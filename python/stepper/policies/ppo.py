@@ -276,7 +276,7 @@ def train(settings: Settings, folder: Path, *, every: float = 30.0, quiet: bool 
         settings: Settings of the run.
         folder: Folder for curve.csv, checkpoint.pt and policy.npz.
         every: Time between two checkpoints, s.
-        quiet: Whether to print no progress.
+        quiet: Whether to suppress progress output.
 
     Returns:
         The completed run.

@@ -80,7 +80,7 @@ def require_all(modules: Sequence[str], purpose: str, extra: str) -> None:
 
     Args:
         modules: Names of the modules.
-        purpose: Purpose for the message, as in `require`.
+        purpose: End of the sentence "<module> is needed ..." of the error message: "to draw charts".
         extra: Extra of stepper that installs all of them.
 
     Raises:
@@ -99,7 +99,7 @@ def package_file(package: str, file: str, purpose: str) -> str:
     Args:
         package: Name of the package.
         file: Path inside the package.
-        purpose: Purpose for the message, as in `require`.
+        purpose: End of the sentence "<package> is needed ..." of the error message: "for its robot".
 
     Raises:
         MissingPackageError: The package is not installed.

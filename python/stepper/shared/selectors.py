@@ -99,7 +99,12 @@ def parse(text: str, where: str = "selector") -> Selector:
 
 
 def parse_start(text: str, where: str = "selector") -> tuple[Selector, str]:
-    """Selector at the beginning of a text, and the rest of the text: "" or "=...". See `parse`."""
+    """Selector at the beginning of a text such as "geom_friction[floor][0]=0.1..2", and the rest of the text: "" or "=...".
+
+    Args:
+        text: The text.
+        where: Name of the argument with the text, for error messages.
+    """
     if not isinstance(text, str):
         raise TypeError(f"{where} is {text!r}, must be a str, as 'geom_friction[floor,box][0]'")
     return _parsed(text, where)

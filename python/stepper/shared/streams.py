@@ -65,14 +65,14 @@ class Streams:
         self.seed(np.arange(num_envs), [(seed + k) % 2**64 for k in range(num_envs)])
 
     def seed(self, envs: Array, seeds: Sequence[int]) -> None:
-        """Restarts streams.
+        """Restarts random number streams from seeds, and sets their ages to 0.
 
         Args:
-            envs: Indices of the streams, (n,).
-            seeds: A seed for each of them, 0 to 2^64 - 1.
+            envs: Indices of the environments whose streams restart, (n,).
+            seeds: Seed of each stream, n numbers from 0 to 2^64 - 1.
 
         Raises:
-            ValueError: A seed out of range.
+            ValueError: A seed is out of range.
         """
         for env, seed in zip(envs, seeds, strict=True):
             if not 0 <= seed < 2**64:

@@ -61,7 +61,7 @@ class Episode:
     notes: tuple[str, ...] = ()
 
     def checked(self, model: Model) -> Episode:
-        """Copy with arrays (float64) of the shapes above, after a check against a model.
+        """Copy of this episode with float64 arrays, after a check of their shapes against a model.
 
         Raises:
             ValueError: A shape is wrong, a control is not finite, or there are no readings. The message has the episode's name.
@@ -181,7 +181,7 @@ def _read(path: Path, model: Model, channels: Sequence[str] | None, columns: dic
         model: Model with the sensors, joints and actuators of the measurements.
         channels: Names of the channels to use; None is all.
         columns: New names of columns of a CSV file, or of arrays of an npz file.
-        start: Initial state of logs whose first row does not have it; None is none.
+        start: Initial state of logs whose first row does not have it; None if no log needs one.
     """
     if (path / HEADER).exists():
         return _of_recording(path, model, channels)
@@ -241,14 +241,14 @@ def _gathered(table: dict[str, Array]) -> dict[str, Array]:
 
 
 def _of_log(path: Path, table: dict[str, Array], model: Model, channels: Sequence[str] | None, start: Any) -> Episode:
-    """Episode of a log.
+    """Episode of a log, a CSV or npz file with one row per sample.
 
     Args:
         path: Path of the log, for messages.
         table: Columns by name, (rows,) or (rows, dim) each. "time", "ctrl" and applied forces are removed from it.
         model: Model of the measurements.
         channels: Names of the channels to use; None is all.
-        start: Initial state, if the first row does not have it; see `episodes_of`.
+        start: Initial state, if the first row does not have it: name of a keyframe, or (qpos, qvel); None uses the first row.
 
     Returns:
         Episode with rows - 1 periods: period k has the controls of row k and the readings of row k + 1.

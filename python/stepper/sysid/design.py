@@ -106,12 +106,12 @@ def design(
 
 
 def _read(found: Identification, episode: Episode, names: list[str], options: Options, actuators: ActuatorModel | None) -> Episode:
-    """Copy of an experiment with readings predicted by the estimate. Differences of poses are relative to these readings.
+    """Copy of an experiment with sensor readings simulated with the estimated parameters.
 
     Args:
         found: Result of the identification so far.
         episode: The experiment: controls and initial state.
-        names: Names of the channels to predict.
+        names: Names of the channels to simulate.
         options: Options of the step.
         actuators: Known attributes of the drives.
     """

@@ -301,13 +301,14 @@ def _noise_left(residuals: Residuals, at: Linearized, loss: str) -> Array:
 
 
 def _starts(qmc: Any, residuals: Residuals, count: int, seed: int) -> list[Array]:
-    """Start points of least-squares searches, `count` in total, (n + starts,) each.
+    """Start points of `count` least-squares searches, each an array of n parameters theta and of the displacements of the initial states.
 
-    The first is that of the model. The others are the best of eight times as many points of a Sobol sequence around it.
+    The first point is the model's values. The others are those with the smallest residuals among at least eight times as many points of a
+    Sobol sequence around the first.
 
     Args:
         qmc: Module `scipy.stats.qmc`.
-        residuals: Residuals, which rank the points.
+        residuals: Residuals of the fit, by which the points are ranked.
         count: Number of searches.
         seed: Seed of the Sobol sequence.
     """

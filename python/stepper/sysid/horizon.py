@@ -72,10 +72,11 @@ class Linear:
     Its unknowns are n parameters and the uncertain coordinates of the state at the start of the window.
 
     Attributes:
-        points: Simulated points, (count, n + states): the estimate, points along all directions, and other values of friction.
+        points: Simulated points in the space of the unknowns, (count, n + states): the estimate, two along each direction, and copies of
+            the estimate with other values of friction.
         directions: Directions of the finite differences.
         spans: Widths of local differences above and below the estimate, (n + states, 2).
-        made: Predictions at all points by field.
+        made: Predicted readings at all points, by name of the `Stepper` field, (count, T, width of the field).
         residual: Residuals at all points, (count, T, width), in units of the noise.
         J: Derivatives of the residuals at the estimate, (T, width, n + states).
         expected: Mean of the residuals over the distribution of the unknowns, (T, width).
@@ -132,7 +133,10 @@ class Horizon:
         self._now = 0.0
 
     def copy(self) -> Horizon:
-        """Independent copy of this hypothesis. Both use the same environments, because each sets their state before use."""
+        """Independent copy of this hypothesis.
+
+        Both can use the same simulated environments, because each one sets their state before use.
+        """
         other = copy.copy(self)
         other._samples, other._bounds = copy.copy(self._samples), dict(self._bounds)
         return other

@@ -23,16 +23,16 @@ LENGTH = math.sqrt(3.0)
 
 
 class Directions:
-    """Directions of the finite differences about an estimate x.
+    """Directions of the finite differences about an estimate x, which are as wide as the distribution of x.
 
     Args:
         covariance: Covariance of x, (n, n).
         local: Smallest half widths of finite differences, (n,), in the unit of x.
         clearance: Distance from x to its nearest bound, (n,), in the unit of x; infinite without bounds.
-        apart: Indices of numbers in x with local differences along their axis. The directions of the other numbers come from their
-            conditional covariance.
-        leading: Indices of numbers in x, such as frictions, that the other numbers' directions leave unchanged. A step of a correlated
-            mass could otherwise make a held object slip. The slope by the mass would then include the slip.
+        apart: Indices of numbers in x that are differentiated alone with their half width in `local`. The directions of the other numbers
+            are columns of a root of their conditional covariance.
+        leading: Indices of numbers in x, such as frictions, that the other numbers' directions leave unchanged. A step of a correlated mass
+            could otherwise make a held object slip. The slope by the mass would then include the slip.
 
     Attributes:
         columns: Directions, (n, n), one per column.

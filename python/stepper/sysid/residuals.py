@@ -160,10 +160,10 @@ class Residuals:
         return np.concatenate([rows, np.tile(x[self.n :], (len(rows), 1))], axis=1), spans
 
     def _predict(self, rows: Array, points: Array | None = None) -> list[Array]:
-        """Predicted readings by episode, (count, T, width) each.
+        """Predicted readings by episode, (count, T, width) each, for `count` parameter vectors and initial states.
 
         Args:
-            rows: Points as returned by `_around`.
+            rows: Points (count, columns) from `_around`: n parameters, common displacements of the initial states, then the initial states.
             points: Points x, (count, n + starts), whose initial states replace those in `rows`; None uses `rows`.
         """
         width = self._wide()

@@ -70,7 +70,7 @@ class Verdict:
     """Result of a comparison of the estimated frictions with other values.
 
     Attributes:
-        rival: Row, in the points of `verdict_of`, whose friction explains the readings best in place of the estimate; None without rival.
+        rival: Index of the compared point whose friction explains the readings as well as the estimate or better; None if there is none.
         holding: Indices of the frictions that hold the object at the estimate, so that the derivatives with respect to them are zero.
         excluded: Upper end of the excluded range, by index of the friction. The range begins at the smallest compared value.
         rises: For the other frictions, by index: offsets of compared values from the estimate, and their increases of the cost, (k, 2).
@@ -134,10 +134,11 @@ def verdict_of(
 
 
 def excluded_end(values: Array, costs: Array) -> float | None:
-    """Largest value of the range of frictions that the readings exclude, starting from the smallest value; None if that is possible.
+    """Upper end of the range of frictions that the readings exclude, which begins at the smallest value.
 
-    At the onset of slip, the cost can have two minima with a rise between them, and the true value can lie at the first. The range
-    therefore ends before the first possible value, and where the distance of two values could hide a minimum.
+    It is None if the readings allow the smallest value. At the onset of slip, the cost can have two minima with a rise between them, and
+    the true value can lie at the first. The range therefore ends before the first possible value, and where the distance of two values
+    could hide a minimum.
 
     Args:
         values: Values of a friction, (count,), logarithms.
@@ -252,7 +253,7 @@ def _holds(residual: Array, values: Array, window: Array, *, unknown: bool) -> b
 
 
 def _same(one: Array, other: Array) -> bool:
-    """Whether the squared difference of two residuals, (T, width), is below `FLAT`."""
+    """Whether the sum of the squared differences of two residual arrays, (T, width), is below `FLAT`."""
     return float(((one - other) ** 2).sum()) < FLAT
 
 

@@ -128,10 +128,10 @@ def _by_time(rows: Array, times: np.ndarray[Any, np.dtype[np.int64]]) -> list[Ar
 
 
 def _places(times: np.ndarray[Any, np.dtype[np.int64]]) -> np.ndarray[Any, np.dtype[np.int64]]:
-    """Time index of each reading from the first reading of its episode, (k,), in units of the interval between readings.
+    """Time of each reading since the first reading of its episode, (k,), as a whole number of sampling intervals.
 
     Args:
-        times: Indices of the episode, row and column of each reading, (k, 3).
+        times: Indices of the episode, time step and column of each reading, (k, 3).
     """
     _, episode = np.unique(times[:, 0], return_inverse=True)
     first = np.full(int(episode.max()) + 1, np.iinfo(np.int64).max)

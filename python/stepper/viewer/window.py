@@ -134,7 +134,7 @@ class Window:
         Args:
             part: The instances.
             handle: Handle of viser for these instances.
-            respond: Function respond(phase, row, geom, place), as for `on_pull`.
+            respond: Function of the phase ("start", "update", "end"), environment row, geom index and pointer position (3,), m.
         """
 
         # An asynchronous callback receives the phases in order.

@@ -47,7 +47,7 @@ def height(xy: Array) -> Array:
 
 
 def elements(greatest: float, attributes: dict[str, str]) -> tuple[Element, Element]:
-    """MJCF elements of the field: its asset and its geom.
+    """MJCF elements of the height field: its asset and its geom.
 
     Args:
         greatest: Height of the highest bump, m.

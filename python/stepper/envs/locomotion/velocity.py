@@ -318,7 +318,10 @@ def _readings(row: str) -> Callable[[Moment], Array]:
 
 @cache_per_model
 def _columns(model: Model, row: str) -> tuple[int, int]:
-    """First column in sensordata of the sensors of an observation's row, which are adjacent, and their number of columns."""
+    """Columns in `sensordata` of the sensors of one row of the observation table: index of the first column, and number of columns.
+
+    These sensors are adjacent. `row` is the name of the row.
+    """
     found = [sensor for sensor in map(model.sensor, range(len(model.sensor_names))) if re.fullmatch(f"{row}( .*)?", sensor.name)]
     return found[0].adr, sum(sensor.dim for sensor in found)
 

@@ -185,7 +185,7 @@ class Gap(BoxTerrain):
     depth: float = 1.0
 
     def boxes(self, size: float, difficulty: float, rng: np.random.Generator) -> Array:
-        """The platform, the ground around, and the bottom of the gap."""
+        """Boxes of the platform, the ground around the gap and its bottom, (n, 2, 3), m: lowest and highest corner of each."""
         inner, bottom = self.platform_width / 2, -self.depth - _THICKNESS
         outer = inner + _at(self.gap_width_range, difficulty)
         middle = [_box(-inner, inner, -inner, inner, bottom, 0.0), _box(-outer, outer, -outer, outer, bottom, -self.depth)]
@@ -211,7 +211,7 @@ class SteppingStones(BoxTerrain):
     depth: float = 1.0
 
     def boxes(self, size: float, difficulty: float, rng: np.random.Generator) -> Array:
-        """The stones, the platform, the border, and the bottom of the pit."""
+        """Boxes of the stones, the platform, the border and the bottom of the pit, (n, 2, 3), m: lowest and highest corner of each."""
         side, distance = _at(self.stone_size_range, difficulty), _at(self.stone_distance_range, difficulty)
         outer, inner, bottom = size / 2 - self.border_width, self.platform_width / 2, -self.depth - _THICKNESS
         count = max(1, int((2.0 * outer - distance) / (side + distance) + _EDGE_MARGIN))
@@ -241,7 +241,7 @@ class DiscreteObstacles(BoxTerrain):
     platform_width: float = 1.0
 
     def boxes(self, size: float, difficulty: float, rng: np.random.Generator) -> Array:
-        """The ground and the boxes on it."""
+        """Boxes of the ground and of the obstacles on it, (n, 2, 3), m: lowest and highest corner of each."""
         outer = size / 2 - self.border_width
         sides = np.minimum(rng.uniform(*self.width_range, (self.num_obstacles, 2)), 2.0 * outer)
         low = -outer + rng.uniform(0.0, 1.0, (self.num_obstacles, 2)) * (2.0 * outer - sides)

@@ -63,6 +63,9 @@ class Budget:
         return cls(seconds, time.time())
 
     def stage(self, share: float) -> Stage:
-        """Stage that ends when this fraction of the budget is spent. Time for pictures is subtracted from the budget first."""
+        """Stage of the computation, which ends when the fraction `share` of the time budget has passed since its start.
+
+        The time reserved for drawing pictures is subtracted from the budget first. With an infinite budget, the stage has no end.
+        """
         drawing = min(_DRAWING[0], _DRAWING[1] * self.seconds)
         return Stage(self.begin + share * (self.seconds - drawing)) if math.isfinite(self.seconds) else Stage()

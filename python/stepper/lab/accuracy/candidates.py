@@ -21,7 +21,7 @@ class Line:
     Attributes:
         engine: "stepper", "MuJoCo" or "rapier".
         name: Name of the settings.
-        settings: Changed settings, as for `world_of` (batches.py), without the time step.
+        settings: Settings other than the time step that differ from the study's, by name, such as tolerance=1e-8.
         law: Contact law: "hard", "mujoco" or "rapier".
     """
 

@@ -35,7 +35,18 @@ def reference_of(
     stage: Stage | None = None,
     tick: Callable[[float], None] | None = None,
 ) -> Reference:
-    """Reference of some episodes: the study's closed form if it has one, otherwise a converged run. See `converge` for the arguments."""
+    """Reference of some episodes: the study's closed form if it has one, otherwise a run that is converged by halving the time step.
+
+    Args:
+        study: The study.
+        episodes: Numbers of the episodes.
+        distance: Definition of the difference of two runs.
+        target: Target of the uncertainty, m or rad.
+        most: Largest number of halvings of the study's time step, at least 2.
+        law: Settings that replace hard contact with the midpoint rule.
+        stage: Stage of the time budget; None is no bound.
+        tick: Progress callback with the fraction done.
+    """
     if study.exact is None:
         return converge(study, episodes, distance, target=target, most=most, law=law, stage=stage, tick=tick)
     trace = closed_form(study, episodes)

@@ -135,7 +135,7 @@ def saving(own: tuple[Study, Mapping[str, Any]], less: tuple[Study, Mapping[str,
     Call it inside `stepper.shared.machine.one_core()`.
 
     Args:
-        own: Study and changed settings (as for `world_of`) that are the baseline.
+        own: Study, and settings by name (such as timestep=0.001) that differ from it: the baseline.
         less: Study and settings that may take less time.
         trace: Recorded run whose controls are used.
 

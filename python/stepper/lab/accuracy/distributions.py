@@ -49,7 +49,7 @@ def names(study: Study) -> list[str]:
 
 
 def shifts(study: Study, own: Trace, converged: Trace) -> list[Shift]:
-    """Differences of outcomes from those of the converged run, in the order of `names`.
+    """Differences of the mean of each outcome, and of the fraction of successes, from those of the converged run.
 
     The interval of a mean is Student's, for differences of pairs. That of successes combines two Wilson intervals (R. G. Newcombe's tenth
     method, Statistics in Medicine 17, 1998). It assumes independent samples, and is conservative for pairs that correlate. An episode that

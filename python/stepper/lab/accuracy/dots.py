@@ -95,6 +95,12 @@ class Dot:
 
 
 def front(dots: Sequence[Dot], cost: str, engine: str | None = None) -> list[Dot]:
-    """Pareto front: points to which no other is both cheaper and more accurate, by the cost "alone" or "batch". None is all engines."""
+    """Pareto front of a chart: points to which no other is both cheaper and more accurate.
+
+    Args:
+        dots: Points of the chart.
+        cost: Kind of cost: "alone" or "batch".
+        engine: Name of the engine whose points count; None is all engines.
+    """
     own = [dot for dot in dots if math.isfinite(dot.error) and math.isfinite(getattr(dot, cost)) and engine in (None, dot.engine)]
     return [own[k] for k in pareto([getattr(dot, cost) for dot in own], [dot.error for dot in own])]

@@ -177,7 +177,9 @@ def _solved_key(line: Line, dt: float) -> str:
 def _runs(
     ground: ChartBasis, steps: Sequence[float], count: int, study: Study, own: tuple[int, Line]
 ) -> list[tuple[Trace | None, str]] | str:
-    """Runs of one line of the chart at all time steps, each with a note (None for a run without time); or the reason why it cannot be run.
+    """Runs of one line of the chart at all time steps, each with a note; or the reason why the line cannot be run.
+
+    A run that got no time is None.
 
     Args:
         ground: Data that all points share.
@@ -213,7 +215,7 @@ def _solved(ground: ChartBasis, study: Study, own: tuple[Line, float, float]) ->
 
 
 def _run(ground: ChartBasis, stage: Stage, settings: dict[str, Any], study: Study, until: float = math.inf) -> tuple[Trace | None, str]:
-    """Run of a study with changed settings, and a note if the run was stopped; None without time for the run.
+    """Run of a study with changed settings, and a note if the run was stopped; None instead of the run if no time is left for it.
 
     Args:
         ground: Data that all points share.

@@ -63,7 +63,7 @@ class Bench:
     Attributes:
         study: The study.
         episodes: Numbers of the episodes.
-        settings: Changed settings, as for `world_of`.
+        settings: Settings that differ from the study's, by name, such as timestep=0.001 or engine="mujoco".
         distance: Definition of changes of the motion.
         trace: Run of the episodes with these settings.
     """

@@ -98,7 +98,7 @@ def run(
         until: Simulated time of the run, s; outcomes are NaN if it is shorter than an episode.
         stage: Stage of the time budget; None is no bound. A run stops between steps, in MuJoCo and rapier between control periods.
         tick: Progress callback, called with the fraction done after every control period.
-        **changed: Changed settings, as for `world_of`.
+        **changed: Settings that differ from the study's, by name, such as timestep=0.001 or engine="mujoco".
     """
     begun, stage = time.time(), stage or Stage()
     world = world_of(study, setting, [study.nominal] * len(episodes), **(changed | {"sensors": None}))
@@ -193,7 +193,7 @@ def runs(
     Args:
         study: The study.
         episodes: Numbers of the episodes.
-        settings: Changed settings of each run, as for `world_of`.
+        settings: Settings of each run that differ from the study's, by name, such as timestep=0.001 or engine="mujoco".
         patience: Wall-clock duration after which each run is stopped, s.
         tick: Progress callback with the fraction done.
     """
@@ -211,7 +211,7 @@ def _run_limited(episodes: Sequence[int], study: Study, task: tuple[Mapping[str,
     Args:
         episodes: Numbers of the episodes.
         study: The study.
-        task: Changed settings, as for `world_of`, and the limit, s.
+        task: Settings by name that differ from the study's, such as timestep=0.001, and the limit, s.
 
     Returns:
         Recorded motion of the episodes.

@@ -53,12 +53,12 @@ class Candidate:
     """Candidate settings, with their error and cost.
 
     Attributes:
-        settings: Changed settings, as in `Study.settings`, with the time step.
+        settings: Settings by name that differ from the study's, with the time step.
         name: Name of the settings.
         error: Largest error of the training episodes plus the reference's uncertainty, m or rad. Infinite if an episode diverged or the
             run was stopped because it took far longer than the reference.
         alone: Microseconds of one core for a simulated second of one environment, stepped alone; NaN if the error exceeds the budget.
-        batch: Microseconds of one core for a simulated second of one environment, stepped in a batch; NaN likewise.
+        batch: Microseconds of one core for a simulated second of one environment, stepped in a batch; NaN if the error exceeds the budget.
         stopped: Whether the run was stopped.
     """
 

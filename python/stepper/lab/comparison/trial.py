@@ -106,10 +106,10 @@ def run(
     Args:
         name: Name of the engine.
         world: Environments, in their initial states.
-        controller: Recorded controls or a function that returns controls, as in `compare`.
+        controller: Controls (rows, num_envs, nu), whose last row is kept; or a function of qpos and qvel that returns controls.
         steps: Number of steps.
         slip: Measurement of sliding; None does not measure it.
-        reward: Reward function, as in `compare`.
+        reward: Function of (qpos, qvel) before the step, controls, and (qpos, qvel) after it, that returns (num_envs,).
         tick: Progress callback, called after every step with the name and the fraction of the steps.
     """
     qpos, qvel = np.array(world.qpos), np.array(world.qvel)

@@ -149,7 +149,7 @@ def world_of(study: Study, setting: str, values_by_env: Sequence[Values], **chan
         study: The study.
         setting: Name of the settings, which all environments share.
         values_by_env: Values of the parameters by name, for each environment.
-        **changed: Further settings, as in `Study.settings`; or sensors=None for ideal sensors; or settings of engine="rapier".
+        **changed: Further settings by name, such as timestep=0.001 or engine="mujoco"; sensors=None for ideal sensors.
     """
     model, compiled = study.loaded
     ideal = changed.pop("sensors", "given") is None
@@ -334,7 +334,7 @@ def run_episodes(study: Study, setting: str, values_by_env: Sequence[Values], ep
         setting: Name of the settings.
         values_by_env: Values of the parameters by name, for each episode.
         episodes: Numbers of the episodes.
-        **changed: Further changed settings, as for `world_of`.
+        **changed: Further settings that differ from the study's, by name, such as timestep=0.001 or engine="mujoco".
     """
     return rows_in(world_of(study, setting, values_by_env, **changed), study, setting, values_by_env, episodes)
 

@@ -42,7 +42,7 @@ _ANNOTATED = 5
 
 
 def draw(sweep: Sweep, path: Path) -> Path:
-    """Draw a sweep into a PNG file; see `figure_of`.
+    """Draw a sweep into a PNG file: success rates and mean outcomes against each parameter. Returns the path.
 
     Raises:
         MissingPackageError: matplotlib is not installed.
@@ -93,7 +93,7 @@ def figure_of(sweep: Sweep) -> Any:
 
 
 def draw_cliffs(sweep: Sweep, path: Path) -> Path | None:
-    """Draw the values at which success ends into a PNG file; see `cliffs_of`. The result is None if there is nothing to draw.
+    """Draw the values at which success ends, by settings, into a PNG file, and return its path; None if there is nothing to draw.
 
     Raises:
         MissingPackageError: matplotlib is not installed.

@@ -140,7 +140,7 @@ _TRIALS: tuple[tuple[str, Callable[[dict[str, Any]], dict[str, Any]], str, str],
 def _repeated(
     study: Study, rows: Sequence[Row], journal: Journal, name: str, change: Callable[[dict[str, Any]], dict[str, Any]]
 ) -> list[Row]:
-    """Rows of the same episodes with changed settings.
+    """Rows of the given episodes, repeated with changed settings.
 
     Args:
         study: The study.
@@ -167,5 +167,10 @@ def _repeated(
 
 
 def _key(row: Row, name: str) -> str:
-    """Key in the journal of the row that repeats an episode in a trial."""
+    """Journal key of the repetition of a failed episode in a trial.
+
+    Args:
+        row: Row of the failed episode.
+        name: Name of the trial.
+    """
     return f"{row['key']}, {name}"

@@ -129,7 +129,14 @@ class RapierWorld(MujocoWorld):
         self._lost = np.zeros(num_envs, np.bool_)
 
     def start(self, qpos: Array, qvel: Array, keyframe: str | int | None, seed: int) -> None:
-        """Start an episode in new rapier scenes, so that no contacts of earlier episodes remain; otherwise as `World.start`."""
+        """Start an episode in new rapier scenes, so that no contacts of earlier episodes remain.
+
+        Args:
+            qpos: Initial positions, (num_envs, nq), m and rad.
+            qvel: Initial velocities, (num_envs, nv), m/s and rad/s.
+            keyframe: Unused, because rapier scenes have no controls.
+            seed: Unused, because sensors are ideal.
+        """
         super().start(qpos, qvel, keyframe, seed)
         self._scenes = [_Scene(self._rapier, self._mujoco, model, self._iterations) for model in self._models]
         for scene, q, v in zip(self._scenes, qpos, qvel, strict=True):
@@ -137,13 +144,18 @@ class RapierWorld(MujocoWorld):
         self._behind, self._depth[:], self._lost[:] = False, 0.0, False
 
     def advance(self, ctrl: Any, nstep: int) -> None:
-        """Step the environments, and update the certificate, as `World.advance` describes."""
+        """Step all environments `nstep` times, and update the certificate (status flags and violations of the episode).
+
+        Args:
+            ctrl: Ignored, because models with actuators are rejected.
+            nstep: Number of steps.
+        """
         self.step(ctrl, nstep)
         for env, data in enumerate(self._now()):
             self._depth[env] = max(self._depth[env], max((float(-c.dist) for c in data.contact), default=0.0))
 
     def step(self, ctrl: Any, nstep: int) -> None:
-        """Step the environments, as `World.step` describes. There are no controls, because models with actuators are rejected."""
+        """Advance all environments by `nstep` time steps. `ctrl` is ignored, because models with actuators are rejected."""
         for env, scene in enumerate(self._scenes):
             scene.push(self._applied[env])
             for _ in range(nstep):

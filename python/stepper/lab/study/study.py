@@ -285,11 +285,11 @@ class Study(metaclass=Hinting):
         return controllers.Random(self.seed) if isinstance(self.controller, str) else self.controller
 
     def setting(self, name: str, given: Mapping[str, Any] | None = None) -> dict[str, Any]:
-        """Changed options of the settings with a name, as a dict.
+        """Options of the step that the settings of a given name change, by name of the option.
 
         Args:
             name: Name of the settings.
-            given: The settings, to check them; None is those of the study.
+            given: Options to check instead of those in the study; None takes those of the study.
 
         Raises:
             ValueError: There are no settings of this name, or an option is unknown.
@@ -315,7 +315,10 @@ class Study(metaclass=Hinting):
 
     @cached_property
     def identity(self) -> dict[str, Any]:
-        """Values and digests (JSON types) that determine the row of an episode, together with parameter values, settings and its number."""
+        """Values and digests of the study (JSON types) on which the results of an episode depend.
+
+        An episode's results also depend on its parameter values, its settings and its number, which are not included.
+        """
         model, _ = self.loaded
         measured = [
             {
@@ -450,7 +453,7 @@ def _check_options(given: Mapping[str, Any]) -> None:
 
 @cache
 def _words() -> dict[str, tuple[Any, ...]]:
-    """Words that each option with a choice among words can have, by name of the option; None among them stands for the default."""
+    """Allowed words of each option that is a choice among words, by name of the option. None among them stands for the default."""
     hints = get_type_hints(Options) | {"precision": Precision}
     return {name: tuple(word for part in (get_args(hints[name]) or ()) for word in _members(part)) for name in CHOICES}
 

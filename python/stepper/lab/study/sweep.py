@@ -115,11 +115,14 @@ class Sweep:
     bisected: tuple[Level, ...] = field(default=())
 
     def levels_of(self, parameter: str, setting: str = USUAL) -> list[Level]:
-        """Levels of a parameter ("" is the nominal point) with one of the settings."""
+        """Statistics of the outcomes at each value of a parameter, for one of the settings. The parameter "" is the nominal point."""
         return [level for level in self.levels if (level.parameter, level.setting) == (parameter, setting)]
 
     def points(self, parameter: str, setting: str = USUAL) -> list[Level]:
-        """Levels of a parameter with one of the settings, including those of bisections; numbers are ascending."""
+        """Statistics of the outcomes at all values of a parameter, including values added by bisection, for one of the settings.
+
+        Numbers are in ascending order.
+        """
         found = self.levels_of(parameter, setting)
         found += [level for level in self.bisected if (level.parameter, level.setting) == (parameter, setting)]
         words = any(isinstance(level.value, str) for level in found)
@@ -288,7 +291,7 @@ class _Progress:
         self._done += done == 1.0
 
     def end(self) -> None:
-        """Reports the end of all bisections, if there were rounds."""
+        """Reports to the progress callback that all bisections have ended. Does nothing if there were none."""
         if self._tick is not None and self._rounds:
             self._tick(self._what, 1.0)
 

@@ -283,7 +283,7 @@ def touching(study: Study, episodes: Sequence[int], **changed: Any) -> Touching:
     Args:
         study: The study.
         episodes: Numbers of the episodes.
-        **changed: Changed settings, as for `world_of`.
+        **changed: Settings that differ from the study's, by name, such as timestep=0.001 or engine="mujoco".
     """
     world = world_of(study, USUAL, [study.nominal] * len(episodes), **changed)
     assert isinstance(world, StepperWorld)

@@ -218,7 +218,14 @@ class StepperWorld(World):
         return np.asarray(value, np.float64) if isinstance(value, np.ndarray) and value.dtype == np.float32 else value
 
     def start(self, qpos: Array, qvel: Array, keyframe: str | int | None, seed: int) -> None:
-        """Start an episode in all environments, as `World.start` describes."""
+        """Start an episode in all environments.
+
+        Args:
+            qpos: Initial positions, (num_envs, nq), m and rad.
+            qvel: Initial velocities, (num_envs, nv), m/s and rad/s.
+            keyframe: Keyframe of the initial controls and activations; None is zero.
+            seed: Seed of the sensor errors.
+        """
         if keyframe is not None:
             self.sim.reset(keyframe=keyframe)
             held = np.array(self.sim.ctrl)
@@ -233,7 +240,12 @@ class StepperWorld(World):
         self.time = np.zeros(self.num_envs)
 
     def advance(self, ctrl: Any, nstep: int) -> None:
-        """Step all environments, and update the certificate, as `World.advance` describes."""
+        """Step all environments `nstep` times, and update the certificate (largest status flags, residuals and violations of the episode).
+
+        Args:
+            ctrl: Controls, (num_envs, nu) or (nu,), in their units; None keeps the last ones.
+            nstep: Number of steps.
+        """
         self.step(ctrl, nstep)
         worst = self._worst
         worst["status"] = worst["status"] | np.asarray(self.sim.status, np.int64)
@@ -242,7 +254,12 @@ class StepperWorld(World):
             worst[name] = np.maximum(worst[name], np.asarray(getattr(self.sim, name), float))
 
     def step(self, ctrl: Any, nstep: int) -> None:
-        """Step all environments, as `World.step` describes."""
+        """Step all environments `nstep` times without an update of the certificate.
+
+        Args:
+            ctrl: Controls, (num_envs, nu) or (nu,), in their units; None keeps the last ones.
+            nstep: Number of steps.
+        """
         if ctrl is None:
             ctrl = self._held
         # After a step the simulation itself holds the controls.
@@ -355,7 +372,14 @@ class MujocoWorld(World):
         return models
 
     def start(self, qpos: Array, qvel: Array, keyframe: str | int | None, seed: int) -> None:
-        """Start an episode in all environments, as `World.start` describes."""
+        """Start an episode in all environments.
+
+        Args:
+            qpos: Initial positions, (num_envs, nq), m and rad.
+            qvel: Initial velocities, (num_envs, nv), m/s and rad/s.
+            keyframe: Keyframe of the initial controls and activations; None is zero.
+            seed: Unused, because MuJoCo's sensors have no errors.
+        """
         for data, model, q, v in zip(self._data, self._models, qpos, qvel, strict=True):
             if keyframe is None:
                 self._mujoco.mj_resetData(model, data)
@@ -367,7 +391,12 @@ class MujocoWorld(World):
         self.time, self._is_current, self._pushed = np.zeros(self.num_envs), False, False
 
     def advance(self, ctrl: Any, nstep: int) -> None:
-        """Step all environments, and update the certificate, as `World.advance` describes."""
+        """Step all environments `nstep` times, and update the certificate (largest status flags, residuals and violations of the episode).
+
+        Args:
+            ctrl: Controls, (num_envs, nu) or (nu,), in their units; None keeps the last ones.
+            nstep: Number of steps.
+        """
         self.step(ctrl, nstep)
         for env, data in enumerate(self._data):
             depth = max((float(c.includemargin - c.dist) for c in data.contact), default=0.0)
@@ -379,7 +408,12 @@ class MujocoWorld(World):
         self._status[self._beyond()] |= int(Status.NON_FINITE)
 
     def step(self, ctrl: Any, nstep: int) -> None:
-        """Step all environments, as `World.step` describes."""
+        """Step all environments `nstep` times without an update of the certificate.
+
+        Args:
+            ctrl: Controls, (num_envs, nu) or (nu,), in their units; None keeps the last ones.
+            nstep: Number of steps.
+        """
         rows = None if ctrl is None else np.broadcast_to(np.asarray(ctrl, float), (self.num_envs, self.model.nu))
         pushed = self._pushed or bool(self._applied.any())
         self._pushed = bool(self._applied.any())

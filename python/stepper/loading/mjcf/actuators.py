@@ -93,7 +93,10 @@ def _force(gain: list[float], bias: list[float], gain_type: str, bias_type: str)
 
 
 def delay(source: Source, a: int) -> tuple[float, int]:
-    """Delay of an actuator's control, s, at most the length of its history, and its interpolation: `PREVIOUS`, `LINEAR` or `CUBIC`."""
+    """Delay of an actuator's control, s, and its interpolation: `PREVIOUS`, `LINEAR` or `CUBIC`.
+
+    The delay is at most the length of the actuator's history buffer. `a` is the index of the actuator in MuJoCo's model.
+    """
     samples, between = (int(x) for x in source.m.actuator_history[a])
     return min(float(source.m.actuator_delay[a]), samples * float(source.m.opt.timestep)), between
 

@@ -124,7 +124,10 @@ def _joint(source: Source, i: int) -> Description:
 
 
 def _joint_range(source: Source, i: int) -> list[float] | None:
-    """Range of a joint, rad or m, narrowed by `margin`: MuJoCo's limits push outside of it. None if the joint has no active limits."""
+    """Range (lower and upper limit) of a joint, rad or m, with both ends moved inwards by the joint's `margin`. None without active limits.
+
+    MuJoCo applies the limit force from that distance before the limit on.
+    """
     m = source.m
     if not m.jnt_limited[i] or source.off("limit"):
         return None

@@ -49,7 +49,7 @@ def draw_commands(state: Terms, envs: Array, rng: Rng, dt: float, stages: Stages
         envs: Indices of the environments, (n,).
         rng: Random numbers of these environments.
         dt: Time of an action, s.
-        stages: Bounds of the commands by the number of actions of an environment.
+        stages: Bounds of the commands, which depend on the number of actions that an environment has made so far.
     """
     low_x, high_x, high_y, high_turn = stage_of(state["steps"][envs], stages).T
     drawn = rng.uniform(0.0, 1.0, 8)

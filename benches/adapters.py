@@ -138,7 +138,7 @@ def ray(name: str, num_envs: int) -> Step:
 
 
 def ray_rollout(name: str, num_envs: int) -> Step:
-    """Adapter to Ray with one actor that has the environments in four blocks, stepped by one remote call per rollout."""
+    """Function that steps the adapter to Ray: one actor has the environments in four blocks, and runs several steps per remote call."""
     import ray  # noqa: PLC0415
     from stepper.adapters.ray import RayVectorEnv  # noqa: PLC0415
 

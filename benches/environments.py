@@ -84,7 +84,7 @@ class Contender:
         envs.reset()
 
     def turn(self) -> None:
-        """Step for the time of a turn."""
+        """Step the environments for the duration of one measurement turn, and store the times of all steps but the first."""
         end = time.process_time() + TURN
         # The first step of each turn is not counted: its data are not in the CPU caches.
         self._step()

@@ -148,7 +148,15 @@ class MujocoSim(MujocoFields):
         act: Array | None = None,
         keep_warmstart: bool = False,
     ) -> None:
-        """Set positions, velocities and activations. Recomputes derived quantities, as Gymnasium does, unless `keep_warmstart`."""
+        """Set states of the environments `envs` (None is all) to rows of arrays, for all environments or for these.
+
+        Args:
+            qpos: Positions, (num_envs, nq), m and rad; None keeps them.
+            qvel: Velocities, (num_envs, nv), m/s and rad/s; None keeps them.
+            envs: Boolean mask (num_envs,), or indices.
+            act: Activations, (num_envs, na); None keeps them.
+            keep_warmstart: Whether to leave MuJoCo's derived quantities as they are, without evaluating the forward dynamics.
+        """
         ids = self._indices(envs)
         for name, given in (("qpos", qpos), ("qvel", qvel), ("act", act)):
             if given is not None:
@@ -214,7 +222,7 @@ class MujocoVectorEnv(VectorEnv[Array, Array, Array]):
         self.observation_space, self.action_space = envs.observation_space, envs.action_space
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Reset environments, as `StepperVectorEnv.reset`, with the same initial states."""
+        """Reset environments to the same initial states as stepper's. Arguments and results are those of `StepperVectorEnv.reset`."""
         super().reset(seed=seed if isinstance(seed, int) else None)
         return self._envs.reset(seed=seed, options=options)
 

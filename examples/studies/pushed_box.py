@@ -40,7 +40,7 @@ class Stop:
     """Controller that pushes at constant speed until the camera detects the box at the line. It samples the camera at a given rate."""
 
     def begin(self, now: Any) -> None:
-        """Start without a detection."""
+        """Reset the controller at the start of a batch: the camera has not detected the box at the line yet."""
         self._moving, self._next = np.ones(now.num_envs, bool), np.zeros(now.num_envs)
         self._box = np.full((now.num_envs, 3), np.nan)
         self._view = stepper.sensors.FieldOfView(width=now.parameters["field of view"], height=0.5)

@@ -84,7 +84,7 @@ class ReadOnly(np.ndarray[Any, Any]):
         return repr(self.view(np.ndarray))
 
     def copy(self, order: Any = "C") -> Any:
-        """A separate plain array."""
+        """Writable copy as a plain NumPy array."""
         return np.array(self, order=order)
 
     def __reduce_ex__(self, protocol: Any) -> Any:

@@ -120,9 +120,10 @@ FACETS = "each of 40 edges of 0.025 rad, back and forth, takes sin^2 of its angl
 
 
 def _bowl(dt: float) -> float:
-    """Tolerance of the relative change of energy of a ball in a bowl of facets at a time step, s.
+    """Tolerance of the relative change of energy of a ball in a bowl of facets in 1 s, at a time step, s.
 
-    It is that at 40 edges between facets, back and forth, and that of contacts a step late.
+    The ball crosses 40 edges between facets, back and forth, and each edge dissipates a share of the energy. Contacts that are found a step
+    late change the energy further.
     """
     return 3 * 40 * math.sin(0.025) ** 2 + 2 * dt
 

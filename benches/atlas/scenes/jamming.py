@@ -47,7 +47,7 @@ def wedge_held(engine: Engine, dt: float) -> float:
 
 
 def wedge_expelled(engine: Engine, dt: float) -> float:
-    """Error of scene 18, a wedge between jaws: relative error of its acceleration with mu = 0.9 tan alpha, at which the jaws expel it.
+    """Error of scene 18, a wedge of half-angle alpha that jaws expel: relative error of its acceleration with mu = 0.9 tan(alpha).
 
     The jaws close with v tan alpha, with v the speed of the wedge. Wedge: m a = 2 N (sin - mu cos); jaw: M a tan = F - N (cos + mu sin).
     """

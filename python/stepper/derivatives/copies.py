@@ -295,7 +295,7 @@ def _stepper(sim: Stepper, index: NDArray[np.int64], options: Options) -> Steppe
     # sensors do not matter, because only ideal readings are differentiated.
 
     def memory_of(own: Any) -> Any:
-        """Copy of a model of sensors or actuators in which every part has one value per copy, and as much memory as in `sim`."""
+        """Copy of a sensor or actuator model with one value per copy in every part, and as much memory (delays) as in the stepper `sim`."""
         named = {name: _widest(part, sim, len(index)) for name, part in own.named.items()}
         return type(own)(named, default=_widest(own.default, sim, len(index)))
 

@@ -202,7 +202,7 @@ def _block(model: Model, name: str, argument: str) -> Block:
 
 
 def _absent(model: Model, field: str, places: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Whether each number of a parameter cannot be perturbed if it is 0, (places,) bool.
+    """Mask of the numbers of a parameter that cannot be perturbed while they are 0, (places,) bool.
 
     Args:
         model: The model.

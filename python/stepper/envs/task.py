@@ -114,7 +114,7 @@ class Moment:
         self.__dict__[name] = self._kept[name] = value
 
     def end_step(self) -> None:
-        """Stores positions and velocities after the step. `reread` compares them with later ones, to drop values that `keep` has fixed."""
+        """Stores the positions and velocities at the end of the step, with which `reread` detects states that were changed afterwards."""
         if self._kept:
             self._end = self.qpos, self.qvel
 

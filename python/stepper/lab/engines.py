@@ -135,7 +135,7 @@ class StepperBatch:
         self.sim.step(ctrl, nstep)
 
     def record(self, phase: str) -> None:
-        """Add the last step to the certificate of a phase."""
+        """Add status flags and residuals of the last step to the statistics (`Certificate`) of a phase of the run, such as "rest"."""
         self.certificates.setdefault(phase, Certificate()).add(self.sim)
 
 

@@ -76,7 +76,10 @@ class Grasp(Task):
         return Observation("qpos"), Observation("qvel")
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
-        """Reward: 1 - ((height - rise) / rise)^2 - weight * sum of the squared finger controls. The info "rise" is the height, m."""
+        """Reward: 1 - ((height - rise) / rise)^2 - weight * sum of the squared finger controls. `rise` is the target height, m.
+
+        The info "rise" is the height of the box above its initial height, m.
+        """
         miss = (now.qpos[:, 4] - self.rise) / self.rise
         reward: Array = 1.0 - np.square(miss) - self.weight * square_sum(now.action[:, 1:])
         return reward, {"rise": now.qpos[:, 4]}

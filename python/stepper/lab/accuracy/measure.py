@@ -201,7 +201,9 @@ def _runs(
 
 
 def _solved(ground: ChartBasis, study: Study, own: tuple[Line, float, float]) -> tuple[Trace | None, str]:
-    """Run of a line of the chart with a tight solver tolerance, up to the horizon, and a note; None without time for the run.
+    """Run of a line of the chart with a tight solver tolerance, up to the horizon, and a note.
+
+    It is None instead of the run if no time is left.
 
     Args:
         ground: Data that all points share.

@@ -85,7 +85,7 @@ class Reference:
 
     @property
     def trace(self) -> Trace:
-        """Finest run."""
+        """Run with the smallest time step."""
         return self.runs[-1]
 
     @property

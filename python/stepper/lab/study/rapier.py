@@ -497,7 +497,7 @@ def _vector(v: Any) -> Array:
 
 
 def _quaternion(r: Any) -> Array:
-    """Unit quaternion (w, x, y, z), (4,), from one of rapier."""
+    """Unit quaternion (w, x, y, z), (4,), from a quaternion object of rapier."""
     q = np.array([r.w, r.i, r.j, r.k], float)
     norm = float(np.linalg.norm(q))
     return q / norm if norm > _ZERO else q

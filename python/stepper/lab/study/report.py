@@ -110,7 +110,7 @@ def report(study: Study | str | os.PathLike[str], out: str | os.PathLike[str] = 
         The report. OUT/NAME has report.html, report.md and the files of `sweep`.
 
     Raises:
-        ValueError: As for `sweep`.
+        ValueError: The study has no outcome, or a time step does not divide the control period.
         JournalError: The journal is damaged, or another process has it open.
     """
     study = with_peers(study_of(study))

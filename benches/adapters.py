@@ -228,7 +228,7 @@ def overlap(name: str, num_envs: int, rounds: int) -> tuple[float, float, float,
 
 
 def _action(space: Any, num_envs: int) -> Any:
-    """Random actions, (num_envs, nu)."""
+    """Random actions for all environments of an action space, (num_envs, nu)."""
     assert isinstance(space, gymnasium.spaces.Box)
     return np.random.default_rng(0).uniform(space.low, space.high, (num_envs, *space.shape)).astype(np.float32)
 

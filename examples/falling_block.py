@@ -57,7 +57,7 @@ class FallingBlock(gymnasium.Env[Array, Array]):
         return self._sim.sensordata, {"restitution": restitution}
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Step by 0.02 s. Episodes are truncated after 50 steps."""
+        """Step the block by 0.02 s with a thrust (1,), from -1 to 1. Episodes are truncated after 50 steps."""
         if self._sim is None:
             raise gymnasium.error.ResetNeeded("call reset before step")
         self._sim.step(action)

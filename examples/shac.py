@@ -201,7 +201,7 @@ class Learner:
         self.age += 1
 
     def collect(self) -> Horizon:
-        """Step all environments for a horizon (the number of actions that a gradient goes through), and return the samples of these steps."""
+        """Step all environments for one horizon (the number of actions that a gradient goes through), and return the samples."""
         plan = self.plan
         self.begin_some()
         T, n, nu = plan.horizon, plan.num_envs, len(self.middle)

@@ -79,7 +79,7 @@ def _added(rows: list[Row], notes: dict[str, object], data: Path) -> tuple[list[
 
 
 def _say(row: Row) -> None:
-    """Print a row to stderr."""
+    """Print the result of a scene in an engine at a time step to stderr."""
     sys.stderr.write(f"{row.number:>3} {row.name:45} {row.dt:7.0e} {row.engine:24} {row.outcome:10} {row.error:9.2e}\n")
 
 

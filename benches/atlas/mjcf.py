@@ -20,7 +20,7 @@ def document(world: str, *, friction: float = 1.0, gravity: Iterable[float] = (0
 
 
 def numbers(values: Iterable[float]) -> str:
-    """Numbers of an MJCF attribute, exact to the last bit."""
+    """Text of numbers for an MJCF attribute, exact to the last bit."""
     return " ".join(repr(float(v)) for v in values)
 
 
@@ -41,17 +41,17 @@ def free(name: str, geom: str, pos: Iterable[float], quat: Iterable[float] = (1,
 
 
 def box(half: Iterable[float], mass: float) -> str:
-    """Attributes of a box: half sizes in m, mass in kg."""
+    """MJCF attributes of a box geom: half sizes in m, mass in kg."""
     return f'type="box" size="{numbers(half)}" mass="{mass!r}"'
 
 
 def ball(radius: float, mass: float) -> str:
-    """Attributes of a sphere: radius in m, mass in kg."""
+    """MJCF attributes of a sphere geom: radius in m, mass in kg."""
     return f'type="sphere" size="{radius!r}" mass="{mass!r}"'
 
 
 def about_y(angle: float) -> tuple[float, float, float, float]:
-    """Quaternion of a rotation about y by an angle in rad."""
+    """Quaternion (w, x, y, z) of a rotation about y by an angle in rad."""
     return (math.cos(angle / 2), 0.0, math.sin(angle / 2), 0.0)
 
 

@@ -34,7 +34,7 @@ def _colour(row: Row) -> str | tuple[float, float, float, float]:
 
 
 def draw(path: Path, rows: Sequence[Row]) -> None:
-    """Write the figure as a PNG file."""
+    """Draw the results of all scenes, engines and time steps as a figure, and write it to a PNG file."""
     titles = list(dict.fromkeys(f"{r.number}  {r.name}" for r in rows))
     engines = list(dict.fromkeys(r.engine for r in rows))
     figure = Figure(figsize=(5.2 + 1.0 * len(engines), 2.0 + 0.2 * len(titles)), dpi=110)

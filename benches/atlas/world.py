@@ -88,7 +88,7 @@ class World(ABC):
 
     @abstractmethod
     def set(self, qpos: ArrayLike | None = None, qvel: ArrayLike | None = None) -> None:
-        """Set states, (num_envs, n), or (n,) for all environments."""
+        """Set positions and velocities, (num_envs, n), or (n,) for all environments; None keeps them."""
 
     @abstractmethod
     def push(self, body: str, force: ArrayLike, torque: ArrayLike = (0, 0, 0)) -> None:

@@ -59,7 +59,7 @@ def _ordered(rows: Iterable[Row]) -> list[Row]:
 
 
 def _say(row: Row) -> None:
-    """Print a row to stderr."""
+    """Print the result of measuring a model file to stderr."""
     text = "; ".join(map(str, judge.faults(row))) or "steps well" if row.outcome == MEASURED else f"{row.outcome} {row.note}"
     sys.stderr.write(f"{row.package:24} {row.file:60} {text}\n")
 

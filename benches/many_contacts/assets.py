@@ -57,7 +57,7 @@ def bare(spec: Any) -> Any:
 
 
 def written(spec: Any, path: Path) -> Path:
-    """Write the model as MJCF for both engines. Returns the path."""
+    """Write a model specification (`MjSpec`) as an MJCF file that both engines read. Returns the path."""
     with warnings.catch_warnings():
         # Parts with unique names are attached without a prefix.
         warnings.filterwarnings("ignore", message="Attaching a spec with an empty prefix")

@@ -54,7 +54,7 @@ class Reached:
 
 
 def of_rows(rows: Iterable[Row], precision: str, floors: Floors) -> list[Reached]:
-    """Results of the rows of many_contacts.json."""
+    """Results in one precision of the rows of many_contacts.json."""
     return [
         Reached(
             row["row"],

@@ -72,7 +72,7 @@ def many_contacts(path: Path) -> str:
 
 
 def _measure(case: Case, plan: Plan) -> tuple[float, float]:
-    """Speedups of stepper over MuJoCo in f64 and f32."""
+    """Speedups of stepper over MuJoCo on a model, in f64 and f32."""
     options = Options.from_model(case.model)
     with one_core():
         ours = [StepperBatch(case.model, plan.num_envs, precision=p, threads=1, options=options, setting="law") for p in ("f64", "f32")]

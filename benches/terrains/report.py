@@ -63,7 +63,7 @@ def steps(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def _engines(rows: Sequence[dict[str, Any]]) -> tuple[list[str], list[str]]:
-    """Names of stepper's settings and of MuJoCo's."""
+    """Names of stepper's settings and names of MuJoCo's settings in the rows of the measurement."""
     names = list(dict.fromkeys(name for row in rows for name in row["engines"]))
     return [name for name in names if not name.startswith(PEERS)], [name for name in names if name.startswith(PEERS)]
 

@@ -21,7 +21,7 @@ SOLE = (0.093, 0.026, 0.01)
 
 
 def humanoid(file: str, assets: Assets) -> Any:
-    """Humanoid of dm_control's suite."""
+    """Model specification (`MjSpec`) of a humanoid of dm_control's suite."""
     return assets.spec("dm-control", f"dm_control/suite/{file}.xml")
 
 

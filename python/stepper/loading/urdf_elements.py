@@ -135,7 +135,7 @@ class Urdf:
 
 
 def _bound(given: float | None) -> float | None:
-    """A limit of a joint if it is positive and finite; otherwise None."""
+    """Limit of a joint if it is positive and finite; otherwise None, which means no limit."""
     return given if given is not None and 0.0 < given < math.inf else None
 
 

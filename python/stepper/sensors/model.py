@@ -116,7 +116,7 @@ def _chosen(transfer: Transfer, index: np.ndarray[Any, Any]) -> Transfer:
     """Copy of a transfer function for some environments only, by a mask (num_envs,) or by indices (n,)."""
 
     def chosen_of(value: Any) -> Any:
-        """Value of a field in the chosen environments."""
+        """Value of a field of the transfer function, for the chosen environments only."""
         if isinstance(value, tuple):
             return tuple(chosen_of(end) for end in value)
         # A single number applies to all environments, as does a matrix, which mixes the axes of a sensor.

@@ -467,7 +467,7 @@ def bind(parameters: Sequence[FitParameter | str], model: Model) -> list[Block]:
 
 
 def write(blocks: Sequence[Block], theta: Array, model: Model) -> Variants:
-    """Variants of a model with the parameter vectors theta, (count, n)."""
+    """Variants of a model, one for each of the parameter vectors theta, (count, n)."""
     variants = Variants(model, len(theta))
     # Masses come first, because they scale the moments of inertia, and moments are absolute.
     for block, piece in sorted(zip(blocks, split(blocks, theta), strict=True), key=lambda part: part[0].parameter.kind == "body_inertia"):

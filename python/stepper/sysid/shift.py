@@ -199,7 +199,7 @@ class _Twin:
         self._surprise: list[float] = []
 
     def take(self, samples: list[tuple[Array, Mapping[str, Array]]]) -> None:
-        """Processes the next of the stored samples, if there is one."""
+        """Processes the next stored sample that this copy of the tracker has not processed yet, if there is one."""
         if self.done(samples):
             return
         k = self._at

@@ -240,7 +240,7 @@ class Window:
         self._draw()
 
     def _reveal(self, group: int, shown: bool) -> None:
-        """Shows or hides the geoms of a group."""
+        """Shows or hides the geoms of one of MuJoCo's geom groups."""
         for part, handle in zip(self.scene.parts, self._parts, strict=True):
             if part.group == group:
                 handle.visible = shown

@@ -327,7 +327,7 @@ def _columns(model: Model, row: str) -> tuple[int, int]:
 
 
 def stance_of(now: Moment) -> Array:
-    """Initial joint angles, (nu,), rad."""
+    """Joint angles of the keyframe "stance", near which episodes start, (nu,), rad."""
     return stance(now.sim.model)
 
 
@@ -350,7 +350,7 @@ def vertical(now: Moment) -> Array:
 
 @per_moment
 def command(now: Moment) -> Array:
-    """Present command, (num_envs, 3), m/s and rad/s."""
+    """Present velocity command along x and y (m/s) and about z (rad/s), (num_envs, 3)."""
     episode_state = now.episode_state
     length = -(-now.task.episode_steps // _COMMANDS)
     which = np.minimum(episode_state["step"] // length, _COMMANDS - 1)

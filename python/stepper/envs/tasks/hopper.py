@@ -35,7 +35,7 @@ class Hopper(MujocoTask):
         )
 
     def position(self, now: Moment) -> Array:
-        """Position in x, (num_envs,), m."""
+        """Position of the robot in x, (num_envs,), m."""
         x: Array = now.qpos[:, 0]
         return x
 

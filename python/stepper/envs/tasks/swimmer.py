@@ -29,7 +29,7 @@ class Swimmer(MujocoTask):
         )
 
     def position(self, now: Moment) -> Array:
-        """Position in x and y, (num_envs, 2), m."""
+        """Position of the robot in x and y, (num_envs, 2), m."""
         xy: Array = now.qpos[:, :2]
         return xy
 

@@ -122,7 +122,7 @@ class Terrain:
         return np.concatenate([places, self.height(places)[..., None]], axis=-1)
 
     def height(self, xy: Array) -> Array:
-        """Heights of the surface, m, at points (..., 2), m; 0 outside the terrain."""
+        """Heights of the terrain's surface, m, at points (..., 2), m; 0 outside the terrain."""
         return self.ground.heights(None, xy, beyond=0.0)
 
     def leaves(self, xy: Array, margin: float = 0.3) -> Array:
@@ -199,7 +199,7 @@ class Terrain:
         return np.where(inside & inside[:, None], heights, 0.0)
 
     def _rng(self, row: int, column: int) -> np.random.Generator:
-        """Random number generator of a tile."""
+        """Random number generator of the tile in the given row and column of the terrain."""
         return np.random.default_rng([self.seed, row, column])
 
     def _border(self) -> Array:

@@ -75,7 +75,7 @@ class Flat(BoxTerrain):
     """Flat ground at any difficulty."""
 
     def boxes(self, size: float, difficulty: float, rng: np.random.Generator) -> Array:
-        """Box of the ground, (1, 2, 3), m."""
+        """Box of the flat ground of a tile, (1, 2, 3), m: lowest and highest corner."""
         return np.array([_box(-size / 2, size / 2, -size / 2, size / 2, -_THICKNESS, 0.0)])
 
 

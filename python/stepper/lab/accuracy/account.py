@@ -188,7 +188,7 @@ def _spent(study: Study, parts: tuple[Part, ...]) -> Section:
 
 
 def _no_sensors(description: Description) -> None:
-    """Removes all sensors from a description, in place."""
+    """Removes all sensors from the description of a model, in place."""
     description["sensors"] = []
 
 
@@ -199,14 +199,14 @@ def _no_friction(description: Description) -> None:
 
 
 def _no_contacts(description: Description) -> None:
-    """Removes all contacts from a description, in place."""
+    """Removes all contacts from the description of a model, in place."""
     description["pairs"] = []
     for geom in description["geoms"]:
         geom["contype"] = geom["conaffinity"] = 0
 
 
 def _no_limits(description: Description) -> None:
-    """Removes the limits of joints and tendons from a description, in place."""
+    """Removes the limits of joints and tendons from the description of a model, in place."""
     for one in (*description["joints"], *description["tendons"]):
         one["range"] = None
 
@@ -218,12 +218,12 @@ def _no_dry_friction(description: Description) -> None:
 
 
 def _no_equalities(description: Description) -> None:
-    """Removes all equalities from a description, in place."""
+    """Removes all equalities from the description of a model, in place."""
     description["equalities"] = []
 
 
 def _no_medium(description: Description) -> None:
-    """Removes the surrounding fluid from a description, in place."""
+    """Removes the surrounding fluid from the description of a model, in place."""
     description["medium"] |= {"density": 0.0, "viscosity": 0.0}
 
 

@@ -183,7 +183,7 @@ def world_of(study: Study, setting: str, values_by_env: Sequence[Values], **chan
 
 
 def begin(study: Study, world: World, episodes: Sequence[int]) -> None:
-    """Start episodes with these numbers in the environments of a world."""
+    """Start the episodes with the given numbers in the environments of a world."""
     world.seed_episodes(study.seed, episodes, study.hold)
     qpos, qvel = starts(study, world, episodes)
     world.start(qpos, qvel, study.keyframe, study.seed)

@@ -82,7 +82,7 @@ class Recorded:
         self._row = 0
 
     def __call__(self, now: World) -> Array:
-        """Next row of controls, (nu,) or (num_envs, nu), in the actuators' units."""
+        """Next row of the recorded controls, (nu,) or (num_envs, nu), in the actuators' units."""
         row: Array = self.ctrl[min(self._row, len(self.ctrl) - 1)]
         self._row += 1
         if self._places is not None:
@@ -132,7 +132,7 @@ class Random:
         self._streams: list[np.random.Generator] = []
 
     def begin(self, now: World) -> None:
-        """Restart the random numbers of the episodes."""
+        """Restart the controller's random numbers at the start of a batch of episodes."""
         self._count = 0
         self._streams = [np.random.default_rng([self.seed, int(e), 1]) for e in now.episodes]
         bounds = np.asarray(now.model.actuator_ctrlrange, float).reshape(now.model.nu, 2)

@@ -171,7 +171,7 @@ class Watch:
         self._low, self._high, self._sum = ([x.copy() for x in self._first] for _ in range(3))
 
     def record(self, now: Any) -> None:
-        """Measure the values after a control period, and add them."""
+        """Measure the outcomes with the reduction "max", "min" or "mean" at the end of a control period, and update the reductions."""
         self._count += 1
         for k, outcome in enumerate(self._outcomes):
             if outcome.reduce in ("end", "change"):

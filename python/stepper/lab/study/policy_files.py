@@ -108,7 +108,7 @@ class Network:
         self._playing: Any = None
 
     def begin(self, _: Any = None) -> None:
-        """Replace the working copy by a new copy of the module."""
+        """Replace the copy of the module that computes controls by a new one, at the start of a batch."""
         self._playing = copy.deepcopy(self.module)
         if isinstance(self.module, self._torch.jit.ScriptModule) and hasattr(self.module, "reset"):
             self._playing.reset()
@@ -138,7 +138,7 @@ class _Torch(PolicyFile):
         self._network = Network(torch.jit.load(str(path), map_location="cpu"))
 
     def begin(self, now: Any) -> None:
-        """Replace the working copy of the network by a new copy."""
+        """Replace the copy of the network that computes controls by a new one, at the start of a batch."""
         self._network.begin(now)
 
     def __call__(self, observation: Array) -> Any:

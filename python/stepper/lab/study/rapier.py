@@ -262,7 +262,7 @@ class RapierScene:
         self.joints: list[RapierJoint] = []
 
     def put(self, qpos: Array, qvel: Array) -> None:
-        """Set the state: qpos (nq,), m and rad, and qvel (nv,), m/s and rad/s."""
+        """Set the state of the rapier scene: qpos (nq,), m and rad, and qvel (nv,), m/s and rad/s."""
         m, d, mujoco = self._model, self._data, self._mujoco
         d.qpos[:], d.qvel[:] = qpos, qvel
         mujoco.mj_kinematics(m, d)
@@ -492,7 +492,7 @@ def _tuple(v: Any) -> tuple[float, ...]:
 
 
 def _vector(v: Any) -> Array:
-    """Vector (3,) from one of rapier."""
+    """NumPy vector (3,) from a vector object of rapier."""
     return np.array([v.x, v.y, v.z], float)
 
 

@@ -141,7 +141,7 @@ def report(study: Study | str | os.PathLike[str], out: str | os.PathLike[str] = 
 
 
 def study_of(source: Study | str | os.PathLike[str]) -> Study:
-    """Study from a study or its file."""
+    """Study that is given, or that is read from a given file."""
     return source if isinstance(source, Study) else Study.from_file(Path(source))
 
 

@@ -192,7 +192,7 @@ class _Ledger:
         self._limited = [(k, j.qposadr, *j.range) for k, j in enumerate(joints) if j.limited and j.nq == 1]
 
     def record(self, now: World) -> None:
-        """Add the contacts of a step."""
+        """Add the contacts, limits and solver iterations of the last step to the statistics."""
         assert isinstance(now, StepperWorld)
         self.steps += self.num_envs
         qpos = now.qpos
@@ -211,7 +211,7 @@ class _Ledger:
             self._add(contacts, now.timestep)
 
     def _add(self, contacts: NDArray[np.void], timestep: float) -> None:
-        """Add contacts in the format of `Stepper.contacts`; timestep in s."""
+        """Add the forces of contacts, in the format of `Stepper.contacts`, to the statistics of their pairs of geoms; timestep in s."""
         pairs = np.sort(np.asarray(contacts["geom"], np.int64), axis=1)
         kinds, which = np.unique(pairs, axis=0, return_inverse=True)
         normal = np.asarray(contacts["force"][:, 0], float)

@@ -180,7 +180,7 @@ class RoughTask(Task):
         return self.terrain.leaves(now.qpos[:, :2])
 
     def info(self, now: Moment) -> Terms:
-        """Info: the command, and the level of the terrain."""
+        """Info: the velocity command, and the level (row of the terrain) of each environment."""
         return {"command": command(now), "terrain_level": np.array(now.episode_state["terrain_level"])}
 
     def episode_state(self, num_envs: int) -> Terms:

@@ -76,7 +76,7 @@ def measure(model: Model, plan: Plan, precision: Precision) -> dict[str, list[fl
 
 
 def main() -> None:
-    """Measure all variants and print the table."""
+    """Measure the cost of sensors for all variants of the humanoid, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--num-envs", type=int, default=128, help="number of humanoids [128]")
     parser.add_argument("--steps", type=int, default=1000, help="number of steps with random controls [1000]")

@@ -199,7 +199,7 @@ def _standing(model: stepper.Model) -> Array:
 
 
 def main() -> None:
-    """Run the filter and print its errors."""
+    """Run the ensemble filter on a moving quadruped, and print the estimation errors."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=10.0, help="simulated time, s [10]")
     parser.add_argument("--members", type=int, default=128, help="number of environments in the ensemble [128]")

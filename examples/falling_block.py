@@ -156,7 +156,7 @@ def scores(policy: Any, num_envs: int = 1000, seed: int = 0) -> Array:
 
 
 def main() -> None:
-    """Print the mean score of each policy."""
+    """Print the mean scores of a few policies for the falling block."""
     for name, policy in POLICIES.items():
         total = scores(policy)
         print(f"{name:20} {total.mean():5.1f} of {STEPS} steps above {LOWEST} m, from {total.min():.0f} to {total.max():.0f}")

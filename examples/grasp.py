@@ -142,7 +142,7 @@ def row(name: str, seed: int, scores: list[Score]) -> str:
 
 
 def main() -> None:
-    """Run both learners and print a table."""
+    """Run the learner by derivatives and the learner by PPO, and print a table of their scores."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=3, help="runs of each learner [3]")
     given = parser.parse_args()

@@ -193,7 +193,7 @@ def _is(plant: stepper.Stepper, plan: Plan, k: int) -> bool:
 
 
 def main() -> None:
-    """Control a robot and print the result."""
+    """Control a robot with the planner, and print its reward, its distance and the number of exact predictions."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("robot", nargs="?", default="walker", choices=ROBOTS)
     parser.add_argument("--seconds", type=float, default=4.0, help="simulated time, s [4]")

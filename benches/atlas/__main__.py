@@ -25,7 +25,7 @@ PAGES = Path("docs/benchmarks")
 
 
 def main() -> None:
-    """Run the sweep and write the report."""
+    """Run the sweep of scenes and engines, and write the report of the failure atlas."""
     parser = argparse.ArgumentParser(prog="atlas", description=__doc__)
     numbers = list(dict.fromkeys(s.number for s in scenes.ALL))
     parser.add_argument(

@@ -82,7 +82,7 @@ def row(name: str, file: Path, turns: int) -> str:
 
 
 def main() -> None:
-    """Measure all robots and print the table."""
+    """Measure the load times of all robots, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("files", nargs="*", type=Path, help="MJCF files of further robots")
     parser.add_argument("--turns", type=int, default=7, help="number of processes of each engine [7]")

@@ -214,7 +214,7 @@ def table(rows: list[dict[str, Any]]) -> str:
 
 
 def main() -> None:
-    """Measure all models and write the table."""
+    """Measure the throughput of all models, and write the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("models", nargs="*", help="parts of the names of models [all]")
     parser.add_argument("--num-envs", type=int, default=PLAN.num_envs, help="number of environments in stepper [%(default)s]")

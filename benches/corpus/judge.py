@@ -1,4 +1,4 @@
-"""Criteria of models that step well, with their thresholds."""
+"""Criteria, with thresholds, by which a model of the corpus counts as stepping well."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ SEED = 0
 
 @functools.cache
 def library() -> str:
-    """Digest of the installed library, binary and Python files."""
+    """Digest of the installed build of stepper: its binary and its Python files."""
     folder = Path(stepper.__file__).parent
     contents = hashlib.sha256()
     for path in sorted(p for p in folder.rglob("*") if p.suffix in (".py", ".so", ".pyd")):
@@ -109,7 +109,7 @@ def _missing(refusal: str, model: stepper.Model) -> list[str]:
 
 
 def main() -> None:
-    """Measure the file of the arguments and write its row."""
+    """Measure the model file that the command line names, and write its row to standard output."""
     parser = argparse.ArgumentParser(prog="corpus.measure", description=__doc__)
     parser.add_argument("package")
     parser.add_argument("file")

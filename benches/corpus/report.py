@@ -1,4 +1,4 @@
-"""Page docs/benchmarks/corpus.md, made from the rows."""
+"""Writer of the page docs/benchmarks/corpus.md from rows, each with the measurements of one model file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Row of the table: measurements of one file. `judge` has the criteria, so that they can change without new measurements."""
+"""Row of the corpus table: measurements of one model file.
+
+The module `judge` has the criteria by which a row is judged, so that they can change without new measurements.
+"""
 
 from __future__ import annotations
 

@@ -82,7 +82,7 @@ def _with_peer(count: int, threads: int) -> list[Row]:
 
 
 def main() -> None:
-    """Compute the tables and print or write them."""
+    """Compute the tables of the identification benchmark, and print or write them."""
     parser = argparse.ArgumentParser(prog="python -m identification", description=__doc__)
     parser.add_argument("--count", type=int, default=100, help="number of repetitions from each start [100]")
     parser.add_argument("--count-peer", type=int, default=10, help="number of repetitions in the comparison with mujoco.sysid [10]")

@@ -28,7 +28,7 @@ FAILURES = (DownloadError, ModelError, UnreachableError, RuntimeError)
 
 
 def main() -> None:
-    """Measure the scenes and write the report."""
+    """Measure the scenes with many contacts, and write the report."""
     parser = argparse.ArgumentParser(prog="many_contacts", description=__doc__)
     parser.add_argument("--scene", nargs="+", default=[], metavar="NAME", help="scenes with one of these texts in their name [all]")
     parser.add_argument("--num-envs", nargs="+", type=int, default=[64, 256], help="numbers of environments in stepper [64 256]")

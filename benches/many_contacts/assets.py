@@ -1,4 +1,4 @@
-"""Files of packages, and models as MJCF files that both engines read."""
+"""Files of Python packages with robot models, and conversion of models to MJCF files that both engines read."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tables of the results, for the terminal and docs/benchmarks/many_contacts.md."""
+"""Tables of the benchmark of scenes with many contacts, for the terminal and docs/benchmarks/many_contacts.md."""
 
 from __future__ import annotations
 
@@ -219,7 +219,7 @@ def _timed(scene: Scene) -> str:
 
 @dataclass(frozen=True)
 class Report:
-    """Report of all measurements.
+    """Report of the benchmark of scenes with many contacts.
 
     Attributes:
         rows: Rows of many_contacts.json, in the order of the scenes.

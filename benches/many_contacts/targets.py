@@ -1,4 +1,4 @@
-"""Speedups over MuJoCo: targets, measured values, and values at the floor of a step."""
+"""Speedups over MuJoCo: targets, measured values, and values at the floor of a step (the least time of its arithmetic)."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ PAGES = Path("docs/benchmarks")
 
 
 def main() -> None:
-    """Compare all models and write the results."""
+    """Compare single steps of stepper and MuJoCo for all models, and write the results."""
     parser = argparse.ArgumentParser(prog="mujoco_law", description=__doc__)
     parser.add_argument(
         "--only", action="append", default=[], metavar="SUBSTRING", help="compare only models with this in their name; may be repeated"

@@ -38,7 +38,7 @@ NOISE = 0.01
 
 
 def main() -> None:
-    """Compare all models and print the table."""
+    """Measure for all models how long motions in stepper and in MuJoCo agree, and print the table."""
     parser = argparse.ArgumentParser(prog="mujoco_law.motion", description=__doc__)
     parser.add_argument("--episodes", type=int, default=20, help="number of episodes of each model [20]")
     parser.add_argument("--seconds", type=float, default=10.0, help="length of an episode, s [10]")

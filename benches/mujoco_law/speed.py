@@ -28,7 +28,7 @@ class Newton(MujocoEngine):
 
 
 def main() -> None:
-    """Measure all models and print the table."""
+    """Measure the speed of MuJoCo's contact law in stepper for all models, and print the table."""
     parser = argparse.ArgumentParser(prog="mujoco_law.speed", description=__doc__)
     parser.add_argument("models", nargs="*", help="parts of the names of models [all]")
     parser.add_argument("--num-envs", type=int, default=256, help="number of environments in stepper [256]")

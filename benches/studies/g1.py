@@ -17,7 +17,7 @@ KP, KD = 200.0, 10.0
 
 
 def robot() -> Any:
-    """Model of the package on a plane, with a position servo for each hinge."""
+    """Model of the G1 from the package mjlab on a plane, with a position servo for each hinge."""
     spec = mujoco.MjSpec.from_file(str(package_file("mjlab", "asset_zoo/robots/unitree_g1/xmls/g1.xml", "for Unitree's G1")))
     spec.worldbody.add_geom(name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[5, 5, 1])
     for joint in spec.joints:

@@ -14,7 +14,7 @@ from terrains.report import table, times, update_page
 
 
 def main() -> None:
-    """Measure all grounds and print the tables."""
+    """Measure the step times on all grounds, and print the tables."""
     parser = argparse.ArgumentParser(prog="terrains", description=__doc__)
     parser.add_argument("--ground", nargs="+", default=[], metavar="NAME", help="grounds with one of these texts in their name [all]")
     parser.add_argument("--num-envs", type=int, default=Plan.num_envs)

@@ -33,7 +33,7 @@ MEASURED_ENVS = 32
 
 @dataclass(frozen=True)
 class Plan:
-    """Extent of the measurement.
+    """Extent of the measurement on a ground.
 
     Attributes:
         num_envs: Number of environments in stepper.

@@ -50,7 +50,7 @@ class PandaPick(Task):
     friction: tuple[float, float] = (0.4, 1.2)
 
     def model(self) -> Any:
-        """Model of panda_hand.py."""
+        """Model of arm, gripper and cube, from panda_hand.py."""
         with warnings.catch_warnings():
             # The warning is about solref and solimp of the finger pads, which hard contact does not use.
             warnings.simplefilter("ignore", stepper.ModelWarning)

@@ -1,4 +1,4 @@
-"""Numerical settings of a step."""
+"""Numerical settings of a simulation step (class `Options`)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Status flags of a step."""
+"""Status flags of a simulation step (class `Status`)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All scenes, in a module for each topic. `ALL` has them in the order of their numbers."""
+"""All scenes of the atlas, in a module for each topic. `ALL` has them in the order of their numbers."""
 
 from atlas.scene import Scene
 from atlas.scenes import (

@@ -49,12 +49,12 @@ class Motor:
 
     @property
     def stiffness(self) -> float:
-        """Stiffness of the servo, N m/rad."""
+        """Stiffness of a servo with this motor, N m/rad."""
         return self.armature * FREQUENCY**2
 
     @property
     def damping(self) -> float:
-        """Damping of the servo, N m s/rad."""
+        """Damping of a servo with this motor, N m s/rad."""
         return 2.0 * DAMPING_RATIO * self.armature * FREQUENCY
 
     @property

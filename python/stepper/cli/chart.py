@@ -1,4 +1,4 @@
-"""Command `stepper chart`."""
+"""Command `stepper chart`: error against cost of time steps, integrators, solvers, contact laws and engines."""
 
 from __future__ import annotations
 

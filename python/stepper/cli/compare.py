@@ -1,4 +1,4 @@
-"""Command `stepper compare`."""
+"""Command `stepper compare`: comparison of hard contact, MuJoCo's contact law and MuJoCo on one model."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Command `stepper demo`."""
+"""Command `stepper demo`: a thousand humanoids that fall and come to rest, in stepper and in MuJoCo."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Command `stepper doctor`."""
+"""Command `stepper doctor`: check of the installation."""
 
 from __future__ import annotations
 

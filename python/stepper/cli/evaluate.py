@@ -1,4 +1,4 @@
-"""Command `stepper evaluate`."""
+"""Command `stepper evaluate`: evaluation of a policy in one environment, or in two for comparison."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Command `stepper explain`."""
+"""Command `stepper explain`: parts of a model that are simulated, used by a run, or left out."""
 
 from __future__ import annotations
 

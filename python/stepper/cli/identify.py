@@ -1,4 +1,4 @@
-"""Command `stepper identify`."""
+"""Command `stepper identify`: identification of a model's parameters from measurements."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Command `stepper rank`."""
+"""Command `stepper rank`: ranking of a study's parameters by their influence on the outcome."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Command `stepper replay`."""
+"""Command `stepper replay`: repetition of a recording, compared bit for bit."""
 
 from __future__ import annotations
 

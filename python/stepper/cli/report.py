@@ -1,4 +1,4 @@
-"""Command `stepper report`."""
+"""Command `stepper report`: simulator report of a study, or failures in a recording."""
 
 from __future__ import annotations
 

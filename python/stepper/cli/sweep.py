@@ -1,4 +1,4 @@
-"""Command `stepper sweep`."""
+"""Command `stepper sweep`: variation of each parameter of a study over its range."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Command `stepper train`."""
+"""Command `stepper train`: training of a policy."""
 
 from __future__ import annotations
 

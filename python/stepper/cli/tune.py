@@ -1,4 +1,4 @@
-"""Command `stepper tune`."""
+"""Command `stepper tune`: cheapest settings within an error budget."""
 
 from __future__ import annotations
 

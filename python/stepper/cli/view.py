@@ -1,4 +1,4 @@
-"""Command `stepper view`."""
+"""Command `stepper view`: view of a model, a study, a recording or environments in the browser."""
 
 from __future__ import annotations
 

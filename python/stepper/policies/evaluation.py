@@ -42,7 +42,7 @@ class Evaluation:
 
     @property
     def mean(self) -> float:
-        """Mean return."""
+        """Mean return over the episodes."""
         return float(self.returns.mean())
 
     def interval(self, confidence: float = 0.95, info: str = "") -> tuple[float, float]:

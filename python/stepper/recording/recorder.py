@@ -133,7 +133,7 @@ class Recorder:
             self._flush()
 
     def _clear(self) -> None:
-        """Discards the rows in memory."""
+        """Discards the recorded rows that are still in memory."""
         self._kinds: list[int] = []
         self._steps: dict[str, list[np.ndarray[Any, Any]]] = {name: [] for name in FIELDS}
         self._others: dict[str, np.ndarray[Any, Any]] = {}

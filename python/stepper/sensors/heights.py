@@ -105,7 +105,7 @@ class HeightField:
 
     @property
     def half(self) -> Array:
-        """Half the extent in x and y, (2,), m."""
+        """Half the extent of the height field in x and y, (2,), m."""
         half: Array = self._grid.half.copy()
         return half
 

@@ -56,7 +56,7 @@ class Problem:
 
     @property
     def n(self) -> int:
-        """Number of parameters."""
+        """Number n of entries of the parameter vector theta."""
         return len(self.scale)
 
     def seen(self, readings: dict[str, Array]) -> np.ndarray[Any, np.dtype[np.bool_]]:

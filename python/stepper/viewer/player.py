@@ -114,7 +114,7 @@ class Player:
             self.close()
 
     def close(self) -> None:
-        """Stops the server."""
+        """Stops the web server."""
         self.window.close()
 
     def __enter__(self) -> Player:

@@ -115,7 +115,7 @@ class Renderer:
         return picture
 
     def close(self) -> None:
-        """Frees the memory of the graphics card."""
+        """Closes the renderer and frees its memory on the graphics card."""
         self._freeing()
 
     def _chosen(self, camera: str | int | None, config: Mapping[str, Any] | None, default: Mapping[str, Any] | None) -> tuple[Any, int]:

@@ -114,7 +114,7 @@ class Window:
         return True
 
     def close(self) -> None:
-        """Stops the server."""
+        """Stops the web server."""
         if self.open:
             self.open = False
             self.server.stop()

@@ -115,7 +115,7 @@ class G1Rough(RoughTask):
     camera: ClassVar[Camera] = G1Velocity.camera
 
     def model(self) -> Model:
-        """Model of the robot with servos on the terrain."""
+        """Model of the robot G1 with servos on the generated terrain."""
         return _rough_scene(self.terrain)
 
 

@@ -105,7 +105,7 @@ class Go1Rough(RoughTask):
     friction: tuple[float, float] = (0.3, 1.5)
 
     def model(self) -> Model:
-        """Model of the robot with servos on the terrain."""
+        """Model of the robot Go1 with servos on the generated terrain."""
         return _rough_scene(self.terrain)
 
 

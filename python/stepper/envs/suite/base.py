@@ -34,7 +34,7 @@ class SuiteTask(Task):
     """Number of actions per episode: dm_control's time limit divided by the time per action. None is no limit."""
 
     def model(self) -> Model:
-        """Model of the scene, from `file`. It is loaded once."""
+        """Model of the scene, loaded once from the file that the attribute `file` names."""
         return scene(self.file)
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:

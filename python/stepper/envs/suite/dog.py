@@ -1,4 +1,4 @@
-"""dm_control's dog."""
+"""dm_control's dog, which stands, moves forwards or fetches a ball."""
 
 from __future__ import annotations
 

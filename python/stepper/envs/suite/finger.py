@@ -79,7 +79,7 @@ class FingerTurn(Finger):
         return inside
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draw a random target on the circle of the tip."""
+        """Draw a random target on the circle on which the tip of the body moves."""
         model, angle = sim.model, rng.uniform(-np.pi, np.pi, 1)[:, 0]
         offsets = model.geom("cap1").size.sum() * np.stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)], axis=1)
         sim.mocap_pos[mask, model.body("target").mocapid] = model.body("spinner").pos + offsets
@@ -97,7 +97,7 @@ def _relative_to_hinge(now: Moment, sensor: str) -> Array:
 
 @cache_model
 def _scene_with_target() -> Model:
-    """Model of the file, with its site "target" in a mocap body."""
+    """Model of dm_control's finger, with the site "target" in a mocap body, so that resets can move it."""
     tree = source_tree("finger.xml")
     world = tree.find("worldbody")
     site = None if world is None else world.find("site[@name='target']")

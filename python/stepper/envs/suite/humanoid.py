@@ -1,4 +1,4 @@
-"""dm_control's two humanoids."""
+"""dm_control's two humanoids, which stand or move at a speed."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def _head_height(now: Moment) -> Array:
 
 
 def _extremities(now: Moment) -> Array:
-    """Hands and feet in the frame of the torso, m: (num_envs, 4, 3)."""
+    """Positions of hands and feet in the frame of the torso, m: (num_envs, 4, 3)."""
     model, task = now.sim.model, now.task
     bodies = [model.body(name).id for name in task.extremities]
     apart = now.xpos[:, bodies] - now.xpos[:, [model.body(task.torso).id]]

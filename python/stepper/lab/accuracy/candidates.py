@@ -32,7 +32,7 @@ class Line:
 
     @property
     def label(self) -> str:
-        """Engine and name of the settings."""
+        """Label of the line in the chart: name of the engine and name of the settings."""
         return f"{self.engine}: {self.name}"
 
 

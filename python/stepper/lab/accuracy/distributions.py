@@ -37,7 +37,7 @@ class Shift:
 
     @property
     def words(self) -> str:
-        """Difference and its interval as text."""
+        """Text of the difference and of its interval."""
         if math.isnan(self.value):
             return "-"
         return f"{self.value:+.3g}" + ("" if math.isnan(self.low) else f" [{self.low:+.3g}, {self.high:+.3g}]")

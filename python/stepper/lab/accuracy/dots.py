@@ -60,7 +60,7 @@ class Dot:
 
     @property
     def label(self) -> str:
-        """Engine and name of the settings."""
+        """Label of the line with this point: name of the engine and name of the settings."""
         return f"{self.engine}: {self.setting}"
 
     @property
@@ -76,11 +76,11 @@ class Dot:
 
     @property
     def row(self) -> dict[str, object]:
-        """Row of a table: values by the names of its columns."""
+        """Row of the chart's table for this point: values by name of the column."""
         return dict(self._columns())
 
     def _columns(self) -> Iterator[tuple[str, object]]:
-        """Yields names and values of the table's columns."""
+        """Yields the name and the value of each column of the chart's table for this point."""
         for own in fields(self):
             if own.name in CAUSES:
                 yield f"error from {CAUSES[own.name]}", getattr(self, own.name)

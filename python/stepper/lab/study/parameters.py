@@ -129,7 +129,7 @@ class Parameter:
         return self.nominal if self.nominal is not None else {"scale": 1.0, "add": 0.0}.get(self.operation)
 
     def levels(self) -> list[Value]:
-        """Values of a sweep, in order."""
+        """Values of the parameter in a sweep, in order."""
         if self.values is not None:
             return list(self.values)
         assert self.low is not None

@@ -267,7 +267,7 @@ class Study(metaclass=Hinting):
 
     @property
     def all_outcomes(self) -> tuple[Outcome, ...]:
-        """Outcomes as a tuple."""
+        """Outcomes of the study as a tuple."""
         return (self.outcomes,) if isinstance(self.outcomes, Outcome) else tuple(self.outcomes or ())
 
     @property

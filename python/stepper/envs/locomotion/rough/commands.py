@@ -1,4 +1,4 @@
-"""Velocity commands that change during an episode, and pushes."""
+"""Velocity commands that change during an episode, and random pushes of the base, for tasks on rough terrain."""
 
 from __future__ import annotations
 

@@ -178,7 +178,7 @@ def measure(case: Case, plan: Plan) -> dict[str, Any]:
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """Markdown table, with geometric means of the ratios in its last row."""
+    """Markdown table of the throughput of all models, with geometric means of the ratios in its last row."""
     many = bool(rows[0]["ratio_all_cores"])
     heads = ["model", "dofs", "dt ms", "us f64", "us f32", "us MuJoCo same / own", "f64 x", "f32 x"]
     heads += ["fast f64 x", "fast f32 x"]

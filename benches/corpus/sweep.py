@@ -1,4 +1,4 @@
-"""Sweep over all files of the packages, each in a separate process with a time limit."""
+"""Measurement of all model files of the corpus packages, each in a separate process with a time limit."""
 
 from __future__ import annotations
 

@@ -67,7 +67,10 @@ def _coloured(count: int, threads: int) -> list[Row]:
 
 
 def _with_peer(count: int, threads: int) -> list[Row]:
-    """Rows with motion simulated by MuJoCo, identified by stepper with MuJoCo's contact law and by mujoco.sysid."""
+    """Rows of the table that compares stepper with mujoco.sysid.
+
+    MuJoCo simulates the motion, and both libraries identify the parameters: stepper with MuJoCo's contact law, and mujoco.sysid.
+    """
     rows = []
     for make in SCENES:
         scene = make()

@@ -38,7 +38,7 @@ NO_MODELS = ("common", "shared", "shared_asset", "point")
 
 @dataclass(frozen=True)
 class Source:
-    """Model file.
+    """Model file of an installed package.
 
     Attributes:
         name: Package and name, separated by a space.

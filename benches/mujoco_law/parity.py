@@ -156,7 +156,7 @@ def _step(compiled: Any, data: Any, start: dict[str, Array], solver: Any) -> tup
 
 
 def compare(model: stepper.Model, found: States, **options: Any) -> Parity:
-    """Compare one step from all given states. `options` are further arguments of `Options`."""
+    """Compare one step of stepper with the step of MuJoCo, from all given states. `options` are further arguments of `Options`."""
     count = len(found.qpos)
     settings = stepper.Options(contact="mujoco", tolerance=1e-13, iterations=100, **options)
     sim = stepper.Stepper(model, num_envs=count, options=settings)

@@ -71,7 +71,10 @@ def _nutation(engine: Engine, dt: float) -> tuple[float, float]:
 
 
 def energy(engine: Engine, dt: float) -> float:
-    """Error of scene 40, a nutating top: largest deviation of the energy, relative to weight times arm."""
+    """Error of scene 40, a nutating top: largest deviation of the energy, relative to its weight times the distance of its centre.
+
+    The distance is that from the fixed point.
+    """
     return _nutation(engine, dt)[0]
 
 

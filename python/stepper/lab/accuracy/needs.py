@@ -139,7 +139,7 @@ def spares(bench: Bench, budget: float, tick: Callable[[float], None]) -> tuple[
     """Remove unused parts of a scene, one by one and then together.
 
     Args:
-        bench: Test bench.
+        bench: Episodes and settings with which the effect of each removal is measured.
         budget: Largest allowed change of the motion, m or rad.
         tick: Called with the fraction done.
 

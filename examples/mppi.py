@@ -177,17 +177,17 @@ def run(name: str, *, seconds: float = 4.0, samples: int = 128, seed: int = 0, *
         plan = planner.plan(plant.get_state(0))
         spent += time.perf_counter() - since
         plant.step(plan.controls[0], robot.nstep)
-        kept += int(_is(plant, plan, 0))
+        kept += int(_equals_prediction(plant, plan, 0))
         rewards.append(float(robot.reward(plant.qpos, plant.qvel)[0]))
     # The plant follows the last plan to its end, in open loop.
     distance = float(plant.qpos[0, along] - begin)
     for k in range(1, robot.horizon):
         plant.step(plan.controls[k], robot.nstep)
-        kept += int(_is(plant, plan, k))
+        kept += int(_equals_prediction(plant, plan, k))
     return Outcome(float(np.mean(rewards)), distance, steps + robot.horizon - 1, kept, spent / steps)
 
 
-def _is(plant: stepper.Stepper, plan: Plan, k: int) -> bool:
+def _equals_prediction(plant: stepper.Stepper, plan: Plan, k: int) -> bool:
     """Whether the present state of the plant equals the prediction of a plan after its control `k`, bit for bit."""
     return np.array_equal(plant.qpos[0], plan.qpos[k]) and np.array_equal(plant.qvel[0], plan.qvel[k])
 

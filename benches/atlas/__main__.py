@@ -51,7 +51,7 @@ def main() -> None:
         begin = time.monotonic()
         engines = [*stepper_engines(), *([] if args.ours else peers())]
         with one_core():
-            rows = sweep(chosen, engines, _say)
+            rows = sweep(chosen, engines, _print_row)
         notes = provenance() | {"seconds": round(time.monotonic() - begin)}
         if args.add:
             rows, notes = _added(rows, notes, data)
@@ -78,7 +78,7 @@ def _added(rows: list[Row], notes: dict[str, object], data: Path) -> tuple[list[
     return merged, before | {"added": f"{earlier}; {added}" if earlier else added}
 
 
-def _say(row: Row) -> None:
+def _print_row(row: Row) -> None:
     """Print the result of a scene in an engine at a time step to stderr."""
     sys.stderr.write(f"{row.number:>3} {row.name:45} {row.dt:7.0e} {row.engine:24} {row.outcome:10} {row.error:9.2e}\n")
 

@@ -45,7 +45,7 @@ def main() -> None:
         notes = provenance()
 
         def keep(row: Row) -> None:
-            _say(row)
+            _print_row(row)
             write_csv(data, _ordered(sweep.rows.values()), notes)
 
         sweep.run([p for p in PACKAGES if not args.package or p.name in args.package], keep)
@@ -58,7 +58,7 @@ def _ordered(rows: Iterable[Row]) -> list[Row]:
     return sorted((r for r in rows if (r.package, r.version) in places), key=lambda r: (places[r.package, r.version], r.file))
 
 
-def _say(row: Row) -> None:
+def _print_row(row: Row) -> None:
     """Print the result of measuring a model file to stderr."""
     text = "; ".join(map(str, judge.faults(row))) or "steps well" if row.outcome == MEASURED else f"{row.outcome} {row.note}"
     sys.stderr.write(f"{row.package:24} {row.file:60} {text}\n")

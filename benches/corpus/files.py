@@ -68,7 +68,7 @@ def _compile_urdf(folder: Path, path: Path) -> mujoco.MjModel:
         for visual in link.findall("visual"):
             link.remove(visual)
     for inertia in robot.iter("inertia"):
-        _mend(inertia)
+        _correct_inertia(inertia)
     for mesh in robot.iter("mesh"):
         mesh.set("filename", str(resolve(mesh.get("filename", ""), folder, path)))
     settings = robot.find("mujoco")
@@ -85,7 +85,7 @@ def _compile_urdf(folder: Path, path: Path) -> mujoco.MjModel:
         return mujoco.MjModel.from_xml_path(str(copy))
 
 
-def _mend(inertia: ET.Element) -> None:
+def _correct_inertia(inertia: ET.Element) -> None:
     """Removes the products of inertia of a URDF's inertia if they make it not positive definite."""
     xx, xy, xz, yy, yz, zz = (float(inertia.get(name, "0")) for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
     if np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])[0] <= 0.0:

@@ -117,12 +117,12 @@ def _table(head: Sequence[str], lines: Iterable[Sequence[object]]) -> str:
     return _line(head) + _line(["---"] * len(head)) + "".join(_line(line) for line in lines)
 
 
-def _well(row: Row) -> bool:
+def _steps_well(row: Row) -> bool:
     """Whether a model steps well in stepper."""
     return not judge.faults(row)
 
 
-def _well_there(row: Row) -> bool:
+def _steps_well_in_mujoco(row: Row) -> bool:
     """Whether a model steps well in MuJoCo."""
     return row.outcome == MEASURED and not judge.their_faults(row)
 
@@ -133,8 +133,8 @@ def _packages(corpus: Corpus) -> str:
         "models": lambda _: True,
         "strict": lambda row: row.strict,
         "agree": lambda row: row.outcome == MEASURED and judge.agrees(row),
-        "step well": _well,
-        "in MuJoCo": _well_there,
+        "step well": _steps_well,
+        "in MuJoCo": _steps_well_in_mujoco,
         "INFEASIBLE": lambda row: judge.infeasible(row) > 0,
         "TUNNELLED": lambda row: judge.tunnelled(row) > 0,
     }
@@ -198,7 +198,7 @@ def _faulty(rows: Iterable[Row]) -> str:
 
 def _worse(corpus: Corpus) -> str:
     """Section with the models that step well only in MuJoCo."""
-    rows = [row for row in corpus.models if not _well(row) and not judge.their_faults(row) and not _only_less(row)]
+    rows = [row for row in corpus.models if not _steps_well(row) and not judge.their_faults(row) and not _only_less(row)]
     criteria = Counter(criterion for row in rows for criterion in {fault.criterion for fault in judge.faults(row)})
     text = f"## Models that step well in MuJoCo and not in stepper\n\n{len(rows)} models: "
     return text + ", ".join(f"{criterion} {n}" for criterion, n in criteria.most_common()) + ".\n\n" + _faulty(rows)
@@ -260,12 +260,12 @@ unsupported formats. In {outcomes[STILL]} files nothing can move. corpus.csv has
 frequent ones are:
 
 """
-    reasons = Counter(_gist(row.note) for row in corpus.rows if row.outcome == FRAGMENT)
+    reasons = Counter(_normalised_message(row.note) for row in corpus.rows if row.outcome == FRAGMENT)
     text += "".join(f"* {n} times: {why}\n" for why, n in reasons.most_common(12))
     return text + "".join(f"* not downloaded: {row.note}\n" for row in corpus.rows if row.outcome == ABSENT)
 
 
-def _gist(note: str) -> str:
+def _normalised_message(note: str) -> str:
     """Error message of MuJoCo's compiler without names and positions in the file, so that equal errors have equal texts."""
     message = re.split(r" Element | in package| line \d", note)[0]
     return re.sub(r"'[^']*'|\S*/\S*", "...", message).strip(" ,")

@@ -317,10 +317,10 @@ def _restart(batch: Batch, script: Script, restarts: Any) -> None:
         script: Script with these states.
         restarts: Number of resets of each environment so far, which is increased.
     """
-    if script.ended is None or script.anew is None:
+    if script.ended is None or script.reset_qpos is None:
         return
     mask = script.ended(batch.qpos)
     if mask.any():
         envs = np.arange(batch.num_envs)
-        batch.restart(mask, script.anew[restarts % len(script.anew), envs])
+        batch.restart(mask, script.reset_qpos[restarts % len(script.reset_qpos), envs])
         restarts += mask

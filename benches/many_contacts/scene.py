@@ -49,7 +49,7 @@ class Script:
         push: Constant force (N) and torque (N m) on each body in world axes, (nbody, 6). None is none.
         mocap: Poses of the mocap bodies, (blocks, num_envs, nmocap, 7). None keeps those of the model.
         ended: Function from configurations (num_envs, nq) to a mask (num_envs,) of the environments to reset. None resets none.
-        anew: Configurations after a reset, (draws, num_envs, nq). The k-th reset of an environment uses draw k modulo `draws`.
+        reset_qpos: Configurations after a reset, (draws, num_envs, nq). The k-th reset of an environment uses draw k modulo `draws`.
     """
 
     qpos: Array
@@ -59,7 +59,7 @@ class Script:
     push: Array | None = None
     mocap: Array | None = None
     ended: Callable[[Array], NDArray[np.bool_]] | None = None
-    anew: Array | None = None
+    reset_qpos: Array | None = None
 
 
 @dataclass(frozen=True)

@@ -133,7 +133,7 @@ def script(ground: Ground, model: mujoco.MjModel, plan: Plan, seed: int = 0) -> 
     """Script of an episode: actions of an untrained policy, and initial states above the ground."""
     found = unitree.script(unitree.GO1, model, plan.num_envs, np.random.default_rng(seed), plan.noise)
     rng = np.random.default_rng(seed + 1)
-    for qpos in (found.qpos, *(() if found.anew is None else found.anew)):
+    for qpos in (found.qpos, *(() if found.reset_qpos is None else found.reset_qpos)):
         qpos[:, :2] = rng.uniform(-ground.spread, ground.spread, (plan.num_envs, 2))
         qpos[:, 2] += _foothold(ground, qpos)
     return found
@@ -214,8 +214,8 @@ def _restart(batch: Batch, actions: Script, restarts: Any) -> None:
         restarts: Number of resets of each environment so far, which is increased.
     """
     assert actions.ended is not None
-    assert actions.anew is not None
+    assert actions.reset_qpos is not None
     mask = actions.ended(batch.qpos)
     if mask.any():
-        batch.restart(mask, actions.anew[restarts % len(actions.anew), np.arange(batch.num_envs)])
+        batch.restart(mask, actions.reset_qpos[restarts % len(actions.reset_qpos), np.arange(batch.num_envs)])
         restarts += mask

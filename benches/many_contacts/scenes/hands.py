@@ -43,7 +43,7 @@ def script(name: str, model: mujoco.MjModel, num_envs: int, rng: np.random.Gener
     def fell(qpos: Array) -> NDArray[np.bool_]:
         return np.asarray(qpos[:, place + 2] < PALM)
 
-    return Script(starts[0], control, hold=HOLD, ended=fell, anew=starts[1:])
+    return Script(starts[0], control, hold=HOLD, ended=fell, reset_qpos=starts[1:])
 
 
 SCENES = tuple(

@@ -204,7 +204,7 @@ def script(walker: Walker, model: mujoco.MjModel, num_envs: int, rng: np.random.
     scale = np.array([_motor(walker, model.joint(j).name).scale for j in joints])
     target = qpos[model.jnt_qposadr[joints]]
     control = target + noise * scale * rng.standard_normal((STEPS // HOLD, num_envs, model.nu))
-    return Script(starts[0], control, hold=HOLD, ended=fallen, anew=starts[1:])
+    return Script(starts[0], control, hold=HOLD, ended=fallen, reset_qpos=starts[1:])
 
 
 def _motor(walker: Walker, joint: str) -> Motor:

@@ -120,7 +120,7 @@ class StepperEnv(gymnasium.Env[Array, Array]):
             self._batch.seed(np.zeros(1, dtype=np.int64), [int(seed)])
         self._batch.begin(np.ones(1, dtype=bool))
         self._begun = True
-        return self._batch.observation()[0], _of_one(self._batch.info())
+        return self._batch.observation()[0], _info_of_one(self._batch.info())
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Advance the environment by one action, (nu,), in the units of the task.
@@ -139,7 +139,7 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         if not self._begun:
             raise ResetNeeded("call reset before step")
         reward, terminated, truncated, terms = batch.step(action[None])
-        return batch.observation()[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), _of_one(batch.info() | terms)
+        return batch.observation()[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), _info_of_one(batch.info() | terms)
 
     def get_state(self) -> EnvState:
         """State of the environment, for `set_state`. After `set_state`, later steps give the same results bit for bit.
@@ -198,6 +198,6 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         self._drawing.close()
 
 
-def _of_one(terms: Terms) -> dict[str, Any]:
+def _info_of_one(terms: Terms) -> dict[str, Any]:
     """Info dict of a single environment from arrays (1, ...) by name. Values are copies, which later steps do not change."""
     return {name: term[0] if term.ndim == 1 else term[0].copy() for name, term in terms.items()}

@@ -113,7 +113,9 @@ def identify(
     began = time.perf_counter()
     blocks = bind(parameters, model)
     episodes = episodes_of(data, model, channels=channels, columns=columns, start=start)
-    simulator = Simulator(_begun(model, blocks), episodes, blocks, solved(options or Options()), threads=threads, actuators=actuators)
+    simulator = Simulator(
+        _with_start_values(model, blocks), episodes, blocks, solved(options or Options()), threads=threads, actuators=actuators
+    )
     residuals = Residuals(simulator, step)
     if residuals.count <= residuals.n:
         raise ValueError(f"{residuals.count} readings cannot determine {residuals.n} numbers; give more data or fewer parameters")
@@ -191,14 +193,14 @@ class _Solver:
 
         with ThreadPoolExecutor(len(starts)) as pool:
             try:
-                found = list(pool.map(lambda k: self._one(together, k, starts[k], tolerance, report_progress), range(len(starts))))
+                found = list(pool.map(lambda k: self._search_from(together, k, starts[k], tolerance, report_progress), range(len(starts))))
             except BaseException:  # Ctrl-C, which only the main thread receives.
                 together.stop()
                 raise
         self._tick(name, 1.0)
         return found
 
-    def _one(self, together: Together, search: int, x0: Array, tolerance: float, report_progress: Callable[[], None]) -> _Found:
+    def _search_from(self, together: Together, search: int, x0: Array, tolerance: float, report_progress: Callable[[], None]) -> _Found:
         """Runs a least-squares search from one start point, in a thread.
 
         Args:
@@ -241,7 +243,7 @@ def _distinct(searches: Sequence[_Found]) -> list[Array]:
     return out
 
 
-def _begun(model: Model, blocks: list[Block]) -> Model:
+def _with_start_values(model: Model, blocks: list[Block]) -> Model:
     """Copy of a model with the start values of the parameters, so that features such as dry friction exist in it."""
     theta = np.concatenate([block.start for block in blocks])[None]
     fields = write(blocks, theta, model).fields

@@ -292,7 +292,7 @@ class Block:
 class _OfOneBody(Block):
     """Parameter with several numbers of a single body, such as its centre of mass. The search starts at the model's values."""
 
-    def _one(self) -> int:
+    def _single_body(self) -> int:
         """Index of the parameter's body. Raises ValueError if it selects several bodies, or has a start, bounds or a prior."""
         if (
             len(self.index) != 1
@@ -318,7 +318,7 @@ class _Com(_OfOneBody):
 
     def _prepare(self, model: Model) -> None:
         """Sets scale, limits, labels and units for a centre of mass."""
-        body = self._one()
+        body = self._single_body()
         self._scale = float(self._gyration(model).max())
         reach = 10 * self._scale
         self.labels = tuple(f"{self.selector}[{k}]" for k in range(3))
@@ -338,7 +338,7 @@ class _Moments(_OfOneBody):
 
     def _prepare(self, model: Model) -> None:
         """Sets scale, limits, labels and units for principal moments of inertia."""
-        self._one()
+        self._single_body()
         own = np.asarray(model.body(self.index[0]).inertia)
         moments = shape.second_moments(own)
         if not moments.min() > 1e-9 * moments.max():
@@ -364,7 +364,7 @@ class _Inertia(_OfOneBody):
 
     def _prepare(self, model: Model) -> None:
         """Sets scale, limits, labels and units for all inertial parameters of a body."""
-        self._one()
+        self._single_body()
         self._gyration(model)
         self.body = model.body(self.index[0])
         self.R = matrices(np.asarray(self.body.iquat))

@@ -185,7 +185,7 @@ class Simulator:
         self.channels = channels_of(model, episodes)
         self.width = self.channels[-1].lines.stop
         self.fields = sorted({channel.field for channel in self.channels})
-        self._drives = _room_for_delays(actuators, self.blocks)
+        self._drives = _with_longest_delays(actuators, self.blocks)
         self._known = actuators
         self._steppers: dict[tuple[str, int], Stepper] = {}
         self.timestep = float(Stepper(model, options=options).timestep)
@@ -434,7 +434,7 @@ def _turn(a: Array, b: Array) -> Array:
     return np.asarray(np.where(s > 1e-12, 2 * np.arctan2(s, np.abs(w)) / np.maximum(s, 1e-300), 2.0) * v)
 
 
-def _room_for_delays(known: ActuatorModel | None, blocks: Sequence[Block]) -> ActuatorModel | None:
+def _with_longest_delays(known: ActuatorModel | None, blocks: Sequence[Block]) -> ActuatorModel | None:
     """Actuator model whose delays are the upper bounds of the identified delays, so that the stepper allocates delay lines of that length.
 
     Args:

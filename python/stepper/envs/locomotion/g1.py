@@ -138,15 +138,15 @@ def _servo(name: str) -> Servo:
 
 @cache_model
 def _scene(roughness: float) -> Model:
-    return _on(plain_ground(roughness))
+    return _model_on(plain_ground(roughness))
 
 
 @cache_model
 def _rough_scene(terrain: Terrain) -> Model:
-    return _on(tiled_ground(terrain))
+    return _model_on(tiled_ground(terrain))
 
 
-def _on(ground: Ground) -> Model:
+def _model_on(ground: Ground) -> Model:
     """Model of the robot G1 with servos, on a ground."""
     visuals = Visuals({"rgba": "0.32 0.37 0.42 1"}, {"diffuse": "0.8 0.8 0.8"})
     return scene(_FILE, "G1", _HEIGHT, ground=ground, geom=_geom, servo=_servo, visuals=visuals)

@@ -137,15 +137,15 @@ def _servo(name: str) -> Servo:
 
 @cache_model
 def _scene(roughness: float) -> Model:
-    return _on(plain_ground(roughness), _geom, _HEIGHT)
+    return _model_on(plain_ground(roughness), _geom, _HEIGHT)
 
 
 @cache_model
 def _rough_scene(terrain: Terrain) -> Model:
-    return _on(tiled_ground(terrain), lambda name: _touching(name, "hip" not in name), _ROUGH_HEIGHT)
+    return _model_on(tiled_ground(terrain), lambda name: _touching(name, "hip" not in name), _ROUGH_HEIGHT)
 
 
-def _on(ground: Ground, geom: Callable[[str], Mapping[str, str]], height: float) -> Model:
+def _model_on(ground: Ground, geom: Callable[[str], Mapping[str, str]], height: float) -> Model:
     """Model of the robot Go1 with servos, on a ground.
 
     Args:

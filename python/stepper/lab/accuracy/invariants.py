@@ -117,7 +117,7 @@ class Invariants:
         self.kinds += [LIMITS[unit] for unit, there in (("m", slides), ("rad", turns)) if there]
         units = {unit for e in range(m.neq) if m.eq_active0[e] for unit in self._units(e)}
         self.kinds += [LOOPS[unit] for unit in ("m", "rad") if unit in units]
-        inflow, losses = _inflow(self._study, m, mujoco), _losses(m, mujoco, self.kinds)
+        inflow, losses = _inflow(self._study, m, mujoco), _may_dissipate(m, mujoco, self.kinds)
         if inflow:
             self.left_out.append(f"energy, because {inflow}")
         else:
@@ -355,7 +355,7 @@ def _along_positions(m: Any, mujoco: Any, k: int) -> bool:
     return bool(int(m.jnt_type[m.actuator_trnid[k, 0]]) in (int(joints.mjJNT_HINGE), int(joints.mjJNT_SLIDE)))
 
 
-def _losses(m: Any, mujoco: Any, kinds: list[Invariant]) -> bool:
+def _may_dissipate(m: Any, mujoco: Any, kinds: list[Invariant]) -> bool:
     """Whether a scene may dissipate energy, by damping, friction or impacts."""
     touches = {PENETRATION, *LIMITS.values(), *LOOPS.values()} & set(kinds)
     damped = any(np.any(own != 0) for own in (m.dof_damping, m.dof_frictionloss, m.tendon_damping, m.tendon_frictionloss))

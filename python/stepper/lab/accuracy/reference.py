@@ -212,11 +212,11 @@ def converge(
     second: list[Trace] = []
     rule, without = _SECOND_METHODS["euler"], list[str]()
     for integrator, name in _SECOND_METHODS.items() if law is None else ():
-        made = _by(integrator, runs[-2:], functools.partial(run, study, episodes, setting, until=until), stage, study)
+        made = _runs_with(integrator, runs[-2:], functools.partial(run, study, episodes, setting, until=until), stage, study)
         if made is None and stage.limited and not stage.left:
             stopped = True
             break
-        sound = made is not None and _sound(made, runs)
+        sound = made is not None and _stays_finite(made, runs)
         if made is not None and (sound or not second):
             # A rule that diverges where the first method does not still counts: the uncertainty is then infinite.
             second, rule = made, name
@@ -228,7 +228,7 @@ def converge(
     return replace(_assessed(runs, second, distance, target), stopped=stopped, rule=rule, without=tuple(without))
 
 
-def _by(integrator: str, runs: Sequence[Trace], again: Callable[..., Trace], stage: Stage, study: Study) -> list[Trace] | None:
+def _runs_with(integrator: str, runs: Sequence[Trace], again: Callable[..., Trace], stage: Stage, study: Study) -> list[Trace] | None:
     """Runs with another integrator at the time steps of given runs; None if one takes too long or the time budget ends.
 
     Args:
@@ -247,7 +247,7 @@ def _by(integrator: str, runs: Sequence[Trace], again: Callable[..., Trace], sta
     return made
 
 
-def _sound(second: Sequence[Trace], runs: Sequence[Trace]) -> bool:
+def _stays_finite(second: Sequence[Trace], runs: Sequence[Trace]) -> bool:
     """Whether runs with the second integrator stay finite in all episodes in which those of the first stay finite."""
     return all(bool((own.finite | ~of.finite).all()) for own, of in zip(second, runs[-2:], strict=True))
 

@@ -128,7 +128,7 @@ def _chunk(batch: EngineBatch, control: Array, plan: Plan, steps: range, clock: 
     return 1e6 * spent / (len(steps) * batch.num_envs)
 
 
-def _look(batch: EngineBatch, track: Track, phase: str, referee: Referee, plan: Plan) -> None:
+def _add_measurements(batch: EngineBatch, track: Track, phase: str, referee: Referee, plan: Plan) -> None:
     """Adds measurements of the present states of an engine to its track.
 
     Args:
@@ -178,7 +178,7 @@ def race(
             for batch in order:
                 tracks[batch.name].times[phase].append(_chunk(batch, control, plan, steps, clock))
                 if referee:
-                    _look(batch, tracks[batch.name], phase, referee, plan)
+                    _add_measurements(batch, tracks[batch.name], phase, referee, plan)
             order = order[1:] + order[:1]
             tick(what, steps.stop / (plan.steps + plan.rest))
         if phase == "control":

@@ -70,7 +70,7 @@ def resample_commands(now: Moment, stages: Stages = STAGES) -> None:
     state["command_left"] -= 1
     due = np.flatnonzero(state["command_left"] <= 0)
     if len(due):
-        draw_commands(state, due, _of(now.rng("command"), due), now.dt, stages)
+        draw_commands(state, due, _rng_of(now.rng("command"), due), now.dt, stages)
 
 
 def draw_push_times(state: Terms, envs: Array, rng: Rng, dt: float) -> None:
@@ -96,7 +96,7 @@ def push(now: Moment, scale: float) -> None:
     state["push_left"] -= 1
     due = np.flatnonzero(state["push_left"] <= 0)
     if len(due):
-        rng = _of(now.rng("push"), due)
+        rng = _rng_of(now.rng("push"), due)
         changes = scale * _PUSHES * rng.uniform(-1.0, 1.0, 6)
         draw_push_times(state, due, rng, now.dt)
         if scale:
@@ -138,7 +138,7 @@ def _actions(drawn: Array, times: tuple[float, float], dt: float) -> Array:
     return count
 
 
-def _of(rng: Rng, envs: Array) -> Rng:
+def _rng_of(rng: Rng, envs: Array) -> Rng:
     """Random number generator for some environments of `rng`, given by their indices (n,)."""
     mask = np.zeros(len(rng.envs), dtype=bool)
     mask[envs] = True

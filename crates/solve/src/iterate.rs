@@ -15,7 +15,8 @@ by_kind! {
     pub struct Iterate[R: Real] {
         /// Scaled velocity change w = sum_i y_i lambda_i by the impulses lambda_i, where y_i are the rows of the scaled Jacobian.
         pub w: Vec<R>,
-        /// Multiplier of the friction disc of each contact, from which its next local solution starts; 0 while the contact sticks.
+        /// Multiplier of the friction disc of each contact (slip velocity divided by friction impulse, 1/kg), from which its next local
+        /// solution starts; 0 while the contact sticks.
         pub(crate) multipliers: Multipliers<R>,
         /// History of Anderson's acceleration.
         pub(crate) history: History<R>,
@@ -27,7 +28,7 @@ by_kind! {
 }
 
 by_kind! {
-    /// Multipliers of friction discs: one number per contact.
+    /// Multipliers of friction discs (slip velocity divided by friction impulse, 1/kg): one number per contact.
     #[derive(Clone, Debug)]
     pub(crate) struct Multipliers[R] {} each numbers
 }

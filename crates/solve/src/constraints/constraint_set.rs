@@ -125,7 +125,8 @@ pub struct SweepLanes<R: Real> {
 pub struct Unknowns<'a, R, I> {
     /// Impulse of each constraint of one kind.
     pub(crate) impulses: &'a mut [I],
-    /// Multiplier of the friction disc of each contact, from which its next local solution starts. Empty for kinds without contacts.
+    /// Multiplier of the friction disc of each contact (slip velocity divided by friction impulse, 1/kg), from which its next local
+    /// solution starts. Empty for kinds without contacts.
     pub(crate) multipliers: &'a mut [R],
     /// Scaled velocity change w by all impulses.
     pub(crate) w: &'a mut [R],
@@ -253,7 +254,7 @@ pub trait ConstraintSet<R: Real>: Sized {
     /// Rows with the velocity targets, mutable.
     fn rows_mut(&mut self) -> &mut Rows<Self::Row>;
 
-    /// Number of multipliers of friction discs that sweeps store: one per contact.
+    /// Number of multipliers of friction discs (slip velocity divided by friction impulse) that sweeps store: one per contact.
     fn multipliers(&self) -> usize {
         0
     }
@@ -302,7 +303,8 @@ pub trait ConstraintSet<R: Real>: Sized {
     /// Appends the compliance of each row, without the additional compliance of contact normals.
     fn compliances(&self, rows: &Rows<Self::Row>, out: &mut Vec<R>);
 
-    /// Calls `f` with the natural-map residual of each constraint in turn, m/s, see [`residual`](crate::residual()).
+    /// Calls `f` with the natural-map residual |lambda - P_K(lambda - rho u)| / rho of each constraint in turn, m/s, see
+    /// [`residual`](crate::residual()).
     fn for_each_residual(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], w: &[R], f: impl FnMut(R));
 
     /// Sum of `sum` and the magnitudes of all normal impulses, N s.

@@ -29,7 +29,8 @@ pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
     /// Also returns the trace of the block, 1/kg.
     fn new(gram: &[[R; N]; N], exists: R::Mask) -> (Self, R);
 
-    /// Impulse that solves this contact, and the multiplier s of its friction disc, which is 0 for a contact that sticks or opens.
+    /// Impulse that solves this contact, and the multiplier s of its friction disc (slip velocity divided by friction impulse, 1/kg), which
+    /// is 0 for a contact that sticks or opens.
     ///
     /// `v` is its velocity under the impulse `lambda`, including the part by its compliance. `mu` is the friction coefficient. The search
     /// for s starts at `guess`, in the lanes `lanes`.
@@ -45,7 +46,7 @@ pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
     /// the contact's natural map.
     fn mobility(&self, step: &NaturalStep<R>) -> R;
 
-    /// Adds a compliance, 1/kg, to all rows of the contact and to the step of its natural map.
+    /// Adds a compliance, 1/kg, to all rows of the contact and to the step rho of its natural map lambda - P_K(lambda - rho u).
     fn damp(&mut self, compliance: R, step: &mut NaturalStep<R>);
 
     /// Adds a compliance, 1/kg, to the normal row alone; the natural map does not change. Returns the ratio of the normal row's diagonal
@@ -77,10 +78,10 @@ pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
 /// projection on the admissible impulses. The map is zero at the solution.
 #[derive(Clone, Copy, Debug)]
 pub struct NaturalStep<R> {
-    /// Step rho = N / trace(G_ii) of a contact's natural map, kg. N is the number of rows, and G_ii the contact's block of the Delassus
-    /// matrix before elimination of equality rows.
+    /// Step rho = N / trace(G_ii) of a contact's natural map lambda - P_K(lambda - rho u), kg. N is the number of rows, and G_ii the
+    /// contact's block of the Delassus matrix before elimination of equality rows.
     pub(super) rho: R,
-    /// Inverse 1 / rho of the step of a contact's natural map, 1/kg.
+    /// Inverse 1 / rho of the step rho of a contact's natural map lambda - P_K(lambda - rho u), 1/kg.
     pub(super) inv_rho: R,
     /// Ratio of trace(G_ii) before elimination of equality rows to that after it, at least 1. G_ii is the contact's block of the Delassus
     /// matrix.
@@ -88,14 +89,15 @@ pub struct NaturalStep<R> {
 }
 
 impl<R: Real> NaturalStep<R> {
-    /// Step of the natural map of a contact with `N` rows, whose block of the Delassus matrix has the trace `trace`, 1/kg.
+    /// Step rho of the natural map lambda - P_K(lambda - rho u) of a contact with `N` rows, whose block of the Delassus matrix has the
+    /// trace `trace`, 1/kg.
     #[inline(always)]
     pub(super) fn of_trace<const N: usize>(trace: R) -> Self {
         Self { rho: R::of(N as f64) / trace, inv_rho: trace * R::of(1.0 / N as f64), trace_ratio: R::one() }
     }
 
-    /// Step of the natural map of a contact, from `self`, which is the step after elimination of equality rows. Before elimination, the
-    /// trace of the contact's block of the Delassus matrix was larger by the factor `ratio`.
+    /// Step rho of the natural map lambda - P_K(lambda - rho u) of a contact, from `self`, which is the step after elimination of equality
+    /// rows. Before elimination, the trace of the contact's block of the Delassus matrix was larger by the factor `ratio`.
     #[inline(always)]
     pub(super) fn with_trace_ratio(self, ratio: R) -> Self {
         Self { rho: self.rho / ratio, inv_rho: self.inv_rho * ratio, trace_ratio: ratio }
@@ -131,7 +133,8 @@ pub struct FrictionContact<R: Real, const N: usize, L> {
     rigid_fraction: R,
     /// Compliance that damps all rows of the contact in the position solve, 1/kg.
     damping: R,
-    /// Step of the contact's natural map, which scales its residual.
+    /// Step rho of the contact's natural map lambda - P_K(lambda - rho u), whose zero is the solution. Here lambda is the impulse, u the
+    /// velocity and P_K the projection on the admissible impulses. The step scales the contact's residual.
     step: NaturalStep<R>,
     /// Solver of this contact at constant other impulses.
     pub(super) local: L,

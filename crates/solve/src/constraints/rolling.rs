@@ -243,7 +243,7 @@ struct Slip<R: Real> {
     x: [R; T],
     /// Normal impulse, N s.
     n: R,
-    /// Multiplier of the friction disc |x_t| <= mu n, 1/kg.
+    /// Multiplier of the friction disc |x_t| <= mu n, 1/kg: slip velocity divided by friction impulse.
     s: R,
 }
 

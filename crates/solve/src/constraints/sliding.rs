@@ -273,10 +273,10 @@ struct Sliding<R: Real> {
     x: [R; 2],
     /// Normal impulse of the contact, times the determinant det(A + s) of the tangential matrix A plus the multiplier s.
     n: R,
-    /// Derivative with respect to the multiplier s of the friction disc: that of the normal impulse times det(A + s), where A is the
-    /// tangential matrix.
+    /// Derivative of `n` (normal impulse times det(A + s), where A is the tangential matrix) with respect to the multiplier s of the
+    /// friction disc.
     dn: R,
-    /// Determinant det(A + s) of the tangential matrix A plus the multiplier s.
+    /// Determinant det(A + s) of the tangential matrix A plus the multiplier s (slip velocity divided by friction impulse).
     d: R,
 }
 
@@ -286,6 +286,6 @@ struct Slip<R: Real> {
     x: [R; 2],
     /// Normal impulse of the contact, N s.
     n: R,
-    /// Multiplier of the friction disc |x_t| <= mu n, 1/kg.
+    /// Multiplier of the friction disc |x_t| <= mu n, 1/kg: slip velocity divided by friction impulse.
     s: R,
 }

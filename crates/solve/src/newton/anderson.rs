@@ -8,7 +8,8 @@
 /// Number of changes that Anderson's acceleration stores.
 const MEMORY: usize = 3;
 
-/// Last changes of De Saxce's terms s (mu |v_t| of each contact) and of the residuals f = T(s) - s of their fixed-point iteration.
+/// Last changes of De Saxce's terms s (mu |v_t| of each contact) and of the residuals f = T(s) - s of their fixed-point iteration, which
+/// replaces s by T(s).
 #[derive(Clone, Debug, Default)]
 pub(super) struct Anderson {
     /// Number of De Saxce's terms (mu |v_t|, one per constraint), the entries of s.
@@ -17,11 +18,13 @@ pub(super) struct Anderson {
     taken: usize,
     /// De Saxce's terms s (mu |v_t| of each contact) before the last step, m/s.
     last_s: Vec<f64>,
-    /// Residual f = T(s) - s of De Saxce's terms s (mu |v_t| of each contact) before the last step, m/s.
+    /// Residual f = T(s) - s before the last step, m/s. The fixed-point iteration replaces De Saxce's terms s (mu |v_t| of each contact) by
+    /// T(s).
     last_f: Vec<f64>,
     /// Changes of De Saxce's terms s (mu |v_t| of each contact) in the last steps, m/s: the j-th begins at index `j * n`.
     ds: Vec<f64>,
-    /// Changes of the residual f = T(s) - s in the last steps, m/s: the j-th begins at index `j * n`.
+    /// Changes of the residual f = T(s) - s in the last steps, m/s: the j-th begins at index `j * n`. The fixed-point iteration replaces De
+    /// Saxce's terms s (mu |v_t| of each contact) by T(s).
     df: Vec<f64>,
 }
 
@@ -62,8 +65,8 @@ impl Anderson {
         self.taken += 1;
     }
 
-    /// Coefficients c of the acceleration, which minimise |f - sum_j c_j df_j| over the stored changes df_j of the residual f. They follow
-    /// from the normal equations by elimination.
+    /// Coefficients c of Anderson's acceleration, which minimise |f - sum_j c_j df_j|. Here f is the residual of De Saxce's terms, and df_j
+    /// are its stored changes. The coefficients follow from the normal equations by elimination.
     fn coefficients(&self) -> [f64; MEMORY] {
         let (n, m) = (self.n, self.taken.min(MEMORY));
         let column = |j: usize| &self.df[j * n..(j + 1) * n];

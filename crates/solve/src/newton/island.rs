@@ -24,12 +24,13 @@ pub(super) struct Block {
     used_rows: u32,
     /// Trace of the constraint's block of the Delassus matrix, before elimination of equality rows, 1/kg.
     pub(super) trace: f64,
-    /// Step of the constraint's natural map, kg: number of rows divided by the trace of its block of the Delassus matrix, compliance
-    /// included.
+    /// Step rho of the constraint's natural map lambda - P_K(lambda - rho u), kg: number of rows divided by the trace of its block of the
+    /// Delassus matrix, compliance included.
     pub(super) rho: f64,
     /// Compliance R >= 0 of each row of the constraint, 1/kg: it is added to the diagonal of the Delassus matrix G.
     pub(super) compliance: f64,
-    /// Step of the constraint's natural map for the residual, kg: that without the additional compliance of the first row.
+    /// Step rho of the constraint's natural map lambda - P_K(lambda - rho u) for the residual, kg: that without the additional compliance
+    /// of the first row.
     natural_step: f64,
     /// Part of a residual in the constraint's first row that is an error of the velocity, and not of a spring.
     rigid_fraction: f64,

@@ -128,7 +128,7 @@ struct Block {
     first: usize,
     /// Number of rows of the constraint.
     dim: usize,
-    /// Step of the constraint's natural map, kg.
+    /// Step rho of the constraint's natural map lambda - P_K(lambda - rho u), kg.
     rho: f64,
     /// Compliance of all rows of the constraint, 1/kg, without the additional one of the normal row.
     compliance: f64,
@@ -451,8 +451,8 @@ impl LaneResponse {
     }
 }
 
-/// Step of the natural map of a constraint, kg: number of rows divided by the trace of its block of the Delassus matrix, compliance
-/// included. It is that of the residual.
+/// Step rho of a constraint's natural map lambda - P_K(lambda - rho u), kg: number of rows divided by the trace of its block of the
+/// Delassus matrix, compliance included. It is that of the residual.
 fn natural_step(lane: &Lane, block: &LaneBlock) -> f64 {
     let (_, entries) = lane.entries(block);
     let dim = block.rows.len() as f64;
@@ -538,8 +538,8 @@ impl Linear {
         })
     }
 
-    /// Set of impulses that the equations do not determine. The unknown in place `k` of the elimination order, which is at least the rank,
-    /// is 1. The other unknowns from the rank on are 0.
+    /// Set of impulses of the active rows that the equations do not determine. The unknown in place `k` of the elimination order is 1,
+    /// where k is at least the rank of the equations. The other unknowns from the rank on are 0.
     fn undetermined_impulses(&self, stride: usize, rank: usize, k: usize) -> Vec<f64> {
         let Self { left, rows, columns, .. } = self;
         let mut impulses = vec![0.0; columns.len()];

@@ -6,7 +6,8 @@ by_kind! {
     /// Numbers of constraints and entries for which a problem and its iterate reserve memory. Filling them then allocates nothing.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
     pub struct Capacity[] {
-        /// Number of coordinates of the scaled velocity change, one per degree of freedom.
+        /// Number of coordinates of the scaled velocity change w, one per degree of freedom. In these coordinates the kinetic energy is
+        /// |w|^2 / 2.
         pub dimension: usize,
         /// Number of Jacobian entries of all scalar rows together.
         pub scalar_entries: usize,

@@ -13,7 +13,8 @@ by_kind! {
     /// Unknowns of a problem, with the history of sweeps. Impulses are in N s, those of angular rows in N m s.
     #[derive(Clone, Debug)]
     pub struct Iterate[R: Real] {
-        /// Scaled velocity change w = sum_i y_i lambda_i by the impulses lambda_i, where y_i are the rows of the scaled Jacobian.
+        /// Scaled velocity change w = sum_i y_i lambda_i by the impulses lambda_i, where y_i are the rows of the scaled Jacobian. Its
+        /// kinetic energy is |w|^2 / 2.
         pub w: Vec<R>,
         /// Multiplier of the friction disc of each contact (slip velocity divided by friction impulse, 1/kg), from which its next local
         /// solution starts; 0 while the contact sticks.

@@ -12,7 +12,8 @@ by_kind! {
     /// targets. A solve does not change it.
     #[derive(Clone, Debug)]
     pub struct Problem[R: Real] {
-        /// Number of coordinates of the scaled velocity change, one per degree of freedom.
+        /// Number of coordinates of the scaled velocity change w, one per degree of freedom. In these coordinates the kinetic energy is
+        /// |w|^2 / 2.
         dimension: usize,
         /// Lanes with redundant supports in which no earlier step has distributed the load. They are solved for impulses of least norm
         /// first.

@@ -6,7 +6,7 @@ use crate::capacity::Capacity;
 /// starts from its motion.
 #[derive(Clone, Debug, Default)]
 pub struct Reference<R> {
-    /// Scaled velocity change w by all impulses of the reference.
+    /// Scaled velocity change w by all impulses of the reference, in coordinates in which its kinetic energy is |w|^2 / 2.
     pub(crate) w: Vec<R>,
     /// Normal impulse of each scalar row, then of each contact, in the reference, N s or N m s.
     pub(crate) lambda: Vec<R>,

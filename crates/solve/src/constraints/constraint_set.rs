@@ -128,7 +128,7 @@ pub struct Unknowns<'a, R, I> {
     /// Multiplier of the friction disc of each contact (slip velocity divided by friction impulse, 1/kg), from which its next local
     /// solution starts. Empty for kinds without contacts.
     pub(crate) multipliers: &'a mut [R],
-    /// Scaled velocity change w by all impulses.
+    /// Scaled velocity change w by all impulses, in coordinates in which its kinetic energy is |w|^2 / 2.
     pub(crate) w: &'a mut [R],
 }
 

@@ -21,7 +21,8 @@ pub type SlidingContacts<R> = FrictionContacts<R, 3, SlidingSolver<R>>;
 pub struct SlidingSolver<R: Real> {
     /// Entries G_nn, G_na, G_nb, G_aa, G_ab, G_bb of the contact's block of the Delassus matrix, compliance included, 1/kg.
     gram: [R; 6],
-    /// Compliance of the contact's normal row alone, 1/kg. It is a part of G_nn and not a mobility.
+    /// Compliance of the contact's normal row alone, 1/kg. It is a part of the row's diagonal entry of the Delassus matrix, and no mobility
+    /// of the bodies.
     normal_compliance: R,
     /// Inverse 1 / G_nn of the normal row's diagonal entry of the Delassus matrix, kg.
     inv_gnn: R,

@@ -24,7 +24,7 @@ pub(super) const MEMORY: usize = 4;
 /// History of the sweeps (Gauss-Seidel iterations) of each lane, for Anderson's acceleration. It begins when the lane last started to run.
 #[derive(Clone, Debug)]
 pub(crate) struct History<R: Real> {
-    /// Scaled velocity change w by all impulses, before the present sweep.
+    /// Scaled velocity change w by all impulses before the present sweep, in coordinates in which its kinetic energy is |w|^2 / 2.
     pub(super) start: Vec<R>,
     /// Change f of the scaled velocity change w by the previous sweep.
     pub(super) f: Vec<R>,

@@ -49,7 +49,8 @@ pub(super) struct Island {
     pub(super) g: Vec<f64>,
     /// Impulse of each row, N s.
     pub(super) lambda: Vec<f64>,
-    /// Scaled velocity change w = sum_i y_i lambda_i. It is zero in the coordinates that fill the last tile.
+    /// Scaled velocity change w = sum_i y_i lambda_i by the impulses lambda_i, where y_i are the rows of the scaled Jacobian. Its kinetic
+    /// energy is |w|^2 / 2. It is zero in the coordinates that fill the last tile.
     pub(super) w: Vec<f64>,
 }
 

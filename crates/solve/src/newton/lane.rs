@@ -51,7 +51,8 @@ pub(super) struct Lane {
     pub(super) g: Vec<f64>,
     /// Impulse of each row, N s.
     pub(super) lambda: Vec<f64>,
-    /// Scaled velocity change w = sum_i y_i lambda_i in all coordinates, without the part by eliminated rows.
+    /// Scaled velocity change w = sum_i y_i lambda_i by the impulses lambda_i of all rows except the eliminated ones, where y_i are the
+    /// rows of the scaled Jacobian. Its kinetic energy is |w|^2 / 2.
     pub(super) w: Vec<f64>,
     /// Part of the scaled velocity change w by eliminated rows. They are solved, and no other row depends on it.
     eliminated: Vec<f64>,

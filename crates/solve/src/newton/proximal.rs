@@ -110,7 +110,7 @@ pub(super) struct ProximalPoint {
 struct SavedImpulses {
     /// Impulse of each row, N s.
     lambda: Vec<f64>,
-    /// Scaled velocity change by the impulses.
+    /// Scaled velocity change w by the impulses, in coordinates in which its kinetic energy is |w|^2 / 2.
     w: Vec<f64>,
     /// Residual of the saved impulses, m/s.
     residual: f64,

@@ -114,7 +114,8 @@ struct LaneResponse {
 struct Block {
     /// Set of the constraint's admissible impulses.
     set: AdmissibleSet,
-    /// Region of the projection, which is the mode of the constraint.
+    /// Mode of the constraint (open, sticking, slipping, at a bound): the region of the projection on the admissible impulses that contains
+    /// its argument.
     piece: Piece,
     /// Distance of the projection's argument from the next region, N s, see [`AdmissibleSet::margin`].
     margin: f64,

@@ -52,7 +52,7 @@ pub(crate) struct Rule<'a, R: Real> {
     /// Lanes (bits) that have a response, and in which all constraints of the solved step still exist.
     lanes: u32,
     /// Callback for each constraint that has come closer to another mode (open, sticking, slipping).
-    near: &'a mut dyn FnMut(Followed),
+    near: &'a mut dyn FnMut(SwitchDistance),
 }
 
 impl<R: Real> Impulses<R> {
@@ -96,7 +96,7 @@ impl<R: Real> HardResponse<R> {
 
     /// Creates the rule that sets impulses in an evaluation, in the lanes `lanes` (bits). `near` receives each constraint that has come
     /// closer to another mode.
-    pub(crate) fn rule<'a>(&'a mut self, settings: &StepSettings, lanes: u32, near: &'a mut dyn FnMut(Followed)) -> Rule<'a, R> {
+    pub(crate) fn rule<'a>(&'a mut self, settings: &StepSettings, lanes: u32, near: &'a mut dyn FnMut(SwitchDistance)) -> Rule<'a, R> {
         Rule { impulses: &mut self.impulses, settings: *settings, lanes, near }
     }
 
@@ -124,7 +124,13 @@ impl<R: Real> HardResponse<R> {
     /// exist.
     ///
     /// The function calls `near` with each constraint that has come closer to another mode (open, sticking, slipping).
-    pub(crate) fn follow(&mut self, step: &mut GroupStep<R>, recomputed: Recomputed, lanes: u32, near: &mut dyn FnMut(Followed)) -> u32 {
+    pub(crate) fn follow(
+        &mut self,
+        step: &mut GroupStep<R>,
+        recomputed: Recomputed,
+        lanes: u32,
+        near: &mut dyn FnMut(SwitchDistance),
+    ) -> u32 {
         let settings = *step.settings();
         let mut rule = self.rule(&settings, lanes, near);
         let moved = step.evaluate(recomputed, &mut rule);

@@ -60,7 +60,7 @@ impl<'a> DerivativeRows<'a> {
     }
 
     /// Records in the results of one environment that the displacement of column `c` brings the constraint `near` closer to another mode.
-    pub(crate) fn note(&mut self, near: Followed, c: usize) {
+    pub(crate) fn note(&mut self, near: SwitchDistance, c: usize) {
         self.distance[0] = self.distance[0].min(near.distance);
         if near.distance <= 1.0 {
             self.causes[c] |= match near.switch {

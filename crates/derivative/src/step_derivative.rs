@@ -123,7 +123,7 @@ impl<R: Real> StepDerivative<R> {
     /// Evaluates the step at the displaced state. Returns the lanes of `lanes` (bits) in which all constraints still exist.
     ///
     /// The function calls `near` with each constraint that has come closer to another mode (open, sticking, slipping) in these lanes.
-    fn evaluate(&mut self, step: &mut GroupStep<R>, recomputed: Recomputed, lanes: u32, near: &mut dyn FnMut(Followed)) -> u32 {
+    fn evaluate(&mut self, step: &mut GroupStep<R>, recomputed: Recomputed, lanes: u32, near: &mut dyn FnMut(SwitchDistance)) -> u32 {
         if self.is_hard {
             return self.response.follow(step, recomputed, lanes, near);
         }

@@ -3,8 +3,9 @@
     stepper train stepper/Go1Rough-v0
     python benches/climbing.py out/train/stepper_Go1Rough-v0/seed1/policy.npz --update-docs
 
-The tables belong to docs/benchmarks/training.md; without --update-docs a copy in out/training gets them. The first has the fraction of
-episodes in which the robot climbs five steps out of a pit within 20 s. The second has returns of the task itself, with all its randomisation.
+The script writes both tables into docs/benchmarks/training.md; without --update-docs it writes them into a copy in out/training. The first
+has the fraction of episodes in which the robot climbs five steps out of a pit within 20 s. The second has returns of the task itself, with
+all its randomisation.
 """
 
 from __future__ import annotations
@@ -34,7 +35,10 @@ HEIGHTS = (0.05, 0.1, 0.15, 0.2)
 SPEED = 0.7
 """Commanded velocity, straight ahead, m/s."""
 OUTSIDE = 3.3
-"""Distance from the middle of the pit in x or y, m, at which a robot has climbed all steps: the edge is at 3 m, and half a robot is 0.3 m."""
+"""Distance of the base from the middle of the pit in x or y, m, at which a robot has climbed all steps.
+
+The pit's edge is at 3 m, and half a robot is 0.3 m long.
+"""
 
 
 def simulators() -> dict[str, tuple[str, dict[str, Any]]]:
@@ -93,12 +97,23 @@ def table_of_climbs(policy: Any, episodes: int) -> str:
         kwargs={"task": Go1Climb},
     )
     mujoco_vector.register("Go1Climb-v0")
-    rows = ["| simulator | " + " | ".join(f"steps of {100 * height:.0f} cm" for height in HEIGHTS) + " |", "|---" * (1 + len(HEIGHTS)) + "|"]
+    rows = [
+        "| simulator | " + " | ".join(f"steps of {100 * height:.0f} cm" for height in HEIGHTS) + " |",
+        "|---" * (1 + len(HEIGHTS)) + "|",
+    ]
     for name, (space, given) in simulators().items():
         cells = []
         for height in HEIGHTS:
             found = evaluate(
-                policy, f"{space}/Go1Climb-v0", episodes=episodes, seed=2**32, infos=("climbed",), terrain=pit(height), noise=0.0, push=0.0, **given
+                policy,
+                f"{space}/Go1Climb-v0",
+                episodes=episodes,
+                seed=2**32,
+                infos=("climbed",),
+                terrain=pit(height),
+                noise=0.0,
+                push=0.0,
+                **given,
             )
             cells.append(f"{100 * np.mean(found.infos['climbed'] > 0.0):.0f} %")
         rows.append(f"| {name} | " + " | ".join(cells) + " |")
@@ -112,7 +127,9 @@ def table_of_returns(policy: Any, episodes: int) -> str:
     rows = ["| simulator | mean return | 95 % confidence | velocity error, m/s | falls |", "|---" * 5 + "|"]
     for name, (space, given) in simulators().items():
         levels = {"max_init_level": Go1Rough().terrain.num_rows - 1}
-        found: Evaluation = evaluate(policy, f"{space}/Go1Rough-v0", episodes=episodes, seed=2**32, infos=("tracking_error",), **levels, **given)
+        found: Evaluation = evaluate(
+            policy, f"{space}/Go1Rough-v0", episodes=episodes, seed=2**32, infos=("tracking_error",), **levels, **given
+        )
         low, high = found.interval()
         falls = f"{np.sum(found.lengths < Go1Rough.episode_steps)} of {episodes}"
         error = found.infos["tracking_error"].mean()

@@ -179,7 +179,6 @@ class MujocoSim(MujocoFields):
         if _DERIVED & set(fields):
             self._batch.set_const(ids)
 
-
     def _indices(self, envs: Array | None) -> Array:
         """Indices of environments, (n,), from a mask (num_envs,), from indices, or from None, which is all environments."""
         ids: Array = np.arange(self.num_envs)[slice(None) if envs is None else envs]

@@ -1,8 +1,8 @@
 //! Cache of separating planes: results for pairs of hulls that one step stores for the next. An entry is the normal at which the next
 //! search starts, and a separating plane that remains valid for some motion.
 //!
-//! The cache saves time and changes no contact, see [`SearchLimits::cached`](stepper_geometry::SearchLimits::cached) and [`SeparatingPlane`]. It is
-//! nevertheless part of the saved state, so that rounding cannot make a step depend on anything else.
+//! The cache saves time and changes no contact, see [`SearchLimits::cached`](stepper_geometry::SearchLimits::cached) and
+//! [`SeparatingPlane`]. It is nevertheless part of the saved state, so that rounding cannot make a step depend on anything else.
 
 use serde::{Deserialize, Serialize};
 use stepper_geometry::{SeparatingPlane, Solid};

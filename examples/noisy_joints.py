@@ -77,7 +77,7 @@ def scores(sensors: stepper.SensorModel | None, seed: int = 0, episodes: int = E
     gain = regulator(model)
     sim = stepper.Stepper(model, episodes, sensors=sensors, seed=seed)
     rng = np.random.default_rng(seed)
-    # Distribution of dm_control's task.
+    # Initial states have the distribution of dm_control's task.
     qpos = np.stack([rng.uniform(-0.1, 0.1, episodes), rng.uniform(-0.034, 0.034, episodes)], axis=1)
     sim.reset(qpos=qpos, qvel=0.01 * rng.normal(size=(episodes, 2)), seed=seed)
     total, before = np.zeros(episodes), sim.sensordata

@@ -221,7 +221,7 @@ class Learner:
         return made
 
     def update(self) -> dict[str, float]:
-        """Collect a horizon and update both networks. Returns the metrics of the update, by name."""
+        """Step all environments for one horizon, and update the policy and the value network with the samples. Returns metrics by name."""
         made = self.collect()
         loss, kinks, left_out = self.objective(made)
         self.actor.zero_grad()

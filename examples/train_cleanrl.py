@@ -190,7 +190,7 @@ def policy_of(agent: Agent, wrapped: Wrapped, training: dict[str, Any]) -> Polic
         wrapped: Result of `make_envs` in which it was trained.
         training: Entries for the field `training` of the policy.
     """
-    space = wrapped.envs.unwrapped.single_action_space  # That of the wrapper ClipAction has no bounds.
+    space = wrapped.envs.unwrapped.single_action_space  # The action space of the wrapper ClipAction has no bounds.
     middle, half = (space.high + space.low) / 2.0, (space.high - space.low) / 2.0
     linear = [part for part in agent.actor if isinstance(part, nn.Linear)]
     layers = [(part.weight.detach().numpy().T.copy(), part.bias.detach().numpy().copy()) for part in linear]

@@ -59,7 +59,7 @@ def _run(m: Any, model: stepper.Model, qvel: Array, control: Callable[[], Array]
         ctrl = control()
         sim.step(ctrl[kept])
         flags.update(stepper.Status(int(sim.status)))
-        residual = float(np.maximum(residual, sim.residual))  # Keeps NaN.
+        residual = float(np.maximum(residual, sim.residual))  # np.maximum keeps NaN, unlike max.
         ours.add(sim.energy()[1], sim.qpos)
         data.ctrl[:] = ctrl
         mujoco.mj_step(m, data)

@@ -71,9 +71,8 @@ class ReadOnly(np.ndarray[Any, Any]):
     Results of arithmetic and of `copy()` are plain writable arrays.
     """
 
-    # Error message for a write; subclasses from `kind` set it.
-
     message = ""
+    """Error message for a write; subclasses from `kind` set it."""
     # The result of arithmetic with another array has the type of the other array.
     __array_priority__ = -1.0
 

@@ -79,7 +79,7 @@ def arch() -> str:
             for side in (-1, 1):
                 at = centre + side * THICK / 2 * normal
                 if k in {0, BLOCKS - 1} and abs(abs(s) - ends) < 1e-9:
-                    # Along the tangent to the ground.
+                    # Move the corner along the tangent of the arch to the height of the ground.
                     tangent = np.array([normal[1], -normal[0]])
                     at = at + tangent * (ground - at[1]) / tangent[1]
                 corners.append(at - [0, ground])

@@ -185,7 +185,7 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
 
     def close_extras(self, **kwargs: Any) -> None:
         """Ends the actors, but not Ray."""
-        if ray.is_initialized():  # Otherwise the actors have ended with Ray.
+        if ray.is_initialized():  # Without Ray, the actors have ended already.
             for actor in self._actors:
                 ray.kill(actor)
         self._actors = []
@@ -213,7 +213,7 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
             raise RuntimeError("the environments are closed")
         if not self._whole:
             raise RuntimeError("a call failed or was interrupted in some environments: call reset(seed=...)")
-        self._whole = False  # Until all blocks have returned.
+        self._whole = False  # Set to True again when all blocks have returned.
         before = [[] if self._made else calls_before for calls_before in self._calls]
         pending = [
             actor.run.remote({b: [*before[b], calls[b]] for b in share}) for actor, share in zip(self._actors, self._shares, strict=True)
@@ -238,7 +238,7 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
 
     def _replace_actor(self, k: int, calls: list[Call]) -> Any:
         """Starts a new actor in place of actor k, which has died, repeats its calls, and returns a Ray reference to their results."""
-        ray.kill(self._actors[k])  # It may be alive but unreachable.
+        ray.kill(self._actors[k])  # The actor may be alive but unreachable.
         self._actors[k] = self._start()
         share = self._shares[k]
         states = {b: saved for b in share if (saved := self._saved[b]) is not None}
@@ -251,7 +251,7 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
             try:
                 states = ray.get(pending[k])
             except _LOST:
-                continue  # Its calls are kept, and the next call replaces the actor.
+                continue  # The recorded calls stay, and the next call replaces the actor.
             for block in share:
                 self._saved[block], self._calls[block] = states[block], []
 

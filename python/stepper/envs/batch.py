@@ -276,7 +276,8 @@ class Batch:
         if begins is not None:
             self._end(np.flatnonzero(begins))
             carried = {name: self._episode_state[name][begins] for name in task.carried}
-        before = task.position(self._moment(action))  # Not that after the last step, because the caller may have changed the stepper.
+        # A new view, because the caller may have changed the stepper since the last step.
+        before = task.position(self._moment(action))
         self._now.expire()
         self._now, self._seen = self._moment(action), None
         self._now.velocity = None if before is None else np.zeros_like(before)

@@ -194,7 +194,7 @@ class _Solver:
         with ThreadPoolExecutor(len(starts)) as pool:
             try:
                 found = list(pool.map(lambda k: self._search_from(together, k, starts[k], tolerance, report_progress), range(len(starts))))
-            except BaseException:  # Ctrl-C, which only the main thread receives.
+            except BaseException:  # Only the main thread receives Ctrl-C, and must stop the searches.
                 together.stop()
                 raise
         self._tick(name, 1.0)

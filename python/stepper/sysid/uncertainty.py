@@ -56,7 +56,7 @@ def weights_of(loss: str, z: Array) -> Array:
         return np.where(z <= 1, 1.0, np.maximum(z, 1.0) ** -0.5)
     if loss == "cauchy":
         return np.asarray(1 / (1 + z))
-    return np.asarray(1 / (1 + z**2))  # arctan
+    return np.asarray(1 / (1 + z**2))  # Loss "arctan".
 
 
 def slopes_of(loss: str, r: Array) -> Array:

@@ -114,7 +114,7 @@ def costs(
         case = cases[k, which] = _Case(study, settings[k], traces[k], n, stage)
         first = case.once()
         if stage.limited:
-            # This may remain the only measurement.
+            # If the budget ends soon, this stays the only measurement of the case.
             case.times.append(first) if first >= _LONG_RUN else case.measure(seconds)
         if tick:
             tick((done + 1) / len(order) / (repeats + 1))

@@ -197,7 +197,7 @@ def converge(
         last = run(study, episodes, setting, **settings, until=until, stage=stage.one(_SHARE), tick=part_tick)
         if stopped := last.stopped:
             if len(runs) < 2 and len(last.time):
-                # A reference of the beginning of the episodes.
+                # The budget ended the run: the reference covers only the beginning of the episodes.
                 runs, until = [*runs, last], last.reached
                 continue
             break

@@ -150,7 +150,7 @@ def measure_of(text: str) -> Measure:
     def measure(now: Any) -> Array:
         value: Array = np.asarray(now.read(quantity, rest[0]), float)
         if word == "force":
-            value = value[:, :3]  # Without the torque.
+            value = value[:, :3]  # The last three columns are the torque.
         if axis is not None:
             return value[:, axis]
         return value[:, 0] if value.shape[1] == 1 else np.asarray(np.linalg.norm(value, axis=1))

@@ -131,7 +131,7 @@ MARKS = (30.0, 35.0)
 
 
 def row(name: str, seed: int, scores: list[Score]) -> str:
-    """Table row of a learner's run: rollouts and time until it reaches each mark, and its final score."""
+    """Table row of a learner's run: rollouts and processor time until the return reaches each value of `MARKS`, and the final score."""
     cells = [name, str(seed)]
     for mark in MARKS:
         first = next((s for s in scores if s.gain >= mark), None)

@@ -100,7 +100,7 @@ class Planner:
         model: Model of the robot.
         samples: Number of sampled control sequences per plan.
         seed: Seed of the samples.
-        settings: Arguments of both `Stepper` objects: options, precision, threads.
+        settings: Arguments of the planner's `Stepper` objects: options, precision, threads.
     """
 
     def __init__(self, robot: Robot, model: stepper.Model, *, samples: int = 128, seed: int = 0, **settings: Any):

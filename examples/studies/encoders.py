@@ -45,7 +45,10 @@ def seen(readings: Any) -> Any:
 
 
 def encoders() -> Any:
-    """Sensor model with noise of 0.02 rad and 0.2 rad/s, drift, and 10 ms of delay; the second policy is trained with it."""
+    """Sensor model of encoders with noise of 0.02 rad and 0.2 rad/s, drift, and 10 ms of delay.
+
+    The study encoders_trained.py has a policy that was trained with this sensor model.
+    """
     angle = stepper.Transfer(noise_std=0.02, drift_std=0.005, delay=0.01)
     rate = stepper.Transfer(noise_std=0.2, delay=0.01)
     named = dict.fromkeys(ANGLES, angle) | dict.fromkeys(RATES, rate)

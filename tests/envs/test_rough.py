@@ -272,6 +272,20 @@ def test_parameters_are_drawn_per_episode():
     assert (np.abs(shift).max(axis=0) > [0.023, 0.023, 0.028]).all()
 
 
+def test_feet_in_the_air_are_rewarded_for_a_while():
+    envs, _ = made(2, noise=0.0, push=0.0, weights={"air_time": 1.0})
+    state, qpos = envs.now.episode_state, np.array(envs.sim.qpos)
+    state["stands"][:], state["turns_to_heading"][:], state["command_left"][:] = False, False, 10**6
+    state["velocity_command"][:] = [[0.6, 0.0, 0.0], [0.4, 0.0, 0.0]]
+    qpos[:, 2] += 3.0  # It falls for 0.7 s.
+    envs.set_state(qpos, np.zeros((2, 18)))
+    found = np.array([envs.step(standing(envs))[-1]["reward_air_time"] for _ in range(30)])
+    # An action takes 0.02 s: from 0.06 s to 0.48 s all four feet count, if the command is above 0.5.
+    expected = np.where((np.arange(1, 31) >= 3) & (np.arange(1, 31) <= 24), 4.0, 0.0)
+    np.testing.assert_array_equal(found[:, 0], expected)
+    np.testing.assert_array_equal(found[:, 1], 0.0)
+
+
 def test_it_goes_on_from_a_state_and_pickles():
     envs, _ = made(4, limit=15)
     envs.action_space.seed(0)

@@ -21,6 +21,10 @@ _MOVES, _RUNS = 0.05, 1.5
 """Speeds of a command (m/s plus rad/s) above which it counts as a command to walk, and to run."""
 _HEIGHT = 0.1
 """Target height of a swinging foot above the ground, m."""
+_AIR_TIMES = (0.05, 0.5)
+"""Shortest and longest time in the air for which a foot is rewarded, s."""
+_MOVES_FAST = 0.5
+"""Speed of a command (m/s plus rad/s) above which feet are rewarded for their time in the air."""
 _COLLISION_FORCE = 10.0
 """Normal force above which a contact of a thigh, shank or trunk counts as a collision, N."""
 
@@ -95,6 +99,13 @@ def _swing(now: Moment) -> Array:
     return _moving(now, np.square(state["swing"] / _HEIGHT - 1.0) * state["landed"])
 
 
+def _air_time(now: Moment) -> Array:
+    """Reward term: number of feet that have been in the air for 0.05 to 0.5 s, (num_envs,); 0 if the command is slower than 0.5."""
+    time = now.episode_state["air_time"]
+    count: Array = ((time > _AIR_TIMES[0]) & (time < _AIR_TIMES[1])).sum(axis=1) * (_speed(now) > _MOVES_FAST)
+    return count
+
+
 def _slip(now: Moment) -> Array:
     """Reward term: sum of the squared horizontal speeds of feet on the ground, (num_envs,), m^2/s^2; 0 if the command is to stand."""
     return _moving(now, np.square(foot_speeds(now)) * (foot_forces(now) > 0.0))
@@ -150,6 +161,7 @@ TERMS: Mapping[str, Callable[[Moment], Array]] = {
     "dof_pos_limits": _limits,
     "action_rate": _action_rate,
     "foot_clearance": _clearance,
+    "air_time": _air_time,
     "foot_swing_height": _swing,
     "foot_slip": _slip,
     "soft_landing": _landing,

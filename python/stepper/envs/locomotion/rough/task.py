@@ -90,6 +90,7 @@ class RoughTask(Task):
         "body_ang_vel": 0.0,
         "dof_pos_limits": -1.0,
         "action_rate": -0.1,
+        "air_time": 0.0,
         "foot_clearance": -2.0,
         "foot_swing_height": -0.25,
         "foot_slip": -0.1,
@@ -188,6 +189,7 @@ class RoughTask(Task):
         nu, feet = len(self.model().actuator_names), len(self.FEET)
         joints = {name: np.zeros((num_envs, nu)) for name in ("last", "before", "encoder_bias")}
         swings = {"peak": np.zeros((num_envs, feet)), "swing": np.zeros((num_envs, feet)), "landed": np.zeros((num_envs, feet), dtype=bool)}
+        swings["air_time"] = np.zeros((num_envs, feet))
         return command_state(num_envs) | self.levels.episode_state(num_envs) | joints | swings
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
@@ -227,6 +229,7 @@ class RoughTask(Task):
         on_ground, heights = foot_forces(now) > 0.0, foot_heights(now)
         state["landed"][:] = on_ground & (state["peak"] > 0.0)
         state["swing"][:] = np.where(state["landed"], state["peak"], 0.0)
+        state["air_time"][:] = np.where(on_ground, 0.0, state["air_time"] + now.dt)
         state["peak"][:] = np.where(on_ground, 0.0, np.maximum(state["peak"], heights))
 
     def on_end(self, now: Moment, envs: Array) -> None:

@@ -22,7 +22,8 @@ pub(crate) const ROUGH_MOTION: f64 = 0.3;
 /// the step.
 pub(crate) const ESTIMATE_ITERATIONS: f64 = 16.0;
 
-/// Error of the free velocity that the impulse prediction may cause, m/s, at the default tolerance of the step.
+/// Largest error that the impulse prediction may cause in the free velocity (the velocity without constraint impulses), m/s. The value
+/// holds at the default tolerance of the step.
 ///
 /// An error d of the predicted velocity v changes the effect of inertial forces by about h |v| d in a step of h seconds. The iterations
 /// therefore stop at `ESTIMATE_ERROR / (h |v|)`.
@@ -51,8 +52,8 @@ pub(crate) const MIN_TOLERANCE: f64 = 1e4 * f64::EPSILON;
 /// limit is 50.
 pub(crate) const MIN_NEWTON_STEPS_FOR_RETRY: u32 = 50;
 
-/// Time by which contact detection looks ahead in derivatives by finite differences, s. A displaced state then still has the contacts that
-/// the displacement opens. Gravity alone closes gaps of ten displacements in this time.
+/// Time by which contact detection looks ahead when finite differences compute a derivative, s. Contacts whose gap opens in a displaced
+/// state are then still found. In this time, gravity alone closes gaps ten times as large as a displacement.
 pub(crate) const LOOK_AHEAD: f64 = 1e-3;
 
 // Servos whose force is at a bound.
@@ -69,26 +70,31 @@ pub(crate) const RESTING_SPEED_RATIO: f64 = 10.0;
 /// Cosine of the angle between the normals of two contacts of a pair above which both contacts count as coplanar. 0.9999 is 0.8 degrees.
 pub(crate) const COPLANAR_COSINE: f64 = 0.9999;
 
-/// Difference between the times of first touch of two pairs, as a fraction of the path, below which both count as first.
+/// Difference between the times at which two pairs first touch, as a fraction of the duration of the motion, below which both touches count
+/// as simultaneous.
 pub(crate) const SIMULTANEOUS_FRACTION: f64 = 2e-3;
 
-/// Width of a gap, as a multiple of its pair's tunnelling distance, above which a very fast body may close it within one step.
+/// Ratio of a gap to the tunnelling distance of its pair above which a very fast body may close the whole gap within one step. The
+/// tunnelling distance is the displacement above which two geoms may pass through each other.
 ///
-/// Half of a step then covers more than one tunnelling distance, so that the next step is also evaluated at its beginning. A body that
-/// another contact slows down below this does not reach the surface before the middle of the next step.
+/// A body that closes such a gap covers more than the tunnelling distance in half a step. The next step is then also evaluated at its
+/// beginning. If another contact slows the body down, it does not reach the surface before the middle of the next step.
 pub(crate) const WIDE_GAP_RATIO: f64 = 3.0;
 
-/// Number of solves in a step that activate colliding pairs in the order of first touch. Later solves activate every colliding pair.
+/// Number of solves in a step after each of which only the earliest of the colliding pairs become active contacts. After any further solve,
+/// all colliding pairs become active contacts.
 pub(crate) const ORDERED_PASSES: usize = 6;
 
-/// Largest number of impulse predictions in a step that activate colliding pairs. The solves of stage 5 activate the other pairs.
+/// Largest number of times that a step repeats its impulse prediction because geoms collide in the predicted motion. The solves of stage 5
+/// find the collisions that remain.
 pub(crate) const MAX_PREDICTIONS: usize = 3;
 
-/// Fraction of the linearised overlap that the true overlap must exceed in a predicted motion for a collision. Predicted impulses are not
-/// converged: their error is below a tenth of a fast approach.
+/// Smallest overlap that counts as a collision in a predicted motion, as a fraction of the overlap in the linearised motion. Predicted
+/// impulses are not converged: their error is below a tenth of a fast approach.
 pub(crate) const PREDICTED_MARGIN: f64 = 0.1;
 
-/// Overlap up to which a predicted collision is doubtful, relative to the path that the residual of the prediction covers.
+/// Factor of the overlap up to which a predicted collision counts as doubtful. The factor multiplies the residual of the prediction, m/s,
+/// and the duration of the motion, s.
 ///
 /// Evidence: of 2,500 bodies that slide over tiles without friction, 24 lose speed with 0, and none with 1 or more. With 2 the step of a
 /// quadruped takes 2 % longer on boxes and 6 % on a height field, with 10 up to 15 %.
@@ -108,8 +114,8 @@ pub(crate) const MIN_IMPACT_RATIO: f64 = 10.0;
 /// solution would not be better.
 pub(crate) const MAX_RESOLVED_ROTATION: f64 = 0.02;
 
-/// Largest velocity change by predicted impulses, times the time step, that is used in the predicted velocity, rad. A larger change is left
-/// out if it speeds the motion up.
+/// Velocity change by predicted impulses, times the time step, above which the change may be left out of the predicted velocity, rad. It is
+/// left out if it increases the speed of the fastest degree of freedom.
 pub(crate) const MAX_IMPACT_ROTATION: f64 = 0.1;
 
 /// Residual of the first solution, as a multiple of the tolerance, above which impacts become inelastic.
@@ -118,22 +124,25 @@ pub(crate) const MAX_IMPACT_ROTATION: f64 = 0.1;
 /// converge within the iteration limit stays below 10.
 pub(crate) const MAX_IMPACT_RESIDUAL: f64 = 100.0;
 
-/// Largest speed of a displacement between impacts, and of a correction after a rebound, as a multiple of the largest speed in the step.
+/// Bound of a position correction after a rebound, and of the displacement by impacts divided by the time step. Both are relative to the
+/// largest speed in the step.
 ///
-/// With the speeds v_k between the impacts, sum_k t_k (v_k - v_(k-1)) is at most twice the largest of them, for times t_k that grow within
-/// the step.
+/// Let v_k be the velocity after impact k, and t_k the time of this impact as a fraction of the step. The displacement is the sum of t_k
+/// (v_k - v_(k-1)). As t_k increases with k, the sum is at most twice the largest speed |v_k|.
 pub(crate) const MAX_REBOUND_SPEED_RATIO: f64 = 2.0;
 
 /// Largest number of repeated solves for impacts, after the first solve of a step.
 ///
-/// Each solve evaluates inertial forces at the velocity of the previous solve. Its error is smaller by a factor of the time step.
+/// Each solve evaluates inertial forces at the velocity of the previous solve. Its error is smaller than that of the previous solve by a
+/// factor of the time step.
 pub(crate) const IMPACT_PASSES: usize = 3;
 
 /// Largest number of times that the evaluation point of a step is moved to the time of its first impact. Newton's method needs several,
 /// because bodies that pass each other obliquely approach on a curve.
 pub(crate) const MAX_PLACEMENTS: usize = 4;
 
-/// Largest distance of the evaluation point from the time of an impact at which the point does not move, as a fraction of the step.
+/// Time between the evaluation point of a step and an impact up to which the evaluation point does not move to the impact. It is a fraction
+/// of the step.
 pub(crate) const PLACEMENT_TOLERANCE: f64 = 1e-3;
 
 /// Time after the end of the step until which an impact still belongs to it, as a fraction of the step.
@@ -144,7 +153,7 @@ pub(crate) const END_TOLERANCE: f64 = 1e-6;
 /// Joint rotation per step above which the step checks whether the corrector of inertial forces has converged, rad.
 pub(crate) const FAST_ROTATION: f64 = 0.5;
 
-/// Largest joint rotation per step after a step whose motion was too fast for the time step, rad.
+/// Largest joint rotation per step to which the velocity is scaled down after a motion that was too fast for the time step, rad.
 pub(crate) const MAX_ROTATION: f64 = 1.0;
 
 /// Change of the velocity by the corrector of inertial forces, as a fraction of the velocity, above which the corrector has not converged.
@@ -167,8 +176,11 @@ pub(crate) const MAX_GROWTH_RATE: f64 = 10.0;
 /// Upper bound of the relative growth of the kinetic energy by the error of one step; see [`MAX_GROWTH_RATE`].
 pub(crate) const MAX_GROWTH: f64 = 0.1;
 
-/// Change of the velocity by constraints, as a fraction of the velocity, above which the allowed growth of the energy is doubled. Impulses
-/// act at one configuration of the step, so that an impact changes the energy with either sign: up to 15 / s at 10 ms.
+/// Change of the velocity by constraints, as a fraction of the largest velocity, above which the step counts as an impact. The allowed
+/// growth of the kinetic energy is then doubled.
+///
+/// Impulses act at one configuration of the step, so that the computed energy changes with either sign. Evidence: up to 15 / s at a time
+/// step of 10 ms.
 pub(crate) const IMPACT_RELATIVE_CHANGE: f64 = 0.1;
 
 /// Joint rotation per step by constraint impulses above which the step counts as unresolved, rad.
@@ -178,8 +190,8 @@ pub(crate) const MAX_IMPULSE_ROTATION: f64 = std::f64::consts::PI;
 /// is too fast for the time step.
 pub(crate) const MAX_TRUSTED_RESIDUAL: f64 = 1e-2;
 
-/// Residual to which lanes with an ambiguous kinetic energy are solved again. It is a fraction of the largest residual at which the
-/// impulses determine the energy (`acceptance.rs`).
+/// Fraction of the largest residual at which the impulses still determine the kinetic energy (`acceptance.rs`). Lanes with an ambiguous
+/// kinetic energy are solved again to this smaller residual.
 pub(crate) const TARGET_RATIO: f64 = 0.1;
 
 // Stage 8: the position correction.
@@ -188,10 +200,10 @@ pub(crate) const TARGET_RATIO: f64 = 0.1;
 /// next step corrects the rest.
 pub(crate) const CORRECTION_TOLERANCE: f64 = 1e-4;
 
-/// Speed of a position correction below which its row is not damped, m/s or rad/s.
+/// Speed of a position correction below which its constraint row gets no damping, m/s or rad/s. Rounding alone makes equal targets differ
+/// by 1e-14.
 ///
-/// Rounding makes equal targets differ by 1e-14. Damping a contact that corrects nothing changes the step where other contacts move it
-/// (1e-8 m for a quadruped).
+/// Evidence: if contacts without a correction are damped, they change the step when other contacts move them (1e-8 m for a quadruped).
 pub(crate) const NEGLIGIBLE_CORRECTION: f64 = 1e-12;
 
 /// Residual of a position correction above which Newton's method continues after Gauss-Seidel iterations, m/s.
@@ -209,11 +221,12 @@ pub(crate) const CORRECTION_ITERATIONS: f64 = 10.0;
 /// arms, 8 and 50 iterations leave the same overlaps after a second, within 0.1 %.
 pub(crate) const CORRECTION_NEWTON_STEPS: f64 = 8.0;
 
-/// Largest speed of a position correction, as a multiple of `max_correction_speed`. Divided by [`CORRECTION_ARM`] it bounds rotations: 5
-/// m/s and 50 rad/s by default.
+/// Largest speed of a position correction, as a multiple of `max_correction_speed`. The speed divided by [`CORRECTION_ARM`] is the largest
+/// angular velocity. By default the bounds are 5 m/s and 50 rad/s.
 pub(crate) const MAX_SPEED_RATIO: f64 = 5.0;
 
-/// Largest joint rotation by the position correction of one step, rad. The rows are linear and invalid beyond it.
+/// Largest joint rotation by the position correction of one step, rad. The position solve uses linearised constraint rows, which are
+/// invalid for larger rotations.
 pub(crate) const MAX_CORRECTION_ROTATION: f64 = 1.0;
 
 /// Largest velocity change that Baumgarte's correction may cause, as a multiple of the bounds of a position correction: 20 m/s or 200 rad/s
@@ -223,20 +236,20 @@ pub(crate) const BAUMGARTE_LIMIT: f64 = 4.0;
 /// Unmet target velocity above which stage 8 tries to prove that the position targets are infeasible, m/s.
 pub(crate) const MIN_UNMET_TARGET: f64 = 1e-2;
 
-/// Compliance of a position target, relative to the inverse inertia along its row.
+/// Compliance that damps each constraint row of the position solve, as a fraction of the inverse inertia along the row.
 ///
 /// A row of average inverse inertia keeps 0.1 % of its error per correction. The motion of a row is at most 1 / (2 sqrt(DAMPING)), 16
 /// times, its correction.
 pub(crate) const DAMPING: f64 = 1e-3;
 
-/// Lever arm assumed for a position correction, m. It converts displacements to rotations, and adds displacement / arm to the relative
-/// compliance.
+/// Lever arm that converts between displacements and rotations in a position correction, m. Long corrections are damped more: displacement
+/// / arm is added to [`DAMPING`].
 ///
-/// Without it, an arm that is stretched towards an unreachable target oscillates: Gauss and Newton's linearisation leaves out the product
-/// of curvature and residual (Nocedal & Wright 2006, section 10.3).
+/// Without this addition, an arm that is stretched towards an unreachable target oscillates. The reason is that the linearisation of Gauss
+/// and Newton leaves out the product of curvature and residual (Nocedal & Wright 2006, section 10.3).
 pub(crate) const CORRECTION_ARM: f64 = 0.1;
 
-/// Largest speed at which split stabilisation returns a joint to its range, as a multiple of that for a contact overlap.
+/// Largest speed at which split stabilisation returns a joint to its range, as a multiple of the largest speed for a contact overlap.
 ///
 /// The large speed is harmless, because this correction only changes positions. With the default `max_correction_speed` of 1 m/s, half a
 /// radian takes 0.07 s.
@@ -245,9 +258,10 @@ pub(crate) const LIMIT_RETURN: f64 = 10.0;
 /// Position error of an equality below which the step does not correct it, m or rad. A loop at rest then needs no position solve.
 pub(crate) const NEGLIGIBLE_ERROR: f64 = 1e-11;
 
-/// Smallest relative decrease of the overlap penalty (`overlap_progress.rs`) with which a position correction is accepted. Evidence: a
-/// wheel 0.1 m inside the base of Unitree's G1-D decreases it by less than 1e-7 per step. With 0.1 ms, a slide between two walls still
-/// reaches 0.5 % of their middle.
+/// Smallest relative decrease of the overlap penalty (`overlap_progress.rs`) at which a position correction is accepted.
+///
+/// Evidence: a wheel 0.1 m inside the base of Unitree's G1-D decreases the penalty by less than 1e-7 per step. A slide joint between two
+/// walls that both overlap its body still comes within 0.5 % of their middle at a time step of 0.1 ms.
 pub(crate) const MIN_DECREASE: f64 = 2e-7;
 
 /// Lower bound of [`MIN_DECREASE`], in machine epsilons of the lane type, because overlaps contain the rounding of positions.
@@ -258,21 +272,21 @@ pub(crate) const MIN_BAUMGARTE: f64 = 2e-7;
 
 // Constraint rows.
 
-/// Distance of a joint from its limit, beyond the displacement at the free velocity, within which the limit has a row, rad or m. Impulses
-/// of contacts can rotate a joint towards its limit in the same step.
+/// Additional distance from a joint or tendon limit within which the limit has a constraint row, rad or m. It is added to the motion
+/// towards the limit at the velocity without constraints. Impulses of contacts can rotate a joint towards its limit in the same step.
 pub(crate) const LIMIT_LOOK_AHEAD: f64 = 0.01;
 
-/// Smallest ratio of a row's squared length after the elimination of equalities to that before. Below it, the equalities may block the row,
-/// and each of its entries is tested with the same ratio.
+/// Smallest ratio of a constraint row's squared lengths after and before the elimination of the equalities. Below it, the equalities may
+/// block the row, and each entry of the row is tested with the same ratio.
 ///
-/// With a thousandth of the inverse inertia left, impulses are a million times too large and depend on rounding. A light body coupled to a
-/// heavy one leaves the same ratio without being blocked.
+/// Without the test, impulses would be a million times too large and would depend on rounding. The ratio alone does not show that a row is
+/// blocked: a light body that is coupled to a heavy one has the same ratio.
 pub(crate) const MIN_REMAINING_LENGTH: f64 = 1e-6;
 
-/// Overlap of a contact above which its curvature is neglected, m: the depth of [`Status::DEEP`](crate::Status::DEEP).
+/// Overlap of a contact above which the curvature of its surfaces is neglected, m: the depth of [`Status::DEEP`](crate::Status::DEEP).
 ///
-/// Such bodies are jammed and do not roll. No impulse reaches the target velocities of friction rows there, unless these are the motion of
-/// some joints. Evidence: of 16 unsolved problems of jammed arms, 14 are solved at once without curvature.
+/// Bodies with such overlaps are jammed and do not roll. Curvature adds target velocities to friction rows, which impulses usually cannot
+/// reach in a jam. Evidence: of 16 unsolved problems of jammed arms, 14 are solved at once without curvature.
 pub(crate) const MAX_CURVED_OVERLAP: f64 = 1e-3;
 
 // Redundant supports, whose loads are shared.
@@ -280,7 +294,8 @@ pub(crate) const MAX_CURVED_OVERLAP: f64 = 1e-3;
 /// Smallest number of contacts between two bodies at which statics does not determine their forces.
 pub(crate) const MIN_SHARED_CONTACTS: usize = 3;
 
-/// Speed of a loaded contact above which it slips, m/s. The torque of friction then depends on the distribution of the load.
+/// Sliding speed above which a loaded contact of a redundant support counts as slipping, m/s. The torque of friction then depends on how
+/// the contacts share the load.
 pub(crate) const SLIP_SPEED: f64 = 1e-6;
 
 /// Length of a row of unit length, after the other rows are eliminated from it, below which the row counts as dependent. The values are for

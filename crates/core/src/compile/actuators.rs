@@ -24,7 +24,7 @@ pub struct CompiledActuator<S> {
     pub force_range: Option<[S; 2]>,
     /// Lowest and highest activation; `None` without bounds.
     pub act_range: Option<[S; 2]>,
-    /// Index of the actuator's activation in act; `None` without one.
+    /// Index of the actuator's activation in the vector of activations; `None` if the actuator has no activation.
     pub act: Option<usize>,
     /// Type of the activation's differential equation (MuJoCo's `dyntype`).
     pub activation: Activation,
@@ -34,8 +34,8 @@ pub struct CompiledActuator<S> {
     pub servo: Option<usize>,
     /// Part of the actuator dynamics that acts within a step; `None` if there is none.
     pub dynamics: Option<CompiledActuatorDynamics<S>>,
-    /// Index in the list of force ranges (`actuatorfrcrange`) of that of the joint that the actuator drives. `None` without one, and for
-    /// actuators on tendons.
+    /// Index of the joint's force range in the list of force ranges (`actuatorfrcrange`). `None` if the joint has no force range, and for
+    /// actuators on tendons and sites.
     pub joint_force_range: Option<usize>,
 }
 
@@ -55,24 +55,26 @@ pub struct Spot<S> {
 pub struct CompiledWrench<S> {
     /// Pose of the site on which the wrench acts.
     pub site: Spot<S>,
-    /// Pose of the reference site, which receives the opposite wrench, and whose axes the wrench has. `None` without one.
+    /// Pose of the reference site, which receives the opposite wrench. Its axes are those of the wrench. `None` if the actuator has no
+    /// reference site.
     pub reference: Option<Spot<S>>,
-    /// Force and torque per unit of the actuator's force, including the gear.
+    /// Force and torque on the site per unit of the actuator's force, including the gear. They are in the axes of the reference site, or of
+    /// the site itself if there is no reference site.
     pub wrench: [S; 6],
-    /// Change of the actuator's length by a full rotation, if the length is an angle.
+    /// Change of the actuator's length when the site makes a full rotation, if the length is an angle; otherwise `None`.
     pub turn: Option<S>,
     /// Degrees of freedom that move only the site (sign 1) or only the reference site (sign -1), with the sign.
     pub dofs: Vec<(usize, S)>,
     /// Index of the actuator's first moment arm in the list of arms of all wrenches.
     pub arms: usize,
-    /// Index of the actuator in the list of wrenches. Its length has the same index in the list of their lengths.
+    /// Index of this wrench among the wrenches of all actuators on sites. The list of actuator lengths has the same index.
     pub index: usize,
 }
 
 /// Part of an actuator's dynamics that acts within a step: force bounds and affine forces, which may differ between environments.
 #[derive(Clone, Copy, Debug)]
 pub struct CompiledActuatorDynamics<S> {
-    /// Index in the list of those actuator dynamics that act within a step.
+    /// Index of these dynamics among all actuator dynamics that act within a step.
     pub index: usize,
     /// Whether the dynamics are a continuous servo (a PD law that acts within the step).
     pub servo: bool,
@@ -95,11 +97,11 @@ pub struct CompiledServo<S> {
     /// Entries of the mass matrix to which the servo adds inertia, for an actuator on a site. They give the index of the entry, and the
     /// indices of the two moment arms whose product is the factor.
     pub products: Vec<(usize, [usize; 2])>,
-    /// Diagonal entries of the mass matrix, and factors, that replace `entries` for a moment across branches. They are an upper bound of
-    /// the added inertia. Empty for a moment on one branch.
+    /// Diagonal bound of the added inertia, for an actuator on a tendon that joins several kinematic branches. It replaces `entries`, and
+    /// lists indices of diagonal entries of the mass matrix with their factors. Empty if all degrees of freedom are on one branch.
     pub bound: Vec<(usize, S)>,
-    /// Diagonal entries of the mass matrix, and indices of their moment arms, that replace `products` for a site actuator across branches.
-    /// They are an upper bound of the added inertia.
+    /// Diagonal bound of the added inertia, for an actuator on a site that joins several kinematic branches. It replaces `products`, and
+    /// lists indices of diagonal entries of the mass matrix with the indices of their moment arms.
     pub spread: Vec<(usize, usize)>,
 }
 
@@ -116,7 +118,7 @@ pub struct CompiledForceRange<S> {
     pub has_servos: bool,
 }
 
-/// Model, and parts of the compiled model, from which actuators are compiled.
+/// Inputs for compiling actuators: the model, and parts of the compiled model.
 #[derive(Clone, Copy)]
 pub(super) struct Scene<'a> {
     pub(super) model: &'a Model,
@@ -260,11 +262,11 @@ fn entry(scene: Scene<'_>, below: usize, above: usize) -> Option<usize> {
     scene.chain[dof.chain..dof.chain + dof.depth].iter().position(|&d| d as usize == above).map(|k| dof.chain + k)
 }
 
-/// Entries of the matrix a a^T in the layout of the mass matrix, for a moment a given as (degree of freedom, moment arm). The first list
-/// has the pairs on one branch.
+/// Lists the entries of the matrix a a^T for an actuator's moment a, as pairs (index of the mass matrix entry, value). `moment` lists
+/// (degree of freedom, moment arm).
 ///
-/// If some pair is on two branches, the second list is a diagonal matrix that is an upper bound of a a^T (see
-/// [`crate::actuation::forces`]). Otherwise it is empty.
+/// The first list has the entries whose two degrees of freedom are on one kinematic branch. If other entries exist, the second list is a
+/// diagonal matrix that is an upper bound of a a^T (see [`crate::actuation::forces`]). Otherwise it is empty.
 fn entries(moment: &[(usize, f64)], scene: Scene<'_>) -> [Vec<(usize, f64)>; 2] {
     let mut arms: Vec<(usize, f64)> = Vec::new();
     for &(dof, arm) in moment {
@@ -288,8 +290,11 @@ fn entries(moment: &[(usize, f64)], scene: Scene<'_>) -> [Vec<(usize, f64)>; 2] 
 
 type Products = (Vec<(usize, [usize; 2])>, Vec<(usize, usize)>);
 
-/// Entries of the mass matrix to which a servo on a site adds inertia. Each is given with the two moment arms of its product, because the
-/// arms change. If the wrench acts across branches, the second list has the diagonal entries with their arms.
+/// Lists the entries of the mass matrix to which a servo on a site adds inertia, with the indices of two moment arms. The added inertia is
+/// proportional to the product of these arms, which depend on the configuration.
+///
+/// If the wrench acts on several kinematic branches, the second list has the diagonal entries, each with the index of its moment arm.
+/// Otherwise it is empty.
 fn products<S: Scalar>(wrench: &CompiledWrench<S>, scene: Scene<'_>) -> Products {
     let mut dofs: Vec<(usize, usize)> = wrench.dofs.iter().enumerate().map(|(k, &(dof, _))| (dof, wrench.arms + k)).collect();
     dofs.sort_by_key(|&(dof, _)| std::cmp::Reverse(scene.dofs[dof].depth));

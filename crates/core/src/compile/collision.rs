@@ -67,15 +67,15 @@ impl<S> CompiledPair<S> {
     }
 }
 
-/// Dynamic pairs: pairs among many geoms (the members) that are too numerous for a list. In every step, the broad phase finds the dynamic
-/// pairs that can touch.
+/// Dynamic pairs: all pairs among a set of many geoms, too numerous for a list. In every step, the broad phase finds the dynamic pairs that
+/// can touch. The geoms of the set are called members.
 #[derive(Clone, Debug)]
 pub struct DynamicPairs<S> {
     /// Geoms that form the dynamic pairs, ascending. Any two of them may collide.
     pub members: Vec<Member>,
-    /// Indices of the members that are not fixed to the world. Empty if the pairs between moving members are listed instead.
+    /// Indices in `members` of the geoms that are not fixed to the world. Empty if the pairs of two moving geoms are listed pairs instead.
     pub moving: Vec<u32>,
-    /// Largest bounding radius of a member plus its margin, m.
+    /// Largest bounding radius of a geom in `members` plus its margin, m.
     pub widest: f64,
     /// Index of the first dynamic pair in the compiled model. All smaller indices are those of listed pairs.
     first: usize,
@@ -86,7 +86,7 @@ pub struct DynamicPairs<S> {
     scalar: PhantomData<S>,
 }
 
-/// Member of the dynamic pairs: a geom that may collide with any other member.
+/// Geom in the set that forms the dynamic pairs. It may collide with any other geom of the set.
 #[derive(Clone, Copy, Debug)]
 pub struct Member {
     /// Index of the geom in the compiled model.
@@ -98,12 +98,12 @@ pub struct Member {
 }
 
 impl<S: Scalar> DynamicPairs<S> {
-    /// Index of the pair of the members `i` and `j` in the compiled model. It ascends with `i`, then `j`.
+    /// Index in the compiled model of the pair of `members[i]` and `members[j]`. The index increases with `i`, then with `j`.
     pub fn number(&self, i: usize, j: usize) -> usize {
         self.first + i * self.members.len() + j
     }
 
-    /// The two members of the dynamic pair with index `number`; `None` if there is no such pair.
+    /// The two entries of `members` that form the dynamic pair with index `number`; `None` if there is no such pair.
     fn members_of(&self, number: usize) -> Option<[&Member; 2]> {
         let (n, k) = (self.members.len(), number.checked_sub(self.first)?);
         Some([self.members.get(k / n)?, &self.members[k % n]])
@@ -128,7 +128,7 @@ impl<S: Scalar> DynamicPairs<S> {
         Some(pair_plan(&pair, Kernel::of(shapes[0], shapes[1])?, self.geoms(number)?))
     }
 
-    /// Collision parameters of the dynamic pair with index `number`, with the geoms' indices in the model. `None` if its geoms do not
+    /// Collision parameters of the dynamic pair with index `number`. Its geoms are indices in the model. `None` if the two geoms do not
     /// collide.
     pub(crate) fn geom_pair(&self, number: usize) -> Option<GeomPair> {
         let [a, b] = self.members_of(number)?;
@@ -170,12 +170,13 @@ impl<S: Scalar> DynamicPairs<S> {
 /// Number of contact points per geom for which memory is reserved, among many similar geoms. It is half of twelve neighbours (the kissing
 /// number) times eight points.
 const NEIGHBOUR_POINTS: usize = 48;
-/// Number of pairs of ordinary-sized geoms above which these pairs are dynamic: the broad phase finds them in every step.
+/// Number of pairs among the geoms of ordinary size above which these pairs become dynamic pairs, which the broad phase finds in every
+/// step.
 ///
-/// If the pairs of moving geoms are fewer, those are listed, and only the pairs with static geoms are dynamic.
+/// If the number of pairs of two moving geoms does not exceed it, those pairs are listed. Then only pairs with a static geom are dynamic.
 const LISTED_PAIRS: usize = 3000;
-/// Ratio of a geom's size to the median size above which its pairs are listed. With broad-phase cells of its size, one cell would contain
-/// all geoms.
+/// Ratio of a geom's size to the median size of geoms above which the pairs of this geom are listed pairs. In the broad phase, a cell as
+/// large as this geom would contain all geoms.
 const LARGE: f64 = 8.0;
 
 /// Compiled collision geometry: geoms, listed pairs and dynamic pairs.
@@ -270,11 +271,11 @@ fn number_of_pairs(n: usize) -> usize {
     n * n.saturating_sub(1) / 2
 }
 
-/// Listed pairs: pairs that can collide and are not dynamic. Those with torsional or rolling friction come first. Each part ascends by its
-/// geoms.
+/// Makes the listed pairs of the model: all pairs that can collide and are not dynamic pairs. Pairs with torsional or rolling friction come
+/// first; otherwise the order is that of the geoms.
 ///
-/// `among` marks the geoms of dynamic pairs. The pairs of the geoms `listed_moving` are included. Contacts follow the order of the pairs,
-/// so that contacts with six rows have the same slots in all lanes.
+/// `among` marks the geoms whose pairs are dynamic. Pairs of two geoms in `listed_moving` are listed even if both are marked. Contacts
+/// follow the order of the pairs, so that contacts with six rows have the same slots in all lanes.
 fn listed_pairs(model: &Model, filter: &Filter, among: &[bool], listed_moving: &[usize]) -> Vec<GeomPair> {
     let all = 0..model.geoms.len();
     let one_outside = all.clone().filter(|&a| !among[a]).flat_map(|a| all.clone().filter(move |&b| among[b] || b > a).map(move |b| [a, b]));
@@ -286,7 +287,8 @@ fn listed_pairs(model: &Model, filter: &Filter, among: &[bool], listed_moving: &
     pairs
 }
 
-/// Radii of a geom, m: that of the ball about its origin that contains it, and that of the ball that it contains.
+/// Bounding radius and inscribed radius of a geom, m. The bounding ball about the geom's origin contains the geom, and the geom contains a
+/// ball of the inscribed radius.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bulk {
     pub(super) bounding_radius: f64,

@@ -69,10 +69,10 @@ pub struct ModelStructure<S: Scalar> {
     /// Chains of all degrees of freedom: `chain[dof.chain..][..dof.depth]` is the dof and its ancestors, towards the root. Entry k of this
     /// list belongs to entry k of the mass matrix.
     pub chain: Vec<u32>,
-    /// Descendants of all degrees of freedom. The range `dof.descendants` has the dofs with this dof in their chain, without the dof
-    /// itself, the last first.
+    /// Descendants of all degrees of freedom (dofs) in one list. The range `dof.descendants` has all dofs below this dof in its kinematic
+    /// tree, from the last to the first.
     pub descendants: Vec<Descendant>,
-    /// Set of dofs that move each frame, as bits of 64-bit words.
+    /// For each frame, the set of degrees of freedom that move it, as bits of 64-bit words.
     pub moved_dofs: Vec<Vec<u64>>,
     /// Mocap bodies and their frames.
     pub mocap: Vec<CompiledMocap<S>>,
@@ -92,7 +92,7 @@ pub struct ModelStructure<S: Scalar> {
     pub dynamic_pairs: Option<DynamicPairs<S>>,
     /// Static pairs: pairs of a moving geom and a geom that is fixed to the world.
     pub static_pairs: StaticPairs,
-    /// Whether each link is alone on a free joint, without other links in its tree. Empty if none is.
+    /// For each link, whether it is alone on a free joint, without other links in its tree. The list is empty if no link is.
     pub floating: Vec<bool>,
     /// Whether any pair can have torsional or rolling friction.
     pub has_rolling_friction: bool,
@@ -184,7 +184,7 @@ impl<S: Scalar> ModelStructure<S> {
         &self.chain[d.chain..d.chain + d.depth]
     }
 
-    /// Descendants of a degree of freedom (dofs with this dof in their chain), the last first.
+    /// Descendants of a degree of freedom: all dofs below it in its kinematic tree, from the last to the first.
     #[inline(always)]
     pub fn descendants(&self, dof: usize) -> &[Descendant] {
         &self.descendants[self.dofs[dof].descendants.clone()]

@@ -14,12 +14,12 @@ use crate::model::{Equality, EqualityKind, Model};
 pub struct Combination<S> {
     /// Terms of the sum: address in q, degree of freedom, and coefficient.
     pub terms: Vec<(usize, usize, S)>,
-    /// Value of the combination at the configuration `qpos0`.
+    /// Value of the linear combination at the configuration `qpos0`.
     pub reference: S,
 }
 
 impl<S: Scalar> Combination<S> {
-    /// Value of the combination at the configuration `q`.
+    /// Value of the linear combination at the configuration `q`.
     #[inline(always)]
     pub fn value<R: Real<Scalar = S>>(&self, q: &[R]) -> R {
         let mut x = R::zero();
@@ -29,7 +29,7 @@ impl<S: Scalar> Combination<S> {
         x
     }
 
-    /// Time derivative of the combination at the generalized velocity `v`.
+    /// Time derivative of the linear combination at the generalized velocity `v`.
     #[inline(always)]
     pub fn rate<R: Real<Scalar = S>>(&self, v: &[R]) -> R {
         let mut x = R::zero();
@@ -49,7 +49,7 @@ pub struct FramePath {
     pub links: Vec<u32>,
 }
 
-/// Inputs from which the rows of an equality are computed.
+/// Parameters from which a step computes the constraint rows of an equality.
 #[derive(Clone, Debug)]
 pub enum EqualityRows<S> {
     /// Two coincident points (connect), and two aligned orientations (weld).
@@ -75,14 +75,14 @@ pub enum EqualityRows<S> {
     },
 }
 
-/// Spring with damper and inertia along a constraint row. u is the unit of the row, m or rad.
+/// Spring with damper and inertia along a constraint row. In the units of its fields, u is the unit of the row's coordinate, m or rad.
 #[derive(Clone, Copy, Debug)]
 pub struct Spring<S> {
-    /// Stiffness, N/u (N m/rad for a rotation).
+    /// Stiffness, N/u with u = m or rad (N m/rad for a rotation).
     pub stiffness: S,
-    /// Damping, N s/u (N m s/rad for a rotation).
+    /// Damping, N s/u with u = m or rad (N m s/rad for a rotation).
     pub damping: S,
-    /// Inertia that acts along the row, N s^2/u.
+    /// Inertia that acts along the row, N s^2/u with u = m or rad.
     pub inertia: S,
 }
 
@@ -93,7 +93,7 @@ pub struct CompiledEquality<S> {
     pub index: usize,
     /// Whether the equality is active by default.
     pub active: bool,
-    /// Inputs of the equality's rows.
+    /// Parameters of the equality's constraint rows.
     pub rows: EqualityRows<S>,
     /// Degrees of freedom that the equality moves, and all their ancestors, ascending.
     pub support: Vec<u32>,
@@ -115,7 +115,8 @@ impl<S> CompiledEquality<S> {
     }
 }
 
-/// Block: equalities whose rows are assembled together. They have the same support; the rows of hard equalities are made orthogonal.
+/// Block: equalities whose constraint rows are assembled together. All rows act on the same degrees of freedom, and the rows of hard
+/// equalities are made orthogonal.
 #[derive(Clone, Debug)]
 pub struct EqualityBlock<S> {
     /// Equalities of the block.
@@ -156,7 +157,7 @@ pub struct CompiledTendon<S> {
 /// Largest number of equality rows that are made orthogonal together. The cost grows with the square of the number.
 const MOST_ROWS: usize = 48;
 
-/// Compiler of equalities and tendons.
+/// Compiler of the equalities and tendons of a model.
 pub(super) struct Compiler<'a> {
     pub(super) model: &'a Model,
     pub(super) merged: &'a Merged,

@@ -6,20 +6,20 @@ use stepper_real::Scalar;
 use crate::compile::tree::{CompiledBody, CompiledJoint, CompiledMocap, Descendant, Dof, Link, scalars};
 use crate::model::{JointKind, Model, simple_bodies};
 
-/// Links formed from bodies that cannot move relative to each other: frame of every body with the body's pose in it. Also the tree of
-/// degrees of freedom.
+/// Merged bodies and the tree of degrees of freedom. Bodies that cannot move relative to each other form one frame; `frame`, `pos` and
+/// `quat` are the frame of every body and the body's pose in it.
 #[derive(Clone, Debug)]
 pub(crate) struct Merged {
     pub(crate) frame: Vec<usize>,
     pub(crate) pos: Vec<Vector3<f64>>,
     pub(crate) quat: Vec<UnitQuaternion<f64>>,
-    /// Index of the body of each link that has the link's joints.
+    /// For each link, index of the body to which the link's joints belong.
     pub(crate) leaders: Vec<usize>,
     pub(crate) mocap: Vec<usize>,
     pub(crate) link_tree: Vec<usize>,
     pub(crate) ntree: usize,
     dof_link: Vec<usize>,
-    /// Range of the chain of each degree of freedom in `chain`: start and length.
+    /// Start and length of the part of `chain` that belongs to each degree of freedom: the dof itself and its ancestors.
     dof_chain: Vec<(usize, usize)>,
     pub(crate) chain: Vec<u32>,
     last_dof_of_frame: Vec<Option<usize>>,
@@ -125,7 +125,7 @@ impl Merged {
         &self.chain[start..start + len]
     }
 
-    /// Set of dofs that move each frame, as bits of 64-bit words.
+    /// For each frame, the set of degrees of freedom that move it, as bits of 64-bit words.
     pub(crate) fn moved_dofs(&self, nv: usize) -> Vec<Vec<u64>> {
         let set = |last: &Option<usize>| {
             let mut words = vec![0u64; nv.div_ceil(64)];
@@ -167,7 +167,8 @@ pub(crate) fn links<S: Scalar>(model: &Model, merged: &Merged) -> Vec<Link<S>> {
     merged.leaders.iter().enumerate().map(link).collect()
 }
 
-/// Mass, centre of mass, and inertia about it, of the bodies `chosen`, which are all fixed to one frame. The result is in the frame's axes.
+/// Combines the bodies `chosen`, which are all fixed to one frame. Returns their mass, their centre of mass, and their inertia about it, in
+/// the frame's axes.
 pub(crate) fn combined(model: &Model, merged: &Merged, chosen: impl Fn(usize) -> bool) -> (f64, Vector3<f64>, [f64; 6]) {
     let parts: Vec<usize> = (0..model.bodies.len()).filter(|&b| chosen(b) && model.bodies[b].mass > 0.0).collect();
     let com_of = |b: usize| merged.pos[b] + merged.quat[b] * vector(model.bodies[b].ipos);

@@ -58,7 +58,7 @@ struct Source<'a, S: Scalar> {
 }
 
 impl<S: Scalar> Source<'_, S> {
-    /// Inertial parameters of all links, followed by those of the subtree parts that sensors read.
+    /// Mass, centre of mass and inertia of all links, followed by those of all parts of the subtrees that sensors read.
     fn inertials(&self) -> impl Iterator<Item = Inertial<f64>> {
         let merged = &self.structure.merged;
         let links = (1..=self.structure.links.len()).map(move |frame| combined(self.model, merged, |b| merged.frame[b] == frame));

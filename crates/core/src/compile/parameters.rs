@@ -37,7 +37,7 @@ parameter_rows! {
     DofParams {
         /// Viscous damping, N s/m or N m s/rad.
         damping: T,
-        /// Stiffness of the joint's spring in the implicit rule, N/m or N m/rad; 0 for a negative stiffness.
+        /// Stiffness of the joint's spring that enters the mass matrix, N/m or N m/rad; 0 for a negative stiffness.
         stiffness: T,
         /// Armature inertia, kg or kg m^2.
         armature: T,
@@ -95,7 +95,7 @@ macro_rules! parameter_tables {
             $($table: [usize; 2],)*
         }
 
-        /// Rows of every parameter table, before they are joined to one list.
+        /// Rows of every parameter table, one list per table. The conversion to [`Params`] joins them to one list of numbers.
         pub(super) struct ParameterRows<T> {
             $($(#[$doc])* pub(super) $table: Vec<$kind>,)*
         }
@@ -123,7 +123,7 @@ macro_rules! parameter_tables {
 parameter_tables! {
     /// Gravitational acceleration, m/s^2.
     gravity: gravity() -> [T; 3];
-    /// Mass, centre of mass and inertia of link `i`, or of part `i - links` of the subtrees that sensors read.
+    /// Mass, centre of mass and inertia of link `i`. From the number of links on, index `i` selects a part of a subtree that sensors read.
     inertials: inertial(i) -> Inertial<T>;
     /// Mass of the subtree with index `subtree` that sensors read, kg.
     totals: total(subtree) -> T;
@@ -135,7 +135,7 @@ parameter_tables! {
     limits: limit(i) -> [T; 2];
     /// Largest rotation angle of ball joint limit `i`, rad.
     ball_limits: ball_limit(i) -> T;
-    /// Dry friction in row `i` of dry friction, N or N m.
+    /// Dry friction force of entry `i` in the compiled model's list of dry friction, N or N m.
     frictions: friction(i) -> T;
     /// Affine force coefficients of actuator `i`.
     actuators: actuator(i) -> ActuatorParams<T>;
@@ -143,7 +143,7 @@ parameter_tables! {
     geoms: geom(i) -> GeomParams<T>;
     /// Contact parameters of the listed pair `pair`.
     pairs: listed_contact(pair) -> ContactParams<T>;
-    /// Contact parameters of the geom with index `geom` in the model, which dynamic pairs combine.
+    /// Contact parameters of the geom with index `geom` in the model. A dynamic pair combines the parameters of its two geoms.
     members: member(geom) -> ContactParams<T>;
     /// Centre of mass of a body of the model in the frame of its link, m.
     bodies: body_com(body) -> [T; 3];
@@ -151,13 +151,13 @@ parameter_tables! {
     masses: mass(body) -> T;
     /// Inertia of a body of the model about its centre of mass in the axes of its frame: xx, yy, zz, xy, xz, yz, kg m^2.
     moments: body_inertia(body) -> [T; 6];
-    /// Gravity compensation force number `i`, and its point of application.
+    /// Gravity compensation force with index `i`, and its point of application.
     compensations: compensation(i) -> CompensationParams<T>;
-    /// Drag coefficients of body number `i` in the surrounding fluid.
+    /// Drag coefficients in the surrounding fluid of the body with index `i` in the list of bodies in a fluid.
     fluid: fluid(i) -> FluidParams<T>;
-    /// Position of object `i` that sensors read, in the frame to which it is fixed, m.
+    /// Position of the object with index `i` among the objects that sensors read, in the frame to which it is fixed, m.
     places: place(i) -> [T; 3];
-    /// Size of shape `i` that sensors read, m: radius and half length, or half axes, or half sizes.
+    /// Size of the shape with index `i` among the shapes that sensors read, m: radius and half length, or half axes, or half sizes.
     sizes: size(i) -> [T; 3];
 }
 
@@ -208,7 +208,7 @@ impl<T: Copy> Params<T> {
         self.numbers[start..end].as_chunks().0
     }
 
-    /// Whether any of the parameter indices `places`, ascending, belongs to the table of geoms.
+    /// Whether any of the parameter indices `places`, which are ascending, belongs to the table of geoms.
     pub fn has_geoms(&self, places: &[u32]) -> bool {
         let [start, end] = self.tables.geoms.map(|at| places.partition_point(|&place| (place as usize) < at));
         start < end

@@ -15,10 +15,10 @@ pub struct RaySurfaces {
 }
 
 impl RaySurfaces {
-    /// Ray surface of a shape, from the cache or new. `None` for a simple shape, and for a mesh or height field that the model does not
-    /// contain.
+    /// Returns the ray surface of a shape, from the cache or new. `None` for a simple shape, and for a mesh or height field that the model
+    /// does not contain.
     ///
-    /// A mesh is its triangles, even if contacts use its hull. A mesh without triangles is its hull.
+    /// Rays hit the triangles of a mesh, even if contacts use its hull. If a mesh has no triangles, rays hit its hull.
     pub(crate) fn get_or_make(&mut self, model: &Model, shape: &Shape) -> Option<Arc<RaySurface>> {
         let (known, name) = match shape {
             Shape::Mesh { asset, .. } => (&mut self.meshes, asset),

@@ -28,23 +28,24 @@ pub struct CompiledSensing<S> {
     pub quaternions: bool,
     /// Body of every geom of the model.
     pub geom_body: Vec<usize>,
-    /// Quantities of a step that the sensors need.
+    /// Quantities of a step that the sensors need, in addition to the state.
     pub needs: Needs,
     /// Subtrees whose mass or motion sensors read: a body with all its descendants.
     pub subtrees: Vec<Subtree>,
-    /// Subtrees on which force and torque sensors measure the force of the parent body: frame of the sensor's site, and index of the
-    /// subtree.
+    /// Subtrees on which force and torque sensors measure the force of the parent body. Each entry has the frame of the sensor's site, and
+    /// the index of the subtree in `subtrees`.
     pub carried: Vec<(SensorFrame<S>, usize)>,
     /// Frame and pose of each geom of the model.
     pub geoms: Vec<SensorFrame<S>>,
     /// Frame and pose of each site of the model.
     pub sites: Vec<SensorFrame<S>>,
-    /// Objects whose positions sensors read. All geoms and sites are last. Object k has row k of
+    /// Objects whose positions sensors read. The list ends with all geoms and all sites of the model. Object k has row k of
     /// [`Params::place`](crate::compile::Params::place).
     pub places: Vec<Object>,
     /// Simple shape of each geom, and its index in `shapes`; `None` for a mesh or height field.
     pub forms: Vec<Option<(Form, usize)>>,
-    /// Geoms and sites whose sizes sensors read. All geoms are last. Shape k has row k of [`Params::size`](crate::compile::Params::size).
+    /// Geoms and sites whose sizes sensors read. The list ends with all geoms of the model. Shape k has row k of
+    /// [`Params::size`](crate::compile::Params::size).
     pub shapes: Vec<Object>,
 }
 
@@ -67,7 +68,7 @@ pub struct Needs {
     pub step: bool,
 }
 
-/// Sensor of the compiled model: place of its readings, and what it measures.
+/// Sensor of the compiled model: range of its readings, and measured quantity.
 #[derive(Clone, Debug)]
 pub struct CompiledSensor<S> {
     /// Index of the sensor's first reading.
@@ -149,7 +150,7 @@ pub struct Subtree {
     pub index: usize,
     /// Parts of the subtree: one mass per frame.
     pub parts: Vec<Part>,
-    /// Whether the subtree contains each body of the model.
+    /// For each body of the model, whether the subtree contains it.
     pub bodies: Vec<bool>,
 }
 
@@ -171,7 +172,7 @@ pub enum Side<S> {
     Zone(Solid<S>),
 }
 
-/// Measured quantity of a sensor, in terms of the compiled model. Subtrees are given by their index.
+/// Quantity that a sensor measures, with its inputs in the compiled model. An index of a subtree refers to [`CompiledSensing::subtrees`].
 #[derive(Clone, Debug)]
 pub enum Read<S> {
     /// Entries of the configuration q, from this address on.
@@ -195,7 +196,7 @@ pub enum Read<S> {
     /// Time derivative of the distance of a linear combination beyond the nearer end of a range. The first list has its terms in q, the
     /// second those in v.
     LimitVel([Vec<(usize, S)>; 2], Bounds<S>),
-    /// Force of a limit: index of the limit's impulse in the list of impulses of scalar rows.
+    /// Force of the limit of a joint or tendon. The index is that of the limit's impulse in the list of impulses of scalar rows.
     LimitForce(usize),
     /// Constant zero, because the limit that the sensor reads does not exist.
     Nothing,
@@ -209,15 +210,15 @@ pub enum Read<S> {
     Gyro(SensorFrame<S>),
     /// Linear acceleration minus gravity, in the sensor's axes.
     Accelerometer(SensorFrame<S>),
-    /// Force of the parent on a subtree: index in [`CompiledSensing::carried`].
+    /// Force of the parent body on a subtree, at the sensor's site. The index is that of the subtree in [`CompiledSensing::carried`].
     Force(usize),
-    /// Torque of the parent on a subtree: index in [`CompiledSensing::carried`].
+    /// Torque of the parent body on a subtree, about the sensor's site. The index is that of the subtree in [`CompiledSensing::carried`].
     Torque(usize),
     /// Touch sensor: sum of the normal forces on this body whose lines of action intersect the volume.
     Touch(usize, Solid<S>),
     /// Rangefinder: distances along rays. The inputs are sensor frame, directions, fields of the reading, and geoms that rays can hit.
     Range(SensorFrame<S>, Vec<[S; 3]>, Vec<RayField>, Vec<Target<S>>),
-    /// Whether the frame's origin is inside the volume.
+    /// Number 1 if the origin of the sensor frame is inside the volume, otherwise 0.
     Inside(SensorFrame<S>, Solid<S>),
     /// Distance, normal or nearest points of two sets of geoms: kind of reading, pairs, and cutoff distance, m.
     Proximity(ProximityReading, Vec<Pair<S>>, S),
@@ -341,7 +342,7 @@ struct Compiler<'a> {
     model: &'a Model,
     merged: &'a Merged,
     addresses: Vec<(usize, usize)>,
-    /// Compiled tendons with constraint rows: index of the tendon in the model, and index of its first impulse.
+    /// For each compiled tendon: index of the tendon in the model, and index of its first impulse in the list of impulses of scalar rows.
     impulse_indices: Vec<(usize, usize)>,
     found: RefCell<Found>,
 }
@@ -412,20 +413,21 @@ impl Compiler<'_> {
         }
     }
 
-    /// Terms of a linear combination of joints: address in q, address in v, and coefficient times `gear`. `arms` are pairs of joint and
-    /// coefficient.
+    /// Terms of a linear combination of joint positions: address in q, address in v, and coefficient times `gear`. `arms` lists pairs of
+    /// joint and coefficient.
     fn arms<'a, S: Scalar>(&'a self, arms: &'a [(usize, f64)], gear: f64) -> impl Iterator<Item = (usize, usize, S)> + 'a {
         arms.iter().map(move |&(j, c)| (self.addresses[j].0, self.addresses[j].1, S::from_f64(c * gear)))
     }
 
-    /// Terms of a linear combination of joints, in q and in v. `arms` are pairs of joint and coefficient.
+    /// Terms of a linear combination of joint positions, as (address in q, coefficient), and of its time derivative, as (address in v,
+    /// coefficient). `arms` lists pairs of joint and coefficient; `gear` multiplies all coefficients.
     fn sums<S: Scalar>(&self, arms: &[(usize, f64)], gear: f64) -> [Vec<(usize, S)>; 2] {
         let arms = || self.arms(arms, gear);
         [arms().map(|(q, _, c)| (q, c)).collect(), arms().map(|(_, v, c)| (v, c)).collect()]
     }
 
-    /// Terms of the moment of actuator `a`: address in q, address in v, and moment arm. `None` if the moment depends on the configuration,
-    /// as on a site.
+    /// Terms of the moment of actuator `a`: address in q, address in v, and moment arm. `None` for an actuator on a site, whose moment
+    /// depends on the configuration.
     fn moment<S: Scalar>(&self, a: usize) -> Option<impl Iterator<Item = (usize, usize, S)>> {
         let actuator = &self.model.actuators[a];
         let arms = match actuator.transmission {
@@ -457,7 +459,7 @@ impl Compiler<'_> {
         self.frame_of(object, index)
     }
 
-    /// Sensor frame of an object whose position has the index `index`.
+    /// Sensor frame of an object. `index` is the row of its position in [`Params::place`](crate::compile::Params::place).
     fn frame_of<S: Scalar>(&self, object: Object, index: usize) -> SensorFrame<S> {
         let (body, quat) = match object {
             Object::XBody(b) => (b, [1.0, 0.0, 0.0, 0.0]),
@@ -489,7 +491,7 @@ impl Compiler<'_> {
         self.solid(Object::Site(site), &self.model.sites[site].shape).expect("the model was checked: sites have simple volumes")
     }
 
-    /// Pairs of a geom of `from` and a geom of `to`. Meshes and height fields are left out.
+    /// All pairs of a geom in `from` and a geom in `to`. Meshes and height fields are left out.
     fn near<S: Scalar>(&self, from: &[usize], to: &[usize]) -> Vec<Pair<S>> {
         let solid = |g: usize| self.solid(Object::Geom(g), &self.model.geoms[g].shape);
         let pairs = from.iter().flat_map(|&a| to.iter().map(move |&b| (a, b)));

@@ -68,11 +68,11 @@ impl<S: Scalar> CompiledModel<S> {
     }
 }
 
-/// Order in which the solver eliminates degrees of freedom, from the last to the first. It goes tree by tree, and the dofs of the largest
-/// tree are first.
+/// Order of the degrees of freedom in the solver's matrix, of which the solver eliminates the last one first. The order goes tree by tree,
+/// and the largest tree comes first.
 ///
-/// A large tree touches many others. Eliminating it early would couple each of them with every other. The order depends only on the model,
-/// so that all environments share it.
+/// A large tree has contacts with many other trees. If it were eliminated early, all these trees would be coupled with each other. The
+/// order depends only on the model, so that all environments share it.
 fn order_by_size<S: Scalar>(model: &Model, structure: &ModelStructure<S>) -> Vec<u32> {
     let mut sizes = vec![0.0; structure.ntree];
     for geom in &structure.geoms {
@@ -86,7 +86,7 @@ fn order_by_size<S: Scalar>(model: &Model, structure: &ModelStructure<S>) -> Vec
     order
 }
 
-/// Approximate inverse inertia along the rows of an equality, 1/kg or 1/(kg m^2): of translation, and of rotation (`mj_diagApprox`).
+/// Approximate inverse inertias along the translational and the rotational rows of an equality, 1/kg or 1/(kg m^2) (`mj_diagApprox`).
 fn equality_weights(equality: &Equality, weights: &InverseWeights, addresses: &[(usize, usize)]) -> [f64; 2] {
     use EqualityKind::{Connect, Joint, Tendon, Weld};
     let both = |a: f64, b: Option<f64>| [a + b.unwrap_or(0.0); 2];

@@ -24,11 +24,12 @@ pub struct SoftLaw<S> {
     pub stiffness: S,
     /// Damping B, 1/s.
     pub damping: S,
-    /// Impedance at zero position error, and its increase from there to the full width.
+    /// Impedance at zero position error, and its increase from there to its final value.
     impedance: [S; 2],
     /// Inverse of the error at which the impedance reaches its final value, 1/m or 1/rad; 0 for a constant impedance.
     inverse_width: S,
-    /// Midpoint of the impedance curve, as a fraction of the width. `factors` are the factors of the curve before and after the midpoint.
+    /// Midpoint of the impedance curve: position error divided by the error at which the impedance reaches its final value. `factors` are
+    /// the factors of the curve before and after the midpoint.
     midpoint: S,
     factors: [S; 2],
     power: S,
@@ -81,7 +82,7 @@ pub struct CompiledSoftness<S> {
     pub(super) geom_weights: Vec<f64>,
     /// Index of the body of every geom of the model.
     pub geom_bodies: Vec<u32>,
-    /// Order of the degrees of freedom in the solver's matrix. The solver eliminates from the last to the first.
+    /// Order of the degrees of freedom in the solver's matrix. The solver eliminates them in the reverse order.
     pub order: Vec<u32>,
 }
 
@@ -120,15 +121,17 @@ impl<S: Scalar> SoftLaw<S> {
         ((R::one() - impedance) * weight / impedance).max(R::of(MIN_VALUE))
     }
 
-    /// Reference acceleration, and weight D = 1 / R, of a row with the position error `r` and its rate `v`. D is 0 outside the lanes
-    /// `active`.
+    /// Reference acceleration, and weight D = 1 / R for the regularisation R, of a row with the position error `r` and its rate `v`. D is 0
+    /// outside the lanes `active`.
     #[inline(always)]
     pub fn row<R: Real<Scalar = S>>(&self, r: R, v: R, active: R::Mask) -> [R; 2] {
         self.row_at(self.impedance(r), r, v, active)
     }
 
-    /// Reference acceleration, and weight D = 1 / R, of a row at a given impedance. This is for rows that share one impedance. `r` is the
-    /// position error and `v` its rate. D is 0 outside the lanes `active`.
+    /// Reference acceleration, and weight D = 1 / R for the regularisation R, of a row at the impedance `impedance`. Rows that share one
+    /// impedance use this function.
+    ///
+    /// `r` is the position error of the row, and `v` its rate. D is 0 outside the lanes `active`.
     #[inline(always)]
     pub fn row_at<R: Real<Scalar = S>>(&self, impedance: R, r: R, v: R, active: R::Mask) -> [R; 2] {
         let reference = -(R::splat(self.damping) * v) - R::splat(self.stiffness) * impedance * r;
@@ -179,7 +182,7 @@ impl<R: Real> EndLaw<R> {
         own.max((Self::least() * weight).max(R::of(MIN_VALUE)))
     }
 
-    /// Smallest regularisation, divided by the approximate inverse inertia of the row.
+    /// Smallest ratio of a row's regularisation to its approximate inverse inertia.
     #[inline(always)]
     pub(crate) fn least() -> R {
         R::of((1.0 - IMPEDANCE[1]) / IMPEDANCE[1])
@@ -262,9 +265,9 @@ impl LawMaker {
 
     /// Constraint law of a contact spring with damper, evaluated at the end of the step by the implicit Euler rule.
     ///
-    /// For the gap r, its velocities v and v+ before and after the step, and the time step h, the force is f = -K (r + h v+) - D v+. This
-    /// equals R f = a_ref - a with R = 1 / (h (h K + D)) and a_ref = -v/h - K r R. With an impedance of 1/2, the regularisation R equals
-    /// the inverse weight of the row.
+    /// For the gap r, its velocities v and v+ before and after the step, and the time step h, the force is f = -K (r + h v+) - D v+. With
+    /// the acceleration a = (v+ - v) / h, this equals R f = a_ref - a with R = 1 / (h (h K + D)) and a_ref = -v/h - K r R. With an
+    /// impedance of 1/2, the regularisation R equals the inverse weight of the row.
     fn spring_contact<S: Scalar>(self, pair: &GeomPair) -> SoftContactLaw<S> {
         let (ContactSpring { stiffness, damping }, h) = (pair.spring, self.timestep);
         let weight = 1.0 / (h * (h * stiffness + damping));

@@ -9,7 +9,7 @@ use stepper_real::Scalar;
 
 use crate::compile::collision::{CompiledGeom, CompiledPair, DynamicPairs};
 
-/// Index that marks the absence of a row, member or leaf.
+/// Invalid index: no row, no member of the dynamic pairs, or no leaf.
 const NONE: u32 = u32::MAX;
 
 /// Geom that is fixed to the world and belongs to static pairs.
@@ -19,9 +19,9 @@ pub struct StaticGeom {
     pub geom: usize,
     /// Largest margin of the static pairs with this geom, m.
     pub margin: f64,
-    /// Row of this static geom in `StaticPairs::numbers`; `NONE` if it has no listed pairs.
+    /// Index of the row of this static geom in the table [`StaticPairs::numbers`]; [`NONE`] if its static pairs are all dynamic pairs.
     row: u32,
-    /// Index of the static geom among the members of the dynamic pairs; `NONE` if it is no member.
+    /// Index of the static geom in [`DynamicPairs::members`]; [`NONE`] if the geom has no dynamic pairs.
     member: u32,
 }
 
@@ -30,7 +30,7 @@ pub struct StaticGeom {
 pub struct MovingGeom {
     /// Index of the moving geom in the compiled model.
     pub geom: usize,
-    /// Index of the moving geom among the members of the dynamic pairs; `NONE` if it is no member.
+    /// Index of the moving geom in [`DynamicPairs::members`]; [`NONE`] if the geom has no dynamic pairs.
     member: u32,
 }
 
@@ -61,11 +61,12 @@ pub struct StaticPairs {
     pub groups: Vec<Range<usize>>,
     /// Nodes of the tree of bounding boxes over the static geoms.
     pub nodes: Vec<TreeNode>,
-    /// Whether each listed pair of the compiled model is a static pair.
+    /// For every listed pair of the compiled model, whether it is a static pair.
     listed: Vec<bool>,
-    /// Indices of the listed pairs that are static. Each static geom that has any has a row with an entry for every moving geom.
+    /// Table of the listed pairs that are static: index of the pair of each static geom (row) and moving geom (column), or [`NONE`]. Static
+    /// geoms without a listed pair have no row.
     numbers: Vec<u32>,
-    /// Index of the first dynamic pair, and number of members of the dynamic pairs.
+    /// Index of the first dynamic pair in the compiled model, and number of geoms that form the dynamic pairs.
     dynamic: [u32; 2],
 }
 
@@ -78,8 +79,8 @@ pub(super) struct Collision<'a, S> {
 }
 
 impl StaticPairs {
-    /// Finds the static pairs of `collision`. `place` returns the position of a static geom, m, and `group` the group number of a moving
-    /// frame.
+    /// Finds the static pairs of `collision`. The function `place` returns the position of a static geom, m. The function `group` maps the
+    /// index of a moving frame to its kinematic tree or mocap body.
     pub(super) fn new<S: Scalar>(collision: &Collision<'_, S>, place: impl Fn(usize) -> [f64; 3], group: impl Fn(usize) -> usize) -> Self {
         let Collision { geoms, pairs, dynamic_pairs } = *collision;
         let is_convex = |g: usize| matches!(geoms[g].solid, Some(Solid::Convex(_)));
@@ -158,8 +159,8 @@ impl StaticPairs {
         self.listed[pair]
     }
 
-    /// Index of the pair of a static geom and a moving geom; `None` if they are not a pair. A dynamic pair in the result may still be
-    /// filtered out.
+    /// Index in the compiled model of the pair of a static geom and a moving geom; `None` if they are neither a listed nor a dynamic pair.
+    /// If the pair is dynamic, [`DynamicPairs::pair`] tells whether the two geoms collide.
     #[inline(always)]
     pub fn number(&self, fixed: &StaticGeom, moving: usize) -> Option<u32> {
         if fixed.row != NONE {

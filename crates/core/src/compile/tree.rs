@@ -74,8 +74,8 @@ pub struct Dof {
 pub struct Descendant {
     /// Index of the descendant, a degree of freedom.
     pub dof: u32,
-    /// Index of the mass matrix entry of the descendant and the ancestor. The entries of the descendant with the ancestor's ancestors
-    /// follow it.
+    /// Index of the mass matrix entry of the descendant (row) and the degree of freedom (column). The next entries of the row belong to the
+    /// ancestors of the degree of freedom.
     pub entry: u32,
 }
 

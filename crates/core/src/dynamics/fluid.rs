@@ -1,12 +1,16 @@
 //! Forces of the surrounding fluid on moving bodies: MuJoCo's two models (its documentation, "Fluid forces"; `engine_passive.c`).
 //!
-//! The box model has, along every principal axis, the force -(a + b |v|) v and the torque -(c + d |w|) w. Here a, c are Stokes' drag of a
-//! ball, and b, d the drag of the faces of the box with the body's inertia. The ellipsoid model has added mass (p x w; p x v + L x w with p
-//! = m_a v, L = I_a w), Magnus' lift w x v, Kutta's lift, and drag.
+//! v and w are the linear and angular velocity relative to the fluid. The box model has, along every principal axis, the force
+//! -(a + b |v|) v and the torque -(c + d |w|) w. Here a, c are Stokes' drag of a ball, and b, d the drag of the faces of the box with the
+//! body's inertia.
 //!
-//! Drag dissipates energy, but explicit drag reverses the motion and adds energy once h b |v| > 2 m. The mass matrix therefore contains its
-//! secant B = a + b |v| at the velocity before the step, like joint damping. Let f be the force, v* the velocity at which forces are
-//! evaluated and u the velocity before the step. The step applies f(v*) + B (v* - u), and the matrix the rest.
+//! The ellipsoid model has Magnus' lift w x v, Kutta's lift, drag, and added mass. With the added mass m_a and the added inertia I_a, let
+//! p = m_a v and L = I_a w. Added mass causes the force p x w and the torque p x v + L x w.
+//!
+//! Drag dissipates energy, but explicit drag on a mass m reverses the motion and adds energy if h b |v| > 2 m for a time step h. Drag is
+//! therefore linearised, and enters the mass matrix like joint damping. The linearisation is the secant B = a + b |v|, drag divided by
+//! velocity, at the velocity u before the step. Let f be the force, and v* the velocity at which forces are evaluated. The step applies
+//! f(v*) + B (v* - u), and the mass matrix the rest.
 
 use stepper_real::Real;
 
@@ -19,10 +23,10 @@ use crate::math::spatial::*;
 pub struct Fluid<R: Real> {
     /// Velocity of every body relative to the fluid before the step, in body axes.
     before: Vec<V6<R>>,
-    /// Secant of each body's drag at the velocity `before`: drag divided by velocity, per axis.
+    /// Linearised drag of each body, per axis: drag divided by velocity, at the velocity `before`.
     drag: Vec<V6<R>>,
-    /// Drag matrices of every link with its descendants: moment per angular velocity, moment per linear velocity, and force per linear
-    /// velocity.
+    /// Linearised drag of every link with its descendants, as three matrices: torque per angular velocity, torque per linear velocity, and
+    /// force per linear velocity.
     composite: Vec<[M3<R>; 3]>,
     velocity: Vec<V6<R>>,
 }
@@ -104,7 +108,7 @@ impl<R: Real> Fluid<R> {
     }
 }
 
-/// Rotation matrix of fluid body `i`, and its centre relative to the reference point of its tree, m.
+/// Rotation matrix of the fluid body with index `i`, and its centre relative to the reference point of its kinematic tree, m.
 #[inline(always)]
 fn place<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, i: usize) -> (M3<R>, V3<R>) {
     let body = &compiled.fluid[i];
@@ -113,14 +117,15 @@ fn place<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, i: usize)
     (mat, sub(kinematics.point(frame, compiled.params.fluid(i).pos), kinematics.origin[compiled.links[body.link].tree]))
 }
 
-/// Velocity of a body relative to the fluid, in body axes.
+/// Velocity of a body relative to the fluid, in body axes. `motion` is the link's spatial velocity at the reference point of its tree,
+/// `mat` the body's rotation matrix, and `arm` its centre relative to this point.
 #[inline(always)]
 fn local<R: Real>(compiled: &LaneModel<R>, motion: &V6<R>, mat: &M3<R>, arm: V3<R>) -> V6<R> {
     let velocity = sub(velocity_at(motion, arm), splat(compiled.wind));
     spatial(rotate_back(mat, angular(motion)), rotate_back(mat, velocity))
 }
 
-/// Drag divided by velocity, per axis, at the velocity `v` in body axes.
+/// Drag of the fluid body with index `i` divided by its velocity `v`, per axis. The velocity is relative to the fluid, in body axes.
 #[inline(always)]
 fn secant<R: Real>(compiled: &LaneModel<R>, i: usize, v: &V6<R>) -> V6<R> {
     match &compiled.fluid[i].shape {
@@ -138,7 +143,10 @@ fn secant<R: Real>(compiled: &LaneModel<R>, i: usize, v: &V6<R>) -> V6<R> {
     }
 }
 
-/// Drag matrices at the reference point, from the diagonal drag in the axes `mat` at the position `arm`.
+/// Drag matrices of a body at the reference point of its kinematic tree: torque per angular velocity, torque per linear velocity, and force
+/// per linear velocity.
+///
+/// `drag` is the drag divided by velocity per body axis, `mat` the body's rotation matrix, and `arm` its centre relative to the point.
 #[inline(always)]
 fn at_origin<R: Real>(drag: &V6<R>, mat: &M3<R>, arm: V3<R>) -> [M3<R>; 3] {
     let (spin, slide) = (turned(angular(drag), mat), turned(linear(drag), mat));
@@ -162,14 +170,15 @@ fn turned<R: Real>(d: V3<R>, x: &M3<R>) -> M3<R> {
     )
 }
 
-/// Torque and force of the drag at the velocity `motion`, without the minus sign: drag points against the velocity.
+/// Torque and force of the drag at the spatial velocity `motion`, with the opposite sign, so that they point along the velocity. The
+/// matrices are torque per angular velocity, torque per linear velocity, and force per linear velocity.
 #[inline(always)]
 fn apply<R: Real>([spin, lever, slide]: &[M3<R>; 3], motion: &V6<R>) -> V6<R> {
     let (w, v) = (angular(motion), linear(motion));
     spatial(add(rotate(spin, w), rotate(lever, v)), add(rotate_back(lever, w), rotate(slide, v)))
 }
 
-/// Projection of an ellipsoid along its velocity.
+/// Projection of an ellipsoid on the plane perpendicular to its velocity.
 #[derive(Clone, Copy, Debug)]
 struct Projection<R> {
     speed: R,
@@ -181,8 +190,8 @@ struct Projection<R> {
     normal: V3<R>,
 }
 
-/// Projection of an ellipsoid along the velocity `v`. The area is pi sqrt(sum b_k^4 v_k^2 / sum b_k^2 v_k^2), with b_k the product of the
-/// two other semi-axes; its normal is along b_k^2 v_k.
+/// Projection of an ellipsoid on the plane perpendicular to its velocity `v`. The area is pi sqrt(sum b_k^4 v_k^2 / sum b_k^2 v_k^2), with
+/// b_k the product of the two other semi-axes. The surface normal is along b_k^2 v_k.
 ///
 /// The computation uses directions and relative areas, so that small bodies, slow bodies and single precision need no bound with a unit.
 /// Needles that fly along their axis, b / a^2 < 3e-8 with the longest semi-axis a, have no area, as in MuJoCo (4.0).
@@ -213,7 +222,8 @@ fn projection<R: Real>(e: &CompiledEllipsoid<R::Scalar>, v: V3<R>) -> Projection
     }
 }
 
-/// Drag divided by velocity, for rotation and translation of an ellipsoid, and its projection.
+/// Drag of an ellipsoid divided by its velocity `v`, once for rotation and once for translation. Returns also the projection of the
+/// ellipsoid along its velocity.
 #[inline(always)]
 fn ellipsoid_drag<R: Real>(e: &CompiledEllipsoid<R::Scalar>, v: &V6<R>) -> ([R; 2], Projection<R>) {
     let projection = projection(e, linear(v));

@@ -240,9 +240,10 @@ impl<R: Real> MassMatrix<R> {
         scaled.iter().fold(R::zero(), |sum, v| sum + v.square()) * R::of(0.5)
     }
 
-    /// Kinetic energy that corresponds to a speed, J: the sum of D speed^2 / 2 over all degrees of freedom.
+    /// Sum of D_i speed^2 / 2 over all degrees of freedom, J. D_i is the diagonal entry of the factor D of the mass matrix.
     ///
-    /// The entry of D is the inertia of a degree of freedom if its descendants move freely.
+    /// It estimates the kinetic energy of a motion with this speed in every degree of freedom. D_i is the inertia of the degree of freedom
+    /// if its descendants move freely.
     #[inline(always)]
     pub fn energy_at(&self, speed: R) -> R {
         let mut inertia = R::zero();
@@ -269,7 +270,8 @@ pub(crate) fn is_above(i: usize, chain: &[u32]) -> bool {
     chain.len() > 1 && chain[1] as usize + 1 == i
 }
 
-/// Factorisation step: subtracts the terms of all rows below from up to eight columns of the mass matrix row of `dof`, from column `k` on.
+/// Step of the factorisation of the mass matrix: updates up to eight entries in the row of `dof`, from column `k` on. It subtracts the
+/// terms of the rows of all descendants, `below`.
 #[inline(always)]
 fn subtract_columns<R: Real>(entries: &mut [R], inv_d: &[R], dof: &Dof, k: usize, below: &[Descendant]) {
     match dof.depth - k {
@@ -284,10 +286,10 @@ fn subtract_columns<R: Real>(entries: &mut [R], inv_d: &[R], dof: &Dof, k: usize
     }
 }
 
-/// Step of the factorisation of the mass matrix: subtracts the terms of all rows below from the entries `k..k + N` of the row that starts
-/// at `row`.
+/// Step of the factorisation of the mass matrix: updates the entries `k..k + N` of the row that starts at the index `row`. It subtracts the
+/// terms of the rows of all descendants, `below`.
 ///
-/// The call for the first columns also computes the entries of L of the rows below, which replace the entries of M.
+/// The call with `k` = 0 also replaces an entry of M in each row of a descendant by the entry of the factor L.
 #[inline(always)]
 fn subtract<R: Real, const N: usize>(entries: &mut [R], inv_d: &[R], row: usize, k: usize, below: &[Descendant]) {
     let (mut sum, mut other) = ([R::zero(); N], [R::zero(); N]);

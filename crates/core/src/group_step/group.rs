@@ -43,7 +43,8 @@ type Displace<R> = fn(&mut Nominal<R>, &LaneModel<R>, &mut Workspace<R>, StatePa
 type FindChange<R> = fn(&Nominal<R>, &LaneModel<R>, &Workspace<R>, &mut [R]);
 type SeeGaps<R> = fn(&Nominal<R>, &LaneModel<R>, &Workspace<R>, u32, &mut dyn FnMut(Gap)) -> u32;
 
-/// Functions of a [`GroupStep`], compiled in this crate. Other crates call them and therefore need not compile the stages.
+/// Functions that a [`GroupStep`] calls, for one lane type. They are compiled in this crate, so that other crates need not compile the
+/// stages of a step.
 #[derive(Clone, Copy)]
 pub struct GroupFunctions<R: Real> {
     solve: SolveStep<R>,
@@ -108,7 +109,7 @@ impl<R: Real> GroupStep<R> {
         }
     }
 
-    /// Makes the step from the present state and controls of the group. These become the nominal state and controls.
+    /// Makes the step from the present state and controls of the group, and stores them as the nominal state and controls.
     pub fn solve(&mut self) -> SolvedStep<R> {
         let functions = self.functions();
         self.finish();
@@ -125,7 +126,8 @@ impl<R: Real> GroupStep<R> {
         self.nominal().after.each_ref().map(|part| &part[..])
     }
 
-    /// Evaluates the solved step again from the same state, with the solver. Passes every constraint problem and its solution to `rule`.
+    /// Evaluates the solved step again from the same state, with impulses from the solver. Passes every constraint problem and its solution
+    /// to `rule`.
     ///
     /// With MuJoCo's contact law the solver itself computes its response to displacements, and `rule` is not called.
     ///
@@ -160,8 +162,8 @@ impl<R: Real> GroupStep<R> {
         (functions.evaluate)(nominal.as_mut().expect(UNSOLVED), compiled, settings, workspace, recomputed, rule)
     }
 
-    /// Computes the difference between the results of the last evaluation and of the solved step into `out`: configuration (nv), velocity
-    /// (nv), activations (na).
+    /// Computes the result of the last evaluation minus the result of the solved step into `out`: configuration (nv), velocity (nv),
+    /// activations (na).
     ///
     /// # Panics
     /// Before [`GroupStep::solve`], and if `out` has fewer or more than 2 nv + na numbers.
@@ -169,8 +171,8 @@ impl<R: Real> GroupStep<R> {
         (self.functions().change)(self.nominal(), &self.compiled, &self.workspace, out);
     }
 
-    /// Calls `see` with the gaps of contacts and limits at the last evaluation, in the lanes `lanes` (bits). Returns the lanes that have
-    /// all overlaps of the solved step.
+    /// Calls `see` with the gaps of contacts and limits in the last evaluation, in the lanes `lanes` (bits). Returns those of the lanes in
+    /// which the evaluation has every contact that overlaps in the solved step.
     ///
     /// # Panics
     /// Before [`GroupStep::solve`].

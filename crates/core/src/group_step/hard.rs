@@ -34,9 +34,9 @@ use crate::stages::s08_stabilise::{PositionInput, damp_rows, find_correction};
 pub(super) struct HardNominal<R: Real> {
     /// Contacts of the nominal step.
     contacts: Contacts<R>,
-    /// Gaps of the joint limits in the solved step, rad or m, negative beyond the end of a range. NaN for limits that do not push.
+    /// Gaps of the joint limits in the solved step, rad or m, negative for a joint outside its range. NaN for limits without an impulse.
     limits: Vec<R>,
-    /// Velocity after the step that the solved step predicted before its solve, nv.
+    /// Predicted velocity after the step, nv, at which the solved step evaluated velocity-dependent forces.
     v_expected: Vec<R>,
     /// Lanes (bits) in which the step corrects positions.
     corrected: u32,
@@ -44,19 +44,19 @@ pub(super) struct HardNominal<R: Real> {
     split: bool,
     /// Largest ratio of the position correction to its bounds in the last evaluation; 0 in lanes without a correction.
     correction: R,
-    /// Free velocity that the offsets of the present rows contain.
+    /// Free velocity (velocity without constraint impulses), nv, with which the offsets of the constraint rows were last computed.
     v_free: Vec<R>,
     change: Vec<R>,
     /// Integration scheme of the step, with the evaluation time of each lane.
     scheme: Scheme<R>,
 }
 
-/// Source of the impulses when a step is evaluated.
+/// Kind of evaluation of a step, which determines the source of the impulses.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Pass {
-    /// The solver computes the impulses, as in the solved step.
+    /// Evaluation at the nominal state: the solver computes the impulses, as in the solved step.
     Nominal,
-    /// The caller's [`ImpulseRule`] sets the impulses, for a displaced state.
+    /// Evaluation at a displaced state: the caller's [`ImpulseRule`] sets the impulses.
     Displaced,
 }
 
@@ -86,7 +86,7 @@ impl<R: Real> HardNominal<R> {
         }
     }
 
-    /// Compares an evaluation at the same state with the stored solution.
+    /// Compares the last evaluation, which started from the nominal state, with the stored solution of the step.
     pub(super) fn compare(&self, compiled: &LaneModel<R>, s: &Workspace<R>) -> NominalEvaluation<R> {
         // A bouncing contact has other impulses in the position solve, or none.
         let mut bouncing = s.problem.euler_impact_lanes.or(s.problem.midpoint_impact_lanes()).bits();
@@ -103,7 +103,8 @@ impl<R: Real> HardNominal<R> {
         NominalEvaluation { bouncing, correction: self.correction, prediction }
     }
 
-    /// Largest difference of the predicted velocity `v_expected` from that of the solved step, m/s or rad/s; NaN if any is NaN.
+    /// Largest difference between `v_expected`, the velocity predicted in an evaluation, and the velocity predicted in the solved step, m/s
+    /// or rad/s. NaN if any difference is NaN.
     fn prediction_difference(&self, v_expected: &[R]) -> R {
         R::vectorize(
             #[inline(always)]
@@ -118,7 +119,10 @@ impl<R: Real> HardNominal<R> {
         )
     }
 
-    /// Calls `see` with the gaps of those contacts and limits that push in the solved step, in the lanes `lanes` (bits).
+    /// Calls `see` for each contact or limit that has an impulse in the solved step, in the lanes `lanes` (bits).
+    ///
+    /// The first argument of `see` is true for a limit. The others are its gap in the solved step, its gap in the last evaluation, and the
+    /// lanes (bits) to which both gaps apply.
     pub(super) fn each_gap(&self, compiled: &LaneModel<R>, s: &Workspace<R>, lanes: u32, see: &mut impl FnMut(bool, R, R, u32)) {
         let there = &s.evaluation.contacts;
         for lane in each_of(lanes) {
@@ -142,7 +146,8 @@ impl<R: Real> HardNominal<R> {
         }
     }
 
-    /// Makes stages 1 to 8 from the present state. `pass` selects the source of the impulses.
+    /// Evaluates stages 1 to 8 of the step from the state in the workspace. `pass` selects the source of the impulses, and `recomputed` the
+    /// part of the state that changed since the last evaluation.
     pub(super) fn evaluate(
         &mut self,
         compiled: &LaneModel<R>,
@@ -186,7 +191,7 @@ impl<R: Real> HardNominal<R> {
         }
     }
 
-    /// Makes stage 8, the position correction, with impulses from the source `pass`.
+    /// Evaluates stage 8, the position correction. `pass` selects the source of the impulses.
     #[expect(clippy::too_many_arguments, reason = "the values of a step, one by one")]
     fn correct_positions(
         &mut self,
@@ -232,7 +237,7 @@ impl<R: Real> HardNominal<R> {
         );
     }
 
-    /// Parts of the constraint rows that must be recomputed after a displacement that changes `recomputed`.
+    /// Part of the constraint rows that must be recomputed if the part `recomputed` of the state is displaced.
     ///
     /// All rows are recomputed if forces change the mass matrix, as implicit servos or drag do. Otherwise a change of velocities only
     /// changes the free velocity, unless target velocities depend on the velocity before the step.
@@ -250,7 +255,8 @@ impl<R: Real> HardNominal<R> {
 }
 
 impl Pass {
-    /// Computes or sets the impulses of the step (stage 5), or of its prediction; `solve` selects which.
+    /// Finds the impulses of the velocity solve (stage 5) or of the prediction before it, selected by `solve`. The solver computes them, or
+    /// `rule` sets them.
     fn find_step_impulses<R: Real>(
         self,
         solve: Solve,
@@ -266,7 +272,8 @@ impl Pass {
         self.find_impulses(options, one, newton, problem.constrained, rule);
     }
 
-    /// Computes or sets the impulses of one constraint problem, whose rows are in the lanes `constrained`.
+    /// Finds the impulses of one constraint problem, which has rows in the lanes `constrained`. The solver computes them, or `rule` sets
+    /// them.
     fn find_impulses<R: Real>(
         self,
         options: &StepSettings,

@@ -1,4 +1,4 @@
-//! Storage of a solution's overlaps. Evaluations at displaced states use them instead of the present overlaps.
+//! Overlaps of the solved step. Evaluations at displaced states use them instead of the overlaps of the displaced configuration.
 
 use stepper_real::Real;
 
@@ -6,7 +6,7 @@ use crate::compile::LaneModel;
 use crate::constraints::solved_overlaps::SolvedOverlaps;
 use crate::integrators::workspace::Workspace;
 
-/// Overlaps of a solution, for displaced states; empty while the workspace uses them.
+/// Overlaps of the solved step, for evaluations at displaced states. The value is empty while the workspace owns the overlaps.
 #[derive(Clone, Debug)]
 pub(super) struct HeldOverlaps<R: Real>(Option<Box<SolvedOverlaps<R>>>);
 
@@ -16,7 +16,8 @@ impl<R: Real> HeldOverlaps<R> {
         Self(Some(Box::new(SolvedOverlaps::new(compiled, max_contacts))))
     }
 
-    /// Stores the overlaps of the last step in the workspace. Constraint rows use these overlaps until [`HeldOverlaps::release`].
+    /// Gives the overlaps of the last step to the workspace. Until [`HeldOverlaps::release`], constraint rows use them instead of the
+    /// overlaps of the present configuration.
     pub(super) fn hold(&mut self, compiled: &LaneModel<R>, s: &mut Workspace<R>) {
         if let Some(mut overlaps) = self.0.take() {
             // The step has moved its contacts to the state.
@@ -25,7 +26,7 @@ impl<R: Real> HeldOverlaps<R> {
         }
     }
 
-    /// Takes the stored overlaps out of the workspace, so that constraint rows follow the present overlaps again.
+    /// Takes the overlaps of the solved step back from the workspace. Constraint rows then use the overlaps of the present configuration.
     pub(super) fn release(&mut self, s: &mut Workspace<R>) {
         self.0 = s.evaluation.solved_overlaps.take().or_else(|| self.0.take());
     }

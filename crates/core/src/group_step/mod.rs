@@ -10,8 +10,9 @@
 //!    rule sets in place of the solver, and [`GroupStep::change`] returns the difference of the outcome.
 //! 4. [`GroupStep::finish`] ends the evaluations.
 //!
-//! The loops of the step run in `solve` alone. Contacts are active in an evaluation if they are contacts of the solved step. Contacts and
-//! limits stay on the side of zero on which the solution has them, so that their target velocities have no corner at zero.
+//! Only `solve` repeats parts of the step until they are consistent. In an evaluation, exactly the contacts of the solved step are active.
+//! A contact or limit that overlaps in the solved step is treated as an overlap in every evaluation, and a gap as a gap. Its target
+//! velocity is therefore a smooth function of the displacement.
 //!
 //! The crate `stepper-derivative` differentiates steps with this module.
 

@@ -19,7 +19,7 @@ use crate::options::{ContactLaw, StepSettings};
 use crate::probe::NoProbe;
 use crate::step::step;
 
-/// State before and after the solved step, and the parts of its solution that evaluations use.
+/// Nominal step: states before and after the solved step, and the parts of its solution that evaluations near it use.
 #[derive(Clone, Debug)]
 pub(super) struct Nominal<R: Real> {
     /// Configuration, velocity, activations and controls before the solved step.
@@ -55,14 +55,14 @@ impl<R: Real> Nominal<R> {
         }
     }
 
-    /// Stores the state and the controls in the workspace as those before the step.
+    /// Copies the state and the controls in the workspace to the nominal step, as its state and controls before the step.
     fn store_beginning(&mut self, s: &Workspace<R>) {
         for (kept, now) in self.before.iter_mut().zip([&s.state.q, &s.state.v, &s.state.act, &s.inputs.ctrl]) {
             kept.copy_from_slice(now);
         }
     }
 
-    /// Restores the state and the controls before the solved step in the workspace.
+    /// Restores in the workspace the state and the controls before the solved step.
     fn return_to_beginning(&self, s: &mut Workspace<R>) {
         let State { q, v, act, .. } = &mut s.state;
         for (to, kept) in [q, v, act, &mut s.inputs.ctrl].into_iter().zip(&self.before) {
@@ -102,7 +102,7 @@ impl<R: Real> Nominal<R> {
         SolvedStep { residual: record.residual, statuses, complete: s.alive.bits() & !broken }
     }
 
-    /// Evaluates the solved step again from the same state, with the solver.
+    /// Evaluates the solved step again from the same state, with impulses from the solver. Passes the constraint problems to `rule`.
     pub(super) fn evaluate_nominal(
         &mut self,
         compiled: &LaneModel<R>,
@@ -161,7 +161,8 @@ impl<R: Real> Nominal<R> {
         }
     }
 
-    /// Computes the difference between the results of the last evaluation and of the solved step into `out`.
+    /// Computes the result of the last evaluation minus the result of the solved step into `out`: configuration (nv), velocity (nv),
+    /// activations (na).
     pub(super) fn change(&self, compiled: &LaneModel<R>, s: &Workspace<R>, out: &mut [R]) {
         let after = &self.after;
         assert_eq!(out.len(), 2 * compiled.nv + compiled.na, "a change has the coordinates of the state");
@@ -192,8 +193,8 @@ impl<R: Real> Nominal<R> {
         )
     }
 
-    /// Calls `see` with the gaps of contacts and limits at the last evaluation. Returns the lanes of `lanes` (bits) that have all overlaps
-    /// of the solved step.
+    /// Calls `see` with the gaps of contacts and limits in the last evaluation. Returns those lanes of `lanes` (bits) in which the
+    /// evaluation has every contact that overlaps in the solved step.
     pub(super) fn gaps(&self, compiled: &LaneModel<R>, s: &Workspace<R>, lanes: u32, see: &mut dyn FnMut(Gap)) -> u32 {
         let mut pair = |is_limit: bool, nominal: R, displaced: R, lanes: u32| {
             for lane in each_of(lanes) {

@@ -39,14 +39,15 @@ pub struct SolvedStep<R: Real> {
     pub residual: R,
     /// Flags of every lane, as bits of [`Status`](crate::Status).
     pub statuses: [u32; MAX_LANES],
-    /// Lanes (bits) whose step is finite, feasible and resolved, and has all of its contacts.
+    /// Lanes (bits) without a failure of the step: the result is finite, the constraints are feasible, the time step resolves the motion,
+    /// and the contact capacity suffices.
     pub complete: u32,
 }
 
-/// Solve within a step. A step has up to three, in this order: prediction, velocity, position.
+/// Kind of a solve for impulses within a step. A step makes up to three solves, in this order: prediction, velocity, position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Solve {
-    /// Prediction of the velocity after the step, which determines velocity-dependent forces.
+    /// Solve for the impulses of the predicted velocity after the step. Velocity-dependent forces are evaluated at this prediction.
     Prediction,
     /// Solve for the impulses of the step.
     Velocity,
@@ -54,18 +55,18 @@ pub enum Solve {
     Position,
 }
 
-/// Constraint problem of one solve, and its impulses.
+/// Constraint problem of one solve within a step, and its impulses.
 #[derive(Debug)]
 pub struct ImpulseProblem<'a, R: Real> {
-    /// Solve to which the problem belongs.
+    /// Kind of the solve: prediction, velocity or position.
     pub solve: Solve,
     /// Constraint rows and target velocities.
     pub system: System<'a, R>,
-    /// Impulses of the problem, which the solver or the rule sets.
+    /// Impulses of the problem. The solver computes them in the nominal evaluation, and [`ImpulseRule::set`] sets them at displaced states.
     pub impulses: &'a mut Iterate<R>,
     /// Lanes (bits) in which the step solves the problem.
     pub lanes: u32,
-    /// Names that identify the constraints in the problems of other states.
+    /// Names of the constraints, which identify the same constraints in the problems of other states.
     pub names: ConstraintNames<'a, R>,
 }
 
@@ -95,33 +96,35 @@ impl<R: Real> ConstraintNames<'_, R> {
 
 /// Rule that sets the impulses of evaluations at displaced states.
 pub trait ImpulseRule<R: Real> {
-    /// Receives a constraint problem of the solved step with its solution. `residual` is the solver's residual, m/s.
+    /// Receives the constraint problem of one solve at the nominal state, with the solver's impulses. `residual` is the residual of the
+    /// solution, m/s.
     fn keep(&mut self, problem: ImpulseProblem<'_, R>, residual: R);
-    /// Sets the impulses of the same solve at a displaced state.
+    /// Sets the impulses of the constraint problem of one solve at a displaced state. The field `solve` of the problem gives the kind of
+    /// the solve.
     fn set(&mut self, problem: ImpulseProblem<'_, R>);
 }
 
-/// Comparison of an evaluation at the same state with the solved step: conditions under which both agree.
+/// Comparison between the solved step and its evaluation from the same state. The fields show where the two may differ.
 #[derive(Clone, Copy, Debug)]
 pub struct NominalEvaluation<R: Real> {
     /// Lanes (bits) with a bouncing contact or an impact within the step.
     pub bouncing: u32,
     /// Largest ratio of the position correction to its bounds; 0 in lanes without a correction.
     pub correction: R,
-    /// Prediction of the velocity; `None` if no force of the step uses one.
+    /// Comparison of the predicted velocities after the step; `None` if no force of the step depends on a predicted velocity.
     pub prediction: Option<Prediction<R>>,
 }
 
-/// Prediction of the velocity after the step, when the solved step is evaluated again.
+/// Comparison of the predicted velocities after the step: that of the solved step, and that of its evaluation from the same state.
 #[derive(Clone, Copy, Debug)]
 pub struct Prediction<R: Real> {
-    /// Whether forces other than inertial ones depend on the prediction, such as drag and some servos.
+    /// Whether forces other than inertial ones depend on the predicted velocity, such as drag and some servos.
     pub drives_forces: bool,
-    /// Lanes (bits) that solve for the prediction. Lanes at rest predict with the impulses of the previous step.
+    /// Lanes (bits) that solve for the predicted velocity. Lanes at rest predict it with the impulses of the previous step.
     pub solved: u32,
-    /// Largest difference from the prediction of the solved step, m/s or rad/s. NaN if any difference is NaN.
+    /// Largest difference between the two predicted velocities, m/s or rad/s; NaN if any difference is NaN.
     pub difference: R,
-    /// Largest displacement of a coordinate within the step at the velocity before it, m or rad.
+    /// Largest displacement of a coordinate within the step at the velocity before the step, m or rad.
     pub motion: R,
 }
 

@@ -50,7 +50,7 @@ pub enum Integrator {
 }
 
 impl Integrator {
-    /// Integrator with the name that a model file uses; `None` if there is none of this name.
+    /// Integrator whose name in model files is `name`; `None` if no integrator has this name.
     pub(crate) fn of_source(name: &str) -> Option<Self> {
         match name {
             "Euler" => Some(Self::Euler),
@@ -79,7 +79,8 @@ impl Integrator {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Stabilization {
-    /// Correction through the velocity (Baumgarte 1972): the normal row has the bias beta (overlap - slop) / h, with an upper bound.
+    /// Correction through the velocity (Baumgarte 1972). In a time step h, the normal row gets the bias beta (overlap - slop) / h, with an
+    /// upper bound; beta is [`Options::baumgarte`].
     Baumgarte,
     /// Correction of positions only (split stabilisation): a second solve of the same rows finds a velocity that changes only positions.
     Split,
@@ -207,7 +208,7 @@ impl Options {
 
     /// Resolves these options to settings, for a model with time step `timestep`, s, and magnitude of gravity `gravity`, m/s^2.
     ///
-    /// `asked` is the integrator of the model file; `None` without one.
+    /// `asked` is the integrator that the model file selects; `None` if it selects none.
     ///
     /// # Errors
     /// [`Error::Option`] for an integrator that the contact law does not have.

@@ -93,7 +93,8 @@ reported! {
 }
 
 reported! {
-    /// Counter of events in a step of a group. The counts of its environments are summed, unless the lanes share what is counted.
+    /// Counter of events in a step of a group of environments. A counter has one count for all lanes together, or the sum of the counts of
+    /// all environments in the group.
     Counter {
         /// Number of steps of groups.
         GroupSteps = "steps of a group",
@@ -118,7 +119,8 @@ reported! {
 
 #[cfg(feature = "internals")]
 impl Counter {
-    /// Whether the lanes of a group share the count. Otherwise the counts of its environments are summed.
+    /// Whether the counter has one count for all lanes together. Otherwise its value is the sum of the counts of all environments in the
+    /// group.
     pub const fn is_shared(self) -> bool {
         !matches!(self, Self::Contacts | Self::Sweeps | Self::NewtonSteps)
     }

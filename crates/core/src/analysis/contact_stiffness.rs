@@ -9,9 +9,9 @@ use crate::model::Model;
 pub struct EquivalentSpring {
     /// Indices of the geoms in the model, in the order of [`GeomPair`](crate::model::GeomPair).
     pub geoms: [usize; 2],
-    /// Normal force per depth at rest, N/m: at first touch, and at the depth at which the impedance reaches its final value.
+    /// Normal force per depth at rest, N/m, at two depths: at first touch, and at the depth at which the impedance reaches its final value.
     pub stiffness: [f64; 2],
-    /// Normal force per velocity, N s/m: at the same two depths.
+    /// Normal force per velocity, N s/m, at two depths: at first touch, and at the depth at which the impedance reaches its final value.
     pub damping: [f64; 2],
 }
 

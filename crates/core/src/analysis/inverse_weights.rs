@@ -10,8 +10,9 @@ use crate::stages::s02_smooth::Smooth;
 
 /// Computes the inverse weights of a model, as MuJoCo's compiler does (`mj_setConst`), 1/kg or 1/(kg m^2).
 ///
-/// For a body, the inverse weight is the mean diagonal of J M^-1 J^T of its centre of mass. For a degree of freedom it is the diagonal of
-/// M^-1, averaged over a joint's translations and rotations. For a tendon it is J M^-1 J^T.
+/// M is the mass matrix. For a body, the inverse weight is the mean diagonal of J M^-1 J^T, with the Jacobian J of its centre of mass. For
+/// a degree of freedom it is the diagonal of M^-1, averaged over the translations or the rotations of its joint. For a tendon it is J M^-1
+/// J^T, with the Jacobian J of its length.
 pub fn inverse_weights(model: &Model) -> InverseWeights {
     let compiled: LaneModel<f64> = LaneModel::new(&CompiledModel::new(model));
     let mut kinematics = Kinematics::new(&compiled);
@@ -59,7 +60,7 @@ pub fn inverse_weights(model: &Model) -> InverseWeights {
     InverseWeights { bodies: (0..model.bodies.len()).map(body).collect(), dofs, tendons: model.tendons.iter().map(tendon).collect() }
 }
 
-/// Product J M^-1 J^T for one row J.
+/// Product J M^-1 J^T for one row J of a Jacobian and the mass matrix M.
 fn quadratic(compiled: &LaneModel<f64>, mass: &MassMatrix<f64>, row: &[f64]) -> f64 {
     let mut x = row.to_vec();
     mass.solve(compiled, &mut x);

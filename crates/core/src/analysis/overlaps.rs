@@ -14,11 +14,12 @@ use crate::model::{Description, JointKind, Model, Overlap, Shape, WideHull, weld
 use crate::probe::NoProbe;
 use crate::stages::s03_detect::detect;
 
-/// Violation of a joint limit above which the report has a line, m or rad. Evidence: files give lengths with that many digits.
+/// Violation of a joint limit above which the report has a line, m or rad. Evidence: model files give lengths with about four
+/// decimal digits.
 const WORTH_A_LINE: f64 = 1e-4;
 
-/// Overlap above which a pair is listed and excluded, m. Position correction leaves overlaps up to the default of
-/// [`Options::slop`](crate::Options), which is equal.
+/// Overlap above which a pair is listed and excluded, m. It equals the default of [`Options::slop`](crate::Options), the overlap that
+/// position correction leaves.
 const NOT_CORRECTED: f64 = 1e-5;
 
 /// Largest number of lines of each kind in the report.
@@ -83,7 +84,8 @@ pub fn exclude(model: &Model) -> Model {
     }
 }
 
-/// Sets of bodies that are fixed to the world, and of bodies with a free joint.
+/// Bodies for the test whether an overlap is with the ground. `fixed` marks the bodies that are fixed to the world, and `free` the bodies
+/// that a free joint moves.
 struct Ground {
     fixed: Vec<bool>,
     free: Vec<bool>,
@@ -178,7 +180,7 @@ fn with_remedy(mut lines: Vec<String>, remedy: &str) -> Vec<String> {
     lines
 }
 
-/// First [`SHOWN`] lines, and a line with the number of the others.
+/// First [`SHOWN`] lines of a list, followed by the number of other lines and the text `what`.
 fn shortened(mut lines: Vec<String>, what: &str) -> Vec<String> {
     let more = lines.len().saturating_sub(SHOWN);
     lines.truncate(SHOWN);

@@ -59,7 +59,7 @@ impl<R: Real> SmoothDynamics<R> {
     }
 }
 
-/// Mass matrix as a dense matrix with the inertia of tendons, and its workspace.
+/// Dense mass matrix that includes the inertia of tendons, with its workspace.
 #[derive(Clone, Debug)]
 struct FullMass<R: Real> {
     mass: MassMatrix<R>,
@@ -104,7 +104,7 @@ impl<R: Real> FullMass<R> {
     }
 }
 
-/// Workspace of the acceleration without constraints.
+/// Workspace for the acceleration without constraints.
 #[derive(Clone, Debug)]
 struct FreeMotion<R: Real> {
     smooth: Smooth<R>,
@@ -118,10 +118,10 @@ impl<R: Real> FreeMotion<R> {
     }
 }
 
-/// Adds the effect of tendon inertia to the acceleration. The factored mass matrix excludes tendon inertia, because a step has it in rows
-/// of the constraint problem.
+/// Adds the effect of tendon inertia to the acceleration. The factored mass matrix of a step excludes this inertia, because a step
+/// represents it by constraint rows.
 ///
-/// The function works lane by lane, because few models need it. `matrix` is the dense mass matrix.
+/// `matrix` is the dense mass matrix with tendon inertia. The function works lane by lane, because few models need it.
 #[cold]
 fn add_tendon_inertia<R: Real>(compiled: &LaneModel<R>, matrix: &[R], acceleration: &mut [R]) {
     let nv = compiled.nv;

@@ -54,16 +54,16 @@ pub struct Call<'a, S: Scalar> {
 /// Request for the sensor readings of a group of environments.
 #[derive(Debug)]
 pub struct Query<'a> {
-    /// Whether to return the true readings, of ideal sensors, instead of those after the error models.
+    /// Whether to return true readings, which are those of ideal sensors, instead of the readings after the error models.
     pub truth: bool,
     /// Output array: one row of readings for every environment of the group.
     pub out: &'a mut [f64],
 }
 
-/// Part of a call: consecutive steps. A call that is made in parts gives the same bits as the whole.
+/// Part of a call: a range of its steps. A call that is made in parts gives the same bits as the whole.
 #[derive(Clone, Copy, Debug)]
 pub struct Part {
-    /// Index of the first step, counted from the start of the call.
+    /// Index of the first step of the part, counted from the start of the call.
     pub from: usize,
     /// Index of the first step after the part, counted from the start of the call.
     pub to: usize,
@@ -79,7 +79,8 @@ impl Part {
         Self { from: 0, to: steps, elapsed: 0.0, ends: true }
     }
 
-    /// Range of the indices of the controls with steps in this part. If the schedule has zero steps per control, all controls.
+    /// Range of the indices of the controls that are in force in the steps of this part. If the schedule has zero steps per control, the
+    /// range contains all controls.
     pub(super) fn controls(&self, schedule: Schedule) -> Range<usize> {
         match schedule.nstep {
             0 => 0..schedule.controls,
@@ -88,7 +89,8 @@ impl Part {
         }
     }
 
-    /// Range of the steps of this part with control number `control`, counted from the first step of that control.
+    /// Range of the steps of this part that have the control with index `control`. The steps are counted from the first step with this
+    /// control.
     pub(super) fn steps_of(&self, control: usize, schedule: Schedule) -> Range<usize> {
         let before = control * schedule.nstep;
         self.from.saturating_sub(before)..(self.to - before).min(schedule.nstep)

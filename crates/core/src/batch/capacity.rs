@@ -36,11 +36,12 @@ pub(super) fn check_memory(num_envs: usize, bytes_per_env: usize) -> Result<(), 
 
 /// Contact capacity of an environment: the number in the options if it is set, otherwise an estimate.
 ///
-/// The estimate is the number of contacts that can exist, limited by an upper bound. The bound is the larger of two numbers: 16 plus a
-/// number per link, and twice the number of contacts in the model's reset state and keyframes. The number is 4 for a link of a robot and 6
-/// for a free ball: half of the twelve balls that fit around a ball. It is 12 for another free body: half of the six faces of a box with
-/// four points each. Mechanisms whose parts lie on one another (a puzzle, a gripper of many meshes) have more contacts in their reset state
-/// or a keyframe.
+/// The estimate is the number of contacts that can exist, limited by an upper bound. The bound is the larger of two numbers:
+///
+/// * 16 plus a sum over all links: 4 for a link of a robot, 6 for a free ball, and 12 for another free body. 6 is half of the twelve balls
+///   that fit around a ball. 12 is half of the six faces of a box with four points each.
+/// * twice the number of contacts in the model's reset state and keyframes. Mechanisms whose parts lie on one another (a puzzle, a
+///   gripper of many meshes) need this number.
 pub(super) fn contact_capacity<S: LaneScalar>(model: &Model, compiled: &CompiledModel<S>, settings: &StepSettings, level: Level) -> usize {
     if let Some(n) = settings.max_contacts {
         return (n as usize).min(compiled.contact_points);

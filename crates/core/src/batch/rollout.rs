@@ -100,8 +100,8 @@ pub struct Share<'a, S> {
 }
 
 impl<'a> Recording<'a> {
-    /// Splits the recording into shares of `size` environments each; the last share has the rest. `numbers` unwraps an array of the
-    /// simulation's precision.
+    /// Splits the recording into shares of `size` environments each; the last share has the remaining environments. The function `numbers`
+    /// unwraps an array of the simulation's precision.
     pub fn split<S: Scalar>(self, num_envs: usize, size: usize, numbers: impl Fn(Numbers<'a>) -> &'a mut [S]) -> Vec<Share<'a, S>> {
         let controls = self.status.len() / num_envs;
         let status = parts(self.status, num_envs, size);
@@ -139,9 +139,11 @@ impl<S: Scalar> Share<'_, S> {
         self.quantities.iter().any(|q| q.0 == quantity)
     }
 
-    /// Copies the status flags after control number `call` to `status`, and returns the residuals.
+    /// Restores the status flags and residuals that [`Share::write`] stored for control number `call`. Copies the flags to `status`, and
+    /// returns the residuals.
     ///
-    /// [`Share::write`] wrote both, because a part of the call ended within that control.
+    /// It is used if a part of a rollout ended between two steps with this control, so that the next part continues them. `first` is the
+    /// index in the share of the group's first environment.
     pub fn resume<R: Real<Scalar = S>>(&self, call: usize, first: usize, alive: R::Mask, status: &mut [u32]) -> R {
         let used = alive.bits().count_ones() as usize;
         status[..used].copy_from_slice(&self.status[call][first..first + used]);
@@ -152,7 +154,8 @@ impl<S: Scalar> Share<'_, S> {
         residual
     }
 
-    /// Records the state after control number `call`, for the group whose first environment is number `first` of the share.
+    /// Records the state, sensor readings, status flags and residual after control number `call`, for one group. `first` is the index in
+    /// the share of the group's first environment.
     pub fn write<R: Real<Scalar = S>>(&mut self, call: usize, first: usize, s: &Workspace<R>, readings: &[R], status: &[u32], residual: R) {
         let used = s.alive.bits().count_ones() as usize;
         self.status[call][first..first + used].copy_from_slice(&status[..used]);

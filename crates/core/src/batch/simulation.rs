@@ -223,8 +223,8 @@ impl Simulation {
         size_of_val(&self.ctrl[..]) + self.applied.bytes()
     }
 
-    /// Calls `look` during the allocation of the workspace of one additional worker, to measure its memory. Each thread allocates such a
-    /// workspace at its first step.
+    /// Calls `look` while one additional worker exists, to measure the memory of its workspace. Each thread allocates such a workspace at
+    /// its first step.
     pub fn with_worker(&self, mut look: impl FnMut()) {
         self.engine.with_worker(&mut look);
     }

@@ -19,10 +19,11 @@ use crate::error::Error;
 use crate::math::lanes::{Target, each_of};
 use crate::options::StepSettings;
 
-/// Callback of a long call. The calling thread calls it between the parts of the call; when it returns false, the call stops.
+/// Optional callback that can stop a call of many steps. The call is made in parts; the calling thread calls the function after each part,
+/// and the call ends if the function returns false.
 pub(super) type Watch<'a> = Option<&'a mut dyn FnMut() -> bool>;
 
-/// Step of one group of environments, which a visitor receives.
+/// Step of one group of environments, which [`BatchCalls::lend_steps`] passes to its callback.
 pub struct LentStep<'a> {
     /// Index of the first environment of the group.
     pub first: usize,
@@ -39,7 +40,7 @@ pub trait BatchCalls {
     /// Makes the steps of a schedule, and records quantities after each control. Returns the number of steps made, the same in every
     /// environment.
     ///
-    /// `inputs.ctrl` is (controls, num_envs, nu) or (controls, nu). If `watch` returns false, the call stops early.
+    /// The controls `inputs.ctrl` are (controls, num_envs, nu) or (controls, nu). The call stops early if `watch` returns false.
     ///
     /// # Errors
     /// [`Error::Threads`]; nothing was done then.
@@ -55,14 +56,14 @@ pub trait BatchCalls {
     /// # Errors
     /// [`Error::Threads`].
     fn read_sensors(&mut self, inputs: &StepInputs<'_>, truth: bool, out: &mut [f64]) -> Result<(), Error>;
-    /// Computes derived quantities of all environments in one pass, environment-major, in the precision of the lanes. `inputs` are the
-    /// inputs in force.
+    /// Computes derived quantities of all environments in one pass over the groups. Each quantity has an output array in the precision of
+    /// the lanes, (num_envs, ...). `inputs` are the inputs in force.
     ///
     /// # Errors
     /// [`Error::Threads`].
     fn derive(&mut self, inputs: &StepInputs<'_>, quantities: Vec<(DerivedQuantity, Numbers<'_>)>) -> Result<(), Error>;
-    /// Calls `visit` with the step of each group from the present state, solved to a residual of `tolerance`, m/s. The state does not
-    /// change.
+    /// Calls `visit` with the step of each group of environments from the present state. The solver converges to a residual of `tolerance`,
+    /// m/s. The state does not change.
     ///
     /// # Errors
     /// [`Error::Threads`].
@@ -73,19 +74,19 @@ pub trait BatchCalls {
     fn threads(&self) -> usize;
     /// Whether `nstep` steps take at most two or three microseconds, so that waking another thread costs more than it gains.
     fn is_brief(&self, nstep: usize) -> bool;
-    /// Calls `look` during the allocation of the workspace of one additional worker, to measure its memory.
+    /// Calls `look` while one additional worker exists, to measure the memory of its workspace.
     fn with_worker(&self, look: &mut dyn FnMut());
     /// Sets the functions that create workers.
     #[cfg(feature = "internals")]
     fn set_workers(&mut self, makers: &WorkerMakers);
 }
 
-/// Duration of a part of a long call, s: the time between two calls of the watch. A user hardly notices this delay of an interrupt, and
-/// starting the next part takes far less.
+/// Duration of a part of a long call, s. The callback that can stop the call is called after each part. A user hardly notices this delay of
+/// an interrupt, and starting the next part takes far less.
 const PART: f64 = 0.05;
 /// Lower bound of the time of a step on one thread, per environment and degree of freedom, s.
 ///
-/// It determines the number of steps of a call's first part. Later parts use the measured time.
+/// It determines the number of steps of a call's first part. For later parts, the measured time of the previous part determines it.
 const LEAST_COST: f64 = 5e-8;
 /// Largest product of degrees of freedom, environments and steps for which a call counts as brief.
 const BRIEF: usize = 10;
@@ -223,8 +224,8 @@ impl<S: LaneScalar> Batch<S> {
         !(sensing.cursors.is_empty() && actuation.cursors.is_empty())
     }
 
-    /// Makes steps of all environments, and then restores the state of those outside the mask. Used with delay lines, because all
-    /// environments share their position.
+    /// Makes steps of all environments, and then restores the state of those outside the mask. Batches with delay lines use this function,
+    /// because all environments share the position in their delay lines.
     #[cold]
     fn step_all_and_restore(&mut self, inputs: &StepInputs<'_>, schedule: Schedule, watch: Watch<'_>) -> Result<usize, Error> {
         let before = self.save(None, inputs.ctrl);
@@ -242,14 +243,15 @@ impl<S: LaneScalar> Batch<S> {
         }
     }
 
-    /// Number of steps in the first part of a long call.
+    /// Number of steps in the first part of a call that is made in parts.
     fn first_part(&self) -> usize {
         ((PART / LEAST_COST) as usize / (self.num_envs * self.compiled.nv.max(1))).max(1)
     }
 
-    /// Makes the steps of a watched call in parts. Returns the number of steps made.
+    /// Makes the steps of a call in parts, and calls `watch` after each part. Returns the number of steps made.
     ///
-    /// Every group finishes a part before any group begins the next part, so that all stop after the same step.
+    /// Every group finishes a part before any group begins the next part. If `watch` returns false, all groups therefore stop after the
+    /// same step.
     #[inline(never)]
     fn run_parts(
         &mut self,
@@ -285,7 +287,8 @@ impl<S: LaneScalar> Batch<S> {
         }
     }
 
-    /// Makes the steps of one part of a call in all groups. The workers record into `shares`, unless it is empty.
+    /// Makes those steps of a call that belong to `part`, in all groups. The workers write the recorded quantities to `shares`, unless
+    /// `shares` is empty.
     fn run_part(&mut self, inputs: &StepInputs<'_>, schedule: Schedule, part: Part, shares: &mut [Share<'_, S>]) {
         if self.workers.threads() > 1 {
             return self.run_part_on_threads(inputs, schedule, part, shares);

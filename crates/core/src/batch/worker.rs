@@ -47,7 +47,7 @@ pub trait Worker<S: Scalar>: Send {
 pub struct WorkerSpec<'a, S: Scalar> {
     /// Compiled model.
     pub compiled: &'a CompiledModel<S>,
-    /// Settings of a step.
+    /// Step settings, such as time step and solver options.
     pub settings: &'a StepSettings,
     /// Contact capacity per environment.
     pub max_contacts: usize,
@@ -60,9 +60,9 @@ pub type MakeWorker<S> = fn(&WorkerSpec<'_, S>, usize, Level) -> Box<dyn Worker<
 #[cfg(feature = "internals")]
 #[derive(Clone, Copy, Debug)]
 pub struct WorkerMakers {
-    /// Function for 64 bits.
+    /// Function that creates a worker for 64-bit numbers.
     pub f64: MakeWorker<f64>,
-    /// Function for 32 bits.
+    /// Function that creates a worker for 32-bit numbers.
     pub f32: MakeWorker<f32>,
 }
 
@@ -78,13 +78,13 @@ pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
     fn worker(spec: &WorkerSpec<'_, Self>, lanes: usize, level: Level) -> Box<dyn Worker<Self>>;
     /// Creates a worker that calls `probe` during its steps.
     fn probed_worker(spec: &WorkerSpec<'_, Self>, lanes: usize, level: Level, probe: impl Probe) -> Box<dyn Worker<Self>>;
-    /// Function in `makers` for this precision.
+    /// Selects from `makers` the function that creates a worker of this precision.
     #[cfg(feature = "internals")]
     fn maker(makers: &WorkerMakers) -> MakeWorker<Self>;
     /// Functions with which a visitor evaluates a step in the lanes `R`. The result is `None` for 32 bits, in which no crate evaluates
     /// steps.
     fn group_functions<R: Real<Scalar = Self>>() -> Option<GroupFunctions<R>>;
-    /// Slice of this precision in an array of a recording.
+    /// Unwraps an array of a recording whose precision is that of this scalar type.
     ///
     /// # Panics
     /// When the array has the other precision, which [`Simulation`](crate::Simulation) prevents.
@@ -96,9 +96,9 @@ pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
 pub struct GroupPosition<'a, 'b, S> {
     /// Index of the first environment of the group.
     pub first: usize,
-    /// Index of the first environment of the share (consecutive groups that one thread records).
+    /// Index of the first environment of these output arrays, which one thread writes.
     pub share_first: usize,
-    /// Output arrays of consecutive groups that include this one; `None` without recording.
+    /// Output arrays of a recording for consecutive groups that include this group; `None` without a recording.
     pub share: Option<&'a mut Share<'b, S>>,
 }
 
@@ -380,10 +380,10 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
         s.current = call.num_envs <= R::LANES;
     }
 
-    /// Makes `steps` steps with one control. Adds status flags to `flags`, and returns the larger of `residual` and the largest residual of
-    /// these steps, per lane.
+    /// Makes `steps` steps with one control. Adds status flags to `flags`. Returns, for each lane, the larger of `residual` and the largest
+    /// residual of these steps.
     ///
-    /// If `observed` is set, the last step reads the sensors.
+    /// If `observed` is true, the last step reads the sensors.
     fn run_control(
         &mut self,
         call: &Call<'_, R::Scalar>,

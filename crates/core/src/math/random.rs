@@ -64,13 +64,14 @@ fn signed<R: Real>(word: &Word, shift: u32) -> R {
     )
 }
 
-/// Two independent standard normal numbers from two words (Box and Muller 1958). The largest is 6.7.
+/// Two independent standard normal numbers from two random words (Box and Muller 1958). The largest possible number is 6.7.
 ///
-/// They are sqrt(-ln u) (cos a - sin a) and sqrt(-ln u) (cos a + sin a) with two signs: the point at pi/4 + a of the first quadrant,
-/// mirrored. The two upper bits of the angle's word are the signs, the others a in (-pi/4, pi/4).
+/// Let u be the uniform number from the word `radius`. The two upper bits of the word `angle` give two signs, and the other bits an angle a
+/// in (-pi/4, pi/4). The numbers are sqrt(-ln u) (cos a - sin a) and sqrt(-ln u) (cos a + sin a), with these signs. They are the
+/// coordinates of the point at the angle pi/4 + a in the first quadrant, mirrored to one of the four quadrants.
 #[inline(always)]
 pub fn normals<R: Real>(radius: &Word, angle: &Word) -> [R; 2] {
-    /// Angle per unit of the shifted word: pi/4 divided by 2^31, rad.
+    /// Angle in rad that corresponds to the number 1 in a shifted word: pi/4 divided by 2^31.
     const UNIT: f64 = std::f64::consts::FRAC_PI_4 / 2_147_483_648.0;
     let r = (-uniform::<R>(radius).ln_normal()).sqrt();
     let (a, first, second): (R, R, R) = (signed(angle, 2), signed(angle, 0), signed(angle, 1));
@@ -93,8 +94,10 @@ mod tests {
         assert_eq!(run(counter, [0xa409_3822, 0x299f_31d0]), [0xd16c_fe09, 0x94fd_cceb, 0x5001_e420, 0x2412_6ea1]);
     }
 
-    /// The words stand for a point in the plane. In f64 it agrees to rounding. In f32 it agrees to five roundings of 6e-8 and one of u,
-    /// whose radius is sqrt(2 (1 - u)) where that is small.
+    /// Compares normal numbers with the Box-Muller point in the plane, computed directly from the two words. In f64 both agree to rounding.
+    ///
+    /// In f32 the bound allows five roundings of 6e-8 relative to the radius, and one rounding of u. Where the radius is small, it is
+    /// sqrt(2 (1 - u)), so that this rounding changes it by 6e-8 divided by the radius.
     #[test]
     fn normals_are_points_in_the_plane() {
         for i in 0..100_000u32 {

@@ -70,7 +70,7 @@ struct Imperfect<S> {
     jittery: bool,
     /// Address of the sensor's stored values in the memory. They are matrix, bias, drift, phase, and delay line or previous sample.
     memory: usize,
-    /// Offset of the sensor's random numbers in the list of those of a step.
+    /// Offset of this sensor's random numbers in the list of random numbers that a step draws for all sensors.
     draws: usize,
     /// Length of the delay line in samples; 0 without a delay.
     line: usize,
@@ -87,7 +87,7 @@ pub struct Errors<S> {
     ideal: Vec<usize>,
     /// Parameters of every sensor. There is one table for every group of lanes, or one table for all environments.
     tables: Vec<Vec<S>>,
-    /// Number of values per parameter in a table: 1 if all environments have the same, otherwise the number of lanes.
+    /// Number of values per parameter in a table: 1 if all environments have the same value, otherwise the number of lanes.
     lanes: usize,
     /// Number of stored values per lane that persist between steps.
     pub memory: usize,
@@ -229,10 +229,11 @@ impl<S: Scalar> Imperfect<S> {
         }
     }
 
-    /// Number of random numbers that the sensor needs in a step, and number of normal ones among them, which come first.
+    /// Number of random numbers that the sensor needs in a step, and number of normally distributed ones among them.
     ///
-    /// The normal numbers are for the drift, then for Gaussian noise if the sensor is `sampling`. Two uniform ones for dropout and jitter
-    /// follow, then those for uniform noise.
+    /// The normal numbers come first: those for the drift, then those for Gaussian noise. Two uniform numbers for dropout and jitter
+    /// follow, then those for uniform noise. If `sampling` is false, the sensor takes no sample in this step and needs no numbers for
+    /// noise.
     #[inline(always)]
     fn draws_of(&self, sampling: bool) -> (usize, usize) {
         let drift = self.noise_at();

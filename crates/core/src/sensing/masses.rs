@@ -10,7 +10,7 @@ use crate::model::JointKind;
 use crate::sensing::frames::{ground, motion_of, orientation, position};
 use crate::sensing::{SensorInput, SensorWorkspace};
 
-/// Centre of mass of a subtree in the world frame, m. `empty` is the result for a subtree without mass.
+/// Centre of mass of a subtree in the world frame, m. If the subtree has no mass, the result is `empty`.
 pub fn com<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, subtree: &Subtree, empty: V3<R>) -> V3<R> {
     R::vectorize(
         #[inline(always)]
@@ -28,7 +28,7 @@ pub fn com<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, subtree
     )
 }
 
-/// Inertia of a subtree part about its reference point, its spatial velocity, and that point.
+/// Inertia and spatial velocity of a subtree part, both about the reference point of its kinematic tree, and this point.
 fn moving<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,

@@ -41,8 +41,8 @@ fn nothing<R: Real>() -> R {
 
 /// Intersections of a line with a quadric: the two roots t of a t^2 + 2 b t + c, ascending.
 ///
-/// The caller tests whether the roots are on the surface, and passes the result as masks. A closure would be slow, because a closure that
-/// is called twice is not inlined into the kernel.
+/// The caller tests whether the roots are on the piece of the surface, and passes the result to [`Roots::nearest`] as masks. A closure for
+/// the test would be slow, because the compiler does not inline a closure that is called twice.
 struct Roots<R: Real> {
     real: R::Mask,
     at: [R; 2],
@@ -70,8 +70,8 @@ impl<R: Real> Roots<R> {
     }
 }
 
-/// Distance along the ray to the plane where coordinate `k` equals `level`, and the lanes in which the plane is not behind the ray's
-/// origin.
+/// Distance along the ray to the plane on which coordinate `k` equals `level`, m. Returns also the lanes in which the plane is not behind
+/// the origin of the ray. `o` is this origin, and `d` the direction.
 #[inline(always)]
 fn crossing<R: Real>(o: V3<R>, d: V3<R>, k: usize, level: R) -> (R, R::Mask) {
     let z = R::zero();
@@ -80,7 +80,7 @@ fn crossing<R: Real>(o: V3<R>, d: V3<R>, k: usize, level: R) -> (R, R::Mask) {
     (t, crosses.and(t.ge(z)))
 }
 
-/// Distance along the ray to the front side of an infinite plane z = 0.
+/// Distance along the ray to the front side of the infinite plane z = 0, m. `o` is the origin of the ray, and `d` its direction.
 #[inline(always)]
 fn plane<R: Real>(o: V3<R>, d: V3<R>) -> R {
     let (t, hits) = crossing(o, d, 2, R::zero());
@@ -102,7 +102,8 @@ fn capsule<R: Real>(size: V3<R>, o: V3<R>, d: V3<R>) -> R {
     t
 }
 
-/// Distance along the ray to the curved side of a cylinder.
+/// Distance along the ray to the curved side of a cylinder, m. `o` is the origin of the ray and `d` its direction, both in the cylinder's
+/// frame.
 #[inline(always)]
 fn wall<R: Real>([radius, half, _]: V3<R>, o: V3<R>, d: V3<R>) -> R {
     let (a, b, c) = (d[0] * d[0] + d[1] * d[1], o[0] * d[0] + o[1] * d[1], o[0] * o[0] + o[1] * o[1] - radius.square());

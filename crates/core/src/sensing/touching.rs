@@ -235,8 +235,8 @@ pub fn contacts<R: Real>(
     }
 }
 
-/// Tests whether a contact is between the two sides of a sensor. The result is whether its geoms must be swapped to match the sides; `None`
-/// if it is not between them.
+/// Tests whether a contact is between the two sides of a sensor; `None` if it is not. Otherwise the result is true if the contact's second
+/// geom is on the first side.
 fn matches<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -261,7 +261,8 @@ fn matches<R: Real>(
     }
 }
 
-/// Contact with its geoms in the order of the sensor's sides. If the first side has the contact's second geom, the contact is swapped.
+/// Contact in the orientation of the sensor, from the first side to the second. If the contact's second geom is on the first side, normal
+/// and force are reversed.
 fn seen<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -279,8 +280,8 @@ fn seen<R: Real>(
     contact
 }
 
-/// Sum of several contacts as one contact in world axes. Its position is the mean of the positions, weighted by force, and its torque is
-/// about that point.
+/// Sum of several contacts as one contact in world axes. Its position is the mean of their positions, weighted by force. Its torque is
+/// about this position.
 fn net_force(all: impl Iterator<Item = Contact> + Clone) -> Contact {
     let (mut force, mut weighted, mut weight, mut plain, mut count) = ([0.0; 3], [0.0; 3], 0.0, [0.0; 3], 0.0);
     let mut nearest = f64::INFINITY;

@@ -105,8 +105,8 @@ impl Simulation {
         }
     }
 
-    /// Per-environment specs of the actuators; each list has one number, or one for each environment. `None` if actuators do not differ
-    /// between environments.
+    /// Actuator dynamics with per-environment parameters, one entry for every actuator. Each list of an entry has one number for all
+    /// environments, or one for each. `None` if all environments have the same actuator dynamics.
     pub fn own_actuators(&self) -> Option<&[Option<ActuatorSpec>]> {
         self.actuator_models.as_ref()?.drawn()
     }

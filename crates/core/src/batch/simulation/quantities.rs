@@ -85,8 +85,8 @@ impl Simulation {
         Ok(())
     }
 
-    /// Poses of the mocap bodies of one environment, from its rows of the inputs: position, m, and quaternion. If `pos` is empty, the poses
-    /// of the model.
+    /// Poses of the mocap bodies of one environment: position, m, and quaternion. `pos` and `quat` are the inputs of this environment; if
+    /// `pos` is empty, the result is the poses in the model.
     pub(super) fn mocap_poses<'a>(&'a self, pos: &'a [f64], quat: &'a [f64]) -> impl Iterator<Item = ([f64; 3], [f64; 4])> + 'a {
         let (pos, quat) = (pos.as_chunks::<3>().0, quat.as_chunks::<4>().0);
         self.lane_model().mocap.iter().enumerate().map(|(k, m)| if pos.is_empty() { (m.pos, m.quat) } else { (pos[k], quat[k]) })

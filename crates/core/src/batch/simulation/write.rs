@@ -103,14 +103,14 @@ impl Simulation {
         Ok(())
     }
 
-    /// Sets state fields and times of the environments `envs`, ascending.
+    /// Sets state fields and simulated times of the environments `envs`, which are in ascending order.
     ///
-    /// With `cold`, fields are set as by [`Simulation::set`], otherwise as by [`Simulation::correct`]. Setting a time has no other effect
-    /// in either case.
+    /// If `cold` is true, fields are set as by [`Simulation::set`], which clears the memory of earlier steps. Otherwise they are set as by
+    /// [`Simulation::correct`], which keeps it. Setting a time has no other effect in either case.
     ///
     /// # Errors
-    /// [`Error::Environment`] or [`Error::Order`] for `envs`, and those of [`Simulation::set`] and [`Simulation::set_time`]; nothing is
-    /// changed then.
+    /// [`Error::Environment`] or [`Error::Order`] for `envs`, and the errors of [`Simulation::set`] and [`Simulation::set_time`]. Nothing
+    /// is changed then.
     pub fn set_rows(&mut self, envs: &[usize], rows: &StateRows<'_>, cold: bool) -> Result<(), Error> {
         let rows = self.check_rows(envs, rows)?;
         self.write_rows(envs, rows, cold);
@@ -136,8 +136,11 @@ impl Simulation {
         Ok(CheckedRows { fields, times })
     }
 
-    /// Function from an environment to its row in `given`, an array with one row per environment or one row for all. `width` is the length
-    /// of a row.
+    /// Returns a function that maps the index of an environment to its values in the array `given`. The array has one row of `width` values
+    /// per environment, or one row for all.
+    ///
+    /// # Errors
+    /// [`Error::Length`] with the name `name`, if the array has another length.
     fn rows<'a>(&self, name: &'static str, given: &'a [f64], width: usize) -> Result<impl Fn(usize) -> &'a [f64], Error> {
         let shared = given.len() == width;
         if !shared {
@@ -153,7 +156,7 @@ impl Simulation {
         envs.iter().zip(times).for_each(|(&env, time)| self.engine_mut().set_time(env, time));
     }
 
-    /// Writes checked values to a state field. `cold` also clears the memory of earlier steps.
+    /// Writes checked values to a state field. If `cold` is true, the memory of earlier steps is cleared too.
     fn write_field(&mut self, field: Field, env: usize, values: &[f64], cold: bool) {
         let engine = self.engine_mut();
         engine.write(field, env, values);

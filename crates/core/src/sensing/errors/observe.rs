@@ -40,7 +40,7 @@ impl<S: Scalar> Errors<S> {
 
     /// Computes the readings in the lanes `lanes` of a group from the true readings `truth`.
     ///
-    /// With `start` these are the first readings of an episode, otherwise those of the next step of `h` seconds.
+    /// If `start` is true, they are the first readings of an episode. Otherwise they are the readings after the next step of `h` seconds.
     #[expect(clippy::too_many_arguments, reason = "what is read, by whom, and what is remembered")]
     pub fn observe<R: Real<Scalar = S>>(
         &self,
@@ -140,7 +140,9 @@ impl<S: Scalar> Imperfect<S> {
         }
     }
 
-    /// Lanes in which the sensor takes a new sample in this step. The function also updates the time since the last sample.
+    /// Lanes in which the sensor takes a new sample in this step of `h` seconds. The function also updates the time since the last sample.
+    ///
+    /// If `start` is true, the sensor takes the first sample of an episode in all lanes `lanes`.
     #[inline(always)]
     fn due<R: Real<Scalar = S>>(&self, table: &Numbers<'_, S>, lanes: R::Mask, start: bool, h: f64, memory: &mut [S]) -> R::Mask {
         if !self.sampled {
@@ -154,7 +156,7 @@ impl<S: Scalar> Imperfect<S> {
         if start { lanes } else { lanes.and(due) }
     }
 
-    /// Draws the random values that are constant in an episode: scale errors, misalignment and bias. Sets the drift to zero.
+    /// Draws the random values that are constant in an episode: scale errors, misalignment and bias. It also sets the drift to zero.
     fn begin<R: Real<Scalar = S>>(&self, table: &Numbers<'_, S>, keys: &Keys, lanes: R::Mask, work: &mut Work<R>, memory: &mut [S]) {
         R::vectorize(
             #[inline(always)]

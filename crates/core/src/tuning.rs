@@ -302,8 +302,8 @@ pub(crate) const SLIP_SPEED: f64 = 1e-6;
 /// double and for single precision.
 pub(crate) const DEPENDENT_LENGTH: [f64; 2] = [1e-7, 1e-6];
 
-/// Smallest change of a contact's share of the load that is applied, relative to the largest normal impulse, in double and in single
-/// precision.
+/// Change of a contact's share of the load below which the change is not applied, relative to the largest normal impulse. The values are
+/// for double and for single precision.
 pub(crate) const MIN_SHARE_CHANGE: [f64; 2] = [1e-12, 1e-5];
 
 /// Largest number of contacts in a cluster of redundant supports that share their loads. The work grows with the cube of the number.

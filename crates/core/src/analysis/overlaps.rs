@@ -161,7 +161,7 @@ pub fn described(overlap: &Overlap, model: &Description) -> String {
     format!("{a} and {b} overlap by {:.2} mm", 1e3 * overlap.depth)
 }
 
-/// Description of a convex hull that is larger than its mesh, with the remedy.
+/// Description of a convex hull that is larger than its mesh, for the report.
 pub fn hull_line(hull: &WideHull, model: &Description) -> String {
     let name = model.geom_label_with_body(hull.geom);
     let times = if hull.ratio < 100.0 { format!("{:.1}", hull.ratio) } else { "more than 100".into() };

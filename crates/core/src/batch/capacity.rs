@@ -39,7 +39,7 @@ pub(super) fn check_memory(num_envs: usize, bytes_per_env: usize) -> Result<(), 
 /// The estimate is the number of contacts that can exist, limited by an upper bound. The bound is the larger of two numbers:
 ///
 /// * 16 plus a sum over all links: 4 for a link of a robot, 6 for a free ball, and 12 for another free body. 6 is half of the twelve balls
-///   that fit around a ball. 12 is half of the six faces of a box with four points each.
+///   that fit around a ball. 12 is half of the contacts of a box with four on each of its six faces.
 /// * twice the number of contacts in the model's reset state and keyframes. Mechanisms whose parts lie on one another (a puzzle, a
 ///   gripper of many meshes) need this number.
 pub(super) fn contact_capacity<S: LaneScalar>(model: &Model, compiled: &CompiledModel<S>, settings: &StepSettings, level: Level) -> usize {

@@ -58,7 +58,7 @@ pub trait Environments {
     fn actuator_saturation(&self, env: usize, out: &mut [u32]);
     /// Constraint row with the largest residual in the last unsolved step of the last call; `None` if all steps were solved.
     fn worst_row(&self, model: &Model, env: usize) -> Option<WorstRow>;
-    /// Outputs of the actuator dynamics: controls after delay and lag, and the dynamics that act within a step. `None` without actuator
+    /// Outputs of the actuator dynamics: controls after delay and lag, and the dynamics that act within a step. `None` if no actuator has
     /// dynamics.
     fn actuator_outputs(&self, env: usize) -> Option<(Vec<f64>, Vec<ActuatorDynamics<f64>>)>;
     /// Begins a new episode of random numbers: the next episode of the present seed, or the first episode of the seed `seed`.
@@ -95,8 +95,10 @@ impl<S: LaneScalar> Batch<S> {
     /// Creates a batch of `num_envs` environments at the model's reset state. `threads` is the number of threads; 0 selects all that this
     /// process may use.
     ///
+    /// If `check` is true, the function first checks the available memory. Without the check, a failed allocation ends the process.
+    ///
     /// # Errors
-    /// [`Error::Memory`] when the memory is too small. Only with `check`; otherwise the process may end.
+    /// [`Error::Memory`] when the check finds too little memory.
     pub fn new(model: &Model, settings: StepSettings, num_envs: usize, threads: usize, level: Level, check: bool) -> Result<Self, Error> {
         let compiled = compile(model, &[], &settings);
         let max_contacts = contact_capacity(model, &compiled, &settings, level);

@@ -47,12 +47,10 @@ impl Randomization {
     }
 
     /// Differences of parameters from the compiled model, for each of the environments `envs`, after an assignment of the fields `assigned`
-    /// to them.
-    ///
-    /// `with_dynamics` returns a model with the actuator dynamics applied to it.
+    /// to them. The function `with_dynamics` adds the actuator dynamics to a model.
     ///
     /// # Errors
-    /// [`ModelError`] of the first variant that is invalid or has another structure, with its environment.
+    /// [`ModelError`] of the first environment whose model is invalid or has another structure.
     pub fn differences(
         &self,
         model: &Model,

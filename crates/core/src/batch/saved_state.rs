@@ -4,7 +4,7 @@
 //! |---|---|
 //! | 8 | magic bytes of a saved state |
 //! | 4 | [`FORMAT_VERSION`], little endian |
-//! | 1 | bytes of a number of the lanes: 8 or 4 |
+//! | 1 | size of the floating-point numbers, bytes: 8 or 4 |
 //! | 32 | SHA-256 of the model, see [`Model::digest`](crate::Model::digest) |
 //! | 32 | SHA-256 of all other bytes, before and after it |
 //! | rest | payload: environments and controls in force, in postcard's encoding |

@@ -105,8 +105,8 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
 
     /// Loads the group into the workspace to compute derived quantities: state, applied inputs and controls in force.
     ///
-    /// With `last_step`, results of the last step are loaded too. If the state was set since then, they are those of a trial step. With
-    /// `contacts`, the contacts of the last step are loaded too.
+    /// If `last_step` is true, results of the last step are loaded too. If the state was set since then, they are those of a trial step. If
+    /// `contacts` is true, the contacts of the last step are loaded too.
     pub(super) fn load_to_derive(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>, last_step: bool, contacts: bool) {
         if last_step {
             load_state(group, s);

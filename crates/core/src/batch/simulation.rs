@@ -87,14 +87,13 @@ impl Simulation {
         Self::new(model, Options::default(), None, Precision::F64, 1)
     }
 
-    /// Creates a simulation of `num_envs` environments at the model's reset state; `None` is a single one. `threads` is the number of
-    /// threads; 0 selects all that this process may use.
+    /// Creates a simulation of `num_envs` environments at the model's reset state; `None` creates one environment. `threads` is the number
+    /// of threads; 0 selects all that this process may use.
     ///
     /// # Errors
     /// [`Error::Option`] for an option out of its range; [`Error::NoEnvironments`] for `Some(0)`; [`Error::Level`] when the machine lacks
-    /// the CPU level in `STEPPER_CPU_LEVEL`. [`Error::Memory`] when the memory is too small for that many environments; [`Error::Model`]
-    /// for a number that 32 bits cannot hold, in that precision. [`Error::Actuator`] for an actuator delay that is too long for the time
-    /// step.
+    /// the CPU level in `STEPPER_CPU_LEVEL`. [`Error::Memory`] when the memory is too small for that many environments. [`Error::Model`]
+    /// for a number that a simulation in 32 bits cannot hold. [`Error::Actuator`] for an actuator delay that is too long for the time step.
     pub fn new(
         model: impl Into<Arc<Model>>,
         options: Options,

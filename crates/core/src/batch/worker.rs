@@ -32,9 +32,10 @@ pub trait Worker<S: Scalar>: Send {
     /// Computes derived quantities of one group, whose first environment is `first`. Each has an array in `out`, with one row per
     /// environment.
     fn derive(&mut self, call: &Call<'_, S>, group: &Group<S>, first: usize, quantities: &[DerivedQuantity], out: &mut [&mut [S]]);
-    /// Casts the rays of one group, whose first environment is `first`. `rows` are the distances, m, and geoms, one row per environment.
+    /// Casts the rays of one group, whose first environment is `first`. Writes the distances, m, and the geoms of the first hits to `rows`,
+    /// one row per environment.
     fn cast_rays(&mut self, call: &Call<'_, S>, group: &Group<S>, first: usize, query: &RayQuery<'_, S>, rows: (&mut [S], &mut [i32]));
-    /// Constraint problem of lane `lane` at the first solve in the steps of `call`, as bytes. The function overwrites the group.
+    /// Constraint problem of lane `lane` at the first solve in the steps of `call`, as bytes. The function overwrites the state in `group`.
     fn problem(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, lane: usize) -> Vec<u8>;
     /// Calls `visit` with the [`GroupStep`] of one group, whose first environment is `first`, at the beginning of a step of `call`.
     fn lend_step(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, visit: &mut dyn FnMut(&mut dyn Any));

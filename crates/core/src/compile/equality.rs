@@ -1,4 +1,4 @@
-//! Compiled equalities and tendons: inputs of their rows, and blocks of equalities that are solved together.
+//! Compiled equalities and tendons: parameters of their constraint rows, and blocks of equalities that are solved together.
 
 use std::ops::Range;
 
@@ -40,10 +40,10 @@ impl<S: Scalar> Combination<S> {
     }
 }
 
-/// Kinematic path to a frame, from the nearest frame that it shares with another frame.
+/// Kinematic path to one of two frames, from the nearest common ancestor of both frames.
 #[derive(Clone, Debug, Default)]
 pub struct FramePath {
-    /// Index of the mocap body at the start of the path; `None` if the path starts at the world or at the shared frame.
+    /// Index of the mocap body at the start of the path; `None` if the path starts at the world or at the common ancestor.
     pub mocap: Option<usize>,
     /// Links on the path, from its start to the frame.
     pub links: Vec<u32>,
@@ -61,7 +61,7 @@ pub enum EqualityRows<S> {
         /// For weld: orientations in these frames that must be aligned, and length that converts the angle to a distance, m/rad. `None` for
         /// connect.
         turn: Option<([[S; 9]; 2], S)>,
-        /// Kinematic paths to the two frames from the nearest frame that they share.
+        /// Kinematic paths to the two frames from their nearest common ancestor.
         paths: [FramePath; 2],
     },
     /// Coupling `x - x_ref = polynomial(y - y_ref)` of two linear combinations of joint positions.
@@ -143,11 +143,12 @@ pub struct CompiledTendon<S> {
     pub length: Combination<S>,
     /// Degrees of freedom that the tendon moves, with their ancestors, ascending.
     pub support: Vec<u32>,
-    /// Lowest and highest length, m or rad; `None` without a limit.
+    /// Lowest and highest length, m or rad; `None` if the tendon has no limit.
     pub range: Option<[S; 2]>,
     /// Dry friction, N or N m; 0 for none.
     pub friction: S,
-    /// Spring, damper and inertia, and lowest and highest length at which the spring is slack. `None` without any of them.
+    /// Spring, damper and inertia of the tendon, and lowest and highest length at which the spring is slack. `None` if the tendon has no
+    /// spring, damper or inertia.
     pub spring: Option<(Spring<S>, [S; 2])>,
     /// Index of the tendon's first impulse in the list of impulses of scalar rows. The three impulses belong to limit, dry friction and
     /// spring.
@@ -207,7 +208,7 @@ impl Compiler<'_> {
         (EqualityRows::Points { frames, anchors: [place(a, anchors[0]), place(b, anchors[1])], turn, paths }, support)
     }
 
-    /// Kinematic paths to the two frames, from the nearest frame that they share.
+    /// Kinematic paths to the two frames, from their nearest common ancestor.
     fn paths(&self, frames: [usize; 2]) -> [FramePath; 2] {
         let nlink = self.merged.leaders.len();
         let mut paths = frames.map(|mut frame| {

@@ -88,9 +88,10 @@ impl<R: Real> LaneModel<R> {
         if self.structure.geoms[a].is_plane { second } else { self.params.bounding_radius(a) + second }
     }
 
-    /// Tunnelling distance of a pair, m: relative displacement up to which contacts still push the geoms out on the near side.
+    /// Tunnelling distance of a pair of geoms, m: largest relative displacement after which contacts still push the geoms back to the side
+    /// from which they came.
     ///
-    /// The distance is half the sum of their inscribed radii; infinite with a plane.
+    /// The distance is half the sum of the geoms' inscribed radii; infinite if one of them is a plane.
     #[inline(always)]
     pub fn tunnelling_distance(&self, [a, b]: [usize; 2]) -> R {
         R::of(0.5) * (self.params.inscribed_radius(a) + self.params.inscribed_radius(b))

@@ -32,7 +32,7 @@ pub enum FluidShape<S> {
     Ellipsoid(Box<CompiledEllipsoid<S>>),
 }
 
-/// Coefficients of the ellipsoid fluid model. Their names are those of [`crate::dynamics::fluid`].
+/// Coefficients of the ellipsoid fluid model, see [`crate::dynamics::fluid`].
 #[derive(Clone, Debug)]
 pub struct CompiledEllipsoid<S> {
     /// Factor by which all forces and torques of the model are multiplied.
@@ -49,7 +49,8 @@ pub struct CompiledEllipsoid<S> {
     pub kutta: S,
     /// Products of two semi-axes, b c, c a and a b, divided by the largest of the three.
     pub areas: [S; 3],
-    /// Value of the sum of squares of `areas` times the velocity's direction, below which the projected area counts as zero.
+    /// Threshold of sum_k (a_k d_k)^2, below which the projected area counts as zero. a_k are the entries of `areas`, and d is the unit
+    /// vector of the velocity.
     pub no_area: S,
     /// Largest projected area of the ellipsoid, m^2.
     pub widest: S,
@@ -77,7 +78,8 @@ pub struct CompiledSurface<S> {
     pub geom: usize,
     /// Index of the mocap body that carries the surface, in the compiled model. `None` for other surfaces.
     pub mocap: Option<usize>,
-    /// Velocity of a conveyor in the frame's axes: linear at the geom's origin, m/s, and angular, rad/s. `None` without a conveyor.
+    /// Velocity of a conveyor in the frame's axes: linear at the geom's origin, m/s, and angular, rad/s. `None` if the surface is no
+    /// conveyor.
     pub own: Option<[[S; 3]; 2]>,
 }
 

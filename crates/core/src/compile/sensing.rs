@@ -191,10 +191,11 @@ pub enum Read<S> {
     ActuatorLength(usize),
     /// Time derivative of the length of this actuator, which acts on a site.
     ActuatorRate(usize),
-    /// Distance of a linear combination of q beyond the nearer end of a range.
+    /// Violation of a range by a linear combination of q: distance from the violated end of the range, as a negative number. 0 within the
+    /// range.
     LimitPos(Vec<(usize, S)>, Bounds<S>),
-    /// Time derivative of the distance of a linear combination beyond the nearer end of a range. The first list has its terms in q, the
-    /// second those in v.
+    /// Time derivative of the reading of [`Read::LimitPos`]. The first list has the terms of the linear combination in q, the second those
+    /// of its derivative in v.
     LimitVel([Vec<(usize, S)>; 2], Bounds<S>),
     /// Force of the limit of a joint or tendon. The index is that of the limit's impulse in the list of impulses of scalar rows.
     LimitForce(usize),
@@ -438,7 +439,7 @@ impl Compiler<'_> {
         Some(self.arms(&arms, actuator.gear).collect::<Vec<_>>().into_iter())
     }
 
-    /// Index of the limit of joint `j` in the compiled model; `None` without a limit.
+    /// Index of the limit of joint `j` in the compiled model; `None` if the joint has no limit.
     fn limit_of(&self, j: usize) -> Option<usize> {
         crate::compile::limits::limits(self.model, &self.addresses).iter().position(|l| l.dof == self.addresses[j].1)
     }
@@ -447,7 +448,8 @@ impl Compiler<'_> {
         self.model.tendons[t].range.map(|range| Bounds::Range(scalars(range)))
     }
 
-    /// Reading of the distance of a joint or tendon beyond its bounds, or of its time derivative if `rate` is set.
+    /// Reading of [`Read::LimitPos`] for a joint or tendon, or of [`Read::LimitVel`] if `rate` is true. `arms` lists the terms of the
+    /// linear combination as pairs of joint and coefficient.
     fn overlap<S: Scalar>(&self, arms: &[(usize, f64)], bounds: Option<Bounds<S>>, rate: bool) -> Read<S> {
         let Some(bounds) = bounds else { return Read::Nothing };
         let sums = self.sums(arms, 1.0);

@@ -62,7 +62,7 @@ pub struct CompiledSoftness<S> {
     pub cone: Cone,
     /// Ratio of frictional to normal impedance (`impratio`).
     pub impratio: S,
-    /// Number and tolerance of the noslip iterations; `None` without them.
+    /// Number and tolerance of the noslip iterations; `None` if the solver makes no noslip iterations.
     pub noslip: Option<SlipEffort<S>>,
     /// Constraint laws of the listed pairs, in the order of the compiled model.
     pub pairs: Vec<SoftContactLaw<S>>,
@@ -209,7 +209,7 @@ fn in_one_format(solref: [f64; 2]) -> [f64; 2] {
 }
 
 impl LawMaker {
-    /// Stiffness K, 1/s^2, and damping B, 1/s, of a solref. `largest` is the largest impedance.
+    /// Stiffness K, 1/s^2, and damping B, 1/s, of a constraint with the parameters `solref`. `largest` is its largest impedance.
     fn spring(self, solref: [f64; 2], largest: f64) -> [f64; 2] {
         let [mut time, ratio] = in_one_format(solref);
         if time <= 0.0 {

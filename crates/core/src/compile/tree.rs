@@ -40,8 +40,8 @@ pub struct CompiledJoint<S> {
     pub centred: bool,
     /// Unit axis of the joint in the link's frame.
     pub axis: [S; 3],
-    /// Number of the frame axis that is parallel to the joint's axis, and whether their directions are equal; `None` if no axis is
-    /// parallel.
+    /// Index of the frame axis that is parallel to the joint's axis, and whether the two point in opposite directions. `None` if no frame
+    /// axis is parallel to it.
     pub principal: Option<(usize, bool)>,
     /// Position coordinate at which the joint does not displace its link, m or rad.
     pub reference: S,

@@ -1,8 +1,9 @@
 //! Gyroscopic motion of single bodies, free or on a ball joint, by a discrete midpoint rule that keeps their angular momentum.
 //!
-//! Let R be the orientation in the middle of the step. The body moves from R exp(-h/2 w) to R exp(h/2 w+). Its angular momentum before and
-//! after, in the axes of R, is p-(w) = exp(-h/2 w) I w and p+(w+) = exp(h/2 w+) I w+. If the evaluation point is not the middle,
-//! `time_before` and `time_after` replace the two halves. The step
+//! Let h be the time step, I the inertia, and R the orientation in the middle of the step. With the angular velocities w before and w+
+//! after the step, the body moves from R exp(-h/2 w) to R exp(h/2 w+). Its angular momentum before and after, in the axes of R, is p-(w) =
+//! exp(-h/2 w) I w and p+(w+) = exp(h/2 w+) I w+. If the evaluation point is not the middle, `time_before` and `time_after` replace the two
+//! halves. The step
 //!
 //! ```text
 //! p+(w+) = p-(w) + h (torque)
@@ -12,8 +13,8 @@
 //! Wanner 2006, sections II.3 and XI.3). The momentum in world axes changes by exactly the impulse. Centres of mass away from the joint are
 //! included: linear momentum and spin of a free body, angular momentum about the anchor of a ball joint.
 //!
-//! Fixed-point iteration solves M (w+ - w) = h (torque) - N with N = p+(w+) - p-(w) - M (w+ - w). Each iteration reduces the error by a
-//! factor of about h |w| / 2.
+//! With the mass matrix M in the middle of the step, fixed-point iteration solves M (w+ - w) = h (torque) - N. Here N = p+(w+) - p-(w) - M
+//! (w+ - w). Each iteration reduces the error by a factor of about h |w| / 2.
 
 use stepper_real::{Mask, Real};
 
@@ -179,8 +180,8 @@ impl<R: Real> Body<R> {
         [xx * w[0] + xy * w[1] + xz * w[2], xy * w[0] + yy * w[1] + yz * w[2], xz * w[0] + yz * w[1] + zz * w[2]]
     }
 
-    /// Momentum of the body at the velocity `v`, `time` seconds after the middle of the step. The linear part is in world axes, and the
-    /// angular part about the joint in the body axes of the middle.
+    /// Momentum of the body at the velocity `v`, `time` seconds after the middle of the step. The linear part is in world axes. The angular
+    /// part is about the joint, in the body axes at the middle of the step.
     #[inline(always)]
     fn momentum(&self, v: &V6<R>, time: R) -> V6<R> {
         let (u, w) = ([v[0], v[1], v[2]], [v[3], v[4], v[5]]);

@@ -76,7 +76,7 @@ impl<R: Real> fmt::Debug for GroupStep<R> {
 }
 
 impl<R: Real> GroupStep<R> {
-    /// Creates the step of a compiled model. Without `functions`, visitors cannot use it.
+    /// Creates the step of a compiled model. If `functions` is `None`, visitors cannot use the step.
     pub(crate) fn new(compiled: LaneModel<R>, settings: &StepSettings, max_contacts: usize, functions: Option<GroupFunctions<R>>) -> Self {
         let workspace = Workspace::new(&compiled, settings, max_contacts);
         Self { compiled, workspace, settings: *settings, max_contacts, nominal: None, functions, memory: None }
@@ -180,14 +180,15 @@ impl<R: Real> GroupStep<R> {
         (self.functions().gaps)(self.nominal(), &self.compiled, &self.workspace, lanes, see)
     }
 
-    /// Ends the evaluations near the solved step. Constraint rows then follow the present gaps of contacts and limits again.
+    /// Ends the evaluations near the solved step. Constraint rows of later steps use the gaps of contacts and limits at the present
+    /// configuration again, not those of the solved step.
     pub fn finish(&mut self) {
         if let Some(nominal) = &mut self.nominal {
             nominal.overlaps.release(&mut self.workspace);
         }
     }
 
-    /// Takes the data that a visitor stored with [`GroupStep::store_memory`]; `None` without data, or if it is of another type.
+    /// Takes the data that a visitor stored with [`GroupStep::store_memory`]; `None` if there are no data, or if they are of another type.
     pub fn take_memory<T: Any + Send>(&mut self) -> Option<Box<T>> {
         self.memory.take()?.downcast().ok()
     }

@@ -5,11 +5,11 @@
 //! ```
 //!
 //! Bias, scale error and misalignment are drawn at reset. Drift d is a random walk with `drift_std` per sqrt(s). With a correlation time
-//! tau it is the Gauss-Markov process of the same driving noise: d+ = e^(-h/tau) d + drift_std sqrt(tau/2 (1 - e^(-2h/tau))) n (Brown and
-//! Hwang 2012, section 5.5).
+//! tau it is the Gauss-Markov process with the same driving noise: d+ = e^(-h/tau) d + drift_std sqrt(tau/2 (1 - e^(-2h/tau))) n. Here h is
+//! the time step, and n a standard normal number (Brown and Hwang 2012, section 5.5).
 //!
 //! A noise density N per sqrt(Hz) is white noise of N / sqrt(T) at a sampling time of T. The Allan deviation at 1 s is therefore N for any
-//! time step (IEEE 952). Bias, drift and noise turn unit vectors and quaternions by a rotation vector.
+//! time step (IEEE 952). For unit vectors and quaternions, the sum of bias, drift and noise is a rotation vector.
 
 mod delay;
 mod draws;
@@ -68,7 +68,8 @@ struct Imperfect<S> {
     sampled: bool,
     lossy: bool,
     jittery: bool,
-    /// Address of the sensor's stored values in the memory. They are matrix, bias, drift, phase, and delay line or previous sample.
+    /// Address of the sensor's stored values in the memory. They are matrix, bias, drift, time since the last sample, and delay line or
+    /// previous sample.
     memory: usize,
     /// Offset of this sensor's random numbers in the list of random numbers that a step draws for all sensors.
     draws: usize,

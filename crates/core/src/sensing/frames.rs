@@ -149,8 +149,8 @@ fn acceleration<R: Real>(
     )
 }
 
-/// Angular velocity and linear velocity of a site in the site's axes. With `accelerations`, the result is angular velocity and linear
-/// acceleration.
+/// Angular velocity and linear velocity of a site in the site's axes. If `accelerations` is true, the second vector is the linear
+/// acceleration minus gravity instead.
 pub fn site_motion<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,

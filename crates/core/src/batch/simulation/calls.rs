@@ -15,7 +15,7 @@ impl Simulation {
 
     /// Sets the controls of the next steps, (num_envs, nu) or (nu) for all environments. They remain in force until they are replaced.
     ///
-    /// With `nstep` = 0 the function only checks the controls.
+    /// If `nstep` is 0, the function only checks the controls.
     ///
     /// # Errors
     /// [`Error::Length`] when there are more or fewer numbers.
@@ -23,7 +23,7 @@ impl Simulation {
         self.set_ctrl_of(rows, nstep, &[])
     }
 
-    /// Sets the controls of the environments in a mask; an empty mask selects all. With `nstep` = 0 it only checks them.
+    /// Sets the controls of the environments in a mask; an empty mask selects all. If `nstep` is 0, the function only checks the controls.
     fn set_ctrl_of(&mut self, rows: &[f64], nstep: usize, mask: &[bool]) -> Result<(), Error> {
         let nu = self.model.nu();
         if rows.len() != self.ctrl.len() && rows.len() != nu {
@@ -77,8 +77,8 @@ impl Simulation {
     /// Makes `nstep` steps in every environment. For an empty slice in `inputs`, the present input remains in force.
     ///
     /// # Errors
-    /// [`Error::Length`] when a slice has the wrong length, [`Error::MocapPoses`] for half of the poses of mocap bodies, [`Error::Threads`]
-    /// when threads cannot be started.
+    /// [`Error::Length`] when a slice has the wrong length. [`Error::MocapPoses`] for positions of mocap bodies without orientations, or
+    /// the reverse. [`Error::Threads`] when threads cannot be started.
     pub fn step(&mut self, inputs: &StepInputs<'_>, nstep: usize) -> Result<(), Error> {
         self.make_steps(inputs, nstep, None).map(|_| ())
     }
@@ -165,8 +165,8 @@ impl Simulation {
 
     /// Reads all sensors of all environments, (num_envs, nsensordata).
     ///
-    /// With `truth` these are ideal readings. Otherwise they are the readings of the last step after the transfer functions, the same at
-    /// every call. The function ignores controls in `inputs`, and uses those in force.
+    /// If `truth` is true, the result is the ideal readings. Otherwise it is the readings of the last step after the transfer functions,
+    /// the same at every call. The function ignores controls in `inputs`, and uses those in force.
     ///
     /// # Errors
     /// Those of [`Simulation::step`], and [`Error::Length`] for `out`.

@@ -29,7 +29,7 @@ impl Simulation {
     ///
     /// # Errors
     /// [`Error::Environment`] or [`Error::Order`] for `envs`; [`Error::Length`] for an array of the wrong length;
-    /// [`Error::ParameterTooLarge`]. [`Error::Model`] for numbers that make an invalid model or one of another structure, with the
+    /// [`Error::ParameterTooLarge`]. [`Error::Model`] for numbers that make the model invalid or change its structure; the error names the
     /// environment. Nothing is changed then.
     pub fn randomize(&mut self, assigned: &[(Parameter, Option<&[f64]>)], envs: &[usize]) -> Result<(), Error> {
         self.randomize_all(assigned, ActuatorNumbers::Kept, envs)
@@ -39,7 +39,7 @@ impl Simulation {
     ///
     /// # Errors
     /// Those of [`Simulation::randomize`]; [`Error::Count`] when there is not one entry for every actuator. [`Error::Actuator`] for a
-    /// number out of its range or an unsupported setting, with its name. Nothing is changed then.
+    /// number out of its range or an unsupported setting; the error names the actuator. Nothing is changed then.
     pub fn randomize_all(
         &mut self,
         assigned: &[(Parameter, Option<&[f64]>)],

@@ -23,8 +23,8 @@ impl<S: Scalar> Imperfect<S> {
         (held, self.line_at() + cursors[index] as usize * self.dim)
     }
 
-    /// Writes the delayed reading of the sensor to the observation, in the lanes `lanes`. With `start` it first fills the delay line with
-    /// the first sample.
+    /// Writes the delayed reading of the sensor to the observation, in the lanes `lanes`. If `start` is true, it first fills the delay line
+    /// with the first sample.
     ///
     /// `chance` is a uniform random number per lane, for the jitter of the delay.
     #[inline(always)]

@@ -14,7 +14,8 @@ pub struct Transfer {
     pub matrix: Vec<f64>,
     /// Standard deviation of each channel's relative scale error, which is drawn at reset.
     pub scale_std: Vec<f64>,
-    /// Standard deviation of the fraction of another channel that a channel reads, drawn at reset, rad.
+    /// Standard deviation of the misalignment of two channels, drawn at reset, rad: fraction of one channel that is added to another
+    /// channel.
     pub misalignment_std: Vec<f64>,
     /// Constant bias of all channels, in the sensor's unit.
     pub bias: Vec<f64>,

@@ -183,7 +183,7 @@ pub enum Error {
         /// Name of this simulation's model.
         name: String,
     },
-    /// Saved state of the other precision.
+    /// Saved state whose precision differs from that of the simulation.
     #[error("this state does not fit: it has numbers in {found:?}, this stepper in {must:?}")]
     StatePrecision {
         /// Precision of the state.
@@ -237,13 +237,13 @@ pub(crate) fn check_length(name: &'static str, found: usize, must: usize) -> Res
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum StateMisfit {
-    /// Contents that this version cannot read, with the decoder's reason.
+    /// Saved state that this version cannot read. The field is the reason from the decoder.
     #[error("not readable by this version, though undamaged: {0}")]
     Unreadable(String),
-    /// Contents with surplus bytes at the end, and their number.
+    /// Saved state with surplus bytes at its end. The field is their number.
     #[error("not readable by this version, though undamaged: {0} bytes too many")]
     TooManyBytes(usize),
-    /// State with another number of environments.
+    /// Saved state with a number of environments that does not fit the simulation.
     #[error("a state of {found} environments, this simulation has {must}; give one of as many, or of one for all")]
     NumEnvs {
         /// Number of environments of the state.
@@ -251,16 +251,16 @@ pub enum StateMisfit {
         /// Number of environments of the simulation.
         must: usize,
     },
-    /// Arrays of other lengths: other sensors or actuators, or another contact capacity.
+    /// Saved state with arrays of other lengths: other sensors or actuators, or another contact capacity.
     #[error("a state with other sensors or actuators, or another max_contacts")]
     Shape,
-    /// A position, velocity, activation or time that is infinite or NaN.
+    /// Saved state with a position, velocity, activation or time that is infinite or NaN.
     #[error("a number of qpos, qvel, act or time is not finite: the bytes are damaged")]
     NotFinite,
-    /// Contacts of geoms that do not collide in this model.
+    /// Saved state with contacts of geoms that do not collide in this model.
     #[error("its contacts belong to no pair of this model: the bytes are damaged")]
     Contacts,
-    /// Delay lines that are longer than this model's.
+    /// Saved state with delay lines that are longer than those of this model.
     #[error("its delay lines have a sample that this model's do not: the bytes are damaged")]
     DelayLines,
 }

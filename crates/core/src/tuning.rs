@@ -124,11 +124,11 @@ pub(crate) const MAX_IMPACT_ROTATION: f64 = 0.1;
 /// converge within the iteration limit stays below 10.
 pub(crate) const MAX_IMPACT_RESIDUAL: f64 = 100.0;
 
-/// Bound of a position correction after a rebound, and of the displacement by impacts divided by the time step. Both are relative to the
-/// largest speed in the step.
+/// Largest speed of a position correction after a rebound, as a multiple of the largest speed in the step. It also bounds the displacement
+/// by impacts, divided by the time step.
 ///
-/// Let v_k be the velocity after impact k, and t_k the time of this impact as a fraction of the step. The displacement is the sum of t_k
-/// (v_k - v_(k-1)). As t_k increases with k, the sum is at most twice the largest speed |v_k|.
+/// Let v_k be the velocity after impact k, and t_k the time of this impact as a fraction of the step. The displacement divided by the time
+/// step is the sum of t_k (v_k - v_(k-1)). As t_k increases with k, the sum is at most twice the largest speed |v_k|.
 pub(crate) const MAX_REBOUND_SPEED_RATIO: f64 = 2.0;
 
 /// Largest number of repeated solves for impacts, after the first solve of a step.

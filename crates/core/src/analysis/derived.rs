@@ -60,7 +60,8 @@ pub enum DerivedQuantity {
     BodyInertia,
     /// Angular (rad/s) and linear (m/s) velocities of the bodies at the centre of mass of their tree, in world axes: (nbody, 6).
     BodyMotion,
-    /// Torques (N m) and forces (N) of the last step's contacts on the bodies, in world axes: (nbody, 6).
+    /// Torques (N m) and forces (N) of the last step's contacts on the bodies, in world axes: (nbody, 6). The torques are about the centre
+    /// of mass of the body's tree.
     BodyForce,
     /// Mass matrix with armature, without terms that depend on the time step: (nv, nv), kg, kg m and kg m^2.
     MassMatrix,

@@ -38,7 +38,7 @@ pub(crate) struct BodyPoses<'a> {
 }
 
 impl<'a> BodyPoses<'a> {
-    /// Workspace for a compiled model.
+    /// Creates the workspace for a compiled model.
     pub(crate) fn new(compiled: &'a LaneModel<f64>) -> Self {
         Self { compiled, kinematics: Kinematics::new(compiled), orientation: vec![[1.0, 0.0, 0.0, 0.0]; compiled.nframe()] }
     }

@@ -67,7 +67,7 @@ pub struct CompiledWrench<S> {
     pub dofs: Vec<(usize, S)>,
     /// Index of the actuator's first moment arm in the list of arms of all wrenches.
     pub arms: usize,
-    /// Index of this wrench among the wrenches of all actuators on sites. The list of actuator lengths has the same index.
+    /// Index of this wrench among the wrenches of all actuators on sites. The lengths of these actuators have the same order.
     pub index: usize,
 }
 

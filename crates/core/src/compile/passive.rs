@@ -45,7 +45,7 @@ pub struct CompiledEllipsoid<S> {
     pub added_inertia: [S; 3],
     /// Magnus coefficient times the mass of the displaced fluid, kg.
     pub magnus: S,
-    /// Kutta coefficient times the density of the fluid.
+    /// Kutta coefficient times the density of the fluid, kg/m^3.
     pub kutta: S,
     /// Products of two semi-axes, b c, c a and a b, divided by the largest of the three.
     pub areas: [S; 3],
@@ -54,11 +54,11 @@ pub struct CompiledEllipsoid<S> {
     pub no_area: S,
     /// Largest projected area of the ellipsoid, m^2.
     pub widest: S,
-    /// Drag coefficients: of blunt drag, and of slender drag.
+    /// Coefficients of blunt drag and of slender drag.
     pub drag: [S; 2],
     /// Viscous drag coefficients in Stokes flow: of rotation, N m s, and of translation, N s/m.
     pub viscous: [S; 2],
-    /// Moments of area about each axis that determine the quadratic drag of a rotation, m^5.
+    /// Quadratic drag coefficients of a rotation about each axis: moments of area, weighted by drag coefficients, m^5.
     pub moments: [S; 3],
 }
 

@@ -90,7 +90,7 @@ pub struct SensorFrame<S> {
     pub index: usize,
     /// Rotation matrix from the sensor's axes to the frame's, row-major.
     pub mat: [S; 9],
-    /// Orientation as a unit quaternion (w, x, y, z), the same as in `mat`.
+    /// Unit quaternion (w, x, y, z) of the rotation `mat`.
     pub quat: [S; 4],
 }
 

@@ -17,7 +17,7 @@ pub struct Link<S> {
     pub pos: [S; 3],
     /// Rotation matrix to the parent frame at the reference configuration of the link's joints; `None` if it is the identity.
     pub mat: Option<[S; 9]>,
-    /// Orientation of `mat` as a unit quaternion (w, x, y, z).
+    /// Unit quaternion (w, x, y, z) of the rotation `mat`.
     pub quat: [S; 4],
     /// Range of the link's joints in the list of joints.
     pub joints: std::ops::Range<usize>,
@@ -114,7 +114,7 @@ pub struct CompiledBody<S> {
     pub pos: [S; 3],
     /// Rotation matrix from the body's axes to the frame's, row-major.
     pub mat: [S; 9],
-    /// Orientation of `mat` as a unit quaternion (w, x, y, z).
+    /// Unit quaternion (w, x, y, z) of the rotation `mat`.
     pub quat: [S; 4],
 }
 

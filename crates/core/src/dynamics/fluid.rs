@@ -32,7 +32,7 @@ pub struct Fluid<R: Real> {
 }
 
 impl<R: Real> Fluid<R> {
-    /// Workspace for a compiled model.
+    /// Creates the fluid forces of a compiled model, without a linearisation of drag.
     pub fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         let (n, links) = (compiled.fluid.len(), if compiled.fluid.is_empty() { 0 } else { compiled.links.len() });
         Self { before: vec![zero(); n], drag: vec![zero(); n], composite: vec![[zero(); 3]; links], velocity: vec![zero(); links] }

@@ -24,7 +24,7 @@ pub struct MassMatrix<R: Real> {
 }
 
 impl<R: Real> MassMatrix<R> {
-    /// Workspace for a compiled model.
+    /// Allocates the mass matrix of a compiled model.
     pub fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         Self {
             entries: vec![R::zero(); compiled.chain.len()],
@@ -374,7 +374,7 @@ pub struct NewtonEuler<R: Real> {
 }
 
 impl<R: Real> NewtonEuler<R> {
-    /// Workspace for a compiled model.
+    /// Creates the workspace for a compiled model.
     pub fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         let n = compiled.links.len();
         Self { velocity: vec![zero(); n], acceleration: vec![zero(); n], force: vec![zero(); n] }

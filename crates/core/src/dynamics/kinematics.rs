@@ -26,7 +26,8 @@ pub struct Kinematics<R: Real> {
 }
 
 impl<R: Real> Kinematics<R> {
-    /// Workspace for a compiled model. The poses of the world and of mocap frames are set.
+    /// Allocates the kinematics of a compiled model. Only the poses of the world and of the mocap bodies, as at reset, are valid before the
+    /// first [`Kinematics::update`].
     pub fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         let identity = std::array::from_fn(|k| if k % 4 == 0 { R::one() } else { R::zero() });
         let mut kinematics = Self {

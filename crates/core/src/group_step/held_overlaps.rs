@@ -11,7 +11,7 @@ use crate::integrators::workspace::Workspace;
 pub(super) struct HeldOverlaps<R: Real>(Option<Box<SolvedOverlaps<R>>>);
 
 impl<R: Real> HeldOverlaps<R> {
-    /// Workspace for a compiled model.
+    /// Allocates the overlaps for a compiled model.
     pub(super) fn new(compiled: &LaneModel<R>, max_contacts: usize) -> Self {
         Self(Some(Box::new(SolvedOverlaps::new(compiled, max_contacts))))
     }

@@ -50,7 +50,7 @@ pub struct SensorWorkspace<R: Real> {
 }
 
 impl<R: Real> SensorWorkspace<R> {
-    /// Workspace for a compiled model.
+    /// Creates the workspace of the sensors for a compiled model.
     pub fn new(compiled: &ModelStructure<R::Scalar>, max_contacts: usize) -> Self {
         let sensing = &compiled.sensing;
         let links = if sensing.needs.velocities { compiled.links.len() } else { 0 };

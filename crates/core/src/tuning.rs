@@ -4,7 +4,7 @@
 //! Users cannot change these numbers. [`crate::options`] has those that they can.
 
 // Stage 5: the prediction of impulses before forces that depend on the velocity are computed. A rough prediction makes two Gauss-Seidel
-// iterations from zero. A solved prediction iterates to a tolerance.
+// iterations from zero. Other predictions iterate to a tolerance.
 
 /// Number of Gauss-Seidel iterations of a rough impulse prediction. Evidence: trajectories have the same errors as with a prediction that
 /// iterates to a tolerance (docs/development/decisions/visible_state.md).

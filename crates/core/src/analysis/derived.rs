@@ -124,8 +124,8 @@ impl DerivedQuantity {
         }
     }
 
-    /// Whether the quantity is a result of the last step, not only of the state. If the state was set since, it is the result of a trial
-    /// step.
+    /// Whether the quantity is a result of the last step, not only of the state. If the state was set since the last step, the quantity is
+    /// computed from a trial step.
     pub fn is_of_last_step(self) -> bool {
         matches!(self, Self::Acceleration | Self::JointConstraintForce | Self::BodyContactForce)
     }
@@ -140,7 +140,7 @@ pub(crate) struct Derivation<R: Real> {
     velocity: Vec<V6<R>>,
     /// Mass of every body with its descendants, kg.
     mass: Vec<R>,
-    /// Centre of mass of every body, m. `subtrees` has that of every body with its descendants.
+    /// Centre of mass of every body, m. `subtrees` has the centre of mass of every body with its descendants.
     centres: Vec<V3<R>>,
     subtrees: Vec<V3<R>>,
     /// Centre of mass of the kinematic tree to which each body belongs, m.

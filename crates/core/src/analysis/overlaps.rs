@@ -14,8 +14,8 @@ use crate::model::{Description, JointKind, Model, Overlap, Shape, WideHull, weld
 use crate::probe::NoProbe;
 use crate::stages::s03_detect::detect;
 
-/// Violation of a joint limit above which the report has a line, m or rad. Evidence: model files give lengths with about four
-/// decimal digits.
+/// Violation of a joint limit above which the report has a line, m or rad. Evidence: model files give lengths with about four decimal
+/// digits.
 const WORTH_A_LINE: f64 = 1e-4;
 
 /// Overlap above which a pair is listed and excluded, m. It equals the default of [`Options::slop`](crate::Options), the overlap that

@@ -208,7 +208,7 @@ fn projection<R: Real>(e: &CompiledEllipsoid<R::Scalar>, v: V3<R>) -> Projection
     let there = numerator.gt(R::splat(e.no_area));
     let (numerator, denominator) = (R::select(there, numerator, R::one()), R::select(there, denominator, R::zero()));
     let area = R::splat(e.widest) * (denominator / numerator).sqrt();
-    // Together with the area this is widest sqrt(numerator / denominator). A body with an area has a nonzero denominator.
+    // Factor of the normal vector. A body with a projected area has a nonzero denominator.
     let inverse = R::splat(e.widest) * (numerator / R::select(there, denominator, numerator)).sqrt();
     let share = R::select(there, inverse, R::zero());
     Projection {

@@ -64,7 +64,7 @@ impl<R: Real> MassMatrix<R> {
         for (d, dof) in compiled.dofs.iter().enumerate() {
             let DofParams { damping, stiffness, .. } = compiled.params.dof(d);
             let entry = &mut self.entries[dof.chain];
-            // Undamped dofs, most of those of robots, have an extra share of zero.
+            // Undamped dofs have an extra share of zero. Most dofs of robots are undamped.
             let share = match weights.has_extra_share(damping) {
                 true => weights.extra_share(damping / *entry),
                 false => R::zero(),

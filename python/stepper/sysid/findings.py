@@ -27,7 +27,7 @@ TWINS = 0.98
 LOOSE = 0.1
 """Standard deviation, in units of a parameter's scale, below which a high correlation of the parameter is not reported."""
 ROUGH = 0.3
-"""Relative difference of derivatives above which a warning is given: those from one finite-difference step and from twice that step."""
+"""Relative difference between derivatives with a finite-difference step and with twice that step, above which a warning is given."""
 
 
 def undetermined(blocks: Sequence[Block], std: Array, reach: Array) -> np.ndarray[Any, np.dtype[np.bool_]]:
@@ -61,7 +61,7 @@ def warnings_of(
         x: Estimate: parameters, then uncertain initial states, in units of the scales, (n + starts,).
         sure: Uncertainty of the estimate.
         reach: Half widths of the bounds, in units of the scales, (n,).
-        roughness: Relative differences of derivatives from one step and from twice that, (n,).
+        roughness: Relative differences between derivatives with a finite-difference step and with twice that step, (n,).
         searches: All searches, with `x` and `cost`.
         converged: Whether the best search converged.
         weights: Weight of each reading in the robust loss, (m,), 0 to 1.

@@ -39,9 +39,9 @@ For positive quantities it is a factor e^1.5 = 4.5.
 SAME_MINIMUM = 1e-2
 """Distance between the ends of two searches below which they count as the same minimum, in units of the parameters' scales."""
 ABANDON_RATIO = 9.0
-"""Ratio of a search's cost to the lowest one above which the search is abandoned. Its residuals are then three times as large."""
+"""Ratio of a search's cost to the lowest cost, above which the search is abandoned. At 9, residuals are three times as large."""
 COARSE, FINE = 1e-4, 1e-4
-"""Relative change of the unknowns at which a search ends, and factor on it for the last search, which ends at 1e-8."""
+"""Relative change of the unknowns below which a search ends; factor by which the limit of the last search is smaller (1e-8)."""
 NOISE_TOLERANCE = 0.05
 """Relative change of the estimated noise below which its iteration ends."""
 MIN_NOISE = 1e-6
@@ -83,8 +83,8 @@ def identify(
             estimated from the residuals.
         loss: Loss function of `least_squares`, applied to residuals divided by their noise. All except "linear" give outliers less weight.
         f_scale: Residual, in units of the noise, above which a robust loss reduces the weight.
-        starts: Number of searches. One starts at the model's values. The others start at the best points of a Sobol sequence around
-            them, which has at least eight points for each of these searches.
+        starts: Number of searches. One starts at the model's values. The others start at the best points of a Sobol sequence around the
+            model's values, which has at least eight points per search.
         step: Half width of the finite differences, relative for positive quantities. It is small, because a contact that closes one sample
             earlier causes a jump, which a wide difference would count as a derivative.
         max_evaluations: Largest number of evaluations per search.
@@ -176,10 +176,10 @@ class _Solver:
         return _Solver(self._optimize, residuals, loss=self.loss, f_scale=self.f_scale, most=self._most, tick=self._tick)
 
     def search(self, starts: Sequence[Array], tolerance: float = COARSE) -> list[_Found]:
-        """Runs a least-squares search from each of some start points, concurrently, and returns their ends in this order.
+        """Runs least-squares searches concurrently, one from each start point, and returns where they ended, in the same order.
 
         Args:
-            starts: Start points x, (n + starts,) each.
+            starts: Start points x, (n + starts,) each: n parameters in units of their scales, then uncertain initial coordinates.
             tolerance: Relative change of x below which a search ends.
         """
         together = Together(self._residuals, len(starts))
@@ -277,7 +277,7 @@ def _first_noise(simulator: Simulator) -> Array:
 def _noise_left(residuals: Residuals, at: Linearized, loss: str) -> Array:
     """Estimate of the noise of each column of the readings, (width,), from the residuals of a fit.
 
-    It is the root mean square of the residuals, or for robust losses an estimate by their median.
+    It is the root mean square of the residuals. For robust losses it is 1.48 times the median of their absolute values.
 
     Args:
         residuals: The residual function.
@@ -303,10 +303,10 @@ def _noise_left(residuals: Residuals, at: Linearized, loss: str) -> Array:
 
 
 def _starts(qmc: Any, residuals: Residuals, count: int, seed: int) -> list[Array]:
-    """Start points of `count` least-squares searches, each an array of n parameters theta and of the displacements of the initial states.
+    """Start points x of `count` least-squares searches, (n + starts,) each: n parameters, then uncertain initial coordinates.
 
-    The first point is the model's values. The others are those with the smallest residuals among at least eight times as many points of a
-    Sobol sequence around the first.
+    The first point is the model's values. The others are the points with the smallest residuals from a Sobol sequence around the first.
+    The sequence has at least eight times as many points.
 
     Args:
         qmc: Module `scipy.stats.qmc`.

@@ -49,31 +49,34 @@ COST_TOLERANCE = 0.01
 SETTLED_CHANGE = 0.1
 """Largest change of a parameter, in standard deviations, at which the Gauss-Newton steps end."""
 SETTLED_STEP = 0.5
-"""Step length up to which an estimate counts as settled although no shorter step lowers the cost, in standard deviations."""
+"""Length of a Gauss-Newton step, in standard deviations, up to which an estimate is settled although shortened steps raise the cost."""
 MAX_CHANGE = 0.5
 """Largest change of a parameter by one Gauss-Newton step, in units of the parameter's scale."""
 UNCERTAIN_FRICTION = 0.1
-"""Standard deviation of log(friction) above which sticking is tried for an object that slips at the estimate."""
+"""Standard deviation of log(friction) above which a new hypothesis is tried, in which an object that slips at the estimate sticks."""
 HELD_START = 2.0
-"""Difference from the estimated log(friction) to the value at which sticking of an object is first tried: large enough to hold it."""
-HELD_RANGE = 0.5
-"""Largest distance from the estimated log(friction) at which the smallest friction that holds an object is searched.
+"""Difference between the first log(friction) in the search for a hypothesis with a sticking object and the present estimate.
 
-The two values are close, because the same force of friction determines both.
+It is large enough that the first friction holds the object.
+"""
+HELD_RANGE = 0.5
+"""Half width of the range of log(friction), around the estimate, in which the smallest friction that holds an object is searched.
+
+This friction is close to the estimate, because the same friction force determines both.
 """
 SPREAD = 3.0
-"""Range of other parameters in the search for an estimate with a sticking object, in standard deviations."""
+"""Half width of the range in which the search for a sticking object varies parameters other than frictions, in standard deviations."""
 
 
 @dataclass(frozen=True)
 class Linear:
-    """Linearisation about an estimate of the predicted readings in a window of recent samples.
+    """Predicted readings in a window of recent samples, linearised about an estimate.
 
-    Its unknowns are n parameters and the uncertain coordinates of the state at the start of the window.
+    The unknowns are n parameters and the uncertain coordinates of the state at the start of the window.
 
     Attributes:
-        points: Simulated points in the space of the unknowns, (count, n + states): the estimate, two along each direction, and copies of
-            the estimate with other values of friction.
+        points: Simulated points in the space of the unknowns, (count, n + states). They are the estimate, points above and below it
+            along each direction, and copies of it with other values of friction.
         directions: Directions of the finite differences.
         spans: Widths of local differences above and below the estimate, (n + states, 2).
         made: Predicted readings at all points, by name of the `Stepper` field, (count, T, width of the field).
@@ -186,14 +189,14 @@ class Horizon:
         return other
 
     def _best_start(self, j: int, friction: float) -> Array:
-        """Start point of a search with another friction: the value of another parameter is chosen that explains the window best.
+        """Start point of a search with another friction. One other parameter has the value that explains the window best.
 
-        An object that is too heavy stays on the ground, and the derivatives with respect to its mass are zero. So several values of each
-        parameter other than frictions are simulated, within `SPREAD` standard deviations of its mean before the window.
+        An object that is too heavy stays on the ground, and the derivatives with respect to its mass are zero. So the function simulates
+        several values of each parameter other than frictions, within `SPREAD` standard deviations of its mean before the window.
 
         Args:
             j: Index of the friction in the parameter vector theta.
-            friction: Logarithm of its value.
+            friction: Logarithm of the other value of the friction.
 
         Returns:
             Point x, (n + states,).
@@ -225,7 +228,11 @@ class Horizon:
         return float(points[max(int(slips.argmax()) - 1, 0) if slips.any() else -1, j])
 
     def absorb(self, evidence: float) -> None:
-        """Adds the evidence of a similar hypothesis, which is then dropped, to this one; `evidence` is a logarithm."""
+        """Adds the evidence of a similar hypothesis, which is then dropped, to the evidence of this one.
+
+        Args:
+            evidence: Attribute `evidence` of the similar hypothesis, a logarithm.
+        """
         more = float(np.logaddexp(self.evidence, evidence)) - self.evidence
         self._past, self.evidence = self._past + more, self.evidence + more
 
@@ -236,9 +243,10 @@ class Horizon:
         self._settle()
 
     def worth_trying_held(self) -> list[int]:
-        """Indices of the frictions at which an object slips at the estimate, although sticking is worth trying.
+        """Indices of the frictions for which a hypothesis with a sticking object should be tried.
 
-        These frictions were uncertain before the window. The list is empty if no other parameter was uncertain then.
+        At the estimate the object slips, and the friction was uncertain before the window. The list is empty if no parameter other than
+        frictions was uncertain before the window.
         """
         problem, std = self._problem, np.sqrt(np.diag(self._cov))
         if not any(std[k] > WIDE * problem.scale[k] for k in range(problem.n) if k not in problem.kinked):
@@ -304,9 +312,9 @@ class Horizon:
         return verdict
 
     def _bound(self, j: int) -> float:
-        """Lower bound of a friction from values that the readings exclude, as a logarithm; -inf without one.
+        """Largest value of a friction that the readings exclude, as a logarithm; -inf if they exclude none.
 
-        It decreases with time, because friction may drift. `j` is the index of the friction in theta.
+        This lower bound decreases with time, because friction may drift. `j` is the index of the friction in theta.
         """
         if j not in self._bounds:
             return -math.inf
@@ -351,7 +359,7 @@ class Horizon:
         self.at, self.settled = best, False
 
     def _hold(self, at: Linear) -> list[int]:
-        """Sets the derivatives with respect to frictions at which objects stick to zero, and stores the first rival of this sample.
+        """Sets to zero the derivatives with respect to frictions at which objects stick, and stores the first rival of this sample.
 
         A rival is a point with another friction that explains the window equally well or better.
 
@@ -378,7 +386,7 @@ class Horizon:
             self.normalized_innovation = float(self.newest @ np.linalg.solve(expected, self.newest)) / len(self.newest)
 
     def _linear(self) -> Linear:
-        """Linearisation about the estimate of the predicted readings in the window."""
+        """Linearisation of the predicted readings in the window about the estimate."""
         points, directions, spans = self._points()
         made, residual = self._problem.predict(self._begin, points, list(self._samples), self._now)
         J, curved = directions.derivative(residual[: 1 + 2 * len(self.x)], spans)
@@ -391,7 +399,7 @@ class Horizon:
     def _gauss_newton(self, at: Linear) -> tuple[Array, Array]:
         """Gauss-Newton step, (n + states,), on the squared residuals of the window plus the arrival cost, and the posterior covariance.
 
-        It also sets `evidence`.
+        It also sets the attribute `evidence`, the logarithm of the probability density of all readings.
         """
         N = len(self.x)
         root = root_of(self._cov)

@@ -1,15 +1,17 @@
 """Inertias that stay physical: the pseudo-inertia of a body and its log-Cholesky parameters.
 
-The pseudo-inertia of a body of density rho is the 4 x 4 matrix of its moments,
+The pseudo-inertia of a body of density rho is the 4 x 4 matrix
 
-    J = integral rho [x; 1] [x; 1]^T dV = [[S, m c], [m c^T, m]],    S = trace(I) / 2 - I about the origin of x,
+    J = integral rho [x; 1] [x; 1]^T dV = [[S, m c], [m c^T, m]],    S = trace(I) / 2 - I,
 
-and a body can have an inertia if and only if J is positive definite (Wensing, Kim and Slotine 2018): that is more than positive moments,
-the triangle inequality too. The log-Cholesky parameters are those of J = U U^T with
+with mass m, centre of mass c, and inertia I about the origin of x. A body with this inertia exists if and only if J is positive definite
+(Wensing, Kim and Slotine 2018). This includes the triangle inequality of the moments of inertia. The log-Cholesky parameters are the ten
+numbers alpha, d1 to t3 in J = U U^T with
 
-    U = e^alpha [[e^d1, s12, s13, t1], [0, e^d2, s23, t2], [0, 0, e^d3, t3], [0, 0, 0, 1]],
+    U = e^alpha [[e^d1, s12, s13, t1], [0, e^d2, s23, t2], [0, 0, e^d3, t3], [0, 0, 0, 1]].
 
-so that all of R^10 are bodies: Rucker and Wensing, "Smooth parameterization of rigid-body inertia", IEEE RA-L 7(2), 2022, equation 13.
+Any ten numbers thus give the inertia of a body (Rucker and Wensing, "Smooth parameterization of rigid-body inertia", IEEE RA-L 7(2), 2022,
+equation 13).
 
 Here x is measured in the body's inertial frame (centre of mass and principal axes of the model), in units of its radii of gyration. The
 model's inertia then has all ten numbers 0, and a change of 1 is a large change for each of them.
@@ -28,7 +30,7 @@ LOG_CHOLESKY = ("alpha", "d1", "d2", "d3", "s12", "s23", "s13", "t1", "t2", "t3"
 
 
 def second_moments(inertia: Array) -> Array:
-    """Second moments of mass (..., 3) of principal moments of inertia (..., 3), kg m^2: S = trace(I) / 2 - I."""
+    """Second moments of mass along the principal axes, (..., 3), kg m^2, from principal moments of inertia: S = trace(I) / 2 - I."""
     return np.asarray(0.5 * inertia.sum(axis=-1, keepdims=True) - inertia)
 
 

@@ -23,16 +23,17 @@ LENGTH = math.sqrt(3.0)
 
 
 class Directions:
-    """Directions of the finite differences about an estimate x, which are as wide as the distribution of x.
+    """Directions and widths of finite differences about an estimate x, from the covariance of x.
 
     Args:
         covariance: Covariance of x, (n, n).
         local: Smallest half widths of finite differences, (n,), in the unit of x.
         clearance: Distance from x to its nearest bound, (n,), in the unit of x; infinite without bounds.
-        apart: Indices of numbers in x that are differentiated alone with their half width in `local`. The directions of the other numbers
-            are columns of a root of their conditional covariance.
-        leading: Indices of numbers in x, such as frictions, that the other numbers' directions leave unchanged. A step of a correlated mass
-            could otherwise make a held object slip. The slope by the mass would then include the slip.
+        apart: Indices of the numbers in x that are varied one at a time, by their half width in `local`. The directions of the other
+            numbers are columns of a root of their conditional covariance.
+        leading: Indices of numbers in x, such as frictions, that do not change along the directions of the other numbers. Otherwise a
+            step of a mass would also change a correlated friction, and could make a held object slip. The derivative with respect to
+            the mass would then include the effect of the slip.
 
     Attributes:
         columns: Directions, (n, n), one per column.
@@ -77,9 +78,9 @@ class Directions:
 
 
 def mean_shift(curved: Array) -> Array:
-    """Mean of a function over the distribution of the unknowns minus its value at the estimate, (T, width), in the unit of the function.
+    """Mean of a function over the distribution of the unknowns, minus the function at the estimate, (T, width), in the function's unit.
 
-    It is exact for quadratic functions. Without it, a kink shifts every estimate to the same side.
+    The result is exact for quadratic functions. Without this correction, a kink of the readings shifts all estimates in one direction.
 
     Args:
         curved: Curvature terms along each direction, (n, T, width), as returned by `Directions.derivative`.

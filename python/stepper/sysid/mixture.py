@@ -27,12 +27,12 @@ UNLIKELY = 0.01
 CLOSE = 0.05
 """Difference of log(friction) between a point and a hypothesis below which the point starts no new hypothesis."""
 CLOSE_STD = 3.0
-"""Difference of log(friction) below which a point starts no new hypothesis, in standard deviations of the present one.
+"""Difference of log(friction) from a hypothesis below which a point starts no new one, in standard deviations of that hypothesis.
 
-The larger of this and `CLOSE` counts.
+The limit is the larger of this difference and `CLOSE`.
 """
 MERGE_DISTANCE = 0.3
-"""Largest distance between two hypotheses that are merged, in units of the smaller standard deviation."""
+"""Largest difference of the estimates of two hypotheses that are merged, in units of the smaller of their standard deviations."""
 MERGE_STD_RATIO = 1.5
 """Largest ratio of the standard deviations of two hypotheses that are merged."""
 

@@ -30,7 +30,7 @@ FRICTION_DRIFT = 0.02
 PRIOR = 1.0
 """Default prior standard deviation of the logarithm of a positive quantity."""
 LEAST_WEIGHT = 0.05
-"""Probability of a hypothesis above which its lack of convergence makes the tracker's result undetermined."""
+"""Probability above which a hypothesis that has not converged makes all parameters count as undetermined."""
 
 
 @dataclass(frozen=True)
@@ -42,9 +42,9 @@ class Tracked:
         labels: Names of the parameters.
         values: Estimates in their units, (n,): weighted means over the tracker's hypotheses about friction.
         interval: 95 % intervals in the same units, (n, 2).
-        determined: Whether the readings so far determine each parameter, (n,). It is also False if the estimate has not converged, or
-            if readings are shifted (see `warnings`). Recent readings far from their prediction also make it False. The interval of an
-            undetermined friction is from the largest value that was needed to prevent slip to the upper end of the prior.
+        determined: Whether the readings so far determine each parameter, (n,). All are False if the estimate has not converged, if
+            readings are shifted (see `warnings`), or if recent readings are far from their prediction. The interval of an
+            undetermined friction begins at the largest value that the readings exclude, and ends at the upper end of the prior.
         covariance: Covariance of the parameter vector theta, which has the logarithms of positive quantities, (n, n).
         surprise: Mean square of the prediction errors of this sample, each divided by its noise: about 1 for a correct model, much more
             for a wrong one.
@@ -82,9 +82,9 @@ class Tracker:
             column, in the channel's unit.
         period: Time between samples, s: a whole number of time steps.
         window: Length of the window of recent samples that are simulated again at each update, s.
-        drift: Standard deviation of the random change of each parameter in one second: a number, or (n,). It is the change of the logarithm
-            of a positive quantity, and is in scales for others. 0 is a constant parameter. None is 0.02 for friction, because a window
-            overestimates the information at the onset of sliding, and 0 for other parameters.
+        drift: Standard deviation of the random change of each parameter in one second: a number, or (n,). For a positive quantity it is
+            the change of the logarithm; for others it is in units of the parameter's scale. 0 is a constant parameter. None is 0.02
+            for friction and 0 for other parameters. (A window overestimates the information about friction when sliding begins.)
         moving: Names of the joints whose state is uncertain; None is all. Each of their degrees of freedom needs four environments.
         state_noise: Standard deviations of the random change of positions (m or rad) and velocities (m/s or rad/s) in one second. It
             accounts for errors of the model.
@@ -95,8 +95,8 @@ class Tracker:
 
     Raises:
         KeyError: A channel is neither a sensor nor a coordinate of the model.
-        ValueError: An element is unknown, all environments of a stepper must share a parameter, the window is too short, a shape is wrong,
-            or a number is not finite.
+        ValueError: An element is unknown, a parameter cannot differ between the environments of a stepper, the window is too short, a
+            shape is wrong, or a number is not finite.
 
     Example:
         parameters = ["body_mass[box]", "geom_friction[left,right,box][0]"]

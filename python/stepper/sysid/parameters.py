@@ -30,8 +30,8 @@ class Kind:
     """Kind of parameter that can be identified.
 
     Attributes:
-        element: Kind of the elements that have the quantity: "body", "geom", "pair" (an explicit pair of geoms), "joint", "actuator" or
-            "sensor".
+        element: Kind of the elements that have the quantity: "body", "geom", "pair" (a contact pair of two geoms that the model defines),
+            "joint", "actuator" or "sensor".
         unit: Unit of the value.
         quantity: Name of the quantity.
         excite: Advice for a motion that determines the quantity, with {0} for the names of the elements.
@@ -83,7 +83,7 @@ KINDS = {
     "sensor.scale": Kind("sensor", "", "scale factor of the sensor", "make {0} read more than its noise"),
     "sensor.delay": Kind("sensor", "s", "delay of the reading", "make {0} change fast", log=False, bounds=(0.0, 0.1)),
 }  # fmt: skip
-"""Kinds of parameters by name. The name is the field of the selector; fields with one kind per column have the column in brackets."""
+"""Kinds of parameters by name. The name is a field as in selectors, followed by "[column]" if each column of the field has a kind."""
 READING = ("sensor.bias", "sensor.scale", "sensor.delay")
 """Kinds that change the sensor readings but not the motion."""
 
@@ -181,7 +181,7 @@ class Variants:
 
         Args:
             known: Actuator model with the other attributes of the drives.
-            index: Index of the variant of each environment, (num_envs,); None is environment k for variant k.
+            index: Index of the variant that each environment simulates, (num_envs,). With None, environment k simulates variant k.
         """
         if not self.delays:
             return None
@@ -432,15 +432,18 @@ _SAME = {
     "actuator_kp": ("actuator_kp", "actuator_gainprm"),
     "actuator_gainprm": ("actuator_kp", "actuator_gainprm"),
 }
-"""Kinds of parameters that change the same numbers of a model, by kind. `bind` rejects two of them for one element."""
+"""Kinds whose numbers in the model a parameter of a given kind also changes, by that kind.
+
+Two parameters that change the same numbers of one element are an error in `bind`.
+"""
 
 
 def bind(parameters: Sequence[FitParameter | str], model: Model) -> list[Block]:
     """Blocks of the parameter vector theta, one for each parameter.
 
     Raises:
-        ValueError: A name is unknown, two parameters change the same number, or a start is outside the bounds. Or an explicit pair
-            overrides a parameter of geoms.
+        ValueError: A name is unknown, two parameters change the same number, or a start is outside the bounds. Or a contact pair that
+            the model defines overrides a parameter of its geoms.
     """
     if isinstance(parameters, str | FitParameter):
         parameters = [parameters]
@@ -495,7 +498,7 @@ def _indices(parameter: FitParameter, model: Model) -> tuple[int, ...]:
 
 
 def _check_gain_types(parameter: FitParameter, model: Model, index: Sequence[int]) -> None:
-    """Check that the first gain parameter of every actuator multiplies its force.
+    """Check that the gain of every actuator is proportional to its parameters `gainprm`, so that one factor can scale them.
 
     Raises:
         ValueError: The gaintype of an actuator is neither "fixed" nor "affine".
@@ -527,10 +530,12 @@ _CHECKS = {"actuator_gainprm": _check_gain_types, "actuator_kp": _check_servo}
 
 
 def _unnamed(parameter: FitParameter, model: Model, index: int) -> list[int]:
-    """Indices by which a selector names an element without a name: its index, or all degrees of freedom of a joint.
+    """Indices with which a selector selects an element that has no name.
+
+    They are the index of the element, or for fields of degrees of freedom the indices of all degrees of freedom of a joint.
 
     Args:
-        parameter: Parameter with the field of the selector.
+        parameter: Parameter whose selector has the field.
         model: The model.
         index: Index of the element or joint.
     """

@@ -75,7 +75,8 @@ class Problem:
 
         Args:
             begin: qpos, qvel and act at the start of the window.
-            points: Parameters theta, displacements (m, rad) and changes of velocity (m/s, rad/s) at the start, (count, n + states).
+            points: Simulated points, (count, n + states). A row has the n parameters theta, then displacements (m, rad) and changes
+                of velocity (m/s, rad/s) that are added to the state `begin`.
             samples: The T samples of the window.
             now: Time of the last sample, s, for error messages.
 

@@ -99,7 +99,7 @@ class Residuals:
         """Residuals and Jacobians at several points, from one batch of environments.
 
         Args:
-            points: Points x, each (n + starts,).
+            points: Vectors x, (n + starts,) each: n parameters, then the uncertain coordinates of the initial states.
             step: Half width of the central differences; None is that of the constructor.
         """
         width = max((len(s) for s in self._starts if s is not None), default=0)
@@ -109,7 +109,11 @@ class Residuals:
         return [self._assemble(x, [y[k * each : (k + 1) * each] for y in made], asked[k][1], width) for k, x in enumerate(points)]
 
     def residuals(self, points: Array) -> Array:
-        """Residual vectors, (count, m), at `count` points x, (count, n + starts), without Jacobians."""
+        """Residual vectors, (count, m), at several points, without Jacobians.
+
+        Args:
+            points: Vectors x, (count, n + starts): n parameters, then the uncertain coordinates of the initial states.
+        """
         compact = np.zeros((len(points), self.n + self._wide()))
         compact[:, : self.n] = points[:, : self.n]
         made = self._predict(compact, points)
@@ -134,18 +138,18 @@ class Residuals:
         return max((len(s) for s in self._starts if s is not None), default=0)
 
     def _around(self, x: Array, step: float, width: int) -> tuple[Array, Array]:
-        """Points for central differences of the predicted readings around a point x.
+        """Points to simulate for central differences of the predicted readings around a vector x of unknowns.
 
-        Coordinate k of the initial states is displaced in all episodes at once, because the episodes are independent.
+        Coordinate k of the initial state is displaced in all episodes at once, because the episodes are independent.
 
         Args:
-            x: The point, (n + starts,).
+            x: The vector, (n + starts,): n parameters, then the uncertain coordinates of the initial states.
             step: Half width of the differences.
-            width: Largest number of uncertain initial coordinates per episode.
+            width: Largest number of uncertain coordinates of the initial state in any episode.
 
         Returns:
-            Rows of n parameters, `width` common displacements of initial states, and the initial states of x, for each point. Then the
-            widths above and below, (n + width, 2).
+            Array with one row per simulated point: n parameters, `width` displacements that the initial states of all episodes share,
+            and the initial states of x. Then the distances from x to the points above and below it, (n + width, 2).
         """
         rows = np.zeros((1 + 2 * (self.n + width), self.n + width))
         rows[:, : self.n] = x[: self.n]
@@ -163,8 +167,9 @@ class Residuals:
         """Predicted readings by episode, (count, T, width) each, for `count` parameter vectors and initial states.
 
         Args:
-            rows: Points (count, columns) from `_around`: n parameters, common displacements of the initial states, then the initial states.
-            points: Points x, (count, n + starts), whose initial states replace those in `rows`; None uses `rows`.
+            rows: Simulated points as from `_around`, one per row: n parameters, displacements that the initial states of all episodes
+                share, and the initial states.
+            points: Vectors x, (count, n + starts), from which the initial states are taken. None takes them from `rows`.
         """
         width = self._wide()
         own = rows[:, self.n + width :] if points is None else points[:, self.n :]
@@ -324,7 +329,7 @@ class Together:
                 self._answer()
 
     def _answer(self) -> None:
-        """Evaluates all submitted points in one batch, if every active search has submitted one."""
+        """Evaluates all submitted points in one batch, if every active search has submitted a point; otherwise does nothing."""
         if not self._asked or len(self._asked) < self._active:
             return
         searches = sorted(self._asked)

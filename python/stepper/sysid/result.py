@@ -190,7 +190,10 @@ class Identification:
         return {**variants.fields, **({} if delays is None else {"actuators": delays})}
 
     def models(self, count: int, *, seed: int = 0) -> list[Model]:
-        """Models with random parameters from the distribution, for parameters that all environments of a stepper share."""
+        """Models with random parameters from the distribution, one model per draw.
+
+        Unlike `sample`, it also works for parameters that all environments of a stepper share.
+        """
         fields = write(self.blocks, self.draw(count, seed), self.model).fields
         return [self.model.replace(**{name: array[k] for name, array in fields.items()}) for k in range(count)]
 

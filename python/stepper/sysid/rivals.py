@@ -3,7 +3,10 @@
 While an object sticks, the derivative of the readings with respect to friction is zero: a larger value changes nothing, and a much smaller
 one would slip. Each window is therefore also simulated with other frictions. The results show whether the object sticks, and which values
 the readings exclude. They also show whether another value is a rival of the estimate (it explains the readings equally well), and how much
-information of the derivatives is reliable. Frictions are logarithms throughout.
+information of the derivatives is reliable.
+
+Frictions are logarithms throughout. The cost of a friction is minimised over all other unknowns. It is the sum of squared residuals in
+units of the noise, plus the squared distance of the unknowns from their distribution before the window.
 """
 
 from __future__ import annotations
@@ -29,33 +32,37 @@ NEAR = 2.5
 NEAREST = 0.005
 """Smallest distance of the two nearest compared frictions from the estimate, as a logarithm."""
 ABOVE_BOUND = 0.02
-"""Distance from the lower bound of a friction to the next compared value, as a logarithm. Per sample the bound can rise by this."""
-CLOSE = 0.025
-"""Largest distance of consecutive values in an excluded range of frictions, as a logarithm.
+"""Distance above a friction's lower bound at which one value is compared with the estimate, as a logarithm.
 
-At the onset of slip, minima of the cost are 0.05 wide.
+If the readings exclude that value, it becomes the new lower bound.
+"""
+CLOSE = 0.025
+"""Largest gap between neighbouring compared frictions that an excluded range can contain, as a logarithm.
+
+At the onset of slip, minima of the cost are 0.05 wide, so that a wider gap could hide one.
 """
 OTHERS_PER_FRICTION = len(OTHERS) + 3
-"""Number of other values with which the estimate of each friction is compared."""
+"""Number of values compared with the estimate of each friction: at fixed offsets, two near the estimate, one above the lower bound."""
 BETTER = 1.0
-"""Decrease of the cost above which a larger friction is a rival of the estimate, and increase below which it is equally good.
+"""Difference of costs above which one friction explains the readings better than another.
 
-The cost is the sum of squared residuals in units of the noise.
+A larger friction is a rival of the estimate if its cost is lower by more than this.
 """
 LOWER = 0.0
 """Decrease of the cost above which a smaller friction is a rival of an undetermined estimate.
 
-Equal costs give it a weight of about 3 %, the share of the prior in which friction slips a little.
+At equal costs, the hypothesis with the smaller friction gets a weight of about 3 %. This is the fraction of the prior in which the object
+slips a little.
 """
 EXCLUDED = 12.0
-"""Difference of costs (3.5 standard deviations) above which a value of friction is excluded.
+"""Excess over the lowest cost (3.5 standard deviations) above which the readings exclude a friction.
 
-It is also the decrease above which a smaller friction is a rival of a determined estimate.
+A smaller friction is a rival of a determined estimate if its cost is lower by more than this.
 """
 LEAST_GAIN = 0.01
-"""Relative gain of information about a friction, from derivatives, above which `share_of` checks it with other values of friction."""
+"""Relative gain of information about a friction in a window below which `share_of` accepts the derivatives without a check."""
 LEAST_DISTANCE = 2.0
-"""Squared distance of a friction from the estimate above which `share_of` uses it, in units of the variance from the derivatives."""
+"""Squared distance from the estimate below which `share_of` ignores a compared friction, in units of the friction's variance."""
 POSSIBLE = 9.0
 """Increase of the cost below which the readings allow a value of friction: three standard deviations."""
 LEAST_SHARE = 0.04
@@ -71,9 +78,10 @@ class Verdict:
 
     Attributes:
         rival: Index of the compared point whose friction explains the readings as well as the estimate or better; None if there is none.
-        holding: Indices of the frictions that hold the object at the estimate, so that the derivatives with respect to them are zero.
-        excluded: Upper end of the excluded range, by index of the friction. The range begins at the smallest compared value.
-        rises: For the other frictions, by index: offsets of compared values from the estimate, and their increases of the cost, (k, 2).
+        holding: Indices of the frictions that hold their object at the estimate, so that the derivatives with respect to them are zero.
+        excluded: Largest excluded value of a friction, by index of the friction. All smaller values are excluded too.
+        rises: Compared values of each friction that is not in `holding`, by index of the friction. A row has the offset of a value from
+            the estimate, and the increase of the cost, (k, 2).
     """
 
     rival: int | None
@@ -87,8 +95,8 @@ def other_frictions(x: float, std: float, bound: float) -> Array:
 
     Args:
         x: Estimate of the friction, as a logarithm.
-        std: Its standard deviation.
-        bound: Lower bound from values that the readings exclude; -inf without one.
+        std: Standard deviation of the estimate.
+        bound: Largest value that the readings exclude, as a logarithm; -inf if they exclude none.
     """
     last = bound + ABOVE_BOUND if math.isfinite(bound) else x + 2 * OTHERS[0]
     near = float(np.clip(NEAR * std, NEAREST, -OTHERS[1] / 2))
@@ -134,15 +142,15 @@ def verdict_of(
 
 
 def excluded_end(values: Array, costs: Array) -> float | None:
-    """Upper end of the range of frictions that the readings exclude, which begins at the smallest value.
+    """Largest friction that the readings exclude together with all smaller values; None if they allow the smallest compared value.
 
-    It is None if the readings allow the smallest value. At the onset of slip, the cost can have two minima with a rise between them, and
-    the true value can lie at the first. The range therefore ends before the first possible value, and where the distance of two values
-    could hide a minimum.
+    At the onset of slip, the cost can have two minima with a rise between them, and the true value can lie at the first. The excluded
+    range therefore ends before the first value that the readings allow. It also ends before a gap wider than `CLOSE` between two
+    compared values, which could hide a minimum.
 
     Args:
-        values: Values of a friction, (count,), logarithms.
-        costs: Their costs, (count,).
+        values: Compared values of a friction, (count,), logarithms.
+        costs: Costs of the values, (count,).
     """
     order = np.argsort(values)
     possible = costs[order] <= costs.min() + EXCLUDED
@@ -152,13 +160,14 @@ def excluded_end(values: Array, costs: Array) -> float | None:
 
 
 def share_of(rises: Array, step: float, *, before: float, after: float) -> float:
-    """Fraction of the derivatives' information about a friction that the costs of other values confirm, from `LEAST_SHARE` to 1.
+    """Reliable fraction of the information about a friction that derivatives give, from `LEAST_SHARE` to 1.
 
-    At the onset of slip, the cost rises less towards larger values than the derivative at the estimate predicts.
+    The derivatives at the estimate predict by how much the cost rises at other values of the friction. At the onset of slip, the cost
+    rises less towards larger values. The fraction compares the actual rise with the predicted one.
 
     Args:
-        rises: Offsets of other values from the estimate, and their increases of the cost, (k, 2).
-        step: Offset of the minimum of the cost from the estimate, according to the derivatives.
+        rises: Offsets of compared values from the estimate, and increases of the cost at these values, (k, 2).
+        step: Offset of the minimum of the cost from the estimate, as the derivatives predict it.
         before: Variance of the friction before the window.
         after: Variance of the friction according to the derivatives.
     """
@@ -208,10 +217,11 @@ def widened(covariance: Array, j: int, before: float, share: float) -> Array:
 
 
 def _profiles(j: int, points: Array, residual: Array, *, J: Array, mean: Array, whitening: Array) -> tuple[Array, Array]:
-    """Profile costs of a friction: costs of points, minimised over all other unknowns, which enter linearly by the derivatives.
+    """Costs of several values of a friction, each minimised over all other unknowns (profile costs).
 
-    The arrival cost is the normal distribution of the unknowns before the window. For the cost without prior knowledge of the friction, it
-    is also minimised over the friction.
+    A cost is the sum of squared residuals plus the arrival cost, which is the squared distance from the distribution before the window.
+    Derivatives give the effect of the other unknowns on the residuals. The cost without prior knowledge is minimised over the
+    friction's term of the arrival cost too.
 
     Args:
         j: Index of the friction.
@@ -235,10 +245,11 @@ def _profiles(j: int, points: Array, residual: Array, *, J: Array, mean: Array, 
 
 
 def _holds(residual: Array, values: Array, window: Array, *, unknown: bool) -> bool:
-    """Whether the object sticks at the estimated friction.
+    """Whether an object sticks at the estimate of a friction.
 
-    With an undetermined friction the object sticks if the largest value gives the same prediction. With a determined friction, the object
-    may slip a little although it sticks in reality. It counts as sticking if the largest value explains the window equally well and sticks.
+    If the friction was undetermined before the window, the object sticks if the largest compared value gives the same prediction as the
+    estimate. If it was determined, the simulated object may slip a little at the estimate although the real one sticks. The object then
+    counts as sticking if the two largest values give the same prediction, which explains the window as well as any other.
 
     Args:
         residual: Residuals at the estimate (first) and at points with other values of the friction, (count, T, width).

@@ -1,8 +1,8 @@
 """Detection of readings that are one row late or early relative to their controls.
 
-A reading belongs to the end of the period in which the control of its row acts. Logs are often off by one row, and then a fit finds
-parameters that imitate the delay. White residuals show that the rows are right. Otherwise fits with the next and the previous row are
-compared.
+The readings in a row of a log belong to the end of the period in which the control in the same row acts. In many logs, the readings are
+shifted by one row, and then a fit finds parameters that imitate a delay. Small and uncorrelated residuals of a fit show that the rows are
+right. Otherwise the fit is compared with fits to the readings of the next row and of the previous row.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from stepper.sysid.data import Episode
 from stepper.sysid.inertia import Array
 
 LATE, EARLY = 1, -1
-"""Shifts: readings of row k + 1, or of row k - 1, belong to the control of row k."""
+"""Shifts of readings by one row: the readings of row k + 1 (`LATE`) or of row k - 1 (`EARLY`) belong to the control of row k."""
 RATIO = 0.75
 """Mean square residual with shifted readings, divided by that without the shift, below which the shift is reported."""
 COLOURED = 0.3
@@ -34,9 +34,12 @@ COPY_INTERVAL = 100
 CAUGHT_UP = 2
 """Number of past samples that a tracker of shifted readings processes per update, until it has reached the present one."""
 FREED_STD = (0.1, 1.0)
-"""Standard deviations of displacement (m, rad) and velocity (m/s, rad/s) with which the initial state is estimated for comparison."""
+"""Standard deviations of displacement (m, rad) and velocity (m/s, rad/s) of an uncertain initial state.
+
+A fit that estimates such a state shows whether a wrong initial state explains the readings as well as a shift.
+"""
 OF_TRACKER = "A wrong initial state can look the same: stepper.sysid.identify with the same readings tries both, and says which fits better"
-"""Remark in a tracker's warning, because a tracker does not re-estimate its initial state."""
+"""Remark about initial states in the warning of a tracker, which does not estimate its initial state again."""
 _WORDS = {
     LATE: ("late: the readings of row k + 1 fit the control of row k", "Pair ctrl[:-1] with readings[1:]"),
     EARLY: (
@@ -62,7 +65,9 @@ def finding(shift: int, ratio: float, remark: str = OF_TRACKER) -> str:
 
 
 def finding_of_fit(shift: int, ratio: float, freed: float | None) -> str:
-    """Warning about a shift, a wrong initial state, or both where they explain the readings equally well.
+    """Warning about a shift of the readings or a wrong initial state, whichever explains the readings better.
+
+    If both explain the readings about equally well, the warning names both.
 
     Args:
         shift: `LATE` or `EARLY`.
@@ -213,11 +218,14 @@ class _Twin:
         self._at += 1
 
     def done(self, samples: list[tuple[Array, Mapping[str, Array]]]) -> bool:
-        """Whether this copy has processed all available samples. With `LATE`, the last sample has no readings yet."""
+        """Whether this copy of the tracker has processed all samples for which the shifted readings are known.
+
+        With `LATE`, the readings of the last sample come with the next sample.
+        """
         return self._at >= len(samples) - (self._shift == LATE)
 
     def left(self) -> float:
-        """Mean normalised innovation squared of the samples that this copy has processed; infinite before the first."""
+        """Mean normalised innovation squared over the samples that this copy of the tracker has processed; infinite before the first."""
         return float(np.mean(self._surprise)) if self._surprise else np.inf
 
 

@@ -41,7 +41,7 @@ class Channel:
         columns: Columns of that field.
         dofs: For "qpos", degrees of freedom in which the difference of two poses is expressed; otherwise empty.
         quaternion: Whether the reading is a quaternion.
-        lines: Columns of the channel in the rows of all residuals.
+        lines: Columns of the channel in arrays with the columns of all channels, (T, width).
         sensor: Index of the sensor, or -1.
     """
 
@@ -79,7 +79,7 @@ def _channel(model: Model, name: str, width: int) -> Channel:
     Args:
         model: The model.
         name: Name of a sensor, "qpos", "qvel", "act", "qpos:JOINT" or "qvel:JOINT".
-        width: First column of the channel in the array of all readings.
+        width: Number of columns of all channels before this one, which is the index of its first column.
     """
     if name in model.sensor_names:
         sensor = model.sensor(name)
@@ -165,8 +165,8 @@ class Simulator:
         options, threads, actuators: Arguments of `Stepper`.
 
     Attributes:
-        measured: Readings of each episode, (T, width); NaN means not measured. For "qpos" and quaternions, whose predictions are
-            displacements from the readings, they are 0.
+        measured: Readings of each episode, (T, width); NaN means not measured. Columns of "qpos" and of quaternions contain 0 instead of
+            the reading, because their predictions are displacements from the reading.
         untrusted: Fraction of the steps in the last call of `predict` with a flag of `UNTRUSTED`.
         steps: Number of simulated time steps so far, summed over environments.
     """
@@ -218,7 +218,7 @@ class Simulator:
     def _measured(self, episode: Episode) -> Array:
         """Readings of an episode in the columns of all channels, (T, width); NaN means not measured.
 
-        For poses and quaternions, whose predictions are displacements from the readings, they are 0.
+        Columns of "qpos" and of quaternions contain 0 instead of the reading, because their predictions are displacements from it.
         """
         out = np.full((len(np.asarray(episode.ctrl)), self.width), np.nan)
         for channel in self.channels:

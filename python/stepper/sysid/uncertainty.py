@@ -1,8 +1,11 @@
 """Uncertainty of an estimate: covariance of the parameters for noise that may be correlated in time.
 
-The estimate solves sum_t s_t = 0 of the scores s_t = J_t^T psi(r_t). Its covariance is the sandwich H^-1 S H^-1, where H = J^T W J and S is
-the covariance of the sum of scores. White noise has S = H; correlated noise (coloured sensors, model errors) has a larger S. S is
-estimated in two ways, and the larger estimate is used:
+At the estimate, the sum over time of the scores s_t = J_t^T psi(r_t) is zero. Here r_t are the residuals at time t in units of the noise,
+J_t is their Jacobian, and psi is half the derivative of the loss. The covariance of the estimate is the sandwich H^-1 S H^-1. S is the
+covariance of the sum of scores, and H = J^T W J with the derivatives of psi as weights W.
+
+White noise has S = H; correlated noise (coloured sensors, model errors) has a larger S. S is estimated in two ways, and the larger estimate
+is used:
 
 - S = sum_c J_c^T Gamma_c J_c, where Gamma_c is the autocovariance of column c of the readings. Gamma_c comes from an autoregression of the
   residuals, of Akaike's order (Den Haan and Levin 1997), corrected for its bias in short series (Kendall 1954). A hundred samples
@@ -72,7 +75,7 @@ def uncertainty(J: Array, r: Array, times: np.ndarray[Any, np.dtype[np.int64]], 
     Args:
         J: Jacobian of the residuals, (m, n + others). Columns beyond n (initial states) are eliminated.
         r: Residuals, (m,): readings first, then priors.
-        times: Indices of the episode, row and column of each of the k readings, (k, 3).
+        times: Indices of the episode, control period and column of each of the k readings, (k, 3).
         reach: Half widths of the bounds, (n,), which are the standard deviations of undetermined parameters.
         loss: Loss function of `least_squares`.
         f_scale: Residual beyond which a robust loss begins.
@@ -102,7 +105,7 @@ def uncertainty(J: Array, r: Array, times: np.ndarray[Any, np.dtype[np.int64]], 
 
 
 def _at_least(covariance: Array, other: Array) -> Array:
-    """Covariance (n, n) with its standard deviations raised to those of the covariance `other` where these are larger.
+    """Copy of a covariance (n, n), scaled up so that no standard deviation is smaller than in the covariance `other`.
 
     Correlations do not change.
     """
@@ -111,11 +114,11 @@ def _at_least(covariance: Array, other: Array) -> Array:
 
 
 def _by_time(rows: Array, times: np.ndarray[Any, np.dtype[np.int64]]) -> list[Array]:
-    """Sums of the rows, (k, n), that have the same episode and time: one array (times, n) per episode.
+    """Sums over the readings at each time: one array (times, n) per episode.
 
     Args:
-        rows: Scores or other numbers of each reading.
-        times: Indices of the episode, row and column of each reading, (k, 3).
+        rows: Numbers of each reading that are added up, such as scores, (k, n).
+        times: Indices of the episode, control period and column of each reading, (k, 3).
     """
     places = _places(times)
     out = []
@@ -131,7 +134,7 @@ def _places(times: np.ndarray[Any, np.dtype[np.int64]]) -> np.ndarray[Any, np.dt
     """Time of each reading since the first reading of its episode, (k,), as a whole number of sampling intervals.
 
     Args:
-        times: Indices of the episode, time step and column of each reading, (k, 3).
+        times: Indices of the episode, control period and column of each reading, (k, 3).
     """
     _, episode = np.unique(times[:, 0], return_inverse=True)
     first = np.full(int(episode.max()) + 1, np.iinfo(np.int64).max)
@@ -146,7 +149,7 @@ def _coloured(r: Array, J: Array, times: np.ndarray[Any, np.dtype[np.int64]]) ->
     Args:
         r: Residuals of the readings, (k,).
         J: Their Jacobian, (k, n).
-        times: Indices of the episode, row and column of each reading, (k, 3).
+        times: Indices of the episode, control period and column of each reading, (k, 3).
     """
     toeplitz = require("scipy.linalg", "to identify parameters").matmul_toeplitz
     S = np.zeros((J.shape[1],) * 2)

@@ -19,7 +19,7 @@ from stepper._stepper import Model, Stepper
 T = TypeVar("T")
 _RESULT = "it is a result of the simulation, which cannot be set"
 _OF_MODEL = {"sensors": "model.with_sensors(...) makes a model with more sensors"}
-"""Remedies for attributes of a model that are no fields. Attributes not listed follow from the model's file."""
+"""Remedies for assignments to attributes of a model that are not fields, by attribute. Other such attributes follow from its file."""
 _STATE = ("qpos", "qvel", "act", "time")
 _REMEDIES = {
     **{name: f"sim.set_state({name}=...) sets it" for name in _STATE},
@@ -72,7 +72,7 @@ class ReadOnly(np.ndarray[Any, Any]):
     """
 
     message = ""
-    """Error message for a write; subclasses from `kind` set it."""
+    """Error message for attempts to write to the array. The function `kind` makes a subclass with the message for an attribute."""
     # The result of arithmetic with another array has the type of the other array.
     __array_priority__ = -1.0
 

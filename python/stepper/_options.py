@@ -43,7 +43,7 @@ class Options(metaclass=Hinting):
             * "euler": semi-implicit, first order, MuJoCo's Euler: implicit in joint damping alone. Springs and servos need
               h^2 k / m < 4, and a tumbling body gains energy.
             * "rk4": Runge-Kutta-Munthe-Kaas of order 4 for environments without an active constraint (contact, limit, dry friction) in
-              this step. The others take a midpoint step, with its errors of momentum and energy. The smooth step is fully explicit:
+              this step. Other environments take a midpoint step, which has errors of momentum and energy. The Runge-Kutta step is explicit:
               springs and dampers need h sqrt(k / m) < 2.8 and h d / m < 2.7.
 
             With contact="mujoco" the integrators are those of MuJoCo: "euler", "implicitfast", "implicit", "discrete" and "rk4". Joint
@@ -60,10 +60,11 @@ class Options(metaclass=Hinting):
             * "auto": sweeps, then Newton for environments whose residual is still above the tolerance.
         iterations: Largest number of sweeps ("auto" makes no more than 50). It also bounds the Newton steps of each island of bodies in
             contact (docs/development/decisions/bounds.md). A step that reaches the bound sets NOT_CONVERGED in `status`, and
-            `Stepper.worst_row` names the row. `Stepper.iterations` counts both, `Stepper.newton_steps` Newton steps alone.
+            `Stepper.worst_row` names the constraint with the largest residual. `Stepper.iterations` counts sweeps and Newton steps,
+            `Stepper.newton_steps` Newton steps alone.
         tolerance: Natural-map residual at which the solver stops, m/s. None is 1e-6, and 1e-4 with precision="f32". With
-            contact="mujoco", None is the smaller of that and 0.6 % of the velocity that gravity adds in a step, but at least 1e-6. Short
-            steps then have contact forces at rest with the same relative error.
+            contact="mujoco", None is the smaller of that default and 0.6 % of the velocity that gravity adds in a step, but at least
+            1e-6. The relative error of contact forces at rest then does not grow with shorter steps.
         stabilization: Method that removes overlap: "baumgarte" (a velocity bias), "split" (a second solve that moves positions only) or
             "none".
         baumgarte: Fraction of the overlap beyond the slop that is removed per step, 0 to 1.

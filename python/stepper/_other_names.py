@@ -42,7 +42,7 @@ _TASKS = {
     "locomotion": ("G1Rough", "G1Velocity", "Go1Rough", "Go1Velocity", "VelocityTask"),
     "suite": ("SUITE",),
 }
-"""Names of submodules of `stepper.envs` that are tried in `stepper.envs` itself."""
+"""Names that users may look for in `stepper.envs` itself, by the submodule of `stepper.envs` that has them."""
 
 NEW_NAMES: dict[str, dict[str, str]] = {
     **RENAMED,
@@ -152,7 +152,7 @@ NEW_NAMES: dict[str, dict[str, str]] = {
     "StepperEnv": _ENVIRONMENT,
     "StepperVectorEnv": _ENVIRONMENT,
 }
-"""Present names of attributes by class and other name: earlier names, and those of MuJoCo and Gymnasium."""
+"""Present names of attributes, by class or module and by the name in an earlier version, MuJoCo or Gymnasium."""
 PLACES = {
     "actuators": ("PID", "DCMotor"),
     "derivatives": ("Kink", "Linearization"),
@@ -222,7 +222,7 @@ EARLIER_SELECTORS = {
     "kd": "actuator_kv[{}]", "delay": "actuator.delay[{}]", "bias": "sensor.bias[{}]", "scale": "sensor.scale[{}]",
     "lag": "sensor.delay[{}]",
 }  # fmt: skip
-"""Present selectors by names of parameters in earlier versions; {} stands for the names of elements."""
+"""Present selectors of parameters, by the name of the parameter in earlier versions; {} stands for the selected elements."""
 
 
 NEW_KEYWORDS = {
@@ -237,7 +237,10 @@ NEW_KEYWORDS = {
     "contact": "options=stepper.Options(contact=...)",
     "observation": "sensordata",
 }  # fmt: skip
-"""Present keyword arguments by those of earlier versions, MuJoCo and Gymnasium. Calls without the present argument give no hint."""
+"""Present keyword arguments, by the keyword in an earlier version, MuJoCo or Gymnasium.
+
+Error messages have this hint only for calls that take the present keyword.
+"""
 NEW_KEYWORDS_OF = {
     "Stepper.set_state": {"cold": "keep_warmstart, its opposite: cold=True is keep_warmstart=False"},
     "Stepper.reset": {"options": "qpos, qvel and keyframe"},

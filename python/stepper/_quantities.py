@@ -24,7 +24,10 @@ KINDS: dict[str, str] = {
     **dict.fromkeys(("sensordata", "sensordata_ideal"), "sensor"),
     **dict.fromkeys(("qpos", *_DOFS), "joint"),
 }
-"""Kind of element of each quantity, by name. Bodies, sites, geoms and actuators have one entry each, joints and sensors one or more."""
+"""Kind of the elements of each quantity, by name of the quantity.
+
+A body, site, geom or actuator has one entry in the array of the quantity. A joint or sensor can have several.
+"""
 
 
 def read(now: Any, name: str, of: Key | Sequence[Key] | None = None) -> Array:

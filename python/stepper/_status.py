@@ -13,8 +13,9 @@ class Status(IntFlag):
     NOT_CONVERGED = 1
     """The solver's residual was above the tolerance. `Stepper.residual` is the residual, `Stepper.worst_row` the constraint, and
     `Stepper.save_problem` writes the problem to a file. If the residual is above 0.01 m/s (and above ten times the tolerance), the step
-    does not let impulses increase the kinetic energy, and limits joint velocities to one radian per step. It does the same,
-    and sets the flag, in jams with large impulses that cancel, where even a small residual leaves the energy uncertain."""
+    does not let impulses increase the kinetic energy, and limits joint velocities to one radian per step. The step takes the same
+    measures, and sets this flag, if bodies are jammed by large impulses that cancel each other. There, even a small residual leaves
+    the energy uncertain."""
     NON_FINITE = 2
     """A step gave a state that is not finite. The environment keeps its last finite state, and its time does not advance."""
     CONTACTS_FULL = 4
@@ -37,11 +38,12 @@ class Status(IntFlag):
     TUNNELLED = 16
     """A fast geom may have passed through a thin one in a step. Use a shorter time step."""
     INFEASIBLE = 32
-    """The constraints contradict each other. A combination of impulses proves it: it moves nothing, or too little. No velocity within
-    the bounds of position correction then satisfies the constraints (bounds: 5 `max_correction_speed` in m/s, 10 times that in rad/s).
-    Examples: a body squeezed between two others, a weld out of reach, a contact whose normal passes through a hinge. The step satisfies
-    the constraints as far as possible, in least squares. For links of a robot that overlap at the reference pose, load it with
-    `stepper.load(..., overlaps="exclude")`."""
+    """The constraints contradict each other: no velocity within the bounds of position correction satisfies all of them.
+
+    With the default `Options.max_correction_speed` the bounds are 5 m/s and 50 rad/s, and they are proportional to it. The proof is a
+    combination of impulses that moves nothing, or too little. Examples: a body squeezed between two others, a weld out of reach, a
+    contact whose normal passes through a hinge. The step satisfies the constraints as far as possible, in least squares. For links of
+    a robot that overlap at the reference pose, load it with `stepper.load(..., overlaps="exclude")`."""
     DEEP = 64
     """A contact penetrates by more than 1 mm, a hundred times the default slop; see `Stepper.max_penetration`. Causes: bodies that
     overlap in the initial pose (`stepper.load(..., overlaps="exclude")` disables their contacts), and time steps too long for an impact

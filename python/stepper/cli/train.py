@@ -41,7 +41,7 @@ def train(words: list[str]) -> None:
 def register(app: Typer, typer: ModuleType) -> None:
     """Adds the command `train` to the Typer application; `typer` is the module.
 
-    The learner parses its arguments itself, so that a copy of it has the same options.
+    The command passes all arguments to the learner (`stepper.policies.ppo`), so that a copy of the learner has the same options.
     """
     text = "Environment, stepper/HalfCheetah-v5 by default, and options of the learner; --help lists them."
     words = typer.Argument(None, metavar="[ENV] [OPTIONS]", help=text)

@@ -39,7 +39,7 @@ def _is_of_user(file: str) -> bool:
 
 
 def _place(frame: traceback.FrameSummary) -> str:
-    """File, line and function of a frame, as text. Files in the working directory are relative to it."""
+    """File, line and function of a traceback frame, as text. Files in the working directory have a relative path."""
     path = Path(frame.filename).resolve()
     shown = path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
     return f"{shown}, line {frame.lineno}" + ("" if frame.name == "<module>" else f", in {frame.name}")

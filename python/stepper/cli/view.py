@@ -32,13 +32,13 @@ if TYPE_CHECKING:
 ACTIONS = ("random", "zero")
 STUDIES = (".toml", ".py")
 MODELS = (".xml", ".urdf", ".mjb")
-"""Suffixes of model files, which tell them from ids of environments, such as stepper/dm_control.walker-walk-v0."""
+"""Suffixes that distinguish model files from ids of environments, such as stepper/dm_control.walker-walk-v0."""
 
 
 class ViewOptions(NamedTuple):
     """Options of the command `stepper view` for all kinds of sources.
 
-    Fields have the names of the options, except `looks`, the option --model: a model file with the meshes and colours to show.
+    Fields have the names of the options, except `looks`. This is the option --model, a model file with the meshes and colours to show.
     """
 
     envs: int

@@ -18,7 +18,7 @@ IN_PLACE = {
     "on_end": "write rows of envs, as in now.episode_state[name][envs] = ...",
     "advance": "step now.sim, and write to arrays of now.episode_state",
 }
-"""Text for error messages about hooks of a task that return a value: how the hook must have its effect, by name of the hook."""
+"""Remedies for error messages about hooks of a task that return a value: what the hook must change instead, by name of the hook."""
 
 
 def call_hook(task: Any, hook: str, *arguments: Any) -> None:

@@ -16,7 +16,7 @@ from stepper.shared.fields import APPLIED
 Array = NDArray[Any]
 
 _DECISIVE = ("task", "precision")
-"""Settings whose difference explains all other differences; the error message then lists this setting alone."""
+"""Settings that explain the differences of all others. If one of them differs, the error message lists only this setting."""
 _LISTED = 3
 """Largest number of differing settings that an error message lists."""
 

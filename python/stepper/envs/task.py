@@ -341,8 +341,8 @@ class Task(ABC):
 
         Args:
             sim: The stepper.
-            episode_state: Arrays of `episode_state`. Change only rows of the mask, here and in the stepper.
-            mask: Environments that start an episode, (num_envs,) bool.
+            episode_state: Arrays (num_envs, ...) of `Task.episode_state`.
+            mask: Environments that start an episode, (num_envs,) bool. Change only these, in the stepper and in `episode_state`.
             rng: Random number generator of these environments.
         """
 

@@ -97,7 +97,7 @@ def table_of(task: Task, now: Moment) -> Table:
 
 
 def _rows_like(given: Any) -> str:
-    """Remedy, as the end of an error message, for what `Task.observations` returned instead of a tuple of rows."""
+    """Remedy, as the end of an error message, if `Task.observations` returned `given` instead of a tuple of `Observation`."""
     if isinstance(given, str):
         return f": return (Observation({given!r}),)"
     if isinstance(given, Mapping) and given:
@@ -107,7 +107,7 @@ def _rows_like(given: Any) -> str:
 
 
 def _row_like(row: Any) -> str:
-    """Remedy, as the end of an error message, for a row in `Task.observations` that is no `Observation`; "" if there is none."""
+    """Remedy, as the end of an error message, for a row of the observation table that is no `Observation`; "" if no remedy is known."""
     if isinstance(row, str):
         return f": return Observation({row!r})"
     if isinstance(row, np.ndarray):
@@ -120,11 +120,11 @@ def _row_like(row: Any) -> str:
 
 
 def _width(kind: str, row: Observation, now: Moment) -> int:
-    """Number of columns of a row of observations.
+    """Number of columns that a row of the observation table has in the observation.
 
     Args:
         kind: Name of the task's class, for error messages.
-        row: The row.
+        row: The row of the table.
         now: View of the batch, from which the row is read.
     """
     expected = len(now.qpos)

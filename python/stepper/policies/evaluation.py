@@ -97,7 +97,10 @@ class Comparison:
 
     @property
     def verdict(self) -> str:
-        """Result of the test: "equivalent" if the interval lies within the margin, "different" if beyond, and otherwise "open"."""
+        """Result of the equivalence test, from the confidence interval of the difference of mean returns.
+
+        It is "equivalent" if the interval lies within +-`bound`, "different" if it lies outside, and otherwise "open".
+        """
         low, high = self.interval
         if -self.bound < low and high < self.bound:
             return "equivalent"

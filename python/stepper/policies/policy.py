@@ -25,9 +25,9 @@ _DAMAGED = (
     *(ValueError, KeyError, IndexError, AttributeError, TypeError, EOFError, MemoryError, OverflowError),
     *(RuntimeError, zipfile.BadZipFile, zlib.error),  # From zipfile, for unsupported compression or encryption.
 )
-"""Exceptions of NumPy, zipfile and json for a damaged file or one of another kind."""
+"""Exceptions of NumPy, zipfile and json for a damaged file or a file that contains no policy."""
 _OTHER_KIND = (KeyError, AttributeError, TypeError)
-"""Exceptions for a readable file of another kind. Their texts have internal names only."""
+"""Exceptions for a readable file that contains no policy. Messages leave out their texts, which have internal names only."""
 
 ACTIVATIONS: dict[str, Callable[[Array], Array]] = {
     "tanh": np.tanh,

@@ -1,10 +1,10 @@
-"""Proximal policy optimisation (PPO) in one file: trains a task, keeps its learning curve, checkpoint and policy, evaluates and films it.
+"""Proximal policy optimisation (PPO) in one file: trains, evaluates and films a policy, and writes learning curve and checkpoints.
 
     stepper train stepper/HalfCheetah-v5 --seed 1 --film half_cheetah.mp4
 
 Each update adds a row to the learning curve, and a checkpoint is written every half a minute. The same command continues a stopped run,
-to the same curve. With `HalfCheetah-v5` as the name, the learner trains in Gymnasium's environment. Checkpoints do not
-include the state of that environment: a stopped run continues with new episodes, and its curve differs from that of an uninterrupted run.
+and the curve is the same as without the stop. With the id `HalfCheetah-v5`, the learner trains in Gymnasium's environment. Checkpoints do
+not include the state of that environment: a stopped run continues with new episodes, so that its curve differs from an uninterrupted run.
 
 To change the learner, write a copy of this file with `stepper train --copy my_ppo.py`, and train with `python my_ppo.py`.
 

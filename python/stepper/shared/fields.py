@@ -33,7 +33,7 @@ _DERIVED = {
     "geom_pos": "Contacts and sensors; no mass, no inertia and no centre of mass.",
     "dof_armature": "Inverse weights of MuJoCo's contact law, by `replace`.",
 }
-"""Other quantities of a model that change with a field, by name of the field, where they are not obvious."""
+"""Descriptions of other quantities that follow a change of a field, or do not, by name of the field. Obvious ones are left out."""
 
 
 @dataclass(frozen=True)
@@ -112,17 +112,17 @@ OF_PAIRS: dict[str, str] = {"geom_friction": "pair_friction", "geom_restitution"
 
 
 def check_pairs(model: Model, field: str, geoms: Collection[int], pairs: Collection[int], remedy: str) -> None:
-    """Check that no explicit pair overrides a field of some geoms.
+    """Check that no contact pair that the model defines overrides a field of some geoms.
 
     Args:
         model: The scene.
         field: A field of geoms, as "geom_friction".
         geoms: Indices of the geoms whose values change.
-        pairs: Indices of the explicit pairs whose corresponding field changes too. These pass the check.
+        pairs: Indices of the contact pairs whose field, as "pair_friction", changes too. These pass the check.
         remedy: Remedy for the error message, with {pair} where the label of the pair belongs.
 
     Raises:
-        ValueError: A pair overrides the field of one of the geoms; the message has the remedy.
+        ValueError: A contact pair overrides the field of one of the geoms; the message has the remedy.
     """
     for k in range(model.npair if field in OF_PAIRS else 0):
         pair = model.pair(k)

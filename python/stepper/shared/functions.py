@@ -16,10 +16,10 @@ def check_takes(function: Callable[..., Any], arguments: Sequence[str], what: st
         function: The function, or the bound method.
         arguments: Names of the arguments, for the message.
         what: Description of the function, which begins the message: "controller".
-        is_method: Whether the remedy is a method with `self`.
+        is_method: Whether the function is a method, so that the definition in the message begins with `self`.
 
     Raises:
-        TypeError: It takes another number of arguments. The message has its name and signature, and those that it needs.
+        TypeError: The function takes another number of arguments. The message has its name and signature, and the required arguments.
     """
     try:
         signature = inspect.signature(function)

@@ -299,7 +299,7 @@ def _flat(chosen: Iterable[Iterable[int | range]]) -> list[int]:
 
 
 def _chosen(model: Model, kind: str, item: Item, where: str) -> tuple[list[Any], bool]:
-    """Rows that a name, pattern or index selects, and whether it is an index or an exact name, not a pattern.
+    """Rows of a field that an item of a selector selects, and whether the item is an index or an exact name, not a pattern.
 
     Args:
         model: The model.
@@ -335,7 +335,7 @@ def _chosen(model: Model, kind: str, item: Item, where: str) -> tuple[list[Any],
 def _labels(model: Model, kind: str) -> list[list[str]]:
     """Texts by which a selector can name each element of a kind. The first is the name, "" if there is none.
 
-    Geoms also have "body/geom", and explicit pairs "geom/geom".
+    Geoms can also be named "body/geom", and contact pairs "geom/geom".
     """
     if kind == "equality":
         return [[""] for _ in range(len(model.eq_active0))]
@@ -456,7 +456,7 @@ def conflict(where: str, one: object, other: object, field: str, differ: str = "
         one: First selector or name.
         other: Second selector or name.
         field: Name of the field.
-        differ: Difference of what they give, as "to 1 and to 2"; empty if that does not matter.
+        differ: Values that the two set, as "to 1 and to 2", for the message; "" leaves them out.
     """
     numbers = f"number of {field} {differ}" if differ else f"number of {field}"
     return ValueError(

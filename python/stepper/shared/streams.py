@@ -82,7 +82,7 @@ class Streams:
         self.ages[envs] = 0
 
     def fork(self, name: str) -> Streams:
-        """Independent streams of random numbers, which depend on these streams, their ages and a name. These streams do not change."""
+        """Independent streams of random numbers that depend on these streams, on `ages` and on a name. These streams do not change."""
         forked = copy.copy(self)
         forked.state = _mix(_mix(self.state + _hash_of(name)) + self.ages * _GAMMA)
         return forked

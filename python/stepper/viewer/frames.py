@@ -106,7 +106,10 @@ def parameter_of(sim: Stepper, name: str, envs: Array) -> Array:
 
 
 def values_of(sim: Stepper, name: str, envs: Array) -> Array:
-    """Values of a quantity of a stepper in some environments with indices (n,), in its unit: (n, ...), also with `num_envs=None`."""
+    """Values of a quantity of a stepper in the environments with the indices `envs`, (n, ...), in its unit.
+
+    A stepper with `num_envs=None` counts as one environment with index 0.
+    """
     values = np.asarray(getattr(sim, name))
     chosen: Array = (values[None] if sim.num_envs is None else values)[envs]
     return chosen

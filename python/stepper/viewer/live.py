@@ -24,7 +24,7 @@ SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4", "as fast as it can")
 SLIDERS = 12
 """Largest number of actuators for which the folder of control sliders is open initially."""
 _MAX_LAG = 0.25
-"""Largest lag behind real time, s. The view does not catch up lags of a slower simulation beyond it."""
+"""Largest lag behind real time that the view catches up, s. If a slow simulation lags more, the view skips the excess."""
 
 
 class _Applied(NamedTuple):

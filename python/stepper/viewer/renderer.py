@@ -28,7 +28,7 @@ _LAMP = {"ambient": 0.15, "diffuse": 0.55, "specular": 0.2}
 Pictures are as bright as those of the same scene with a light in the MJCF.
 """
 _SLANT = (-0.3, 0.4, -1.0)
-"""Direction of the added lamp's light, for which the visible sides of a box differ in brightness."""
+"""Direction of the light of the added lamp. It is oblique, so that the visible sides of a box differ in brightness."""
 _CONFIG = ("distance", "azimuth", "elevation", "lookat", "trackbodyid")
 
 

@@ -175,7 +175,7 @@ def _height_field(looks: Any, asset: int) -> Mesh:
 def _colours(looks: Any) -> Array:
     """Colours of all geoms of a compiled `mujoco.MjModel`, (ngeom, 4), from 0 to 1.
 
-    They are those of the geom or its material, times the mean colour of its texture.
+    The colour is that of the geom or of its material, times the mean colour of the material's texture.
     """
     rgba = np.array(looks.geom_rgba, np.float64)
     texture = _texture_colours(looks)

@@ -82,7 +82,7 @@ class FallingBlock(Task):
         qpos[:], qvel[:] = HEIGHT, VELOCITY
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draws the restitution of the block. A contact uses the larger one of its two geoms; that of the floor is 0."""
+        """Draws the restitution of the block. A contact has the larger restitution of its two geoms, and the floor has 0."""
         episode_state["restitution"][mask] = rng.uniform(*self.restitution, 1)[:, 0]
         sim.randomize(mask, geom_restitution=np.stack([np.zeros_like(episode_state["restitution"]), episode_state["restitution"]], axis=1))
 

@@ -59,7 +59,7 @@ class Go1Velocity(VelocityTask):
         return _scene(self.roughness)
 
     def episode_state(self, num_envs: int) -> Terms:
-        """Episode state of `VelocityTask`, with the air time of each foot, s, and the reward of landed feet."""
+        """Episode state of `VelocityTask`, the air time of each foot, s, and the value of the reward term "stride"."""
         return super().episode_state(num_envs) | {"air": np.zeros((num_envs, 4)), "stride": np.zeros(num_envs)}
 
     def terms(self, now: Moment) -> Terms:

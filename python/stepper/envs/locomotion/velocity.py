@@ -83,7 +83,7 @@ class VelocityTask(Task):
         "angles": 0.01,
         "rates": 1.5,
     }
-    """Half widths of the uniform sensor errors by row of the observation, from mjlab: m/s, rad/s, none (unit vector), rad, rad/s."""
+    """Half widths of the uniform sensor errors, by row of the observation table, from mjlab: m/s, rad/s, 1, rad, rad/s."""
     MOTORS: ClassVar[Mapping[str, tuple[float, float, float]]] = {}
     """Stall torque (N m), no-load speed (rad/s) and dry friction (N m) of the motors, by a part of the actuator's name."""
     imu: ClassVar[str] = "imu"
@@ -91,7 +91,7 @@ class VelocityTask(Task):
     lowest: ClassVar[float]
     """Height of the base above the ground below which an episode terminates, m. Subclasses must define it."""
     steepest: ClassVar[float] = 0.5
-    """Cosine of the tilt of the base beyond which an episode terminates."""
+    """Cosine of the largest tilt of the base. An episode terminates at a larger tilt."""
 
     frame_skip: int = 4
     max_command: tuple[float, float, float] = (1.0, 0.5, 1.0)
@@ -216,7 +216,7 @@ class VelocityTask(Task):
         return np.maximum(total, 0.0), {"tracking_error": error} | terms
 
     def healthy(self, now: Moment) -> Array:
-        """Whether the base is upright (`steepest`) and high enough above the ground (`lowest`), (num_envs,)."""
+        """Whether the base is upright enough (`steepest`) and high enough above the ground (`lowest`), (num_envs,)."""
         above = now.qpos[:, 2] - self.ground(now.qpos[:, :2])
         healthy: Array = (vertical(now)[:, 2] > self.steepest) & (above > self.lowest)
         return healthy
@@ -292,7 +292,7 @@ class VelocityTask(Task):
 
 @cache_per_model
 def _sensed(robot: Model, imu: str) -> Model:
-    """Model of the robot with sensors for the rows of the observation. `imu` is the site of the IMU."""
+    """Copy of the robot's model with sensors for the rows of the observation table. `imu` is the name of the IMU's site."""
     base, world = robot.body_names[1], robot.body_names[0]
     readings = {
         "linear_velocity": SensorSpec(type="velocimeter", site=imu),
@@ -306,7 +306,10 @@ def _sensed(robot: Model, imu: str) -> Model:
 
 
 def _readings(row: str) -> Callable[[Moment], Array]:
-    """Function of a moment (view of all environments) that reads the sensors of a row of the observation, (num_envs, n)."""
+    """Function of a moment (view of all environments) that returns the sensor readings of a row of the observation, (num_envs, n).
+
+    `row` is the name of the row in the observation table, which is the beginning of the sensors' names.
+    """
 
     def read(now: Moment) -> Array:
         first, count = _columns(now.sim.model, row)

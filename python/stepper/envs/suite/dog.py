@@ -21,7 +21,7 @@ _ARENA = 10.0
 _UPRIGHT = np.cos(np.deg2rad(30.0))
 """Cosine of the largest tilt of skull, torso and pelvis with full reward."""
 _STANDING = 0.9
-"""Fraction of the heights in the reference pose above which the dog counts as standing."""
+"""Heights of torso and pelvis above which the dog counts as standing, as a fraction of their heights in the reference pose."""
 _BITE = 0.005
 """Distance of the ball from the jaws below which it counts as in the mouth, m."""
 _BALL = {("body", "ball"), ("geom", "target"), ("camera", "ball"), ("camera", "head")}

@@ -84,7 +84,7 @@ def _extremities(now: Moment) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class HumanoidCMU(Humanoid):
-    """The tasks of `Humanoid` with dm_control's humanoid for CMU motion capture, whose torso is the body "thorax", with y upwards."""
+    """Tasks of `Humanoid` with dm_control's humanoid for CMU motion capture. Its torso is the body "thorax", with the y axis upwards."""
 
     file = "humanoid_CMU.xml"
     torso = "thorax"

@@ -15,9 +15,9 @@ from stepper.shared.streams import Rng
 class Ant(MujocoTask):
     """Task: run in x without falling. The arguments are those of Gymnasium's environment.
 
-    The torso's position and the reference point of contact torques are those of the present state. After a Runge-Kutta step, MuJoCo's are
-    those of its last stage, which differ by O(h^3) for the time step h. Quaternions are normalised at the reset; Gymnasium's first
-    observation has them with noise.
+    The torso's position and the reference point of contact torques belong to the state after the step. MuJoCo computes them in the last
+    stage of a Runge-Kutta step, where they differ by O(h^3) for the time step h. The initial quaternion is normalised after noise is
+    added; Gymnasium's first observation has the quaternion before normalisation.
     """
 
     camera: ClassVar[Camera] = {"distance": 4.0}

@@ -16,9 +16,9 @@ from stepper.shared.streams import Rng
 class Humanoid(MujocoTask):
     """Task: walk in x without falling. The arguments are those of Gymnasium's environment.
 
-    Centres of mass, inertias and velocities of bodies are those of the present state. After a Runge-Kutta step, MuJoCo's are those of its
-    last stage, which differ by O(h^3) for the time step h. Quaternions are normalised at the reset; Gymnasium's first observation has them
-    with noise.
+    Centres of mass, inertias and velocities of bodies belong to the state after the step. MuJoCo computes them in the last stage of a
+    Runge-Kutta step, where they differ by O(h^3) for the time step h. The initial quaternion is normalised after noise is added;
+    Gymnasium's first observation has the quaternion before normalisation.
     """
 
     camera: ClassVar[Camera] = {"trackbodyid": 1, "distance": 4.0, "lookat": (0.0, 0.0, 2.0), "elevation": -20.0}
@@ -40,7 +40,7 @@ class Humanoid(MujocoTask):
     include_cfrc_ext_in_observation: bool = True
 
     def observations(self) -> tuple[Observation, ...]:
-        """Positions without x and y, velocities, and the included rows of `BODY_TABLES`: (348,)."""
+        """Positions without x and y, velocities, and the rows of `BODY_TABLES` that the task's arguments include: (348,)."""
         return (
             Observation("qpos", columns=slice(2 * int(self.exclude_current_positions_from_observation), None)),
             Observation("qvel"),

@@ -16,7 +16,7 @@ from stepper.shared.streams import Rng
 class HumanoidStandup(MujocoTask):
     """Task: stand up. The arguments are those of Gymnasium's environment. An episode never terminates.
 
-    Quantities of bodies in the observation are those of the present state, and quaternions are normalised, as in `Humanoid`.
+    Quantities of bodies in the observation belong to the state after the step, and quaternions are normalised, as in `Humanoid`.
     """
 
     camera: ClassVar[Camera] = {"trackbodyid": 1, "distance": 4.0, "lookat": (0.0, 0.0, 0.8925), "elevation": -20.0}
@@ -35,7 +35,7 @@ class HumanoidStandup(MujocoTask):
     include_cfrc_ext_in_observation: bool = True
 
     def observations(self) -> tuple[Observation, ...]:
-        """Positions without x and y, velocities, and the included rows of `BODY_TABLES`: (348,)."""
+        """Positions without x and y, velocities, and the rows of `BODY_TABLES` that the task's arguments include: (348,)."""
         return (
             Observation("qpos", columns=slice(2 * int(self.exclude_current_positions_from_observation), None)),
             Observation("qvel"),

@@ -18,8 +18,8 @@ WITHIN = (-10.0, 10.0)
 class InvertedDoublePendulum(MujocoTask):
     """Task: keep the tip of the second pole above 1 m. The arguments are those of Gymnasium's environment.
 
-    The position of the tip is that of the present state. After a Runge-Kutta step, MuJoCo's is that of its last stage, which differs by
-    O(h^3) for the time step h. With contact="hard" the margin of the cart's limit narrows its range by 0.01 m.
+    The position of the tip belongs to the state after the step. MuJoCo computes it in the last stage of a Runge-Kutta step, where it
+    differs by O(h^3) for the time step h. With contact="hard" the margin of the cart's limit narrows the cart's range by 0.01 m.
     """
 
     strict: ClassVar[bool] = False  # With hard contact stepper does not support the margin of the cart's limit.

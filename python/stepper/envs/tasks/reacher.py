@@ -14,8 +14,8 @@ from stepper.shared.streams import Rng
 class Reacher(MujocoTask):
     """Task: bring the fingertip to the target. The arguments are those of Gymnasium's environment. An episode never terminates.
 
-    The position of the fingertip is that of the present state. After a Runge-Kutta step, MuJoCo's is that of its last stage, which differs
-    by O(h^3) for the time step h.
+    The position of the fingertip belongs to the state after the step. MuJoCo computes it in the last stage of a Runge-Kutta step, where
+    it differs by O(h^3) for the time step h.
     """
 
     xml_file: str = "reacher.xml"

@@ -229,7 +229,7 @@ class DiscreteObstacles(BoxTerrain):
     """Boxes on flat ground, around a free square in the middle.
 
     Attributes:
-        height_range: Largest height of a box, m. Heights are uniformly distributed between half of it and it.
+        height_range: Largest height of a box, m. Heights are uniformly distributed between half the largest height and the largest.
         width_range: Smallest and largest side of a box, m, for any difficulty.
         num_obstacles: Number of boxes; those that would reach into the free square are left out.
         platform_width: Side of the free square, m.

@@ -27,11 +27,11 @@ _STANDING, _HEADING, _FORWARD = 0.1, 0.3, 0.2
 _SLOWEST = 0.3
 """Least velocity of a command to go straight ahead, m/s."""
 _STIFFNESS = 0.5
-"""Rate of turn by the difference from a heading, 1/s."""
+"""Commanded rate of turn, relative to the angle between the commanded and the present heading, 1/s."""
 _PUSH_TIMES = (1.0, 3.0)
 """Least and longest time between two pushes, s."""
 _PUSHES = np.array([0.5, 0.5, 0.4, 0.52, 0.52, 0.78])
-"""Largest changes of the base's velocity (m/s) and of its rates of turn (rad/s) by a push, in the world."""
+"""Largest changes of the base's velocity (m/s) and of its rates of turn (rad/s) by a push, along the world's axes."""
 
 
 def command_state(num_envs: int) -> Terms:

@@ -18,7 +18,7 @@ from stepper.envs.task import Array, Moment, Terms, per_moment, square_sum
 _SOFT = 0.9
 """Width of a joint's soft range as a fraction of its range."""
 _MOVES, _RUNS = 0.05, 1.5
-"""Speeds of a command (m/s plus rad/s) above which it counts as a command to walk, and to run."""
+"""Speeds of a velocity command above which it counts as a command to walk, and to run, as computed by `_speed`."""
 _HEIGHT = 0.1
 """Target height of a swinging foot above the ground, m."""
 _AIR_TIMES = (0.05, 0.5)
@@ -31,7 +31,7 @@ _COLLISION_FORCE = 10.0
 
 @per_moment
 def _speed(now: Moment) -> Array:
-    """Speed of the command: (num_envs,), m/s plus rad/s."""
+    """Speed of the velocity command, (num_envs,): horizontal speed in m/s plus the absolute rate of turn in rad/s."""
     wanted = command(now)
     speed: Array = np.hypot(wanted[:, 0], wanted[:, 1]) + np.abs(wanted[:, 2])
     return speed

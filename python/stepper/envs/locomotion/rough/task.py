@@ -44,7 +44,7 @@ ROUGH = Terrain(
 Each step of the stairs is a ramp of 0.1 m and a tread of 0.2 m.
 """
 _MAX_ACTION = 2.0
-"""Largest action. In the stance it gives half the largest torque of the servo."""
+"""Largest action. In the stance, it gives half the largest torque of its servo."""
 _INITIAL_LIFT = (0.01, 0.05)
 """Lowest and highest initial height of the base above the stance, m."""
 _MAX_ENCODER_BIAS = 0.015
@@ -114,7 +114,7 @@ class RoughTask(Task):
     RUNNING: ClassVar[Mapping[str, float]]
     """Tolerances of joint angles for commands to run, in the format of `STANDING`."""
     steepest: ClassVar[float | None] = None
-    """Cosine of the tilt of the base beyond which an episode terminates; None is no bound."""
+    """Cosine of the largest tilt of the base. An episode terminates at a larger tilt; None is no limit."""
     carried = (*TerrainCurriculum.carried, "steps")
 
     terrain: Terrain = ROUGH
@@ -142,7 +142,7 @@ class RoughTask(Task):
         return TerrainCurriculum(terrain=self.terrain, max_init_level=self.max_init_level)
 
     def action_bounds(self, model: Model) -> tuple[Array, Array]:
-        """Bounds of the actions, -2 and 2. In the stance they give half the largest torque of a servo."""
+        """Bounds of the actions, -2 and 2, (nu,) each. In the stance, an action at a bound gives half the largest torque of its servo."""
         return np.full(model.nu, -_MAX_ACTION), np.full(model.nu, _MAX_ACTION)
 
     def observations(self) -> tuple[Observation, ...]:
@@ -170,7 +170,7 @@ class RoughTask(Task):
         return total, {"tracking_error": error} | {f"reward_{name}": term for name, term in terms.items()}
 
     def healthy(self, now: Moment) -> Array:
-        """Whether no geom of `THIGHS` collides with the terrain and the tilt of the base is within `steepest`, (num_envs,)."""
+        """Whether no geom of `THIGHS` collides with the terrain, and the tilt of the base is allowed (`steepest`), (num_envs,)."""
         safe: Array = ~touches_terrain(now, self.THIGHS)
         if self.steepest is not None:
             safe &= -in_base(now, np.tile([0.0, 0.0, -1.0], (len(safe), 1)))[:, 2] > self.steepest

@@ -258,4 +258,4 @@ NEW_KEYWORDS_OF = {
         "of": "selector, as 'geom_friction[floor,box][0]'",
     },
 }
-"""Present keyword arguments of single calls, by call and earlier keyword."""
+"""Present keyword arguments that apply to one call only, by name of the call and by the earlier keyword."""

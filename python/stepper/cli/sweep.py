@@ -29,7 +29,7 @@ def sweep(
     """Varies each parameter of a study over its range, one at a time. Results are success rates with Wilson intervals, and cliffs.
 
     A cliff is a parameter value at which episodes change from success to failure; bisection locates it. With --parameter, the command
-    varies the named ones only; with --values, the others have other nominal values. The same command continues a stopped run from its
+    varies only the named parameters. --values sets nominal values of the others. The same command continues a stopped run from its
     finished rows.
 
     Example: stepper sweep examples/studies/tray.toml

@@ -97,7 +97,7 @@ def _unknown(kind: type[Task], name: str, of_task: list[str], *, vector: bool) -
 
 
 def _in_words(value: Any) -> str:
-    """Description of a value, given as a task but of another type, for an error message."""
+    """Description, for an error message, of a value that was given as a task and is none."""
     if value is None or isinstance(value, bool | int | float | list | tuple | dict):
         return f"{value!r} ({type(value).__name__})"
     if isinstance(value, type):

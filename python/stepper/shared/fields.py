@@ -33,7 +33,7 @@ _DERIVED = {
     "geom_pos": "Contacts and sensors; no mass, no inertia and no centre of mass.",
     "dof_armature": "Inverse weights of MuJoCo's contact law, by `replace`.",
 }
-"""Descriptions of other quantities that follow a change of a field, or do not, by name of the field. Obvious ones are left out."""
+"""Quantities that change, or do not change, when a field is set, as texts by name of the field. Obvious ones are left out."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ COMPOUNDS = {
 APPLIED = ("qfrc_applied", "xfrc_applied", "mocap_pos", "mocap_quat", "eq_active")
 """Arrays of a stepper that users write and every step reads, in the order of a pickled stepper."""
 OF_PAIRS: dict[str, str] = {"geom_friction": "pair_friction", "geom_restitution": "pair_restitution"}
-"""Field of explicit contact pairs that overrides a field of geoms in contacts of the pair, by name of the geom field."""
+"""Field of contact pairs that overrides a field of geoms, by name of the geoms' field. The model defines the pairs explicitly."""
 
 
 def check_pairs(model: Model, field: str, geoms: Collection[int], pairs: Collection[int], remedy: str) -> None:

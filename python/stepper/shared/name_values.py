@@ -8,7 +8,7 @@ from typing import TypeVar
 
 T = TypeVar("T")
 _WORDS = {"true": True, "false": False, "none": None}
-"""Values of the words true, false and none in any case, in addition to Python's own literals."""
+"""Values of the words true, false and none in upper or lower case, in addition to Python's literals."""
 
 
 def literal(text: str) -> object:

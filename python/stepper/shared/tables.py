@@ -58,7 +58,7 @@ def by_name(given: Any, default: Any, kind: type[T], what: str) -> dict[str, T]:
 
     Args:
         given: The mapping; None is an empty one.
-        default: Default object, which is only checked; None is none.
+        default: Default object, which is checked but not returned; None if there is none.
         kind: Class of the objects.
         what: Kind of object, for the message.
 

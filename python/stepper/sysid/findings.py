@@ -23,7 +23,7 @@ VAGUE = 0.7
 Its 95 % interval then spans a factor of four up and down.
 """
 TWINS = 0.98
-"""Correlation of two parameters above which the data determine only a combination of them, such as their ratio (with `LOOSE`)."""
+"""Correlation of two parameters above which the data determine only a combination of them, such as their ratio. See also `LOOSE`."""
 LOOSE = 0.1
 """Standard deviation, in units of a parameter's scale, below which a high correlation of the parameter is not reported."""
 ROUGH = 0.3

@@ -41,9 +41,9 @@ SAME_MINIMUM = 1e-2
 ABANDON_RATIO = 9.0
 """Ratio of a search's cost to the lowest cost, above which the search is abandoned. At 9, residuals are three times as large."""
 COARSE, FINE = 1e-4, 1e-4
-"""Relative change of the unknowns below which a search ends; factor by which the limit of the last search is smaller (1e-8)."""
+"""Relative change of the unknowns below which a search ends, and factor that reduces this limit to 1e-8 for the last search."""
 NOISE_TOLERANCE = 0.05
-"""Relative change of the estimated noise below which its iteration ends."""
+"""Relative change of the estimated noise below which the iteration of the noise ends."""
 MIN_NOISE = 1e-6
 """Lower bound of an estimated noise, relative to the channel's largest reading: errors of time steps and finite differences."""
 
@@ -84,7 +84,7 @@ def identify(
         loss: Loss function of `least_squares`, applied to residuals divided by their noise. All except "linear" give outliers less weight.
         f_scale: Residual, in units of the noise, above which a robust loss reduces the weight.
         starts: Number of searches. One starts at the model's values. The others start at the best points of a Sobol sequence around the
-            model's values, which has at least eight points per search.
+            model's values. The sequence has at least eight points for each of these searches.
         step: Half width of the finite differences, relative for positive quantities. It is small, because a contact that closes one sample
             earlier causes a jump, which a wide difference would count as a derivative.
         max_evaluations: Largest number of evaluations per search.
@@ -188,7 +188,7 @@ class _Solver:
         name = f"search {self._searches}"
 
         def report_progress() -> None:
-            """Reports the fraction of the largest number of evaluations that is used."""
+            """Reports the number of evaluations so far as a fraction of the largest number."""
             self._tick(name, min(1.0, (self.evaluations - before) / (len(starts) * self._most)))
 
         with ThreadPoolExecutor(len(starts)) as pool:
@@ -306,7 +306,7 @@ def _starts(qmc: Any, residuals: Residuals, count: int, seed: int) -> list[Array
     """Start points x of `count` least-squares searches, (n + starts,) each: n parameters, then uncertain initial coordinates.
 
     The first point is the model's values. The others are the points with the smallest residuals from a Sobol sequence around the first.
-    The sequence has at least eight times as many points.
+    The sequence has at least eight points for each of the other searches.
 
     Args:
         qmc: Module `scipy.stats.qmc`.
@@ -423,5 +423,5 @@ def _rms(residuals: Residuals, at: Linearized) -> Array:
 
 
 def _by_channel(simulator: Simulator, values: Array) -> dict[str, list[float]]:
-    """Numbers per column of the readings, (width,), as a list for each channel, by name of the channel."""
+    """Numbers of each channel's columns, by name of the channel. `values` has the numbers of all columns of the readings, (width,)."""
     return {channel.name: [float(v) for v in values[channel.lines]] for channel in simulator.channels}

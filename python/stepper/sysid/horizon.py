@@ -65,7 +65,7 @@ HELD_RANGE = 0.5
 This friction is close to the estimate, because the same friction force determines both.
 """
 SPREAD = 3.0
-"""Half width of the range in which the search for a sticking object varies parameters other than frictions, in standard deviations."""
+"""Half width of the range in which parameters other than frictions vary in a search with a sticking object, in standard deviations."""
 
 
 @dataclass(frozen=True)

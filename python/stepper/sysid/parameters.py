@@ -432,9 +432,9 @@ _SAME = {
     "actuator_kp": ("actuator_kp", "actuator_gainprm"),
     "actuator_gainprm": ("actuator_kp", "actuator_gainprm"),
 }
-"""Kinds whose numbers in the model a parameter of a given kind also changes, by that kind.
+"""Kinds that change the same numbers of a model as a kind, by name of that kind. For example, "body_inertial" also changes the mass.
 
-Two parameters that change the same numbers of one element are an error in `bind`.
+`bind` rejects two parameters of such kinds for one element.
 """
 
 

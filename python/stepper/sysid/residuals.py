@@ -266,7 +266,7 @@ def _unknown_starts(episodes: Sequence[Episode], n: int) -> tuple[list[Array | N
 
 
 def _priors(blocks: Sequence[object], scale: Array) -> list[tuple[int, float, float]]:
-    """Index in the vector x of unknowns, mean and standard deviation of each number with a prior, in units of its scale."""
+    """Index in x of each parameter with a prior, and the mean and standard deviation of the prior in units of the parameter's scale."""
     out, at = [], 0
     for block in blocks:
         prior = getattr(block, "prior", None)

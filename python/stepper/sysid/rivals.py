@@ -5,8 +5,8 @@ one would slip. Each window is therefore also simulated with other frictions. Th
 the readings exclude. They also show whether another value is a rival of the estimate (it explains the readings equally well), and how much
 information of the derivatives is reliable.
 
-Frictions are logarithms throughout. The cost of a friction is minimised over all other unknowns. It is the sum of squared residuals in
-units of the noise, plus the squared distance of the unknowns from their distribution before the window.
+Frictions are logarithms throughout. The cost of a friction is a sum of squares, minimised over all other unknowns. The terms are residuals
+in units of the noise, and deviations of the unknowns from their mean before the window, in standard deviations.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from stepper.sysid.inertia import Array
 WIDE = 0.3
 """Standard deviation above which a parameter counts as unknown, in units of its scale."""
 FLAT = 0.01
-"""Sum of squared differences of residuals, in units of the noise, below which two frictions give the same prediction."""
+"""Sum of squared differences of residuals, in units of the noise, below which predictions with two frictions count as the same."""
 KINKED = (*(f"{field}_friction[{column}]" for field in ("geom", "pair") for column in range(3)), "dof_frictionloss")
 """Kinds of friction parameters. While nothing slides, the readings do not depend on them."""
 OTHERS = (-0.5, -0.15, 0.15, 0.5)
@@ -219,9 +219,9 @@ def widened(covariance: Array, j: int, before: float, share: float) -> Array:
 def _profiles(j: int, points: Array, residual: Array, *, J: Array, mean: Array, whitening: Array) -> tuple[Array, Array]:
     """Costs of several values of a friction, each minimised over all other unknowns (profile costs).
 
-    A cost is the sum of squared residuals plus the arrival cost, which is the squared distance from the distribution before the window.
-    Derivatives give the effect of the other unknowns on the residuals. The cost without prior knowledge is minimised over the
-    friction's term of the arrival cost too.
+    A cost is the sum of squared residuals plus the arrival cost: squared deviations from the mean before the window, in standard
+    deviations. Derivatives give the effect of the other unknowns on the residuals. The cost without prior knowledge is minimised over
+    the friction's deviation in the arrival cost too.
 
     Args:
         j: Index of the friction.

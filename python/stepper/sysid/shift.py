@@ -99,7 +99,7 @@ def _percent(ratio: float) -> str:
 
 
 def shifted(episode: Episode, shift: int) -> Episode:
-    """Copy of an episode whose row k has the readings of row k + 1 (shift `LATE`) or of row k - 1 (`EARLY`); NaN without such a row."""
+    """Copy of an episode whose row k has the readings of row k + 1 (shift `LATE`) or k - 1 (`EARLY`), or NaN if there is no such row."""
     moved = {}
     for name, given in episode.readings.items():
         rows = np.full(np.shape(given), np.nan)
@@ -178,7 +178,10 @@ class Watch:
         return not unexplained
 
     def _follow(self) -> None:
-        """Lets the copies with shifted readings process past samples, and compares them with the tracker when they have processed all."""
+        """Lets copies of the tracker process past samples with shifted readings.
+
+        When the copies have processed all samples, their innovations are compared with those of the tracker.
+        """
         for twin in self._twins.values():
             for _ in range(CAUGHT_UP):
                 twin.take(self._samples)

@@ -12,9 +12,9 @@ from stepper.viewer.frames import values_of
 from stepper.viewer.looks import Array
 
 FREQUENCY = 10.0
-"""Angular frequency of the effective mass at the dragged point on the spring that drags the body, rad/s.
+"""Angular frequency of the spring that drags a body, rad/s. The stiffness is its square times the effective mass at the dragged point.
 
-It is that of MuJoCo's viewer: the square root of the default of visual/map/stiffness, 100.
+The frequency is that of MuJoCo's viewer: the square root of the default of visual/map/stiffness, 100.
 """
 
 

@@ -28,7 +28,7 @@ SCENE = """
   <sensor><jointpos name="height" joint="height"/><jointvel name="velocity" joint="height"/></sensor>
 </mujoco>
 """
-"""At height 0 the block touches the floor; the largest force of the thruster is half the weight of the block (1 kg)."""
+"""MJCF of a block of 1 kg over a floor, which it touches at height 0. The largest force of the thruster is half the block's weight."""
 HEIGHT, VELOCITY = 0.20, -0.10
 """Initial height, m, and velocity, m/s."""
 LOWEST, STEPS = 0.05, 50

@@ -41,7 +41,7 @@ SCENE = f"""
   </actuator>
 </mujoco>
 """
-"""Two fingers and a hand in a plane, moved by forces, and a box between them."""
+"""MJCF of two fingers and a hand in a plane, moved by forces, and a box between the fingers."""
 OPTIONS = Options(integrator="euler", stabilization="baumgarte", baumgarte=1.0, slop=0.0)
 """Hard contact that is differentiable for a box at rest (docs/how-to/derivatives.md)."""
 

@@ -18,7 +18,7 @@ from stepper.envs.terrain import Terrain
 
 _FILE = "asset_zoo/robots/unitree_g1/xmls/g1.xml"
 _HEIGHT = 0.77
-"""Initial height of the pelvis, m. It is 0.01 m more than in the stance on the ground, so that noisy joint angles do not penetrate it."""
+"""Initial height of the pelvis, m. It is 0.01 m more than in the stance, so that feet do not penetrate the ground with noisy angles."""
 _STANCE = {
     "hip_pitch": -0.312, "knee": 0.669, "ankle_pitch": -0.363, "elbow": 0.6, "shoulder_pitch": 0.2,
     "left_shoulder_roll": 0.2, "right_shoulder_roll": -0.2,

@@ -20,7 +20,7 @@ from stepper.shared.machine import package_file
 _FREQUENCY, _DAMPING_RATIO = 2.0 * np.pi * 10.0, 2.0
 """Natural frequency (rad/s) and damping ratio of a servo that moves only the reflected rotor inertia. mjlab's gains follow from them."""
 _REACH = 0.5
-"""Range of a servo's set point from the stance, as a fraction of the deflection at which the servo reaches its largest torque."""
+"""Largest distance of a servo's set point from the stance, as a fraction of the deflection at which the torque is largest."""
 
 
 Ground: TypeAlias = Callable[[dict[str, str]], tuple[list[Element], list[Element]]]

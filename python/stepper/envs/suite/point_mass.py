@@ -56,7 +56,7 @@ class PointMass(SuiteTask):
         randomize_joints(self.model(), qpos, rng)
 
     def episode_state(self, num_envs: int) -> Terms:
-        """Directions of the controls in rows, (num_envs, 2, 2): the axes, or random ones."""
+        """Direction of the force of each control, (num_envs, 2, 2), one per row: the axes, until `on_reset` draws random directions."""
         return {"directions": np.tile(np.eye(2), (num_envs, 1, 1))}
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:

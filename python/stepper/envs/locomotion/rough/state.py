@@ -16,7 +16,7 @@ from stepper.envs.task import Array, Moment, per_moment
 SCAN = np.stack(np.meshgrid(np.linspace(-0.8, 0.8, 17), np.linspace(-0.5, 0.5, 11), indexing="ij"), axis=-1).reshape(-1, 2)
 """Points of the height scan relative to the base, ahead and to the left, (187, 2) m."""
 _SLOPE_WEIGHTS = SCAN / (SCAN**2).sum(axis=0)
-"""Weights of the scanned heights in the slopes (ahead, left) of the least-squares plane, (187, 2) 1/m."""
+"""Matrix from scanned heights to the slopes (ahead, left) of the plane that fits them best, (187, 2) 1/m."""
 
 
 @per_moment

@@ -204,7 +204,7 @@ class Observation:
         columns: Columns of the flattened quantity (num_envs, n) that are observed; None is all.
         clip: Lower and upper bound of the observed values; None is no bound.
         noise: Half width of uniform noise, which is added before `clip`. Its random numbers are those of `Moment.rng`.
-        unit: Unit of a row with `func`, for tables of observations; empty for numbers without one.
+        unit: Unit of a row with `func`, for tables of observations; empty for numbers without a unit.
     """
 
     name: str
@@ -358,15 +358,15 @@ class Task(ABC):
         """
 
     def healthy(self, now: Moment) -> Array | None:
-        """Whether the state of each environment lets its episode continue, (num_envs,) bool; None is all. Read it as `now.healthy`."""
+        """Whether the state of each environment lets its episode continue, (num_envs,) bool; None if all do. Read it as `now.healthy`."""
         return None
 
     def terminated(self, now: Moment) -> Array | None:
-        """Whether each episode is terminated, (num_envs,) bool; None is none. By default it is the negation of `healthy`."""
+        """Whether each episode is terminated, (num_envs,) bool; None if no episode is. By default it is the negation of `healthy`."""
         return None if now.healthy is None else ~now.healthy
 
     def truncated(self, now: Moment) -> Array | None:
-        """Whether each episode is truncated without failure, for example outside a terrain, (num_envs,) bool; None is none."""
+        """Whether each episode is truncated without failure, for example outside a terrain, (num_envs,) bool; None if no episode is."""
         return None
 
     def position(self, now: Moment) -> Array | None:

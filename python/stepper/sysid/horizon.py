@@ -72,7 +72,8 @@ SPREAD = 3.0
 class Linear:
     """Predicted readings in a window of recent samples, linearised about an estimate.
 
-    The unknowns are n parameters and the uncertain coordinates of the state at the start of the window.
+    The unknowns are n parameters and the uncertain coordinates of the state at the start of the window. Residuals are (T, width): one row
+    for each of the T samples, and the columns of all channels.
 
     Attributes:
         points: Simulated points in the space of the unknowns, (count, n + states). They are the estimate, points above and below it

@@ -143,7 +143,7 @@ def updated(hypotheses: Sequence[Horizon], sample: Sample, problem: Problem) -> 
         try:
             child = hypothesis.branch(hypothesis.rival)
         except (FloatingPointError, np.linalg.LinAlgError):
-            # Parameters whose prediction is not finite have no probability.
+            # Parameters whose prediction is not finite have the probability 0.
             continue
         if not any(_alike(child, other, problem) for other in out):
             out.append(child)

@@ -28,7 +28,7 @@ class Problem:
         sim: Stepper for predictions, with one environment for each simulated point.
         nstep: Number of time steps per period.
         channels: Measured channels.
-        sigma: Standard deviations of the noise of their columns, (width,).
+        sigma: Standard deviations of the noise of the columns of all channels, (width,).
         dofs: Degrees of freedom whose state is uncertain.
         low, high, scale: Bounds and scales of the parameters, (n,).
         kinked: Indices of the frictions in theta. While nothing slides, the readings do not depend on a friction.

@@ -38,7 +38,8 @@ class Residuals:
 
     A residual is (prediction - reading) / noise. The vector x, (n + starts,), is dimensionless. It begins with the n numbers of the
     parameter vector theta, divided by their scales (`Block.scale`). Then come the uncertain coordinates of all initial states, `starts` in
-    total: each is a displacement or a change of velocity, divided by its standard deviation.
+    total: each is a displacement or a change of velocity, divided by its standard deviation. Arrays of readings are (T, width): one row
+    for each of the T control periods of an episode, and the columns of all channels.
 
     Args:
         simulator: Simulator of the readings.

@@ -179,7 +179,7 @@ def share_of(rises: Array, step: float, *, before: float, after: float) -> float
         if apart**2 < LEAST_DISTANCE * after or rise > POSSIBLE:
             continue
         share = ((rise + 2 * apart * step / after) / apart**2 - 1 / before) / gained
-        # Two standard deviations need not reach beyond the nearest value whose cost is too large (`POSSIBLE`).
+        # Two standard deviations reach at most to the nearest value whose cost is too large (`POSSIBLE`).
         beyond = [abs(other) for other, cost in rises if other / apart > 1 and cost > POSSIBLE]
         if beyond:
             share = max(share, ((2 / min(beyond)) ** 2 - 1 / before) / gained)
@@ -219,9 +219,9 @@ def widened(covariance: Array, j: int, before: float, share: float) -> Array:
 def _profiles(j: int, points: Array, residual: Array, *, J: Array, mean: Array, whitening: Array) -> tuple[Array, Array]:
     """Costs of several values of a friction, each minimised over all other unknowns (profile costs).
 
-    A cost is the sum of squared residuals plus the arrival cost: squared deviations from the mean before the window, in standard
-    deviations. Derivatives give the effect of the other unknowns on the residuals. The cost without prior knowledge is minimised over
-    the friction's deviation in the arrival cost too.
+    The arrival cost is the normal distribution of the unknowns before the window. A cost is the sum of squared residuals and of squared
+    deviations from the arrival cost's mean, in standard deviations. Derivatives give the effect of the other unknowns on the residuals.
+    The cost without prior knowledge is minimised over the friction's deviation from its mean too.
 
     Args:
         j: Index of the friction.

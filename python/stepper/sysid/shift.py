@@ -125,7 +125,7 @@ def suspicious(whitened: list[Array]) -> bool:
             one, other = column[:-1], column[1:]
             both = np.isfinite(one) & np.isfinite(other)
             power = float((one[both] ** 2).sum())
-            # The standard deviation by chance is 1 / sqrt(rows); five of them are significant.
+            # The correlation of white residuals has the standard deviation 1 / sqrt(rows); five of these are significant.
             if both.sum() > 2 and power > 0 and float((one[both] * other[both]).sum()) / power > max(COLOURED, 5 / np.sqrt(both.sum())):
                 return True
     return False

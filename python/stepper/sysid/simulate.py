@@ -158,6 +158,8 @@ def solved(options: Options) -> Options:
 class Simulator:
     """Simulator of the readings of episodes.
 
+    Arrays of readings are (T, width): one row for each of the T control periods, and the columns of all channels.
+
     Args:
         model: Model with the unknown parameters at the start of the search.
         episodes: Checked episodes.

@@ -107,7 +107,7 @@ def _change_velocities(sim: Stepper, envs: Array, changes: Array) -> None:
     """Adds changes, (n, 6) in world axes, m/s and rad/s, to the velocities of the base in the environments `envs`, indices (n,)."""
     qvel = np.array(sim.qvel[envs], dtype=np.float64)
     qvel[:, :3] += changes[:, :3]
-    # Rates of turn of a free joint are those in the frame of the body.
+    # Rates of turn of a free joint are in the frame of the body.
     qvel[:, 3:6] += np.einsum("ni,nij->nj", changes[:, 3:], matrices(np.asarray(sim.qpos[envs, 3:7], dtype=np.float64)))
     sim.set_state(qvel=qvel, envs=envs, keep_warmstart=True)
 

@@ -213,7 +213,10 @@ def _stiffen(model: mujoco.MjModel, time_constant: float, restitution: float | N
 
 @dataclass(frozen=True)
 class Rapier:
-    """Engine rapier: its Python wheel in 32 bits, with default settings. A contact has the larger friction of its geoms, as in MuJoCo."""
+    """Engine rapier from its Python wheel, in single precision with default settings.
+
+    A contact has the larger friction coefficient of its two geoms, as in MuJoCo.
+    """
 
     name: str
 

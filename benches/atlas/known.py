@@ -29,7 +29,7 @@ class Slope:
     """Known error of stepper that is proportional to a power of the time step.
 
     Attributes:
-        power: Exponent: the order of the rule, or twice that where the scene measures squares.
+        power: Exponent of the time step: the order of the integrator, or twice the order in scenes with squared errors.
         dts: Time steps over which the exponent is measured, s.
         margin: Largest difference between the measured exponent and `power`.
         because: Where the margin comes from.
@@ -43,7 +43,7 @@ class Slope:
 
 @dataclass(frozen=True)
 class Divergence:
-    """Known failure in which a state overflows; the step must report it."""
+    """Known failure in which a state overflows. The engine must report the overflow by a status flag."""
 
 
 @dataclass(frozen=True)
@@ -89,9 +89,9 @@ MEASURED = "about twice the largest error measured"
 BAUMGARTE_SPEED = 1.0
 """Largest speed at which Baumgarte's method removes one position error, m/s or rad/s."""
 PYRAMID_ROWS = sum(boxes * (row * BAUMGARTE_SPEED) ** 2 / 2 for row, boxes in enumerate((4, 3, 2, 1), start=1))
-"""Kinetic energy of the pyramid of scene 17 if each row of boxes leaves the row below at that speed, J."""
+"""Kinetic energy of the pyramid of scene 17 if each row of boxes of 1 kg rises from the row below at `BAUMGARTE_SPEED`, J."""
 BOUNCE = 49 * 10.0 * G * math.sqrt(2 * G * 5.0)
-"""Change of the energy error of the 49 spheres of scene S2 per second by which their bounce is late, W."""
+"""Energy error of scene S2 per second of delay of a bounce, W: the weight of the 49 spheres times their speed at the impact."""
 
 KNOWN: tuple[Known, ...] = (
     Known(

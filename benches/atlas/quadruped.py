@@ -5,9 +5,9 @@ from __future__ import annotations
 from atlas.mjcf import document, numbers
 
 POSE = (0.03, 0.4, -0.8, -0.03, 0.4, -0.8, 0.03, -0.4, 0.8, -0.03, -0.4, 0.8)
-"""Joint angles of SimBenchmark, rad: left front, right front, left hind, right hind leg; each with hip, thigh, knee."""
+"""Joint angles of the standing quadruped in SimBenchmark, rad: hip, thigh, knee of left front, right front, left hind, right hind leg."""
 STAND = 0.55
-"""Height of the trunk's centre in that pose with the feet 4 mm above the floor, m."""
+"""Height of the trunk's centre with the joint angles `POSE` and the feet 4 mm above the floor, m."""
 THIGH, SHANK, FOOT = 0.25, 0.31, 0.03
 HINGE = '<joint name="{name}" type="hinge" axis="{axis}"/>'
 
@@ -40,10 +40,16 @@ LEGS = (("lf", 1, 1), ("rf", 1, -1), ("lh", -1, 1), ("rh", -1, -1))
 def quadruped(
     *, gravity: float = 9.81, beside: str = "", friction: float = 0.8, gains: tuple[float, float] | None = None, torques: bool = False
 ) -> str:
-    """Scene with the robot 2 m above the origin.
+    """MJCF of a scene with the robot, whose trunk starts 2 m above the origin.
 
-    Joints are free, or have servos with `gains` (N m/rad, N m s/rad), or have motors if `torques` is set. Feet and trunk collide with the
-    objects in `beside`, not with each other.
+    Without `gains` and `torques` the joints have no actuators.
+
+    Args:
+        gravity: Gravity, m/s^2.
+        beside: MJCF of further objects. Feet and trunk collide with them, not with each other.
+        friction: Friction of all geoms.
+        gains: Stiffness (N m/rad) and damping (N m s/rad) of a servo on each joint. None adds no servos.
+        torques: Whether to add a motor to each joint if there are no servos.
     """
     legs = "".join(_leg(*leg) for leg in LEGS)
     trunk = '<geom name="trunk" type="box" size=".265 .115 .13" mass="21.4"/>'

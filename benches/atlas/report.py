@@ -82,7 +82,13 @@ def _number(x: float) -> str:
 
 
 def _summary(scenes: Sequence[Scene], engines: Sequence[str], by: Mapping[tuple[str, str, float, str], Row]) -> str:
-    """Section with the number of passed time steps and the error, by scene and engine."""
+    """Section with the number of passed time steps and the error, by scene and engine.
+
+    Args:
+        scenes: Scenes, one for each row of the table.
+        engines: Names of the engines, one for each column.
+        by: Results by number and name of the scene, time step (s) and engine.
+    """
     text = "## Number of time steps at which each scene holds, and the error at the step nearest to 2 ms\n\n"
     text += _line(["scene", "unit", *engines]) + _line(["---"] * (len(engines) + 2))
     totals = dict.fromkeys(engines, 0)
@@ -104,7 +110,12 @@ def _summary(scenes: Sequence[Scene], engines: Sequence[str], by: Mapping[tuple[
 
 
 def _reasons(scenes: Sequence[Scene], by: Mapping[tuple[str, str, float, str], Row]) -> str:
-    """Section with the reasons for failures of stepper."""
+    """Section with the reasons for failures of stepper.
+
+    Args:
+        scenes: Scenes.
+        by: Results by number and name of the scene, time step (s) and engine.
+    """
     found: dict[str, list[str]] = {}
     for scene in scenes:
         for row in (r for (number, name, _, _), r in by.items() if (number, name) == (scene.number, scene.name)):
@@ -121,10 +132,10 @@ def _reasons(scenes: Sequence[Scene], by: Mapping[tuple[str, str, float, str], R
 
 
 def _grouped(where: Sequence[str]) -> list[str]:
-    """Lines of text that join entries of the same scene.
+    """Lines of text, one for each scene, which list all failures of the scene.
 
     Args:
-        where: Entries in order, each beginning with its scene.
+        where: Failures as texts "scene (engine, time step)".
     """
     lines: dict[str, list[str]] = {}
     for entry in where:
@@ -143,7 +154,13 @@ def _answers(scenes: Sequence[Scene]) -> str:
 
 
 def _all(scenes: Sequence[Scene], engines: Sequence[str], by: Mapping[tuple[str, str, float, str], Row]) -> str:
-    """Section with the results of all runs."""
+    """Section with the results of all runs.
+
+    Args:
+        scenes: Scenes, with a row of the table for each time step.
+        engines: Names of the engines, one for each column.
+        by: Results by number and name of the scene, time step (s) and engine.
+    """
     text = "\n## All runs: holds (+) or fails (x), error; cost in ms of one core per simulated second\n\n"
     text += _line(["scene", "dt, ms", *engines]) + _line(["---"] * (len(engines) + 2))
     for scene in scenes:

@@ -159,10 +159,13 @@ class World(ABC):
         return d.subtree_linvel[0] * self.model.body_subtreemass[0], d.subtree_angmom[0].copy()
 
     def normal_force(self, between: tuple[str, str] | None = None, axis: ArrayLike = (0, 0, 1), env: int = 0) -> float:
-        """Sum of the normal forces along an axis in the last step, N, over all contacts or those between two bodies.
+        """Component along an axis of the sum of the normal forces in the last step, N.
 
-        The sum has the force on the second body of the pair. Without a pair, it has the forces along the normals, from the first geom to
-        the second.
+        Args:
+            between: Names of two bodies. The sum is over their contacts, and the forces are those on the second body. With None, the
+                sum is over all contacts, and each adds the absolute value of its component.
+            axis: Unit vector in world axes, (3,).
+            env: Index of the environment.
         """
         total = 0.0
         for touch in self.touches(env):

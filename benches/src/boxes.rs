@@ -1,6 +1,6 @@
 //! Constraint problems of boxes that lie, stand and press on each other: six coordinates per box, four contacts where two faces touch.
 //!
-//! Each problem is that of one step of [`STEP`] seconds under gravity, from rest and without warm start.
+//! Each problem is the contact problem of one time step of [`STEP`] seconds. The boxes start at rest under gravity, without warm start.
 
 use stepper_real::Real;
 use stepper_solve::{Iterate, Problem};

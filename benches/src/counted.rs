@@ -23,7 +23,9 @@ struct Operations {
     others: u64,
 }
 
-/// Meter for a recorder: numbers of operations on [`Counted`] numbers of this thread so far. The readings are sums, divisions and others.
+/// Meter for a recorder: numbers of operations that this thread has made on [`Counted`] numbers so far.
+///
+/// A reading has the numbers of sums (with products), divisions (with square roots) and other operations.
 pub fn operations(_: Option<Span>) -> [u64; READINGS] {
     let Operations { sums, divisions, others } = DONE.get();
     [sums, divisions, others]
@@ -41,8 +43,9 @@ fn other() {
     DONE.set(Operations { others: DONE.get().others + 1, ..DONE.get() });
 }
 
-/// Lane type like `R` whose operations are counted. An operation on all lanes counts once, so counts of a single environment are those of
-/// that environment.
+/// SIMD lane type that computes like `R` and counts its operations.
+///
+/// An operation on all lanes counts once. The count of an environment's step is therefore exact if only one environment is stepped.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Counted<R>(R);
 

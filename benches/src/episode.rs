@@ -111,8 +111,8 @@ impl Episode {
 
     /// Records all calls of the run with a meter, and returns the sum of their recordings.
     ///
-    /// Each call is repeated `rounds` times with the same steps bit for bit. Its recording is the one with the smallest sum of first
-    /// readings.
+    /// The run is repeated `rounds` times, with the same steps bit for bit. For each call, the recording with the smallest
+    /// [`Recording::sum`] counts, such as the one with the smallest time.
     pub fn record(&mut self, meter: Meter, rounds: usize) -> Recording {
         let mut least: Vec<Option<Recording>> = vec![None; self.calls.len()];
         for _ in 0..rounds {
@@ -142,7 +142,7 @@ fn counted<R: Real<Scalar: LaneScalar>>(spec: &WorkerSpec<'_, R::Scalar>, _: usi
     lane_worker::<Counted<R>>(spec, Recorder)
 }
 
-/// Worker with [`Counted`] numbers and portable f32 lanes, as many as the group has: eight or sixteen.
+/// Worker with [`Counted`] numbers and portable f32 SIMD lanes. `lanes` is the number of lanes of a group, eight or sixteen.
 fn counted_f32(spec: &WorkerSpec<'_, f32>, lanes: usize, level: Level) -> Box<dyn Worker<f32>> {
     let count = if lanes == F32Lanes::LANES { counted::<F32Lanes> } else { counted::<Two<F32Lanes>> };
     count(spec, lanes, level)
@@ -202,7 +202,7 @@ impl InTurn<Episode> {
         Self(self.0.into_iter().map(Episode::probe_operations).collect())
     }
 
-    /// Sum of the recordings of all runs, divided by the number of environment steps. See [`Episode::record`].
+    /// Mean recording per environment step of all runs, each recorded by [`Episode::record`] with `rounds` rounds.
     pub fn record(&mut self, meter: Meter, rounds: usize) -> Recording {
         let mut mean = Recording::default();
         let weight = 1.0 / self.environment_steps() as f64;

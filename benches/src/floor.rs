@@ -33,15 +33,16 @@ impl Rates {
         }
     }
 
-    /// Least time of a number of operations at these rates, us. The argument is a reading of [`operations`](crate::counted::operations).
+    /// Least time of operations at these rates, us. The argument has the numbers of sums, divisions and other operations.
     pub fn micros(&self, [sums, divisions, others]: [f64; READINGS]) -> f64 {
         // Additions and other operations share the vector pipes. Divisions and square roots have separate pipes.
         1e6 * ((sums + others) / self.sums).max(divisions / self.divisions)
     }
 }
 
-/// Measured rate of divisions, or of sums and products, per second. The operations form independent chains. Their number hides the latency,
-/// and they fit into the registers.
+/// Measured rate of divisions (if `divide`), or of sums and products, in operations per second.
+///
+/// The operations form independent chains: enough to hide the latency of an operation, and few enough to stay in registers.
 fn per_second<R: Real>(divide: bool) -> f64 {
     const CHAINS: usize = 12;
     const STEPS: usize = 100_000;

@@ -15,7 +15,7 @@ use crate::replay::Replay;
 
 /// Largest number of times that the steps of an episode are repeated.
 const ROUNDS: usize = 15;
-/// Total time after which the steps are not repeated any more.
+/// Time that all repetitions of an episode may take together. It limits the number of repetitions.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// Number of environments whose operations are counted. They are spread evenly over the batch.
 const COUNTED: usize = 8;
@@ -46,10 +46,11 @@ pub struct Anatomy {
 pub struct Part {
     /// Name of the part.
     pub name: &'static str,
-    /// Number of times that a group of environments enters the part in a step.
+    /// Number of times per step that a group of environments in SIMD lanes enters the part.
     pub times: f64,
-    /// Time of the part in a step, us. It is the processor time of the whole step times the share of the part in the recorded times. Of
-    /// each call the round with the smallest time is recorded.
+    /// Time of the part in a step, us: the processor time of the whole step, times the share of the part in the recorded times.
+    ///
+    /// The steps are repeated in several rounds. The recorded times of each call of `step` are those of its fastest round.
     pub micros: f64,
     /// Least time of the operations of the part, us. Scalar operations, as in hulls and Newton's method, are not included.
     pub floor: f64,

@@ -6,39 +6,42 @@ use std::time::Instant;
 
 use stepper_core::internals::probe::{Counter, Probe, Span};
 
-/// Number of values in a reading of a meter.
+/// Number of values in a meter reading, such as the three numbers of sums, divisions and other operations.
 pub const READINGS: usize = 3;
 const SPANS: usize = Span::ALL.len();
 const COUNTERS: usize = Counter::ALL.len();
 
-/// Meter: a function whose readings only increase.
+/// Meter: a function that returns a reading of up to three counters, which only increase.
 ///
-/// It is called at each boundary of a span. The argument is the span that was active until then, or `None` outside all spans.
+/// The recorder calls it at each start and end of a span (an instrumented part of the step). The argument is the span that was active
+/// until then, or `None` outside all spans.
 pub type Meter = fn(Option<Span>) -> [u64; READINGS];
 
-/// Probe that writes to the recording of its thread, if there is one. Its size is zero, as the probe of a worker must be.
+/// Probe that adds the meter readings and counters of a step to the recording in progress on its thread.
+///
+/// Without a recording in progress it does nothing. It has no fields, so that passing it by value costs nothing.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Recorder;
 
 /// Recorded meter readings and counters of the parts of a step.
 #[derive(Clone, Debug)]
 pub struct Recording {
-    /// Row of each span, in the order of [`Span::ALL`].
+    /// Record of each span (instrumented part of the step), in the order of [`Span::ALL`].
     pub spans: [Row; SPANS],
-    /// Row of the work outside all spans.
+    /// Record of the work outside all spans.
     pub unaccounted: Row,
     /// Sum of each counter, in the order of [`Counter::ALL`].
     pub counters: [f64; COUNTERS],
 }
 
-/// Record of one part of the step.
+/// Record of one part of the step: a span, or the work outside all spans.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Row {
     /// Number of times that the part was entered.
     pub times: f64,
-    /// Number of spans that were entered from the part.
+    /// Number of spans that began directly inside this part.
     pub inner: f64,
-    /// Sum of the meter readings in the part, without those of the spans inside it.
+    /// Increase of the meter readings during the part, without the spans inside it.
     pub readings: [f64; READINGS],
 }
 
@@ -53,19 +56,21 @@ impl Recording {
         span.map_or(&mut self.unaccounted, |span| &mut self.spans[span as usize])
     }
 
-    /// Name and row of each part of the step. The work outside all spans comes last.
+    /// Name and record of each part of the step: all spans, and last the work outside all spans.
     pub fn rows(&self) -> impl Iterator<Item = (&'static str, Row)> {
         let spans = Span::ALL.iter().map(|span| span.name()).zip(self.spans);
         spans.chain([("unaccounted", self.unaccounted)])
     }
 
-    /// Sum of the first reading over all rows, such as the total time.
+    /// Sum over all parts of the first number of the readings. With the meter [`nanoseconds`] it is the total time, ns.
     pub fn sum(&self) -> f64 {
         self.rows().map(|(_, row)| row.readings[0]).sum()
     }
 
-    /// Mean of a counter in a step. Counters of a group are divided by the number of group steps. For other counters, the recording must be
-    /// weighted per environment step.
+    /// Mean of a counter per step.
+    ///
+    /// For a counter that the environments of a SIMD group share, it is the mean over steps of a group. Other counters are returned as they
+    /// are: the recording must already have been divided by the number of environment steps, with [`Recording::add`].
     pub fn mean(&self, counter: Counter) -> f64 {
         let steps = if counter.is_shared() { self.counters[Counter::GroupSteps as usize] } else { 1.0 };
         self.counters[counter as usize] / steps
@@ -82,8 +87,9 @@ impl Recording {
         self.counters.iter_mut().zip(other.counters).for_each(|(sum, x)| *sum += weight * x);
     }
 
-    /// Subtracts the cost of the probe from the first readings. `inside` is the cost per span in the span, and `outside` that in the part
-    /// around it.
+    /// Subtracts the cost of the probe from the first number of all readings.
+    ///
+    /// `inside` is the cost that each span adds to its own reading, and `outside` is the cost that it adds to the part around it.
     pub fn subtract_probe(&mut self, [inside, outside]: [f64; 2]) {
         for row in self.spans.iter_mut().chain([&mut self.unaccounted]) {
             row.readings[0] -= row.times * inside + row.inner * outside;
@@ -100,7 +106,7 @@ struct Tape {
 }
 
 impl Tape {
-    /// Adds the reading since the last boundary to the row of the innermost open span.
+    /// Reads the meter, and adds its increase since the last reading to the record of the innermost open span.
     fn boundary(&mut self) {
         let within = self.open.last().copied();
         let now = (self.meter)(within);
@@ -145,7 +151,7 @@ impl Probe for Recorder {
     }
 }
 
-/// Records the steps that `work` makes on this thread, with a meter.
+/// Runs `work`, and returns the recording of the steps that it makes on this thread, with readings of `meter`.
 pub fn record(meter: Meter, work: impl FnOnce()) -> Recording {
     let last = meter(None);
     TAPE.set(Some(Tape { meter, open: Vec::with_capacity(16), last, recording: Recording::default() }));
@@ -166,7 +172,7 @@ pub fn nanoseconds(_: Option<Span>) -> [u64; READINGS] {
     [START.with(Instant::elapsed).as_nanos() as u64, 0, 0]
 }
 
-/// Measured cost of the probe per span, ns: inside the span, and in the part around it.
+/// Measured cost of the probe per span, ns: the time that it adds to the span, and the time that it adds to the part around the span.
 pub fn own_cost() -> [f64; 2] {
     const TIMES: usize = 1000;
     let round = || {

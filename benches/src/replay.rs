@@ -77,7 +77,7 @@ impl Call {
         }
     }
 
-    /// Call for a batch of one environment, with the part for environment `env` of `num_envs`.
+    /// Call for a batch that has only the environment `env` of the recorded batch of `num_envs` environments.
     pub fn of_one(&self, env: usize, num_envs: usize) -> Self {
         let part = |all: &Vec<f64>| {
             let size = all.len() / num_envs;

@@ -1,7 +1,7 @@
 //! Report of ratios of speeds, measured in one run: printed as a table, and saved as a file for later comparison.
 //!
-//! Microseconds depend on the machine and its load. Ratios of runs that took turns depend on them less, and are therefore stored and
-//! compared.
+//! Times depend on the machine and its load. Ratios of runs that took turns depend less on machine and load, so the report stores and
+//! compares ratios.
 
 use std::io;
 use std::path::Path;
@@ -25,7 +25,7 @@ pub struct Report {
     pub machine: Machine,
     /// Groups with the times of whole steps, one for each scene.
     pub steps: Vec<Group>,
-    /// Groups with engines and settings, one for each scene of the comparison with rapier.
+    /// Groups of the comparison with rapier, one for each scene. Each row is an engine with a setting.
     pub peers: Vec<Group>,
 }
 
@@ -83,7 +83,7 @@ impl Report {
     /// Checks that this report is comparable with measurements on this machine.
     ///
     /// # Errors
-    /// Text of the reason if the CPU levels differ. Ratios are relative to the first row, whose speed is that of the best level.
+    /// If the CPU levels differ. The first row of a group, to which ratios are relative, runs on the best level, so ratios differ then.
     pub fn comparable(&self) -> Result<(), String> {
         let (then, now) = (&self.machine.levels, Machine::this(0).levels);
         if *then == now {

@@ -29,9 +29,10 @@ def out_of_reach() -> str:
 
 
 def gap_left(engine: Engine, dt: float) -> float:
-    """Error of scene 36 after three seconds: distance of the arm's tip from the target less the smallest possible one (m), or speed (m/s).
+    """Error of scene 36, an arm pulled to a point beyond its reach, after three seconds.
 
-    The speed counts if the kinetic energy is above 1 mJ. It is the speed of the arm's total mass with the same energy.
+    If the arm is at rest, it is the distance of its tip from the target, minus the smallest possible distance, m. If the kinetic energy is
+    above 1 mJ, it is a speed instead, m/s: that at which a point mass with the arm's mass has the same kinetic energy.
     """
     world = engine.start(out_of_reach(), dt)
     world.set(qpos=[0.6, -1.0])

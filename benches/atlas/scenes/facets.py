@@ -15,7 +15,7 @@ from atlas.world import World
 RADIUS, HALF = 0.1, 0.5
 """Radius of the ball, and half size of the square surface, m."""
 CREST, BOWL = 0.5, 0.5
-"""Half the curvatures of the ground surfaces "crest" and "bowl", 1/m."""
+"""Curvature coefficients of the ground surfaces, 1/m: "crest" is z = -CREST y^2, and "bowl" contains BOWL (x^2 + y^2)."""
 POINTS = 41
 SPEED = 0.5
 TENT, VALLEY = 0.1, 0.2
@@ -48,7 +48,7 @@ def _start(engine: Engine, dt: float, heights: Heights, at: tuple[float, float],
 
 
 def _share(world: World, velocity: tuple[float, float], seconds: float) -> float:
-    """Fraction of a ball's initial kinetic energy that is left after some time, corrected by its potential energy.
+    """Energy that a moving ball keeps, as a fraction: 1 plus the change of its total energy divided by its initial kinetic energy.
 
     Args:
         world: Environment with the ball at rest.
@@ -86,7 +86,11 @@ def tent(engine: Engine, dt: float) -> float:
 
 
 def valley(engine: Engine, dt: float) -> float:
-    """Error of scene 38 with a ball that glides over a concave edge: distance of its remaining share of energy from [cos^2(angle), 1]."""
+    """Error of scene 38 with a ball that glides over a concave edge between two planes.
+
+    The ball may keep a fraction of its kinetic energy from cos^2(a) to 1, where a is the angle between the planes. The error is the
+    distance of the simulated fraction from this range.
+    """
     world = _start(engine, dt, lambda x, _y: math.tan(VALLEY) * np.maximum(x, 0.0), (-0.2, 0.01), "hfield")
     left = _share(world, (2 * SPEED, 0.0), 0.3)
     return max(math.cos(VALLEY) ** 2 - left, left - 1.0, 0.0)
@@ -120,10 +124,10 @@ FACETS = "each of 40 edges of 0.025 rad, back and forth, takes sin^2 of its angl
 
 
 def _bowl(dt: float) -> float:
-    """Tolerance of the relative change of energy of a ball in a bowl of facets in 1 s, at a time step, s.
+    """Tolerance of the relative change of energy of a ball that rolls for 1 s in a bowl of flat facets, at the time step `dt`, s.
 
-    The ball crosses 40 edges between facets, back and forth, and each edge dissipates a share of the energy. Contacts that are found a step
-    late change the energy further.
+    The ball crosses 40 edges between facets, and each edge dissipates a fraction of the energy. The energy also changes because the
+    engine can detect a contact up to one step late.
     """
     return 3 * 40 * math.sin(0.025) ** 2 + 2 * dt
 

@@ -140,7 +140,10 @@ def chain(links: int) -> str:
 
 @cache
 def fastest(links: int) -> float:
-    """Highest natural frequency of the hanging chain, rad/s: from M q'' = -K q with K by differences of the bias force."""
+    """Highest natural frequency of the hanging chain of scene 11, rad/s, from the linearized motion M q'' = -K q.
+
+    M is the mass matrix. The stiffness matrix K comes from finite differences of the bias force by the joint angles q.
+    """
     model = mujoco.MjModel.from_xml_string(chain(links))
     d, K, small = mujoco.MjData(model), np.zeros((links, links)), 1e-6
     for i in range(links):

@@ -121,7 +121,7 @@ def isotropy(engine: Engine, dt: float) -> float:
 MU_BALL = 0.3
 RADIUS = 0.1
 SLIP = 10 * 3.5 * MU_BALL * G * COARSEST
-"""Initial speed of the ball, m/s. The ball slips for 2 v0 / (7 mu g), 10 of the coarsest steps."""
+"""Initial speed v of the ball, m/s, with which it slips for the time 2 v / (7 mu g), ten of the largest time steps."""
 
 
 def _roll(engine: Engine, dt: float) -> tuple[float, float]:

@@ -50,8 +50,8 @@ def level(kind: str):
 def downhill(kind: str, rolls: bool):
     """Function that measures scene 42 with a ball in an inclined groove: relative error of the distance travelled in a second from rest.
 
-    The contacts are at r sin(a) from the rotation axis, where a is half the opening angle of the groove. For rolling, v = w r sin(a), and
-    the acceleration is g sin(slope) / (1 + 2/5 / sin^2(a)).
+    Half the opening angle of the groove is a, and the ball's radius is r. Both contacts are at the distance r sin(a) from its rotation
+    axis. Rolling with angular velocity w gives the speed w r sin(a), and the acceleration g sin(slope) / (1 + 2/5 / sin^2(a)).
 
     Args:
         kind: Kind of groove.

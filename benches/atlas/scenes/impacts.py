@@ -17,7 +17,11 @@ BLOCK = document('<geom name="floor" type="plane" size="0 0 1"/><body name="bloc
 
 
 def recursion(h: float, v: float, steps: int) -> list[tuple[float, float]]:
-    """States (h, v) of the textbook recursion: v <- v - g dt, h <- h + v dt; if h is below the floor, h <- 0 and v <- -e v."""
+    """Heights and velocities of a bouncing block by a textbook's recursion, from the initial height h (m) and velocity v (m/s).
+
+    Each step of length dt sets v to v - g dt, and then h to h + v dt. If h is then below the floor, it sets h to 0 and v to -e v, where e
+    is the restitution.
+    """
     out = []
     for _ in range(steps):
         v -= G * STEP

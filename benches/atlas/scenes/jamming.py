@@ -49,7 +49,8 @@ def wedge_held(engine: Engine, dt: float) -> float:
 def wedge_expelled(engine: Engine, dt: float) -> float:
     """Error of scene 18, a wedge of half-angle alpha that jaws expel: relative error of its acceleration with mu = 0.9 tan(alpha).
 
-    The jaws close with v tan alpha, with v the speed of the wedge. Wedge: m a = 2 N (sin - mu cos); jaw: M a tan = F - N (cos + mu sin).
+    The wedge of mass m accelerates with a, and each jaw of mass M with a tan(alpha). A jaw is pushed by the force F, and its contact has
+    the normal force N. Then m a = 2 N (sin(alpha) - mu cos(alpha)) and M a tan(alpha) = F - N (cos(alpha) + mu sin(alpha)).
     """
     mu, s, c = 0.9 * math.tan(ALPHA), math.sin(ALPHA), math.cos(ALPHA)
     right = SQUEEZE / (JAW * math.tan(ALPHA) + WEDGE * (c + mu * s) / (2 * (s - mu * c)))
@@ -76,16 +77,19 @@ def rod(mu: float) -> str:
 
 
 def _contact() -> tuple[np.ndarray, np.ndarray]:
-    """Jacobian J (2, 3) of the tip of scene 19's rod in (x, z, rotation about y), and W = J M^-1 J^T (2, 2), in 1/kg."""
+    """Jacobian J (2, 3) of the tip's x and z by the rod's x, z and rotation about y, and W = J M^-1 J^T (2, 2), 1/kg, in scene 19.
+
+    M is the mass matrix of the rod.
+    """
     x, z = HALF * math.cos(THETA), -HALF * math.sin(THETA) - TIP
     jacobian = np.array([[1.0, 0.0, z], [0.0, 1.0, -x]])
     return jacobian, jacobian @ np.diag([1 / MASS, 1 / MASS, 1 / INERTIA]) @ jacobian.T
 
 
 def critical() -> float:
-    """Critical friction of Painleve's paradox: W_nn / |W_tn| = (1 + 3 cos^2) / (3 sin cos).
+    """Critical friction of Painleve's paradox for scene 19's rod: (1 + 3 cos^2(theta)) / (3 sin(theta) cos(theta)).
 
-    Above it, a normal force on the sliding tip accelerates the tip into the floor.
+    The angle between rod and floor is theta. Above this friction, a normal force on the sliding tip accelerates the tip into the floor.
     """
     _, w = _contact()
     return float(w[1, 1] / abs(w[0, 1]))
@@ -111,9 +115,9 @@ def _slide(engine: Engine, dt: float, mu: float) -> np.ndarray:
 
 
 def right_velocity(mu: float, dt: float) -> np.ndarray:
-    """Right velocity of scene 19's rod (x, z, rotation) after one step, by Coulomb's law.
+    """Exact velocity of scene 19's rod after one step by Coulomb's law: x and z, m/s, and rotation about y, rad/s.
 
-    The tip slides with v_n = 0 if possible, else it sticks.
+    The tip keeps sliding without normal velocity if this is possible. Otherwise it sticks.
     """
     jacobian, w = _contact()
     inverse = np.diag([1 / MASS, 1 / MASS, 1 / INERTIA])

@@ -55,7 +55,7 @@ SLIDERS = {
 
 
 def small_tiles(slider: str) -> Callable[[Engine, float], float]:
-    """Function that measures scene 44: a body that slides over ten seams of flush tiles without friction.
+    """Function that measures scene 44: a body, named in `SLIDERS`, that slides over ten seams of flush tiles without friction.
 
     It returns the share of the speed that the body loses, or its largest rise divided by 10 mm, the larger of the two.
     """

@@ -18,7 +18,10 @@ DISC = f'type="cylinder" size="{DISC_RADIUS} {DISC_HALF}" mass="{DISC_MASS}"'
 
 
 def _tilted(tilt: float) -> tuple[float, tuple[float, ...]]:
-    """Height (m) and orientation of the disc of scene 29 whose axis is tilted from the vertical about x, its lowest point on the floor."""
+    """Height of the centre (m) and quaternion (w, x, y, z) of scene 29's disc with its lowest point on the floor.
+
+    The disc's axis is tilted from the vertical about x by `tilt`, rad.
+    """
     return DISC_RADIUS * math.sin(tilt) + DISC_HALF * math.cos(tilt), (math.cos(tilt / 2), math.sin(tilt / 2), 0.0, 0.0)
 
 
@@ -36,10 +39,8 @@ def _energy_growth(world: World, seconds: float) -> float:
 def disc_energy_growth(engine: Engine, dt: float) -> float:
     """Growth of the energy of Euler's disc in three seconds, as a fraction of the initial energy.
 
-    The disc starts at a tilt of 0.5 rad from the horizontal, with the spin of steady rolling about a fixed centre.
-
-    A thin disc that rolls with its centre at rest turns about the vertical with W^2 = 4 g / (r sin tilt) (Moffatt 2000), and does not spin
-    about its axis.
+    The disc starts at a tilt of 0.5 rad from the horizontal, in steady rolling with its centre at rest. A thin disc of radius r then turns
+    about the vertical at the rate W, with W^2 = 4 g / (r sin(tilt)) (Moffatt 2000). It does not spin about its axis.
     """
     tilt = 0.5
     height, turn = _tilted(tilt)
@@ -108,14 +109,18 @@ def caster(engine: Engine, dt: float) -> float:
 BOLLARD, BEADS, ROPE_MU, TURN = 0.2, 16, 0.3, math.pi
 STEP_ANGLE = TURN / BEADS
 BEAD, BEAD_MASS, HOLD = 0.002, 0.1, 1.0
-"""Radius of a bead, m; mass of a bead, kg; holding force, N. The frequency sqrt(T2 / (m link)) = 25 rad/s suits the largest step."""
+"""Radius of a bead, m; mass of a bead, kg; holding force at the weakly pulled end of the rope, N.
+
+The tension, the mass of a bead and the length of a link give a lateral frequency of 25 rad/s, low enough for the largest time step.
+"""
 SECONDS = 0.5
 
 
 def gripping() -> float:
-    """Largest ratio of tensions T2/T1 at which the rope of scene 30 does not slip, for a light rope with BEADS corners.
+    """Largest ratio of the tensions at both ends at which the rope of scene 30 does not slip, for a light rope with `BEADS` corners.
 
-    It tends to exp(mu phi) for many corners. At each corner, (T1 + T2) sin(d/2) mu >= (T2 - T1) cos(d/2).
+    At each corner the rope turns by an angle d. The tensions T1 and T2 on both sides, with friction mu, satisfy
+    (T1 + T2) sin(d/2) mu >= (T2 - T1) cos(d/2). For many corners the ratio of the ends tends to exp(mu phi), with phi the total angle.
     """
     t = ROPE_MU * math.tan(STEP_ANGLE / 2)
     return ((1 + t) / (1 - t)) ** BEADS
@@ -165,7 +170,7 @@ def capstan_holds(engine: Engine, dt: float) -> float:
 def capstan_slips(engine: Engine, dt: float) -> float:
     """Error of scene 30, a rope around a bollard pulled with 1.05 of the force at which it slips: shortfall of its displacement, m.
 
-    The shortfall is half the displacement that the excess force causes, less the simulated one, at least 0.
+    The shortfall is half the displacement that the excess force would cause, minus the simulated displacement; 0 if negative.
     """
     surplus = 0.05 * HOLD * gripping() / ((BEADS + 2) * BEAD_MASS)
     return max(0.0, 0.5 * surplus * SECONDS**2 / 2 - _pulled(engine, dt, 1.05))

@@ -142,7 +142,7 @@ def pyramid() -> str:
 def pops(engine: Engine, dt: float) -> float:
     """Error of scene 17, overlapping boxes that separate: largest kinetic energy during the separation.
 
-    It is relative to the work of lifting the whole pyramid by one overlap.
+    It is relative to the work of lifting all ten boxes by the depth of one overlap.
     """
     world = engine.start(pyramid(), dt)
     worst = 0.0

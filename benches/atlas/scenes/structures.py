@@ -27,7 +27,7 @@ RISE = TALL * math.cos(LEAN) + THIN * math.sin(LEAN)
 REACH = TALL * math.sin(LEAN) + THIN * math.cos(LEAN)
 """Horizontal distance from the centre of a leaning card to the edge where two cards of a frame meet, m.
 
-That edge is 2 THIN sin LEAN below the highest one.
+The edge where they meet is 2 THIN sin(LEAN) below the card's highest edge.
 """
 SPACING = 0.35
 
@@ -65,9 +65,9 @@ def _catenary(s: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def arch() -> str:
-    """MJCF of an arch of blocks of equal arc length.
+    """MJCF of an arch of blocks of equal arc length, which stands on the floor.
 
-    The last ones are cut horizontally at the floor, where they need friction 0.42 < mu.
+    The first and the last block have horizontal faces on the floor. They need a friction of 0.42 there, and have 0.6.
     """
     ends = math.sinh(SPREAD)
     ground = -math.cosh(SPREAD)
@@ -103,7 +103,10 @@ DOMINO = (0.005, 0.025, 0.05)
 
 
 def dominoes(engine: Engine, dt: float) -> float:
-    """Error of the row of dominoes in scene 16: number that have not fallen past 45 degrees in order within four seconds."""
+    """Error of the row of dominoes in scene 16: number of dominoes that do not fall within four seconds, or fall before their predecessor.
+
+    A domino counts as fallen when its tilt exceeds 45 degrees.
+    """
     row = "".join(free(f"domino{k}", box(DOMINO, 0.05), (GAP * k, 0, DOMINO[2])) for k in range(DOMINOES))
     world = engine.start(document(FLOOR + row, friction=0.6), dt)
     qpos = world.qpos[0].reshape(DOMINOES, 7)

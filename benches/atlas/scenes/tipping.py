@@ -70,9 +70,9 @@ def stays(start):
 
 @cache
 def _fall(kind: str) -> float:
-    """Exact time until the box of scene 41 at 1.001 of the threshold has tilted by `TILT`, s, from I phi'' = torque about the edge.
+    """Exact time in which scene 41's box, with 1.001 of the load at which it tips, tilts by the angle `TILT`, s.
 
-    `kind` is the kind of load: pushed or leaning.
+    It comes from numerical integration of the rotation about the edge. `kind` is the kind of load: "pushed" or "leaning".
     """
     pull = ABOVE * FORCE if kind == "pushed" else MASS * G * math.sin(math.atan(ABOVE * WIDE / TALL))
     weight = MASS * G if kind == "pushed" else MASS * G * math.cos(math.atan(ABOVE * WIDE / TALL))
@@ -94,7 +94,11 @@ def _fall(kind: str) -> float:
 def tips(start, kind: str):
     """Function that measures scene 41, a box at 1.001 of the threshold at which it tips.
 
-    It returns the relative error of its tilt at the time at which this should be `TILT`.
+    It returns the relative error of the tilt at the time at which the exact tilt is `TILT`.
+
+    Args:
+        start: Function that creates the environment: `_pushed` or `_leaning`.
+        kind: Name of the load: "pushed" or "leaning".
     """
 
     def measure(engine: Engine, dt: float) -> float:
@@ -109,7 +113,10 @@ def tips(start, kind: str):
 
 
 RATE = math.sqrt(MASS * G * ARM**2 / TALL / INERTIA)
-"""Exponential growth rate of the tilt at the critical force, 1/s: I phi'' = (F wide + m g tall) phi."""
+"""Exponential growth rate of the tilt phi under the critical force F, 1/s.
+
+The tilt satisfies I phi'' = (F WIDE + m g TALL) phi, with the mass m and the moment of inertia I about the edge.
+"""
 HELD = "1e-6 rad: errors of the solver, 1e-6 m/s, cancel from step to step"
 LATE = "exp(rate h) - 1 for a step early or late, with the growth rate of the tilt, plus 1e-3 for the solver's tolerance"
 

@@ -26,7 +26,10 @@ TOP = document(f"""<body name="top"><joint type="ball"/>
 
 
 def precession() -> float:
-    """Rate W of slow steady precession of the heavy top of scene 40, rad/s: I1 cos(tilt) W^2 - I3 spin W + m g l = 0."""
+    """Rate W of slow steady precession of the heavy top of scene 40, rad/s: I1 cos(tilt) W^2 - I3 spin W + m g l = 0.
+
+    I1 and I3 are the transverse and axial moments of inertia about the fixed point, and l is the distance of the centre of mass from it.
+    """
     a, b = ABOUT_POINT[0] * math.cos(TILT), ABOUT_POINT[2] * SPIN
     return 2 * WEIGHT / (b + math.sqrt(b**2 - 4 * a * WEIGHT))
 
@@ -37,9 +40,9 @@ def _axes(world: World) -> Array:
 
 
 def steady(engine: Engine, dt: float) -> float:
-    """Error of scene 40, a heavy top: largest angle between its axis and that of steady precession in five seconds, rad.
+    """Error of scene 40, a heavy top: largest angle between its axis and the exact axis in steady precession, rad.
 
-    It is sampled a hundred times.
+    The angle is sampled a hundred times in five seconds.
     """
     rate, world = precession(), engine.start(TOP, dt)
     world.set(about_y(TILT), [-rate * math.sin(TILT), 0.0, SPIN])
@@ -71,15 +74,18 @@ def _nutation(engine: Engine, dt: float) -> tuple[float, float]:
 
 
 def energy(engine: Engine, dt: float) -> float:
-    """Error of scene 40, a nutating top: largest deviation of the energy, relative to its weight times the distance of its centre.
+    """Error of scene 40, a nutating top: largest deviation of the energy in five seconds, relative to m g l.
 
-    The distance is that from the fixed point.
+    m g is the weight of the top, and l the distance of its centre of mass from the fixed point.
     """
     return _nutation(engine, dt)[0]
 
 
 def momentum(engine: Engine, dt: float) -> float:
-    """Error of scene 40, a nutating top: largest deviation of the two constant angular momenta, relative to that about the axis."""
+    """Error of scene 40, a nutating top: largest deviation of its constant angular momenta about the vertical and about its axis.
+
+    Both are relative to the angular momentum about the axis.
+    """
     return _nutation(engine, dt)[1]
 
 

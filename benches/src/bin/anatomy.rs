@@ -76,7 +76,9 @@ fn humanoid(level: Level) {
     println!("{growth_by_threads}");
 }
 
-/// Prints a table of the step's parts for each name of a recording, and then a table with a row for each name.
+/// Measures the recorded episodes in `folders`, and prints a table of the step's parts for each episode, and a table of all episodes.
+///
+/// Recordings in f64 and f32 of one episode share a table. `json` is a file for the results.
 fn episodes(folders: &[PathBuf], json: Option<PathBuf>, level: Level) -> Result<(), String> {
     pin();
     let (mut found, mut refused): (Vec<Anatomy>, Vec<String>) = (vec![], vec![]);
@@ -118,7 +120,7 @@ fn episodes(folders: &[PathBuf], json: Option<PathBuf>, level: Level) -> Result<
     if refused.is_empty() { Ok(()) } else { Err(refused.join("\n")) }
 }
 
-/// Prints the times of a step's parts, and the counters, with a column for each recording.
+/// Prints the times of a step's parts, and the counters, with a column for each element of `columns`, one per precision.
 fn parts(columns: &[Anatomy]) {
     let line = |first: &str, cells: &dyn Fn(&Anatomy) -> String| {
         let cells: Vec<String> = columns.iter().map(cells).collect();
@@ -182,8 +184,9 @@ fn stages(scene: &Scene, level: Level) {
     counters(&columns);
 }
 
-/// Prints a table row with the times of a part in three lane types. `cells` are nanoseconds, printed as microseconds, and as per cent of
-/// `sums`.
+/// Prints a table row of a part of the step in three lane types. `times` is the text of the number of entries into the part.
+///
+/// `cells` are times per step in ns, printed in us and in per cent of `sums`, the times of all parts.
 fn print(name: &str, times: &str, cells: [f64; 3], sums: [f64; 3]) {
     let [a, b, c] = cells.map(|x| 1e-3 * x);
     let [p, q, r] = [0, 1, 2].map(|k| 100.0 * cells[k] / sums[k]);

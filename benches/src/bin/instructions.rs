@@ -209,8 +209,9 @@ fn work() {
 /// Prefix of the names under which the parts of a humanoid's step are counted.
 const PARTS: &str = "humanoid f64, ";
 
-/// Names of the counts that measure the cost of a probe: instructions inside empty spans, and in the part around them. `EMPTY_SPANS` is the
-/// number of these spans.
+/// Names of the two counts that measure the cost of a probe: instructions inside empty spans, and in the part around these spans.
+///
+/// `EMPTY_SPANS` is the number of empty spans in the measurement.
 const EMPTY: [&str; 2] = ["inside an empty span", "outside of it"];
 const EMPTY_SPANS: usize = 1000;
 
@@ -225,13 +226,15 @@ thread_local! {
     static EMPTY_NAMES: [CString; 2] = EMPTY.map(text);
 }
 
-/// Meter for a [`Recorder`] that makes callgrind write the counts since the last boundary under the name of the part `span`.
+/// Meter for a [`Recorder`]: makes callgrind write the instruction counts since the last reading under the name of the part `span`.
 fn part_ends(span: Option<Span>) -> [u64; READINGS] {
     PART_NAMES.with(|names| write_down(&names[span.map_or(Span::ALL.len(), |span| span as usize)]));
     [0; READINGS]
 }
 
-/// Meter like [`part_ends`] with the two names of [`EMPTY`].
+/// Meter for the cost of a probe: makes callgrind write the instruction counts since the last reading under a name of [`EMPTY`].
+///
+/// The name is the first one at the end of a span, and the second one outside all spans.
 fn empty_ends(span: Option<Span>) -> [u64; READINGS] {
     EMPTY_NAMES.with(|names| write_down(&names[usize::from(span.is_none())]));
     [0; READINGS]

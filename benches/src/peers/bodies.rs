@@ -28,13 +28,15 @@ const FALL: usize = 600;
 const BRICK: [f64; 3] = [0.1, 0.05, 0.03];
 /// Gap between neighbouring bricks of a course, m.
 const JOINT: f64 = 0.004;
-/// Mass of the plate in SimBenchmark's scene, kg. `BALL` is the mass of each ball, kg, `SIDE` the number of balls along each side, and
-/// `FORCE` the force on the plate, N.
+/// Mass of the plate in SimBenchmark's scene of balls on a plate, kg.
 const PLATE: f64 = 10.0;
+/// Mass of each ball on the plate, kg.
 const BALL: f64 = 1.0;
+/// Number of balls along each side of the plate.
 const SIDE: usize = 5;
+/// Force on the plate, N.
 const FORCE: f64 = 150.0;
-/// Friction coefficient between the plate and the ground. That of the balls is 0.8.
+/// Friction coefficient between the plate and the ground. Contacts of the balls have a coefficient of 0.8.
 const SLIPPERY: f64 = 0.4;
 /// Unit direction of the force on the plate, 60 degrees from x.
 const WAY: [f64; 3] = [0.5, 0.866_025_403_784_438_6, 0.0];
@@ -155,7 +157,8 @@ impl Bodies {
 
     /// Exact accelerations in the scene balls, m/s^2: plate first, then each ball.
     ///
-    /// The friction f on each ball accelerates its lowest point by f / m (1 + 5/2), and the plate by (F - mu (M + n m) g - n f) / M.
+    /// The friction f between the plate and each of n balls of mass m accelerates the ball's lowest point by f / m (1 + 5/2). The plate of
+    /// mass M, pulled with the force F, accelerates by (F - mu (M + n m) g - n f) / M. Rolling without slip makes both equal.
     pub fn rolling_accelerations() -> Vec<[f64; 3]> {
         let n = (SIDE * SIDE) as f64;
         let driving = FORCE - SLIPPERY * (PLATE + n * BALL) * GRAVITY;
@@ -196,7 +199,7 @@ impl Bodies {
     }
 }
 
-/// Poses of the bodies of the first environment, without that of the world.
+/// Poses of all bodies except the world, in the first environment.
 pub(super) fn poses(simulation: &Simulation) -> Vec<Pose> {
     let poses = simulation.body_poses_of(0, &StepInputs::default()).expect("no inputs");
     poses[1..].iter().map(|pose| (pose.pos, pose.quat)).collect()

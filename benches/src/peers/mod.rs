@@ -178,7 +178,9 @@ fn best_level() -> Level {
     *Level::available().last().expect("some level is always available")
 }
 
-/// Reference solution of a scene: final positions of the bodies, m. For the balls, it is their accelerations, m/s^2.
+/// Reference solution of a scene: right final positions of the bodies, m. Empty for [`Course::Heap`], which needs no reference.
+///
+/// For [`Course::Balls`] it has the right accelerations of plate and balls instead, m/s^2.
 pub fn answer(course: Course) -> Vec<[f64; 3]> {
     match course {
         Course::Chain(_) => {
@@ -193,7 +195,7 @@ pub fn answer(course: Course) -> Vec<[f64; 3]> {
     }
 }
 
-/// Errors of an engine in a scene, as named by [`Course::measures`]. The engine runs once, and `answer` is the reference solution.
+/// Runs the engine once in a scene, and returns its two errors, which [`Course::measures`] names. `answer` is the result of [`answer`].
 pub fn errors(course: Course, engine: &mut dyn Engine, answer: &[[f64; 3]]) -> [f64; 2] {
     engine.rewind();
     let steps = engine.steps();

@@ -192,7 +192,15 @@ def race(name: str, num_envs: int, rounds: int) -> dict[str, tuple[float, float]
 
 
 def overlap(name: str, num_envs: int, rounds: int) -> tuple[float, float, float, float]:
-    """Times per step, s: policy alone, environments alone, both in sequence, and both through `StepperPool` with two batches."""
+    """Median times per step of all environments, s: policy alone, environments alone, both in sequence, and both overlapping.
+
+    They overlap through `StepperPool` with two batches: the policy acts on one batch while the other one steps.
+
+    Args:
+        name: Id of the environment, such as "stepper/Ant-v5".
+        num_envs: Number of environments.
+        rounds: Number of rounds. Medians leave out the first two.
+    """
     envs = make_native(name, num_envs, **SETTINGS)
     pool = StepperPool(name, num_envs, num_envs // 2, seed=0, precision="f32")
     width, size = envs.single_observation_space.shape[0], envs.single_action_space.shape[0]  # type: ignore[index]

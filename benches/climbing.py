@@ -42,9 +42,9 @@ The pit's edge is at 3 m, and half a robot is 0.3 m long.
 
 
 def simulators() -> dict[str, tuple[str, dict[str, Any]]]:
-    """Simulators of the tables: namespace of the environment, and its arguments.
+    """Simulators of the tables by label: namespace of the environment's id, and arguments of the environment.
 
-    A quarter of the task's time step of 5 ms is 1.25 ms, with four times the steps per action.
+    The time step is that of the task, 5 ms, or a quarter of it, with four times the steps per action.
     """
     law = Options.from_model(Go1Rough().model())
     hard, soft = ({"options": dataclasses.replace(options, timestep=0.00125), "frame_skip": 16} for options in (Options(), law))
@@ -83,13 +83,16 @@ class Go1Climb(Go1Rough):
 
 
 def pit(height: float) -> Terrain:
-    """Terrain of one tile: a pit of 3 m with five steps of a height, m, and 0.3 m deep, on each side."""
+    """Terrain with a square pit, whose bottom is 3 m wide. On each side, five steps with treads of 0.3 m lead out.
+
+    `height` is the height of a step, m.
+    """
     stairs = PyramidStairs(step_height_range=(height, height), inverted=True)
     return Terrain(sub_terrains={"stairs": stairs}, num_rows=1, border_width=4.0)
 
 
 def table_of_climbs(policy: Any, episodes: int) -> str:
-    """Table of the fraction of episodes in which the robot leaves the pit: a row per simulator, a column per height of a step."""
+    """Markdown table of the fraction of episodes in which the robot leaves the pit, by simulator (rows) and height of a step (columns)."""
     gymnasium.register(
         "stepper/Go1Climb-v0",
         vector_entry_point="stepper.envs:StepperVectorEnv",
@@ -122,7 +125,10 @@ def table_of_climbs(policy: Any, episodes: int) -> str:
 
 
 def table_of_returns(policy: Any, episodes: int) -> str:
-    """Table of the returns in `stepper/Go1Rough-v0` from all rows of its terrain: a row per simulator."""
+    """Markdown table of the returns in `stepper/Go1Rough-v0`, with a row for each simulator.
+
+    Robots start on terrain of all difficulties, the rows of the task's terrain grid.
+    """
     mujoco_vector.register("Go1Rough-v0")
     rows = ["| simulator | mean return | 95 % confidence | velocity error, m/s | falls |", "|---" * 5 + "|"]
     for name, (space, given) in simulators().items():

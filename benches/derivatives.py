@@ -62,20 +62,23 @@ def touching(robot: str, options: Options, num_envs: int, amplitude: float = 0.3
 
 
 def matrix(lin: Linearization) -> Array:
-    """Matrices [A B] side by side, (num_envs, n, n + nu)."""
+    """Derivative matrices A (by the state) and B (by the controls) of each environment, side by side: (num_envs, n, n + nu)."""
     return np.concatenate([lin.A, lin.B], axis=2)
 
 
 def noise(sim: stepper.Stepper, lin: Linearization) -> Array:
-    """Noise of an entry of A or B, (num_envs,): solver residual and rounding of velocities, divided by the difference step."""
+    """Noise of an entry of the finite-difference matrices A and B of `linearize`, (num_envs,).
+
+    It is the sum of solver residual and rounding of the velocities, divided by the difference step, with a factor of 4.
+    """
     floor: Array = 4.0 * (lin.residual + 2.0**-52 * np.maximum(np.abs(sim.qvel).max(axis=1), 1.0)) / lin.step
     return floor
 
 
 def agreement() -> None:
-    """Print the share of entries of the derivative matrices A and B that agree for two sizes of the difference step.
+    """Print the share of entries of A and B of `linearize` that do not change if the difference step is halved.
 
-    The table also has the share of columns near a kink.
+    Entries agree within noise and 1e-6 of their column. The table also has the share of columns near a kink.
     """
     print("| robot | options | contacts | environments near a kink | columns near a kink | entries that agree | away from kinks |")
     print("|---|---|---|---|---|---|---|")
@@ -108,7 +111,7 @@ SMOOTH: dict[str, dict[str, Any]] = {
     "hard, smooth at rest, euler": {"stabilization": "baumgarte", "baumgarte": 1.0, "slop": 0.0, "integrator": "euler"},
     "mujoco": {"contact": "mujoco"},
 }
-"""Settings whose steps `smoothness` measures, by name: fields of `Options`."""
+"""Settings that the table of `smoothness` compares, by name: arguments of `Options`."""
 
 
 def implicit(num_envs: int = 24) -> None:
@@ -147,7 +150,16 @@ def implicit(num_envs: int = 24) -> None:
 
 
 def smoothness(num_envs: int = 64, points: int = 33, width: float = 1e-6) -> None:
-    """Print the roughness of a step: the deviation of q+ and v+ from a parabola on each side of a state, along random directions."""
+    """Print the roughness of a step: how far the next state deviates from a smooth function of the state.
+
+    Along a random direction, q+ and v+ (positions and velocities after a step) are computed at points on both sides of a state. The
+    roughness is their largest deviation from a parabola that is fitted to each side.
+
+    Args:
+        num_envs: Number of states.
+        points: Number of points along a direction.
+        width: Largest displacement of a point, as a factor of the direction.
+    """
     print("| robot | options | tolerance, m/s | q+: median | 90 % | v+: median | 90 % |")
     print("|---|---|---|---|---|---|---|")
     places = np.linspace(-width, width, points)
@@ -180,7 +192,7 @@ def smoothness(num_envs: int = 64, points: int = 33, width: float = 1e-6) -> Non
 
 
 def horizon(steps: int = 32) -> None:
-    """Print the agreement of rollout gradients of a hopper: backward through the steps, and by differences of whole rollouts."""
+    """Print how well gradients by backpropagation through `steps` steps agree with finite differences of whole rollouts, for a hopper."""
     print("| options | gradient by | cosine: median | worst of 8 | norm error, median | below 0.999999 | of these near a kink |")
     print("|---|---|---|---|---|---|---|")
     for law, options in SETTINGS.items():
@@ -254,7 +266,7 @@ def median_time(call: Callable[[], Any], count: int, before: Callable[[], Any] =
 
 
 def cost(num_envs: int = 32) -> None:
-    """Print the time of A and B of robots in contact, by finite differences (fd) and implicitly, compared with mjd_transitionFD."""
+    """Print the time of `linearize` for robots in contact, by finite differences (fd) and implicitly, compared with mjd_transitionFD."""
     fd = " in steps | mjd_transitionFD, us | speedup |"
     print(f"| robot | options | contacts | columns | step, us | central fd, us |{fd} one-sided fd, us |{fd}", end="")
     print(" implicit central, us | in steps | implicit one-sided, us | in steps |")

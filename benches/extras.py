@@ -15,7 +15,7 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
 
 def megabytes(requirements):
-    """Size on disk of packages with all packages that they require, MB (10^6 bytes)."""
+    """Size on disk of packages and of all their dependencies, MB (10^6 bytes). `requirements` are arguments of `pip install`."""
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "pip", "install", "--quiet", "--no-compile", "--target", folder, *requirements]
         subprocess.run(command, check=True)
@@ -23,7 +23,7 @@ def megabytes(requirements):
 
 
 def main():
-    """Print the size of each extra that is named, together with NumPy; of all without names."""
+    """Print the size on disk of each extra that the command line names, or of all extras if it names none. NumPy is included."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("extras", nargs="*", choices=[*PROJECT["optional-dependencies"], []], help="extras to measure [all]")
     names = parser.parse_args().extras or [*PROJECT["optional-dependencies"]]

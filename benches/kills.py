@@ -4,12 +4,12 @@
 
 For each study and command, the script first runs the command to its end. Then it starts the command in a new folder, kills it, and starts
 it again until a run finishes. It repeats this until the given number of kills is reached. A quarter of the kills happen at a uniformly
-random time of the run, so that they also hit imports and the writing of pages. The others happen up to 50 ms after the journal reaches a
-random number of rows.
+random time of the run, so that they also hit imports and the writing of pages. The others happen up to 50 ms after the journal (the file
+with a row for each finished episode) reaches a random number of rows.
 
-The table has the number of kills, the number of kills at which the journal had rows, and the share of rows at these kills. The last column
-compares the results: all files except the journal must be equal to the byte, and the journals must have the same rows. The exit code is 1
-if they differ.
+The table has the number of kills, and the number of kills at which the journal had rows. For these kills it has the finished share of all
+rows. The last column compares the results: all files except the journal must be equal to the byte, and the journals must have the same
+rows. The exit code is 1 if they differ.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from stepper.lab.study.journal import rows_of
 from stepper.lab.study.results import JOURNAL
 
 BY_TIME = 0.25
-"""Share of kills at a random time; the others wait for a number of rows in the journal."""
+"""Share of kills at a random time. The other kills wait until the study's journal has a random number of rows."""
 LATE, POLL = 0.05, 0.002
-"""Largest delay of a kill after the journal has the awaited rows, s, and interval between reads of the journal, s."""
+"""Largest delay of a kill after the study's journal has reached the chosen number of rows, s; interval between reads of the journal, s."""
 COMMAND = "import sys; from stepper.cli import main; sys.argv[0] = 'stepper'; main()"
 
 
@@ -41,9 +41,9 @@ class Count:
     """Results of killing one command repeatedly.
 
     Attributes:
-        rows: Number of rows in the journal at each kill.
-        rounds: Number of runs that finished after kills.
-        wrong: Differences from the uninterrupted run.
+        rows: Number of rows in the study's journal at each kill.
+        rounds: Number of runs that finished, usually after kills and resumptions.
+        wrong: Descriptions of the differences of these runs from the uninterrupted run.
     """
 
     rows: list[int] = field(default_factory=list)
@@ -65,7 +65,7 @@ def start(command: str, study: Path, out: Path, more: list[str]) -> subprocess.P
 
 
 def keys_of(out: Path) -> list[str]:
-    """Keys of the journal rows of the study in a folder."""
+    """Keys of all rows in the journals of the studies in an output folder."""
     return [row["key"] for path in out.glob(f"*/{JOURNAL}") for row in rows_of(path)]
 
 
@@ -95,7 +95,7 @@ def kill(command: str, study: Path, folder: Path, *, kills: int, more: list[str]
         draw: Random number generator.
 
     Returns:
-        Results, number of rows of the study, and duration of an uninterrupted run, s.
+        Results, number of journal rows of an uninterrupted run, and duration of that run, s.
     """
     whole, cut = folder / f"{study.stem} {command} whole", folder / f"{study.stem} {command} cut"
     for out in (whole, cut):

@@ -34,7 +34,7 @@ _READ = {
 }
 """MuJoCo's name of each attribute of `Stepper` that `MujocoSim` reads from a batch of MuJoCo."""
 _DERIVED = {"body_mass", "body_inertia", "body_ipos", "dof_armature"}
-"""Parameters from which MuJoCo derives constants, so that a change recomputes these."""
+"""Names of model fields from which MuJoCo derives constants. After a change of such a field, `randomize` recomputes the constants."""
 
 
 def reads_contact_forces(task: Task) -> bool:
@@ -148,13 +148,15 @@ class MujocoSim(MujocoFields):
         act: Array | None = None,
         keep_warmstart: bool = False,
     ) -> None:
-        """Set states of the environments `envs` (None is all) to rows of arrays, for all environments or for these.
+        """Set states of some or all environments.
+
+        Each array has one row per environment of the batch, one row per environment in `envs`, or is a single row for all of these.
 
         Args:
-            qpos: Positions, (num_envs, nq), m and rad; None keeps them.
-            qvel: Velocities, (num_envs, nv), m/s and rad/s; None keeps them.
-            envs: Boolean mask (num_envs,), or indices.
-            act: Activations, (num_envs, na); None keeps them.
+            qpos: Positions, (n, nq) or (nq,), m and rad; None keeps them.
+            qvel: Velocities, (n, nv) or (nv,), m/s and rad/s; None keeps them.
+            envs: Boolean mask (num_envs,), or indices. None is all environments.
+            act: Activations, (n, na) or (na,); None keeps them.
             keep_warmstart: Whether to leave MuJoCo's derived quantities as they are, without evaluating the forward dynamics.
         """
         ids = self._indices(envs)

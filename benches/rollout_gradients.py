@@ -32,25 +32,28 @@ WIDTHS = (1e-4, 1e-5, 1e-6)
 SAME = 0.01
 """Relative difference within which two derivatives agree.
 
-The curvature of a stiff contact (1e4 / s^2) changes a slope by as much over the widest difference. Gradient methods are insensitive to it:
-Adam divides by the size of the gradient.
+Over the largest width of the differences, the curvature of a stiff contact (1e4 / s^2) changes a derivative by 1 %. Gradient methods are
+insensitive to such errors: Adam divides by the size of the gradient.
 """
 
 FLOOR = 1e-3
-"""Absolute tolerance within which two derivatives agree, relative to the largest derivative of the same scene and kind, or to 1.
+"""Tolerance within which two derivatives agree, even if their relative difference is larger.
 
-An error of this size rotates the gradient by a thousandth of a radian.
+It is relative to the largest derivative of the same scene by the same kind of coordinate, or to 1 if that is larger. An error of this size
+rotates the gradient by a thousandth of a radian.
 """
 
 NOISE = 1e-5
-"""Noise of the difference with the smallest width, relative to the largest derivative of the same scene and kind, or to 1.
+"""Noise of a finite difference with the smallest of the `WIDTHS`, with a solver tolerance of 1e-13 m/s.
 
-The rollouts are solved to 1e-13 m/s.
+It is relative to the largest derivative of the same scene by the same kind of coordinate, or to 1 if that is larger.
 """
 
 LAWS = {"hard": Options(tolerance=1e-13), "mujoco": Options(contact="mujoco", tolerance=1e-13)}
-"""Options by contact law: the defaults with the solver tolerance of `linearize`, so that gradients and differences belong to one
-function."""
+"""Options by contact law: the defaults, with the solver tolerance that `linearize` uses.
+
+Gradients and finite differences then come from the same function.
+"""
 
 AXES = {"x": "1 0 0", "y": "0 1 0", "z": "0 0 1"}
 
@@ -148,14 +151,20 @@ class Judged:
     worst: list[str]
 
     def row(self, kind: str) -> list[int]:
-        """Numbers of derivatives of a kind: all, those with a reliable difference, those that agree, those of the wrong sign."""
+        """Numbers of derivatives of a kind ("no kink" or "near a kink").
+
+        They count all derivatives, those with a reliable finite difference, those that agree with it, and those of the wrong sign.
+        """
         own = {verdict: count for (k, verdict), count in self.counts.items() if k == kind}
         judged = sum(own.get(v, 0) for v in ("agrees", "differs", "wrong sign"))
         return [sum(own.values()), judged, own.get("agrees", 0), own.get("wrong sign", 0)]
 
 
 def directions(scene: Scene, rng: np.random.Generator, count: int) -> Iterator[tuple[str, Array, Array]]:
-    """Yield random coordinates to differentiate by: kind, and unit displacements of the first state (2 nv,) and of the controls."""
+    """Yield random coordinates by which a rollout is differentiated, `count` of each kind: "qpos", "qvel" and "ctrl".
+
+    Each is a tuple of the kind and unit displacements of the first state, (2 nv,), and of the controls, (T, nu).
+    """
     nv, (T, _, nu) = scene.sim.model.nv, scene.ctrl.shape
     for _ in range(count):
         for kind, first in (("qpos", 0), ("qvel", nv)):
@@ -174,7 +183,7 @@ def judge(scene: Scene, seed: int, into: Judged, count: int = 4) -> None:
     Args:
         scene: Initial state and controls.
         seed: Seed of the function and of the coordinates.
-        into: Counts of verdicts, which are increased.
+        into: Counts of verdicts, to which the verdicts of this scene are added.
         count: Number of coordinates of each kind.
     """
     sim, model, rng = scene.sim, scene.sim.model, np.random.default_rng(seed)
@@ -205,13 +214,17 @@ def judge(scene: Scene, seed: int, into: Judged, count: int = 4) -> None:
 
 
 def verdict_of(ours: float, central: Array, sides: Array, scale: float) -> str:
-    """Verdict on a derivative, by differences of whole rollouts.
+    """Verdict on a derivative by comparison with finite differences of whole rollouts, with the half widths `WIDTHS`.
 
     Args:
         ours: The derivative.
-        central: Central differences of all widths, (3,).
-        sides: One-sided differences of all widths, (2, 3).
-        scale: Largest derivative of the same scene and kind.
+        central: Central differences, one for each width, (3,).
+        sides: One-sided differences to both sides, for each width, (2, 3).
+        scale: Largest derivative of the same scene by the same kind of coordinate, at least 1.
+
+    Returns:
+        "agrees", "differs" or "wrong sign". Without a reliable difference: "corner" if both sides differ, or "differences differ" if the
+        widths do.
     """
     size, noise, floor = max(np.abs(central).max(), np.abs(sides).max()), NOISE * scale, FLOOR * scale
     if np.ptp(central) > SAME * size + noise:

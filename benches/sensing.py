@@ -57,7 +57,7 @@ def with_joints() -> Model:
 
 
 def measure(model: Model, plan: Plan, precision: Precision) -> dict[str, list[float]]:
-    """Microseconds per environment step in each turn, by name of the sensor errors."""
+    """Times per environment step, us, a list over turns for each kind of sensor errors in `TRANSFERS`, by name."""
     sims = {
         name: Stepper(model, plan.num_envs, sensors=equipped(model, transfer), precision=precision) for name, transfer in TRANSFERS.items()
     }

@@ -58,23 +58,25 @@ class Report:
 
     @classmethod
     def of_docs(cls) -> Report:
-        """Output files in the documentation."""
+        """Report whose files are those of the documentation, so that it changes them."""
         return cls(DOCS / "benchmarks/training.md", DOCS / "benchmarks/learning_curves.csv", DOCS / "images")
 
     @classmethod
     def copied(cls) -> Report:
-        """Files in out/training that the report is written to: copies of those in the documentation, which do not change."""
+        """Report whose files are copies of the documentation's files in out/training, so that the documentation does not change."""
         docs = cls.of_docs()
         OUT.mkdir(parents=True, exist_ok=True)
         return cls(Path(shutil.copy(docs.page, OUT)), Path(shutil.copy(docs.curves, OUT)), OUT)
 
 
 def collect(runs: Path, curves: Path) -> list[dict[str, str]]:
-    """Rows of the learning curves from a file; training runs in a folder replace runs of the same name.
+    """Rows of the learning curves of all runs: those of new training runs, and those in a file of earlier runs.
+
+    A new run replaces an earlier run of the same name.
 
     Args:
-        runs: Folder of the training runs.
-        curves: File learning_curves.csv.
+        runs: Folder of the new training runs.
+        curves: File learning_curves.csv with the earlier runs.
     """
     rows: list[dict[str, str]] = []
     if curves.exists():
@@ -239,7 +241,7 @@ TRANSFERS: dict[str, tuple[str, dict[str, Any]]] = {
     "stepper, hard contact": ("stepper/{}", {"contact": "hard"}),
     "MuJoCo": ("{}", {}),
 }
-"""Environments in which policies of another environment are evaluated, by label: pattern of the environment's id, and arguments."""
+"""Environments between which policies are transferred, by label: pattern of the environment's id, where {} is the task, and arguments."""
 
 
 def table_of_transfers(page: Path, episodes: int, only: str) -> str:
@@ -280,7 +282,7 @@ RACERS: dict[str, tuple[str, dict[str, Any]]] = {
     "EnvPool": ("envpool/{}", {}),
     "Gymnasium's own": ("{}", {}),
 }
-"""Environments whose training times are compared, by label: pattern of the environment's id, and arguments.
+"""Environments whose training times are compared, by label: pattern of the environment's id, where {} is the task, and arguments.
 
 All have MuJoCo's contact law.
 """
@@ -298,7 +300,7 @@ def race(task: str, steps: int, runs: Path, report: Report) -> str:
         task: Gymnasium's name of the task.
         steps: Environment steps of each run.
         runs: Folder of the runs.
-        report: Output files; the page has the head of the table.
+        report: Output files. The head of the table is copied from the page.
 
     Returns:
         Table with a row for each engine.
@@ -338,7 +340,7 @@ ENGINES: dict[str, tuple[str, dict[str, Any]]] = {
     "stepper, MuJoCo's law": ("stepper/{}", {"contact": "mujoco"}),
     "mujoco.batch": ("mujoco_batch/{}", {}),
 }
-"""Environments of the command `engines`, by label: pattern of the environment's id, and arguments."""
+"""Environments of the command `engines`, by label: pattern of the environment's id, where {} is the task, and arguments."""
 
 
 def engines(task: str, runs: Path, episodes: int, steps: int | None = None) -> str:

@@ -36,7 +36,7 @@ class Robot:
         noise: Standard deviation of the sampled controls about the plan, as a share of half the control range.
         temperature: Temperature of the weights exp(return / temperature), as a share of the standard deviation of the returns.
         reward: Function from qpos and qvel, (T, num_envs, ...), to rewards (T, num_envs).
-        start: Initial values of coordinates of qpos that differ from the reference configuration, by index.
+        start: Initial values of some coordinates of qpos by index. The other coordinates start at the reference configuration.
     """
 
     task: str

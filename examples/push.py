@@ -45,7 +45,10 @@ LAWS = {
     "mujoco": stepper.Options(contact="mujoco"),
     "hard": stepper.Options(integrator="euler", stabilization="baumgarte", baumgarte=1.0, slop=0.0),
 }
-"""Options by name of the contact law. Those of hard contact avoid the kink of a box at rest (docs/how-to/derivatives.md)."""
+"""Options by name of the contact law.
+
+The options of hard contact make a step differentiable at the state of a box at rest (docs/how-to/derivatives.md).
+"""
 HOLD = 5
 """Simulation steps per control."""
 LENGTHS = 0.5 ** np.arange(10)
@@ -110,14 +113,15 @@ class Plan:
 def tried(sim: stepper.Stepper, goal: Goal, plan: Plan | Array, changes: Array, gains: Array) -> Plan:
     """Best plan of a line search, whose step lengths are simulated as one batch.
 
-    A plan has the previous controls plus scaled changes, and feedback on the deviation from the previous states.
+    Each candidate adds to the forces of the previous plan the changes, multiplied by a step length. It also adds feedback on the deviation
+    from the states of the previous plan.
 
     Args:
         sim: Stepper with one environment per step length.
         goal: Goal with the cost.
         plan: Previous plan, or initial forces (T, 2), N.
         changes: Changes of the forces, (T, 2), N.
-        gains: Feedback gains, (T, 2, n).
+        gains: Feedback gains, (T, 2, 2 nv), for deviations of the positions and velocities.
     """
     model, count = sim.model, len(sim.qpos)
     sim.reset()
@@ -138,16 +142,16 @@ def tried(sim: stepper.Stepper, goal: Goal, plan: Plan | Array, changes: Array, 
 
 
 def improve(moments: stepper.Stepper, goal: Goal, plan: Plan, regularization: float) -> tuple[Array, Array, float]:
-    """Improvement of a plan by one iteration of the linear-quadratic regulator, from linearizations of all its steps.
+    """Changes and feedback that improve a plan, by one iteration of the iterative linear-quadratic regulator.
 
     Args:
         moments: Stepper with one environment per step of the plan.
         goal: Goal with the cost.
         plan: The plan.
-        regularization: Number that is added to the diagonal of the Hessian by the forces.
+        regularization: Number that is added to the diagonal of the cost's second derivatives by the forces.
 
     Returns:
-        Changes of the forces (T, 2), feedback gains (T, 2, n), and the fraction of steps near a kink.
+        Changes of the forces, (T, 2), feedback gains, (T, 2, 2 nv), and the fraction of steps whose derivatives are near a kink.
     """
     T = len(plan.ctrl)
     moments.set_state(plan.qpos[:-1], plan.qvel[:-1])

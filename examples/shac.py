@@ -241,10 +241,13 @@ class Learner:
         return float(1.0 / np.sqrt(self.returned.var[0] + 1e-8))
 
     def objective(self, made: Horizon) -> tuple[Tensor, float, float]:
-        """Loss of the policy on collected samples, with the fraction of steps near a kink and of environments left out.
+        """Loss of the policy on collected samples, as a differentiable function of the policy's weights.
 
-        The loss is a differentiable function of the policy's weights. Its states follow the linearization x' = x'_0 + A (x - x_0) + B (u -
-        u_0) about the collected states and actions, so that its value is that of the samples and its gradient has A and B.
+        States follow the linearized steps x' = x'_0 + A (x - x_0) + B (u - u_0). Here x_0, u_0 and x'_0 are the collected states, actions
+        and next states, and A and B the matrices of `linearize`. The loss has the value of the samples, and its gradient includes A and B.
+
+        Returns:
+            Loss, fraction of the steps near a kink, and fraction of the environments that are left out for lack of a derivative.
         """
         states, actions, noise = made.states, made.actions, made.noise
         T, n, size = len(actions), actions.shape[1], states.shape[2]

@@ -21,7 +21,7 @@ from atlas.run import Row, sweep
 from atlas.world import World
 
 PAGES = Path("docs/benchmarks")
-"""Folder of the page atlas.md with its picture and its rows."""
+"""Folder with the page atlas.md, its figure atlas.png, and its rows in atlas.csv."""
 
 
 def main() -> None:

@@ -1,8 +1,9 @@
 """Step time and error of robots whose servos are at the bounds of their force.
 
-The build is that of the package in the path. The Go1 and the G1 are those of `many_contacts`, with a share of their efforts; their files
-are downloaded to `--cache`. The arms have seven joints and a share of a Panda's efforts. Targets are random and change every 40 ms. Errors
-are those of the configuration after 0.2 s, against the same motion at 31 us, in rad and m.
+The script measures the build of stepper that Python imports. The robots are the Go1 and the G1 of `many_contacts`, whose files are
+downloaded to `--cache`, and arms of seven joints with the torque limits of a Panda. A factor multiplies all torque limits. Servo targets
+are random and change every 40 ms. The error is that of the configuration after 0.2 s, in rad and m, compared with a simulation at a time
+step of 31 us.
 
     PYTHONPATH=old/python:benches python benches/comparison/servos.py
     PYTHONPATH=new/python:benches python benches/comparison/servos.py
@@ -27,8 +28,8 @@ from stepper import Options, Stepper, load
 NUM_ENVS, COMPARED, STEPS, TURNS, CHANGE, END = 128, 32, 200, 5, 0.04, 0.2
 """Settings of the measurement.
 
-They are the number of environments, number of environments of the errors, steps per turn, turns, time between two targets (s) and time of
-the errors (s).
+Numbers of environments with measured time and with measured errors; number of steps per turn, and of turns. Then the time between two servo
+targets, and the time at which errors are measured, s.
 """
 EFFORTS = (87, 87, 87, 87, 12, 12, 12)
 """Torque limits of a Panda, N m."""
@@ -70,7 +71,7 @@ def run(sim: Stepper, script: tuple[Any, Any], steps: int) -> tuple[Any, float]:
 
     Args:
         sim: The batch.
-        script: Initial positions, and servo targets that change every `CHANGE` s.
+        script: Initial positions, and a sequence of servo targets, each for `CHANGE` s.
         steps: Number of steps.
 
     Returns:

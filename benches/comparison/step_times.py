@@ -1,4 +1,6 @@
-"""Worker of versions.py: measures the step time of the build of stepper in its path. It uses only features of the first version.
+"""Worker process of versions.py: measures step times of the build of stepper that it imports.
+
+It runs with old builds too, as it uses only features that the first version had.
 
 Usage:
 
@@ -22,7 +24,11 @@ WARM_UP, STEPS = 50, 150
 
 
 def main(integrator: str, precision: Any, num_envs: int) -> None:
-    """Serve requests: each line of standard input is a file and a seed; the answer is the time per environment step, us."""
+    """Answer requests until standard input ends.
+
+    A request is a line with the path of a model file and a seed, as a JSON list. The answer is a line with the time per environment step
+    in us.
+    """
     warnings.simplefilter("ignore")
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})

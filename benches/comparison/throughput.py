@@ -87,7 +87,11 @@ def batches(case: Case, plan: Plan, threads: int) -> list[EngineBatch]:
 
 
 def alone(case: Case, plan: Plan) -> dict[str, list[float]]:
-    """Step times of single environments, with one step per call from Python, us: a list over chunks of steps by engine."""
+    """Step times of single environments that are stepped by one call from Python per step, us.
+
+    Returns:
+        Times by name of the engine and its setting: a list with a time for each chunk of `plan.chunk` steps.
+    """
     mujoco = require("mujoco", "to run MuJoCo beside stepper")
 
     def ours(options: Options | None = None) -> Callable[[Array], None]:

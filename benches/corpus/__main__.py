@@ -19,7 +19,7 @@ from corpus.row import MEASURED, Row, read_csv, write_csv
 from corpus.sweep import Sweep
 
 PAGES = Path("docs/benchmarks")
-"""Folder of the page corpus.md with its rows."""
+"""Folder with the page corpus.md, and with its rows in corpus.csv."""
 
 
 def main() -> None:

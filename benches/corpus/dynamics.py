@@ -35,7 +35,7 @@ def kept_activations(m: Any, model: stepper.Model) -> NDArray[np.intp]:
 
 
 def _indices(pieces: Any) -> NDArray[np.intp]:
-    """Indices of all entries of some pieces, each given as (start, count)."""
+    """Indices of all entries of some index ranges, each given as a pair (start, count)."""
     return np.array([i for start, count in pieces for i in range(start, start + count)], np.intp)
 
 
@@ -49,9 +49,9 @@ def control_bounds(m: Any) -> tuple[Array, Array]:
 def agreement(m: Any, model: stepper.Model, rng: np.random.Generator) -> tuple[float, float, float]:
     """Relative errors of mass matrix, bias force and acceleration without constraints: the largest over `STATES` states.
 
-    The error of an entry (i, j) of the mass matrix M is relative to sqrt(M_ii M_jj). Forces have the norm |c|^2 = c . M^-1 c and
-    accelerations |a|^2 = a . M a, so that slides and hinges are comparable. Norms below that of the velocity divided by 1 s count as that,
-    because the bias force of a door, for example, is rounding alone.
+    The error of an entry (i, j) of the mass matrix M is relative to sqrt(M_ii M_jj). Forces c have the norm |c|^2 = c . M^-1 c and
+    accelerations a have |a|^2 = a . M a, so that slides and hinges are comparable. Errors are relative to the norm of MuJoCo's value. It
+    counts as at least the norm of the acceleration qvel / 1 s, because some bias forces are rounding alone.
     """
     sim, data = stepper.Stepper(model), mujoco.MjData(m)
     controls, activations = kept_controls(m, model), kept_activations(m, model)

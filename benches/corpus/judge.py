@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from corpus.row import MEASURED, Episode, Motion, Row
 
 UNSOLVED = 1e-3
-"""Largest allowed share of steps with the flag NOT_CONVERGED, over both episodes."""
+"""Largest allowed share of steps with the flag NOT_CONVERGED, over both episodes of a model ("random" and "rest") together."""
 ENERGY = 10.0
-"""Largest allowed ratio of mean kinetic energies between the engines."""
+"""Largest allowed ratio of the larger to the smaller of the mean kinetic energies in stepper and in MuJoCo."""
 ENERGY_FLOOR = 1e-3
-"""Smallest kinetic energy in the comparison of the engines, J. Smaller energies count as this."""
+"""Smallest mean kinetic energy in the comparison of the engines, J. Smaller energies are replaced by this value."""
 HINGE_EXCESS = 0.05
 """Largest allowed increase of a hinge's limit violation since the reference pose, rad."""
 SLIDE_EXCESS = 0.01
@@ -59,28 +59,28 @@ def faults(row: Row) -> list[Fault]:
 
 
 def their_faults(row: Row) -> list[Fault]:
-    """Warnings of MuJoCo in the episodes of a model, as violated criteria."""
+    """Violated criteria of a model in MuJoCo: one for each episode in which MuJoCo gave warnings."""
     return [Fault(f"MuJoCo warns, {name}", episode.warnings) for name, episode in episodes(row) if episode.warnings]
 
 
 def not_converged(row: Row) -> float:
-    """Share of steps with the flag NOT_CONVERGED, over both episodes."""
+    """Share of stepper's steps with the flag NOT_CONVERGED, over both episodes of a model ("random" and "rest") together."""
     steps = sum(episode.steps for _, episode in episodes(row))
     return sum(episode.not_converged * episode.steps for _, episode in episodes(row)) / max(steps, 1)
 
 
 def infeasible(row: Row) -> float:
-    """Share of steps with the flag INFEASIBLE, in the worse of the two episodes."""
+    """Share of stepper's steps with the flag INFEASIBLE, in that episode of a model ("random" or "rest") where it is larger."""
     return max(episode.infeasible for _, episode in episodes(row))
 
 
 def tunnelled(row: Row) -> float:
-    """Share of steps with the flag TUNNELLED, in the worse of the two episodes."""
+    """Share of stepper's steps with the flag TUNNELLED, in that episode of a model ("random" or "rest") where it is larger."""
     return max(episode.tunnelled for _, episode in episodes(row))
 
 
 def episodes(row: Row) -> list[tuple[str, Episode]]:
-    """Episodes of a row, with their names."""
+    """Names and measurements of both episodes of a model: "random" controls, and "rest" with zero controls."""
     return [("random", row.random), ("rest", row.rest)]
 
 

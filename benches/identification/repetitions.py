@@ -20,16 +20,16 @@ Answer: TypeAlias = "tuple[np.ndarray[Any, Any], np.ndarray[Any, Any], np.ndarra
 Peer: TypeAlias = "Callable[[Scene, tuple[float, float], Readings], Answer]"
 
 VERSION = 1
-"""Version of scenes, noise and starts. Stored answers of another version are not reused."""
+"""Version of scenes, noise and initial values. Stored results of another version are not reused."""
 
 
 @dataclass
 class Tally:
-    """Results of the repetitions of an identification from one start.
+    """Results of repeating an identification with different noise, with the same initial values of the search.
 
     Attributes:
         truth: True values.
-        answers: Answers of the repetitions.
+        answers: Estimated values with their intervals, one entry for each repetition.
         seconds: Processor time of each repetition, s.
     """
 

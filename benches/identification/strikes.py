@@ -14,9 +14,12 @@ from identification.scenes import HARD, by_sensor, springy_finger
 
 PERIOD = 0.02
 START_STD = (1e-4, 1e-3)
-"""Standard deviations of the true initial state, m (rad) and m/s (rad/s). The tracker gets them as `start_std`."""
+"""Standard deviations of the true initial positions, m or rad, and velocities, m/s or rad/s. The tracker gets them as `start_std`."""
 GUESS = 0.4
-"""Standard deviation of the logarithm of random initial values; the fixed ones deviate as much."""
+"""Standard deviation of the logarithms of the tracker's random initial values from the true values.
+
+The fixed initial values of the scenes deviate by a similar amount.
+"""
 
 STRUCK = springy_finger("struck box", stiffness=3000, damping=5, mass="{0}", friction="{1}")
 
@@ -250,7 +253,7 @@ HEAD = "scene | after | last event | parameter | error | interval | determined |
 def table(count: int) -> str:
     """Markdown table of `count` runs of each scene.
 
-    Errors, widths and coverage are those of the runs in which the tracker marks the value as determined.
+    Errors, interval widths and coverage are over the runs in which the tracker marks the parameter as determined.
     """
     return _table(count, follow)
 

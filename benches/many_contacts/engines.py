@@ -19,9 +19,9 @@ class Effort:
     """Work of the solver in a phase of an episode.
 
     Attributes:
-        certificate: Status flags and residuals of the steps.
-        sweeps: Sum of sweeps over environment steps.
-        newton_steps: Sum of Newton steps over environment steps.
+        certificate: Numbers of steps by status flag, and residuals.
+        sweeps: Number of Gauss-Seidel iterations (sweeps) of the solver, summed over environment steps.
+        newton_steps: Number of the solver's Newton steps, summed over environment steps.
     """
 
     certificate: Certificate = field(default_factory=Certificate)

@@ -64,7 +64,7 @@ class Anatomy:
     Attributes:
         micros: Time of an environment step, us.
         floor: Floor of this time (least time of its arithmetic), us.
-        parts: Time and floor of each part of the step, us.
+        parts: Time and floor by name of the part of the step, us.
     """
 
     micros: float
@@ -73,18 +73,18 @@ class Anatomy:
 
     @property
     def excess(self) -> dict[str, float]:
-        """Time of each part above its floor, as a share of the step's time."""
+        """Difference between time and floor (least time of the arithmetic) of each part, as a share of the step's time."""
         whole = sum(micros for micros, _ in self.parts.values())
         return {name: (micros - floor) / whole for name, (micros, floor) in self.parts.items()}
 
     @property
     def farthest(self) -> tuple[str, float]:
-        """Part with the largest excess above its floor, and this excess as a share of the step's time."""
+        """Name of the part with the largest difference between time and floor, and this difference as a share of the step's time."""
         return max(self.excess.items(), key=lambda part: part[1])
 
 
 Floors: TypeAlias = Mapping[tuple[str, int, str], Anatomy]
-"""Times of the parts of a step, by name of the episode, number of environments and precision."""
+"""Measured times and floors of the parts of a step, by name of the episode, number of environments and precision."""
 
 
 def floors(path: Path) -> Floors:

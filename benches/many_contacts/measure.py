@@ -44,9 +44,9 @@ class Plan:
 
     Attributes:
         num_envs: Number of environments in stepper.
-        peers: Largest number of environments in MuJoCo, whose time per environment does not depend on it.
+        peers: Largest number of environments in MuJoCo. MuJoCo's time per environment step does not depend on their number.
         precisions: Precisions of stepper, "f64" and "f32".
-        settings: Names in `SETTINGS`.
+        settings: Settings of stepper, a subset of `SETTINGS`.
         rounds: Number of repetitions from the same states, for the median time of each chunk.
         patience: Time after which no new round starts, s. The first round is always run.
         seed: Seed of all random numbers.
@@ -186,9 +186,9 @@ def save_episodes(scene: Scene, path: Path, plan: Plan, folder: Path) -> None:
 
 
 def _warmed_up(scene: Scene, script: Script, model: Model, path: Path) -> Script:
-    """Copy of a script whose initial states have settled for `scene.lead` steps, made by stepper in f64 for all engines.
+    """Copy of a script whose initial states are those after the first `scene.lead` steps, in which objects fall and settle.
 
-    A file next to the model's file `path` caches these states.
+    stepper makes these steps in f64, for all engines. A file next to the model's file `path` caches the states.
     """
     if not scene.lead:
         return script
@@ -206,7 +206,7 @@ def _warmed_up(scene: Scene, script: Script, model: Model, path: Path) -> Script
 
 
 def _figures(track: Track) -> dict[str, Any]:
-    """Numbers for the table from the measurements of a batch in a phase."""
+    """Measured numbers of one batch in one phase, by name: time, contacts, penetration and slip."""
     return {
         "microseconds": track.microseconds,
         "contacts": float(np.mean([s.contacts for s in track.samples])),

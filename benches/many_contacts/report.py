@@ -176,12 +176,12 @@ def speed(rows: Sequence[Row], floors: Floors, factor: float = 1.0) -> str:
 
 
 def _targets(defaults: Sequence[str]) -> list[float]:
-    """Target of the mean speedup for each column of the table, by the column's precision."""
+    """Targets of the mean speedup. `defaults` are table columns, such as "f64 default"; each gets the target of its precision."""
     return [dict(zip(("f64", "f32"), MEAN, strict=True))[name.split()[0]] for name in defaults]
 
 
 def _reached(ratio: float, target: float) -> str:
-    """Text of a speedup with its target."""
+    """Table cell of a speedup `ratio`, in bold type, with its target in parentheses."""
     return f"**{ratio:.2g}** ({target:.2g})"
 
 
@@ -242,7 +242,10 @@ class Report:
         return "\n\n".join(parts)
 
     def targets(self) -> str:
-        """Table of targets and results, for the number of environments with most measured scenes."""
+        """Table of targets and results.
+
+        If the rows have several numbers of environments, the table is for the one with which most scenes were measured.
+        """
         numbers = Counter(row["num_envs"] for row in self.rows)
         num_envs = max(sorted(numbers), key=lambda n: numbers[n])
         some = [row for row in self.rows if row["num_envs"] == num_envs]

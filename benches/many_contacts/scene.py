@@ -28,7 +28,7 @@ class Phase:
         name: Name of the phase.
         steps: Length in steps.
         timed: Whether the phase is measured as a row of the table.
-        held: Names of a held body and of its holder ("world" for the floor). Their relative displacement is the slip.
+        held: Names of a held body and of the body that holds it ("world" for the floor). Their relative displacement is the slip.
     """
 
     name: str
@@ -45,10 +45,10 @@ class Script:
         qpos: Initial configurations, (num_envs, nq).
         control: Controls, (blocks, num_envs, nu). The last block lasts until the end.
         hold: Number of steps per block.
-        qvel: Initial velocities, (num_envs, nv). None is at rest.
-        push: Constant force (N) and torque (N m) on each body in world axes, (nbody, 6). None is none.
-        mocap: Poses of the mocap bodies, (blocks, num_envs, nmocap, 7). None keeps those of the model.
-        ended: Function from configurations (num_envs, nq) to a mask (num_envs,) of the environments to reset. None resets none.
+        qvel: Initial velocities, (num_envs, nv). With None all environments start at rest.
+        push: Constant force (N) and torque (N m) on each body in world axes, (nbody, 6). With None there are no such forces.
+        mocap: Poses of the mocap bodies, (blocks, num_envs, nmocap, 7). With None they keep the poses of the model.
+        ended: Function from configurations (num_envs, nq) to a mask (num_envs,) of environments to reset. With None nothing is reset.
         reset_qpos: Configurations after a reset, (draws, num_envs, nq). The k-th reset of an environment uses draw k modulo `draws`.
     """
 
@@ -72,8 +72,9 @@ class Scene:
         spec: Function that builds the model.
         script: Function from the compiled model, the number of environments and a generator to the script.
         phases: Phases of an episode, in order.
-        lead: Number of steps with the first controls before the episode begins. stepper makes them once for all engines.
-        group: Group of the scene. A group has the weight of one scene in the mean. "" is a group for this scene alone.
+        lead: Number of steps before the episode begins, with the first controls of the script. Their final states are the episode's initial
+            states in all engines.
+        group: Name of a group of similar scenes, which count as one scene in mean speedups. Empty if the scene counts alone.
         target: Target speedups in f64 and f32.
     """
 

@@ -1,4 +1,7 @@
-"""Speedups over MuJoCo: targets, measured values, and values at the floor of a step (the least time of its arithmetic)."""
+"""Speedups over MuJoCo: targets, measured values, and the values that stepper would reach at the floor of a step.
+
+The floor is the least time of the arithmetic of a step.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,10 @@ AVX512 = 4 / 3
 
 
 def scale(came_from: Mapping[str, Any]) -> float:
-    """Factor on the target speedups for the machine of the measurements: larger with AVX-512."""
+    """Factor on the target speedups for the CPU level of the measurements: `AVX512` with AVX-512, otherwise 1.
+
+    `came_from` is the provenance of the measurements, such as the machine.
+    """
     return AVX512 if came_from["cpu_level"] == "avx512" else 1.0
 
 
@@ -33,7 +39,7 @@ class Reached:
 
     Attributes:
         name: Name of the episode.
-        group: Group of the episode, which has the weight of one scene in the mean.
+        group: Name of the group of similar episodes, which together count as one in mean speedups.
         ratio: Speedup, the time of MuJoCo divided by that of stepper.
         micros: Time of stepper per environment step, us.
         unsolved: Share of unsolved environment steps.
@@ -54,7 +60,7 @@ class Reached:
 
 
 def of_rows(rows: Iterable[Row], precision: str, floors: Floors) -> list[Reached]:
-    """Results in one precision of the rows of many_contacts.json."""
+    """Results in one precision from the rows of many_contacts.json. `floors` has the measured parts of the steps."""
     return [
         Reached(
             row["row"],
@@ -75,7 +81,16 @@ def robots(path: Path) -> Mapping[str, Any] | None:
 
 
 def of_robots(found: Mapping[str, Any], precision: str, floors: Floors, *, alone: bool = False) -> list[Reached]:
-    """Results of the robots of throughput.json, in a batch or as single environments. Unsolved steps are those of the batch."""
+    """Results in one precision of the robots of throughput.json, in a batch, or as single environments if `alone`.
+
+    The share of unsolved steps is that of the batch in both cases.
+
+    Args:
+        found: Content of throughput.json.
+        precision: Precision, "f64" or "f32".
+        floors: Measured parts of the steps.
+        alone: Whether to return the results of single environments.
+    """
     name, kind = f"stepper {precision}", "_alone" if alone else ""
     num_envs = 1 if alone else found["plan"]["num_envs"]
     out = []
@@ -106,7 +121,7 @@ def percent(share: float) -> str:
 
 
 def mean(found: Sequence[Reached], value: Callable[[Reached], float | None]) -> float | None:
-    """Geometric mean of a number over results, in which each group has the weight of one; None if a number is missing.
+    """Geometric mean of a number over results, in which all results of a group count as one; None if a number is missing.
 
     Args:
         found: The results.
@@ -175,11 +190,11 @@ def _line(what: str, targets: Sequence[float], by_precision: Sequence[Sequence[R
 
 
 def _unsolved(worst: Reached, named: bool) -> str:
-    """Text of the largest fraction of unsolved steps.
+    """Text of the largest share of unsolved steps among some results, in per cent.
 
     Args:
-        worst: Result with this fraction.
-        named: Whether to add the name of the episode.
+        worst: Result with the largest share.
+        named: Whether to add the name of the episode to a share above 0.
     """
     text = percent(worst.unsolved)
     return f"{text} ({worst.name})" if named and worst.unsolved else text

@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 AGREES = 1e-9
 """Largest difference of velocities after a step that counts as agreement, relative to 1 + max |qvel|.
 
-A larger spread of MuJoCo's solvers replaces it.
+If the results of MuJoCo's own solvers differ by more in a state, their difference is the bound instead.
 """
 SAME_DISTANCE = 1e-9
 """Largest difference of the distances of equal contacts, m."""

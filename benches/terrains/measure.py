@@ -40,9 +40,9 @@ class Plan:
         peers: Number of environments in MuJoCo.
         steps: Number of steps in an episode.
         rounds: Number of repetitions of the episode, for the median time of each turn.
-        noise: Standard deviation of the actions, relative to mjlab's untrained policy; 0 is standing.
+        noise: Standard deviation of the random actions, as a factor of that of mjlab's untrained policy. With 0 the robots stand still.
         precisions: Precisions of stepper, "f64" and "f32".
-        law: Whether stepper also runs with MuJoCo's contact law.
+        law: Whether to measure stepper with MuJoCo's contact law too.
     """
 
     num_envs: int = 256

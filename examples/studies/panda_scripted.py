@@ -23,7 +23,10 @@ class Scripted:
     """Scripted controller with the waypoints of panda.py, shifted to the initial position of the cube."""
 
     def begin(self, now: Any) -> None:
-        """Store the positions of hand and cube. World x and y are the hand's y and x."""
+        """Store the hand's horizontal position, and the cube's displacement from the hand, both in world axes, m.
+
+        The sensor measures the displacement in axes of the hand, whose y and x are the world's x and y.
+        """
         self._hand = now.read("sensordata", "hand")[:, :2].copy()
         self._aside = now.read("sensordata", "cube")[:, [1, 0]].copy()
 

@@ -50,7 +50,7 @@ study = hand.picking("panda_trained", Trained(), hand.HOLD)
 
 
 def both() -> dict[str, Any]:
-    """Sweeps of the policy and of the script, by name."""
+    """Results of the study over all its parameters (`stepper.lab.sweep`) with the "policy" and with the "script", by name."""
     from panda_scripted import study as scripted  # type: ignore[import-not-found]  # noqa: PLC0415
 
     return {name: stepper.lab.sweep(own, cliffs=False).sweep for name, own in (("policy", study), ("script", scripted))}

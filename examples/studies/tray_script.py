@@ -9,7 +9,10 @@ CONTROL, MASS, GRAVITY = 0.008, 0.3, 9.81
 
 
 def force(now: Any, time: Any) -> Any:
-    """Force of the push over the control period that begins at a time, N: its mean. It is zero after the gripper's reaction."""
+    """Mean force of the push over the control period that begins at `time` (s), N.
+
+    The push ends at the time at which the gripper reacts.
+    """
     return now.parameters["push"] * np.clip((now.parameters["reaction"] - time) / CONTROL, 0.0, 1.0)
 
 
@@ -19,9 +22,10 @@ def push(now: Any) -> None:
 
 
 def exact(now: Any, time: Any) -> Any:
-    """Exact qpos and qvel at the times of the controls. Within a control period, force and friction are constant until the object stops.
+    """Exact qpos and qvel at the times of the controls, in closed form.
 
-    The initial velocity is neglected: it is about 1e-6 m/s, and friction stops it within 1e-7 s.
+    Within a control period, force and friction are constant until the object stops. The initial velocity of about 1e-6 m/s is neglected,
+    because friction stops the object within 1e-7 s.
     """
     rubs = now.parameters["friction"] * GRAVITY
     mass = MASS * now.parameters["mass"]

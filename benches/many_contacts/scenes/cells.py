@@ -26,7 +26,10 @@ HOLD = 5
 
 
 def sawyer(assets: Assets) -> Any:
-    """Model of Sawyer with its drawer, at 2.5 ms. The hand is welded to a mocap body, as by `reset_mocap_welds`."""
+    """Model of metaworld's Sawyer arm with a drawer, as an `MjSpec` with the model's time step of 2.5 ms.
+
+    The hand is welded to a mocap body, with the same weld data as by metaworld's `reset_mocap_welds`.
+    """
     s = assets.spec("metaworld", "metaworld/assets/sawyer_xyz/sawyer_drawer.xml")
     s.body("hand").add_site(name="hand")
     for weld in s.equalities:
@@ -65,7 +68,7 @@ STEEP = 0.9
 
 
 def aloha(assets: Assets) -> Any:
-    """Model of ALOHA's two arms with peg and socket on a table, with an added site between the fingers of each hand.
+    """Model of ALOHA's two arms with peg and socket on a table, as an `MjSpec`. A site is added between the fingers of each hand.
 
     The joints of the package have dry friction of 30 to 60 N m, its fingers 30 N, without damping. Its servos cannot overcome exact dry
     friction: the fingers press with at most 7 N. In MuJoCo the joints creep, as its dry friction is soft. This model replaces most of it by

@@ -99,7 +99,7 @@ def pulled(model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Sc
 
 
 def _heap(count: int, words: str) -> Scene:
-    """Scene with boxes in a bin."""
+    """Scene with `count` boxes in a bin. `words` is the number as a word, for the name of the scene."""
     return Scene(
         f"heap of {words}",
         f"{words} boxes of 4 to 10 cm that have fallen into a bin, friction 0.6, 2 ms",

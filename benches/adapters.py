@@ -59,7 +59,7 @@ def envpool(name: str, num_envs: int) -> Step:
 
 
 def sb3(infos: str) -> Callable[[str, int], Step]:
-    """Function of a task's name and a number of environments. It returns a function that steps them through Stable-Baselines3's `VecEnv`.
+    """Maker of the timed step for Stable-Baselines3's `VecEnv`: a function of the environment's id and the number of environments.
 
     Args:
         infos: Argument `infos` of the adapter `StepperVecEnv`.

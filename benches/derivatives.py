@@ -222,13 +222,13 @@ def horizon(steps: int = 32) -> None:
 
 
 def by_whole_rollouts(sim: stepper.Stepper, ctrl: Array, weights: Array, speeds: Array, h: float = 1e-6) -> tuple[Array, Array]:
-    """Derivatives of a scalar function by central differences of whole rollouts.
+    """Derivatives of a weighted sum of final positions and velocities, by central differences of whole rollouts.
 
     Args:
         sim: Stepper with the initial states.
         ctrl: Controls, (T, num_envs, nu).
-        weights: Weights of the final positions in the function.
-        speeds: Weights of the final velocities.
+        weights: Weights of the final positions in the sum, (num_envs, nq).
+        speeds: Weights of the final velocities, (num_envs, nv).
         h: Half width of the differences.
 
     Returns:

@@ -1,6 +1,7 @@
-"""Cost of drives: step time of a humanoid with a drive on each actuator, divided by the time without; medians of interleaved calls.
+"""Cost of drives: step time of a humanoid with a drive on each actuator, divided by the step time without drives.
 
-All variants start each call from the same states, those of a run without drives under random control: step time depends on the motion.
+Calls with and without drives alternate, and figures are medians over calls. The step time depends on the motion, so all variants start each
+call from the same states. These states come from a run without drives, under random control.
 
     taskset -c 1 python benches/drives.py
 """

@@ -70,7 +70,7 @@ def keys_of(out: Path) -> list[str]:
 
 
 def differences(whole: Path, cut: Path) -> Iterator[str]:
-    """Yield the differences between the folder of the uninterrupted run, `whole`, and that of a killed one, `cut`."""
+    """Yield descriptions of the differences between two output folders: `whole` of the uninterrupted run, and `cut` of a resumed run."""
     names = {path.relative_to(folder) for folder in (whole, cut) for path in folder.rglob("*") if path.is_file()}
     for name in sorted(names):
         if name.name == JOURNAL:

@@ -1,7 +1,7 @@
 """Process that steps a task over mjbatch, started by benches/environments.py.
 
-mjbatch and stepper's MJCF loader need different versions of MuJoCo, so they cannot share a process. Each line of standard input is the
-processor time of a turn in s. The answer is a line with the times of its steps in s, as a JSON list.
+mjbatch and stepper's MJCF loader need different versions of MuJoCo, so they cannot share a process. Each line of standard input requests a
+measurement turn, and is the processor time of the turn in s. The answer is a line with the times of the turn's steps in s, as a JSON list.
 """
 
 from __future__ import annotations

@@ -134,7 +134,10 @@ class MujocoSim(MujocoFields):
 
     # Signature of `Stepper.reset` as tasks call it.
     def reset(self, envs: Array | None = None, *, qpos: Array | None = None, qvel: Array | None = None, seed: Any = None) -> None:
-        """Reset the environments of a mask. The seed is ignored: MuJoCo's physics has no random numbers."""
+        """Reset the environments `envs` to the given states. Arguments and shapes are those of `set_state`; None is the reference state.
+
+        The seed is ignored, because MuJoCo's physics has no random numbers.
+        """
         ids = self._indices(envs)
         self._batch.reset(ids)
         self.set_state(qpos, qvel, None if envs is None else np.asarray(envs))

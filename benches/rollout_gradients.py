@@ -240,14 +240,17 @@ def verdict_of(ours: float, central: Array, sides: Array, scale: float) -> str:
 def differences(
     scene: Scene, env: int, chosen: list[tuple[str, Array, Array]], weights: tuple[Array, Array], end: Array
 ) -> list[tuple[Array, Array]]:
-    """Differences of whole rollouts along some coordinates, at all widths: central (3,) and one-sided (2, 3) for each.
+    """Finite differences of a function of a rollout's last state, along some coordinates.
 
     Args:
         scene: Initial state and controls.
         env: Index of the environment.
         chosen: Coordinates, as from `directions`.
-        weights: Weights of the function of the last state, for positions and velocities.
-        end: Last positions without displacement.
+        weights: Weights of the last positions (on the tangent space) and velocities in the function, (nv,) each.
+        end: Last positions of the rollout without displacement, (nq,).
+
+    Returns:
+        Central differences (3,) and one-sided differences (2, 3) for each coordinate, with the half widths `WIDTHS`.
     """
     sim, model = scene.sim, scene.sim.model
     nv, sizes = model.nv, np.array([sign * h for h in WIDTHS for sign in (1, -1)])

@@ -1,5 +1,5 @@
-//! Times of the parts of a humanoid's step, measured within whole steps: one environment in `f64`, and as many as the best CPU level has
-//! lanes. Times are per environment step.
+//! Times of the parts of a humanoid's step, measured within whole steps, per environment step. The benchmark measures one environment in
+//! `f64`, and a full SIMD group of environments at the best CPU level.
 
 use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
 use std::time::Duration;

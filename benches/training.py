@@ -161,7 +161,10 @@ def _named(run: str) -> tuple[str, str]:
 
 
 def table_of_runs(page: Path, runs: Path, episodes: int) -> str:
-    """Table of training time, steps and evaluation of each run. Runs in the folder replace rows of the page."""
+    """Markdown table of training time, steps and evaluation of each training run.
+
+    Runs in the folder `runs` are evaluated in `episodes` episodes each. The rows of other runs are copied from the page.
+    """
     head, line, *kept = section_of(page, "evaluate").split("\n")
     rows = {tuple(_cells(row)[:3]): row for row in kept}
     for file in sorted(runs.glob("*/seed*/policy.npz")):
@@ -205,7 +208,7 @@ def table_of_following(page: Path, runs: Path, episodes: int, only: str) -> str:
     """Table of velocity errors and falls in evaluation episodes of robots that follow commanded velocities.
 
     Each policy has a row for the contact law of its training and one for the other law. For comparison, each task has a row for a robot
-    that stands still. Only rows of tasks with `only` in their names are computed; the others are those of the page.
+    that stands still. Only rows of tasks with `only` in their names are computed; other rows are copied from the page.
     """
     head, line, *kept = section_of(page, "follow").split("\n")
     table = {tuple(_cells(row)[:3]): row for row in kept}
@@ -247,8 +250,8 @@ TRANSFERS: dict[str, tuple[str, dict[str, Any]]] = {
 def table_of_transfers(page: Path, episodes: int, only: str) -> str:
     """Table of the returns of the policies in examples/policies, in the environment of their training and in others.
 
-    All episodes are in 64 bits and start from the same states. Only rows of files with `only` in their names are computed; the others are
-    those of the page.
+    All episodes are in 64 bits and start from the same states. Only rows of files with `only` in their names are computed; other rows are
+    copied from the page.
     """
     head, line, *kept = section_of(page, "transfer").split("\n")
     rows = {tuple(_cells(row)[:3]): row for row in kept}

@@ -1,8 +1,8 @@
 """Falling block as a Gymnasium environment: one block, or a vector environment of many.
 
-The block starts 0.20 m above the floor at -0.10 m/s. Each reset draws its restitution from 0.1 to 0.5. A step is 0.02 s, an episode has 50.
+The block starts 0.20 m above the floor at -0.10 m/s. Each reset draws its restitution from 0.1 to 0.5. An episode has 50 steps of 0.02 s.
 A thruster pushes up or down with at most half the block's weight, too little to hover. The reward of a step is 1 if the block is above
-0.05 m after it, else 0.
+0.05 m after the step, else 0.
 
     python examples/falling_block.py      # mean scores of a few policies
 

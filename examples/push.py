@@ -113,8 +113,8 @@ class Plan:
 def tried(sim: stepper.Stepper, goal: Goal, plan: Plan | Array, changes: Array, gains: Array) -> Plan:
     """Best plan of a line search, whose step lengths are simulated as one batch.
 
-    Each candidate adds to the forces of the previous plan the changes, multiplied by a step length. It also adds feedback on the deviation
-    from the states of the previous plan.
+    The forces of a candidate are those of the previous plan, plus the changes times a step length. Feedback on the deviation from the
+    previous plan's states is added.
 
     Args:
         sim: Stepper with one environment per step length.

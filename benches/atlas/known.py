@@ -55,7 +55,7 @@ class Known:
         engines: Regular expression for the name of the engine in the table.
         dts: Smallest and largest time step, s.
         reason: Reason of the failures.
-        size: Bound of the error. None if no test runs the scene.
+        size: Behaviour that the tests check: a bound, a power of the time step, or an overflow. None if no test runs the scene.
     """
 
     scenes: str
@@ -257,7 +257,13 @@ KNOWN: tuple[Known, ...] = (
 
 
 def failure(title: str, engine: str, dt: float) -> Known | None:
-    """Known failure of a scene ("number name") with an engine at a time step in s; None if the scene should pass."""
+    """Known failure of stepper in a scene; None if the scene should pass.
+
+    Args:
+        title: Number and name of the scene.
+        engine: Name of the engine with its setting.
+        dt: Time step, s.
+    """
     for known in KNOWN:
         low, high = known.dts
         if re.fullmatch(known.scenes, title) and re.fullmatch(known.engines, engine) and low <= dt <= high:
@@ -266,6 +272,6 @@ def failure(title: str, engine: str, dt: float) -> Known | None:
 
 
 def reason(title: str, engine: str, dt: float) -> str | None:
-    """Reason of a known failure; None if the scene should pass."""
+    """Reason of a known failure of stepper in a scene; None if the scene should pass. The arguments are those of `failure`."""
     known = failure(title, engine, dt)
     return None if known is None else known.reason

@@ -59,7 +59,14 @@ def read_csv(path: Path) -> tuple[list[Row], dict[str, object]]:
 
 
 def write_markdown(path: Path, scenes: Sequence[Scene], rows: Sequence[Row], provenance: Mapping[str, object]) -> None:
-    """Write the page: summary, reasons of stepper's failures, right answers, and all runs."""
+    """Write the atlas as a Markdown page: summary, reasons of stepper's failures, right answers, and results of all runs.
+
+    Args:
+        path: File of the page.
+        scenes: Scenes of the atlas, in the order of the tables.
+        rows: Results of all runs.
+        provenance: Machine, versions and time of the measurement, by name.
+    """
     engines = list(dict.fromkeys(row.engine for row in rows))
     by = {(r.number, r.name, r.dt, r.engine): r for r in rows}
     shown = [s for s in scenes if any((s.number, s.name) == (r.number, r.name) for r in rows)]

@@ -50,8 +50,8 @@ class Scene:
         tolerance: Function from the time step (s) to the largest error at which the scene holds (passes).
         because: Reason for the tolerance.
         measure: Function from an engine and a time step (s) to the error in `unit`. NaN and infinity are failures.
-        dts: Time steps of the long sweep, s.
-        test_dts: Time steps of the test, s.
+        dts: Time steps at which `python -m atlas` runs the scene, s.
+        test_dts: Time steps at which the tests run the scene, s.
     """
 
     number: str

@@ -64,10 +64,10 @@ def main() -> None:
 
 
 def ask(worker: subprocess.Popen[str], path: str, seed: int) -> float:
-    """Step time of a build of stepper per environment, us, measured by its process.
+    """Step time per environment, us, that the worker process of a build of stepper measures on request.
 
     Args:
-        worker: Process of the build.
+        worker: Worker process of the build (step_times.py).
         path: File of the robot.
         seed: Seed of the controls.
     """

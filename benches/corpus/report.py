@@ -54,7 +54,7 @@ episode, with the largest in parentheses.
 
 @dataclass(frozen=True)
 class Corpus:
-    """Rows of all files, with the distinct models among them.
+    """Rows (measurements of one file each) of all files of the corpus, with access to the distinct models among them.
 
     Attributes:
         rows: Rows of all files.

@@ -43,7 +43,7 @@ def _trials(threads: int) -> list[Trial]:
 
 
 def _own(count: int, threads: int) -> list[Row]:
-    """Rows of the table for stepper with hard contact and white noise, one for each scene and start.
+    """Rows of the table for stepper with hard contact and white noise, one for each scene and each initial value of the search.
 
     Args:
         count: Number of repetitions per row.

@@ -35,13 +35,13 @@ class Followed:
 
 
 def followed(tracker: stepper.sysid.Tracker, ctrl: Array, readings: Mapping[str, Array], truths: Mapping[int, Array]) -> Followed:
-    """Runs a tracker over all samples, and returns the results at some of them.
+    """Runs a tracker over all samples, and returns the results after the samples that `truths` names.
 
     Args:
         tracker: Tracker before its first sample.
         ctrl: Controls, (T, nu).
         readings: Readings by channel, (T, dim) each.
-        truths: True values, (n,), by the count of samples after which they are compared.
+        truths: True values of the parameters, (n,), by the number of samples after which the estimates are compared with them.
     """
     kept, seconds = [], []
     for k, row in enumerate(ctrl):

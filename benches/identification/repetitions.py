@@ -38,15 +38,15 @@ class Tally:
     seconds: list[float] = field(default_factory=list)
 
     def coverage(self) -> Any:
-        """Fraction of the repetitions whose interval contains the true value, for each of the values."""
+        """Fraction of the repetitions whose interval contains the true value, for each parameter."""
         return np.mean([(low <= self.truth) & (self.truth <= high) for _, low, high in self.answers], axis=0)
 
     def error(self) -> Any:
-        """Root mean square over the repetitions of the relative error of each value."""
+        """Relative error of each parameter, as root mean square over the repetitions."""
         return np.sqrt(np.mean([(value / self.truth - 1) ** 2 for value, _, _ in self.answers], axis=0))
 
     def width(self) -> Any:
-        """Median over the repetitions of the half width of each value's interval, relative to the true value."""
+        """Half width of the interval of each parameter relative to its true value, as median over the repetitions."""
         return np.median([(high - low) / 2 / self.truth for _, low, high in self.answers], axis=0)
 
     def row(self) -> str:
@@ -133,7 +133,7 @@ class Row:
     Attributes:
         name: Text of the first cell.
         truth: True values.
-        once: Function from a seed to the answer of a repetition.
+        once: Function from a seed to the result of a repetition.
         count: Number of repetitions.
         first: Seed of the first repetition.
     """
@@ -146,11 +146,11 @@ class Row:
 
 
 class Kept:
-    """Store of answers in a file, one line each, so that an interrupted run can be resumed.
+    """Store of the results of repetitions in a file, one line each, so that an interrupted run can be resumed.
 
     Args:
         path: File of the store.
-        resume: Whether to reuse its answers. Otherwise the file is emptied.
+        resume: Whether to reuse the results in the file. Otherwise the file is emptied.
 
     Raises:
         ValueError: The file has another version.
@@ -176,7 +176,12 @@ class Kept:
             self._answers[made["row"], made["seed"]] = (value, low, high), made["seconds"]
 
     def of(self, row: Row, seed: int) -> tuple[Answer, float]:
-        """Answer of a repetition and its processor time, s. It is computed and stored if the store does not have it."""
+        """Result of one repetition, and its processor time, s. The repetition runs only if the store does not have its result yet.
+
+        Args:
+            row: Repeated identification.
+            seed: Seed of the repetition.
+        """
         if (row.name, seed) not in self._answers:
             began = time.process_time()
             answer = row.once(seed)

@@ -10,7 +10,7 @@ import numpy as np
 import stepper
 
 HARD = stepper.Options(tolerance=1e-9)
-"""Settings of the step in all runs with hard contact."""
+"""Options of stepper in all runs with hard contact."""
 
 
 def by_sensor(model: stepper.Model, rows: np.ndarray[Any, Any], names: Iterable[str]) -> dict[str, np.ndarray[Any, Any]]:

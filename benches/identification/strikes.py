@@ -236,9 +236,9 @@ def follow(scene: Strike, seed: int, **settings: Any) -> Followed:
 
 
 def follow_matched(scene: Strike, seed: int) -> Followed:
-    """Runs a tracker on a scene in which its assumptions hold, and returns the results.
+    """Runs a tracker on a scene so that its assumptions hold, and returns the results.
 
-    Initial values are drawn from the prior, and parameters are constant.
+    The tracker's initial values are drawn from its prior, and the true parameters are constant.
     """
     truth = scene.draw(np.random.default_rng(seed))
     guess = truth * np.exp(GUESS * np.random.default_rng([seed, 1]).standard_normal(2))
@@ -246,7 +246,7 @@ def follow_matched(scene: Strike, seed: int) -> Followed:
 
 
 NAMES = {"body_mass": "mass", "geom_friction": "friction", "jnt_stiffness": "stiffness"}
-"""Names of the fields in the table."""
+"""Names of the parameters in the table, by model field."""
 HEAD = "scene | after | last event | parameter | error | interval | determined | coverage"
 
 
@@ -261,7 +261,7 @@ def table(count: int) -> str:
 def matched_table(count: int) -> str:
     """Markdown table of `count` runs of each scene in which the assumptions of the tracker hold.
 
-    Its initial values are drawn from its prior, and the parameters are constant.
+    The tracker's initial values are drawn from its prior, and the true parameters are constant.
     """
     return _table(count, follow_matched)
 

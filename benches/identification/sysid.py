@@ -1,8 +1,9 @@
-"""Peer `mujoco.sysid`: readings of motion simulated by MuJoCo, and their identification.
+"""Identification with `mujoco.sysid`, to compare it with stepper, from readings of motion that MuJoCo simulates.
 
-Its residual function gets the samples and the noise of each sensor, so that both libraries minimise the same sum of squares. It runs with
-MuJoCo's optimizer, its default, and with SciPy's. Both have `x_scale="jac"`, as its documentation advises for parameters of different
-sizes, and its default difference step. Intervals come from `calculate_intervals`. The search has one start.
+The residual function has the samples and the noise of each sensor, so that both libraries minimise the same sum of squares. One setting has
+MuJoCo's own optimizer (the default of `mujoco.sysid`), the other one SciPy's. Both use the default difference step and `x_scale="jac"`, which
+the documentation of `mujoco.sysid` advises for parameters of different sizes. Intervals come from `calculate_intervals`. Each search has
+one initial value.
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ def identified(scene: Scene, start: tuple[float, float], given: Readings, settin
         scene: The scene.
         start: Initial values of both parameters.
         given: Readings by channel.
-        settings: Arguments of its function `optimize`.
+        settings: Arguments of `mujoco.sysid.optimize`.
     """
     sysid = require("mujoco.sysid", "to compare with it")
     spec = mujoco.MjSpec.from_string(scene.text(*start))

@@ -82,6 +82,6 @@ def eased(begin: Array, end: Array, blocks: int) -> Array:
 
 
 def downwards(yaw: float) -> Array:
-    """Rotation matrix (3, 3) of a hand whose z axis points down, with its x axis rotated by `yaw` from the world's, rad."""
+    """Rotation matrix (3, 3) of a hand whose z axis points down. Its x axis is horizontal, at the angle `yaw` (rad) from the world's."""
     c, s = np.cos(yaw), np.sin(yaw)
     return np.array([[c, s, 0.0], [s, -c, 0.0], [0.0, 0.0, -1.0]])

@@ -124,7 +124,7 @@ def states(compiled: Any, count: int, seed: int = 0) -> States:
 
 
 def _begin(compiled: Any, data: Any, rng: np.random.Generator) -> None:
-    """Set a random state around the reference pose or the first keyframe."""
+    """Set a random state around the first keyframe, or around the reference configuration if the model has no keyframe."""
     mujoco.mj_resetData(compiled, data)
     if compiled.nkey:
         mujoco.mj_resetDataKeyframe(compiled, data, 0)

@@ -1,4 +1,4 @@
-"""Report of the comparison: lines, CSV file, and table of the page."""
+"""Report of the comparison of stepper with MuJoCo: lines for the terminal, CSV file, and table of docs/benchmarks/mujoco_law.md."""
 
 from __future__ import annotations
 

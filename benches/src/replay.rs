@@ -15,12 +15,12 @@ use crate::npz::{Array, Npz};
 
 /// Version of the recording format that this program reads.
 const FORMAT: u32 = 4;
-/// Kinds of rows in a recording, in the order of their numbers in its files.
+/// Names of the kinds of rows (calls) in a recording. Its files have the index of the name.
 const KINDS: [&str; 6] = ["start", "step", "reset", "set_state", "applied", "randomize"];
 
 /// Recording of a batch: model, options, initial state and calls.
 pub struct Replay {
-    /// Note of the recording, or the name of its folder without a note.
+    /// Note of the recording, or the name of its folder if the note is empty.
     pub name: String,
     /// Model of the batch.
     pub model: Arc<Model>,
@@ -103,8 +103,8 @@ impl Replay {
     /// Recording from its folder.
     ///
     /// # Errors
-    /// Text of the reason: the recording cannot be read, was not closed, or has calls that cannot be repeated here. Such calls are models
-    /// of sensors or drives, randomised parameters, and `set_state`.
+    /// If the recording cannot be read, was not closed, or cannot be repeated by this program. It cannot repeat models of sensors or
+    /// actuators, randomised parameters, and calls of `set_state`.
     pub fn load(folder: &Path) -> Result<Self, String> {
         let place = |name: &str| folder.join(name).display().to_string();
         let header = place("run.json");

@@ -11,7 +11,7 @@ pub const LINK_MASS: f64 = 0.2;
 /// Moments of inertia of a chain's link about its centre of mass, kg m^2: a rod along x.
 pub const LINK_MOMENTS: [f64; 3] = [2e-5, 1.8e-4, 1.8e-4];
 
-/// Scene of a benchmark: a robot, and the number of steps until its typical state.
+/// Scene of a benchmark: a robot, and the number of steps before the measurement, after which its state is typical.
 #[derive(Clone, Debug)]
 pub struct Scene {
     /// Short name of the scene.

@@ -31,7 +31,7 @@ class Encoders(InvertedDoublePendulum):
         return stepper.load(encoders.model(), strict=False)
 
     def sensors(self) -> Any:
-        """Sensor model: that of the training, `encoders.encoders`."""
+        """Sensor model in the training, the one of encoders.py."""
         return encoders.encoders()
 
     def observations(self) -> Any:

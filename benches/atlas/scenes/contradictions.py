@@ -106,13 +106,13 @@ OUTSIDE = 0.5
 
 
 def beyond_its_range() -> str:
-    """MJCF of scene 39: a rod without gravity on a hinge that begins half a radian outside its range, which ends at zero."""
+    """MJCF of scene 39: a rod on a hinge without gravity, which starts half a radian above its range. The range ends at zero."""
     rod = '<geom type="capsule" size=".02" fromto="0 0 0 .3 0 0" mass="1"/>'
     return document(f'<body name="rod"><joint name="hinge" axis="0 1 0" limited="true" range="-60 0"/>{rod}</body>', gravity=(0, 0, 0))
 
 
 def comes_back(engine: Engine, dt: float) -> float:
-    """Error of scene 39, a hinge outside its range: angle outside (rad) or speed (rad/s) after half a second."""
+    """Error of scene 39 after half a second: angle of the hinge from the end of its range (rad), or speed (rad/s), the larger one."""
     world = engine.start(beyond_its_range(), dt)
     world.set(qpos=[OUTSIDE])
     world.run(0.5)

@@ -27,7 +27,10 @@ PERIOD = 4 * float(ellipk(M)) / RATE
 
 
 def omega(t: float) -> Array:
-    """Exact angular velocity of scene 8's tumbling body in body axes after t s, from (0, SPIN, TOUCH), by Jacobi's elliptic functions."""
+    """Exact angular velocity of scene 8's tumbling body in body axes at the time t (s), rad/s, by Jacobi's elliptic functions.
+
+    The initial angular velocity is (0, SPIN, TOUCH).
+    """
     sn, cn, dn, _ = ellipj(ellipk(M) + RATE * t, M)
     a1 = math.sqrt((2 * ENERGY * I3 - L2) / (I1 * (I3 - I1)))
     a2 = math.sqrt((2 * ENERGY * I3 - L2) / (I2 * (I3 - I2)))

@@ -103,14 +103,17 @@ def _stop(engine: Engine, dt: float, along: Array) -> Array:
 
 
 def stopping(engine: Engine, dt: float) -> float:
-    """Error of scene 4, sliding boxes: error of the extrapolated stopping distance, m."""
+    """Error of scene 4, a sliding box: error of its stopping distance, extrapolated to the time step 0, m."""
     along = np.array([[math.cos(0.5), math.sin(0.5)]])
     way = extrapolated(_stop(engine, dt, along), _stop(engine, dt / 2, along))
     return float(np.linalg.norm(way - STOP * along))
 
 
 def isotropy(engine: Engine, dt: float) -> float:
-    """Error of scene 5: largest difference of the stopping distances in nine directions, or largest sideways drift, m."""
+    """Error of scene 5, boxes that slide in nine directions: difference of stopping distances, or sideways drift, m.
+
+    Both are the largest over all directions, and the error is the larger of them.
+    """
     angles = np.radians([0, 10, 22.5, 30, 45, 60, 67.5, 80, 90])
     along = np.array([np.cos(angles), np.sin(angles)]).T
     end = _stop(engine, dt, along)
@@ -135,7 +138,10 @@ def _roll(engine: Engine, dt: float) -> tuple[float, float]:
 
 
 def slip_to_roll(engine: Engine, dt: float) -> float:
-    """Error of scene 6, a ball that slips, then rolls: error of its final speed, m/s, or extrapolated distance, m, the larger one."""
+    """Error of scene 6, a ball that first slips and then rolls.
+
+    It is the error of its final speed, m/s, or of its extrapolated distance, m, the larger of the two.
+    """
     (v, way), (_, half) = _roll(engine, dt), _roll(engine, dt / 2)
     slip_time, slip_way, rolling = 2 * SLIP / (7 * MU_BALL * G), 12 * SLIP**2 / (49 * MU_BALL * G), 5 * SLIP / 7
     right = slip_way + rolling * (2.0 - slip_time)

@@ -11,7 +11,7 @@ from atlas.scene import Engine, Scene, flat
 from atlas.world import World
 
 RADIUS, HALF = 0.1, 2.0
-"""Radius of the ball, and half size of the square of a groove of triangles, m."""
+"""Radius of the ball, and half size of the square surface whose triangles form a groove, m."""
 OPENING = math.pi / 3
 """Angle between the vertical and each side, rad."""
 SLOPE, SPEED, SECONDS = 0.2, 0.5, 1.0
@@ -19,7 +19,15 @@ SLOPE, SPEED, SECONDS = 0.2, 0.5, 1.0
 
 
 def _start(engine: Engine, dt: float, kind: str, friction: float, slope: float) -> World:
-    """Environment with a ball in a groove along x. Gravity is tilted by the angle `slope`, rad, so that +x is downhill."""
+    """Environment with a ball in a groove along x.
+
+    Args:
+        engine: The engine.
+        dt: Time step, s.
+        kind: Kind of groove: "planes", "hfield" or "mesh".
+        friction: Friction of ball and groove.
+        slope: Angle by which gravity is tilted, so that +x is downhill, rad.
+    """
     if kind == "planes":
         turn = (math.pi / 2 - OPENING) / 2
         sides = [(math.cos(turn), sign * math.sin(turn), 0, 0) for sign in (1, -1)]
@@ -35,7 +43,7 @@ def _start(engine: Engine, dt: float, kind: str, friction: float, slope: float) 
 def level(kind: str):
     """Function that measures scene 42 with a ball that glides along a level groove without friction for a second.
 
-    It returns the relative change of the ball's speed. `kind` is the kind of groove.
+    It returns the relative change of the ball's velocity. `kind` is the kind of groove: "planes", "hfield" or "mesh".
     """
 
     def measure(engine: Engine, dt: float) -> float:
@@ -54,7 +62,7 @@ def downhill(kind: str, rolls: bool):
     axis. Rolling with angular velocity w gives the speed w r sin(a), and the acceleration g sin(slope) / (1 + 2/5 / sin^2(a)).
 
     Args:
-        kind: Kind of groove.
+        kind: Kind of groove: "planes", "hfield" or "mesh".
         rolls: Whether friction makes the ball roll.
     """
 

@@ -17,7 +17,7 @@ BALL, MASS, SPEED, CUT, PHASES = 0.03, 0.17, 5.0, math.radians(30), 5
 
 
 def billiards(engine: Engine, dt: float) -> float:
-    """Error of scene 34, an elastic collision of two balls: largest error of a velocity after it, relative to the speed before it.
+    """Error of scene 34, an elastic collision of two balls: largest error of a velocity after the collision, relative to the initial speed.
 
     Five starts put the collision at five phases of a step.
     """
@@ -44,7 +44,7 @@ RADIUS, HEIGHTS, BOUNCES = 0.1, 0.5 + 0.5 * np.arange(20) / 20, 2
 def apexes(e: float):
     """Function that measures scene 35: balls that fall from twenty heights and bounce with restitution e.
 
-    It returns the largest error of the first two apexes over all heights, m.
+    It returns the largest error of the heights of the first two apexes, over all initial heights, m.
     """
 
     def measure(engine: Engine, dt: float) -> float:

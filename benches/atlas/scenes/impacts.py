@@ -33,7 +33,10 @@ def recursion(h: float, v: float, steps: int) -> list[tuple[float, float]]:
 
 
 def falling(engine: Engine, dt: float) -> float:
-    """Error of scene 1, a block that falls on the floor: largest deviation from the textbook recursion in eight steps, m or m/s."""
+    """Error of scene 1, a block that falls on the floor: largest deviation of height (m) or velocity (m/s) in eight steps.
+
+    The deviation is that from the textbook's `recursion`.
+    """
     world = engine.start(BLOCK, dt, restitution=E)
     world.set([0.20], [-0.10])
     worst = 0.0
@@ -57,7 +60,10 @@ RADIUS, DROP, BOUNCE = 0.1, 0.9, 0.5
 
 
 def apexes(engine: Engine, dt: float) -> float:
-    """Error of scene 7, a bouncing ball: largest error of the first three apexes, m, from the energy after each bounce."""
+    """Error of scene 7, a bouncing ball: largest error of the heights of the first three apexes, m.
+
+    The height of an apex is computed from height and velocity in the step that passes it.
+    """
     world = engine.start(document(FLOOR + free("ball", ball(RADIUS, 1.0), (0, 0, RADIUS + DROP))), dt, restitution=BOUNCE)
     found, before, worst = 0, 0.0, 0.0
     for _ in range(round(2.0 / dt)):
@@ -100,7 +106,7 @@ def _strike(engine: Engine, dt: float, gap: float) -> np.ndarray:
 
 
 def conservation_error(engine: Engine, dt: float) -> float:
-    """Error of scene 26 with touching balls: relative error of total momentum or kinetic energy after an impact, the larger of the two."""
+    """Error of scene 26 with touching balls: relative error of total momentum or of kinetic energy after the impact, the larger one."""
     v = _strike(engine, dt, 0.0)
     return float(max(abs(v.sum() / V - 1.0), abs((v**2).sum() / V**2 - 1.0)))
 

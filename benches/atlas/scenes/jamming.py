@@ -159,7 +159,7 @@ def hinged() -> str:
 
 
 def aligned(engine: Engine, dt: float) -> float:
-    """Error of scene 20, two hinged boxes: largest angle from upright (rad) or speed (rad/s) after five seconds."""
+    """Error of scene 20, two hinged boxes, after five seconds: angle from upright (rad) or speed (rad/s), the larger of the two."""
     world = engine.start(hinged(), dt)
     world.set([-0.3, -0.3], [0.0, 0.0])
     world.run(5.0)
@@ -182,9 +182,9 @@ PINCHES = (
 
 
 HELD = {"cube": box((0.02, 0.02, 0.02), OBJECT), "ball": ball(0.02, OBJECT)}
-"""Geoms of the objects of scene 31 by shape. A cube has four contact points per side, whose loads statics does not determine.
+"""Geoms of the objects of scene 31 by shape. A cube has four contact points per side, whose single loads statics does not determine.
 
-A ball has one.
+A ball has one contact point per side.
 """
 
 
@@ -235,7 +235,7 @@ def pinch_holds(*case: float | str | None):
 def pinch_slips(*case: float | str | None):
     """Function that measures scene 31, a pinch grasp with 0.99 of the required force. `case` is an entry of `PINCHES`.
 
-    It returns the relative error of the slip acceleration 0.01 (g + a).
+    It returns the relative error of the slip acceleration, which must be 0.01 (g + a), with the upward acceleration a of the hand.
     """
 
     def measure(engine: Engine, dt: float) -> float:

@@ -83,9 +83,10 @@ TRAIL, SPEED, SWUNG = 0.1, 0.5, 1.0
 
 
 def caster(engine: Engine, dt: float) -> float:
-    """Largest error of tan(angle/2) of a caster whose pivot moves along a line, in one second.
+    """Largest error of tan(a/2) in one second, where a is the angle between a caster and the line along which its pivot moves.
 
-    The wheel does not slip sideways, so it follows a tractrix at any speed: tan(a/2) = tan(a0/2) exp(-s/L) (Newton 1676).
+    The wheel does not slip sideways, so it follows a tractrix at any speed: tan(a/2) = tan(a0/2) exp(-s/L) (Newton 1676). Here a0 is the
+    initial angle, s the distance of the pivot from its start, and L the distance from the pivot to the wheel.
     """
     wheel = f'<body pos="{-TRAIL} 0 0"><joint type="hinge" axis="0 1 0"/><geom type="sphere" size=".05" mass=".5"/></body>'
     fork = (

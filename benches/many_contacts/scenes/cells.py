@@ -62,7 +62,7 @@ WAYPOINTS = 4
 SPREAD = np.array([0.03, 0.03, 0.005])
 """Range of the random hand positions about the object, m."""
 DRY, DAMPING = 0.05, 0.07
-"""Factor on the dry friction of the joints, and joint damping divided by servo stiffness, s."""
+"""Factor on the dry friction of ALOHA's joints; and damping of a joint divided by the stiffness of its servo, s."""
 STEEP = 0.9
 """Downward inclination of the hands, rad."""
 
@@ -70,9 +70,9 @@ STEEP = 0.9
 def aloha(assets: Assets) -> Any:
     """Model of ALOHA's two arms with peg and socket on a table, as an `MjSpec`. A site is added between the fingers of each hand.
 
-    The joints of the package have dry friction of 30 to 60 N m, its fingers 30 N, without damping. Its servos cannot overcome exact dry
-    friction: the fingers press with at most 7 N. In MuJoCo the joints creep, as its dry friction is soft. This model replaces most of it by
-    damping.
+    In the package's model the joints have dry friction of 30 to 60 N m (30 N in the fingers) and no damping. MuJoCo's dry friction is soft,
+    so the joints creep. The servos cannot overcome exact dry friction: the fingers press with at most 7 N. This model therefore replaces
+    most of the dry friction by damping.
     """
     s = assets.spec("gym-aloha", "gym_aloha/assets/bimanual_viperx_insertion.xml")
     for act in s.actuators:

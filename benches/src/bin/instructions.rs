@@ -148,7 +148,7 @@ fn count() -> Result<Counts, String> {
     }
 }
 
-/// Sum of the instructions for each name in callgrind's output file.
+/// Sums of the instruction counts in callgrind's output file by name, over all requests of [`write_down`] with the same name.
 fn totals(path: &Path) -> Result<BTreeMap<String, f64>, String> {
     let text = std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
     let (mut sums, mut name) = (BTreeMap::new(), None);
@@ -163,8 +163,8 @@ fn totals(path: &Path) -> Result<BTreeMap<String, f64>, String> {
     Ok(sums)
 }
 
-/// Requests callgrind to write the instructions since the last request to its file, under the given name. Without valgrind the function
-/// does nothing.
+/// Requests callgrind to write the instruction counts since the last request to its file, under the given name. Without valgrind the
+/// function does nothing.
 #[cfg(all(target_arch = "x86_64", target_os = "linux"))]
 fn write_down(name: &CStr) {
     /// Request code CALLGRIND_DUMP_STATS_AT of valgrind/callgrind.h: the letters of the tool, and the number of the request.
@@ -188,7 +188,10 @@ fn text(name: &str) -> CString {
 #[cfg(not(all(target_arch = "x86_64", target_os = "linux")))]
 fn write_down(_: &CStr) {}
 
-/// Runs the work whose instructions callgrind counts. The output is the CPU level, and for each name the number of environment steps.
+/// Runs all work whose instructions callgrind counts.
+///
+/// The function prints the CPU level, and then a line for each count: numbers of environment steps, of entries of the part and of spans
+/// inside the part, and the name.
 fn work() {
     let level = *Level::available().last().expect("the baseline is always available");
     println!("{level}");
@@ -274,5 +277,5 @@ fn whole(name: &str, mut run: impl Run) {
     println!("{} 0 0 {name}", run.environment_steps());
 }
 
-/// Name under which callgrind writes the instructions before the counted work, which are not used.
+/// Name under which callgrind writes the instructions before the counted work. Counts of this name are ignored.
 const NOTHING: &str = "";

@@ -1,9 +1,9 @@
 """Identification with `mujoco.sysid`, to compare it with stepper, from readings of motion that MuJoCo simulates.
 
 The residual function has the samples and the noise of each sensor, so that both libraries minimise the same sum of squares. One setting has
-MuJoCo's own optimizer (the default of `mujoco.sysid`), the other one SciPy's. Both use the default difference step and `x_scale="jac"`, which
-the documentation of `mujoco.sysid` advises for parameters of different sizes. Intervals come from `calculate_intervals`. Each search has
-one initial value.
+MuJoCo's own optimizer (the default of `mujoco.sysid`), the other one SciPy's. Both use the default difference step, and `x_scale="jac"`,
+which the documentation of `mujoco.sysid` advises for parameters of different sizes. Intervals come from `calculate_intervals`. Each search
+has one initial value.
 """
 
 from __future__ import annotations

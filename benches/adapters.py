@@ -59,7 +59,7 @@ def envpool(name: str, num_envs: int) -> Step:
 
 
 def sb3(infos: str) -> Callable[[str, int], Step]:
-    """Maker of the timed step for Stable-Baselines3's `VecEnv`: a function of the environment's id and the number of environments.
+    """Function that creates the timed step for Stable-Baselines3's `VecEnv`, from an environment's id and a number of environments.
 
     Args:
         infos: Argument `infos` of the adapter `StepperVecEnv`.

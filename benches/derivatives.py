@@ -69,7 +69,7 @@ def matrix(lin: Linearization) -> Array:
 def noise(sim: stepper.Stepper, lin: Linearization) -> Array:
     """Noise of an entry of the finite-difference matrices A and B of `linearize`, (num_envs,).
 
-    It is the sum of solver residual and rounding of the velocities, divided by the difference step, with a factor of 4.
+    It is four times the sum of solver residual and rounding of the velocities, divided by the difference step.
     """
     floor: Array = 4.0 * (lin.residual + 2.0**-52 * np.maximum(np.abs(sim.qvel).max(axis=1), 1.0)) / lin.step
     return floor
@@ -138,7 +138,7 @@ def implicit(num_envs: int = 24) -> None:
             apart = [np.abs(a - b)[:, rows].max(axis=1) for rows in (slice(0, nv), slice(nv, None))]
             off = np.max([d / size for d, size in zip(apart, largest, strict=True)], axis=0)
             error = np.concatenate([differences.errors[name] for name in WRT], axis=-1).max(axis=1)
-            # Kinks of both methods: differences miss the end of the damping of a contact that equalities move.
+            # Kinks that either method detects. Finite differences do not detect where the damping of a contact that equalities move ends.
             kinks = np.concatenate([differences.kinks[name] | own.kinks[name] for name in WRT], axis=-1)
             smooth = (kinks == 0) & own.implicit[:, None]
             good = ((off < 1e-6) | (off < error))[smooth].mean()
@@ -158,7 +158,7 @@ def smoothness(num_envs: int = 64, points: int = 33, width: float = 1e-6) -> Non
     Args:
         num_envs: Number of states.
         points: Number of points along a direction.
-        width: Largest displacement of a point, as a factor of the direction.
+        width: Largest factor on the direction, whose entries are standard normal numbers.
     """
     print("| robot | options | tolerance, m/s | q+: median | 90 % | v+: median | 90 % |")
     print("|---|---|---|---|---|---|---|")

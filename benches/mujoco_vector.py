@@ -134,7 +134,7 @@ class MujocoSim(MujocoFields):
 
     # Signature of `Stepper.reset` as tasks call it.
     def reset(self, envs: Array | None = None, *, qpos: Array | None = None, qvel: Array | None = None, seed: Any = None) -> None:
-        """Reset the environments `envs` to the given states. Arguments and shapes are those of `set_state`; None is the reference state.
+        """Reset the environments `envs` to the given states. Shapes are those of `set_state`; None is the reference positions or zero velocities.
 
         The seed is ignored, because MuJoCo's physics has no random numbers.
         """

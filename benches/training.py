@@ -58,12 +58,12 @@ class Report:
 
     @classmethod
     def of_docs(cls) -> Report:
-        """Report whose files are those of the documentation, so that it changes them."""
+        """Report that is written into the files of the documentation."""
         return cls(DOCS / "benchmarks/training.md", DOCS / "benchmarks/learning_curves.csv", DOCS / "images")
 
     @classmethod
     def copied(cls) -> Report:
-        """Report whose files are copies of the documentation's files in out/training, so that the documentation does not change."""
+        """Report that is written into copies of the documentation's files, in out/training."""
         docs = cls.of_docs()
         OUT.mkdir(parents=True, exist_ok=True)
         return cls(Path(shutil.copy(docs.page, OUT)), Path(shutil.copy(docs.curves, OUT)), OUT)

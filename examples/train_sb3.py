@@ -120,7 +120,7 @@ def policy_of(model: PPO, training: dict[str, Any]) -> Policy:
     layers = [(layer.weight.detach().numpy().T.copy(), layer.bias.detach().numpy().copy()) for layer in linear]
     space = envs.action_space
     middle, half = (space.high + space.low) / 2.0, (space.high - space.low) / 2.0
-    # Stable-Baselines3 outputs actions in their units, a `Policy` outputs -1 to 1 and scales it to the bounds.
+    # Stable-Baselines3's network outputs actions in the units of the task; that of a `Policy` outputs -1 to 1, scaled to the bounds.
     weight, bias = layers[-1]
     layers[-1] = (weight / half, (bias - middle) / half)
     return Policy(

@@ -70,12 +70,12 @@ def not_converged(row: Row) -> float:
 
 
 def infeasible(row: Row) -> float:
-    """Share of stepper's steps with the flag INFEASIBLE, in that episode of a model ("random" or "rest") where it is larger."""
+    """Share of stepper's steps with the flag INFEASIBLE in an episode of a model, the larger share of "random" and "rest"."""
     return max(episode.infeasible for _, episode in episodes(row))
 
 
 def tunnelled(row: Row) -> float:
-    """Share of stepper's steps with the flag TUNNELLED, in that episode of a model ("random" or "rest") where it is larger."""
+    """Share of stepper's steps with the flag TUNNELLED in an episode of a model, the larger share of "random" and "rest"."""
     return max(episode.tunnelled for _, episode in episodes(row))
 
 

@@ -118,7 +118,7 @@ fn a_probed_step_keeps_its_bits_and_all_of_its_time_has_a_row() {
     assert_eq!(time.counters[Counter::GroupSteps as usize], 100.0);
     assert_eq!(time.spans[Span::Record as usize].times, 200.0);
     assert!(time.unaccounted.readings[0] < 0.1 * time.sum(), "{:?}", time.unaccounted);
-    // Numbers of the scheme: two products per step.
+    // Operations outside all spans: two products in each of 100 steps.
     assert_eq!(work.unaccounted.readings[..2], [200.0, 0.0]);
 }
 

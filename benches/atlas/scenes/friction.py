@@ -72,7 +72,7 @@ def sliding(engine: Engine, dt: float) -> float:
     return float(abs(np.linalg.norm(world.qvel[0, :3] - before) / (steps * dt) / right - 1.0))
 
 
-# Scenes 4 to 6. With these speeds, sliding ends after a whole number of time steps of all sizes, as all sizes divide 20 ms.
+# Scenes 4 to 6. With these speeds, sliding ends after a whole number of steps at every time step, as all time steps divide 20 ms.
 
 COARSEST = 0.02
 MU_BOX = 0.4

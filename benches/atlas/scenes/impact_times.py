@@ -36,7 +36,8 @@ def billiards(engine: Engine, dt: float) -> float:
     return float(np.abs(found - exact).max()) / SPEED
 
 
-# Scene 35: a ball falls from twenty heights, so that it hits the floor at twenty phases of the step; apexes e^(2n) H.
+# Scene 35: a ball falls from twenty heights H, so that it hits the floor at twenty phases of the step. With restitution e, its n-th apex is
+# at e^(2n) H.
 
 RADIUS, HEIGHTS, BOUNCES = 0.1, 0.5 + 0.5 * np.arange(20) / 20, 2
 

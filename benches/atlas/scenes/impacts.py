@@ -54,7 +54,7 @@ def one_step(engine: Engine, dt: float) -> float:
     return abs(float(world.qvel[0, 0]) - E * (1.5 + G * STEP))
 
 
-# Scene 7: apexes e^(2n) H. SimBenchmark's elastic one, 7 x 7 spheres for 20 s, is S2.
+# Scene 7: a ball falls from the height H. With restitution e, its n-th apex is at e^(2n) H. Scene S2 has elastic spheres.
 
 RADIUS, DROP, BOUNCE = 0.1, 0.9, 0.5
 

@@ -166,7 +166,8 @@ def aligned(engine: Engine, dt: float) -> float:
     return float(max(np.abs(world.qpos).max(), np.abs(world.qvel).max()))
 
 
-# Scene 31: two fingers on a carriage pinch an object and lift it with acceleration LIFT; the grasp holds iff mu >= m (g + a) / (2 F).
+# Scene 31: two fingers on a carriage pinch an object of mass m with the force F each, and lift it with the acceleration a = LIFT. The grasp
+# holds iff mu >= m (g + a) / (2 F).
 
 OBJECT, LIFT, FINGER, CARRIAGE = 0.2, 2.0, 0.1, 1e3
 PINCHES = (

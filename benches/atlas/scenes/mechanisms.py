@@ -59,7 +59,7 @@ def stretch(engine: Engine, dt: float) -> float:
     return float(np.linalg.norm(world.qpos[0, -7:-4] - start))
 
 
-# Scene 22: critically damped servos on 1 kg, with stiffnesses given by h sqrt(k/m).
+# Scene 22: critically damped servos on a mass m of 1 kg, whose stiffness k is given by h sqrt(k/m) with the time step h.
 
 HELD = 200
 """Number of steps for which scene 22 runs."""

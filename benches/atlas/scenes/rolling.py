@@ -55,7 +55,7 @@ def coin_energy_growth(engine: Engine, dt: float) -> float:
     """Growth of the energy of a coin that rolls for three seconds at 0.5 m/s, leaning by 0.1 rad, as a fraction of the initial energy."""
     height, turn = _tilted(math.pi / 2 - 0.1)
     world = engine.start(document(FLOOR + free("coin", DISC, (0, 0, height), turn), friction=0.8), dt)
-    # The axis is about -y: rolling towards +x is a spin about +y, so against the axis.
+    # The body's z axis is nearly world -y: rolling towards +x is a spin about +y, so its component along the axis is negative.
     world.set(qvel=[0.5, 0, 0, 0, 0, -0.5 / DISC_RADIUS])
     return _energy_growth(world, 3.0)
 

@@ -60,7 +60,7 @@ def rolling(engine: Engine, dt: float) -> float:
     return float(np.mean(errors))
 
 
-# S2. 7 x 7 spheres of 10 kg from 5 m, e 1, no friction, 20 s.
+# S2. 7 x 7 spheres of 10 kg fall from 5 m and bounce for 20 s, with restitution 1 and without friction.
 
 
 def _energy_error(world: World, seconds: float) -> float:

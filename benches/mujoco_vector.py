@@ -134,9 +134,15 @@ class MujocoSim(MujocoFields):
 
     # Signature of `Stepper.reset` as tasks call it.
     def reset(self, envs: Array | None = None, *, qpos: Array | None = None, qvel: Array | None = None, seed: Any = None) -> None:
-        """Reset the environments `envs` to the given states. Shapes are those of `set_state`; None is the reference positions or zero velocities.
+        """Reset the environments `envs` (None is all).
 
         The seed is ignored, because MuJoCo's physics has no random numbers.
+
+        Args:
+            envs: Boolean mask (num_envs,), or indices.
+            qpos: Positions as in `set_state`; None is the reference configuration.
+            qvel: Velocities as in `set_state`; None is zero.
+            seed: Ignored.
         """
         ids = self._indices(envs)
         self._batch.reset(ids)

@@ -134,15 +134,13 @@ class MujocoSim(MujocoFields):
 
     # Signature of `Stepper.reset` as tasks call it.
     def reset(self, envs: Array | None = None, *, qpos: Array | None = None, qvel: Array | None = None, seed: Any = None) -> None:
-        """Reset the environments `envs` (None is all).
-
-        The seed is ignored, because MuJoCo's physics has no random numbers.
+        """Reset some or all environments.
 
         Args:
-            envs: Boolean mask (num_envs,), or indices.
+            envs: Boolean mask (num_envs,), or indices. None is all environments.
             qpos: Positions as in `set_state`; None is the reference configuration.
             qvel: Velocities as in `set_state`; None is zero.
-            seed: Ignored.
+            seed: Ignored, because MuJoCo's physics has no random numbers.
         """
         ids = self._indices(envs)
         self._batch.reset(ids)

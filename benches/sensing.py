@@ -1,4 +1,4 @@
-"""Cost of sensors: step time of humanoids with sensors, divided by the time without them, as a markdown table.
+"""Cost of sensors: step time of humanoids with sensors, divided by the step time without sensors, as a markdown table.
 
 dm_control's humanoid has 66 readings (IMU, forces and torques at the leg joints, touch). The variant "with joints" adds position and
 velocity of all joints and an orientation. All batches get the same random controls, in turns, in one process on one core. Figures are

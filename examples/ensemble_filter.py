@@ -117,9 +117,10 @@ class EnsembleFilter:
 
 
 def mean_configuration(model: stepper.Model, qpos: Array) -> tuple[Array, Array]:
-    """Mean of configurations (n, nq): the configuration (nq,) whose displacements to all of them, (n, nv), average to zero.
+    """Mean of the configurations `qpos` (n, nq): the configuration whose displacements to all these configurations average to zero.
 
-    Returns it with the displacements.
+    Returns:
+        Mean configuration, (nq,), and displacements from it on the tangent space, (n, nv).
     """
     middle = np.asarray(qpos[0], dtype=np.float64)
     for _ in range(6):

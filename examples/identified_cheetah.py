@@ -50,7 +50,7 @@ def recorded(folder: Path, runs: int = 4) -> None:
 
 
 def nominal() -> stepper.Model:
-    """Nominal model: that of the environment in which the policy was trained."""
+    """Model with nominal parameters, from the environment in which the policy was trained."""
     return StepperVectorEnv("HalfCheetah", 1).sim.model
 
 

@@ -181,7 +181,7 @@ class Learner:
         return self.middle + self.half * (asked - beyond.detach()), beyond
 
     def slow(self, done: float) -> None:
-        """Lowers the learning rate of the policy: linearly from `rate` to a tenth of it.
+        """Set the learning rate of the policy, which decreases linearly from `Plan.rate` to a tenth of this value.
 
         `done` is the finished fraction of the training.
         """

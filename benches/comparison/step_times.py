@@ -20,7 +20,7 @@ import numpy as np
 from stepper import Options, Stepper, load
 
 WARM_UP, STEPS = 50, 150
-"""Numbers of steps before the measurement and in it, per turn."""
+"""Numbers of steps for each request: first the steps before the time measurement, and then the measured steps."""
 
 
 def main(integrator: str, precision: Any, num_envs: int) -> None:

@@ -115,7 +115,7 @@ def grouped_mean(found: Iterable[tuple[str, float]]) -> float | None:
 
 
 def percent(share: float) -> str:
-    """Share of unsolved steps in per cent, bold if it is too large."""
+    """Text of a share of unsolved steps in per cent, in bold type if the share is above `UNSOLVED`."""
     text = f"{100 * share:.2g}"
     return text if share <= UNSOLVED else f"**{text}**"
 

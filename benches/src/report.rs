@@ -155,7 +155,7 @@ fn processors() -> String {
     std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default()
 }
 
-/// Model of the processor. It is the architecture if the system does not report a model.
+/// Name of the processor's model, or the name of its architecture if the system does not report a model.
 pub fn cpu() -> String {
     let info = processors();
     let model = info.lines().find_map(|l| l.strip_prefix("model name")).and_then(|l| l.split_once(": "));

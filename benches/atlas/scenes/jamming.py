@@ -19,7 +19,7 @@ JAW, WEDGE, SQUEEZE, WIDTH, THICK = 1.0, 1.0, 50.0, 0.05, 0.01
 def wedge(factor: float) -> str:
     """MJCF of scene 18: two jaws on slides squeeze a wedge of half-angle alpha, a body of two plates that is wider at the top.
 
-    The friction coefficient is factor * tan(alpha); the wedge sticks if it is at least tan(alpha).
+    The friction coefficient is factor * tan(alpha). The wedge sticks if the factor is at least 1.
     """
     plates, jaws = "", ""
     for side in (1, -1):

@@ -9,8 +9,10 @@ use stepper_real::Real;
 use crate::rows::{DerivativeQuery, DerivativeRows, check_length};
 use crate::step_derivative::StepDerivative;
 
-/// Computes the derivatives of the step from the present state with the controls `ctrl`, (num_envs, nu), by the implicit function theorem.
-/// The state does not change.
+/// Computes the derivatives of a step by the implicit function theorem, in all environments.
+///
+/// The step starts at the present state of `sim` and has the controls `ctrl`, (num_envs, nu). `query` selects the columns of the
+/// derivative, and `rows` receives the results. The state does not change.
 ///
 /// # Errors
 /// [`Error::Option`] for settings without implicit derivatives, [`Error::Length`] for arrays of the wrong length, [`Error::Threads`]
@@ -59,7 +61,7 @@ impl GroupVisitor for Differentiation<'_> {
     }
 }
 
-/// Checks that a step with these settings has implicit derivatives: one solution must determine its whole result.
+/// Checks that the integrator of `sim` has implicit derivatives, and that MuJoCo's contact law makes no noslip iterations.
 fn check_settings(sim: &Simulation) -> Result<(), Error> {
     let StepSettings { contact, integrator, .. } = *sim.settings();
     let wrong = |name, found: &str, must| Err(Error::Option { name, found: found.to_owned(), must });

@@ -16,7 +16,7 @@ use crate::rows::check_length;
 /// Flags of the kinds of kinks for which [`ActiveSet`] has a list of active constraints.
 const LISTED: [u32; 6] = [CONTACT, SLIP, GAP, LIMIT, DRY_FRICTION, SATURATION];
 
-/// Ratio of a normal force to the largest one of the environment above which the contact counts as pushing.
+/// Ratio of a contact's normal force to the largest normal force in the environment, above which the contact counts as pushing.
 const PUSHES: f64 = 1e-9;
 /// Distance of friction from its bound below which a contact counts as slipping, as a fraction of the normal force. Evidence: solutions are
 /// on the bound to 1e-12.
@@ -39,7 +39,8 @@ pub struct PerturbedCopies<'a> {
     pub columns: usize,
     /// Number of sides on which each coordinate has a perturbed copy, 1 or 2.
     pub sides: usize,
-    /// Whether both copies of a column are on one side, at one and two times the perturbation, (environments, columns).
+    /// Whether both perturbed copies of a coordinate are on the same side, (environments, columns). They are then at one and two times the
+    /// perturbation.
     pub one_sided: &'a [bool],
     /// Addresses in qpos and qvel of the joints whose limits are compared.
     pub limited: &'a [[usize; 2]],
@@ -47,9 +48,9 @@ pub struct PerturbedCopies<'a> {
     pub ranges: &'a [f64],
     /// Positions of the joints `limited` at which the step evaluated their limits, (num_envs, joints).
     pub limit_positions: &'a [f64],
-    /// Degrees of freedom whose dry friction is compared.
+    /// Indices of the degrees of freedom whose dry friction is compared.
     pub rubbing: &'a [usize],
-    /// Whether gaps and overlaps have the same target velocity, so that a closing gap is no kink.
+    /// Whether the target velocity of a contact is the same function of distance for gaps and overlaps. A closing gap is then no kink.
     pub smooth_at_rest: bool,
     /// Residual above which a step counts as unsolved, m/s.
     pub tolerance: f64,
@@ -69,8 +70,9 @@ pub struct Kinks {
 struct ActiveSet {
     /// Indices of the active constraints, one list for each flag in [`LISTED`].
     lists: [Vec<usize>; 6],
-    /// Switch values of contacts, which are zero at a kink, or NaN: three for every contact that pushes. `joints` has those of the joints.
+    /// Switch values of the contacts that push, three for each: normal force, margin to slipping, and gap. NaN means no kink.
     contacts: Vec<[f64; 3]>,
+    /// Switch values of joint limits and of dry friction. NaN means no kink.
     joints: Vec<f64>,
     unsolved: bool,
 }
@@ -205,8 +207,9 @@ fn read_joints(sim: &Simulation, copies: &PerturbedCopies<'_>, env: usize, hard:
 /// Friction parameters of the contacts in one environment.
 struct ContactFriction<'a> {
     model: &'a Model,
-    /// Per-environment friction of geoms, (ngeom, 3). `pairs` is that of explicit pairs, (npair, 3). `None` if those of the model apply.
+    /// Friction coefficients of the geoms in this environment, (ngeom, 3); `None` for those of the model.
     geoms: Option<&'a [f64]>,
+    /// Friction coefficients of the explicit pairs in this environment, (npair, 3); `None` for those of the model.
     pairs: Option<&'a [f64]>,
 }
 
@@ -273,8 +276,8 @@ impl ActiveSet {
         pairs.fold(0, |flags, ((own, other), flag)| if own == other { flags } else { flags | flag })
     }
 
-    /// Switch values of the set `of`, for each contact of this set and then for the joints. The value is NaN for contacts that `of` does
-    /// not have.
+    /// Switch values of the active set `of`: first for as many contacts as this set has, then for the joints. Contacts that `of` does not
+    /// have get NaN.
     fn numbers<'a>(&self, of: &'a Self) -> impl Iterator<Item = f64> + 'a {
         let contacts = (0..self.contacts.len()).flat_map(|i| of.contacts.get(i).copied().unwrap_or([f64::NAN; 3]));
         contacts.chain(of.joints.iter().copied())
@@ -288,7 +291,9 @@ impl ActiveSet {
 
     /// Distance to the nearest kink in one column of the derivative, to first order, as a multiple of the perturbation.
     ///
-    /// The slope of each switch value is a weighted sum of its changes at the first copy (`first`) and at the last copy.
+    /// The slope of each switch value is a weighted sum of two changes from the unperturbed copy, with the factors `weights`. `first` has
+    /// the changes at the copy on the first side. The second change is that from this active set to `last`, the active set of the last
+    /// copy.
     fn widths(&self, first: &[f64], last: &Self, weights: [f64; 2]) -> f64 {
         let first = first.iter().copied().chain(std::iter::repeat(0.0));
         let widths = self.numbers(self).zip(self.numbers(last)).zip(first).map(|((now, there), first)| {

@@ -1,10 +1,10 @@
-//! Derivatives of a step with contact, and the kinks where it has none.
+//! Derivatives of a step with contact, and its kinks, at which it is not differentiable.
 //!
-//! [`differentiate`] computes the derivatives of a step of a [`Simulation`](stepper_core::Simulation) by the state and the controls, in all
-//! environments. It solves the step once. The contacts that push, stick and slip then keep their modes, and the implicit function theorem
-//! gives the linear response of their impulses. Each coordinate is displaced in turn, and stages 1 to 8 of the step run there with this
-//! response in place of the solver ([`stepper_core::group_step`]). Differences of these evaluations differentiate geometry, forces and
-//! inertia without kinks.
+//! [`differentiate`] computes the derivatives of a step of a [`Simulation`](stepper_core::Simulation) with respect to the state and the
+//! controls, in all environments. It solves the step once. All contacts then keep their modes (open, sticking, slipping), and the implicit
+//! function theorem gives the linear response of their impulses. Each coordinate is displaced in turn. Stages 1 to 8 of the step are
+//! evaluated at the displaced state, with this response in place of the solver ([`stepper_core::group_step`]). Differences of these
+//! evaluations are the derivatives. They include geometry, forces and inertia, and have no kinks because the contact modes are fixed.
 //!
 //! ```
 //! use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, WORLD};

@@ -1,4 +1,4 @@
-//! Response of a step with hard contact near a solved step: impulses as a first-order function of its rows.
+//! First-order response of the impulses of a solved step, with hard contact, to small changes of its constraint rows.
 
 use stepper_core::Stabilization;
 use stepper_core::group_step::{
@@ -7,17 +7,18 @@ use stepper_core::group_step::{
 use stepper_real::{Mask, Real};
 use stepper_solve::newton::{Response, Switch, SwitchDistance};
 
-/// Largest residual at which a step counts as solved, m/s, if the tolerance is below a tenth of it. The contact modes (open, sticking,
-/// slipping) are then certain, and the error of the response is of this order.
+/// Largest residual at which a step counts as solved, m/s; ten times the solver's tolerance if that is larger.
+///
+/// At such a residual the contact modes (open, sticking, slipping) are certain, and the error of the response is of the same order.
 const SOLVED_RESIDUAL: f64 = 1e-9;
 
-/// Weight of an error of the predicted velocity in the test whether the prediction is a solution.
+/// Weight of an error of the predicted velocity per rad or m of motion within the step. The weight is at most 1.
 ///
-/// The weight is per rad or m of displacement in the step, at most 1. Inertial forces are quadratic in velocities, so that errors of slow
-/// motion have little effect.
+/// The error is the difference between the velocity that the solved step predicted and that of a second prediction at the same state.
+/// Errors of slow motion count less, because inertial forces are quadratic in velocities.
 const EXPECTED_VELOCITY_WEIGHT: f64 = 1e2;
 
-/// Distance of a position correction from its bounds, relative to the bounds, below which its derivative is undefined.
+/// Smallest distance of a position correction from its bound, as a fraction of the bound, at which the correction has a derivative.
 const BOUND_DISTANCE: f64 = 1e-3;
 
 /// Lanes whose residual is small enough that the step has a derivative.
@@ -36,7 +37,7 @@ pub(crate) struct HardResponse<R: Real> {
 /// First-order responses of the impulses of all solves of a step.
 #[derive(Clone, Debug, Default)]
 struct Impulses<R: Real> {
-    /// First-order response of the predicted impulses. They solve the same rows before velocity-dependent forces are evaluated.
+    /// First-order response of the impulses of the prediction solve, which predicts the velocity for velocity-dependent forces.
     prediction: Response<R>,
     /// First-order response of the impulses of the velocity solve.
     velocity: Response<R>,
@@ -44,7 +45,7 @@ struct Impulses<R: Real> {
     position: Response<R>,
 }
 
-/// Rule that sets the impulses of an evaluation from the changed rows by their first-order response.
+/// Rule that sets the impulses of a step at a displaced state, by the first-order response of the solved step's impulses.
 pub(crate) struct Rule<'a, R: Real> {
     impulses: &'a mut Impulses<R>,
     /// Settings of the step, which define when a solution counts as solved.
@@ -56,8 +57,10 @@ pub(crate) struct Rule<'a, R: Real> {
 }
 
 impl<R: Real> Impulses<R> {
-    /// Response of the solve `solve`. For the position solve, the second result is the response of the velocity solve, because its impulses
-    /// are relative to those.
+    /// Response of one solve of the step: prediction, velocity or position.
+    ///
+    /// For the position solve, the second result is the response of the velocity solve. It is needed because damping in the position solve
+    /// acts on the difference of the impulses of both solves.
     fn of(&mut self, solve: Solve) -> (&mut Response<R>, Option<&Response<R>>) {
         match solve {
             Solve::Prediction => (&mut self.prediction, None),
@@ -68,7 +71,8 @@ impl<R: Real> Impulses<R> {
 }
 
 impl<R: Real> ImpulseRule<R> for Rule<'_, R> {
-    /// Computes and stores the response of the impulses in a solution. Lanes without a response are removed from `self.lanes`.
+    /// Computes and stores the response of the impulses of a solved constraint problem. Lanes without a response are removed from
+    /// `self.lanes`.
     fn keep(&mut self, problem: ImpulseProblem<'_, R>, residual: R) {
         let ImpulseProblem { solve, system, impulses, lanes, names } = problem;
         let (response, before) = self.impulses.of(solve);
@@ -77,8 +81,8 @@ impl<R: Real> ImpulseRule<R> for Rule<'_, R> {
         self.lanes &= !lanes | response.settle(system, impulses, self.lanes & lanes, name, before);
     }
 
-    /// Sets the impulses by the stored response to the present rows. Lanes in which a constraint no longer exists are removed from
-    /// `self.lanes`.
+    /// Sets the impulses of the problem at a displaced state, by the stored response to the changes of its rows. Lanes in which a
+    /// constraint of the solved step no longer exists are removed from `self.lanes`.
     fn set(&mut self, problem: ImpulseProblem<'_, R>) {
         let ImpulseProblem { solve, system, impulses, lanes, names } = problem;
         let (response, before) = self.impulses.of(solve);
@@ -94,15 +98,16 @@ impl<R: Real> HardResponse<R> {
         Self { impulses: Impulses::default(), edges: edges(settings) }
     }
 
-    /// Creates the rule that sets impulses in an evaluation, in the lanes `lanes` (bits). `near` receives each constraint that has come
-    /// closer to another mode.
+    /// Creates the rule that sets the impulses of a step at a displaced state, in the lanes `lanes` (bits). The rule calls `near` with each
+    /// constraint that has come closer to another mode (open, sticking, slipping).
     pub(crate) fn rule<'a>(&'a mut self, settings: &StepSettings, lanes: u32, near: &'a mut dyn FnMut(SwitchDistance)) -> Rule<'a, R> {
         Rule { impulses: &mut self.impulses, settings: *settings, lanes, near }
     }
 
-    /// Computes the responses of all solves of the solved step in the lanes `lanes` (bits). Returns the lanes with a response.
+    /// Computes the response of the solved step's impulses in the lanes `lanes` (bits). Returns the lanes with a response.
     ///
-    /// In these lanes the impulses follow from the rows, and velocities and positions follow from the impulses.
+    /// The other lanes have no response: their residual is too large, or the constraint rows do not determine their impulses. Or a contact
+    /// bounces, a position correction is at its bound, or the prediction differs from that of the solved step.
     pub(crate) fn settle(&mut self, step: &mut GroupStep<R>, lanes: u32) -> u32 {
         let settings = *step.settings();
         let mut ignore = |_| {};
@@ -120,10 +125,10 @@ impl<R: Real> HardResponse<R> {
         lanes & (!solved | has_expected(motion * R::of(EXPECTED_VELOCITY_WEIGHT)))
     }
 
-    /// Evaluates the step at the displaced state in the lanes `lanes` (bits). Returns the lanes in which all constraints that pushed still
-    /// exist.
+    /// Evaluates the step at the displaced state in the lanes `lanes` (bits), with impulses from the response.
     ///
-    /// The function calls `near` with each constraint that has come closer to another mode (open, sticking, slipping).
+    /// Returns the lanes in which all constraints with impulses in the solved step also exist at the displaced state. The function calls
+    /// `near` with each constraint that has come closer to another mode (open, sticking, slipping).
     pub(crate) fn follow(
         &mut self,
         step: &mut GroupStep<R>,

@@ -39,7 +39,7 @@ pub struct DerivativeRows<'a> {
 }
 
 impl<'a> DerivativeRows<'a> {
-    /// Splits the results into the rows of each of `num_envs` environments.
+    /// Splits the result arrays into `num_envs` parts, one for each environment.
     pub(crate) fn environments(self, num_envs: usize) -> impl Iterator<Item = DerivativeRows<'a>> {
         let Self { slopes, causes, distance, sound, residual, status, state } = self;
         let [mut slopes, mut distance, mut residual] = [slopes, distance, residual].map(|all| each(all, num_envs));

@@ -11,17 +11,18 @@ use crate::kink::*;
 use crate::response::{HardResponse, is_solved};
 use crate::rows::{DerivativeQuery, DerivativeRows};
 
-/// Change of a slope per unit of the coordinate up to which a function counts as smooth, relative to the slope. `LARGEST_BEND` is the
-/// largest such relative change for any displacement.
+/// Relative difference of the slopes at two displaced states, per unit of displacement, up to which a function counts as smooth.
 const CURVATURE: f64 = 1e4;
+/// Largest relative difference of the slopes at two displaced states of a smooth function, for any displacement.
 const LARGEST_BEND: f64 = 0.1;
 
-/// Lower bound of the slopes with which differences are compared, SI units. Bodies at rest have columns that are 0 except for terms of
-/// second order.
+/// Smallest slope by which a difference of slopes is divided, SI units.
+///
+/// It is needed for bodies at rest. Their slopes are 0 except for terms of second order, so that relative differences mean nothing.
 const LEAST_SLOPE: f64 = 0.1;
 
-/// Difference between the response at the solution and the solution, relative to the velocities, up to which it counts as rounding. A
-/// larger one means that the step has a part that the response does not model.
+/// Largest difference between the solved step and its evaluation by the response at the same state that counts as rounding. It is relative
+/// to the largest velocity. A larger difference means that the step has a part that the response does not model.
 const FAITHFUL: f64 = 1e-8;
 
 /// Workspace for the derivatives of the step of a group.
@@ -36,7 +37,7 @@ pub(crate) struct StepDerivative<R: Real> {
 }
 
 impl<R: Real> StepDerivative<R> {
-    /// Workspace for the steps of a simulation.
+    /// Workspace for the derivatives of steps of the same model as `step`.
     pub(crate) fn new(step: &GroupStep<R>) -> Self {
         let [nv, na] = [StatePart::Qvel, StatePart::Act].map(|part| step.width(part));
         Self {
@@ -46,9 +47,9 @@ impl<R: Real> StepDerivative<R> {
         }
     }
 
-    /// Computes the derivatives of the step, with one row of results for every lane that has an environment.
+    /// Computes the derivatives of the step in all lanes that have an environment. `rows` has the result arrays of each of these lanes.
     ///
-    /// The query's `offsets` begin with those of the first lane.
+    /// The array `query.offsets` starts with the displacements of the first lane.
     pub(crate) fn differentiate(
         &mut self,
         step: &mut GroupStep<R>,
@@ -97,8 +98,8 @@ impl<R: Real> StepDerivative<R> {
         is_solved(step.settings(), solved.residual).bits() & solved.complete
     }
 
-    /// Computes the response of the solution in the lanes `solved` (bits). Returns the lanes in which the response reproduces the solution
-    /// at the same state.
+    /// Computes the first-order response of the solved step in the lanes `solved` (bits). Returns the lanes in which an evaluation with
+    /// this response at the same state gives the result of the solved step.
     fn settle(&mut self, step: &mut GroupStep<R>, solved: u32) -> u32 {
         let sound = if self.is_hard { self.response.settle(step, solved) } else { solved };
         let sound = self.evaluate(step, Recomputed::Configuration, sound, &mut |_| {});
@@ -120,9 +121,10 @@ impl<R: Real> StepDerivative<R> {
         )
     }
 
-    /// Evaluates the step at the displaced state. Returns the lanes of `lanes` (bits) in which all constraints still exist.
+    /// Evaluates the step at the displaced state in the lanes `lanes` (bits).
     ///
-    /// The function calls `near` with each constraint that has come closer to another mode (open, sticking, slipping) in these lanes.
+    /// Returns the lanes in which all constraints that act in the solved step also exist at the displaced state. The function calls `near`
+    /// with each constraint that has come closer to another mode (open, sticking, slipping).
     fn evaluate(&mut self, step: &mut GroupStep<R>, recomputed: Recomputed, lanes: u32, near: &mut dyn FnMut(SwitchDistance)) -> u32 {
         if self.is_hard {
             return self.response.follow(step, recomputed, lanes, near);
@@ -139,8 +141,9 @@ impl<R: Real> StepDerivative<R> {
         })
     }
 
-    /// Computes the derivatives of column `c` from the changes at its displaced states. Flags derivatives that differ between the two
-    /// sides.
+    /// Computes column `c` of the derivative from `self.changes`, the changes of the step's result at one or two displaced states.
+    ///
+    /// Flags the column with [`SLOPE`] if the slopes at the two displaced states differ.
     fn write_slopes(
         &mut self,
         step: &GroupStep<R>,
@@ -186,7 +189,8 @@ impl<R: Real> StepDerivative<R> {
     }
 }
 
-/// Displacements of the coordinate of a column at its two displaced states, in the first `lanes` lanes.
+/// Displacements of the coordinate of column `column` at its two displaced states, in the first `lanes` lanes. `columns` is the number of
+/// columns.
 fn offsets<R: Real>(query: &DerivativeQuery<'_>, lanes: usize, column: usize, columns: usize) -> [R; 2] {
     let mut offsets = [R::one(); 2];
     for (point, offset) in offsets.iter_mut().enumerate().take(query.points) {

@@ -103,14 +103,15 @@ pub(crate) fn bias(model: &mut Description, f: &mut dyn FnMut(&mut f64)) {
     }
 }
 
-/// Visits the columns `read` that an actuator uses, and zeros for the other columns.
+/// Visits one row of actuator parameters: the values `read`, which the actuator uses, and a zero for every further column.
 fn visit(read: &mut [f64], f: &mut dyn FnMut(&mut f64)) {
     let others = PARAMETERS - read.len();
     read.iter_mut().for_each(&mut *f);
     (0..others).for_each(|_| f(&mut 0.0));
 }
 
-/// Error if number `k` of `field` gets the new value `value`, but the actuator does not use that column; `None` if it does.
+/// Error for the new value `value` of entry `k` of the array `field`, in a column that the actuator does not use. The result is `None` for
+/// fields other than the actuator's gear, gain parameters and bias parameters.
 pub(crate) fn unread(model: &Description, field: &str, k: usize, value: f64) -> Option<ModelError> {
     let width = match field {
         "actuator_gear" => GEAR,

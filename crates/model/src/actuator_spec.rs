@@ -122,13 +122,14 @@ impl ActuatorSpec {
         any(&self.friction) || self.motor.as_ref().is_some_and(|m| m.efficiency.iter().any(|&e| e != 1.0))
     }
 
-    /// Moves the parts of the dynamics that the model itself can have into the model. Returns the model and the remaining dynamics.
+    /// Combines a model with the dynamics `specs` of its actuators. Returns the new model and the new dynamics; `None` is an ideal
+    /// actuator.
     ///
-    /// Servos replace affine forces, rotor inertia is added to the armature, and the force limits of both are combined. `h` is the time
-    /// step, s.
+    /// Rotor inertia is added to the armature in the model, and servos replace affine forces of the model. Delays of the model are added to
+    /// those of the dynamics, and force limits of both are combined. `num_envs` is the number of environments, `h` the time step, s.
     ///
     /// # Errors
-    /// The first number out of range, or part that the actuator cannot have, with the actuator's name.
+    /// The first value out of range, or the first part of the dynamics that an actuator cannot have, with the actuator's name.
     pub fn fold(model: &Model, specs: &[Option<Self>], num_envs: usize, h: f64) -> Result<(Model, Vec<Option<Self>>), ActuatorError> {
         let (mut folded, mut specs) = (model.clone(), specs.to_vec());
         let model = folded.trusted_mut();

@@ -61,8 +61,9 @@ pub const WORLD: usize = 0;
 /// # Ok::<(), stepper_model::ModelError>(())
 /// ```
 ///
-/// Names refer to elements in actuators, sensors, pairs and excludes; a name that is missing is an error of [`ModelBuilder::finish`].
-/// Calls that add an element give its index in the finished model; settings give the builder back.
+/// Actuators, sensors, pairs and excludes refer to other elements by name. A name that does not exist is an error of
+/// [`ModelBuilder::finish`]. Most methods that add an element return its index in the finished model. The other methods return the builder,
+/// so that calls can be chained.
 #[derive(Clone, Debug)]
 pub struct ModelBuilder {
     model: Description,

@@ -197,13 +197,14 @@ pub struct Geom {
     pub condim: u8,
     /// Priority. A contact of two geoms has the friction and condim of the geom with the higher priority.
     pub priority: i32,
-    /// Sliding, torsional (m) and rolling (m) friction coefficients. A contact has the larger value of each of its two geoms.
+    /// Sliding, torsional (m) and rolling (m) friction coefficients. For each coefficient, a contact has the larger value of its two geoms.
     pub friction: [f64; 3],
-    /// Newton's coefficient of restitution, 0 to 1. A contact has the larger one of its two geoms; compliant contacts have none.
+    /// Newton's coefficient of restitution, 0 to 1. A contact has the larger value of its two geoms; compliant contacts have none.
     pub restitution: f64,
-    /// Margin: distance below which a contact pushes, m. A contact has the sum of its two geoms.
+    /// Margin: distance below which a contact pushes, m. A contact has the sum of the margins of its two geoms.
     pub margin: f64,
-    /// Distance beyond the margin up to which MuJoCo reports a contact that does not push, m. A contact has the sum of its two geoms.
+    /// Gap: distance beyond the margin up to which MuJoCo reports a contact that does not push, m. A contact has the sum of the gaps of its
+    /// two geoms.
     pub gap: f64,
     /// Velocity of the surface in contacts, in the geom's axes: linear, m/s, and angular about its origin, rad/s.
     pub surface_velocity: [f64; 6],
@@ -237,10 +238,10 @@ pub struct Pair {
     pub gap: f64,
     /// Softness in MuJoCo's contact law.
     pub softness: Softness,
-    /// [`Softness::solref`] of the friction rows; zeros select that of the normal row.
+    /// [`Softness::solref`] of the friction rows of a contact. With zeros, the friction rows have the solref of the normal row.
     pub solref_friction: [f64; 2],
-    /// Ratio of friction along the second tangent to that along the first: of sliding, and of rolling friction. Only MuJoCo's contact law
-    /// uses them.
+    /// Ratios of the friction along the second tangent to the friction along the first: for sliding, then for rolling friction. Only
+    /// MuJoCo's contact law uses these ratios.
     pub anisotropy: [f64; 2],
     /// Compliance of the contact.
     #[serde(default)]
@@ -258,7 +259,7 @@ pub enum Transmission {
     Site {
         /// Index of the site.
         site: usize,
-        /// Index of the reference site. The wrench is in its frame, and its body receives the reaction. Without one, the wrench is in the
+        /// Index of the reference site. The wrench is in its frame, and its body receives the reaction. With `None`, the wrench is in the
         /// frame of `site`, and the actuator's length is 0.
         reference: Option<usize>,
         /// Force and torque (N, N m) per unit of actuator force.
@@ -293,7 +294,7 @@ pub struct Actuator {
     pub gear: f64,
     /// Delay of the control, s.
     pub delay: f64,
-    /// Whether a delayed control is the older of two samples; otherwise it is interpolated between them.
+    /// Whether the delay is rounded up to whole time steps. Otherwise a control between two samples is interpolated.
     pub delay_holds: bool,
     /// Range to which the control is clamped.
     pub ctrl_range: Option<[f64; 2]>,

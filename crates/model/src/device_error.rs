@@ -22,7 +22,7 @@ pub struct ActuatorError {
     pub error: DeviceError,
 }
 
-/// Reason why the error model of a sensor or the dynamics of an actuator is invalid. Names are those of the fields.
+/// Reason why the error model of a sensor or the dynamics of an actuator is invalid. The `name` of a variant is that of the invalid field.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum DeviceError {

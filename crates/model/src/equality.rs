@@ -13,8 +13,8 @@ pub struct Equality {
     pub kind: EqualityKind,
     /// Whether the equality is active by default. An inactive equality costs nothing.
     pub active: bool,
-    /// Stiffness of a soft equality, N/m (N m/rad for rotations; in the units of the joint or tendon for couplings); infinite for a hard
-    /// one.
+    /// Stiffness of a soft equality: N/m, N m/rad for rotations, and the units of the joint or tendon for couplings. Infinite for a hard
+    /// equality.
     pub stiffness: f64,
     /// Damping of a soft equality, N s/m or N m s/rad.
     pub damping: f64,
@@ -43,8 +43,8 @@ pub enum EqualityKind {
         /// Weight of the rotation error relative to the position error, m/rad. With 0, rotations are free.
         torquescale: f64,
     },
-    /// Coupling `q0 - ref0 = polynomial(q1 - ref1)` of hinges and slides, with references from `qpos0`. Without a second joint it is `q0 -
-    /// ref0 = c0`.
+    /// Coupling `q0 - ref0 = p(q1 - ref1)` of two hinges or slides with the positions q0 and q1. p is the polynomial, and the references
+    /// ref0 and ref1 are the positions in `qpos0`. Without a second joint, the coupling is `q0 - ref0 = c0`, with the constant c0 of p.
     Joint {
         /// Index of the first joint.
         joint: usize,
@@ -53,7 +53,8 @@ pub enum EqualityKind {
         /// Coefficients of the powers 0 to 4.
         polycoef: [f64; 5],
     },
-    /// Coupling of the lengths of fixed tendons by a polynomial, with references from their lengths at `qpos0`.
+    /// Coupling `l0 - ref0 = p(l1 - ref1)` of two fixed tendons with the lengths l0 and l1. p is the polynomial, and the references ref0
+    /// and ref1 are the lengths at `qpos0`. Without a second tendon, the coupling is `l0 - ref0 = c0`, with the constant c0 of p.
     Tendon {
         /// Index of the first tendon.
         tendon: usize,

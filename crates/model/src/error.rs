@@ -21,7 +21,7 @@ pub enum ModelError {
     /// Elements of a source file that stepper does not simulate yet and that would change the motion.
     #[error("{}", list(.0))]
     Unsupported(
-        /// All such elements.
+        /// All elements that are not simulated and would change the motion.
         Vec<Omission>,
     ),
     /// Name that no element of the given kind has.
@@ -51,7 +51,7 @@ impl ModelError {
         Self::Invalid { what: what.into(), place: place.into(), remedy: remedy.into() }
     }
 
-    /// Error with `whole` added in front of its place.
+    /// Error with the text `whole` in front of the element, such as `environment 3: body "torso"`.
     pub fn of(self, whole: &str) -> Self {
         match self {
             Self::Invalid { what, place, remedy } => Self::Invalid { what, place: format!("{whole}: {place}"), remedy },

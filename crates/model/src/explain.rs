@@ -229,8 +229,8 @@ impl Model {
         (!names.is_empty()).then(line).into_iter().collect()
     }
 
-    /// Lines about omitted elements that change the motion, and about those that do not. Elements of a kind with the same reason share a
-    /// line.
+    /// Lines of the report about omitted elements: first those that change the motion, then the others. Elements of the same kind with the
+    /// same reason share a line.
     fn left_out(&self) -> (Vec<String>, Vec<String>) {
         let lines = |changes: bool| {
             let mut grouped: BTreeMap<(&str, &str), Vec<String>> = BTreeMap::new();
@@ -243,7 +243,8 @@ impl Model {
     }
 }
 
-/// Line about a setting that the default options replace, and whether the source file sets it explicitly; `None` if nothing is replaced.
+/// Line of the report about a setting of the source file that the default options replace; `None` if they do not replace it. The boolean is
+/// whether the source file sets it explicitly.
 type Deviation = Option<(bool, String)>;
 
 impl Requested {
@@ -300,7 +301,7 @@ impl Line {
     }
 }
 
-/// Labels of those of `count` elements for which `has` returns true.
+/// Labels of the elements with indices 0 to `count` - 1 for which `has` returns true.
 fn of<'a>(count: usize, has: &'a dyn Fn(usize) -> bool, label: &'a dyn Fn(usize) -> String) -> impl Iterator<Item = String> + 'a {
     (0..count).filter(move |&i| has(i)).map(label)
 }

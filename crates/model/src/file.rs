@@ -29,8 +29,8 @@ const MAGIC: [u8; 8] = *b"stepper\xff";
 
 /// Version of the format of saved models. It increases when the payload of a saved model changes.
 pub const FORMAT_VERSION: u32 = 15;
-/// Oldest file version with `Added` fields. A file of this version has no force models: each actuator gets the simplest one that uses its
-/// parameters.
+/// Oldest file version with `Added` fields. A file of this version has no force models: each actuator gets that of
+/// [`ForceModel::of_parameters`].
 const WITHOUT_FORCE_MODELS: u32 = 14;
 /// Oldest file version with noslip iterations. A file of this version has no [`Added`] fields.
 const WITHOUT_ADDED: u32 = 13;
@@ -67,7 +67,7 @@ impl Added {
     }
 }
 
-/// Force models of all actuators; empty if each is the simplest one that uses the actuator's parameters.
+/// Force models of all actuators. The list is empty if every actuator has the force model of [`ForceModel::of_parameters`].
 #[derive(Default, PartialEq, Serialize, Deserialize)]
 struct ForceModels(Vec<ForceModel>);
 
@@ -105,7 +105,7 @@ fn with_affine_forces(description: &Description) -> Cow<'_, Description> {
 impl Model {
     /// SHA-256 of all data that determine the motion. Equal models have equal digests on every machine.
     ///
-    /// Models whose actuators have equal forces from different parameters (see [`ForceModel`]) have equal digests.
+    /// The digest depends on the forces of the actuators, and not on the parameters that determine these forces (see [`ForceModel`]).
     pub fn digest(&self) -> [u8; 32] {
         let description = with_affine_forces(&self.description);
         // Without noslip iterations and added fields, the digest must be that of versions before these fields.

@@ -39,8 +39,8 @@ impl Description {
         if strict && !missing.is_empty() { Err(ModelError::Unsupported(missing)) } else { Ok(Model { description: model, hulls }) }
     }
 
-    /// Checks the description like [`Description::finish`], without the search for elements that are not simulated. That was done when the
-    /// model was first finished.
+    /// Checks the description like [`Description::finish`], but does not search for elements that are not simulated. The search was done
+    /// when the model was first finished.
     pub(super) fn check(mut self, hulls: Source<'_>) -> Result<Model, ModelError> {
         check::structure(&self)?;
         self.normalise()?;
@@ -49,7 +49,7 @@ impl Description {
         Ok(Model { description: self, hulls })
     }
 
-    /// Checks those values of a finished model that may differ between environments, after a change.
+    /// Checks the fields that may differ between environments, after their values in a finished model have changed.
     pub(super) fn check_parameters(&self) -> Result<(), ModelError> {
         check::parameters(self)
     }
@@ -158,7 +158,7 @@ pub(super) mod tests {
         scene.finish().unwrap()
     }
 
-    /// Tetrahedron with a single face.
+    /// Mesh with the four vertices of a tetrahedron and one of its faces.
     fn rock() -> Mesh {
         let vertices = vec![[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1], [-0.1; 3]];
         Mesh { name: "rock".into(), vertices, faces: vec![[0, 1, 2]] }

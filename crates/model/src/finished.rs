@@ -9,10 +9,10 @@ use crate::description::{Description, Overlap};
 use crate::hulls::Hulls;
 use crate::shape::Shape;
 
-/// A finished scene: a [`Description`] that was checked and cannot be edited any more, so that a simulation may rely on it.
+/// Finished model: a [`Description`] that was checked and cannot be edited, so that every model is valid.
 ///
-/// Its fields are those of the description, to be read: `model.timestep`, `model.bodies[1].mass`. [`Model::replace`] makes a model with
-/// other numbers; any other edit goes through the description, and is checked again:
+/// The fields of the description can be read, such as `model.timestep` and `model.bodies[1].mass`. [`Model::replace`] makes a model with
+/// other values. For other edits, convert the model to a description, edit the description, and finish it again:
 ///
 /// ```
 /// use stepper_model::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
@@ -33,7 +33,7 @@ use crate::shape::Shape;
 /// # Ok::<(), stepper_model::ModelError>(())
 /// ```
 ///
-/// A model itself cannot be edited:
+/// The fields of a model cannot be assigned:
 ///
 /// ```compile_fail,E0594
 /// # use stepper_model::Model;

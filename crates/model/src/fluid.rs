@@ -20,17 +20,17 @@ impl Medium {
     }
 }
 
-/// Coefficients of MuJoCo's ellipsoid model of fluid forces on a geom. A body without such a geom is approximated by the box with its
-/// inertia.
+/// Coefficients of MuJoCo's ellipsoid model of fluid forces on a geom. A body without such geoms has the fluid forces of a box with the
+/// same inertia as the body.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Ellipsoid {
-    /// Factor of all forces and torques.
+    /// Factor of all fluid forces and torques on the geom.
     pub share: f64,
-    /// Coefficient of drag, blunt part.
+    /// Coefficient of blunt drag.
     pub blunt_drag: f64,
-    /// Coefficient of drag, slender part.
+    /// Coefficient of slender drag.
     pub slender_drag: f64,
-    /// Coefficient of drag of rotation.
+    /// Coefficient of the drag that resists rotation.
     pub angular_drag: f64,
     /// Coefficient of Kutta lift, from circulation.
     pub kutta_lift: f64,

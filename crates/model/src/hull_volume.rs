@@ -6,7 +6,8 @@ use stepper_geometry::Hull;
 
 use crate::{Mesh, Model, Shape, weld_groups};
 
-/// Number of grid points along each axis. A fraction of one half then has an error of about 2 % (about 2000 of 4096 points are in a hull).
+/// Number of grid points along each axis. A hull contains about 2000 of the 4096 points, so that a volume of half the hull has an error of
+/// about 2 %.
 const POINTS: usize = 16;
 
 /// Position of a grid point in its cell, as fractions. It is not the centre, so that rays miss the edges of meshes that are symmetric or on
@@ -17,7 +18,8 @@ const PLACE: [f64; 3] = [0.437_1, 0.541_3, 0.486_7];
 /// the link.
 const WIDE: f64 = 2.0;
 
-/// Smallest ratio of hull volume to mesh volume that is reported for fixed geoms, because a trench is a small part of a terrain's hull.
+/// Smallest ratio of hull volume to mesh volume that is reported for fixed geoms. It is below [`WIDE`], because a trench in a terrain is
+/// only a small part of the volume of the terrain's hull.
 const WIDE_FIXED: f64 = 1.25;
 
 /// Geom that collides as a convex hull much larger than its mesh.
@@ -25,13 +27,14 @@ const WIDE_FIXED: f64 = 1.25;
 pub struct WideHull {
     /// Index of the geom in the model.
     pub geom: usize,
-    /// Ratio of the hull's volume to the volume that other bodies cannot enter. It is infinite if they can enter all of it.
+    /// Ratio of the hull's volume to the mesh's volume, which is the space that other bodies cannot enter. It is infinite if the mesh
+    /// encloses no space, such as an open surface.
     pub ratio: f64,
 }
 
 impl Model {
     /// Geoms whose convex hull is much larger than their mesh: at least twice the volume, or 1.25 times if no joint moves the geom. The
-    /// mesh's volume includes all space that other bodies cannot enter.
+    /// mesh's volume is the space in the hull that other bodies cannot enter.
     pub fn wide_hulls(&self) -> Vec<WideHull> {
         let (group, moves) = weld_groups(self);
         let mut known: BTreeMap<usize, f64> = BTreeMap::new();
@@ -50,7 +53,8 @@ impl Model {
     }
 }
 
-/// Ratio of the hull's volume to the volume that other bodies cannot enter; 1 if the mesh has no faces.
+/// Ratio of the hull's volume to the mesh's volume, which is the space in the hull that other bodies cannot enter. It is infinite if there
+/// is none, and 1 if no grid point is in the hull.
 fn volume_ratio(mesh: &Mesh, hull: &Hull) -> f64 {
     let grid = Grid::new(mesh);
     let sights = [0, 1, 2].map(|axis| grid.sights(&mesh.vertices, &mesh.faces, axis));
@@ -135,7 +139,8 @@ impl Grid {
 }
 
 impl Sights {
-    /// Sides of the mesh that two rays from the grid point `cell` hit: along the axis, and against it.
+    /// Sides of the first triangles that two rays from the grid point `cell` hit. The first ray points along the axis, the second against
+    /// it.
     fn of(&self, grid: &Grid, cell: [usize; 3]) -> [Sight; 2] {
         let (axis, u, v) = (self.axis, (self.axis + 1) % 3, (self.axis + 2) % 3);
         let (here, line) = (grid.at(axis, cell[axis]), &self.lines[cell[u] * POINTS + cell[v]]);

@@ -8,7 +8,7 @@ use crate::asset::Mesh;
 use crate::description::Description;
 use crate::shape::Shape;
 
-/// Convex hulls, by mesh. A mesh has one if something can touch it as a hull.
+/// Convex hulls, one entry per mesh. A mesh has a hull if the hull is the collision shape of a geom that can touch other geoms.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Hulls(pub(super) Vec<Option<Arc<Hull>>>);
 
@@ -40,7 +40,7 @@ impl Hulls {
     /// Gets the hull of the mesh with index `index` from the source, unless it is stored already.
     ///
     /// # Errors
-    /// [`HullError`] if the mesh has no hull, or that of a file is wrong.
+    /// [`HullError`] if the mesh has no hull, or if the hull in a model file is not the hull of the mesh.
     pub(super) fn get_or_make(&mut self, index: usize, mesh: &Mesh, source: Source<'_>) -> Result<(), HullError> {
         if self.0.len() <= index {
             self.0.resize(index + 1, None);

@@ -1,38 +1,38 @@
-//! Collision functions (kernels) for pairs of shapes. Pairs without one cannot touch.
+//! Collision functions (kernels) for pairs of shapes. Two shapes without a collision function pass through each other.
 
 use crate::Shape;
 
-/// Collision function of the narrow phase for a pair of shapes.
+/// Collision function of the narrow phase for a pair of shapes. Each variant names the shapes and their contact points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kernel {
-    /// Half space and ball: one point.
+    /// Half space and ball: one contact point.
     PlaneSphere,
-    /// Half space and capsule: the two ends of the capsule.
+    /// Half space and capsule: contact points at the two ends of the capsule.
     PlaneCapsule,
-    /// Half space and box: the eight corners of the box.
+    /// Half space and box: contact points at the eight corners of the box.
     PlaneBox,
-    /// Half space and cylinder: the lowest points of its rims, and those at quarter turns from them.
+    /// Half space and cylinder: four contact points on each of the two rims, at quarter turns from the lowest point.
     PlaneCylinder,
-    /// Half space and ellipsoid: one point.
+    /// Half space and ellipsoid: one contact point.
     PlaneEllipsoid,
-    /// Ball and box: one point.
+    /// Ball and box: one contact point.
     SphereBox,
-    /// Ball and cylinder: one point.
+    /// Ball and cylinder: one contact point.
     SphereCylinder,
-    /// Ball and ellipsoid: one point.
+    /// Ball and ellipsoid: one contact point.
     SphereEllipsoid,
-    /// Capsule and box: up to 2 points.
+    /// Capsule and box: up to 2 contact points.
     CapsuleBox,
-    /// Two balls or capsules, as segments of any length: up to 2 points.
+    /// Two balls or capsules, as segments of any length: up to 2 contact points.
     Segments,
-    /// Convex shape and surface of triangles (concave mesh, height field), computed lane by lane: up to 16 points.
+    /// Convex shape and surface of triangles (concave mesh, height field), computed lane by lane: up to 16 contact points.
     Surface,
-    /// Other pairs of convex shapes, computed lane by lane: up to 5 points.
+    /// Other pairs of convex shapes, computed lane by lane: up to 5 contact points.
     Convex,
 }
 
 impl Kernel {
-    /// Largest number of contact points of a pair.
+    /// Largest number of contact points of two shapes.
     #[inline]
     pub const fn points(self) -> usize {
         match self {

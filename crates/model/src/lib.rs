@@ -1,8 +1,8 @@
 //! Models: scenes of bodies, joints, geoms, actuators and sensors, in the terms of MJCF and in SI units.
 //!
 //! A [`Description`] is a scene whose fields can be edited. [`Description::finish`] checks it and returns a [`Model`], which can be read
-//! but not edited, so that every model is valid. Indices are those of the source. `stepper-core` compiles a model for the step, and
-//! simulates it.
+//! but not edited, so that every model is valid. Elements keep the indices of the source file. `stepper-core` compiles a model for the
+//! step, and simulates it.
 //!
 //! ```
 //! use stepper_model::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
@@ -19,11 +19,11 @@
 //! description.joints[0].damping = -0.1;
 //! println!("{}", description.finish(true).unwrap_err());
 //!
-//! // A file has the same model, bit for bit.
+//! // A saved model is read back bit for bit.
 //! let read = Model::from_bytes(&model.to_bytes())?;
 //! assert_eq!(read.digest(), model.digest());
 //!
-//! // A model with other numbers is checked again.
+//! // New values are checked like those of any other model.
 //! let heavy = model.replace("body_mass", &[0.0, 2.0])?;
 //! assert_eq!(heavy.bodies[1].mass, 2.0);
 //! println!("{}", heavy.explain());
@@ -36,12 +36,12 @@
 //! | edit the fields of a scene | [`Description`], [`Model::into_description`] |
 //! | check a scene | [`Description::finish`], [`ModelError`] |
 //! | save and read a model | [`Model::save`], [`Model::load`], [`FORMAT_VERSION`] |
-//! | change numbers of a model | [`Model::replace`], [`REPLACEABLE`], [`Variants`] |
+//! | replace values of a model | [`Model::replace`], [`REPLACEABLE`], [`Variants`] |
 //! | find an element by its name | [`Description::joint`] and the like |
-//! | say what a model is made of | [`Model::explain`] |
-//! | judge whether two geoms collide | [`Filter`], [`Description::collision_pairs`] |
+//! | get a report of a model's elements | [`Model::explain`] |
+//! | find out whether two geoms collide | [`Filter`], [`Description::collision_pairs`] |
 //!
-//! A model keeps the convex hulls of its meshes, which `stepper-geometry` computes: they are made once, and kept in its file.
+//! A model stores the convex hulls of its meshes, which `stepper-geometry` computes once. A saved model contains them too.
 //!
 //! Frames: a body's `pos`, `quat` place it in its parent; a joint's `pos`, `axis` and a geom's `pos`, `quat` are in their body's frame.
 //! Quaternions are (w, x, y, z). Lengths in m, masses in kg, angles in rad.

@@ -109,7 +109,7 @@ mod tests {
         assert!((a - b).abs() <= 1e-12 * b.abs().max(1e-9), "{a} {b}");
     }
 
-    /// Volume and second moments by the fraction of a fine grid that is inside.
+    /// Volume (m^3) of a region, and its principal moments per unit of mass (m^2), computed from the points of a fine grid that are inside.
     fn by_grid(extent: [f64; 3], inside: impl Fn(Vector3<f64>) -> bool) -> (f64, [f64; 3]) {
         let n = 80;
         let at = |k: usize, e: f64| -e + (2 * k + 1) as f64 * e / n as f64;

@@ -10,8 +10,9 @@
 //! 4. their bodies are excluded;
 //! 5. neither's `contype` shares a bit with the other's `conaffinity`.
 //!
-//! Overlaps that are excluded ([`Description::excluded_overlaps`]) come before explicit pairs. Like `<exclude>`, and like
-//! `disable_collisions` of links in SRDF, each excludes two bodies. If one body is the world, only its geom is excluded.
+//! Excluded overlaps ([`Description::excluded_overlaps`]) take precedence over explicit pairs. Like `<exclude>`, and like
+//! `disable_collisions` of links in SRDF, an excluded overlap disables all contacts between two bodies. If one of the bodies is the world,
+//! it disables the contacts between the two overlapping geoms only.
 //!
 //! Margins and gaps of a pair are **sums** of those of the geoms. A gap is beyond the margin: a contact is found within margin + gap, and
 //! pushes within margin (MuJoCo 4, `getMargin`, `getGap`, `mj_setContact`). MuJoCo 2 and 3 used the larger of two margins, and contacts
@@ -86,9 +87,9 @@ pub struct Filter {
     pairs: Vec<Pair>,
     explicit: BTreeMap<[usize; 2], usize>,
     excluded: HashSet<[usize; 2]>,
-    /// Pairs of bodies whose overlaps are excluded, in both orders. If one body is the world, `overlapping_geoms` has pairs of geoms
-    /// instead.
+    /// Pairs of bodies with an excluded overlap, in both orders, without the world.
     overlapping_bodies: HashSet<[usize; 2]>,
+    /// Pairs of geoms with an excluded overlap of which at least one is fixed to the world body, in both orders.
     overlapping_geoms: HashSet<[usize; 2]>,
 }
 
@@ -97,10 +98,11 @@ pub struct Filter {
 struct Tag {
     rank: u8,
     body: usize,
-    /// Rigid group of the geom's body (bodies without joints between them). `parent` is the parent group, and `moves` whether the group has
-    /// joints.
+    /// Index of the rigid group that contains the geom's body. Bodies without joints between them form a rigid group.
     group: usize,
+    /// Index of the parent group.
     parent: usize,
+    /// Whether the rigid group has joints.
     moves: bool,
     masks: [u32; 2],
     surface: Surface,
@@ -232,7 +234,7 @@ impl Filter {
         self.explicit.contains_key(&geoms)
     }
 
-    /// Index of the explicit pair of two geoms, in the order of [`GeomPair::geoms`]; `None` without one.
+    /// Index of the explicit pair of two geoms; `None` if they have no explicit pair. The geoms are in the order of [`GeomPair::geoms`].
     pub(super) fn explicit_pair(&self, geoms: [usize; 2]) -> Option<usize> {
         self.explicit.get(&geoms).copied()
     }
@@ -242,8 +244,9 @@ impl Filter {
         self.explicit.keys().copied()
     }
 
-    /// Comparison of the priorities of two geoms, and dimension of their contact. The geom with the higher priority determines the
-    /// friction; with equal priorities the larger friction applies.
+    /// Order of the priorities of two geoms, and dimension (condim) of their contact, for geoms without an explicit pair.
+    ///
+    /// The geom with the higher priority determines the friction; with equal priorities the larger friction applies.
     #[inline(always)]
     pub fn precedence(&self, geoms: [usize; 2]) -> (Ordering, u8) {
         precedence(geoms.map(|g| &self.tags[g].surface))
@@ -255,7 +258,7 @@ impl Filter {
         self.tags[a].surface.spring.is_rigid() && self.tags[b].surface.spring.is_rigid()
     }
 
-    /// Pair of two geoms, in the order of [`GeomPair::geoms`]; `None` if they do not collide.
+    /// Contact parameters of two geoms; `None` if the geoms do not collide. The geoms are in the order of [`GeomPair::geoms`].
     pub fn pair(&self, geoms: [usize; 2]) -> Option<GeomPair> {
         match self.verdict(geoms) {
             Verdict::Collides => Some(mix(geoms, geoms.map(|g| &self.tags[g].surface))),
@@ -274,8 +277,8 @@ fn both_ways(pairs: impl Iterator<Item = [usize; 2]>) -> HashSet<[usize; 2]> {
     pairs.flat_map(|[a, b]| [[a, b], [b, a]]).collect()
 }
 
-/// Comparison of the priorities of two geoms without an explicit pair, and dimension of their contact (MuJoCo `mj_contactParam`). With
-/// equal priorities the larger friction applies.
+/// Order of the priorities of two geoms, and dimension (condim) of their contact, for geoms without an explicit pair (MuJoCo
+/// `mj_contactParam`). The geom with the higher priority determines the dimension; with equal priorities the larger dimension applies.
 fn precedence([a, b]: [&Surface; 2]) -> (Ordering, u8) {
     let order = a.priority.cmp(&b.priority);
     let condim = match order {

@@ -205,7 +205,8 @@ fn each_tendon(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mu
     model.tendons.iter_mut().flat_map(get).for_each(f);
 }
 
-/// Visits the values of each joint once for each of its degrees of freedom. If they are written, the last values remain.
+/// Visits the values of each joint once for each of its degrees of freedom. The degrees of freedom of a joint share these values, so that
+/// the values written last remain.
 fn each_dofs(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Joint) -> &mut [f64]) {
     for joint in &mut model.joints {
         let now = get(joint).to_vec();
@@ -217,7 +218,8 @@ fn each_dofs(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut 
     }
 }
 
-/// Visits the value of each joint once for each of its degrees of freedom. If it is written, the last value remains.
+/// Visits the value of each joint once for each of its degrees of freedom. The degrees of freedom of a joint share this value, so that the
+/// value written last remains.
 fn each_dof(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Joint) -> &mut f64) {
     for joint in &mut model.joints {
         let now = *get(joint);
@@ -229,7 +231,7 @@ fn each_dof(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut J
     }
 }
 
-/// Visits the size of a geom. The semi-axes of its fluid model are updated with it.
+/// Visits the size of a geom. If the size changes, the semi-axes of the geom's fluid model change too.
 fn size(geom: &mut Geom, f: &mut dyn FnMut(&mut f64)) {
     let before = geom.semi_axes();
     let [mut none, mut nor] = [0.0; 2];
@@ -384,16 +386,16 @@ impl Model {
 
     /// Copy of the model with new values in one field, checked like any other model, see [`REPLACEABLE`].
     ///
-    /// If the present model omits nothing that changes the motion, the new one must not either.
+    /// A new model that would have to omit an element that changes the motion is an error, unless the present model omits such an element.
     ///
     /// # Errors
     /// [`ModelError::Invalid`] if there is no such field, for a wrong number of values (with both shapes), for invalid values, and for
-    /// numbers of a geom that an explicit pair overrides. Otherwise those of [`Description::finish`].
+    /// values of a geom that an explicit pair overrides. Also the errors of [`Description::finish`].
     pub fn replace(&self, name: &str, values: &[f64]) -> Result<Self, ModelError> {
         self.replace_all(&[(name, values)])
     }
 
-    /// Copy of the model with new values in several fields at once. Only the result must be valid.
+    /// Copy of the model with new values in several fields at once. Only the resulting model must be valid, not each change alone.
     ///
     /// Contacts of an explicit pair have the pair's values instead of those of its geoms. If a field such as `geom_friction` changes for a
     /// geom of a pair, the same call must have the pair's field, `pair_friction`, with new values or those of the model.

@@ -63,7 +63,7 @@ pub enum ProximityReading {
     /// Unit vector from the closest point of the first geom to that of the second. It is reversed if they overlap, and zero beyond the
     /// cutoff.
     Normal,
-    /// Closest points of both geoms, m; zero beyond the cutoff.
+    /// Closest points: on a geom of the first set, then on a geom of the second, m; zero beyond the cutoff.
     FromTo,
 }
 
@@ -223,9 +223,9 @@ pub enum SensorKind {
     Proximity {
         /// Reported quantity of the closest points.
         what: ProximityReading,
-        /// Indices of the geoms of the first set.
+        /// Indices of the geoms in the first of the two sets.
         from: Vec<usize>,
-        /// Indices of the geoms of the second set.
+        /// Indices of the geoms in the second of the two sets.
         to: Vec<usize>,
         /// Largest distance of the search, m.
         cutoff: f64,
@@ -266,9 +266,9 @@ pub enum Quantity {
     Real,
     /// Number that is only valid above 0, such as a distance. Errors do not change values of 0 and below.
     Positive,
-    /// Unit vector, which errors rotate.
+    /// Unit vector. Sensor errors rotate it.
     Axis,
-    /// Unit quaternion, which errors rotate.
+    /// Unit quaternion. Sensor errors rotate it.
     Quaternion,
 }
 

@@ -65,8 +65,10 @@ impl ContactSpring {
         self.stiffness.is_infinite()
     }
 
-    /// Combined compliance of two surfaces in contact. The stiffness is that of two springs in series, of which each takes a share of the
-    /// penetration inverse to its stiffness. The combined damper dissipates as much as the two dampers, each at its share of the velocity.
+    /// Combined spring and damper of two surfaces in contact, as two springs in series.
+    ///
+    /// The penetration is divided between the springs in inverse proportion to their stiffness. The combined damper dissipates as much as
+    /// both dampers together, each with its share of the velocity.
     pub(crate) fn in_series([a, b]: [Self; 2]) -> Self {
         if a.is_rigid() || b.is_rigid() {
             return if a.is_rigid() { b } else { a };
@@ -111,7 +113,8 @@ pub struct SoftSettings {
 pub struct NoSlip {
     /// Largest number of iterations; 0 for none.
     pub iterations: u32,
-    /// Improvement of the objective at which the iterations stop, relative to the trace of the mass matrix of an island.
+    /// Improvement of the cost function by one iteration, below which the iterations of an island (connected bodies) stop. It is relative
+    /// to the trace of the island's mass matrix.
     pub tolerance: f64,
 }
 
@@ -131,14 +134,14 @@ impl Default for SoftSettings {
 /// Inverse weights: mean inverse inertias in the reference configuration (MuJoCo's `body_invweight0`, `dof_invweight0`,
 /// `tendon_invweight0`).
 ///
-/// The regularisation of a row is a fraction of its inverse weight. Environments with other masses have the same inverse weights, because
-/// these are stored in the model.
+/// The regularisation of a constraint row is proportional to its inverse weight. The model stores the inverse weights, so that they are the
+/// same in all environments, even if environments have different masses.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct InverseWeights {
     /// Inverse weights of every body: translation, 1/kg, and rotation, 1/(kg m^2).
     pub bodies: Vec<[f64; 2]>,
     /// Inverse weights of the degrees of freedom, 1/kg or 1/(kg m^2).
     pub dofs: Vec<f64>,
-    /// Inverse weights of the tendons, in the inverse unit of their inertia.
+    /// Inverse weights of the tendons, u/(N s^2), where u is the unit of the tendon length (m or rad).
     pub tendons: Vec<f64>,
 }

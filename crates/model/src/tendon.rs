@@ -20,7 +20,7 @@ pub struct Tendon {
     pub spring_length: [f64; 2],
     /// Viscous damping of the tendon, N s/u, where u is the unit of the length (m or rad).
     pub damping: f64,
-    /// Inertia that moves with the tendon length, N s^2/u, where u is the unit of the length (m or rad).
+    /// Inertia that resists changes of the tendon length, N s^2/u, where u is the unit of the length (m or rad).
     pub armature: f64,
     /// Dry friction of the tendon, N.
     pub frictionloss: f64,

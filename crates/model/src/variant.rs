@@ -112,10 +112,13 @@ impl<'a> Variants<'a> {
         Ok(Self { base, model: base.clone(), fields, overrides })
     }
 
-    /// Variant with the values `values`, field by field; `None` selects `own`, the values of the base.
+    /// Variant with new values. `values` has one entry for each field, in the order of the names in [`Variants::new`].
+    ///
+    /// A field whose entry is `None` gets the values of the base model, which are in `own` in the same order.
     ///
     /// # Errors
-    /// Those of [`Model::replace`], and [`ModelError::Invalid`] if a number would add rows or terms that the base does not have.
+    /// Those of [`Model::replace`], and [`ModelError::Invalid`] if a value needs a constraint row or a force term that the base model does
+    /// not have.
     pub fn with(&mut self, values: &[Option<&[f64]>], own: &[Vec<f64>]) -> Result<&Model, ModelError> {
         let mut given = Vec::with_capacity(values.len());
         for ((field, values), own) in self.fields.iter().zip(values).zip(own) {
@@ -140,7 +143,10 @@ fn same_structure(base: &Model, model: &Model) -> Checked {
 
 type Checked = Result<(), ModelError>;
 
-/// Error for an element `place` of a variant whose new value `new` of `field` requires a feature that the base model lacks.
+/// Error for a new value of a variant that needs a feature that the base model lacks.
+///
+/// `place` is the element, and `new` the new value of its field `field`. `lack` describes what the base model lacks, and `first` what to
+/// add to the base model.
 fn lacks(place: String, field: &str, new: &str, lack: &str, first: &str) -> Checked {
     let remedy = format!("give the model {first} there first, with model.replace({field:?}, ..), and make the simulation of that");
     Err(ModelError::invalid(place, format!("{field} is {new}, and the model has {lack}"), remedy))

@@ -30,14 +30,18 @@ impl EqualityBuilder {
         Self::new(name, kind, bodies[0], Some(bodies[1]))
     }
 
-    /// Starts an equality between a hinge or slide and a polynomial of another one. Without another one, the joint is fixed at
-    /// `polycoef[0]` from its reference.
+    /// Starts an equality that couples a hinge or slide to a second one, `other`, by a polynomial; see [`EqualityKind::Joint`].
+    ///
+    /// `polycoef` has the coefficients of the powers 0 to 4. If `other` is `None`, the joint is fixed at the distance `polycoef[0]` from
+    /// its position in `qpos0`.
     pub fn joint(name: &str, joint: &str, other: Option<&str>, polycoef: [f64; 5]) -> Self {
         Self::new(name, EqualityKind::Joint { joint: 0, other: None, polycoef }, joint, other)
     }
 
-    /// Starts an equality between the length of a fixed tendon and a polynomial of another one's length. Without another one, the length is
-    /// constant.
+    /// Starts an equality that couples the length of a fixed tendon to that of a second tendon, `other`, by a polynomial; see
+    /// [`EqualityKind::Tendon`].
+    ///
+    /// `polycoef` has the coefficients of the powers 0 to 4. If `other` is `None`, the length is constant.
     pub fn tendon(name: &str, tendon: &str, other: Option<&str>, polycoef: [f64; 5]) -> Self {
         Self::new(name, EqualityKind::Tendon { tendon: 0, other: None, polycoef }, tendon, other)
     }

@@ -42,7 +42,7 @@ impl TendonBuilder {
         self
     }
 
-    /// Sets an inertia that moves with the tendon's length.
+    /// Sets the armature: an inertia that resists changes of the tendon's length.
     pub fn armature(mut self, armature: f64) -> Self {
         self.tendon.armature = armature;
         self

@@ -9,7 +9,8 @@ use crate::finish::element::{Checked, Element};
 use crate::hulls::{Hulls, Source};
 use crate::{Activation, Actuator, BiasType, Description, EqualityKind, ForceModel, GainType, JointKind, ModelError, Shape, Transmission};
 
-/// Largest relative excess of the largest principal moment over the sum of the others that counts as rounding in a single-precision source.
+/// Largest relative excess of a body's largest principal moment over the sum of the other two. A smaller excess counts as rounding error of
+/// a source in single precision.
 const TRIANGLE: f64 = 1e-6;
 
 /// Checks that must run first: the body tree, the indices between bodies, joints and geoms, and the lengths of arrays.

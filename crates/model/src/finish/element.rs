@@ -25,7 +25,7 @@ impl Element {
         if x.iter().all(|v| v.is_finite()) { Ok(()) } else { self.fail(format!("{what} is {x:?}"), "give finite numbers") }
     }
 
-    /// Checks that all values are finite and at least 0.
+    /// Checks that all values are finite and at least 0. An error contains the name `what` of the quantity, and its unit.
     pub(crate) fn size(&self, what: &str, x: &[f64], unit: &str) -> Checked {
         match x.iter().find(|v| !v.is_finite() || **v < 0.0) {
             Some(v) => self.fail(format!("{what} is {v}{unit}"), "give a finite number of at least 0"),
@@ -33,7 +33,7 @@ impl Element {
         }
     }
 
-    /// Checks that all values are finite and above 0.
+    /// Checks that all values are finite and above 0. An error contains the name `what` of the quantity, and its unit.
     pub(crate) fn positive(&self, what: &str, x: &[f64], unit: &str) -> Checked {
         match x.iter().find(|v| !v.is_finite() || **v <= 0.0) {
             Some(v) => self.fail(format!("{what} is {v}{unit}"), "give a finite number greater than 0"),
@@ -41,7 +41,8 @@ impl Element {
         }
     }
 
-    /// Checks that the lower end of a range is below the upper end. Infinite ends are allowed.
+    /// Checks that the lower end of a range is not above the upper end. Infinite ends are allowed. An error contains the name `what` of the
+    /// range.
     pub(crate) fn range(&self, what: &str, range: Option<[f64; 2]>) -> Checked {
         match range {
             Some([low, high]) if low.is_nan() || high.is_nan() => self.fail(format!("{what} is [{low}, {high}]"), "give numbers"),

@@ -14,7 +14,7 @@ use crate::{Description, JointKind, MassProperties, ModelError};
 /// Ratio of a pivot to the inertia of the whole subtree below which the pivot counts as zero.
 const NOTHING: f64 = 1e-13;
 
-/// Ratio of the energies of two degrees of freedom below which the smaller one counts as rounding error.
+/// Ratio of the kinetic energies of two degrees of freedom in the same motion, below which the smaller energy counts as rounding error.
 const ROUNDING: f64 = 1e-9;
 
 /// Degree of freedom: index of its joint, motion (angular, and linear at the origin of its tree), and index of the parent degree of
@@ -62,10 +62,10 @@ pub(super) fn check(model: &Description) -> Result<(), ModelError> {
     })
 }
 
-/// Joints whose motions cancel that of the degree of freedom `dof`, which has no inertia. They are the joints with nonzero entries in the
-/// null vector of the mass matrix, whose entry for `dof` is 1.
+/// Indices of the joints that can move together with the degree of freedom `dof` so that nothing with inertia moves.
 ///
-/// In `matrix`, the rows below `dof` are those after the elimination; `whole` is the diagonal before it.
+/// These joints have nonzero entries in the null vector of the mass matrix whose entry for `dof` is 1. In `matrix`, the degrees of freedom
+/// after `dof` are already eliminated; `whole` is the diagonal of the mass matrix before the elimination.
 fn partners(matrix: &DMatrix<f64>, whole: &nalgebra::DVector<f64>, dofs: &[Dof], dof: usize) -> Vec<usize> {
     let mut null = vec![0.0; dofs.len()];
     null[dof] = 1.0;

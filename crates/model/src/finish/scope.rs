@@ -4,16 +4,16 @@ use std::collections::BTreeMap;
 
 use crate::{Description, GeomPair, Kernel, Omission, Shape};
 
-/// Element with a missing feature: its name, and the reason for its omission.
+/// Element that needs a feature that stepper does not simulate: its name, and the reason for its omission.
 type User = (String, String);
 
-/// Function that finds the elements of a model with a missing feature.
+/// Function that finds the elements of a model that need a feature that stepper does not simulate.
 type Users = fn(&Description, &[GeomPair]) -> Vec<User>;
 
 /// Features that stepper does not simulate: kind of the omission, and function that finds the affected elements of a model.
 const MISSING: [(&str, Users); 1] = [("collision", pairs_without_kernel)];
 
-/// Omissions for all elements of a model with a feature that stepper does not simulate.
+/// Omissions for all elements of a model that need a feature that stepper does not simulate.
 pub(super) fn not_simulated(model: &Description) -> Vec<Omission> {
     let pairs = model.collision_pairs();
     let rows = MISSING.iter().flat_map(|(kind, users)| users(model, &pairs).into_iter().map(move |user| (kind, user)));
@@ -25,9 +25,9 @@ pub(super) fn is_own(omission: &Omission) -> bool {
     MISSING.iter().any(|(kind, _)| *kind == omission.kind)
 }
 
-/// Geoms with pairs that have no collision function. The reason lists the shapes that they pass through.
+/// Geoms that pass through another geom, because stepper has no collision function for the two shapes. The reasons name the other shapes.
 ///
-/// A pair is listed under its height field if it has one, otherwise under its second geom.
+/// The result has one geom of each such pair: the height field if the pair has one, otherwise the second geom.
 fn pairs_without_kernel(model: &Description, pairs: &[GeomPair]) -> Vec<User> {
     let mut partners: BTreeMap<usize, BTreeMap<&str, Vec<usize>>> = BTreeMap::new();
     for [a, b] in pairs.iter().map(|p| p.geoms) {

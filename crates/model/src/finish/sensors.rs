@@ -169,7 +169,7 @@ fn side(model: &Description, at: &Element, side: ContactSide) -> Checked {
     }
 }
 
-/// Checks that the model contains the shape of a geom that rays can hit.
+/// Checks that the model contains the mesh or height field of a geom, so that rays can hit the geom.
 fn formed(model: &Description, at: &Element, geom: usize) -> Checked {
     let shape = &model.geoms[geom].shape;
     if has_form(model, shape) {
@@ -188,7 +188,10 @@ fn has_form(model: &Description, shape: &Shape) -> bool {
     }
 }
 
-/// Checks that the bodies below a force sensor are part of no closed loop, because the forces in a loop are not known body by body.
+/// Checks that no active equality connects the body of a force sensor's site, or one of its descendants, to any other body.
+///
+/// Such an equality would close a loop and carry part of the load, which the sensor's reading does not include. `acts` returns whether the
+/// equality with an index is active.
 fn open(model: &Description, at: &Element, site: usize, acts: impl Fn(usize) -> bool) -> Checked {
     let mut carried = vec![false; model.bodies.len()];
     carried[model.sites[site].body] = true;

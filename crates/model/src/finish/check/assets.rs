@@ -6,7 +6,7 @@ use crate::finish::element::{Checked, Element};
 use crate::hulls::{Hulls, Source};
 use crate::{Description, HeightField, Mesh, ModelError, Shape};
 
-/// Checks all meshes and height fields, and computes the hulls of meshes that can touch something as hulls.
+/// Checks all meshes and height fields. Returns the convex hulls that are collision shapes of geoms that can touch other geoms.
 pub(super) fn check(model: &Description, source: Source<'_>) -> Result<Hulls, ModelError> {
     model.meshes.iter().enumerate().try_for_each(|(i, m)| mesh(m, i))?;
     model.height_fields.iter().enumerate().try_for_each(|(i, h)| height_field(h, i))?;
@@ -45,7 +45,7 @@ fn height_field(field: &HeightField, index: usize) -> Checked {
     at.size("base", &[field.base], " m")
 }
 
-/// Checks that the asset of a geom exists, if the geom can touch others.
+/// Checks the mesh or height field of a geom that can touch other geoms, and adds its convex hull to `hulls`. `index` is that of the geom.
 fn form(model: &Description, index: usize, hulls: &mut Hulls, source: Source<'_>) -> Checked {
     let geom = &model.geoms[index];
     let at = Element::new("geom", &geom.name, index);

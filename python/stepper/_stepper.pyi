@@ -70,7 +70,7 @@ class Body:
     """Body of a model."""
 
     id: Final[int]
-    """Index of the body. That of the world is 0."""
+    """Index of the body; 0 is the world."""
     name: Final[str]
     """Name of the body; may be empty."""
     parentid: Final[int]
@@ -375,7 +375,8 @@ class Model:
     The list has ratios of 2 or more, and of 1.25 or more for fixed geoms. The mesh volume is the enclosed space. The ratio is infinite
     if there is none, as for an open surface."""
     deviations: Final[list[str]]
-    """Explicit settings of the source from which default options deviate, as texts: an integrator other than Euler's, softness."""
+    """Settings that the source contains explicitly and that the default options replace, as texts: for example an integrator other than
+        Euler's, or softness."""
     digest: Final[str]
     """SHA-256 of the model, in hexadecimal."""
     @property
@@ -605,9 +606,9 @@ class Model:
         """Model from the bytes of `to_bytes`."""
     @staticmethod
     def from_file(path: str | PathLike[str]) -> Model:
-        """Model from a file of `save`."""
+        """Model from a file that `save` wrote."""
     def to_bytes(self) -> bytes:
-        """Content of a file of `save`."""
+        """Bytes of the file that `save` writes."""
     def save(self, path: str | PathLike[str]) -> None:
         """Writes the model to a file. `stepper.load(path)` reads the same model, bit for bit, without MuJoCo."""
     def explain(self) -> str:
@@ -615,11 +616,11 @@ class Model:
 
         Sections of the report:
 
-        * settings of the source that default options ignore
-        * simulated elements; omitted elements with reasons; absent elements, which cost nothing
-        * limits of rigid-body models
-        * excluded overlaps; convex hulls much larger than their mesh
-        * overlaps and violated joint limits in the reference pose
+        * settings of the source that the default options replace
+        * simulated elements; omitted elements, with reasons; features that the scene does not use, and that cost no time
+        * phenomena that rigid-body simulation does not cover
+        * overlapping geoms whose contacts are disabled; convex hulls much larger than their mesh
+        * other overlaps, and violated joint limits, in the reference pose
         """
     def replace(self, values: Mapping[str, ArrayLike] | None = None, /, **fields: ArrayLike) -> Model:
         """New model with other values in some fields. Quantities that depend on these fields are recomputed.
@@ -629,8 +630,8 @@ class Model:
 
         Args:
             values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md). Other entries of these fields keep their
-                values. The shape is that of the selected entries; a single name or index and a single column have no axis. A scalar sets
-                all selected entries.
+                values. Each array has the axes of the selected entries. A single name or index has no axis, and neither has a single
+                column. A scalar sets all selected entries.
             **fields: Values of whole fields, in the shape of the model's attribute.
 
         Contacts of an explicit pair use the fields of the pair (pair_friction, pair_restitution, ...) and ignore those of its geoms. So a
@@ -656,7 +657,10 @@ class Model:
             Tuples (name of the first geom, name of the second, depth in m). Geoms without a name are listed as "#3 of body arm".
         """
     def with_sensors(self, sensors: Mapping[str, RayFan | Combination | SensorSpec]) -> Model:
-        """New model with further sensors by name, after the existing ones.
+        """New model with additional sensors, after the existing ones.
+
+        Args:
+            sensors: Additional sensors by name: each is a `SensorSpec`, a `RayFan` or a `Combination` of `stepper.sensors`.
 
         Raises:
             ValueError: An element does not exist, or a direction has length 0.
@@ -666,9 +670,10 @@ class Model:
         """Stiffness and damping of the contacts under MuJoCo's contact law, from solref and solimp at the time step of the model.
 
         Returns:
-            Dictionary of arrays with a row for each pair of geoms that can collide: `geoms` (npair, 2), `stiffness` (npair, 2) in N/m, and
-            `damping` (npair, 2) in N s/m, for contacts without acceleration. Column 0 of both is at the first touch, column 1 at the depth
-            of the largest impedance. Pairs that large scenes find only during the simulation are not listed.
+            Dictionary of arrays with a row for each pair of geoms that can collide: "geoms" (npair, 2), "stiffness" (npair, 2) in N/m, and
+            "damping" (npair, 2) in N s/m. Stiffness and damping are those of a contact whose geoms do not accelerate. Column 0 has the
+            values at first touch, and column 1 those at the depth of the largest impedance. In large scenes, some pairs are found only
+            during the simulation; these are not listed.
         """
     def body(self, key: str | int) -> Body:
         """Body by name or index (negative from the end).
@@ -799,9 +804,9 @@ class Stepper:
 
     Args:
         model: Model of the scene.
-        num_envs: Number of environments. None is a single one, with arrays without the leading axis.
+        num_envs: Number of environments. None is a single environment, whose arrays do not have the leading axis.
         options: Settings of the step. None is `Options()`.
-        precision: Floating-point precision, "f64" or "f32", or NumPy's type of it, as `np.float32`.
+        precision: Floating-point precision: "f64", "f32", or a NumPy type such as `np.float32`.
         threads: Number of threads; 0 is all processors of this process. Results do not depend on it.
         seed: Seed of the random sensor errors.
         sensors: Sensor model. None is ideal sensors.
@@ -818,7 +823,7 @@ class Stepper:
     options: Final[Options]
     """Settings of the step, as given at construction."""
     num_envs: Final[int | None]
-    """Number of environments. None is a single one, with arrays without the leading axis."""
+    """Number of environments. None is a single environment, whose arrays do not have the leading axis."""
     timestep: Final[float]
     """Current time step, s."""
     tolerance: Final[float]
@@ -950,7 +955,7 @@ class Stepper:
     The step ignores inactive equalities. If one is activated with a large position error, position correction closes it at up to
     `Options.max_correction_speed`. A weld pulls the bodies to the relative pose in `eq_data`, not to the current one."""
     randomized: Final[dict[str, Any]]
-    """Parameters per environment in the format of `randomize`: arrays by field, and an `ActuatorModel` as "actuators"."""
+    """Parameters per environment, as a dictionary of arguments of `randomize`: arrays by field, and an `ActuatorModel` as "actuators"."""
 
     def __new__(
         cls,
@@ -999,18 +1004,18 @@ class Stepper:
             ctrl: Controls, (num_envs, nu), or (nu,) for all environments. They also apply to later steps without controls. None keeps the
                 current ones (`Stepper.ctrl`), as in MuJoCo.
             nstep: Number of steps.
-            envs: Environments, as in `reset`. The others do not change, including their controls, sensors and flags. A group of lanes
-                without selected environments takes no time. But if sensors or actuators have delays or the stepper is recorded, all
-                environments step, and the states of the others are restored.
+            envs: Environments, as in `reset`. The other environments keep their state, controls, sensor readings and flags. A SIMD group
+                without a selected environment takes no time. But if sensors or actuators have delays, or if the stepper is recorded, all
+                environments step, and then the states of the others are restored.
 
         Raises:
             ValueError: A shape is wrong; the message has both. A NaN control is no error: its environment keeps its state and has
                 NON_FINITE in `status`.
             TypeError, IndexError: An argument `envs` is invalid, as in `reset`.
             KeyboardInterrupt: Ctrl-C interrupted a long call, which checks for signals about twenty times per second. All environments have
-                made the same number of steps, `steps` of the exception, and have the results of a call with that `nstep`. But moving
-                mocap bodies have not reached their targets, and a recording with them can be replayed up to this call only. Exceptions of
-                other signal handlers interrupt the call in the same way.
+                made the same number of steps, which is the exception's attribute `steps`. The results equal those of a call with this
+                `nstep`, except that moving mocap bodies have not reached their targets. A recording with moving mocap bodies can be
+                replayed up to this call only. Exceptions of other signal handlers interrupt the call in the same way.
         """
     def rollout(
         self,
@@ -1031,19 +1036,20 @@ class Stepper:
             initial: Initial state, as in `set_state`: a state of one environment or of all, or a list with one for each. None is the
                 current state.
             fields: Quantities to store after each control: "qpos" (T, num_envs, nq), "qvel" (T, num_envs, nv), "act" (T, num_envs, na),
-                "sensordata" (T, num_envs, nsensordata). None is the keys of `out`, and without `out` all except "act".
-            out: Arrays for the results, by field, with these shapes; C-contiguous, float64, or float32 with `precision="f32"`.
+                "sensordata" (T, num_envs, nsensordata). None stores the quantities of `out`, or without `out` all except "act".
+            out: Arrays for the results, by quantity, with these shapes. They must be C-contiguous and float64, or float32 with
+                `precision="f32"`. "status" and "residual" are also possible.
 
         Returns:
-            Arrays by field. They always include "status" (T, num_envs) uint32, the flags of all steps of a control, and "residual"
-            (T, num_envs) float64, the largest residual of these steps, m/s. `out` may have both. Afterwards the attribute `status` has the
-            flags of all steps of the call; `residual` and `iterations` are those of the last step.
+            Arrays by quantity. They always include "status" (T, num_envs) uint32, the flags of all steps of a control, and "residual"
+            (T, num_envs) float64, the largest residual of these steps, m/s. After the call, the attribute `status` has the flags of all
+            steps of the call; `residual` and `iterations` are those of the last step.
 
         Raises:
-            ValueError: A shape is wrong, a field is unknown, or an array of `out` is read-only or given twice.
+            ValueError: A shape is wrong, a quantity is unknown, or an array of `out` is read-only or given twice.
             TypeError: An array of `out` has the wrong dtype.
-            KeyboardInterrupt: The call was interrupted, as in `step`; `steps` counts the steps of all controls. `out` has the rows of the
-                controls so far, the last one after the steps made. Later rows are unchanged.
+            KeyboardInterrupt: The call was interrupted, as in `step`. The exception's `steps` counts the steps of all controls. `out` has a
+                row for each control so far; the row of the interrupted control is the state after its last step. Later rows are unchanged.
         """
     def memory(self) -> dict[str, int]:
         """Memory of the stepper in bytes, without NumPy arrays that it has returned.
@@ -1071,10 +1077,10 @@ class Stepper:
         samples) have further memory.
 
         Args:
-            qpos: Positions, (num_envs, nq) or (nq,). Or a state from `get_state`: a state of a batch of the same size restores each
-                environment, and a state of a single environment is copied to all. Or a list of states of single environments, one for each
-                of `envs`. A simulation from a `State` repeats the same bits. Copies of a single state have independent random sensor
-                errors.
+            qpos: Positions, (num_envs, nq) or (nq,). A state from `get_state` is also possible: the state of a batch of the same size
+                restores each environment, and the state of a single environment is copied to all. A list has one state of a single
+                environment for each of `envs`. A simulation repeats its motion from a restored state, bit for bit. Copies of a single state
+                have independent random sensor errors.
             qvel: Velocities, (num_envs, nv) or (nv,).
             envs: Environments, as in `reset`. `set_state(get_state(env=3), envs=[5, 6])` copies environment 3 to others.
             act: Activations, (num_envs, na) or (na,).
@@ -1110,9 +1116,10 @@ class Stepper:
 
         Args:
             values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md). Other entries of these fields keep their
-                values. The shape is (num_envs, ...) with the shape of the selected entries; a single name or index and a single column have
-                no axis. (num_envs,) sets all selected entries of an environment, a scalar those of all environments, and None restores the
-                values of the model. The first argument may also be `envs`, without values.
+                values. Each array has the axis of environments, and then the axes of the selected entries. A single name or index has no
+                axis, and neither has a single column. An array (num_envs,) sets all selected entries of an environment to one value, and a
+                scalar sets those of all environments. None restores the values of the model. The first argument may also be `envs`, without
+                values.
             envs: Environments to change, as in `reset`.
             **fields: Values of whole fields, (num_envs, ...) with the shape of the field in the model. None restores the values of
                 the model; a call without fields restores all of them.
@@ -1194,7 +1201,7 @@ class Stepper:
         Args:
             path: File to write. An existing file is overwritten.
             env: Index of the environment.
-            ctrl: Controls of the step, as in `step`. None is the current ones.
+            ctrl: Controls of the step, as in `step`. None keeps the current controls.
 
         Raises:
             OSError: The file cannot be written.
@@ -1238,14 +1245,14 @@ class Stepper:
             wrt: Names of the inputs: "qpos", "qvel", "act", "ctrl", and fields of `Stepper.randomize`, whole ("body_mass") or by selector
                 ("geom_friction[floor,box][0]", docs/reference/what_can_vary.md). Columns are zero for a mass, size, stiffness or
                 frictionloss of 0, which the model does not simulate. None is ("qpos", "qvel", "act", "ctrl").
-            ctrl: Constant controls during the steps, (num_envs, nu) or (nu,). None is the current ones.
+            ctrl: Constant controls during the steps, (num_envs, nu) or (nu,). None keeps the current controls.
             nstep: Number of steps.
             method: "fd" is finite differences of whole steps. "implicit" solves the step once and applies the implicit function theorem
-                with fixed contact modes (which contacts push, stick and slip). It supports derivatives by state and controls with the
-                integrators "midpoint", "euler" and "implicit", and with `contact="mujoco"` and "euler", "implicitfast" or "implicit".
-                Environments where it does not apply use differences (`Linearization.implicit`).
-            step: Half width of the differences, in SI units for coordinates and relative for parameters. None chooses it by the tolerance
-                (`stepper.derivatives.perturbations.step_of`), or is `stepper.derivatives.implicit.STEP` for "implicit".
+                with fixed contact modes (which contacts push, stick and slip). It supports derivatives with respect to state
+                and controls. The integrator must be "midpoint", "euler" or "implicit"; with `contact="mujoco"` it must be "euler",
+                "implicitfast" or "implicit". Environments where it does not apply use finite differences (`Linearization.implicit`).
+            step: Half width of the differences, in SI units for coordinates and relative for parameters. None chooses it from the tolerance
+                (`stepper.derivatives.perturbations.step_of`), or for "implicit" uses `stepper.derivatives.implicit.STEP`.
             tolerance: Solver tolerance of the copies, m/s. None is 1e-13, or that of the stepper if it is smaller.
             centered: Whether differences are central. One-sided differences need half the copies. Their error is of first order in `step`
                 instead of second, and they cannot compare the slopes of both sides.
@@ -1291,8 +1298,9 @@ class Stepper:
 
         Args:
             name: Name of an attribute of `Stepper`, such as "xpos", "qvel" or "sensordata".
-            of: Name or index of a body, site, geom, joint, actuator or sensor, by the kind of quantity, or a list of several. None is all.
-                A single body, site or geom has no axis: (num_envs, 3). The columns of joints and sensors are concatenated: (num_envs, n).
+            of: Name or index of an element, or a list of several. The quantity determines the kind of element: body, site, geom, joint,
+                actuator or sensor. None is all elements. A single body, site or geom has no axis of elements: (num_envs, 3). The
+                columns of joints and sensors are concatenated: (num_envs, n).
 
         Returns:
             New array (num_envs, ...) in the precision of the stepper.

@@ -23,7 +23,7 @@ struct Row {
     frame: [[f64; 3]; 3],
 }
 
-/// Names, kinds and shapes of the fields of [`Row`].
+/// Names, NumPy types and shapes of the fields of the structured array, as in [`Row`].
 const FIELDS: [(&str, &str, &[usize]); 9] = [
     ("env", "i4", &[]),
     ("geom", "i4", &[2]),

@@ -11,8 +11,9 @@ pub(crate) struct DerivedArrays {
     /// [`stepper_core::Simulation::revision`] at which the arrays were computed.
     revision: u64,
     arrays: Vec<(DerivedQuantity, Py<PyAny>)>,
-    /// Quantities that were read at the current revision. `before` has those of the last earlier revision at which any quantity was read.
+    /// Quantities that were read at the current revision.
     asked: Vec<DerivedQuantity>,
+    /// Quantities that were read at the previous revision, not counting revisions without any reading.
     before: Vec<DerivedQuantity>,
 }
 
@@ -36,7 +37,7 @@ impl DerivedArrays {
     /// Quantities to compute when `quantity` is read and not in the cache.
     ///
     /// The list starts with `quantity`. It continues with uncached quantities that were read together with it at the previous revision.
-    /// Results of the last step are computed alone, as they may need another step.
+    /// Quantities of the last step are not in the list, unless `quantity` is one: they can require the evaluation of a step.
     pub(crate) fn together(&self, quantity: DerivedQuantity) -> Vec<DerivedQuantity> {
         let mut all = vec![quantity];
         if self.before.contains(&quantity) && !quantity.is_of_last_step() {

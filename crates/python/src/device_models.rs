@@ -25,8 +25,10 @@ pub(crate) fn drives(
     pythonize::depythonize(&all).map_err(|e| PyValueError::new_err(format!("actuators: {e}")))
 }
 
-/// Result of calling the method `method` of an argument with `arguments`. The method resolves a device model for all sensors or actuators.
-/// An argument without the method is a `TypeError` that names `class`.
+/// Calls the method `method` of a sensor or actuator model, `given`, and returns its result for all sensors or actuators.
+///
+/// If `given` does not have the method, the result is a `TypeError`. Its message contains the name `argument` of the Python argument and
+/// its required class.
 fn resolved<'py>(
     given: &Bound<'py, PyAny>,
     arguments: impl pyo3::call::PyCallArgs<'py>,

@@ -41,7 +41,7 @@ macro_rules! elements {
 elements! {
     /// Body of a model.
     Body {
-        /// Index of the body. That of the world is 0.
+        /// Index of the body; 0 is the world.
         id,
         /// Name of the body; may be empty.
         name,

@@ -79,8 +79,9 @@ fn described(given: &Bound<'_, PyAny>) -> PyResult<Description> {
     Ok(Description { meshes, height_fields, ..pythonize::depythonize(&given)? })
 }
 
-/// Removes the assets of the kind `kind`, such as "meshes", from a description, and returns them. `fill` sets the fields of an asset that
-/// `arrays` lists, from the Python objects in these fields.
+/// Removes the assets of one kind, such as "meshes", from a description, and returns them.
+///
+/// `arrays` lists the fields of an asset that may be arrays. `fill` sets these fields of an asset from their Python objects.
 fn assets<'py, T: DeserializeOwned, const N: usize>(
     description: &Bound<'py, PyDict>,
     kind: &str,
@@ -104,7 +105,7 @@ fn assets<'py, T: DeserializeOwned, const N: usize>(
     Ok(found)
 }
 
-/// Rows of an array argument (n, 3). An empty array gives an empty list. `name` is for the error of another shape.
+/// Rows of the array argument `name`, (n, 3). An empty array gives an empty list; any other shape is an error.
 fn rows<T: Element + Copy>(array: &PyReadonlyArrayDyn<'_, T>, name: &str) -> PyResult<Vec<[T; 3]>> {
     if array.len() > 0 {
         check_shape(name, array.shape(), &[&[array.len() / 3, 3]])?;
@@ -161,13 +162,13 @@ impl Model {
         Core::from_bytes(bytes).map(Self::of).map_err(to_py)
     }
 
-    /// Model from a file of `save`.
+    /// Model from a file that `save` wrote.
     #[staticmethod]
     fn from_file(path: PathBuf) -> PyResult<Self> {
         Core::load(&path).map(Self::of).map_err(to_py)
     }
 
-    /// Content of a file of `save`.
+    /// Bytes of the file that `save` writes.
     fn to_bytes<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
         PyBytes::new(py, &self.core.to_bytes())
     }
@@ -181,11 +182,11 @@ impl Model {
     ///
     /// Sections of the report:
     ///
-    /// * settings of the source that default options ignore
-    /// * simulated elements; omitted elements with reasons; absent elements, which cost nothing
-    /// * limits of rigid-body models
-    /// * excluded overlaps; convex hulls much larger than their mesh
-    /// * overlaps and violated joint limits in the reference pose
+    /// * settings of the source that the default options replace
+    /// * simulated elements; omitted elements, with reasons; features that the scene does not use, and that cost no time
+    /// * phenomena that rigid-body simulation does not cover
+    /// * overlapping geoms whose contacts are disabled; convex hulls much larger than their mesh
+    /// * other overlaps, and violated joint limits, in the reference pose
     fn explain(&self) -> String {
         in_python(overlaps::explain(&self.core))
     }
@@ -197,8 +198,8 @@ impl Model {
     ///
     /// Args:
     ///     values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md). Other entries of these fields keep their
-    ///         values. The shape is that of the selected entries; a single name or index and a single column have no axis. A scalar sets
-    ///         all selected entries.
+    ///         values. Each array has the axes of the selected entries. A single name or index has no axis, and neither has a single
+    ///         column. A scalar sets all selected entries.
     ///     **fields: Values of whole fields, in the shape of the model's attribute.
     ///
     /// Contacts of an explicit pair use the fields of the pair (pair_friction, pair_restitution, ...) and ignore those of its geoms. So a
@@ -257,7 +258,10 @@ impl Model {
         overlaps::overlaps(&self.core).iter().map(|overlap| self.named(overlap)).collect()
     }
 
-    /// New model with further sensors by name, after the existing ones.
+    /// New model with additional sensors, after the existing ones.
+    ///
+    /// Args:
+    ///     sensors: Additional sensors by name: each is a `SensorSpec`, a `RayFan` or a `Combination` of `stepper.sensors`.
     ///
     /// Raises:
     ///     ValueError: An element does not exist, or a direction has length 0.
@@ -271,9 +275,10 @@ impl Model {
     /// Stiffness and damping of the contacts under MuJoCo's contact law, from solref and solimp at the time step of the model.
     ///
     /// Returns:
-    ///     Dictionary of arrays with a row for each pair of geoms that can collide: `geoms` (npair, 2), `stiffness` (npair, 2) in N/m, and
-    ///     `damping` (npair, 2) in N s/m, for contacts without acceleration. Column 0 of both is at the first touch, column 1 at the depth
-    ///     of the largest impedance. Pairs that large scenes find only during the simulation are not listed.
+    ///     Dictionary of arrays with a row for each pair of geoms that can collide: "geoms" (npair, 2), "stiffness" (npair, 2) in N/m, and
+    ///     "damping" (npair, 2) in N s/m. Stiffness and damping are those of a contact whose geoms do not accelerate. Column 0 has the
+    ///     values at first touch, and column 1 those at the depth of the largest impedance. In large scenes, some pairs are found only
+    ///     during the simulation; these are not listed.
     fn equivalent_springs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let springs = equivalent_springs(&self.core);
         let rows = |of: &dyn Fn(&EquivalentSpring) -> [f64; 2]| {
@@ -438,7 +443,8 @@ impl Model {
         asked.transpose().map_err(|e| PyValueError::new_err(e.to_string()))
     }
 
-    /// Explicit settings of the source from which default options deviate, as texts: an integrator other than Euler's, softness.
+    /// Settings that the source contains explicitly and that the default options replace, as texts: for example an integrator other than
+    /// Euler's, or softness.
     #[getter]
     fn deviations(&self) -> Vec<String> {
         self.core.deviations(false).into_iter().map(in_python).collect()

@@ -50,14 +50,16 @@ impl Selection {
         mask
     }
 
-    /// Number of rows that the array arguments of the call must have. It is the number of indices, or `n`, the size of the batch, with a
-    /// mask.
+    /// Number of rows that the array arguments of the call must have. It is the number of indices if environments were selected by indices,
+    /// otherwise `n`, the number of environments.
     pub(crate) fn rows(&self, n: usize) -> usize {
         if self.by_index { self.envs.len() } else { n }
     }
 
-    /// Rows for all `n` environments of the batch, from the rows of an argument. With indices, the rows of unselected environments are
-    /// zero. With a mask, the argument already has all rows.
+    /// Rows of an array for all `n` environments of the batch, from the rows of an array argument.
+    ///
+    /// If the environments were selected by indices, the argument has one row for each index, and the other environments get zeros. If they
+    /// were selected by a mask, the argument already has a row for each environment.
     pub(crate) fn scattered<T: Copy + Default>(&self, rows: &[T], n: usize) -> Vec<T> {
         if !self.by_index {
             return rows.to_vec();
@@ -70,10 +72,11 @@ impl Selection {
         all
     }
 
-    /// Numbers of the array argument `name`. Its shape is `full`, (num_envs, ...), with a mask. With indices, it has a row for each of
-    /// them. The shape `shared` of a single row for all environments is allowed too.
+    /// Numbers of the array argument `name`, with a row for each environment.
     ///
-    /// The result has rows for all environments, except for a single shared row.
+    /// If the environments were selected by a mask, the shape of the argument must be `full`, (num_envs, ...). If they were selected by
+    /// indices, the argument must have a row for each index. The shape `shared`, a single row for all environments, is allowed too; the
+    /// result then has a single row.
     pub(crate) fn numbers<'py>(
         &self,
         given: &Bound<'py, PyAny>,
@@ -100,7 +103,7 @@ impl Selection {
     }
 }
 
-/// Numbers of an array argument: the argument itself, or the rows of its selected environments copied to an array for all environments.
+/// Numbers of an array argument: the argument itself, or a copy of its rows in an array with a row for each environment.
 pub(crate) enum Numbers<'py> {
     Given(PyReadonlyArrayDyn<'py, f64>),
     Scattered(Vec<f64>),
@@ -115,8 +118,7 @@ impl Numbers<'_> {
     }
 }
 
-/// Indices of environments from the array argument `name`; a scalar is one index. An index of `n`, the size of the batch, or more is an
-/// error.
+/// Indices of environments from the array argument `name`; a scalar is one index. Indices must be below `n`, the number of environments.
 pub(crate) fn indices(array: &Bound<'_, PyAny>, n: usize, name: &str) -> PyResult<Vec<usize>> {
     let shape = shape_of(array)?;
     if shape.len() > 1 {

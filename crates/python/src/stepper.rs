@@ -40,9 +40,9 @@ use crate::selection::{Numbers, Selection};
 ///
 /// Args:
 ///     model: Model of the scene.
-///     num_envs: Number of environments. None is a single one, with arrays without the leading axis.
+///     num_envs: Number of environments. None is a single environment, whose arrays do not have the leading axis.
 ///     options: Settings of the step. None is `Options()`.
-///     precision: Floating-point precision, "f64" or "f32", or NumPy's type of it, as `np.float32`.
+///     precision: Floating-point precision: "f64", "f32", or a NumPy type such as `np.float32`.
 ///     threads: Number of threads; 0 is all processors of this process. Results do not depend on it.
 ///     seed: Seed of the random sensor errors.
 ///     sensors: Sensor model. None is ideal sensors.
@@ -248,7 +248,7 @@ impl Stepper {
         slf.options.clone_ref(py)
     }
 
-    /// Number of environments. None is a single one, with arrays without the leading axis.
+    /// Number of environments. None is a single environment, whose arrays do not have the leading axis.
     #[getter]
     pub(crate) fn num_envs(slf: Reading<'_>) -> Option<usize> {
         slf.batched.then(|| slf.n())

@@ -31,7 +31,7 @@ impl<'py> Values<'_, 'py> {
     }
 }
 
-/// Index of the first element for which the iterator has true, and number of true elements. Without one, the index is -1.
+/// Index of the first true value of an iterator, and number of true values. If no value is true, the index is -1.
 fn span(mut among: impl Iterator<Item = bool>) -> (i64, usize) {
     match among.by_ref().position(|is| is) {
         Some(first) => (first as i64, 1 + among.filter(|&is| is).count()),

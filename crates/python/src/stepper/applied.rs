@@ -66,7 +66,8 @@ impl<'py> Applied<'py> {
         Ok(())
     }
 
-    /// Result of `read` for the numbers of the array; booleans are 0 and 1. The message of an error contains `name`.
+    /// Calls `read` with the numbers of the array, and returns its result. Booleans are passed as 0 and 1. `name` is the name of the array
+    /// in errors.
     fn with_numbers<T>(&self, name: &str, read: impl FnOnce(&[f64]) -> PyResult<T>) -> PyResult<T> {
         let taken = |e: BorrowError| PyValueError::new_err(format!("{name}: {e}"));
         match self {

@@ -18,14 +18,14 @@ impl Stepper {
     ///     wrt: Names of the inputs: "qpos", "qvel", "act", "ctrl", and fields of `Stepper.randomize`, whole ("body_mass") or by selector
     ///         ("geom_friction[floor,box][0]", docs/reference/what_can_vary.md). Columns are zero for a mass, size, stiffness or
     ///         frictionloss of 0, which the model does not simulate. None is ("qpos", "qvel", "act", "ctrl").
-    ///     ctrl: Constant controls during the steps, (num_envs, nu) or (nu,). None is the current ones.
+    ///     ctrl: Constant controls during the steps, (num_envs, nu) or (nu,). None keeps the current controls.
     ///     nstep: Number of steps.
     ///     method: "fd" is finite differences of whole steps. "implicit" solves the step once and applies the implicit function theorem
-    ///         with fixed contact modes (which contacts push, stick and slip). It supports derivatives by state and controls with the
-    ///         integrators "midpoint", "euler" and "implicit", and with `contact="mujoco"` and "euler", "implicitfast" or "implicit".
-    ///         Environments where it does not apply use differences (`Linearization.implicit`).
-    ///     step: Half width of the differences, in SI units for coordinates and relative for parameters. None chooses it by the tolerance
-    ///         (`stepper.derivatives.perturbations.step_of`), or is `stepper.derivatives.implicit.STEP` for "implicit".
+    ///         with fixed contact modes (which contacts push, stick and slip). It supports derivatives with respect to state
+    ///         and controls. The integrator must be "midpoint", "euler" or "implicit"; with `contact="mujoco"` it must be "euler",
+    ///         "implicitfast" or "implicit". Environments where it does not apply use finite differences (`Linearization.implicit`).
+    ///     step: Half width of the differences, in SI units for coordinates and relative for parameters. None chooses it from the tolerance
+    ///         (`stepper.derivatives.perturbations.step_of`), or for "implicit" uses `stepper.derivatives.implicit.STEP`.
     ///     tolerance: Solver tolerance of the copies, m/s. None is 1e-13, or that of the stepper if it is smaller.
     ///     centered: Whether differences are central. One-sided differences need half the copies. Their error is of first order in `step`
     ///         instead of second, and they cannot compare the slopes of both sides.
@@ -73,8 +73,9 @@ impl Stepper {
     ///
     /// Args:
     ///     name: Name of an attribute of `Stepper`, such as "xpos", "qvel" or "sensordata".
-    ///     of: Name or index of a body, site, geom, joint, actuator or sensor, by the kind of quantity, or a list of several. None is all.
-    ///         A single body, site or geom has no axis: (num_envs, 3). The columns of joints and sensors are concatenated: (num_envs, n).
+    ///     of: Name or index of an element, or a list of several. The quantity determines the kind of element: body, site, geom, joint,
+    ///         actuator or sensor. None is all elements. A single body, site or geom has no axis of elements: (num_envs, 3). The
+    ///         columns of joints and sensors are concatenated: (num_envs, n).
     ///
     /// Returns:
     ///     New array (num_envs, ...) in the precision of the stepper.

@@ -10,15 +10,15 @@ use stepper_core::Error;
 pub(super) struct Interrupted {
     /// Number of steps that each environment made before the interruption.
     pub(super) steps: usize,
-    /// Exception that the handler of the signal raised.
+    /// Exception that the signal handler raised.
     error: PyErr,
 }
 
 impl Interrupted {
-    /// Exception for Python about an interrupted call. Its attribute `steps` has the number of steps made, and its message or a note also
-    /// the number `of` of requested steps.
+    /// Exception for Python about an interrupted call of the method `call`, such as "step".
     ///
-    /// `call` is the name of the call, and `also` is appended to the message.
+    /// The exception's attribute `steps` is the number of steps made. Its message (or a note, for an exception with its own message)
+    /// contains this number, the number `of` of requested steps, and the text `also`.
     pub(super) fn raise(self, py: Python<'_>, call: &str, of: usize, also: &str) -> PyErr {
         let Self { steps, error } = self;
         let message = format!("{call} was interrupted after {steps} of {of} steps, in every environment{also}");

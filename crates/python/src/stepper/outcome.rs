@@ -123,7 +123,7 @@ impl Stepper {
     /// Args:
     ///     path: File to write. An existing file is overwritten.
     ///     env: Index of the environment.
-    ///     ctrl: Controls of the step, as in `step`. None is the current ones.
+    ///     ctrl: Controls of the step, as in `step`. None keeps the current controls.
     ///
     /// Raises:
     ///     OSError: The file cannot be written.

@@ -19,8 +19,8 @@ const ACTUATORS: &str = "actuators";
 impl Stepper {
     /// Sets parameters of the selected environments.
     ///
-    /// `fields` has arrays (num_envs, ...) by field, and drives as "actuators". A value None restores the values of the model, or the
-    /// drives of the constructor. An empty or missing `fields` restores everything.
+    /// The dictionary `fields` has an array (num_envs, ...) for each field name, and the actuator model under the key "actuators". A value
+    /// None restores the values of the model, or the drives of the constructor. An empty or missing `fields` restores everything.
     pub(super) fn assign_parameters(&mut self, fields: Option<&Bound<'_, PyDict>>, selection: &Selection) -> PyResult<()> {
         let envs = &selection.ascending()[..];
         let mut given: Vec<(Parameter, Option<Vec<f64>>)> = Vec::new();
@@ -62,7 +62,8 @@ impl Stepper {
         self.simulation.randomize_all(&assigned, actuators, envs).map_err(value_error)
     }
 
-    /// Parameters that differ between environments: read-only arrays by field, and the drives as a `stepper.ActuatorModel` by "actuators".
+    /// Dictionary of the parameters that differ between environments: a read-only array for each field name, and a `stepper.ActuatorModel`
+    /// with the drives under the key "actuators".
     pub(super) fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);
         for (parameter, values) in self.simulation.own_parameters() {
@@ -98,9 +99,10 @@ impl Stepper {
     ///
     /// Args:
     ///     values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md). Other entries of these fields keep their
-    ///         values. The shape is (num_envs, ...) with the shape of the selected entries; a single name or index and a single column have
-    ///         no axis. (num_envs,) sets all selected entries of an environment, a scalar those of all environments, and None restores the
-    ///         values of the model. The first argument may also be `envs`, without values.
+    ///         values. Each array has the axis of environments, and then the axes of the selected entries. A single name or index has no
+    ///         axis, and neither has a single column. An array (num_envs,) sets all selected entries of an environment to one value, and a
+    ///         scalar sets those of all environments. None restores the values of the model. The first argument may also be `envs`, without
+    ///         values.
     ///     envs: Environments to change, as in `reset`.
     ///     **fields: Values of whole fields, (num_envs, ...) with the shape of the field in the model. None restores the values of
     ///         the model; a call without fields restores all of them.
@@ -164,7 +166,7 @@ impl Stepper {
         notify(slf, recorder, "randomize", &[("envs", envs), ("fields", fields.map(Bound::into_any))])
     }
 
-    /// Parameters per environment in the format of `randomize`: arrays by field, and an `ActuatorModel` as "actuators".
+    /// Parameters per environment, as a dictionary of arguments of `randomize`: arrays by field, and an `ActuatorModel` as "actuators".
     #[getter]
     fn randomized<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         slf.parameters(py)

@@ -42,8 +42,8 @@ impl<'py, T: Element + Copy> Output<'py, T> {
         Ok(self.made.as_slice_mut()?)
     }
 
-    /// Adds the array to the dictionary `result`. If the caller gave an array, the rows of the first `controls` controls are copied to it
-    /// first.
+    /// Adds the array to the dictionary `result`. If the caller gave an array in `out`, it is added instead, after its first `controls`
+    /// rows were filled with the results.
     fn enter(mut self, controls: usize, result: &Bound<'py, PyDict>) -> PyResult<()> {
         let Some(mut given) = self.given.take() else { return result.set_item(self.name, &**self.made) };
         let (all, made) = (self.made.shape()[0], self.made.as_slice()?);
@@ -133,7 +133,7 @@ impl Stepper {
         Err(PyValueError::new_err(format!("ctrl has shape {}, must be {all}{shared} for T controls", shape_text(found))))
     }
 
-    /// Shape of a result array, (T, num_envs, *tail), where T is the number of controls, `calls`.
+    /// Shape of a result array, (T, num_envs, *tail), where T = `calls` is the number of controls.
     fn rollout_shape(&self, calls: usize, tail: &[usize]) -> Vec<usize> {
         std::iter::once(calls).chain(self.shape(tail)).collect()
     }
@@ -151,19 +151,20 @@ impl Stepper {
     ///     initial: Initial state, as in `set_state`: a state of one environment or of all, or a list with one for each. None is the
     ///         current state.
     ///     fields: Quantities to store after each control: "qpos" (T, num_envs, nq), "qvel" (T, num_envs, nv), "act" (T, num_envs, na),
-    ///         "sensordata" (T, num_envs, nsensordata). None is the keys of `out`, and without `out` all except "act".
-    ///     out: Arrays for the results, by field, with these shapes; C-contiguous, float64, or float32 with `precision="f32"`.
+    ///         "sensordata" (T, num_envs, nsensordata). None stores the quantities of `out`, or without `out` all except "act".
+    ///     out: Arrays for the results, by quantity, with these shapes. They must be C-contiguous and float64, or float32 with
+    ///         `precision="f32"`. "status" and "residual" are also possible.
     ///
     /// Returns:
-    ///     Arrays by field. They always include "status" (T, num_envs) uint32, the flags of all steps of a control, and "residual"
-    ///     (T, num_envs) float64, the largest residual of these steps, m/s. `out` may have both. Afterwards the attribute `status` has the
-    ///     flags of all steps of the call; `residual` and `iterations` are those of the last step.
+    ///     Arrays by quantity. They always include "status" (T, num_envs) uint32, the flags of all steps of a control, and "residual"
+    ///     (T, num_envs) float64, the largest residual of these steps, m/s. After the call, the attribute `status` has the flags of all
+    ///     steps of the call; `residual` and `iterations` are those of the last step.
     ///
     /// Raises:
-    ///     ValueError: A shape is wrong, a field is unknown, or an array of `out` is read-only or given twice.
+    ///     ValueError: A shape is wrong, a quantity is unknown, or an array of `out` is read-only or given twice.
     ///     TypeError: An array of `out` has the wrong dtype.
-    ///     KeyboardInterrupt: The call was interrupted, as in `step`; `steps` counts the steps of all controls. `out` has the rows of the
-    ///         controls so far, the last one after the steps made. Later rows are unchanged.
+    ///     KeyboardInterrupt: The call was interrupted, as in `step`. The exception's `steps` counts the steps of all controls. `out` has a
+    ///         row for each control so far; the row of the interrupted control is the state after its last step. Later rows are unchanged.
     #[pyo3(signature = (ctrl, nstep=Whole::Number(1), *, initial=None, fields=None, out=None, **others), text_signature = "($self, ctrl, nstep=1, *, initial=None, fields=None, out=None)")]
     #[expect(clippy::too_many_arguments, reason = "each has a name of its own")]
     fn rollout<'py>(

@@ -34,7 +34,7 @@ impl Stepper {
         read_only(array(py, &self.shape(&[width]), data, self.simulation.precision())?, field.name())
     }
 
-    /// Numbers of an optional array argument of the selected environments, for the field `field` of the state.
+    /// Values of a state field, such as qpos, for the selected environments, from an optional array argument; None without the argument.
     fn field_rows<'py>(&self, field: Field, given: Option<&Bound<'py, PyAny>>, selection: &Selection) -> PyResult<Given<'py>> {
         given.map(|given| self.selected_rows(given, field.name(), field.width(self.simulation.model()), selection)).transpose()
     }
@@ -111,10 +111,10 @@ impl Stepper {
     /// samples) have further memory.
     ///
     /// Args:
-    ///     qpos: Positions, (num_envs, nq) or (nq,). Or a state from `get_state`: a state of a batch of the same size restores each
-    ///         environment, and a state of a single environment is copied to all. Or a list of states of single environments, one for each
-    ///         of `envs`. A simulation from a `State` repeats the same bits. Copies of a single state have independent random sensor
-    ///         errors.
+    ///     qpos: Positions, (num_envs, nq) or (nq,). A state from `get_state` is also possible: the state of a batch of the same size
+    ///         restores each environment, and the state of a single environment is copied to all. A list has one state of a single
+    ///         environment for each of `envs`. A simulation repeats its motion from a restored state, bit for bit. Copies of a single state
+    ///         have independent random sensor errors.
     ///     qvel: Velocities, (num_envs, nv) or (nv,).
     ///     envs: Environments, as in `reset`. `set_state(get_state(env=3), envs=[5, 6])` copies environment 3 to others.
     ///     act: Activations, (num_envs, na) or (na,).

@@ -35,8 +35,9 @@ impl Stepper {
         self.simulation.set_ctrl(rows.as_slice()?, nstep).map_err(value_error)
     }
 
-    /// Makes `nstep` steps with the given inputs and the arrays of applied inputs. A signal can interrupt the steps; the result then
-    /// contains the number of steps made.
+    /// Makes `nstep` steps with the controls in `inputs`, and with the forces, mocap poses and active equalities in the writable arrays.
+    ///
+    /// If a signal interrupts the steps, the result contains the number of steps made. Otherwise it is None.
     fn advance(&mut self, py: Python<'_>, inputs: StepInputs<'_>, nstep: usize) -> PyResult<Option<Interrupted>> {
         self.apply(py)?;
         let simulation = &mut self.simulation;
@@ -63,8 +64,8 @@ impl Stepper {
         self.advance(py, StepInputs { ctrl, mask: &selection.mask(self.n()), ..StepInputs::default() }, nstep)
     }
 
-    /// Controls of all environments, (num_envs, nu). They are those of the argument `ctrl` for selected environments, and the current ones
-    /// for the others.
+    /// Controls of all environments, (num_envs, nu): the argument `ctrl` for the selected environments, and the current controls for the
+    /// others.
     fn controls_with(&self, ctrl: Option<&Bound<'_, PyAny>>, selection: &Selection) -> PyResult<Vec<f64>> {
         let nu = self.simulation.model().nu();
         let mut controls = self.simulation.ctrl().to_vec();
@@ -132,18 +133,18 @@ impl Stepper {
     ///     ctrl: Controls, (num_envs, nu), or (nu,) for all environments. They also apply to later steps without controls. None keeps the
     ///         current ones (`Stepper.ctrl`), as in MuJoCo.
     ///     nstep: Number of steps.
-    ///     envs: Environments, as in `reset`. The others do not change, including their controls, sensors and flags. A group of lanes
-    ///         without selected environments takes no time. But if sensors or actuators have delays or the stepper is recorded, all
-    ///         environments step, and the states of the others are restored.
+    ///     envs: Environments, as in `reset`. The other environments keep their state, controls, sensor readings and flags. A SIMD group
+    ///         without a selected environment takes no time. But if sensors or actuators have delays, or if the stepper is recorded, all
+    ///         environments step, and then the states of the others are restored.
     ///
     /// Raises:
     ///     ValueError: A shape is wrong; the message has both. A NaN control is no error: its environment keeps its state and has
     ///         NON_FINITE in `status`.
     ///     TypeError, IndexError: An argument `envs` is invalid, as in `reset`.
     ///     KeyboardInterrupt: Ctrl-C interrupted a long call, which checks for signals about twenty times per second. All environments have
-    ///         made the same number of steps, `steps` of the exception, and have the results of a call with that `nstep`. But moving
-    ///         mocap bodies have not reached their targets, and a recording with them can be replayed up to this call only. Exceptions of
-    ///         other signal handlers interrupt the call in the same way.
+    ///         made the same number of steps, which is the exception's attribute `steps`. The results equal those of a call with this
+    ///         `nstep`, except that moving mocap bodies have not reached their targets. A recording with moving mocap bodies can be
+    ///         replayed up to this call only. Exceptions of other signal handlers interrupt the call in the same way.
     #[pyo3(signature = (ctrl=None, nstep=Whole::Number(1), envs=None), text_signature = "($self, ctrl=None, nstep=1, envs=None)")]
     fn step(slf: &Bound<'_, Self>, ctrl: Option<&Bound<'_, PyAny>>, nstep: Whole<'_>, envs: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
         let mut this = borrow(slf)?;

@@ -376,7 +376,7 @@ class Model:
     if there is none, as for an open surface."""
     deviations: Final[list[str]]
     """Settings that the source contains explicitly and that the default options replace, as texts: for example an integrator other than
-        Euler's, or softness."""
+    Euler's, or softness."""
     digest: Final[str]
     """SHA-256 of the model, in hexadecimal."""
     @property
